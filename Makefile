@@ -1,0 +1,59 @@
+# Two commands do everything: `make demo` and `make test`. Each sets up what it needs in .venv first.
+# PYTHON chooses the interpreter (3.11 or newer): make demo PYTHON=python3.12
+
+VENV := .venv
+BIN := $(VENV)/bin
+PY := $(BIN)/python
+export OPENBLAS_NUM_THREADS := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check bench generate setup setup-test format clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
+
+demo: $(VENV)/.installed  ## the main job on a simulated bench: arm, steps, sinusoid, table, run log, page
+	@$(BIN)/smad demo
+
+test: $(VENV)/.test-installed  ## all the tests
+	@$(PY) -m pytest -n 2 --dist worksteal
+
+check: $(VENV)/.test-installed  ## lint, format, types, generated files, import directions
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(PY) tools/generate.py --check
+	@$(PY) -m pytest -q tests/test_contracts.py
+
+bench: $(VENV)/.test-installed  ## the numbers: speed as ratios within one run
+	@$(PY) tools/bench.py $(BENCH)
+
+generate: $(VENV)/.test-installed  ## write every generated file anew
+	@$(PY) tools/generate.py
+
+format: $(VENV)/.test-installed  ## format the code
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+setup: $(VENV)/.installed  ## install smad into .venv
+setup-test: $(VENV)/.test-installed  ## install smad and what its tests need
+
+$(VENV)/.python:
+	@tools/venv $(VENV) $(PYTHON)
+	@touch $@
+
+$(VENV)/.installed: pyproject.toml $(VENV)/.python
+	@echo "installing smad into $(VENV) (a minute or two the first time)"
+	@$(PY) -m pip install --quiet --disable-pip-version-check -e .
+	@echo "compiling the physics kernel (once)"
+	@$(PY) -m sim_device.plant.warm
+	@touch $@
+
+$(VENV)/.test-installed: pyproject.toml $(VENV)/.installed
+	@echo "installing what the tests need"
+	@$(PY) -m pip install --quiet --disable-pip-version-check -e '.[test]'
+	@touch $@
+
+clean:  ## remove what the build made (not your runs)
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
