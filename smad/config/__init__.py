@@ -1,0 +1,40 @@
+"""The TOML configuration: typed sections with units in the names, checked on load.
+
+`load_config(path)` reads a file, `Config()` is a complete default, `default_toml()` writes it out.
+"""
+
+from smad.config.load import load_config, parse_config
+from smad.config.model import (
+    Config,
+    ControlConfig,
+    CoolingConfig,
+    DaemonConfig,
+    LimitsConfig,
+    LinkConfig,
+    PlantConfig,
+    RealtimeConfig,
+    RecorderConfig,
+    TcpConfig,
+    TelemetryConfig,
+    TemperatureConfig,
+)
+from smad.config.template import config_to_toml, default_toml
+
+__all__ = [
+    "Config",
+    "ControlConfig",
+    "CoolingConfig",
+    "DaemonConfig",
+    "LimitsConfig",
+    "LinkConfig",
+    "PlantConfig",
+    "RealtimeConfig",
+    "RecorderConfig",
+    "TcpConfig",
+    "TelemetryConfig",
+    "TemperatureConfig",
+    "config_to_toml",
+    "default_toml",
+    "load_config",
+    "parse_config",
+]

@@ -1,0 +1,103 @@
+"""What the types say about each key: section, default, allowed values, purpose.
+
+The commented default file, the table in the guide and the limits in error messages come from here.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+from msgspec import inspect as types
+
+from smad.config.model import Config
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of the configuration. `section` is dotted (`control.cooling`), as in TOML."""
+
+    section: str
+    name: str
+    default: Any
+    allowed: str
+    description: str
+
+
+@dataclass(frozen=True)
+class SectionDescription:
+    """One table of the configuration: dotted name, purpose, keys in the order of the types."""
+
+    name: str
+    purpose: str
+    keys: tuple[Key, ...]
+
+
+def sections() -> tuple[SectionDescription, ...]:
+    """Every table of the configuration, in file order."""
+    return tuple(_walk(Config, ""))
+
+
+def find_section(name: str) -> SectionDescription | None:
+    """The table of that dotted name, or None."""
+    return next((section for section in sections() if section.name == name), None)
+
+
+def _walk(struct: type[msgspec.Struct], name: str) -> Iterator[SectionDescription]:
+    info = types.type_info(struct)
+    assert isinstance(info, types.StructType)
+    keys = []
+    below = []
+    for field in info.fields:
+        if isinstance(field.type, types.StructType):
+            below.append((field.type.cls, f"{name}.{field.name}".lstrip(".")))
+        else:
+            keys.append(_key(name, field))
+    if name:
+        yield SectionDescription(name, inspect.getdoc(struct) or "", tuple(keys))
+    for child, child_name in below:
+        yield from _walk(child, child_name)
+
+
+def _key(section: str, field: types.Field) -> Key:
+    kind = field.type
+    description = ""
+    if isinstance(kind, types.Metadata):
+        description = (kind.extra_json_schema or {}).get("description", "")
+        kind = kind.type
+    default = field.default
+    if default is msgspec.NODEFAULT and field.default_factory is not msgspec.NODEFAULT:
+        default = field.default_factory()
+    return Key(section, field.name, default, _allowed(kind), description)
+
+
+def _allowed(kind: types.Type) -> str:
+    match kind:
+        case types.FloatType(ge=low, le=high):
+            return f"{low:g} to {high:g}"
+        case types.IntType(ge=low, le=high):
+            return f"{low} to {high}, whole"
+        case types.LiteralType(values=values):
+            return " or ".join(_quoted(value) for value in values)
+        case types.BoolType():
+            return "true or false"
+        case types.StrType(min_length=least, max_length=most, pattern=pattern):
+            if pattern:
+                return "text of 1 to 32 letters, digits, _ or -"
+            if most is not None:
+                return f"text of {most} characters"
+            return "text, not empty" if least else "text"
+        case types.Metadata(type=inner):
+            return _allowed(inner)
+        case types.VarTupleType(item_type=item):
+            return f"a list; each {_allowed(item)}"
+        case types.DictType():
+            return "tables of numbers"
+    raise TypeError(f"{kind} has no description")
+
+
+def _quoted(value: object) -> str:
+    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -1,0 +1,112 @@
+"""TOML text to a checked `Config`; every refusal names the key, the value and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, NoReturn
+
+import msgspec
+
+from smad.config.describe import find_section
+from smad.config.model import Config
+from smad.errors import ConfigError
+
+_LARGEST_FILE_BYTES = 1_000_000
+_PATH = re.compile(r"^(?P<cause>.*) - at `\$\.?(?P<path>[^`]*)`$", re.DOTALL)
+_UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTALL)
+_HELP = "docs/guide/configuration.md lists every key"
+
+
+def load_config(path: str | Path) -> Config:
+    """The configuration in the TOML file at `path`; keys left out have their defaults.
+
+    Raises ConfigError when the file cannot be read or holds anything that is not allowed.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LARGEST_FILE_BYTES + 1)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read configuration {path}: {error.strerror}",
+            action="check the path given to --config",
+        ) from error
+    if len(data) > _LARGEST_FILE_BYTES:
+        raise ConfigError(
+            f"{path} is too large to be a configuration",
+            value=f"more than {_LARGEST_FILE_BYTES} bytes",
+            limit=f"{_LARGEST_FILE_BYTES} bytes",
+            action="check the path given to --config",
+        )
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            f"{path} is not UTF-8 text (byte {error.start})", action="save it as UTF-8"
+        ) from None
+    return parse_config(text, source=str(path))
+
+
+def parse_config(text: str, source: str = "configuration") -> Config:
+    """The configuration in a TOML text; `source` names it in error messages.
+
+    Raises ConfigError, as `load_config` does.
+    """
+    try:
+        return msgspec.toml.decode(text, type=Config)
+    except msgspec.ValidationError as error:
+        _refuse(str(error), text, source)
+    except msgspec.DecodeError as error:
+        raise ConfigError(
+            f"{source} is not valid TOML: {error}", action="correct the line"
+        ) from None
+    except (RecursionError, ValueError) as error:
+        # tomllib recurses into nested arrays, and lets Python's own limit on digits through.
+        raise ConfigError(
+            f"{source} is not a configuration: {error}", action=f"start afresh; {_HELP}"
+        ) from None
+
+
+def _refuse(message: str, text: str, source: str) -> NoReturn:
+    match = _PATH.match(message)
+    cause, path = (match["cause"], match["path"]) if match else (message, "")
+    unknown = _UNKNOWN.match(cause)
+    if unknown:
+        _refuse_unknown(unknown["name"], path, source)
+    section_name, _, name = re.sub(r"\[.*", "", path).rpartition(".")
+    section = find_section(section_name)
+    key = next((k for k in section.keys if k.name == name), None) if section else None
+    if key is None and cause.startswith("Expected `object`"):
+        raise ConfigError(
+            f"{source}: {path} is not a table", limit=f"[{path}] with keys below it", action=_HELP
+        ) from None
+    if key is None:
+        # A check of several keys together; its message says what to do.
+        raise ConfigError(f"{source}: [{path}] {cause}") from None
+    raise ConfigError(
+        f"{source}: {path} is not allowed",
+        value=_value_at(text, section_name, name),
+        limit=key.allowed,
+        action=f"correct it ({key.description})",
+    ) from None
+
+
+def _refuse_unknown(name: str, path: str, source: str) -> NoReturn:
+    section = find_section(path)
+    known = [key.name for key in section.keys] if section else list(Config.__struct_fields__)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+    raise ConfigError(
+        f"{source}: unknown key {f'{path}.{name}'.lstrip('.')}",
+        limit=", ".join(known),
+        action=f"did you mean {close[0]}?" if close else _HELP,
+    ) from None
+
+
+def _value_at(text: str, section: str, name: str) -> Any:
+    value: Any = tomllib.loads(text)
+    for part in [*section.split("."), name]:
+        value = value[part]
+    return value

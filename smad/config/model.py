@@ -1,0 +1,259 @@
+"""The sections of the configuration: names with units, ranges, defaults and what each is for.
+
+The descriptions here are the only ones: the commented default file, the guide's table and the
+error messages are made from them. Every float has both bounds, because it is the bounds that keep
+NaN and infinity out.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct, field
+
+
+class Section(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the configuration file."""
+
+
+class LinkConfig(Section, frozen=True, kw_only=True):
+    """The serial link to the board."""
+
+    port: Annotated[
+        str, Meta(description="device of the board, best /dev/serial/by-id/…; empty: ask for it")
+    ] = ""
+    baud: Annotated[int, Meta(ge=9600, le=12_000_000, description="bits per second")] = 115200
+    rate_hz: Annotated[
+        Literal[100, 250, 500], Meta(description="samples, and control steps, per second")
+    ] = 100
+    axis: Annotated[
+        int, Meta(ge=0, le=15, description="which antagonistic pair of the board to drive")
+    ] = 0
+    setpoint_ttl_ms: Annotated[
+        int, Meta(ge=20, le=1000, description="the board holds current 0 after so long without one")
+    ] = 100
+    connect_timeout_s: Annotated[
+        float, Meta(ge=0.1, le=60.0, description="give up on the first handshake after so long")
+    ] = 5.0
+    reconnect_interval_s: Annotated[
+        float, Meta(ge=0.05, le=60.0, description="wait between two attempts to reopen the port")
+    ] = 0.5
+
+
+class CoolingConfig(Section, frozen=True, kw_only=True):
+    """When the pump of the spring that does not pull runs."""
+
+    mode: Annotated[
+        Literal["switch", "proportional", "off"],
+        Meta(description="full on and off with hysteresis; duty by demand; or no water at all"),
+    ] = "switch"
+    on_threshold_A: Annotated[
+        float, Meta(ge=0.0, le=4.0, description="demand on the pulling spring that starts the pump")
+    ] = 0.2
+    off_threshold_A: Annotated[
+        float, Meta(ge=0.0, le=4.0, description="demand below which the pump stops")
+    ] = 0.05
+    min_on_s: Annotated[float, Meta(ge=0.0, le=60.0, description="shortest time on")] = 0.2
+    min_off_s: Annotated[
+        float, Meta(ge=0.0, le=60.0, description="shortest time off (heating needs no wait)")
+    ] = 0.2
+    switch_duty: Annotated[
+        float, Meta(ge=0.0, le=1.0, description="pump duty while on, in mode switch")
+    ] = 1.0
+    full_duty_current_A: Annotated[
+        float, Meta(ge=0.1, le=4.0, description="demand that means duty 1, in mode proportional")
+    ] = 4.0
+
+    def __post_init__(self) -> None:
+        if self.off_threshold_A > self.on_threshold_A:
+            raise ValueError(
+                f"`off_threshold_A` {self.off_threshold_A} is above `on_threshold_A` "
+                f"{self.on_threshold_A}; a switch without hysteresis chatters"
+            )
+
+
+class TemperatureConfig(Section, frozen=True, kw_only=True):
+    """PI control that holds one spring at a temperature."""
+
+    kp_A_per_K: Annotated[float, Meta(ge=0.0, le=100.0, description="proportional gain")] = 0.5
+    ki_A_per_K_s: Annotated[float, Meta(ge=0.0, le=100.0, description="integral gain")] = 0.02
+    pump_above_K: Annotated[
+        float, Meta(ge=0.0, le=100.0, description="so far above the target, the pump cools")
+    ] = 2.0
+
+
+class ControlConfig(Section, frozen=True, kw_only=True):
+    """PI control on displacement: the demand heats the spring that has to pull."""
+
+    kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 15.0
+    ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 3.0
+    current_limit_A: Annotated[
+        float, Meta(ge=0.0, le=4.0, description="largest current in a spring")
+    ] = 4.0
+    anti_windup_time_s: Annotated[
+        float,
+        Meta(ge=0.01, le=100.0, description="how fast the integral follows a saturated output"),
+    ] = 0.5
+    handover_rate_mm_per_s: Annotated[
+        float,
+        Meta(ge=0.01, le=100.0, description="reference speed between two queued trajectories"),
+    ] = 5.0
+    cooling: CoolingConfig = field(default_factory=CoolingConfig)
+    temperature: TemperatureConfig = field(default_factory=TemperatureConfig)
+
+
+class LimitsConfig(Section, frozen=True, kw_only=True):
+    """What the host refuses to exceed. The board enforces its own limits, which are wider."""
+
+    temperature_max_degC: Annotated[
+        float, Meta(ge=30.0, le=95.0, description="hottest spring; current goes to 0 above it")
+    ] = 80.0
+    displacement_max_mm: Annotated[
+        float, Meta(ge=0.1, le=50.0, description="largest |displacement|, and largest reference")
+    ] = 15.0
+    force_max_N: Annotated[float, Meta(ge=0.1, le=100.0, description="largest tendon force")] = 10.0
+    on_time_max_s: Annotated[
+        float, Meta(ge=1.0, le=86_400.0, description="longest time armed without a new arming")
+    ] = 3600.0
+    current_rate_max_A_per_s: Annotated[
+        float, Meta(ge=0.1, le=10_000.0, description="fastest rise of a current setpoint")
+    ] = 400.0
+    reference_rate_max_mm_per_s: Annotated[
+        float,
+        Meta(ge=0.01, le=1000.0, description="fastest ramp or sinusoid a command may ask for"),
+    ] = 50.0
+    temperature_rate_max_K_per_s: Annotated[
+        float, Meta(ge=0.1, le=1000.0, description="faster than this is a broken sensor")
+    ] = 50.0
+
+
+class TcpConfig(Section, frozen=True, kw_only=True):
+    """Commands from other machines, encrypted (CURVE) and only for the keys listed."""
+
+    enabled: Annotated[bool, Meta(description="listen on TCP as well as on ipc")] = False
+    host: Annotated[str, Meta(min_length=1, description="address to listen on")] = "127.0.0.1"
+    command_port: Annotated[int, Meta(ge=1024, le=65535, description="TCP port, commands")] = 5581
+    stop_port: Annotated[int, Meta(ge=1024, le=65535, description="TCP port, stop channel")] = 5582
+    secret_key_file: Annotated[
+        str, Meta(description="file with the server's CURVE keys; empty: in the ipc folder")
+    ] = ""
+    allowed_keys: Annotated[
+        tuple[Annotated[str, Meta(min_length=40, max_length=40)], ...],
+        Meta(description="public keys (Z85, 40 characters) of the clients let in"),
+    ] = ()
+
+    def __post_init__(self) -> None:
+        if self.enabled and not self.allowed_keys:
+            raise ValueError("`enabled` with an empty `allowed_keys` lets nobody in; list a key")
+        if self.command_port == self.stop_port:
+            raise ValueError(f"`command_port` and `stop_port` are both {self.stop_port}")
+
+
+class DaemonConfig(Section, frozen=True, kw_only=True):
+    """Where the daemon answers commands, and when it stops by itself."""
+
+    ipc_dir: Annotated[
+        str, Meta(description="folder of sockets and lock; empty: $XDG_RUNTIME_DIR/smad")
+    ] = ""
+    bench: Annotated[
+        str,
+        Meta(
+            pattern=r"^[A-Za-z0-9_-]{1,32}\Z",
+            description="name of this bench, in the names of its sockets",
+        ),
+    ] = "bench"
+    dead_man_lease_s: Annotated[
+        float,
+        Meta(ge=0.0, le=3600.0, description="disarm when the arming client is silent; 0: never"),
+    ] = 0.0
+    command_queue: Annotated[
+        int, Meta(ge=1, le=100_000, description="commands waiting before clients are held back")
+    ] = 1000
+    tcp: TcpConfig = field(default_factory=TcpConfig)
+
+
+class TelemetryConfig(Section, frozen=True, kw_only=True):
+    """The stream for PlotJuggler and other viewers."""
+
+    enabled: Annotated[bool, Meta(description="publish samples")] = True
+    endpoint: Annotated[
+        str, Meta(description="ZeroMQ address to publish on as well as on ipc; empty: ipc only")
+    ] = "tcp://127.0.0.1:9872"
+    every_nth_sample: Annotated[
+        int, Meta(ge=1, le=1000, description="1 publishes all, 10 every tenth")
+    ] = 1
+    high_water_mark: Annotated[
+        int, Meta(ge=1, le=1_000_000, description="samples kept for a slow viewer, then dropped")
+    ] = 1000
+
+
+class RecorderConfig(Section, frozen=True, kw_only=True):
+    """The run log."""
+
+    folder: Annotated[str, Meta(min_length=1, description="where the logs go")] = "runs"
+    automatic: Annotated[bool, Meta(description="record from arming to disarming")] = True
+    max_file_MB: Annotated[
+        float, Meta(ge=1.0, le=100_000.0, description="start a new file at this size")
+    ] = 512.0
+    max_file_min: Annotated[
+        float, Meta(ge=0.1, le=10_000.0, description="start a new file after so many minutes")
+    ] = 60.0
+    flush_interval_s: Annotated[
+        float, Meta(ge=0.05, le=10.0, description="what a crash can cost at most")
+    ] = 0.25
+    queue_rows: Annotated[
+        int, Meta(ge=100, le=1_000_000, description="rows kept for a slow disk, then dropped")
+    ] = 20_000
+
+
+class RealtimeConfig(Section, frozen=True, kw_only=True):
+    """Measures for a steady loop. Each is taken where granted; `smad status` says which."""
+
+    fifo_priority: Annotated[
+        int, Meta(ge=0, le=95, description="SCHED_FIFO priority; 0: ordinary scheduling")
+    ] = 80
+    lock_memory: Annotated[bool, Meta(description="keep all memory resident (mlockall)")] = True
+    timer_slack_ns: Annotated[
+        int, Meta(ge=1, le=50_000_000, description="how late the kernel may fire a timer")
+    ] = 1
+    freeze_gc: Annotated[
+        bool, Meta(description="collect garbage only while idle, never during a step")
+    ] = True
+    hold_cpu_latency: Annotated[
+        bool, Meta(description="keep the processor out of deep sleep (/dev/cpu_dma_latency)")
+    ] = False
+
+
+class PlantConfig(Section, frozen=True, kw_only=True):
+    """The simulated bench of `smad start --sim` and `smad sim`."""
+
+    parameter_file: Annotated[
+        str, Meta(description="TOML parameter file; empty: the built-in set A")
+    ] = ""
+    variant: Annotated[
+        Literal["extended", "printed"], Meta(description="thermal model: with tube water, or not")
+    ] = "extended"
+    fixture: Annotated[
+        Literal["antagonistic", "stretch", "blocked"], Meta(description="how springs are mounted")
+    ] = "antagonistic"
+    seed: Annotated[int, Meta(ge=0, le=2**32 - 1, description="of all noise")] = 0
+    speed_ratio: Annotated[
+        float, Meta(ge=0.01, le=100.0, description="board time over wall time")
+    ] = 1.0
+    effects: Annotated[
+        dict[str, dict[str, Annotated[float, Meta(ge=-1e12, le=1e12)]]],
+        Meta(description="effects switched on: a table each, [plant.effects.NAME]"),
+    ] = field(default_factory=dict)
+
+
+class Config(Section, frozen=True, kw_only=True):
+    """The whole configuration. `Config()` is complete: every key has a default."""
+
+    link: LinkConfig = field(default_factory=LinkConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
+    limits: LimitsConfig = field(default_factory=LimitsConfig)
+    daemon: DaemonConfig = field(default_factory=DaemonConfig)
+    telemetry: TelemetryConfig = field(default_factory=TelemetryConfig)
+    recorder: RecorderConfig = field(default_factory=RecorderConfig)
+    realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
+    plant: PlantConfig = field(default_factory=PlantConfig)

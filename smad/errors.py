@@ -1,0 +1,79 @@
+"""The errors a user of smad meets. Each prints as one line and ends a command with its status.
+
+A message has four parts: what went wrong (`cause`), with which `value`, against which `limit`, and
+what to do next (`action`). Parts that do not apply are left out, never padded.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+_LONGEST_VALUE = 120
+
+
+class SmadError(Exception):
+    """Base of every error that smad raises on purpose.
+
+    `exit_status` is what the command line ends with. `value` and `limit` keep their type, so that
+    a program can use them; only the message shortens and flattens them.
+    """
+
+    exit_status = 1
+
+    def __init__(
+        self, cause: str, *, value: Any = None, limit: Any = None, action: str = ""
+    ) -> None:
+        super().__init__(cause)
+        self.cause = cause
+        self.value = value
+        self.limit = limit
+        self.action = action
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Worker processes hand errors back pickled; keyword-only arguments need help there.
+        return (_rebuild, (type(self), self.cause, self.value, self.limit, self.action))
+
+    def __str__(self) -> str:
+        parts = [self.cause]
+        if self.value is not None:
+            parts.append(f"got {_one_line(self.value)}")
+        if self.limit is not None:
+            parts.append(f"allowed: {_one_line(self.limit)}")
+        if self.action:
+            parts.append(self.action)
+        return "; ".join(" ".join(part.split()) for part in parts)
+
+
+def _rebuild(kind: type[SmadError], cause: str, value: Any, limit: Any, action: str) -> SmadError:
+    return kind(cause, value=value, limit=limit, action=action)
+
+
+def _one_line(value: Any) -> str:
+    text = value if isinstance(value, str) else repr(value)
+    if len(text) > _LONGEST_VALUE:
+        text = text[: _LONGEST_VALUE - 1] + "…"
+    return text
+
+
+class ConfigError(SmadError):
+    """A configuration file cannot be read, or holds a key or value that is not allowed."""
+
+
+class RunLogError(SmadError):
+    """A run log cannot be written, read, recovered or exported."""
+
+
+class LogImportError(RunLogError):
+    """A foreign log (CSV) or its mapping file cannot be turned into a run log."""
+
+
+class PortError(SmadError):
+    """The serial port is missing, busy, or not what the configuration says."""
+
+
+class CommandError(SmadError):
+    """A command was refused; nothing was changed."""
+
+
+class DaemonError(SmadError):
+    """The daemon is not there, is there twice, or ended on its own."""
