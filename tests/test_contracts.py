@@ -14,7 +14,16 @@ FLOORS = {"firmware_protocol": 0, "sim_device": 1, "smad": 2}
 # Folder -> what its modules must not import, beyond the order of the floors.
 FORBIDDEN = {
     "firmware_protocol": {"numpy", "scipy", "serial", "zmq", "socket", "asyncio", "time", "click"},
-    "smad/control": {"serial", "zmq", "socket", "asyncio", "pathlib", "time", "smad.daemon", "smad.runlog"},
+    "smad/control": {
+        "serial",
+        "zmq",
+        "socket",
+        "asyncio",
+        "pathlib",
+        "time",
+        "smad.daemon",
+        "smad.runlog",
+    },
     "smad/gap": {"serial", "zmq", "socket", "asyncio", "smad.daemon", "smad.client"},
     "smad/daemon": {"sim_device"},
     "tests/withheld/plant": {"smad", "sim_device", "firmware_protocol"},

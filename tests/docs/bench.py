@@ -1,0 +1,51 @@
+"""A simulated bench and its daemon, running in the background while a page's commands are tried."""
+
+import contextlib
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+START_DEADLINE_S = 90.0
+
+
+@contextlib.contextmanager
+def running_bench(folder: Path, env: dict[str, str], *, wanted: bool) -> Iterator[None]:
+    """Run `smad start --sim` in `folder` for as long as the block lasts; nothing when not `wanted`.
+
+    Raises RuntimeError with what the daemon printed when it does not come up.
+    """
+    if not wanted:
+        yield
+        return
+    log = folder / "daemon.log"
+    with log.open("w") as output:
+        daemon = subprocess.Popen(
+            ["smad", "start", "--sim"], cwd=folder, env=env, stdout=output, stderr=output
+        )
+        try:
+            _wait_until_it_answers(daemon, folder, env, log)
+            yield
+        finally:
+            daemon.send_signal(signal.SIGINT)
+            try:
+                daemon.wait(timeout=60)
+            except subprocess.TimeoutExpired:
+                daemon.kill()
+                daemon.wait()
+
+
+def _wait_until_it_answers(
+    daemon: subprocess.Popen[bytes], folder: Path, env: dict[str, str], log: Path
+) -> None:
+    deadline = time.monotonic() + START_DEADLINE_S
+    while time.monotonic() < deadline:
+        if daemon.poll() is not None:
+            break
+        asked = subprocess.run(
+            ["smad", "status", "--json"], cwd=folder, env=env, capture_output=True, check=False
+        )
+        if asked.returncode == 0:
+            return
+    raise RuntimeError(f"the daemon did not come up:\n{log.read_text()}")

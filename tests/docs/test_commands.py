@@ -1,0 +1,80 @@
+"""Every command and every script that the documentation shows is run here, as its reader would run it."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from .bench import running_bench
+from .pages import Block, Page, read_page
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    path for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")] if read_page(path).blocks
+)
+
+# The commands that a test does not run, and what runs or replaces them. A reason outside this list fails.
+REASONS = {
+    "needs hardware": "the same command runs with --sim in tests/hil",
+    "sets up this very environment": "it is what made the environment the tests run in",
+    "needs root": "systemd and udev are installed by hand on a bench",
+    "takes long": "a campaign with a command of its own; a small one runs in its own tests",
+    "another program": "PlotJuggler, MATLAB and the like are not here",
+}
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@pytest.fixture
+def reader(tmp_path: Path) -> Iterator[dict[str, str]]:
+    """The surroundings of a reader: an empty folder, a private run-time directory, smad on the PATH."""
+    runtime = tmp_path / "run"
+    runtime.mkdir(mode=0o700)
+    home = tmp_path / "home"
+    home.mkdir()
+    yield {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "XDG_RUNTIME_DIR": str(runtime),
+        "HOME": str(home),
+        "MPLBACKEND": "Agg",
+    }
+
+
+def run_block(block: Block, folder: Path, env: dict[str, str]) -> None:
+    if block.language == "python":
+        runs = [[sys.executable, "-c", block.text]]
+    else:
+        runs = [["bash", "-c", command] for command in block.commands()]
+    for command in runs:
+        done = subprocess.run(
+            command, cwd=folder, env=env, capture_output=True, text=True, timeout=240, check=False
+        )
+        assert done.returncode == block.exits, (
+            f"line {block.line}: {command[-1]}\n{done.stdout}\n{done.stderr}"
+        )
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_every_command_shown_runs(path: Path, tmp_path: Path, reader: dict[str, str]) -> None:
+    page = read_page(path)
+    folder = tmp_path / "work"
+    folder.mkdir()
+    with running_bench(folder, reader, wanted=page.needs_bench):
+        for block in page.blocks:
+            if block.not_run is None:
+                run_block(block, folder, reader)
+
+
+def skipped(page: Page) -> list[str]:
+    return [block.not_run for block in page.blocks if block.not_run is not None]
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_a_command_that_is_not_run_gives_a_known_reason(path: Path) -> None:
+    assert [reason for reason in skipped(read_page(path)) if reason not in REASONS] == []
