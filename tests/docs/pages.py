@@ -1,7 +1,8 @@
 """Find the commands that a documentation page shows, and run them as a reader would.
 
-A page is Markdown. A fenced block marked `console` holds commands behind `$ `, each followed by what it
-printed; one marked `python` holds a script. Comments on the line before a fence say how it is run:
+A page is Markdown. A fenced block marked `console` holds commands behind `$ `, each followed by
+what it printed; one marked `python` holds a script. Comments on the line before a fence say how it
+is run:
 
     <!-- bench: sim -->             the page's commands need a running simulated bench (once a page)
     <!-- exits: 2 -->               the commands of the next block end with this status

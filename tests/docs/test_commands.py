@@ -1,9 +1,8 @@
-"""Every command and every script that the documentation shows is run here, as its reader would run it."""
+"""Every command and script that the documentation shows is run here, as its reader would."""
 
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,7 @@ PAGES = sorted(
     path for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")] if read_page(path).blocks
 )
 
-# The commands that a test does not run, and what runs or replaces them. A reason outside this list fails.
+# Why a command may go unrun, and what stands in for it. A reason outside this list fails.
 REASONS = {
     "needs hardware": "the same command runs with --sim in tests/hil",
     "sets up this very environment": "it is what made the environment the tests run in",
@@ -31,13 +30,13 @@ def name(path: Path) -> str:
 
 
 @pytest.fixture
-def reader(tmp_path: Path) -> Iterator[dict[str, str]]:
-    """The surroundings of a reader: an empty folder, a private run-time directory, smad on the PATH."""
+def reader(tmp_path: Path) -> dict[str, str]:
+    """What surrounds a reader: a home and a run-time directory of their own, smad on the PATH."""
     runtime = tmp_path / "run"
     runtime.mkdir(mode=0o700)
     home = tmp_path / "home"
     home.mkdir()
-    yield {
+    return {
         **os.environ,
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
         "XDG_RUNTIME_DIR": str(runtime),
