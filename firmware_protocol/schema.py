@@ -1,0 +1,134 @@
+"""What a table of messages looks like as data, and how two of them differ.
+
+Two ends agree when the CRC-32 of their descriptions agree. The description holds what changes the
+meaning of a byte (numbers, names, kinds, counts, units, enumerations, parameters) and leaves out
+prose, so that a better sentence does not lock anybody out.
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import msgspec
+
+from firmware_protocol.codec import CODEC, Codec
+from firmware_protocol.errors import SchemaError
+from firmware_protocol.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Message
+from firmware_protocol.parameters import PARAMETERS
+from firmware_protocol.wire import Field, fields_of
+
+MAX_DESCRIPTION = 1 << 20
+"""A description that inflates to more bytes than this is refused."""
+
+
+def wire_name(cls: type[msgspec.Struct]) -> str:
+    """Return the name used in documents and C: `ArmRequest` → `ARM_REQUEST`."""
+    return re.sub("(?<!^)(?=[A-Z])", "_", cls.__name__).upper()
+
+
+def describe(codec: Codec = CODEC) -> dict[str, Any]:
+    """Return the description of a table as plain data."""
+    enums: dict[str, dict[str, int]] = {}
+    for cls in codec.messages:
+        for field in fields_of(cls):
+            for kind in (field.enum, field.wire.bits):
+                if kind is not None:
+                    enums[kind.__name__] = {str(member.name): member.value for member in kind}
+    return {
+        "version": [PROTOCOL_MAJOR, PROTOCOL_MINOR],
+        "messages": [_message(cls) for cls in codec.messages],
+        "enums": dict(sorted(enums.items())),
+        "parameters": [[p.number, p.name, p.unit] for p in PARAMETERS],
+    }
+
+
+def _message(cls: type[Message]) -> dict[str, Any]:
+    return {
+        "name": wire_name(cls),
+        "number": cls.info.number,
+        "fields": [_described_field(field) for field in fields_of(cls)],
+    }
+
+
+def _described_field(field: Field) -> dict[str, Any]:
+    described: dict[str, Any] = {"name": field.name, "kind": field.wire.kind}
+    if field.wire.count != 1:
+        described["count"] = field.wire.count
+    if field.wire.unit:
+        described["unit"] = field.wire.unit
+    if field.wire.invalid is not None:
+        described["invalid"] = field.wire.invalid
+    if field.enum is not None:
+        described["enum"] = field.enum.__name__
+    if field.wire.bits is not None:
+        described["bits"] = field.wire.bits.__name__
+    if field.record is not None:
+        described["record"] = wire_name(field.record)
+    return described
+
+
+def canonical_json(description: dict[str, Any]) -> bytes:
+    """Return the one spelling of a description that its CRC is taken of."""
+    return msgspec.json.encode(description, order="sorted")
+
+
+def schema_crc(description: dict[str, Any]) -> int:
+    """Return the number that both ends compare."""
+    return zlib.crc32(canonical_json(description))
+
+
+@cache
+def own_crc() -> int:
+    """Return the CRC of this version's table."""
+    return schema_crc(describe())
+
+
+def compress(description: dict[str, Any]) -> bytes:
+    """Return the description as DESCRIBE sends it."""
+    return zlib.compress(canonical_json(description), 9)
+
+
+def decompress(blob: bytes) -> dict[str, Any]:
+    """Return the description sent by a board. Raises SchemaError if it cannot be read."""
+    inflater = zlib.decompressobj()
+    try:
+        text = inflater.decompress(blob, MAX_DESCRIPTION)
+        description = msgspec.json.decode(text)
+    except (zlib.error, msgspec.DecodeError) as error:
+        raise SchemaError(f"the board's description cannot be read: {error}") from None
+    if not isinstance(description, dict):
+        raise SchemaError("the board's description is no table of messages")
+    return description
+
+
+def differences(own: dict[str, Any], other: dict[str, Any]) -> tuple[str, ...]:
+    """Return what differs, one line each, `MESSAGE.field: own is …, other is …`."""
+    return tuple(_differences(_flat(own), _flat(other)))
+
+
+def _differences(own: dict[str, str], other: dict[str, str]) -> Iterator[str]:
+    for key in sorted(own.keys() | other.keys()):
+        mine, theirs = own.get(key), other.get(key)
+        if mine != theirs:
+            yield f"{key}: host has {mine or 'none'}, board has {theirs or 'none'}"
+
+
+def _flat(description: dict[str, Any]) -> dict[str, str]:
+    flat: dict[str, str] = {}
+    for message in description.get("messages", ()):
+        offset = 0
+        for index, field in enumerate(message["fields"]):
+            words = [f"{key} {field[key]}" for key in sorted(field) if key != "name"]
+            flat[f"{message['name']}.{field['name']}"] = f"#{index} " + ", ".join(words)
+            offset += 1
+        flat[message["name"]] = f"number 0x{message['number']:02x}, {offset} fields"
+    for name, members in description.get("enums", {}).items():
+        for member, value in members.items():
+            flat[f"{name}.{member}"] = str(value)
+    for number, name, unit in description.get("parameters", ()):
+        flat[f"parameter {name}"] = f"number {number}, unit {unit or 'none'}"
+    return flat
