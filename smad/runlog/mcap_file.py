@@ -1,0 +1,243 @@
+"""An MCAP file written chunk by chunk, so that what was written is readable at any moment.
+
+The `mcap` package's own writer decides by size when a chunk is full and has no flush; it also
+spends some ten microseconds of interpreter time on each message. Here the caller packs messages
+(`pack`), hands over a whole chunk, and the chunk is on its way to the disk when `write_chunk`
+returns. Record layouts are those of the `mcap` package and of the specification (mcap.dev/spec).
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from io import FileIO
+from typing import NamedTuple
+
+import zstandard
+from mcap import records
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
+from msgspec import Struct
+
+import smad
+from smad.runlog.schema import TOPICS, json_schema
+
+MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_OVERHEAD = MESSAGE.size - 9
+_INDEX_HEAD = struct.Struct("<BQHI")
+_COMPRESSION_LEVEL = 1
+
+CHANNEL_IDS: Mapping[type[Struct], int] = {
+    record: number for number, record in enumerate(TOPICS, start=1)
+}
+
+
+class Packed(NamedTuple):
+    """A message as it stands in a chunk."""
+
+    channel_id: int
+    time_ns: int
+    data: bytes
+
+
+def pack(channel_id: int, sequence: int, time_ns: int, body: bytes) -> Packed:
+    """A message record; log time and publish time are both the time of the sample."""
+    head = MESSAGE.pack(
+        Opcode.MESSAGE, _MESSAGE_OVERHEAD + len(body), channel_id, sequence, time_ns, time_ns
+    )
+    return Packed(channel_id, time_ns, head + body)
+
+
+class McapFile:
+    """Writes the three topics of a run to an unbuffered file opened by the caller.
+
+    Every method raises OSError when the disk refuses; what was whole before the call is still
+    whole in the file then, because a half-written record is cut off again.
+    """
+
+    def __init__(self, file: FileIO) -> None:
+        self._file = file
+        self._compressor = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL)
+        self._chunk_indexes = RecordBuilder()
+        self._metadata_indexes = RecordBuilder()
+        self._metadata_count = 0
+        self._chunk_count = 0
+        self._counts = dict.fromkeys(CHANNEL_IDS.values(), 0)
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        self.size_bytes = 0
+        opening = RecordBuilder()
+        opening.write(MCAP0_MAGIC)
+        records.Header(profile="", library=f"smad {smad.__version__}").write(opening)
+        opening.write(_definitions())
+        self._write(_taken(opening))
+
+    def write_metadata(self, name: str, texts: Mapping[str, str]) -> None:
+        """A metadata record, text to text."""
+        builder = RecordBuilder()
+        records.Metadata(name=name, metadata=dict(texts)).write(builder)
+        data = _taken(builder)
+        offset = self.size_bytes
+        self._write(data)
+        self._metadata_count += 1
+        records.MetadataIndex(offset=offset, length=len(data), name=name).write(
+            self._metadata_indexes
+        )
+
+    def write_chunk(self, messages: Sequence[Packed]) -> None:
+        """A compressed chunk with its message indexes, in one write. No messages, no chunk."""
+        if not messages:
+            return
+        body = b"".join([message.data for message in messages])
+        times, index = _message_index(messages)
+        start_ns, end_ns = min(times), max(times)
+        chunk = RecordBuilder()
+        compressed = self._compressor.compress(body)
+        records.Chunk(
+            compression="zstd",
+            data=compressed,
+            message_start_time=start_ns,
+            message_end_time=end_ns,
+            uncompressed_crc=zlib.crc32(body),
+            uncompressed_size=len(body),
+        ).write(chunk)
+        chunk_length = chunk.count
+        offsets = {}
+        for channel_id, entries in index.items():
+            offsets[channel_id] = self.size_bytes + chunk.count
+            size = len(entries) * entries.itemsize
+            chunk.write(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size))
+            chunk.write(entries.tobytes())
+        data = _taken(chunk)
+        start_offset = self.size_bytes
+        self._write(data)
+        self._chunk_count += 1
+        for channel_id, entries in index.items():
+            self._counts[channel_id] += len(entries) // 2
+        self._first_ns = start_ns if self._first_ns is None else min(self._first_ns, start_ns)
+        self._last_ns = max(self._last_ns, end_ns)
+        records.ChunkIndex(
+            chunk_length=chunk_length,
+            chunk_start_offset=start_offset,
+            compression="zstd",
+            compressed_size=len(compressed),
+            message_start_time=start_ns,
+            message_end_time=end_ns,
+            message_index_length=len(data) - chunk_length,
+            message_index_offsets=offsets,
+            uncompressed_size=len(body),
+        ).write(self._chunk_indexes)
+
+    def finish(self) -> None:
+        """The summary and the footer: from here on viewers can jump about in the file."""
+        ending = RecordBuilder()
+        records.DataEnd(data_section_crc=0).write(ending)
+        summary_start = self.size_bytes + ending.count
+        groups = [
+            (Opcode.SCHEMA, _schemas()),
+            (Opcode.CHANNEL, _channels()),
+            (Opcode.STATISTICS, self._statistics()),
+            (Opcode.CHUNK_INDEX, _taken(self._chunk_indexes)),
+            (Opcode.METADATA_INDEX, _taken(self._metadata_indexes)),
+        ]
+        summary = RecordBuilder()
+        offsets = RecordBuilder()
+        for opcode, data in groups:
+            if data:
+                records.SummaryOffset(
+                    group_opcode=opcode,
+                    group_start=summary_start + summary.count,
+                    group_length=len(data),
+                ).write(offsets)
+                summary.write(data)
+        offset_start = summary_start + summary.count
+        summary.write(_taken(offsets))
+        data = _taken(summary)
+        crc = zlib.crc32(
+            struct.pack("<BQQQ", Opcode.FOOTER, 20, summary_start, offset_start), zlib.crc32(data)
+        )
+        ending.write(data)
+        records.Footer(
+            summary_start=summary_start, summary_offset_start=offset_start, summary_crc=crc
+        ).write(ending)
+        ending.write(MCAP0_MAGIC)
+        self._write(_taken(ending))
+
+    def _statistics(self) -> bytes:
+        builder = RecordBuilder()
+        records.Statistics(
+            attachment_count=0,
+            channel_count=len(CHANNEL_IDS),
+            channel_message_counts={k: n for k, n in self._counts.items() if n},
+            chunk_count=self._chunk_count,
+            message_count=sum(self._counts.values()),
+            message_start_time=self._first_ns or 0,
+            message_end_time=self._last_ns,
+            metadata_count=self._metadata_count,
+            schema_count=len(CHANNEL_IDS),
+        ).write(builder)
+        return _taken(builder)
+
+    def _write(self, data: bytes) -> None:
+        left = memoryview(data)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError:
+            # A cut record would hide everything that is written after it, should the disk recover.
+            self._file.truncate(self.size_bytes)
+            self._file.seek(self.size_bytes)
+            raise
+        self.size_bytes += len(data)
+
+
+def _message_index(messages: Iterable[Packed]) -> tuple[list[int], dict[int, array[int]]]:
+    times = []
+    index: dict[int, array[int]] = {}
+    offset = 0
+    for channel_id, time_ns, data in messages:
+        times.append(time_ns)
+        entries = index.get(channel_id)
+        if entries is None:
+            entries = index[channel_id] = array("Q")
+        entries.append(time_ns)
+        entries.append(offset)
+        offset += len(data)
+    return times, index
+
+
+def _taken(builder: RecordBuilder) -> bytes:
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data
+
+
+def _definitions() -> bytes:
+    return _schemas() + _channels()
+
+
+def _schemas() -> bytes:
+    builder = RecordBuilder()
+    for record, number in CHANNEL_IDS.items():
+        records.Schema(
+            id=number,
+            name=f"smad.{record.__name__}",
+            encoding="jsonschema",
+            data=json_schema(record),
+        ).write(builder)
+    return _taken(builder)
+
+
+def _channels() -> bytes:
+    builder = RecordBuilder()
+    for record, number in CHANNEL_IDS.items():
+        records.Channel(
+            id=number,
+            topic=TOPICS[record],
+            message_encoding="json",
+            schema_id=number,
+            metadata={},
+        ).write(builder)
+    return _taken(builder)

@@ -1,0 +1,69 @@
+"""Records to packed MCAP messages: JSON body, sequence number, and the time on the log's axis."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+
+from smad.runlog.mcap_file import CHANNEL_IDS, Packed, pack
+from smad.runlog.schema import Record
+
+_NS = 1_000_000_000
+_LARGEST_TIME_NS = 2**63 - 1
+
+
+def _plain_number(value: Any) -> Any:
+    # numpy's scalars have item(); anything else is a mistake of the caller's.
+    try:
+        return value.item()
+    except AttributeError:
+        raise TypeError(f"a record holds a {type(value).__name__}, not a number") from None
+
+
+class RecordPacker:
+    """Packs the records of one file. Not for use by two threads at once.
+
+    The time of a message is board time, moved once so that it starts at the host time of the first
+    sample: evenly spaced as the board sampled, readable as a date, and untouched when somebody sets
+    the host's clock in mid-run. A record without board time takes its host time.
+    """
+
+    def __init__(self, started_unix_s: float) -> None:
+        self._encode = msgspec.json.Encoder(enc_hook=_plain_number).encode
+        self._sequences = dict.fromkeys(CHANNEL_IDS.values(), 0)
+        self._offset_ns: int | None = None
+        self._last_ns = _to_ns(started_unix_s) or 0
+        self.packed = 0
+
+    def pack(self, record: Record) -> Packed:
+        """The message of a record. Raises TypeError for a field that JSON cannot hold."""
+        body = self._encode(record)
+        channel_id = CHANNEL_IDS[type(record)]
+        sequence = self._sequences[channel_id]
+        self._sequences[channel_id] = (sequence + 1) & 0xFFFFFFFF
+        self.packed += 1
+        return pack(channel_id, sequence, self._time_ns(record), body)
+
+    def _time_ns(self, record: Record) -> int:
+        board_ns = _to_ns(record.t_s)
+        host_ns = _to_ns(record.host_time_s)
+        if board_ns is None:
+            if host_ns is not None:
+                self._last_ns = _clip(host_ns)
+            return self._last_ns
+        if self._offset_ns is None:
+            self._offset_ns = (self._last_ns if host_ns is None else host_ns) - board_ns
+        self._last_ns = _clip(board_ns + self._offset_ns)
+        return self._last_ns
+
+
+def _to_ns(time_s: float | None) -> int | None:
+    if time_s is None or not math.isfinite(time_s):
+        return None
+    return round(time_s * _NS)
+
+
+def _clip(time_ns: int) -> int:
+    return min(max(time_ns, 0), _LARGEST_TIME_NS)

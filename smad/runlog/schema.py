@@ -1,0 +1,210 @@
+"""The one table of what a run log holds: the channels of a sample, events, and link statistics.
+
+`Row` is that table: each field is a channel, with its unit, where it comes from and what it means.
+The JSON schema in the log file, the columns of an export, the units an import accepts and the
+table in the guide are made from it. A value that was not measured is None (NaN counts as None);
+it is never a NaN literal in the file.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args, get_type_hints
+
+import msgspec
+from msgspec import Meta, Struct
+
+ROW_TOPIC = "/smad/row"
+EVENT_TOPIC = "/smad/events"
+LINK_TOPIC = "/smad/link"
+
+MISSING_INTEGER = -1
+"""Stands for "not recorded" in the integer columns of a run that was read back."""
+
+
+def _of(unit: str, source: str, description: str) -> Meta:
+    return Meta(description=description, extra={"unit": unit, "source": source})
+
+
+class Row(Struct, kw_only=True, gc=False):
+    """One sample: what was measured, what was commanded because of it, and when.
+
+    Spring order is X, Y; displacement is positive when X pulls. `source` names the field of the
+    wire message, or who computed the value.
+    """
+
+    t_s: Annotated[float, _of("s", "STATE.t_us", "board time of the sample, unwrapped")]
+    host_time_s: Annotated[
+        float | None, _of("s", "host clock", "Unix time at which the sample arrived")
+    ] = None
+    tick: Annotated[int | None, _of("", "STATE.tick", "sample counter of the board, wraps")] = None
+    i_cmd_x_A: Annotated[
+        float | None, _of("A", "SETPOINT.i_mA", "current commanded because of this sample, X")
+    ] = None
+    i_cmd_y_A: Annotated[
+        float | None, _of("A", "SETPOINT.i_mA", "current commanded because of this sample, Y")
+    ] = None
+    i_applied_x_A: Annotated[
+        float | None, _of("A", "STATE.i_applied_mA", "setpoint in force on the board, X")
+    ] = None
+    i_applied_y_A: Annotated[
+        float | None, _of("A", "STATE.i_applied_mA", "setpoint in force on the board, Y")
+    ] = None
+    i_meas_x_A: Annotated[float | None, _of("A", "STATE.i_meas_mA", "current measured, X")] = None
+    i_meas_y_A: Annotated[float | None, _of("A", "STATE.i_meas_mA", "current measured, Y")] = None
+    v_x_V: Annotated[float | None, _of("V", "STATE.v_mV", "voltage across spring X")] = None
+    v_y_V: Annotated[float | None, _of("V", "STATE.v_mV", "voltage across spring Y")] = None
+    duty_x: Annotated[
+        float | None, _of("1", "STATE.pump_duty", "duty of the pump that cools X, 0 to 1")
+    ] = None
+    duty_y: Annotated[
+        float | None, _of("1", "STATE.pump_duty", "duty of the pump that cools Y, 0 to 1")
+    ] = None
+    drain_x: Annotated[
+        int | None, _of("", "SETPOINT.flags", "1 while the tube of X is being drained")
+    ] = None
+    drain_y: Annotated[
+        int | None, _of("", "SETPOINT.flags", "1 while the tube of Y is being drained")
+    ] = None
+    rtd_x_degC: Annotated[
+        float | None, _of("degC", "STATE.rtd_cC", "temperature sensor of spring X")
+    ] = None
+    rtd_y_degC: Annotated[
+        float | None, _of("degC", "STATE.rtd_cC", "temperature sensor of spring Y")
+    ] = None
+    rtd_inlet_degC: Annotated[
+        float | None, _of("degC", "STATE.rtd_cC", "temperature sensor of the water inlet")
+    ] = None
+    rtd_ambient_degC: Annotated[
+        float | None, _of("degC", "STATE.rtd_cC", "temperature sensor of the room")
+    ] = None
+    displacement_mm: Annotated[
+        float | None, _of("mm", "STATE.encoder", "displacement, positive when X pulls")
+    ] = None
+    angle_deg: Annotated[
+        float | None, _of("deg", "displacement_mm", "angle of a MINIR-II segment (±4 mm ↔ ±25°)")
+    ] = None
+    force_N: Annotated[float | None, _of("N", "STATE.force_raw", "tendon force")] = None
+    supply_V: Annotated[float | None, _of("V", "STATE.vbus_mV", "bus voltage")] = None
+    stage_mm: Annotated[
+        float | None, _of("mm", "experiment", "position of the stage of the stretch fixture")
+    ] = None
+    reference_mm: Annotated[
+        float | None, _of("mm", "controller", "reference of the displacement loop")
+    ] = None
+    reference_degC: Annotated[
+        float | None, _of("degC", "controller", "reference of the temperature loop")
+    ] = None
+    mode: Annotated[int | None, _of("", "STATE.mode", "state of the board, as a number")] = None
+    limiter: Annotated[
+        int | None, _of("", "STATE.limiter", "what holds the board's current down, as a number")
+    ] = None
+    faults: Annotated[int | None, _of("", "STATE.faults", "fault bits")] = None
+    warnings: Annotated[int | None, _of("", "STATE.warnings", "warning bits")] = None
+    valid: Annotated[
+        int | None, _of("", "STATE.valid", "bits of the sensors whose reading is valid")
+    ] = None
+    setpoint_age_ms: Annotated[
+        float | None, _of("ms", "STATE.sp_age_ms", "age of the newest setpoint when applied")
+    ] = None
+
+
+EventKind = Literal[
+    "command", "state", "arm", "disarm", "fault", "warning", "link", "record", "import", "note"
+]
+
+
+class Event(Struct, kw_only=True):
+    """Something that happened once: a command received, a fault, arming, a person's note."""
+
+    t_s: Annotated[float | None, _of("s", "board", "board time, where there is one")] = None
+    host_time_s: Annotated[float | None, _of("s", "host clock", "Unix time")] = None
+    kind: Annotated[EventKind, _of("", "", "what sort of event")]
+    text: Annotated[str, _of("", "", "one line for a person")]
+    data: Annotated[dict[str, Any], _of("", "", "the details, for a program")] = {}
+
+
+class LinkSample(Struct, kw_only=True):
+    """The counters of the link, about once a second."""
+
+    t_s: Annotated[float | None, _of("s", "board", "board time, where there is one")] = None
+    host_time_s: Annotated[float | None, _of("s", "host clock", "Unix time")] = None
+    counters: Annotated[
+        dict[str, float], _of("", "LINK_STATS and the host", "counters and round-trip times")
+    ]
+
+
+Record = Row | Event | LinkSample
+TOPICS: Mapping[type[Struct], str] = {
+    Row: ROW_TOPIC,
+    Event: EVENT_TOPIC,
+    LinkSample: LINK_TOPIC,
+}
+
+
+@dataclass(frozen=True)
+class ChannelSpec:
+    """One channel of a sample. `kind` is "float" or "integer"; `unit` "1": a ratio, "": none."""
+
+    name: str
+    unit: str
+    kind: Literal["float", "integer"]
+    description: str
+    source: str
+
+    @property
+    def dtype(self) -> str:
+        """The numpy type of the column: float64 (NaN: missing) or int64 (-1: missing)."""
+        return "float64" if self.kind == "float" else "int64"
+
+
+def _channel(name: str, annotation: Any) -> ChannelSpec:
+    kind, meta = get_args(annotation)
+    integer = int in get_args(kind)
+    return ChannelSpec(
+        name=name,
+        unit=meta.extra["unit"],
+        kind="integer" if integer else "float",
+        description=meta.description,
+        source=meta.extra["source"],
+    )
+
+
+CHANNELS: Mapping[str, ChannelSpec] = {
+    name: _channel(name, annotation)
+    for name, annotation in get_type_hints(Row, include_extras=True).items()
+}
+"""Every channel of a sample, by name, in the order of the columns."""
+
+
+@functools.cache
+def json_schema(record: type[Struct]) -> bytes:
+    """The JSON schema of one of the three messages, as stored in the log file."""
+    (_,), components = msgspec.json.schema_components([record])
+    schema = components[record.__name__]
+    schema["description"] = inspect.getdoc(record)
+    for name, annotation in get_type_hints(record, include_extras=True).items():
+        member = schema["properties"][name]
+        _flatten_optional(member)
+        member["unit"] = get_args(annotation)[1].extra["unit"]
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    return msgspec.json.encode(schema)
+
+
+def _flatten_optional(member: dict[str, Any]) -> None:
+    # Viewers understand a list of types, few of them a choice of schemas.
+    choices = member.pop("anyOf", None)
+    if choices is not None:
+        member["type"] = [choice["type"] for choice in choices]
+
+
+def markdown_table() -> str:
+    """The table of channels in the guide."""
+    rows = "\n".join(
+        f"| `{c.name}` | {c.unit or '–'} | {c.kind} | {c.source} | {c.description} |"
+        for c in CHANNELS.values()
+    )
+    return f"| channel | unit | type | comes from | what it is |\n|---|---|---|---|---|\n{rows}\n"

@@ -1,0 +1,268 @@
+"""Recording a run. `RunWriter` writes from a thread and never holds up its caller.
+
+The caller pays for encoding one record (a few microseconds); the thread compresses and writes,
+which the interpreter does without its lock. So the thread holds the lock for tens of microseconds
+at a time, which is what a control loop in the same process can bear.
+
+`write_run` writes a finished run in one go, for imports, recovery and simulated runs.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable
+from io import FileIO
+from pathlib import Path
+from types import TracebackType
+
+import msgspec
+
+from smad.errors import RunLogError
+from smad.runlog.header import METADATA_NAME, RunHeader
+from smad.runlog.mcap_file import McapFile, Packed
+from smad.runlog.pack import RecordPacker
+from smad.runlog.paths import part_path
+from smad.runlog.schema import Event, Record
+
+END_METADATA_NAME = "smad.end"
+_MESSAGES_A_CHUNK = 256
+_PAUSE_BETWEEN_CHUNKS_S = 0.001
+_NS = 1_000_000_000
+
+
+class RunWriter:
+    """Writes a run to `path` from a thread of its own, and to further parts when it grows long.
+
+    `append` and `close` belong to one thread. Nothing that happens to the disk raises there: it is
+    found in `error`, and the rows that did not reach the file are counted in `dropped`.
+
+    The thread runs at the priority of whoever creates the writer, less one: create it after the
+    real-time measures are taken, or a busy machine can suspend it while it holds the interpreter.
+
+    Raises RunLogError when the file cannot be created, or is there already.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        header: RunHeader,
+        *,
+        flush_interval_s: float = 0.25,
+        queue_rows: int = 20_000,
+        max_file_bytes: float = float("inf"),
+        max_file_s: float = float("inf"),
+    ) -> None:
+        self.paths = [Path(path)]
+        self.error: str | None = None
+        self.written = 0
+        # One counter for each side: += is not atomic between threads.
+        self._refused = 0
+        self._lost = 0
+        self._header = header
+        self._flush_interval_s = flush_interval_s
+        self._queue_rows = queue_rows
+        self._max_file_bytes = max_file_bytes
+        self._max_file_ns = max_file_s * _NS
+        self._queue: deque[Packed] = deque()
+        self._packer = RecordPacker(header.started_unix_s)
+        self._dropped_told = 0
+        self._part_first_ns: int | None = None
+        self._mcap, self._file = _create(self.paths[0], header)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="run log", daemon=True)
+        self._thread.start()
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the part being written."""
+        return self._mcap.size_bytes
+
+    @property
+    def dropped(self) -> int:
+        """Records that did not reach the file."""
+        return self._refused + self._lost
+
+    def append(self, record: Record) -> bool:
+        """Hand over a record; False when it was dropped (counted in `dropped`). Never blocks."""
+        if self.error is not None or len(self._queue) >= self._queue_rows:
+            self._refused += 1
+            return False
+        try:
+            self._queue.append(self._packer.pack(record))
+        except (TypeError, ValueError, OverflowError) as error:
+            self._refused += 1
+            self.error = f"a record cannot be written: {error}"
+            return False
+        return True
+
+    def close(self, timeout_s: float = 10.0) -> None:
+        """Write what is queued, the summary, and close. Returns at the latest after `timeout_s`.
+
+        A disk that hangs beyond that is told in `error`; the file then has no summary, and reads
+        as a log that was cut.
+        """
+        self._stop.set()
+        self._thread.join(timeout_s)
+        if self._thread.is_alive() and self.error is None:
+            self.error = f"the disk did not answer within {timeout_s:g} s of closing"
+
+    def __enter__(self) -> RunWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        try:
+            _step_below_creator()
+            while not self._stop.wait(self._flush_interval_s):
+                self._drain()
+            self._drain()
+            if not self._file.closed:
+                self._end_file()
+        except Exception as error:
+            # A recorder that ends without a word is worse than any error.
+            self._give_up(error)
+
+    def _drain(self) -> None:
+        # Only what is there now: a fast caller must not keep this loop from ending.
+        waiting = len(self._queue)
+        while waiting > 0:
+            batch = [self._queue.popleft() for _ in range(min(waiting, _MESSAGES_A_CHUNK))]
+            waiting -= len(batch)
+            self._write(batch)
+            if waiting:
+                time.sleep(_PAUSE_BETWEEN_CHUNKS_S)
+
+    def _write(self, batch: list[Packed]) -> None:
+        if self._file.closed:
+            self._lost += len(batch)
+            return
+        try:
+            self._mcap.write_chunk([*batch, *self._drop_notice(batch[-1].time_ns)])
+            self.written += len(batch)
+            self._start_next_part_if_due(batch)
+        except (OSError, RunLogError) as error:
+            self._lost += len(batch)
+            self._give_up(error)
+
+    def _drop_notice(self, time_ns: int) -> list[Packed]:
+        missed = self.dropped - self._dropped_told
+        if not missed:
+            return []
+        self._dropped_told += missed
+        notice = Event(
+            host_time_s=time_ns / _NS,
+            kind="record",
+            text=f"{missed} rows were dropped: the disk was too slow for the queue",
+            data={"dropped": missed},
+        )
+        return [RecordPacker(0.0).pack(notice)]
+
+    def _start_next_part_if_due(self, batch: list[Packed]) -> None:
+        if self._part_first_ns is None:
+            self._part_first_ns = batch[0].time_ns
+        if (
+            self._mcap.size_bytes < self._max_file_bytes
+            and batch[-1].time_ns - self._part_first_ns < self._max_file_ns
+        ):
+            return
+        self._end_file()
+        part = len(self.paths) + 1
+        path = part_path(self.paths[0], part)
+        self._mcap, self._file = _create(path, msgspec.structs.replace(self._header, part=part))
+        self.paths.append(path)
+        self._part_first_ns = None
+
+    def _end_file(self) -> None:
+        try:
+            self._mcap.write_metadata(END_METADATA_NAME, {"dropped": str(self.dropped)})
+            self._mcap.finish()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._latch(error)
+        finally:
+            self._file.close()
+
+    def _give_up(self, error: Exception) -> None:
+        self._latch(error)
+        if not self._file.closed:
+            self._end_file()
+
+    def _latch(self, error: Exception) -> None:
+        if self.error is None:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            self.error = f"cannot write {self.paths[-1]}: {reason}; rows are no longer recorded"
+
+
+def write_run(path: str | Path, header: RunHeader, records: Iterable[Record]) -> int:
+    """Write a whole run to a new file; returns how many records it holds.
+
+    Raises RunLogError when the file is there already or cannot be written; nothing is left behind
+    then, nor when `records` raises.
+    """
+    path = Path(path)
+    mcap, file = _create(path, header)
+    packer = RecordPacker(header.started_unix_s)
+    try:
+        with file:
+            batch: list[Packed] = []
+            for record in records:
+                batch.append(packer.pack(record))
+                if len(batch) >= _MESSAGES_A_CHUNK:
+                    mcap.write_chunk(batch)
+                    batch = []
+            mcap.write_chunk(batch)
+            mcap.write_metadata(END_METADATA_NAME, {"dropped": "0"})
+            mcap.finish()
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise RunLogError(
+            f"cannot write {path}: {error.strerror}", action="free some space or choose a folder"
+        ) from error
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+    return packer.packed
+
+
+def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = FileIO(path, "xb")
+    except FileExistsError:
+        raise RunLogError(
+            f"{path} is there already", action="choose another name; logs are never overwritten"
+        ) from None
+    except OSError as error:
+        raise RunLogError(
+            f"cannot create {path}: {error.strerror}",
+            action="check the folder ([recorder] folder in the configuration)",
+        ) from error
+    try:
+        mcap = McapFile(file)
+        mcap.write_metadata(METADATA_NAME, header.to_metadata())
+    except OSError as error:
+        file.close()
+        path.unlink(missing_ok=True)
+        raise RunLogError(
+            f"cannot write {path}: {error.strerror}", action="free some space or choose a folder"
+        ) from error
+    return mcap, file
+
+
+def _step_below_creator() -> None:
+    if not hasattr(os, "sched_getscheduler"):
+        return
+    policy = os.sched_getscheduler(0)
+    priority = os.sched_getparam(0).sched_priority
+    if policy in (os.SCHED_FIFO, os.SCHED_RR) and priority > 1:
+        os.sched_setscheduler(0, policy, os.sched_param(priority - 1))
