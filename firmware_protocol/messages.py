@@ -242,8 +242,8 @@ class State(Message, frozen=True, gc=False):
     tick: Annotated[int, Wire("u16", "samples since boot, wraps")]
     mode: Annotated[BoardState, Wire("u8", "state of the board's machine")]
     limiter: Annotated[Limiter, Wire("u8", "what holds the current below the setpoint")]
-    faults: Annotated[int, Wire("u32", "active faults, bit 1 << id", bits=Fault)]
-    warnings: Annotated[int, Wire("u16", "active warnings, bit 1 << id", bits=Warning)]
+    faults: Annotated[int, Wire("u32", "active faults, fault n is bit n - 1", bits=Fault)]
+    warnings: Annotated[int, Wire("u16", "active warnings, warning n is bit n", bits=Warning)]
     i_meas_mA: Annotated[
         tuple[int, int],
         Wire("i16", "measured current", unit="mA", count=2, invalid=NO_VALUE["i16"]),
