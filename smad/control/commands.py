@@ -14,6 +14,9 @@ from msgspec import Meta, Struct
 
 from smad.errors import CommandError
 
+LONGEST_SAMPLES = 10_000
+"""Points in one piece: what can be checked between two samples without holding the control up."""
+
 Spring = Literal["x", "y"]
 """Which spring of the pair. Displacement is positive when X pulls."""
 
@@ -21,7 +24,7 @@ Displacement = Annotated[float, Meta(ge=-50.0, le=50.0)]
 Amplitude = Annotated[float, Meta(ge=0.0, le=50.0)]
 Duration = Annotated[float, Meta(gt=0.0, le=86_400.0)]
 Frequency = Annotated[float, Meta(gt=0.0, le=50.0)]
-Count = Annotated[int, Meta(ge=1, le=100_000)]
+Count = Annotated[int, Meta(ge=1, le=10_000)]
 Current = Annotated[float, Meta(ge=0.0, le=4.0)]
 Duty = Annotated[float, Meta(ge=0.0, le=1.0)]
 Temperature = Annotated[float, Meta(ge=0.0, le=120.0)]
@@ -98,11 +101,11 @@ class Samples(Piece, tag="samples", frozen=True, kw_only=True):
 
     t_s: Annotated[
         tuple[Annotated[float, Meta(ge=0.0, le=86_400.0)], ...],
-        Meta(min_length=2, max_length=1_000_000, description="times of the points"),
+        Meta(min_length=2, max_length=LONGEST_SAMPLES, description="times of the points"),
     ]
     displacement_mm: Annotated[
         tuple[Displacement, ...],
-        Meta(min_length=2, max_length=1_000_000, description="displacements of the points"),
+        Meta(min_length=2, max_length=LONGEST_SAMPLES, description="displacements of the points"),
     ]
 
 

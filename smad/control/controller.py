@@ -1,0 +1,219 @@
+"""The controller of one axis: one step for each sample, in any mode, within the host limits."""
+
+from __future__ import annotations
+
+import msgspec
+
+from smad.config import ControlConfig, LimitsConfig
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    HoldTemperature,
+    Idle,
+    ModeCommand,
+    MoveStage,
+    Tune,
+    checked,
+)
+from smad.control.limits import HostLimit, HostLimits
+from smad.control.modes import (
+    LONGEST_STEP_S,
+    CurrentMode,
+    DisplacementMode,
+    Feedforward,
+    IdleMode,
+    Mode,
+    TemperatureMode,
+)
+from smad.control.sample import Sample
+from smad.errors import CommandError
+
+
+class Output(msgspec.Struct, frozen=True, gc=False):
+    """What the board is to apply. Pairs are (x, y). `stage_m` is None while no stage is moved."""
+
+    i_A: tuple[float, float] = (0.0, 0.0)
+    pump_duty: tuple[float, float] = (0.0, 0.0)
+    drain: tuple[bool, bool] = (False, False)
+    stage_m: float | None = None
+
+
+class Controller:
+    """Turns samples into outputs.
+
+    `command` may be called at any time between two steps and takes effect with the next; a refused
+    command changes nothing. While the board is not armed nothing is driven; when it leaves ARMED
+    the mode ends, so that nothing moves by itself after the next arming.
+    """
+
+    def __init__(
+        self,
+        config: ControlConfig,
+        limits: LimitsConfig | None = None,
+        *,
+        feedforward: Feedforward | None = None,
+    ) -> None:
+        self._config = config
+        self._limits_config = limits or LimitsConfig()
+        self._limits = HostLimits(self._limits_config)
+        self._displacement = DisplacementMode(config, self._limits_config, feedforward)
+        self._mode: Mode = IdleMode()
+        self._stage = _Stage()
+        self._sample: Sample | None = None
+        self._armed = False
+        self._output = Output()
+        self.missed_samples = 0
+
+    @property
+    def mode(self) -> str:
+        """Name of the mode that runs: `idle`, `displacement`, `temperature` or `current`."""
+        return self._mode.name
+
+    @property
+    def done(self) -> bool:
+        """Whether what was commanded has ended: trajectories, time, ramp of the stage."""
+        return self._mode.done and self._stage.done
+
+    @property
+    def reference_m(self) -> float:
+        """The displacement that is followed; nan when none is."""
+        return self._displacement.reference_m if self._mode is self._displacement else float("nan")
+
+    @property
+    def target_degC(self) -> float:
+        """The temperature that is held; nan when none is."""
+        mode = self._mode
+        return mode.target_degC if isinstance(mode, TemperatureMode) else float("nan")
+
+    @property
+    def limiting(self) -> HostLimit:
+        """Which host limits held the last output back."""
+        return self._limits.acting
+
+    def command(self, command: ModeCommand) -> None:
+        """Take a command. Raises CommandError, naming field, value and limit, and changing nothing.
+
+        The mode that runs hands over without a bump: the current that flows is the current that the
+        new mode starts from, and a displacement reference starts at the measured displacement.
+        """
+        command = checked(command)
+        match command:
+            case Idle():
+                self._mode = IdleMode()
+                self._stage.stop()
+            case Follow():
+                self._follow(command)
+            case HoldTemperature():
+                self._hold_temperature(command)
+            case DriveCurrent():
+                self._mode = CurrentMode(command)
+            case MoveStage():
+                self._stage.move(command)
+            case Tune():
+                self._displacement.tune(command)
+
+    def step(self, sample: Sample) -> Output:
+        """The output for `sample`. A sample that brings no new time gives the last output again."""
+        dt_s = self._elapsed(sample)
+        if dt_s <= 0.0:
+            return self._output
+        if not sample.armed:
+            self._disarm()
+            return self._output
+        if not self._armed:
+            self._armed = True
+            self._limits.rearm()
+        demand = self._mode.step(sample, dt_s)
+        if self._mode.done and self._mode.name == "current":
+            self._mode = IdleMode()
+        i_A = self._limits.apply(
+            sample,
+            demand.i_x_A,
+            demand.i_y_A,
+            min(dt_s, LONGEST_STEP_S),
+            staged=self._stage.in_use,
+        )
+        self._output = Output(
+            i_A,
+            (demand.pump_x_duty, demand.pump_y_duty),
+            (demand.drain_x, demand.drain_y),
+            self._stage.step(dt_s),
+        )
+        return self._output
+
+    def _elapsed(self, sample: Sample) -> float:
+        previous, self._sample = self._sample, sample
+        if previous is None:
+            return 1e-6
+        missed = ((sample.tick - previous.tick) & 0xFFFF) - 1
+        if missed > 0:
+            self.missed_samples += missed
+        return (sample.t_us - previous.t_us) * 1e-6
+
+    def _disarm(self) -> None:
+        if self._armed:
+            self._armed = False
+            self._mode = IdleMode()
+            self._stage.stop()
+        self._output = Output()
+
+    def _follow(self, command: Follow) -> None:
+        mode = self._displacement
+        if self._mode is not mode:
+            i_x_A, i_y_A = self._output.i_A
+            mode.enter(self._sample, i_x_A - i_y_A)
+        mode.follow(command)
+        self._mode = mode
+
+    def _hold_temperature(self, command: HoldTemperature) -> None:
+        limit_degC = self._limits_config.temperature_max_degC
+        if command.temperature_degC > limit_degC:
+            raise CommandError(
+                "temperature_degC is above the host's limit",
+                value=command.temperature_degC,
+                limit=f"up to {limit_degC:g} °C (limits.temperature_max_degC)",
+                action="ask for less, or raise the limit in the configuration",
+            )
+        k = 0 if command.spring == "x" else 1
+        spring_degC = float("nan") if self._sample is None else self._sample.rtd_degC[k]
+        mode = TemperatureMode(self._config, command, spring_degC)
+        mode.enter(spring_degC, self._output.i_A[k])
+        self._mode = mode
+
+
+class _Stage:
+    """A ramp of the stretching stage; unmoved, it asks for nothing."""
+
+    def __init__(self) -> None:
+        self._at_m: float | None = None
+        self._to_m = 0.0
+        self._rate_m_per_s = 0.0
+
+    @property
+    def in_use(self) -> bool:
+        return self._at_m is not None
+
+    @property
+    def done(self) -> bool:
+        return self._at_m is None or self._at_m == self._to_m
+
+    def move(self, command: MoveStage) -> None:
+        self._to_m = command.stage_mm * 1e-3
+        self._rate_m_per_s = command.rate_mm_per_s * 1e-3
+        if self._at_m is None:
+            self._at_m = 0.0
+
+    def stop(self) -> None:
+        if self._at_m is not None:
+            self._to_m = self._at_m
+
+    def step(self, dt_s: float) -> float | None:
+        if self._at_m is None or self._at_m == self._to_m:
+            return self._at_m
+        gap_m = self._to_m - self._at_m
+        step_m = self._rate_m_per_s * dt_s
+        if abs(gap_m) <= step_m:
+            self._at_m = self._to_m
+        else:
+            self._at_m += step_m if gap_m > 0.0 else -step_m
+        return self._at_m

@@ -1,0 +1,126 @@
+"""What the host refuses to exceed, whatever the mode asks for. Tighter than the board's limits."""
+
+from __future__ import annotations
+
+import enum
+import math
+
+from smad.config import LimitsConfig
+from smad.control.sample import Sample
+
+FOLD_BACK_K = 2.0
+"""Over so many kelvin below the temperature limit the current limit falls to zero: a spring at
+the limit gets a steady current instead of a switched one."""
+RATE_WINDOW_S = 0.05
+"""A temperature rate is taken over at least this time: sample to sample it would be noise."""
+
+
+class HostLimit(enum.IntFlag):
+    """Which host limits act."""
+
+    NONE = 0
+    TEMPERATURE_X = 1
+    TEMPERATURE_Y = 2
+    SENSOR_X = 4
+    SENSOR_Y = 8
+    DISPLACEMENT = 16
+    FORCE = 32
+    ON_TIME = 64
+    CURRENT_RATE = 128
+
+
+_TEMPERATURE = (HostLimit.TEMPERATURE_X, HostLimit.TEMPERATURE_Y)
+_SENSOR = (HostLimit.SENSOR_X, HostLimit.SENSOR_Y)
+
+
+class _SensorWatch:
+    """Trips on a temperature that changes faster than a spring can."""
+
+    __slots__ = ("_for_s", "_from_degC", "tripped")
+
+    def __init__(self) -> None:
+        self.tripped = False
+        self._from_degC = math.nan
+        self._for_s = 0.0
+
+    def step(self, rtd_degC: float, dt_s: float, rate_max_K_per_s: float) -> None:
+        self._for_s += dt_s
+        if self._for_s < RATE_WINDOW_S:
+            return
+        # A comparison with nan is false: the first window after an invalid reading cannot trip.
+        if abs(rtd_degC - self._from_degC) > rate_max_K_per_s * self._for_s:
+            self.tripped = True
+        self._from_degC = rtd_degC
+        self._for_s = 0.0
+
+
+class HostLimits:
+    """Takes the wanted currents and gives the allowed ones; `acting` says what held them back.
+
+    A tripped sensor and an elapsed on-time stay until `rearm`.
+    """
+
+    def __init__(self, config: LimitsConfig) -> None:
+        self._config = config
+        self.acting = HostLimit.NONE
+        self.rearm()
+
+    def rearm(self) -> None:
+        """Start anew, as after an arming: the on-time at zero, no sensor tripped."""
+        self._on_time_s = 0.0
+        self._watch = (_SensorWatch(), _SensorWatch())
+        self._previous_A = [0.0, 0.0]
+
+    def apply(
+        self, sample: Sample, i_x_A: float, i_y_A: float, dt_s: float, *, staged: bool = False
+    ) -> tuple[float, float]:
+        """The currents (x, y) that may flow, A.
+
+        With `staged` the displacement is the stage's doing, and no current is cut for it.
+        """
+        config = self._config
+        acting = 0
+        wanted = [i_x_A, i_y_A]
+        self._on_time_s += dt_s
+        if self._on_time_s > config.on_time_max_s:
+            acting |= HostLimit.ON_TIME
+            wanted[0] = wanted[1] = 0.0
+        # A bench without a force sensor reads nan, which no comparison stops.
+        if sample.force_N > config.force_max_N:
+            acting |= HostLimit.FORCE
+            wanted[0] = wanted[1] = 0.0
+        reach_m = config.displacement_max_mm * 1e-3
+        if abs(sample.displacement_m) > reach_m and not staged:
+            pulling = 0 if sample.displacement_m > 0.0 else 1
+            if wanted[pulling] > 0.0:
+                acting |= HostLimit.DISPLACEMENT
+                wanted[pulling] = 0.0
+        for k in (0, 1):
+            acting |= self._spring(k, sample.rtd_degC[k], wanted, dt_s)
+        self._previous_A = wanted
+        self.acting = HostLimit(acting)
+        return wanted[0], wanted[1]
+
+    def _spring(self, k: int, rtd_degC: float, wanted: list[float], dt_s: float) -> int:
+        config = self._config
+        watch = self._watch[k]
+        watch.step(rtd_degC, dt_s, config.temperature_rate_max_K_per_s)
+        i_A = wanted[k]
+        if i_A <= 0.0:
+            return 0
+        if watch.tripped or math.isnan(rtd_degC):
+            wanted[k] = 0.0
+            return _SENSOR[k].value
+        acting = 0
+        room_K = config.temperature_max_degC - rtd_degC
+        if room_K < FOLD_BACK_K:
+            allowed_A = max(0.0, room_K / FOLD_BACK_K) * 4.0
+            if i_A > allowed_A:
+                i_A = allowed_A
+                acting = _TEMPERATURE[k].value
+        rise_A = self._previous_A[k] + config.current_rate_max_A_per_s * dt_s
+        if i_A > rise_A:
+            i_A = rise_A
+            acting |= HostLimit.CURRENT_RATE.value
+        wanted[k] = i_A
+        return acting

@@ -1,0 +1,254 @@
+"""What each mode asks for, sample by sample. The controller owns limits, time and mode changes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from smad.config import ControlConfig, LimitsConfig
+from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Tune
+from smad.control.cooling import Pump, Switch
+from smad.control.pi import PI
+from smad.control.sample import Sample
+from smad.control.trajectories import ReferenceQueue
+from smad.errors import CommandError
+
+LONGEST_STEP_S = 0.1
+"""After a longer silence the trajectories go on with the board's time, but the integrals do not
+take in an error that was measured once as if it had lasted so long."""
+
+
+@dataclass(slots=True)
+class Demand:
+    """What a mode wants the board to do, before host limits. Pairs are (x, y)."""
+
+    i_x_A: float = 0.0
+    i_y_A: float = 0.0
+    pump_x_duty: float = 0.0
+    pump_y_duty: float = 0.0
+    drain_x: bool = False
+    drain_y: bool = False
+
+
+class Feedforward(Protocol):
+    """The signed current (positive heats X) that a model expects the reference to need."""
+
+    def reset(self, sample: Sample) -> None:
+        """Start from what is measured now."""
+
+    def current_A(
+        self, reference_m: Callable[[float], float], sample: Sample, u_applied_A: float, dt_s: float
+    ) -> float:
+        """Signed current in A for a reference given as a function of the lead in seconds."""
+
+
+class Mode(Protocol):
+    """One way to run the pair."""
+
+    @property
+    def name(self) -> str:
+        """What the mode is called in telemetry and run log."""
+
+    @property
+    def done(self) -> bool:
+        """Whether it has ended by itself."""
+
+    def step(self, sample: Sample, dt_s: float) -> Demand: ...
+
+
+class IdleMode:
+    """No current, no water."""
+
+    name = "idle"
+    done = True
+
+    def step(self, sample: Sample, dt_s: float) -> Demand:
+        return Demand()
+
+
+class DisplacementMode:
+    """PI on displacement: positive output heats X and cools Y, negative the other way round."""
+
+    name = "displacement"
+
+    def __init__(
+        self, config: ControlConfig, limits: LimitsConfig, feedforward: Feedforward | None
+    ) -> None:
+        limit_A = config.current_limit_A
+        self._pi = PI(
+            config.kp_A_per_mm * 1e3,
+            config.ki_A_per_mm_s * 1e3,
+            -limit_A,
+            limit_A,
+            config.anti_windup_time_s,
+        )
+        self._limit_A = limit_A
+        self._pumps = (Pump(config.cooling), Pump(config.cooling))
+        self._queue = ReferenceQueue(limits, config.handover_rate_mm_per_s)
+        self._feedforward = feedforward
+        self._feed = False
+        self._drain = False
+        self._u_A = 0.0
+
+    @property
+    def done(self) -> bool:
+        return self._queue.done
+
+    @property
+    def reference_m(self) -> float:
+        return self._queue.reference_m
+
+    @property
+    def remaining_s(self) -> float:
+        return self._queue.remaining_s
+
+    def tune(self, command: Tune) -> None:
+        """Take the fields of `command` that are not empty, all or none. Raises CommandError."""
+        if command.feedforward and self._feedforward is None:
+            raise CommandError(
+                "feedforward cannot be switched on: no model was loaded",
+                value=True,
+                action="name a parameter file in the configuration (plant.parameter_file)",
+            )
+        pi = self._pi
+        if command.kp_A_per_mm is not None:
+            pi.kp = command.kp_A_per_mm * 1e3
+        if command.ki_A_per_mm_s is not None:
+            pi.ki = command.ki_A_per_mm_s * 1e3
+        if command.current_limit_A is not None:
+            pi.high = min(self._limit_A, command.current_limit_A)
+            pi.low = -pi.high
+        if command.cooling is not None:
+            for pump in self._pumps:
+                pump.mode = command.cooling
+        if command.feedforward is not None:
+            self._feed = command.feedforward
+        if command.drain_before_heating is not None:
+            self._drain = command.drain_before_heating
+
+    def enter(self, sample: Sample | None, u_now_A: float) -> None:
+        """Take over without a bump: stand where the pair stands, drive as it is driven."""
+        self._queue.restart(0.0 if sample is None else sample.displacement_m)
+        self._pi.preset(u_now_A)
+        self._u_A = u_now_A
+        if self._feedforward is not None and sample is not None:
+            self._feedforward.reset(sample)
+
+    def follow(self, command: Follow) -> None:
+        self._queue.follow(command)
+
+    def step(self, sample: Sample, dt_s: float) -> Demand:
+        queue = self._queue
+        error_m = queue.advance(dt_s) - sample.displacement_m
+        if math.isnan(error_m):
+            # No displacement, no feedback: better cold than blind.
+            return Demand()
+        dt_s = min(dt_s, LONGEST_STEP_S)
+        feed_A = 0.0
+        if self._feed and self._feedforward is not None:
+            feed_A = self._feedforward.current_A(queue.peek, sample, self._u_A, dt_s)
+        u_A = self._pi.step(error_m, dt_s, feed_A)
+        self._u_A = u_A
+        pull_x_A = u_A if u_A > 0.0 else 0.0
+        pull_y_A = -u_A if u_A < 0.0 else 0.0
+        heats_x, heats_y = pull_x_A > 0.0, pull_y_A > 0.0
+        return Demand(
+            pull_x_A,
+            pull_y_A,
+            self._pumps[0].step(pull_y_A, heats_x, dt_s),
+            self._pumps[1].step(pull_x_A, heats_y, dt_s),
+            self._drain and heats_x,
+            self._drain and heats_y,
+        )
+
+
+class TemperatureMode:
+    """PI on the temperature of one spring, with its own pump when it is too warm."""
+
+    name = "temperature"
+
+    def __init__(self, config: ControlConfig, command: HoldTemperature, spring_degC: float) -> None:
+        gains = config.temperature
+        self._spring = 0 if command.spring == "x" else 1
+        self._command = command
+        self._pi = PI(
+            gains.kp_A_per_K,
+            gains.ki_A_per_K_s,
+            0.0,
+            config.current_limit_A,
+            config.anti_windup_time_s,
+        )
+        self._water = Switch(
+            gains.pump_above_K, 0.0, config.cooling.min_on_s, config.cooling.min_off_s
+        )
+        self._duty = config.cooling.switch_duty
+        ramped = command.rate_K_per_s is not None and not math.isnan(spring_degC)
+        self.target_degC = spring_degC if ramped else command.temperature_degC
+        self._held_s = 0.0
+        self.done = False
+
+    def enter(self, spring_degC: float, i_now_A: float) -> None:
+        """Go on with the current that flows now (bumpless)."""
+        if not math.isnan(spring_degC):
+            self._pi.preset(i_now_A, self.target_degC - spring_degC)
+
+    def step(self, sample: Sample, dt_s: float) -> Demand:
+        self._move_target(dt_s)
+        rtd_degC = sample.rtd_degC[self._spring]
+        if math.isnan(rtd_degC):
+            return Demand()
+        error_K = self.target_degC - rtd_degC
+        i_A = self._pi.step(error_K, min(dt_s, LONGEST_STEP_S))
+        duty = 0.0
+        if i_A > 0.0:
+            self._water.stop()
+        elif self._command.use_water and self._water.step(-error_K, dt_s):
+            duty = self._duty
+        if self._spring == 0:
+            return Demand(i_x_A=i_A, pump_x_duty=duty)
+        return Demand(i_y_A=i_A, pump_y_duty=duty)
+
+    def _move_target(self, dt_s: float) -> None:
+        command = self._command
+        gap_K = command.temperature_degC - self.target_degC
+        if gap_K != 0.0 and command.rate_K_per_s is not None:
+            step_K = command.rate_K_per_s * dt_s
+            self.target_degC += math.copysign(min(step_K, abs(gap_K)), gap_K)
+            return
+        self._held_s += dt_s
+        if command.duration_s is not None and self._held_s >= command.duration_s:
+            self.done = True
+
+
+class CurrentMode:
+    """Plain currents and duties until the time is over or a temperature is reached."""
+
+    name = "current"
+
+    def __init__(self, command: DriveCurrent) -> None:
+        self._command = command
+        self._watched = 0 if command.stop_spring == "x" else 1
+        self._demand = Demand(
+            command.i_x_A,
+            command.i_y_A,
+            command.pump_x_duty,
+            command.pump_y_duty,
+            command.drain_x,
+            command.drain_y,
+        )
+        self._elapsed_s = 0.0
+        self.done = False
+
+    def step(self, sample: Sample, dt_s: float) -> Demand:
+        command = self._command
+        self._elapsed_s += dt_s
+        rtd_degC = sample.rtd_degC[self._watched]
+        if (
+            (command.duration_s is not None and self._elapsed_s >= command.duration_s)
+            or (command.stop_above_degC is not None and rtd_degC >= command.stop_above_degC)
+            or (command.stop_below_degC is not None and rtd_degC <= command.stop_below_degC)
+        ):
+            self.done = True
+        return Demand() if self.done else self._demand
