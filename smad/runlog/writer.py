@@ -37,7 +37,8 @@ class RunWriter:
     """Writes a run to `path` from a thread of its own, and to further parts when it grows long.
 
     `append` and `close` belong to one thread. Nothing that happens to the disk raises there: it is
-    found in `error`, and the rows that did not reach the file are counted in `dropped`.
+    found in `error`, and the rows that did not reach the file are counted in `dropped`. A record
+    that cannot be encoded is left out, and told in `bad_record`.
 
     The thread runs at the priority of whoever creates the writer, less one: create it after the
     real-time measures are taken, or a busy machine can suspend it while it holds the interpreter.
@@ -57,6 +58,7 @@ class RunWriter:
     ) -> None:
         self.paths = [Path(path)]
         self.error: str | None = None
+        self.bad_record: str | None = None
         self.written = 0
         # One counter for each side: += is not atomic between threads.
         self._refused = 0
@@ -92,9 +94,9 @@ class RunWriter:
             return False
         try:
             self._queue.append(self._packer.pack(record))
-        except (TypeError, ValueError, OverflowError) as error:
+        except (TypeError, ValueError, OverflowError, KeyError) as error:
             self._refused += 1
-            self.error = f"a record cannot be written: {error}"
+            self.bad_record = f"a record cannot be written: {error}"
             return False
         return True
 

@@ -1,0 +1,228 @@
+"""Reading a run log back, whole or cut, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from operator import attrgetter
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import msgspec
+import numpy as np
+from mcap import records
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from smad.errors import RunLogError
+from smad.runlog.header import METADATA_NAME, RunHeader
+from smad.runlog.scan import Damage, NotMcapError, scan
+from smad.runlog.schema import (
+    CHANNELS,
+    EVENT_TOPIC,
+    LINK_TOPIC,
+    MISSING_INTEGER,
+    ROW_TOPIC,
+    Event,
+    LinkSample,
+    Row,
+)
+from smad.runlog.writer import END_METADATA_NAME
+
+_ROWS_A_BATCH = 20_000
+Column = NDArray[np.float64] | NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that was read back.
+
+    `columns` holds every channel of the schema, all of one length n: float64 with NaN, or int64
+    with -1, where nothing was recorded. `cut_short` says that recording did not end in order (a
+    crash, a full disk); `notes` says in words what is wrong or missing, empty for a whole log.
+    """
+
+    path: Path
+    header: RunHeader
+    columns: dict[str, Column]
+    events: list[Event] = field(default_factory=list)
+    link: list[LinkSample] = field(default_factory=list)
+    cut_short: bool = False
+    dropped: int = 0
+    damaged: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.columns["t_s"])
+
+    @property
+    def duration_s(self) -> float:
+        """Board time from the first to the last row; 0 for fewer than two rows."""
+        t_s = self.columns["t_s"]
+        return float(t_s[-1] - t_s[0]) if len(t_s) > 1 else 0.0
+
+    @property
+    def missing(self) -> list[str]:
+        """Channels of which nothing was recorded."""
+        return [name for name, column in self.columns.items() if not recorded(column).any()]
+
+
+def recorded(column: Column) -> NDArray[np.bool_]:
+    """Where a column holds a value, shape (n,)."""
+    if column.dtype.kind == "f":
+        return ~np.isnan(column)
+    return np.asarray(column != MISSING_INTEGER)
+
+
+def read_run(path: str | Path) -> Run:
+    """The run in the file at `path`, up to where it is readable.
+
+    Raises RunLogError when the file cannot be opened, is no MCAP file, or is no run log.
+    """
+    path = Path(path)
+    damage = Damage()
+    intake = _Intake()
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            for item in scan(file, size, damage):
+                intake.take(item)
+    except OSError as error:
+        raise RunLogError(
+            f"cannot read {path}: {error.strerror}", action="check the path"
+        ) from error
+    except NotMcapError:
+        raise RunLogError(
+            f"{path} is no run log: it does not begin as an MCAP file",
+            value=f"{size} bytes",
+            action="use `smad log import` for logs of other programs",
+        ) from None
+    if not intake.has_rows_channel:
+        raise RunLogError(
+            f"{path} is no run log: it has no channel {ROW_TOPIC}",
+            value=f"{size} bytes",
+            action="it was cut before the first sample, or another program wrote it",
+        )
+    return intake.finish(path, damage)
+
+
+T = TypeVar("T", bound=Struct)
+
+
+class _Decoder(Generic[T]):
+    """JSON bodies to records, many at a time; one that does not fit the schema is counted."""
+
+    def __init__(self, record: type[T]) -> None:
+        self._one = msgspec.json.Decoder(record)
+        self._many = msgspec.json.Decoder(list[record])  # type: ignore[valid-type]
+        self.refused = 0
+
+    def decode(self, bodies: list[bytes]) -> list[T]:
+        try:
+            decoded: list[T] = self._many.decode(b"[" + b",".join(bodies) + b"]")
+            if len(decoded) == len(bodies):
+                return decoded
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            pass
+        return [record for body in bodies if (record := self._decode_one(body)) is not None]
+
+    def _decode_one(self, body: bytes) -> T | None:
+        try:
+            return self._one.decode(body)
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            self.refused += 1
+            return None
+
+
+class _Intake:
+    """Collects what a scan yields, and turns rows into columns batch by batch."""
+
+    def __init__(self) -> None:
+        self._topics: dict[int, str] = {}
+        self._metadata: dict[str, dict[str, str]] = {}
+        self._rows: list[bytes] = []
+        self._events: list[bytes] = []
+        self._link: list[bytes] = []
+        self._inboxes = {
+            ROW_TOPIC: self._rows,
+            EVENT_TOPIC: self._events,
+            LINK_TOPIC: self._link,
+        }
+        self._inbox_of: dict[int, list[bytes]] = {}
+        self._row_decoder = _Decoder(Row)
+        self._batches: list[dict[str, Column]] = []
+
+    @property
+    def has_rows_channel(self) -> bool:
+        return ROW_TOPIC in self._topics.values()
+
+    def take(self, item: object) -> None:
+        if isinstance(item, tuple):
+            inbox = self._inbox_of.get(item[0])
+            if inbox is not None:
+                inbox.append(item[2])
+                if inbox is self._rows and len(inbox) >= _ROWS_A_BATCH:
+                    self._decode_rows()
+        elif isinstance(item, records.Channel):
+            self._topics[item.id] = item.topic
+            if item.topic in self._inboxes:
+                self._inbox_of[item.id] = self._inboxes[item.topic]
+        elif isinstance(item, records.Metadata):
+            self._metadata[item.name] = item.metadata
+
+    def finish(self, path: Path, damage: Damage) -> Run:
+        self._decode_rows()
+        events, link = _Decoder(Event), _Decoder(LinkSample)
+        notes = list(damage.notes)
+        if METADATA_NAME not in self._metadata:
+            notes.append("the header is missing")
+        ended = self._metadata.get(END_METADATA_NAME, {}).get("dropped", "0")
+        dropped = int(ended) if ended.isdecimal() and len(ended) < 19 else 0
+        if dropped:
+            notes.append(f"{dropped} rows were dropped while recording")
+        run = Run(
+            path=path,
+            header=RunHeader.from_metadata(self._metadata.get(METADATA_NAME, {})),
+            columns=self._columns(),
+            events=events.decode(self._events),
+            link=link.decode(self._link),
+            cut_short=not damage.ended_in_order,
+            dropped=dropped,
+            damaged=damage.lost_messages,
+            notes=notes,
+        )
+        refused = self._row_decoder.refused + events.refused + link.refused
+        if refused:
+            notes.append(f"{refused} messages do not follow the schema and were left out")
+        if damage.lost_messages:
+            notes.append(f"{damage.lost_messages} messages were lost in damaged chunks")
+        if len(run) > 1 and not (np.diff(run.columns["t_s"]) > 0).all():
+            notes.append("board time does not always increase: the board restarted")
+        return run
+
+    def _decode_rows(self) -> None:
+        if self._rows:
+            rows = self._row_decoder.decode(self._rows)
+            self._batches.append({name: _column(name, rows) for name in CHANNELS})
+            self._rows.clear()
+
+    def _columns(self) -> dict[str, Column]:
+        if not self._batches:
+            return {name: _column(name, []) for name in CHANNELS}
+        columns: dict[str, Column] = {}
+        for name in CHANNELS:
+            columns[name] = np.concatenate([batch.pop(name) for batch in self._batches])
+        return columns
+
+
+def _column(name: str, rows: list[Row]) -> Column:
+    get = attrgetter(name)
+    if CHANNELS[name].kind == "float":
+        # numpy reads None as NaN.
+        return np.array([get(row) for row in rows], dtype=np.float64)
+    values = [_whole(get(row)) for row in rows]
+    return np.array(values, dtype=np.int64)
+
+
+def _whole(value: int | None) -> int:
+    # A log of another program may hold more than 64 bits; that is no value of ours.
+    return MISSING_INTEGER if value is None or not 0 <= value < 2**63 else value

@@ -1,0 +1,163 @@
+"""What an MCAP file holds, read from front to back, whatever has happened to its end.
+
+The summary at the end of a file is not used: a log that was cut has none. A damaged chunk is
+skipped and told; a file that ends in mid-record is read up to there.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any, BinaryIO, NamedTuple
+
+import zstandard
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
+
+_RECORD_HEAD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_CHUNK_HEAD = struct.Struct("<QQQII")
+_INDEX_ENTRY_BYTES = 16
+_LARGEST_CHUNK_BYTES = 256 * 2**20
+
+Parser = Callable[[ReadDataStream], Any]
+_PARSERS: dict[int, Parser] = {
+    Opcode.SCHEMA: records.Schema.read,
+    Opcode.CHANNEL: records.Channel.read,
+    Opcode.METADATA: records.Metadata.read,
+}
+_PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError)
+
+
+class NotMcapError(Exception):
+    """The file does not begin as an MCAP file does."""
+
+
+class Message(NamedTuple):
+    """One message: which channel, when, and its bytes."""
+
+    channel_id: int
+    time_ns: int
+    body: bytes
+
+
+@dataclass
+class Damage:
+    """What was wrong with a file, filled while it is scanned."""
+
+    ended_in_order: bool = False
+    notes: list[str] = field(default_factory=list)
+    lost_messages: int = 0
+    """Messages in damaged chunks, as far as the file's own index tells."""
+    unread_bytes: int = 0
+    """Bytes at the end that belong to no whole record."""
+
+
+Item = Message | records.Channel | records.Metadata
+
+
+def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
+    """The channels, metadata and messages of a file of `size` bytes, in file order.
+
+    Raises NotMcapError when the first bytes are not MCAP's, OSError when the disk fails.
+    """
+    if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+        raise NotMcapError
+    at = len(MCAP0_MAGIC)
+    index_tells_loss = False
+    while at < size:
+        head = file.read(_RECORD_HEAD.size)
+        if len(head) < _RECORD_HEAD.size:
+            break
+        opcode, length = _RECORD_HEAD.unpack(head)
+        if opcode == 0 or length > size - at - _RECORD_HEAD.size:
+            break
+        body = file.read(length)
+        if opcode == Opcode.DATA_END:
+            damage.ended_in_order = True
+            return
+        if opcode == Opcode.CHUNK:
+            index_tells_loss = False
+            try:
+                yield from _records_in(_chunk_data(body))
+            except _DamagedError as error:
+                damage.notes.append(f"the chunk at byte {at} is damaged ({error}) and was skipped")
+                index_tells_loss = True
+        elif opcode == Opcode.MESSAGE_INDEX:
+            if index_tells_loss:
+                damage.lost_messages += max(len(body) - 6, 0) // _INDEX_ENTRY_BYTES
+        else:
+            try:
+                yield from _records_in(head + body)
+            except _DamagedError as error:
+                damage.notes.append(f"the record at byte {at} is damaged ({error})")
+        at += _RECORD_HEAD.size + length
+    damage.unread_bytes = size - at
+    damage.notes.append(f"recording did not end in order: the file breaks off at byte {at}")
+
+
+class _DamagedError(Exception):
+    """A record or chunk that cannot be used; the text says why."""
+
+
+def _chunk_data(body: bytes) -> bytes:
+    try:
+        _, _, plain_size, crc, name_length = _CHUNK_HEAD.unpack_from(body)
+        at = _CHUNK_HEAD.size + name_length
+        compression = body[_CHUNK_HEAD.size : at].decode("ascii")
+        (data_length,) = struct.unpack_from("<Q", body, at)
+    except (struct.error, UnicodeDecodeError):
+        raise _DamagedError("its head cannot be read") from None
+    if plain_size > _LARGEST_CHUNK_BYTES:
+        raise _DamagedError(f"it claims {plain_size} bytes, over {_LARGEST_CHUNK_BYTES}")
+    data = _decompress(compression, body[at + 8 : at + 8 + data_length], plain_size)
+    if crc and zlib.crc32(data) != crc:
+        raise _DamagedError("its checksum does not match")
+    return data
+
+
+def _decompress(compression: str, data: bytes, plain_size: int) -> bytes:
+    if compression == "":
+        return data
+    if compression == "zstd":
+        try:
+            claimed = zstandard.frame_content_size(data)
+            if claimed > _LARGEST_CHUNK_BYTES:
+                raise _DamagedError(f"it claims {claimed} bytes, over {_LARGEST_CHUNK_BYTES}")
+            return zstandard.ZstdDecompressor().decompress(data, max_output_size=plain_size)
+        except zstandard.ZstdError:
+            raise _DamagedError("zstd cannot decompress it") from None
+    if compression == "lz4":
+        import lz4.frame  # type: ignore[import-untyped]
+
+        try:
+            plain: bytes = lz4.frame.decompress(data)
+        except RuntimeError:
+            raise _DamagedError("lz4 cannot decompress it") from None
+        return plain
+    raise _DamagedError(f"its compression {compression!r} is not known")
+
+
+def _records_in(data: bytes) -> Iterator[Item]:
+    at = 0
+    end = len(data)
+    while at < end:
+        try:
+            opcode, length = _RECORD_HEAD.unpack_from(data, at)
+            at += _RECORD_HEAD.size
+            if opcode == Opcode.MESSAGE:
+                channel_id, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(data, at)
+                yield Message(channel_id, time_ns, data[at + _MESSAGE_HEAD.size : at + length])
+            elif opcode in _PARSERS:
+                item = _PARSERS[opcode](ReadDataStream(BytesIO(data[at : at + length])))
+                if not isinstance(item, records.Schema):
+                    yield item
+        except _PARSE_ERRORS:
+            raise _DamagedError("it does not follow the format") from None
+        at += length
