@@ -1,0 +1,110 @@
+"""The wire on one side, SI on the other."""
+
+import math
+
+import msgspec
+import pytest
+
+from firmware_protocol.enums import BoardState, Limiter, SetpointFlag, ValidBit
+from firmware_protocol.messages import State
+from smad.control.controller import Output
+from smad.control.sample import BoardTime, SampleReader, Scales
+from smad.control.setpoint import setpoint_of
+
+SCALES = Scales(
+    encoder_nm_per_count=500,
+    encoder_offset_counts=100,
+    force_uN_per_count=2000,
+    force_offset_counts=-50,
+)
+ALL = sum(bit.value for bit in ValidBit)
+
+
+def state(**changes: object) -> State:
+    base = State(
+        axis=0,
+        t_us=123_456,
+        tick=7,
+        mode=BoardState.ARMED,
+        limiter=Limiter.NONE,
+        faults=0,
+        warnings=0,
+        i_meas_mA=(1998, 0),
+        i_applied_mA=(2000, 0),
+        v_mV=(1520, 0),
+        pump_duty=(0, 255),
+        rtd_cC=(4512, 2690, 2685, 2685),
+        encoder_counts=4100,
+        force_counts=570,
+        vbus_mV=12_000,
+        valid=ALL,
+        sp_seq=3,
+        sp_age_us=800,
+    )
+    return msgspec.structs.replace(base, **changes)
+
+
+def test_a_state_becomes_si_with_scales_and_offsets() -> None:
+    made = SampleReader(SCALES).read(state())
+    assert made.displacement_m == pytest.approx(0.002)
+    assert made.force_N == pytest.approx(1.24)
+    assert made.rtd_degC == pytest.approx((45.12, 26.90, 26.85, 26.85))
+    assert made.i_meas_A == pytest.approx((1.998, 0.0))
+    assert made.v_V == pytest.approx((1.52, 0.0))
+    assert made.pump_duty == (0.0, 1.0)
+    assert made.supply_V == pytest.approx(12.0)
+    assert (made.armed, made.tick) == (True, 7)
+
+
+@pytest.mark.parametrize("bit", [bit for bit in ValidBit if bit is not ValidBit.SETPOINT])
+def test_an_invalid_reading_is_nan_and_the_others_stay(bit: ValidBit) -> None:
+    good = SampleReader(SCALES).read(state())
+    made = SampleReader(SCALES).read(state(valid=ALL & ~bit))
+
+    def values(one: object) -> list[float]:
+        flat = []
+        for value in msgspec.structs.astuple(one):
+            flat += value if isinstance(value, tuple) else [value]
+        return flat
+
+    differing = [(a, b) for a, b in zip(values(good), values(made), strict=True) if a != b]
+    assert len(differing) == 1
+    assert math.isnan(differing[0][1])
+
+
+@pytest.mark.parametrize(
+    ("mode", "armed"),
+    [(mode, mode in (BoardState.ARMED, BoardState.HOLD)) for mode in BoardState],
+)
+def test_only_a_board_that_would_apply_setpoints_counts_as_armed(
+    mode: BoardState, armed: bool
+) -> None:
+    assert SampleReader(SCALES).read(state(mode=mode)).armed is armed
+
+
+def test_board_time_goes_on_through_a_wrap() -> None:
+    time = BoardTime()
+    times = [time.unwrap(t & 0xFFFF_FFFF) for t in range(2**32 - 30_000, 2**32 + 30_000, 10_000)]
+    assert times == [0, 10_000, 20_000, 30_000, 40_000, 50_000]
+
+
+def test_a_clock_that_jumps_back_stands_still_once_and_is_counted() -> None:
+    time = BoardTime()
+    assert [time.unwrap(t) for t in (1_000_000, 1_010_000, 500, 10_500)] == [
+        0, 10_000, 10_000, 20_000
+    ]  # fmt: skip
+    assert time.jumps == 1
+
+
+def test_an_output_becomes_the_nearest_setpoint() -> None:
+    made = setpoint_of(
+        Output((1.2344, 0.0), (0.0, 0.5), (True, False), 0.0123456), t_ref_us=99, ttl_ms=80
+    )
+    assert made.i_mA == (1234, 0)
+    assert made.pump_duty == (0, 128)
+    assert made.flags == SetpointFlag.DRAIN_X | SetpointFlag.STAGE
+    assert (made.stage_um, made.t_ref_us, made.ttl_ms) == (12_346, 99, 80)
+
+
+def test_without_a_stage_the_setpoint_does_not_mean_one() -> None:
+    assert setpoint_of(Output(), t_ref_us=0).flags == 0
