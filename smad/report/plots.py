@@ -1,0 +1,153 @@
+"""Drawing with matplotlib: figures without pyplot, SVG with text as text, honest decimation."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+COLOURS = {
+    "reference": "#6e7781",
+    "actual": "#0b5cad",
+    "x": "#c4432b",
+    "y": "#1f7a4d",
+    "water": "#2b8cbe",
+    "air": "#d9822b",
+    "paper": "#1b1f24",
+    "model": "#8250df",
+}
+"""One colour for each thing, the same on all pages. Told apart by the colour-blind as well."""
+
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "smad",
+    "font.size": 9.0,
+    "font.sans-serif": ["system-ui", "Helvetica", "Arial", "DejaVu Sans", "sans-serif"],
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e8ec",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "lines.linewidth": 1.2,
+}
+
+
+def new_figure(
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    width_in: float = 8.0,
+    height_in: float = 3.0,
+    share_x: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """A figure in the house style and its axes, row by row."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        axes = figure.subplots(rows, columns, sharex=share_x, squeeze=False)
+    return figure, list(axes.flat)
+
+
+def svg_of(figure: Figure, title: str = "") -> str:
+    """The figure as an `<svg>` element to stand in an HTML page; the same figure, the same text.
+
+    `title` is what a screen reader says. No metadata, no document type, nothing from outside.
+    """
+    from xml.sax.saxutils import escape, quoteattr
+
+    import matplotlib as mpl
+
+    # DejaVu is measured for the layout; the reader's own sans-serif is shown.
+    with mpl.rc_context({**_STYLE, "font.sans-serif": ["DejaVu Sans", "sans-serif"]}):
+        buffer = io.StringIO()
+        figure.savefig(
+            buffer,
+            format="svg",
+            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+        )
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :].strip()
+    if title:
+        close = text.index(">")
+        text = (
+            f'{text[:close]} role="img" aria-label={quoteattr(title)}>'
+            f"<title>{escape(title)}</title>{text[close + 1 :]}"
+        )
+    return text
+
+
+def decimated(t: ArrayLike, y: ArrayLike, buckets: int = 800) -> tuple[Array, Array]:
+    """At most 2·`buckets` + 2 points that look the same: the minimum and maximum of each bucket.
+
+    `t` and `y` of shape (n,), `t` increasing. The first and the last point stay. Gaps (nan in `y`)
+    stay gaps.
+    """
+    t, y = np.asarray(t, float), np.asarray(y, float)
+    n = t.size
+    if n <= 2 * buckets:
+        return t, y
+    edges = np.linspace(0, n, buckets + 1).astype(int)
+    keep = {0, n - 1}
+    for a, b in pairwise(edges):
+        part = y[a:b]
+        if np.isnan(part).any():
+            keep.add(a + int(np.flatnonzero(np.isnan(part))[0]))
+        if not np.isnan(part).all():
+            keep.update((a + int(np.nanargmin(part)), a + int(np.nanargmax(part))))
+    order = np.fromiter(sorted(keep), int)
+    return t[order], y[order]
+
+
+def draw(
+    axes: Axes,
+    t: ArrayLike,
+    y: ArrayLike,
+    label: str,
+    colour: str,
+    *,
+    style: str = "-",
+    width: float = 1.2,
+) -> None:
+    """Draw a recorded signal, decimated. `colour` is a name of `COLOURS` or a colour."""
+    shown_t, shown_y = decimated(t, y)
+    axes.plot(
+        shown_t, shown_y, style, color=COLOURS.get(colour, colour), linewidth=width, label=label
+    )
+
+
+def label(axes: Axes, x: str, y: str, title: str = "", *, legend: bool = True) -> None:
+    """Name the axes; a legend when anything has a label."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if title:
+        axes.set_title(title, fontsize=10, loc="left")
+    if legend and axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="best")
+
+
+def bars_with_values(
+    axes: Axes, names: Sequence[str], values: Sequence[float], colour: str, form: str = "{:.3g}"
+) -> None:
+    """Bars with their numbers written above them."""
+    positions = np.arange(len(names))
+    axes.bar(positions, values, color=COLOURS.get(colour, colour), width=0.6)
+    axes.set_xticks(positions, names)
+    for position, value in zip(positions, values, strict=True):
+        axes.annotate(
+            form.format(value), (float(position), value), ha="center", va="bottom", fontsize=8
+        )
