@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
@@ -29,6 +30,8 @@ from smad.runlog.schema import (
 from smad.runlog.writer import END_METADATA_NAME
 
 _ROWS_A_BATCH = 20_000
+_ITEMS_A_REPORT = 10_000
+Progress = Callable[[float], None]
 Column = NDArray[np.float64] | NDArray[np.int64]
 
 
@@ -66,6 +69,10 @@ class Run:
         return [name for name, column in self.columns.items() if not recorded(column).any()]
 
 
+def no_progress(share: float) -> None:
+    """Progress that nobody watches."""
+
+
 def recorded(column: Column) -> NDArray[np.bool_]:
     """Where a column holds a value, shape (n,)."""
     if column.dtype.kind == "f":
@@ -73,9 +80,10 @@ def recorded(column: Column) -> NDArray[np.bool_]:
     return np.asarray(column != MISSING_INTEGER)
 
 
-def read_run(path: str | Path) -> Run:
+def read_run(path: str | Path, *, progress: Progress = no_progress) -> Run:
     """The run in the file at `path`, up to where it is readable.
 
+    `progress` is called now and then with the share of the file that was read, 0 to 1.
     Raises RunLogError when the file cannot be opened, is no MCAP file, or is no run log.
     """
     path = Path(path)
@@ -84,8 +92,10 @@ def read_run(path: str | Path) -> Run:
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
-            for item in scan(file, size, damage):
+            for count, item in enumerate(scan(file, size, damage)):
                 intake.take(item)
+                if count % _ITEMS_A_REPORT == 0:
+                    progress(file.tell() / size)
     except OSError as error:
         raise RunLogError(
             f"cannot read {path}: {error.strerror}", action="check the path"

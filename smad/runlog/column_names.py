@@ -1,0 +1,160 @@
+"""Which channel a column of a foreign log is, told from its name: a quantity and a unit.
+
+`temp_x_degC`, `T_x_K`, `Displacement [m]` and `current_x (mA)` are understood. What is not
+understood is left out and listed; what is half understood (a known quantity without a unit, or with
+one that does not fit) is refused, because a guess would be a factor of a thousand.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+
+from smad.errors import LogImportError
+from smad.runlog.schema import CHANNELS
+from smad.runlog.units import units_for
+
+_PER_SPRING = {
+    "i_cmd_{}_A": ("i_cmd", "current_cmd", "current_command", "current_set"),
+    "i_applied_{}_A": ("i_applied", "current_applied"),
+    "i_meas_{}_A": ("i_meas", "i", "current", "current_meas"),
+    "v_{}_V": ("v", "u", "voltage"),
+    "duty_{}": ("duty", "pump", "pump_duty"),
+    "rtd_{}_degC": ("rtd", "t", "temp", "temperature"),
+}
+_SINGLE = {
+    "t_s": ("t", "time", "board_time"),
+    "host_time_s": ("host_time", "unix_time", "timestamp"),
+    "rtd_inlet_degC": ("rtd_inlet", "t_inlet", "temp_inlet", "temp_water", "t_w"),
+    "rtd_ambient_degC": ("rtd_ambient", "t_ambient", "temp_ambient", "temp_room", "t_a"),
+    "displacement_mm": ("displacement", "disp", "position", "x"),
+    "angle_deg": ("angle",),
+    "force_N": ("force", "f", "load"),
+    "supply_V": ("supply", "vbus", "bus_voltage"),
+    "stage_mm": ("stage",),
+    "reference_mm": ("reference", "ref", "target"),
+    "setpoint_age_ms": ("setpoint_age",),
+}
+_BRACKETED = re.compile(r"^(?P<stem>.+?)[\s_]*[\[(](?P<unit>[^\])]*)[\])]$")
+
+
+def _aliases() -> dict[str, str]:
+    aliases = {stem: channel for channel, stems in _SINGLE.items() for stem in stems}
+    for pattern, stems in _PER_SPRING.items():
+        for spring in ("x", "y"):
+            aliases |= {f"{stem}_{spring}": pattern.format(spring) for stem in stems}
+    return aliases
+
+
+ALIASES: Mapping[str, str] = _aliases()
+"""Quantity, in small letters and without its unit, to channel."""
+
+
+_Factor = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
+
+
+class ColumnRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What one column is. Value in `unit` = number in the file · `scale` + `offset`.
+
+    `unit` empty: the unit of the channel.
+    """
+
+    channel: str
+    unit: str = ""
+    scale: _Factor = 1.0
+    offset: _Factor = 0.0
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Which column feeds which channel, and the columns that feed none."""
+
+    rules: dict[str, ColumnRule]
+    ignored: list[str]
+
+
+def assign(names: Iterable[str], given: Mapping[str, ColumnRule]) -> Assignment:
+    """Find the channel of each column; `given` rules come first.
+
+    Raises LogImportError for a unit that is missing or does not fit, a rule without its column, and
+    two columns for one channel.
+    """
+    names = list(names)
+    absent = [name for name in given if name not in names]
+    if absent:
+        raise LogImportError(
+            f"the mapping names column {absent[0]!r}, which the file does not have",
+            limit=", ".join(names),
+            action="correct the mapping file",
+        )
+    rules: dict[str, ColumnRule] = {}
+    ignored = []
+    for name in names:
+        rule = _checked(name, given[name]) if name in given else _from_name(name)
+        if rule is None:
+            ignored.append(name)
+            continue
+        twin = next((n for n, other in rules.items() if other.channel == rule.channel), None)
+        if twin is not None:
+            raise LogImportError(
+                f"columns {twin!r} and {name!r} are both {rule.channel}",
+                action="rename one, or say in a mapping file what it is",
+            )
+        rules[name] = rule
+    return Assignment(rules, ignored)
+
+
+def _from_name(name: str) -> ColumnRule | None:
+    if name in CHANNELS:
+        return ColumnRule(name, CHANNELS[name].unit)
+    bracketed = _BRACKETED.match(name)
+    whole = _plain(name)
+    if bracketed:
+        stem, unit = _plain(bracketed["stem"]), bracketed["unit"].strip()
+    elif whole in ALIASES:
+        stem, unit = whole, ""
+    else:
+        stem, _, unit = name.strip().rpartition("_")
+        stem = _plain(stem)
+    channel = ALIASES.get(stem)
+    if channel is None:
+        return None
+    wanted = CHANNELS[channel].unit
+    if not unit and wanted == "1":
+        unit = "1"
+    if unit not in units_for(wanted):
+        raise LogImportError(
+            f"column {name!r} looks like {channel}, but "
+            + (f"{unit!r} is no unit for it" if unit else "its unit is missing"),
+            limit=", ".join(units_for(wanted)),
+            action=f"rename it (for example {stem}_{wanted}) or use a mapping file",
+        )
+    return ColumnRule(channel, unit)
+
+
+def _checked(name: str, rule: ColumnRule) -> ColumnRule:
+    channel = CHANNELS.get(rule.channel)
+    if channel is None:
+        raise LogImportError(
+            f"the mapping of column {name!r} names an unknown channel",
+            value=rule.channel,
+            limit=", ".join(CHANNELS),
+            action="correct the mapping file",
+        )
+    unit = rule.unit or channel.unit
+    if unit not in units_for(channel.unit):
+        raise LogImportError(
+            f"the mapping of column {name!r} gives {rule.channel} an unknown unit",
+            value=unit,
+            limit=", ".join(units_for(channel.unit)),
+            action="correct the mapping file",
+        )
+    return msgspec.structs.replace(rule, unit=unit)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s\-]+", "_", name.strip()).lower()

@@ -1,0 +1,188 @@
+"""A CSV file as columns of numbers; whatever is wrong is told with its line."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.errors import LogImportError
+
+if TYPE_CHECKING:
+    import pyarrow
+
+_DELIMITERS: tuple[str, ...] = (",", ";", "\t")
+_NOTHING = ["", "nan", "NaN", "NAN", "NA", "null", "NULL", "None"]
+_COMMENT = "#"
+
+
+class CsvFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the numbers are written. `delimiter` empty: found in the line of names."""
+
+    delimiter: Literal["", ",", ";", "\t"] = ""
+    decimal: Literal[".", ","] = "."
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """The line of names of a CSV file, and how to read the rest.
+
+    Lines before it that begin with # are passed over.
+    """
+
+    path: Path
+    names: list[str]
+    names_line: int
+    delimiter: str
+    decimal: str
+
+    def columns(self, wanted: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+        """The columns named, each of shape (rows,), NaN where a cell is empty.
+
+        Raises LogImportError for a row of another length, text in numbers, or no rows.
+        """
+        table = self._texts(list(wanted))
+        if not table.num_rows:
+            raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
+        return {name: self._numbers(name, table[name]) for name in table.column_names}
+
+    def line_of(self, row: int) -> int:
+        """The line of the file on which that row (from 0) ends."""
+        with self.path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(_after(file, self.names_line), delimiter=self.delimiter)
+            filled = (reader.line_num for cells in reader if cells)
+            for number, line in enumerate(filled):
+                if number == row:
+                    return self.names_line + line
+        return self.names_line
+
+    def _texts(self, wanted: list[str]) -> pyarrow.Table:
+        import pyarrow as pa
+        from pyarrow import csv as arrow_csv
+
+        try:
+            return arrow_csv.read_csv(
+                str(self.path),
+                arrow_csv.ReadOptions(
+                    use_threads=False, skip_rows=self.names_line, column_names=self.names
+                ),
+                arrow_csv.ParseOptions(delimiter=self.delimiter, newlines_in_values=False),
+                arrow_csv.ConvertOptions(
+                    include_columns=wanted,
+                    column_types=dict.fromkeys(self.names, pa.string()),
+                    null_values=_NOTHING,
+                    strings_can_be_null=True,
+                ),
+            )
+        except pa.ArrowInvalid as error:
+            if "Empty CSV" in str(error):
+                raise LogImportError(
+                    f"{self.path} holds no rows", action="there is nothing to import"
+                ) from None
+            raise LogImportError(
+                f"{self.path} is no table: {self._first_bad_row() or error}",
+                action="correct the line",
+            ) from None
+
+    def _first_bad_row(self) -> str:
+        try:
+            with self.path.open(encoding="utf-8-sig", newline="") as file:
+                reader = csv.reader(_after(file, self.names_line), delimiter=self.delimiter)
+                for cells in reader:
+                    if cells and len(cells) != len(self.names):
+                        line = self.names_line + reader.line_num
+                        return f"line {line} has {len(cells)} cells, not {len(self.names)}"
+        except (csv.Error, UnicodeDecodeError) as error:
+            return str(error)
+        return ""
+
+    def _numbers(self, name: str, texts: pyarrow.ChunkedArray) -> NDArray[np.float64]:
+        import pyarrow as pa
+        from pyarrow import compute
+
+        plain = compute.utf8_trim_whitespace(texts)
+        if self.decimal == ",":
+            plain = compute.replace_substring(plain, ",", ".")
+        plain = compute.replace_substring_regex(plain, r"^\+", "")
+        try:
+            values: NDArray[np.float64] = compute.cast(plain, pa.float64()).to_numpy()
+        except pa.ArrowInvalid:
+            self._refuse(name, *_first_text(plain))
+        infinite = np.flatnonzero(np.isinf(values))
+        if len(infinite):
+            self._refuse(name, int(infinite[0]), "an infinite number")
+        return values
+
+    def _refuse(self, name: str, row: int, value: str) -> None:
+        raise LogImportError(
+            f"{self.path}, line {self.line_of(row)}: column {name!r} is not a number",
+            value=value,
+            action="correct it, or leave the cell empty"
+            if self.decimal == "," or "," not in value
+            else 'correct it, or say `decimal = ","` under [csv] in a mapping file',
+        )
+
+
+def open_csv(path: Path, form: CsvFormat) -> CsvTable:
+    """Read the line of names.
+
+    Raises LogImportError for a file that cannot be read, is empty, or is no table of names.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            number, line = _names_line(file)
+    except OSError as error:
+        raise LogImportError(
+            f"cannot read {path}: {error.strerror}", action="check the path"
+        ) from (error)
+    except UnicodeDecodeError as error:
+        raise LogImportError(
+            f"{path} is not UTF-8 text (byte {error.start})", action="save it as UTF-8 CSV"
+        ) from None
+    if not line.strip():
+        raise LogImportError(f"{path} is empty", action="there is nothing to import")
+    likely = max(_DELIMITERS, key=line.count)
+    delimiter = form.delimiter or likely
+    try:
+        names = [name.strip() for name in next(csv.reader([line], delimiter=delimiter))]
+    except csv.Error as error:
+        raise LogImportError(
+            f"{path}, line {number}: {error}", action="write the names of the columns there"
+        ) from None
+    twin = next((name for name in names if names.count(name) > 1), None)
+    if twin is not None:
+        raise LogImportError(
+            f"{path}, line {number}: two columns are named {twin!r}", action="rename one"
+        )
+    return CsvTable(path, names, number, delimiter, form.decimal)
+
+
+def _names_line(lines: Iterable[str]) -> tuple[int, str]:
+    for number, line in enumerate(lines, start=1):
+        if line.strip() and not line.startswith(_COMMENT):
+            return number, line
+    return 1, ""
+
+
+def _after(lines: Iterator[str], count: int) -> Iterator[str]:
+    for _ in range(count):
+        next(lines, None)
+    return lines
+
+
+def _first_text(values: pyarrow.ChunkedArray) -> tuple[int, str]:
+    import pyarrow as pa
+
+    for row, value in enumerate(values):
+        if value.is_valid:
+            try:
+                value.cast(pa.float64())
+            except pa.ArrowInvalid:
+                return row, value.as_py()
+    raise AssertionError("a column that could not be cast holds only numbers")

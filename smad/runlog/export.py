@@ -1,0 +1,148 @@
+"""Run logs to CSV, Parquet and MATLAB files, with the header beside the columns.
+
+- CSV: one line of names (units are in them), then rows; empty where nothing was recorded. Header
+  and events go to `<name>.header.json` beside it, so that the table stays a plain table.
+- Parquet: header and events in the metadata of the schema, the unit in that of each column.
+- MATLAB (version 5): `run.columns.<channel>`, `run.units.<channel>`, `run.header`, `run.events`.
+
+Channels of which nothing was recorded are left out, in all three.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from smad.errors import RunLogError
+from smad.runlog.reader import Column, Run, recorded
+from smad.runlog.schema import CHANNELS
+
+if TYPE_CHECKING:
+    import pyarrow
+
+METADATA_KEY = "smad"
+
+
+def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list[Path]:
+    """Write `run` to `target` in the format its suffix names; returns the files written.
+
+    Raises RunLogError for an unknown suffix, a file that is there already, an empty run, or a disk
+    that refuses.
+    """
+    target = Path(target)
+    write = _FORMATS.get(target.suffix)
+    if write is None:
+        raise RunLogError(
+            f"cannot export to {target.name}: unknown format",
+            value=target.suffix or "no suffix",
+            limit=" ".join(_FORMATS),
+            action="name a file with one of these suffixes",
+        )
+    if not len(run):
+        raise RunLogError(f"{run.path} holds no rows", action="there is nothing to export")
+    files = [target, header_path(target)] if target.suffix == ".csv" else [target]
+    taken = next((path for path in files if path.exists()), None)
+    if taken is not None and not overwrite:
+        raise RunLogError(f"{taken} is there already", action="use --overwrite or another name")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write(run, temporary)
+        if len(files) > 1:
+            files[1].write_bytes(msgspec.json.format(header_document(run), indent=2) + b"\n")
+        temporary.replace(target)
+    except OSError as error:
+        raise RunLogError(
+            f"cannot write {target}: {error.strerror or error}", action="check folder and space"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+    return files
+
+
+def header_path(csv: Path) -> Path:
+    """Where the header of an exported CSV is: `run.csv` → `run.header.json`."""
+    return csv.with_suffix(".header.json")
+
+
+def header_document(run: Run) -> bytes:
+    """Header, units, events and notes of a run, as JSON."""
+    return msgspec.json.encode(
+        {
+            "header": run.header,
+            "units": {name: CHANNELS[name].unit for name in _used(run)},
+            "events": run.events,
+            "link": run.link,
+            "notes": run.notes,
+            "cut_short": run.cut_short,
+            "exported_from": run.path.name,
+        }
+    )
+
+
+def _used(run: Run) -> dict[str, Column]:
+    return {name: column for name, column in run.columns.items() if recorded(column).any()}
+
+
+def _arrow_table(run: Run) -> pyarrow.Table:
+    import pyarrow as pa
+
+    arrays, fields = [], []
+    for name, column in _used(run).items():
+        arrays.append(pa.array(column, mask=~recorded(column)))
+        fields.append(pa.field(name, arrays[-1].type, metadata={"unit": CHANNELS[name].unit}))
+    schema = pa.schema(fields, metadata={METADATA_KEY: header_document(run)})
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _write_csv(run: Run, path: Path) -> None:
+    from pyarrow import csv
+
+    table = _arrow_table(run)
+    with path.open("wb") as file:
+        # The names by hand: pyarrow quotes them, which some readers then take as part of the name.
+        file.write((",".join(table.column_names) + "\n").encode())
+        csv.write_csv(table, file, csv.WriteOptions(include_header=False))
+
+
+def _write_parquet(run: Run, path: Path) -> None:
+    from pyarrow import parquet
+
+    parquet.write_table(_arrow_table(run), str(path), compression="zstd")
+
+
+def _write_mat(run: Run, path: Path) -> None:
+    from scipy.io import savemat
+
+    used = _used(run)
+    document = msgspec.json.decode(header_document(run))
+    header = {name: _matlab_value(value) for name, value in document["header"].items()}
+    content = {
+        "columns": {name: np.asarray(column).reshape(-1, 1) for name, column in used.items()},
+        "units": {name: CHANNELS[name].unit for name in used},
+        "header": header,
+        "events": msgspec.json.encode(document["events"]).decode(),
+        "notes": "\n".join(document["notes"]),
+    }
+    with path.open("wb") as file:
+        savemat(file, {"run": content}, long_field_names=True, oned_as="column")
+
+
+def _matlab_value(value: Any) -> Any:
+    # Keys of tables are free text, which MATLAB does not take as names: JSON, for jsondecode.
+    if isinstance(value, Mapping | list):
+        return msgspec.json.encode(value).decode()
+    return np.nan if value is None else value
+
+
+_FORMATS: Mapping[str, Callable[[Run, Path], None]] = {
+    ".csv": _write_csv,
+    ".parquet": _write_parquet,
+    ".mat": _write_mat,
+}
+EXPORT_SUFFIXES = tuple(_FORMATS)

@@ -1,0 +1,205 @@
+"""Logs made elsewhere (CSV) become ordinary run logs, with `source = "import"` in the header."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.errors import LogImportError
+from smad.runlog.column_names import Assignment, ColumnRule, assign
+from smad.runlog.csv_table import CsvFormat, CsvTable, open_csv
+from smad.runlog.export import header_path
+from smad.runlog.header import RunHeader
+from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
+from smad.runlog.units import convert
+from smad.runlog.writer import write_run
+
+
+class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A mapping file (TOML): `[csv]`, and `[columns."name in the file"]` with a rule each."""
+
+    csv: CsvFormat = CsvFormat()
+    columns: dict[str, ColumnRule] = {}
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import made: the log, and which column became which channel."""
+
+    path: Path
+    rows: int
+    channel_of: dict[str, str]
+    ignored: list[str]
+    missing: list[str]
+
+
+class _Beside(msgspec.Struct):
+    # What `export` writes beside a CSV; see smad.runlog.export.header_document.
+    header: RunHeader = RunHeader()
+    events: list[Event] = []
+    link: list[LinkSample] = []
+
+
+def read_mapping(path: str | Path) -> MappingFile:
+    """The mapping file at `path`. Raises LogImportError when it cannot be read or understood."""
+    try:
+        return msgspec.toml.decode(Path(path).read_bytes(), type=MappingFile)
+    except OSError as error:
+        raise LogImportError(
+            f"cannot read mapping {path}: {error.strerror}", action="check the path"
+        ) from error
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise LogImportError(
+            f"mapping {path} is not valid: {error}",
+            action="docs/guide/run-logs.md shows a mapping file",
+        ) from None
+
+
+def import_csv(
+    source: str | Path, target: str | Path, mapping: MappingFile | None = None
+) -> Imported:
+    """Turn the CSV at `source` into a run log at `target`.
+
+    A header that `smad log export` left beside the CSV is taken over. Channels that the file does
+    not have are null in the log and listed in the result.
+
+    Raises LogImportError for a file that cannot be used, RunLogError for a target that cannot be
+    written.
+    """
+    source = Path(source)
+    mapping = mapping or MappingFile()
+    table = open_csv(source, mapping.csv)
+    assignment = assign(table.names, mapping.columns)
+    columns = _convert(table, assignment)
+    _check_time(table, assignment, columns)
+    beside = _read_beside(source)
+    header = _header(source, beside.header, assignment, columns)
+    records = _records(columns, beside)
+    target = Path(target)
+    write_run(target, header, records)
+    return Imported(
+        path=target,
+        rows=len(columns["t_s"]),
+        channel_of={name: rule.channel for name, rule in assignment.rules.items()},
+        ignored=assignment.ignored,
+        missing=[name for name in CHANNELS if name not in columns],
+    )
+
+
+def _convert(table: CsvTable, assignment: Assignment) -> dict[str, NDArray[np.float64]]:
+    columns = {}
+    if "t_s" not in {rule.channel for rule in assignment.rules.values()}:
+        raise LogImportError(
+            f"{table.path} has no time column",
+            value=", ".join(table.names),
+            limit="t_s, time_s, time_ms …",
+            action="name the column time_s, or use a mapping file",
+        )
+    for name, values in table.columns(assignment.rules).items():
+        rule = assignment.rules[name]
+        channel = CHANNELS[rule.channel]
+        converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
+        if channel.kind == "integer":
+            bad = np.flatnonzero((converted < 0) | (converted != np.rint(converted)))
+            bad = bad[~np.isnan(converted[bad])]
+            if len(bad):
+                raise LogImportError(
+                    f"{table.path}, line {table.line_of(int(bad[0]))}: column {name!r} holds "
+                    "counts or bits",
+                    value=float(converted[bad[0]]),
+                    limit="whole numbers from 0",
+                    action="correct the value",
+                )
+        columns[rule.channel] = converted
+    return {name: columns[name] for name in CHANNELS if name in columns}
+
+
+def _check_time(
+    table: CsvTable, assignment: Assignment, columns: Mapping[str, NDArray[np.float64]]
+) -> None:
+    t_s = columns["t_s"]
+    name = next(n for n, rule in assignment.rules.items() if rule.channel == "t_s")
+    empty = np.flatnonzero(np.isnan(t_s))
+    if len(empty):
+        raise LogImportError(
+            f"{table.path}, line {table.line_of(int(empty[0]))}: time column {name!r} is empty",
+            action="fill it, or remove the row",
+        )
+    back = np.flatnonzero(np.diff(t_s) <= 0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise LogImportError(
+            f"{table.path}, line {table.line_of(row)}: time does not increase",
+            value=f"{t_s[row]:.9g} s after {t_s[row - 1]:.9g} s",
+            action="sort the rows, and remove repeated ones",
+        )
+
+
+def _read_beside(source: Path) -> _Beside:
+    path = header_path(source)
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=_Beside)
+    except FileNotFoundError:
+        return _Beside()
+    except OSError as error:
+        raise LogImportError(
+            f"cannot read {path}: {error.strerror}", action="move it away or make it readable"
+        ) from error
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        raise LogImportError(
+            f"{path} is no header of an exported log: {error}",
+            action=f"move it away; {source.name} can be imported without",
+        ) from None
+
+
+def _header(
+    source: Path,
+    beside: RunHeader,
+    assignment: Assignment,
+    columns: Mapping[str, NDArray[np.float64]],
+) -> RunHeader:
+    t_s = columns["t_s"]
+    changes: dict[str, Any] = {
+        "source": "import",
+        "name": beside.name or source.stem,
+        "extra": {
+            **beside.extra,
+            "imported_from": source.name,
+            "imported_source": beside.source,
+            "imported_columns": msgspec.json.encode(
+                {
+                    name: f"{rule.channel} from {rule.unit}"
+                    for name, rule in assignment.rules.items()
+                }
+            ).decode(),
+            "ignored_columns": ", ".join(assignment.ignored),
+        },
+    }
+    if beside.rate_hz is None and len(t_s) > 1:
+        changes["rate_hz"] = round(float(1.0 / np.median(np.diff(t_s))), 6)
+    host_time_s = columns.get("host_time_s")
+    if not beside.started_unix_s and host_time_s is not None and np.isfinite(host_time_s[0]):
+        changes["started_unix_s"] = float(host_time_s[0])
+    return msgspec.structs.replace(beside, **changes)
+
+
+def _records(columns: Mapping[str, NDArray[np.float64]], beside: _Beside) -> Iterator[Record]:
+    names = list(columns)
+    lists = [_plain_list(name, column) for name, column in columns.items()]
+    for values in zip(*lists, strict=True):
+        yield Row(**dict(zip(names, values, strict=True)))
+    yield from beside.events
+    yield from beside.link
+
+
+def _plain_list(name: str, column: NDArray[np.float64]) -> list[Any]:
+    values: list[float] = column.tolist()
+    if CHANNELS[name].kind == "float":
+        return values
+    return [None if np.isnan(value) else int(value) for value in values]

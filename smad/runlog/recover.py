@@ -1,0 +1,178 @@
+"""A log that was cut or damaged, rewritten as a whole one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import FileIO
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap import records
+
+from smad.errors import RunLogError
+from smad.runlog.mcap_file import CHANNEL_IDS, McapFile, Packed, pack
+from smad.runlog.reader import Progress, no_progress
+from smad.runlog.scan import Damage, Message, NotMcapError, scan
+from smad.runlog.schema import ROW_TOPIC, TOPICS
+
+RECOVERED_METADATA_NAME = "smad.recovered"
+_MESSAGES_A_CHUNK = 256
+_MESSAGES_A_REPORT = 10_000
+_ID_OF_TOPIC: Mapping[str, int] = {topic: CHANNEL_IDS[record] for record, topic in TOPICS.items()}
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was saved from a log, and what was not.
+
+    `lost_messages` is what the file's own index tells of damaged chunks; how many rows the
+    `unread_bytes` at the end held is not known, at most those of one flush interval after a crash.
+    """
+
+    path: Path
+    messages: int
+    lost_messages: int
+    unread_bytes: int
+    notes: list[str]
+
+
+def recovered_path(path: Path) -> Path:
+    """Where `recover` writes when nothing else is said: `run.mcap` → `run.recovered.mcap`."""
+    return path.with_name(f"{path.stem}.recovered{path.suffix}")
+
+
+def recover(
+    path: str | Path, output: str | Path | None = None, *, progress: Progress = no_progress
+) -> Recovery:
+    """Write what is readable of the log at `path` to a new file; the old one is left as it is.
+
+    Raises RunLogError when there is nothing to recover: the log is whole, it is no run log, or no
+    message is left. Nothing is written then.
+    """
+    path = Path(path)
+    target = Path(output) if output is not None else recovered_path(path)
+    damage = Damage()
+    try:
+        size = path.stat().st_size
+        source = path.open("rb")
+    except OSError as error:
+        raise RunLogError(
+            f"cannot read {path}: {error.strerror}", action="check the path"
+        ) from error
+    with source:
+        file = _create(target)
+        try:
+            with file:
+                rewrite = _Rewrite(McapFile(file))
+                _copy(source, size, damage, rewrite, progress)
+                rewrite.finish(path, damage)
+            _refuse_if_pointless(path, damage, rewrite)
+        except BaseException as error:
+            target.unlink(missing_ok=True)
+            _explain(path, target, error)
+            raise
+    return Recovery(
+        path=target,
+        messages=rewrite.messages,
+        lost_messages=damage.lost_messages,
+        unread_bytes=damage.unread_bytes,
+        notes=damage.notes,
+    )
+
+
+def _create(target: Path) -> FileIO:
+    try:
+        return FileIO(target, "xb")
+    except FileExistsError:
+        raise RunLogError(
+            f"{target} is there already", action="name another file with --output"
+        ) from None
+    except OSError as error:
+        raise RunLogError(
+            f"cannot create {target}: {error.strerror}", action="name another file with --output"
+        ) from error
+
+
+def _explain(path: Path, target: Path, error: BaseException) -> None:
+    if isinstance(error, NotMcapError):
+        raise RunLogError(
+            f"{path} is no run log: it does not begin as an MCAP file",
+            action="nothing can be recovered from it",
+        ) from None
+    if isinstance(error, OSError):
+        raise RunLogError(
+            f"cannot recover {path} to {target}: {error.strerror}",
+            action="check the disk and its free space",
+        ) from error
+
+
+def _refuse_if_pointless(path: Path, damage: Damage, rewrite: _Rewrite) -> None:
+    if not rewrite.messages:
+        raise RunLogError(
+            f"{path} holds no readable message on {ROW_TOPIC} or beside it",
+            action="nothing can be recovered from it",
+        )
+    if damage.ended_in_order and not damage.notes:
+        raise RunLogError(f"{path} is whole", action="use it as it is")
+
+
+def _copy(
+    source: BinaryIO, size: int, damage: Damage, rewrite: _Rewrite, progress: Progress
+) -> None:
+    for count, item in enumerate(scan(source, size, damage)):
+        if isinstance(item, Message):
+            rewrite.message(item)
+        elif isinstance(item, records.Channel):
+            rewrite.channel(item)
+        elif item.name != RECOVERED_METADATA_NAME:
+            rewrite.metadata(item)
+        if count % _MESSAGES_A_REPORT == 0:
+            progress(source.tell() / size)
+
+
+class _Rewrite:
+    """Puts messages of known topics into a new file, bodies unchanged, numbered afresh."""
+
+    def __init__(self, mcap: McapFile) -> None:
+        self.messages = 0
+        self._mcap = mcap
+        self._ids: dict[int, int] = {}
+        self._sequences = dict.fromkeys(_ID_OF_TOPIC.values(), 0)
+        self._batch: list[Packed] = []
+
+    def channel(self, channel: records.Channel) -> None:
+        if channel.topic in _ID_OF_TOPIC:
+            self._ids[channel.id] = _ID_OF_TOPIC[channel.topic]
+
+    def metadata(self, metadata: records.Metadata) -> None:
+        self._flush()
+        self._mcap.write_metadata(metadata.name, metadata.metadata)
+
+    def message(self, message: Message) -> None:
+        channel_id = self._ids.get(message.channel_id)
+        if channel_id is None:
+            return
+        sequence = self._sequences[channel_id]
+        self._sequences[channel_id] = (sequence + 1) & 0xFFFFFFFF
+        self._batch.append(pack(channel_id, sequence, message.time_ns, message.body))
+        self.messages += 1
+        if len(self._batch) >= _MESSAGES_A_CHUNK:
+            self._flush()
+
+    def finish(self, path: Path, damage: Damage) -> None:
+        self._flush()
+        self._mcap.write_metadata(
+            RECOVERED_METADATA_NAME,
+            {
+                "from": path.name,
+                "lost_messages": str(damage.lost_messages),
+                "unread_bytes": str(damage.unread_bytes),
+                "notes": "\n".join(damage.notes),
+            },
+        )
+        self._mcap.finish()
+
+    def _flush(self) -> None:
+        self._mcap.write_chunk(self._batch)
+        self._batch = []
