@@ -77,6 +77,10 @@ class Codec:
         except KeyError:
             raise SchemaError(f"{cls.__name__} is not in this table of messages") from None
 
+    def knows(self, number: int) -> bool:
+        """Whether the table has a message of this number."""
+        return number in self.layouts
+
     def pack(self, message: Message) -> bytes:
         """Return the payload. Raises PayloadError naming the field that does not fit."""
         layout = self.layout(type(message))

@@ -69,6 +69,10 @@ class Warning(enum.IntEnum):
     RTD_JUMP = 1
     NEAR_TEMPERATURE_LIMIT = 2
     NEAR_I2T_LIMIT = 3
+    SUPPLY_LOW = 4
+    LOOP_LATE = 5
+    COOL_CAP = 6
+    SENSOR_INVALID = 7
 
 
 class Limiter(enum.IntEnum):
@@ -90,6 +94,8 @@ class Channel(enum.IntEnum):
     INLET = 2
     AMBIENT = 3
     BOARD = 4
+    ENCODER = 5
+    FORCE = 6
 
 
 class ErrorCode(enum.IntEnum):

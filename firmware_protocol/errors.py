@@ -29,3 +29,11 @@ class ParameterError(ProtocolError):
 
 class RateError(ProtocolError):
     """The baud rate cannot carry the STATE rate asked for."""
+
+
+class QueueFullError(ProtocolError):
+    """Too many requests are waiting for their turn."""
+
+
+class NotAllowedError(ProtocolError):
+    """The board has another table of messages: it may be watched, not commanded."""

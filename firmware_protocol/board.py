@@ -1,0 +1,390 @@
+"""The board's end of a session; also the model for a firmware author.
+
+Theory of operation. HELLO with a new nonce begins a session; frames of any other session are
+refused, ESTOP and HELLO excepted. Every request has a sequence number, counted from 1 in each
+session. The board keeps the last number and the answer it gave: the same number again gets the
+same answer again without a second action, an older number is dropped, and a newer one is dropped
+while the last is unanswered, so that the host asks again. That is the whole of "at most once".
+
+What the session knows, it answers by itself: HELLO, DESCRIBE, TIME_REQUEST, PARAM_GET, PARAM_SET,
+FAULT_GET. What the board has to decide comes out as an event, to be answered with `reply`, `done`
+or `reject`. Bytes received never raise; what is wrong with them is counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from firmware_protocol import messages as m
+from firmware_protocol.codec import CODEC, Codec
+from firmware_protocol.enums import ErrorCode
+from firmware_protocol.errors import NotARequestError, PayloadError
+from firmware_protocol.events import (
+    ArmConfirmed,
+    ArmRequested,
+    BoardEvent,
+    ClearFaultRequested,
+    DisarmRequested,
+    EstopReceived,
+    ParameterChanged,
+    ParameterSaveRequested,
+    Request,
+    SessionStarted,
+    SetpointReceived,
+)
+from firmware_protocol.framing import DELIMITER, DecoderStats, Frame, FrameDecoder
+from firmware_protocol.parameters import ParameterRefusedError, ParameterStore
+from firmware_protocol.replies import RequestMemory, Verdict
+from firmware_protocol.reports import FaultReports
+from firmware_protocol.schema import compress, describe, schema_crc
+from firmware_protocol.setpoints import SetpointGate
+
+MAX_SETPOINT_AGE_US = 50_000
+ERRORS_PER_SECOND = 10
+FAULT_COPIES = 3
+SLICE = 96
+FIRST_BOARD_NUMBER = 0x80
+WRAP = 1 << 32
+
+
+class BoardLinkStats(msgspec.Struct):
+    """What the session has counted since boot; `decoder` counts damaged frames."""
+
+    decoder: DecoderStats
+    payload_errors: int = 0
+    session_errors: int = 0
+    stale_setpoints: int = 0
+    repeated_requests: int = 0
+    busy_requests: int = 0
+    dropped_states: int = 0
+    dropped_errors: int = 0
+    echoes: int = 0
+
+
+class BoardSession:
+    """One host on one port.
+
+    `ident` is a template: the fields that the session knows itself (session, nonce, CRCs, first
+    fault) are filled in. `safe` is set by the board: parameters change only while it is True.
+    """
+
+    def __init__(
+        self,
+        *,
+        ident: m.Ident,
+        parameters: ParameterStore | None = None,
+        codec: Codec = CODEC,
+        max_setpoint_age_us: int = MAX_SETPOINT_AGE_US,
+    ) -> None:
+        self.parameters = parameters or ParameterStore(ident.axes)
+        self.reports = FaultReports()
+        self.session = 0
+        self.safe = False
+        self.schema_agrees = False
+        self._ident = ident
+        self._codec = codec
+        description = describe(codec)
+        self._schema_crc = schema_crc(description)
+        self._description = compress(description)
+        self._max_age_us = max_setpoint_age_us
+        self._decoder = FrameDecoder()
+        self.stats = BoardLinkStats(self._decoder.stats)
+        self._nonce: int | None = None
+        self._handshakes = 0
+        self._out = bytearray()
+        self._states: dict[int, m.State] = {}
+        self._state_seq = 0
+        self._stats_seq = 0
+        self._fault_copies: dict[m.FaultReport, int] = {}
+        self._error_times: list[int] = []
+        self._handlers: dict[type[m.Message], Callable[[Any, Request, int], BoardEvent | None]] = {
+            m.Describe: self._on_describe,
+            m.ParamGet: self._on_param_get,
+            m.ParamSet: self._on_param_set,
+            m.ParamSave: self._on_param_save,
+            m.FaultGet: self._on_fault_get,
+            m.ArmRequest: self._on_arm_request,
+            m.ArmConfirm: lambda message, request, _: ArmConfirmed(request, message),
+            m.Disarm: lambda message, request, _: DisarmRequested(request, message),
+            m.ClearFault: lambda message, request, _: ClearFaultRequested(request, message),
+        }
+        self._forget_requests()
+
+    # For the board
+
+    def boot(self, now_us: int) -> None:
+        """Announce the board: IDENT with session 0."""
+        self._out += DELIMITER + self._codec.frame(self._identity(0, 0), 0, 0)
+
+    def receive(self, data: bytes, now_us: int) -> list[BoardEvent]:
+        """Take in bytes from the port; return what the board has to act on. Never raises."""
+        events: list[BoardEvent] = []
+        for frame in self._decoder.feed(data):
+            event = self._on_frame(frame, now_us)
+            if event is not None:
+                events.append(event)
+        return events
+
+    def reply(self, request: Request, message: m.Message, now_us: int) -> None:
+        """Answer a request. Raises NotARequestError for an answer that the table does not list."""
+        if type(message).__name__ not in (*request.message.info.replies, "Error"):
+            raise NotARequestError(
+                f"{type(message).__name__} does not answer {type(request.message).__name__}; "
+                f"{' or '.join(request.message.info.replies)} does"
+            )
+        if request.session != self.session or request.seq != self._memory.seq:
+            return
+        self._memory.answer = self._codec.frame(message, request.seq, self.session)
+        self._out += self._memory.answer
+
+    def done(self, request: Request, now_us: int) -> None:
+        """Answer that the request was carried out."""
+        number = request.message.info.number
+        self.reply(request, m.Done(request_type=number, t_us=now_us % WRAP), now_us)
+
+    def reject(
+        self,
+        request: Request,
+        code: ErrorCode,
+        field: int = m.NO_FIELD,
+        limit: int = 0,
+        now_us: int = 0,
+        *,
+        value: int = 0,
+    ) -> None:
+        """Answer that the request was refused, with the field, the value and the limit."""
+        number = request.message.info.number
+        self.reply(request, m.Error(number, request.seq, code, field, value, limit), now_us)
+
+    def send_state(self, state: m.State) -> None:
+        """Put a sample in the slot of its axis; one that was not sent yet is replaced."""
+        if state.axis in self._states:
+            self.stats.dropped_states += 1
+        self._states[state.axis] = state
+
+    def send_fault(self, report: m.FaultReport) -> m.FaultReport:
+        """Send a fault now and with the next two samples; return it with its index filled in."""
+        numbered = self.reports.add(report)
+        self._fault_copies[numbered] = FAULT_COPIES - 1
+        self._out += self._codec.frame(numbered, numbered.index, self.session)
+        return numbered
+
+    def send_link_stats(self, now_us: int, overruns: int = 0, longest_loop_us: int = 0) -> None:
+        """Send the counters of the session, with the loop's from the board."""
+        decoder, stats = self.stats.decoder, self.stats
+        self._stats_seq = (self._stats_seq + 1) & 0xFF
+        message = m.LinkStats(
+            frames=decoder.frames % WRAP,
+            crc_errors=decoder.crc_errors % WRAP,
+            cobs_errors=decoder.cobs_errors % WRAP,
+            length_errors=decoder.length_errors % WRAP,
+            payload_errors=stats.payload_errors % WRAP,
+            session_errors=stats.session_errors % WRAP,
+            stale_setpoints=stats.stale_setpoints % WRAP,
+            repeated_requests=stats.repeated_requests % WRAP,
+            dropped_states=stats.dropped_states % WRAP,
+            overruns=overruns % WRAP,
+            longest_loop_us=min(longest_loop_us, WRAP - 1),
+        )
+        self._out += self._codec.frame(message, self._stats_seq, self.session)
+
+    def data_to_send(self) -> bytes:
+        """Return all bytes to write now; a second call returns none."""
+        if self._states:
+            for state in self._states.values():
+                self._state_seq = (self._state_seq + 1) & 0xFF
+                self._out += self._codec.frame(state, self._state_seq, self.session)
+            self._states.clear()
+            self._repeat_faults()
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    # Frames
+
+    def _on_frame(self, frame: Frame, now_us: int) -> BoardEvent | None:
+        if frame.type >= FIRST_BOARD_NUMBER:
+            self.stats.echoes += 1
+            return None
+        try:
+            message = self._codec.unpack(frame.type, frame.payload)
+        except PayloadError:
+            self.stats.payload_errors += 1
+            known = self._codec.knows(frame.type)
+            code = ErrorCode.BAD_PAYLOAD if known else ErrorCode.UNKNOWN_TYPE
+            self._complain(frame, code, now_us, value=len(frame.payload))
+            return None
+        if isinstance(message, m.Estop):
+            return EstopReceived()
+        if isinstance(message, m.Hello):
+            return self._on_hello(message, frame, now_us)
+        if self.session == 0 or frame.session != self.session:
+            self.stats.session_errors += 1
+            self._complain(
+                frame, ErrorCode.NO_SESSION, now_us, value=frame.session, limit=self.session
+            )
+            return None
+        if not self.schema_agrees and not message.info.frozen:
+            self._complain(frame, ErrorCode.SCHEMA_DIFFERS, now_us)
+            return None
+        if isinstance(message, m.TimeRequest):
+            stamp = now_us % WRAP
+            reply = m.TimeReply(t1_us=message.t1_us, t2_us=stamp, t3_us=stamp)
+            self._out += self._codec.frame(reply, frame.seq, self.session)
+            return None
+        if isinstance(message, m.Setpoint):
+            return self._on_setpoint(message, frame, now_us)
+        return self._on_request(message, frame, now_us)
+
+    def _on_hello(self, hello: m.Hello, frame: Frame, now_us: int) -> BoardEvent | None:
+        if hello.major != self._ident.major:
+            self._out += self._codec.frame(self._identity(0, hello.nonce), frame.seq, 0)
+            return None
+        event = None
+        if self.session == 0 or hello.nonce != self._nonce:
+            self._handshakes += 1
+            self.session = 1 + (self._ident.boot_count * 257 + self._handshakes) % 0xFFFF
+            self._nonce = hello.nonce
+            self.schema_agrees = hello.schema_crc == self._schema_crc
+            self._forget_requests()
+            event = SessionStarted(self.session, self.schema_agrees)
+        answer = self._identity(self.session, hello.nonce)
+        self._out += self._codec.frame(answer, frame.seq, self.session)
+        return event
+
+    def _on_setpoint(self, setpoint: m.Setpoint, frame: Frame, now_us: int) -> BoardEvent | None:
+        if setpoint.axis >= self._ident.axes:
+            axis, limit = setpoint.axis, self._ident.axes - 1
+            self._complain(frame, ErrorCode.NO_SUCH_AXIS, now_us, field=0, value=axis, limit=limit)
+            return None
+        age_us = self._gate.admit(setpoint.axis, setpoint.t_ref_us, frame.seq, now_us)
+        if age_us is None:
+            self.stats.stale_setpoints += 1
+            return None
+        return SetpointReceived(setpoint, frame.seq, age_us)
+
+    def _on_request(self, message: m.Message, frame: Frame, now_us: int) -> BoardEvent | None:
+        verdict = self._memory.judge(frame.seq)
+        if verdict is Verdict.BUSY:
+            self.stats.busy_requests += 1
+        elif verdict is not Verdict.NEW:
+            self.stats.repeated_requests += 1
+        if verdict is Verdict.REPEATED and self._memory.answer:
+            self._out += self._memory.answer
+        if verdict is not Verdict.NEW:
+            return None
+        request = Request(message, frame.seq, self.session)
+        axis = getattr(message, "axis", 0)
+        if axis >= self._ident.axes:
+            limit = self._ident.axes - 1
+            self.reject(request, ErrorCode.NO_SUCH_AXIS, 0, limit, now_us, value=axis)
+            return None
+        return self._handlers[type(message)](message, request, now_us)
+
+    # Requests that the session answers itself
+
+    def _on_describe(self, message: m.Describe, request: Request, now_us: int) -> None:
+        piece = self._description[message.offset : message.offset + SLICE]
+        total = len(self._description)
+        self.reply(request, m.Description(message.offset, total, len(piece), piece), now_us)
+
+    def _on_param_get(self, message: m.ParamGet, request: Request, now_us: int) -> None:
+        self._answer_parameter(request, message.axis, message.param, now_us)
+
+    def _on_param_set(
+        self, message: m.ParamSet, request: Request, now_us: int
+    ) -> ParameterChanged | None:
+        if not self.safe:
+            self.reject(request, ErrorCode.WRONG_STATE, now_us=now_us)
+            return None
+        try:
+            self.parameters.set(message.axis, message.param, message.value)
+        except ParameterRefusedError as refused:
+            self.reject(request, refused.code, 2, refused.limit, now_us, value=refused.value)
+            return None
+        self._answer_parameter(request, message.axis, message.param, now_us)
+        name = self.parameters.find(message.axis, message.param).name
+        return ParameterChanged(message.axis, name, message.value)
+
+    def _on_param_save(
+        self, message: m.ParamSave, request: Request, now_us: int
+    ) -> ParameterSaveRequested | None:
+        if not self.safe:
+            self.reject(request, ErrorCode.WRONG_STATE, now_us=now_us)
+            return None
+        return ParameterSaveRequested(request, message)
+
+    def _answer_parameter(self, request: Request, axis: int, number: int, now_us: int) -> None:
+        try:
+            row = self.parameters.find(axis, number)
+        except ParameterRefusedError as refused:
+            self.reject(request, refused.code, 1, refused.limit, now_us, value=refused.value)
+            return
+        value = self.parameters.values[axis, number]
+        self.reply(
+            request,
+            m.ParamValue(
+                axis, number, row.kind, value, row.minimum, row.maximum, self.parameters.crc
+            ),
+            now_us,
+        )
+
+    def _on_fault_get(self, message: m.FaultGet, request: Request, now_us: int) -> None:
+        report = self.reports.get(message.axis, message.index)
+        if report is None:
+            limit = self.reports.count(message.axis)
+            self.reject(request, ErrorCode.NO_SUCH_REPORT, 1, limit, now_us, value=message.index)
+            return
+        self.reply(request, report, now_us)
+
+    def _on_arm_request(
+        self, message: m.ArmRequest, request: Request, now_us: int
+    ) -> ArmRequested | None:
+        if message.param_crc != self.parameters.crc:
+            self.reject(request, ErrorCode.PARAMETERS_DIFFER, 1, now_us=now_us)
+            return None
+        return ArmRequested(request, message)
+
+    # Small things
+
+    def _forget_requests(self) -> None:
+        self._memory = RequestMemory()
+        self._gate = SetpointGate(self._max_age_us)
+
+    def _identity(self, session: int, nonce: int) -> m.Ident:
+        return msgspec.structs.replace(
+            self._ident,
+            schema_crc=self._schema_crc,
+            param_crc=self.parameters.crc,
+            nonce=nonce,
+            session=session,
+            first_fault=self.reports.first_fault,
+        )
+
+    def _repeat_faults(self) -> None:
+        for report, left in list(self._fault_copies.items()):
+            self._out += self._codec.frame(report, report.index, self.session)
+            self._fault_copies[report] = left - 1
+            if left == 1:
+                del self._fault_copies[report]
+
+    def _complain(
+        self,
+        frame: Frame,
+        code: ErrorCode,
+        now_us: int,
+        *,
+        field: int = m.NO_FIELD,
+        value: int = 0,
+        limit: int = 0,
+    ) -> None:
+        self._error_times = [t for t in self._error_times if 0 <= now_us - t < 1_000_000]
+        if len(self._error_times) >= ERRORS_PER_SECOND:
+            self.stats.dropped_errors += 1
+            return
+        self._error_times.append(now_us)
+        error = m.Error(frame.type, frame.seq, code, field, value, limit)
+        self._out += self._codec.frame(error, frame.seq, self.session)

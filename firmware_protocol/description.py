@@ -1,0 +1,138 @@
+"""Reading a board whose table of messages is not ours: fetch its description, decode what we know.
+
+DESCRIBE and DESCRIPTION are frozen, so any host can fetch the description. From it `ForeignCodec`
+decodes the board's messages by the names of their fields, whatever their order and kinds. A field
+that the board does not send takes its "no reading" value or zero; one that we do not know is
+skipped.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from firmware_protocol.codec import CODEC, Codec
+from firmware_protocol.errors import PayloadError, SchemaError
+from firmware_protocol.framing import MAX_PAYLOAD
+from firmware_protocol.messages import Describe, Description, Message
+from firmware_protocol.schema import decompress, wire_name
+from firmware_protocol.wire import BLOCK_KINDS, NUMBER_CODES, RECORD_KIND, Field, fields_of
+
+MAX_COMPRESSED = 1 << 16
+
+
+class Download:
+    """Collects the slices of a description in order."""
+
+    def __init__(self) -> None:
+        self._blob = b""
+
+    def next_request(self) -> Describe:
+        """Return the request for the next slice."""
+        return Describe(offset=len(self._blob))
+
+    def add(self, piece: Description) -> dict[str, Any] | None:
+        """Take in a slice; return the description once it is whole.
+
+        Raises SchemaError if the slices do not fit together or cannot be read.
+        """
+        data = piece.data[: piece.size]
+        if piece.offset != len(self._blob) or not data or piece.total > MAX_COMPRESSED:
+            raise SchemaError(
+                f"the board's description breaks off at byte {len(self._blob)} of {piece.total}"
+            )
+        self._blob += data
+        if len(self._blob) < piece.total:
+            return None
+        return decompress(self._blob[: piece.total])
+
+
+class ForeignCodec:
+    """Decodes another table's messages into ours, as far as the names go."""
+
+    def __init__(self, description: dict[str, Any], own: Codec = CODEC) -> None:
+        self._records: dict[str, list[dict[str, Any]]] = {}
+        self._unpackers: dict[int, Callable[[bytes], Message]] = {}
+        try:
+            for message in description["messages"]:
+                self._records[message["name"]] = message["fields"]
+            numbers = {message["name"]: message["number"] for message in description["messages"]}
+            for cls in own.messages:
+                if cls.info.frozen:
+                    self._unpackers[cls.info.number] = own.layouts[cls.info.number].unpack
+                elif wire_name(cls) in numbers:
+                    number = numbers[wire_name(cls)]
+                    self._unpackers[number] = self._unpacker(cls, wire_name(cls))
+        except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+            raise SchemaError(f"the board's description is damaged: {error!r}") from None
+
+    def unpack(self, number: int, payload: bytes) -> Message:
+        """Return the message. Raises PayloadError."""
+        unpacker = self._unpackers.get(number)
+        if unpacker is None:
+            raise PayloadError(f"no message has the number 0x{number:02x}")
+        try:
+            return unpacker(payload)
+        except (struct.error, KeyError, ValueError, TypeError) as error:
+            raise PayloadError(f"message 0x{number:02x}: {error}") from None
+
+    def knows(self, number: int) -> bool:
+        """Whether messages of this number can be decoded."""
+        return number in self._unpackers
+
+    def _unpacker(self, cls: type[Message], name: str) -> Callable[[bytes], Message]:
+        codes: list[str] = []
+        places = self._places(name, codes, [0], depth=0)
+        compiled = struct.Struct("<" + "".join(codes))
+        if compiled.size > MAX_PAYLOAD:
+            raise ValueError(f"{name} takes {compiled.size} bytes, the limit is {MAX_PAYLOAD}")
+        return lambda payload: _build(cls, places, compiled.unpack(payload))
+
+    def _places(
+        self, name: str, codes: list[str], index: list[int], *, depth: int
+    ) -> dict[str, Any]:
+        """Return field name → (first value, count) or, for a record, the same inside."""
+        if depth > 4:
+            raise ValueError(f"{name} holds records within records within records")
+        places: dict[str, Any] = {}
+        for field in self._records[name]:
+            kind, count = field["kind"], int(field.get("count", 1))
+            if kind == RECORD_KIND:
+                places[field["name"]] = self._places(field["record"], codes, index, depth=depth + 1)
+                continue
+            if not 1 <= count <= MAX_PAYLOAD:
+                raise ValueError(f"{name}.{field['name']} has {count} values")
+            values = 1 if kind in BLOCK_KINDS else count
+            codes.append(f"{count}s" if kind in BLOCK_KINDS else NUMBER_CODES[kind] * count)
+            places[field["name"]] = (index[0], values)
+            index[0] += values
+        return places
+
+
+def _build(cls: type[Any], places: dict[str, Any], values: tuple[Any, ...]) -> Any:
+    arguments = {}
+    for field in fields_of(cls):
+        place = places.get(field.name)
+        if field.record is not None:
+            inner = place if isinstance(place, dict) else {}
+            arguments[field.name] = _build(field.record, inner, values)
+        elif isinstance(place, tuple):
+            first, count = place
+            arguments[field.name] = _value(field, values[first : first + count])
+        else:
+            arguments[field.name] = _value(field, ())
+    return cls(**arguments)
+
+
+def _value(field: Field, values: tuple[Any, ...]) -> Any:
+    kind, count = field.wire.kind, field.wire.count
+    if kind in BLOCK_KINDS:
+        block = values[0] if values and isinstance(values[0], bytes) else b""
+        return block if kind == "bytes" else block.rstrip(b"\0").decode("ascii", "replace")
+    default = field.wire.invalid or 0
+    numbers = [value for value in values if isinstance(value, int)][:count]
+    numbers += [default] * (count - len(numbers))
+    if field.enum is not None:
+        return field.enum(numbers[0])
+    return tuple(numbers) if field.is_array else numbers[0]

@@ -1,0 +1,147 @@
+"""Board time to host time: unwrapping the board's 32-bit clock, and a line through good exchanges.
+
+One exchange has four stamps: t1 host sends, t2 board receives, t3 board sends, t4 host receives.
+Its round trip is (t4 − t1) − (t3 − t2); the board's time (t2 + t3)/2 belongs to the host's time
+(t1 + t4)/2, wrong by at most half the round trip. Delays only ever add, so the exchanges with the
+shortest round trips are the truest: of the window, the best eighth is kept for the fit.
+
+The rate is fitted only once the kept exchanges span `RATE_SPAN_US`; before, a microsecond of
+noise would be read as a drift that no crystal has, so the clocks are taken to run alike.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import msgspec
+
+from firmware_protocol.messages import TimeReply, TimeRequest
+
+WINDOW = 128
+KEPT_PART = 8
+LOCK_EXCHANGES = 8
+RATE_SPAN_US = 5_000_000
+LARGEST_DRIFT = 1000e-6
+WRAP = 1 << 32
+
+
+class Exchange(NamedTuple):
+    """One exchange: middle times on both clocks and the round trip, in µs."""
+
+    board_us: float
+    host_us: float
+    round_trip_us: int
+
+
+class ClockFit(msgspec.Struct, frozen=True, gc=False):
+    """host_us = host_ref_us + (board_us − board_ref_us)·(1 + drift).
+
+    `drift` is host over board, less 1. `locked` says that enough exchanges agree to arm on.
+    """
+
+    board_ref_us: float
+    host_ref_us: float
+    drift: float
+    round_trip_us: int
+    exchanges: int
+    locked: bool
+
+    def host_us(self, board_us: float) -> float:
+        """Return the host's time at a board time (64-bit)."""
+        elapsed = board_us - self.board_ref_us
+        return self.host_ref_us + elapsed + elapsed * self.drift
+
+    def board_us(self, host_us: float) -> float:
+        """Return the board's time (64-bit) at a host time."""
+        return self.board_ref_us + (host_us - self.host_ref_us) / (1.0 + self.drift)
+
+
+class Unwrapper:
+    """Turns 32-bit microseconds into 64-bit ones, given that neighbours are under 35 min apart."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+
+    def __call__(self, t_us: int) -> int:
+        """Return the full time of a stamp, which may lie before the latest one."""
+        if self._last is None:
+            self._last = t_us
+            return t_us
+        full = self._last + ((t_us - self._last + WRAP // 2) % WRAP) - WRAP // 2
+        self._last = max(self._last, full)
+        return full
+
+
+class TimeSync:
+    """Collects exchanges and fits the line."""
+
+    def __init__(self) -> None:
+        self._window: deque[Exchange] = deque(maxlen=WINDOW)
+        self.fit: ClockFit | None = None
+
+    def add(self, t1: int, t2: int, t3: int, t4: int) -> ClockFit:
+        """Take in one exchange (all 64-bit µs) and return the new fit."""
+        self._window.append(Exchange((t2 + t3) / 2, (t1 + t4) / 2, (t4 - t1) - (t3 - t2)))
+        by_round_trip = sorted(self._window, key=lambda exchange: exchange.round_trip_us)
+        kept = by_round_trip[: max(1, len(by_round_trip) // KEPT_PART)]
+        self.fit = self._line(kept)
+        return self.fit
+
+    def _line(self, kept: list[Exchange]) -> ClockFit:
+        board_ref = sum(e.board_us for e in kept) / len(kept)
+        host_ref = sum(e.host_us for e in kept) / len(kept)
+        span = max(e.board_us for e in kept) - min(e.board_us for e in kept)
+        drift = 0.0
+        if span >= RATE_SPAN_US:
+            # The fit is of the difference of the clocks: its small numbers keep their digits.
+            square = sum((e.board_us - board_ref) ** 2 for e in kept)
+            product = sum(
+                (e.board_us - board_ref) * ((e.host_us - host_ref) - (e.board_us - board_ref))
+                for e in kept
+            )
+            drift = product / square
+        return ClockFit(
+            board_ref_us=board_ref,
+            host_ref_us=host_ref,
+            drift=drift,
+            round_trip_us=kept[0].round_trip_us,
+            exchanges=len(self._window),
+            locked=len(self._window) >= LOCK_EXCHANGES and abs(drift) <= LARGEST_DRIFT,
+        )
+
+
+FIRST_EXCHANGES = 16
+FIRST_INTERVAL_US = 50_000
+INTERVAL_US = 1_000_000
+
+
+class TimeExchanges:
+    """When to ask for the board's time, and what to make of the answers.
+
+    Sixteen quick exchanges lock the clock after a connection; then one a second holds it.
+    """
+
+    def __init__(self, now_us: int) -> None:
+        self.sync = TimeSync()
+        self.unwrap = Unwrapper()
+        self.due_us = now_us
+        self._asked_us: int | None = None
+        self._count = 0
+
+    def ask(self, now_us: int) -> TimeRequest | None:
+        """Return the request to send now, if it is time."""
+        if now_us < self.due_us:
+            return None
+        self._asked_us = now_us
+        self._count += 1
+        self.due_us = now_us + (FIRST_INTERVAL_US if self._count < FIRST_EXCHANGES else INTERVAL_US)
+        return TimeRequest(t1_us=now_us % WRAP)
+
+    def answer(self, reply: TimeReply, now_us: int) -> ClockFit | None:
+        """Take in an answer; None if it answers no request of ours, or is a second copy."""
+        asked = self._asked_us
+        if asked is None or reply.t1_us != asked % WRAP:
+            return None
+        self._asked_us = None
+        return self.sync.add(asked, self.unwrap(reply.t2_us), self.unwrap(reply.t3_us), now_us)
