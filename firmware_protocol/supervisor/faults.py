@@ -1,0 +1,221 @@
+"""What each fault means to a person, and what the pumps do while it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from firmware_protocol.enums import Fault
+
+
+@dataclass(frozen=True, slots=True)
+class FaultText:
+    """What a person should know about a fault."""
+
+    unit: str
+    """Unit of the measured value and of the limit in a FAULT report."""
+    pumps: bool
+    """Whether the pumps run (until cold or capped) while this is the first fault."""
+    cause: str
+    remedy: str
+
+
+FAULT_TEXTS: dict[Fault, FaultText] = {
+    Fault.SELF_TEST: FaultText(
+        "",
+        False,
+        "The board found a part of itself not working when it started.",
+        "Power-cycle the board. If it comes back, replace the board.",
+    ),
+    Fault.PARAM_CRC: FaultText(
+        "",
+        True,
+        "The parameters in the board's memory do not match their checksum.",
+        "Power-cycle the board, which falls back to the compiled limits; set and save them again.",
+    ),
+    Fault.BROWN_OUT: FaultText(
+        "mV",
+        False,
+        "The supply voltage fell below what the driver needs.",
+        "Check the power supply, its current limit and its cables. Pumps stay off to spare it.",
+    ),
+    Fault.LOOP_OVERRUN: FaultText(
+        "us",
+        True,
+        "The board's loop took much longer than a sample, so the heater ran unsupervised.",
+        "Lower the sample rate, or report it with the link statistics: it is a firmware fault.",
+    ),
+    Fault.SETPOINT_LOST: FaultText(
+        "us",
+        True,
+        "No fresh setpoint came while the board was armed: the daemon stopped, the cable came "
+        "loose, or the computer was too busy for more than half a second.",
+        "See the daemon's log for why it stopped sending. Then clear the fault and arm again.",
+    ),
+    Fault.OVER_TEMPERATURE: FaultText(
+        "cC",
+        True,
+        "A spring got hotter than the limit, although the current is folded back before that.",
+        "Let it cool. Look for a dry tube, a driver that does not follow, or a slow sensor.",
+    ),
+    Fault.SENSOR_INVALID: FaultText(
+        "cC",
+        True,
+        "A sensor gives no value or sits at the end of its range: its converter failed, the "
+        "load cell is overloaded, or the encoder lost its signal.",
+        "The channel of the fault names the sensor. Check its plug and its converter.",
+    ),
+    Fault.SENSOR_OPEN: FaultText(
+        "cC",
+        True,
+        "A temperature sensor reads full scale: a wire of it is broken or unplugged.",
+        "Check the sensor's plug and cable.",
+    ),
+    Fault.SENSOR_SHORT: FaultText(
+        "cC",
+        True,
+        "A temperature sensor reads below any possible room: its wires touch.",
+        "Check the sensor's cable for a short, and the seals for water.",
+    ),
+    Fault.SENSOR_STUCK: FaultText(
+        "us",
+        True,
+        "A spring's temperature did not change by one digit for seconds of heating.",
+        "Its converter hangs: power-cycle the board; check the converter if it comes back.",
+    ),
+    Fault.SENSOR_IMPLAUSIBLE: FaultText(
+        "cC",
+        True,
+        "A temperature jumps faster than the spring can change, or reads below everything "
+        "around it.",
+        "Check for a loose contact, a wrong sensor calibration, or a sensor of another type.",
+    ),
+    Fault.SENSORS_SWAPPED: FaultText(
+        "cC",
+        True,
+        "One spring is heated and the other one's sensor warms.",
+        "Swap the plugs of the two springs' sensors, or of the two heaters.",
+    ),
+    Fault.NOT_HEATING: FaultText(
+        "mJ",
+        True,
+        "Enough energy went into a spring to warm it by several degrees, and its sensor "
+        "shows nothing.",
+        "Check that the sensor still touches the spring and the spring is in its tube.",
+    ),
+    Fault.UNCOMMANDED_CURRENT: FaultText(
+        "mA",
+        True,
+        "Current flows although none is asked for: the driver failed short, or the gate is stuck.",
+        "Switch off the power. Replace the driver before heating again.",
+    ),
+    Fault.HEATING_WHILE_OFF: FaultText(
+        "cC",
+        True,
+        "A spring goes on warming long after its current stopped.",
+        "Switch off the power. Check current sense and driver, and that the sensor sits well.",
+    ),
+    Fault.MODEL_RESIDUAL: FaultText(
+        "cC",
+        True,
+        "A spring's temperature left the range that any good bench would show for the energy "
+        "that went in.",
+        "Check that the sensor touches the spring, that there is water, and the current sense.",
+    ),
+    Fault.RESISTANCE_OUT_OF_BAND: FaultText(
+        "mohm",
+        True,
+        "Voltage over current is not the resistance of a spring.",
+        "Look for a bad contact (high) or touching coils or leads (low).",
+    ),
+    Fault.RESISTANCE_RTD_DISAGREE: FaultText(
+        "permille",
+        True,
+        "The spring's resistance changed more than its temperature sensor can explain.",
+        "Check that the sensor touches the spring; then look for a contact that warms up.",
+    ),
+    Fault.CURRENT_HIGH: FaultText(
+        "mA",
+        True,
+        "More current flows than the board regulates to: driver shorted, or its gain is wrong.",
+        "Switch off the power. Calibrate or replace the driver.",
+    ),
+    Fault.CURRENT_LOW: FaultText(
+        "mA",
+        True,
+        "Less current flows than the board regulates to: gain wrong, or the supply gives out.",
+        "Check the supply voltage, then the driver's calibration.",
+    ),
+    Fault.WIRE_OPEN: FaultText(
+        "mV",
+        True,
+        "The driver gives its full voltage and no current flows: the spring's circuit is open.",
+        "Check the spring, its crimps and its leads.",
+    ),
+    Fault.DRIVER_OPEN: FaultText(
+        "mA",
+        True,
+        "The driver gives neither voltage nor current.",
+        "Check the driver's supply and fuse. Replace the driver.",
+    ),
+    Fault.I2T: FaultText(
+        "A2s",
+        True,
+        "The wire carried more current for longer than it may, although the ceiling was lowered.",
+        "The driver does not obey its ceiling: calibrate or replace it.",
+    ),
+    Fault.ARMED_TOO_LONG: FaultText(
+        "s",
+        True,
+        "The bench was armed for longer than the limit without a break.",
+        "Disarm, look at the bench, arm again.",
+    ),
+    Fault.PUMP_DRY: FaultText(
+        "rpm",
+        False,
+        "A pump turns too fast: it runs without water.",
+        "Fill the tank, bleed the tube. The pumps stay off.",
+    ),
+    Fault.PUMP_STALLED: FaultText(
+        "rpm",
+        False,
+        "A pump is driven and does not turn: it is blocked, or has no supply.",
+        "Clean or replace the pump. The pumps stay off.",
+    ),
+    Fault.PUMP_STUCK_ON: FaultText(
+        "rpm",
+        True,
+        "A pump turns although it is switched off.",
+        "Its driver failed short. Unplug the pump, replace the driver.",
+    ),
+    Fault.NO_COOLING: FaultText(
+        "cC",
+        True,
+        "A pump runs and its hot spring does not cool.",
+        "Look for a blocked or pinched tube, or a pump that turns without moving water.",
+    ),
+    Fault.LEAK: FaultText(
+        "",
+        False,
+        "The leak sensor is wet.",
+        "Switch off the power, dry the bench, find the leak. The pumps stay off.",
+    ),
+    Fault.ESTOP_PRESSED: FaultText(
+        "",
+        False,
+        "Somebody asked for the emergency stop.",
+        "When it is safe again, power-cycle the board.",
+    ),
+    Fault.OVER_CURRENT: FaultText(
+        "mA",
+        True,
+        "More current flows than any setpoint may ask for: the driver failed short.",
+        "Switch off the power. Replace the driver before heating again.",
+    ),
+}
+"""Every fault of the enumeration but NONE."""
+
+
+def explain(fault: Fault) -> str:
+    """Return what caused `fault` and what to do about it, in plain words."""
+    text = FAULT_TEXTS[fault]
+    return f"{fault.name}: {text.cause} {text.remedy}"

@@ -1,0 +1,195 @@
+"""What the checks look at besides the raw sample: energies, envelopes and timers of each spring.
+
+This module is translated to C (see translate): integers, no allocation, no exceptions.
+Temperatures are cC as measured and uK (micro-kelvin on the Celsius scale) where they are
+integrated; with mJ/K and nJ the units cancel without factors: nJ / (mJ/K) = uK.
+"""
+
+from __future__ import annotations
+
+from firmware_protocol.supervisor.limits import Limits
+from firmware_protocol.supervisor.memory import Measurements, Memory
+
+UK_PER_CC = 10_000
+NJ_PER_MJ = 1_000_000
+DUTY_FULL = 255
+ROOM_CC = 2500
+
+
+def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
+    """Keep the temperature that a spring cools towards: the inlet's, else the room's."""
+    if lim.rail_low_cC < m.rtd_cC[2] and m.rtd_cC[2] < lim.rail_high_cC:
+        s.surroundings_cC = m.rtd_cC[2]
+    elif lim.rail_low_cC < m.rtd_cC[3] and m.rtd_cC[3] < lim.rail_high_cC:
+        s.surroundings_cC = m.rtd_cC[3]
+    else:
+        s.surroundings_cC = ROOM_CC
+
+
+def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
+    """Count jumps of each RTD from one sample to the next; with time they are forgotten."""
+    for j in range(4):
+        step_cC = abs(m.rtd_cC[j] - s.last_cC[j])
+        s.last_cC[j] = m.rtd_cC[j]
+        if step_cC > lim.jump_cC:
+            s.jumps[j] += 1
+            s.jump_us[j] = 0
+            s.jump_cC[j] = step_cC
+        elif s.jumps[j] > 0:
+            s.jump_us[j] += s.dt_us
+            if s.jump_us[j] >= lim.jump_decay_us:
+                s.jumps[j] -= 1
+                s.jump_us[j] = 0
+
+
+def observe_spring(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
+    """Advance what is known of spring k by one sample."""
+    t_cC = m.rtd_cC[k]
+    if lim.rail_low_cC < t_cC < lim.rail_high_cC:
+        s.t_cC[k] = t_cC
+        s.sensor_ok[k] = 1
+    else:
+        s.sensor_ok[k] = 0
+    power_mW = m.i_mA[k] * m.v_mV[k] // 1000
+    power_mW = max(power_mW, 0)
+    s.power_mW[k] = power_mW
+    loss_mW_per_K = lim.loss_static_mW_per_K + lim.loss_flow_mW_per_K * m.duty[k] // DUTY_FULL
+    observe_energy(s, lim, k, loss_mW_per_K)
+    observe_stuck(s, lim, k)
+    observe_off(s, m, lim, k)
+    observe_envelope(s, lim, k, loss_mW_per_K)
+    observe_cooling(s, m, lim, k)
+    observe_resistance(s, m, lim, k)
+    observe_i2t(s, m, lim, k)
+
+
+def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
+    """Sum the energy a spring got since it last warmed by the least rise, losses taken off.
+
+    The losses are the largest a good bench has, a sensor offset is granted, and the sum never
+    goes below zero: so a spring in balance, with the pump on or off, sums to nothing.
+    """
+    t_cC = s.t_cC[k]
+    other = 1 - k
+    if t_cC >= s.anchor_cC[k] + lim.unheated_rise_cC:
+        s.anchor_cC[k] = t_cC
+        s.anchor_net_nJ[k] = 0
+        s.anchor_other_cC[k] = s.t_cC[other]
+        s.anchor_other_nJ[k] = 0
+    elif t_cC < s.anchor_cC[k]:
+        s.anchor_cC[k] = t_cC
+    excess_cC = t_cC - s.surroundings_cC
+    excess_cC = max(excess_cC, 0)
+    loss_mW = loss_mW_per_K * (excess_cC + lim.sensor_offset_cC) // 100
+    net_nJ = s.anchor_net_nJ[k] + (s.power_mW[k] - loss_mW) * s.dt_us
+    if net_nJ < 0:
+        net_nJ = 0
+        s.anchor_other_cC[k] = s.t_cC[other]
+        s.anchor_other_nJ[k] = 0
+    s.anchor_net_nJ[k] = net_nJ
+    s.anchor_other_nJ[k] += s.power_mW[other] * s.dt_us
+
+
+def observe_stuck(s: Memory, lim: Limits, k: int) -> None:
+    """Time how long the reading has been the same to the last digit while the spring is heated."""
+    if s.t_cC[k] != s.stuck_cC[k]:
+        s.stuck_cC[k] = s.t_cC[k]
+        s.stuck_us[k] = 0
+    elif s.power_mW[k] >= lim.stuck_power_mW:
+        s.stuck_us[k] += s.dt_us
+
+
+def observe_off(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
+    """Follow the temperature downwards, and upwards at most as fast as a room drifts.
+
+    Begins when the current has been off for longer than the sensor and the wall may lag.
+    """
+    now_uK = s.t_cC[k] * UK_PER_CC
+    if m.applied_mA[k] > 0 or m.i_mA[k] > lim.off_current_mA:
+        s.off_us[k] = 0
+    else:
+        s.off_us[k] += s.dt_us
+    if s.off_us[k] < lim.off_lag_us or now_uK < s.off_uK[k]:
+        s.off_uK[k] = now_uK
+    else:
+        s.off_uK[k] = min(now_uK, s.off_uK[k] + lim.off_drift_cC_per_s * s.dt_us // 100)
+
+
+def observe_envelope(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
+    """Advance the lightest and the heaviest spring that any good bench could be.
+
+    The heavy one takes the most energy to warm and loses most; its reading lags. The light one
+    is the opposite. A good spring stays between them.
+    """
+    around_uK = s.surroundings_cC * UK_PER_CC
+    in_nJ = s.power_mW[k] * s.dt_us
+
+    low_loss = loss_mW_per_K
+    if s.low_uK[k] < around_uK:
+        low_loss = lim.envelope_loss_least_mW_per_K
+    out_nJ = low_loss * ((s.low_uK[k] - around_uK) // 1000) * s.dt_us // 1000
+    s.low_uK[k] += (in_nJ - out_nJ) // lim.envelope_heavy_mJ_per_K
+    lag_us = lim.envelope_lag_us + s.dt_us
+    s.low_seen_uK[k] += (s.low_uK[k] - s.low_seen_uK[k]) // 1000 * s.dt_us // lag_us * 1000
+
+    high_loss = lim.envelope_loss_least_mW_per_K
+    if s.high_uK[k] < around_uK:
+        high_loss = loss_mW_per_K
+    out_nJ = high_loss * ((s.high_uK[k] - around_uK) // 1000) * s.dt_us // 1000
+    high_uK = s.high_uK[k] + (in_nJ - out_nJ) // lim.envelope_light_mJ_per_K
+    s.high_uK[k] = min(high_uK, (s.t_cC[k] + lim.envelope_span_cC) * UK_PER_CC)
+
+
+def observe_cooling(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
+    """Time how long the pump of spring k has run at full duty with the heater off."""
+    heated = m.applied_mA[k] > 0 or m.i_mA[k] > lim.off_current_mA
+    if heated or m.duty[k] < DUTY_FULL - 25 or s.cool_us[k] >= lim.cooling_us:
+        s.cool_us[k] = 0
+        s.cool_from_cC[k] = s.t_cC[k]
+    else:
+        s.cool_us[k] += s.dt_us
+
+
+def observe_resistance(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
+    """Take the first resistance that can be measured after arming as the reference."""
+    if s.reference_mohm[k] == 0 and resistance_is_measurable(s, m, lim, k):
+        s.reference_mohm[k] = m.v_mV[k] * 1000 // m.i_mA[k]
+        s.reference_cC[k] = s.t_cC[k]
+
+
+def resistance_is_measurable(s: Memory, m: Measurements, lim: Limits, k: int) -> bool:
+    """Return whether V/I of spring k means something: enough current, and regulated to."""
+    return m.i_mA[k] >= lim.resistance_current_mA and m.applied_mA[k] >= lim.resistance_current_mA
+
+
+def observe_i2t(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
+    """Sum the square of the current above the rated one; below it the sum shrinks."""
+    rated_mA2 = lim.i2t_rated_mA * lim.i2t_rated_mA
+    total = s.i2t_mA2us[k] + (m.i_mA[k] * m.i_mA[k] - rated_mA2) * s.dt_us
+    s.i2t_mA2us[k] = max(total, 0)
+
+
+def reset_spring(s: Memory, k: int) -> None:
+    """Begin the observers of spring k at its present temperature, as on arming."""
+    t_cC = s.t_cC[k]
+    s.anchor_cC[k] = t_cC
+    s.anchor_other_cC[k] = s.t_cC[1 - k]
+    s.anchor_net_nJ[k] = 0
+    s.anchor_other_nJ[k] = 0
+    s.stuck_us[k] = 0
+    s.off_us[k] = 0
+    s.off_uK[k] = t_cC * UK_PER_CC
+    s.low_uK[k] = t_cC * UK_PER_CC
+    s.low_seen_uK[k] = t_cC * UK_PER_CC
+    s.high_uK[k] = t_cC * UK_PER_CC
+    s.cool_us[k] = 0
+    s.cool_from_cC[k] = t_cC
+    s.reference_mohm[k] = 0
+
+
+def forget_jumps(s: Memory, m: Measurements) -> None:
+    """Begin to count jumps at the present readings."""
+    for j in range(4):
+        s.last_cC[j] = m.rtd_cC[j]
+        s.jumps[j] = 0
+        s.jump_us[j] = 0
