@@ -1,0 +1,5 @@
+"""The withheld check: an independent plant, banks of runs with sealed answers, and their scorer.
+
+Nothing here may import the product's plant or its diagnosis; a test enforces that.
+Start with `docs/withheld.md`.
+"""

@@ -1,0 +1,154 @@
+"""What reaches the wire and the tube: real current and real water flow, with their effects."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.withheld.plant.compiled import compiled
+from tests.withheld.plant.effects import slot
+from tests.withheld.plant.layout import (
+    CELLS,
+    FLOW,
+    GLANCE,
+    HOT,
+    LAG_A,
+    LAG_B,
+    LAG_C,
+    OHM,
+    PUMP,
+    PUMP_ON,
+    RETURN,
+    RING_DUTY_X,
+    RING_LENGTH,
+    SPIN,
+    SPIN_RATE,
+    TIME,
+    W,
+)
+from tests.withheld.plant.parameters import index
+
+Array = NDArray[np.float64]
+
+RESISTANCE = index("resistance_ohm")
+DRIVER_LAG = index("driver_lag_s")
+PUMP_LAG = index("pump_lag_s")
+FULL_FLOW = index("flow_W_K")
+Y_FLOW = index("y_flow")
+
+DRIVER_GAIN = slot("driver_gain")
+SLOW_DRIVER = slot("driver_lag")
+SATURATION = slot("saturation")
+SMALL_SIGNAL = slot("driver_small_signal")
+BEAT = slot("supply_beat")
+DEAD_TIME = slot("pump_dead_time")
+SHORTFALL = slot("flow_shortfall")
+LEAK = slot("valve_leak")
+CAVITATION = slot("pump_cavitation")
+THERMOSIPHON = slot("thermosiphon")
+REVERSE = slot("reverse_flow")
+
+CURRENT_LIMIT_A = 4.0
+
+
+@compiled
+def late(ring: Array, row: int, tick: float, ticks_late: float) -> float:
+    """Value of a ring buffer's row `ticks_late` ago, between the stored ticks."""
+    behind = min(max(ticks_late, 0.0), min(tick, RING_LENGTH - 2.0))
+    whole = int(behind)
+    part = behind - whole
+    newer = (int(tick) - whole) % RING_LENGTH
+    older = (int(tick) - min(whole + 1, int(tick))) % RING_LENGTH
+    return (1.0 - part) * ring[row, newer] + part * ring[row, older]
+
+
+@compiled
+def approach(state: float, target: float, dt: float, time_constant: float) -> float:
+    """One pole, exact for an input that holds over the step."""
+    return target + (state - target) * math.exp(-dt / max(time_constant, 1e-9))
+
+
+@compiled
+def current(s: int, command: float, p: Array, e: Array, side: Array, time: float, dt: float) -> float:
+    """Real current (A) through spring `s` for a commanded one."""
+    i = min(max(command, 0.0), CURRENT_LIMIT_A)
+    eaten = e[s, SMALL_SIGNAL]
+    if eaten > 0.0:
+        i = math.sqrt(i * i + eaten * eaten) - eaten
+    if e[s, DRIVER_GAIN] != 0.0:
+        i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
+    if e[s, BEAT] > 0.0:
+        hertz = 0.17 + 0.23 * e[2, BEAT]
+        i *= 1.0 + e[s, BEAT] * math.sin(2.0 * math.pi * hertz * time + 0.6 * s)
+    if e[s, SATURATION] > 0.0:
+        knee = CURRENT_LIMIT_A / e[s, SATURATION] * p[RESISTANCE] / side[s, OHM]
+        i /= (1.0 + (i / knee) ** 8) ** 0.125
+    side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
+    slow = e[s, SLOW_DRIVER]
+    if slow <= 0.0:
+        side[s, LAG_B] = side[s, LAG_A]
+        side[s, LAG_C] = side[s, LAG_A]
+    else:
+        side[s, LAG_B] = approach(side[s, LAG_B], side[s, LAG_A], dt, 0.5 * slow)
+        side[s, LAG_C] = approach(side[s, LAG_C], side[s, LAG_B], dt, 0.5 * slow)
+    return side[s, LAG_C]
+
+
+@compiled
+def _pump_speed(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> float:
+    dead = e[s, DEAD_TIME]
+    duty = late(ring, RING_DUTY_X + s, pair[GLANCE], dead / dt)
+    side[s, PUMP] = approach(side[s, PUMP], duty, dt, p[PUMP_LAG])
+    if dead <= 0.0:
+        side[s, SPIN] = side[s, PUMP]
+        return side[s, PUMP]
+    rate = 4.0 / dead
+    side[s, SPIN_RATE] = (side[s, SPIN_RATE] + dt * rate * rate * (side[s, PUMP] - side[s, SPIN])) / (
+        1.0 + 1.2 * rate * dt + (rate * dt) ** 2
+    )
+    side[s, SPIN] += dt * side[s, SPIN_RATE]
+    return max(side[s, SPIN], 0.0)
+
+
+@compiled
+def flow(
+    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, ring: Array,
+    inlet: float, heat_W: float, dt: float,
+) -> float:
+    """Heat capacity rate (W/K) of the water through tube `s`; negative when it runs back."""
+    share = _pump_speed(s, p, e, side, pair, ring, dt)
+    if e[s, SHORTFALL] > 0.0 and share > 0.0:
+        share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
+    running = share > 0.05
+    side[s, PUMP_ON] = side[s, PUMP_ON] + dt if running else 0.0
+    if e[s, CAVITATION] > 0.0:
+        side[s, HOT] += dt * (heat_W / 25.0 - side[s, HOT] / 30.0)
+        gas = min(1.0, side[s, HOT]) * math.exp(-side[s, PUMP_ON] / 3.0)
+        share *= 1.0 - e[s, CAVITATION] * gas
+    if e[s, THERMOSIPHON] > 0.0:
+        warm = 0.0
+        for i in range(CELLS):
+            warm += cells[s, i, W] / CELLS
+        share += e[s, THERMOSIPHON] * max(0.0, warm - inlet) / 20.0 * max(0.0, 1.0 - 5.0 * share)
+    if e[s, REVERSE] > 0.0:
+        if running:
+            side[s, RETURN] = approach(side[s, RETURN], share, dt, 0.8)
+        else:
+            side[s, RETURN] = approach(side[s, RETURN], 0.0, dt, 2.5)
+            share -= e[s, REVERSE] * side[s, RETURN]
+    full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
+    return full * share
+
+
+@compiled
+def flows(
+    p: Array, e: Array, cells: Array, side: Array, pair: Array, ring: Array,
+    inlet: float, heat_x: float, heat_y: float, dt: float,
+) -> None:
+    """Set `side[:, FLOW]` of both tubes, with what leaks from one into the other."""
+    x = flow(0, p, e, cells, side, pair, ring, inlet, heat_x, dt)
+    y = flow(1, p, e, cells, side, pair, ring, inlet, heat_y, dt)
+    full = p[FULL_FLOW]
+    side[0, FLOW] = x + e[1, LEAK] * max(y, 0.0) ** 2 / full
+    side[1, FLOW] = y + e[0, LEAK] * max(x, 0.0) ** 2 / full
+    pair[TIME] += dt

@@ -1,0 +1,177 @@
+"""The table of everything that can be added to the plant: listed causes and withheld ones.
+
+`known` effects answer to an entry of the published list of candidates, in another form than the
+obvious one. `dev` and `sealed` effects are on no list; a bank holds only one of the two kinds.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Kind = Literal["known", "dev", "sealed"]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical effect: `usual` is a plausible magnitude, `limit` the largest one used."""
+
+    name: str
+    kind: Kind
+    subsystem: str
+    unit: str
+    usual: float
+    limit: float
+    form: str
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("driver_gain", "known", "electrical", "1", 0.04, 0.2,
+           "I = I_c[1 + g(1 − 0.08 I_c)]: the gain sags as the amplifier warms to its work"),
+    Effect("driver_lag", "known", "electrical", "s", 0.1, 0.8,
+           "two further equal poles after the current loop"),
+    Effect("saturation", "known", "electrical", "1", 1.2, 4.0,
+           "soft knee I/(1 + (I/I_s)^8)^(1/8), I_s = (4/e)(R0/R)(V/12)"),
+    Effect("resistivity", "known", "electrical", "1", 0.06, 0.4,
+           "R = R0[1 + e(a ΔT + b ΔT²) + e(ξ − ½)(1 + ½(ξ − ½))], quadratic in T and in ξ"),
+    Effect("contact_resistance", "known", "electrical", "ohm", 0.04, 0.3,
+           "series resistance that grows with its own heat over 8 s; in V only"),
+    Effect("rtd_lag", "known", "sensors", "s", 0.5, 4.0, "two poles, e and 0.35 e"),
+    Effect("rtd_stem_error", "known", "sensors", "1", 0.05, 0.4,
+           "reads T − e(T − T_stem); the stem follows coil and ambient within 15 s"),
+    Effect("rtd_offset", "known", "sensors", "K", 0.8, 6.0,
+           "offset with a slope of 1 % of it per kelvin above 27 °C"),
+    Effect("channel_delay", "known", "sensors", "s", 0.06, 0.6,
+           "encoder and load cell read late, by e times 0.85–1.15 wandering over 20 s"),
+    Effect("encoder_backlash", "known", "sensors", "mm", 0.15, 1.5,
+           "play with a soft engagement over a third of its width"),
+    Effect("encoder_slip", "known", "sensors", "1", 0.02, 0.2,
+           "the tendon creeps on the shaft when moving under more than 1.4 N, both ways unequal"),
+    Effect("force_offset", "known", "sensors", "N", 0.03, 0.4,
+           "zero shift of which a fifth fades in over 25 s"),
+    Effect("force_gain", "known", "sensors", "1", 0.03, 0.3, "F[1 + e(0.7 + 0.2 F)]"),
+    Effect("force_creep", "known", "sensors", "1", 0.03, 0.3,
+           "two relaxing elements, 4 s and 40 s, follow the load"),
+    Effect("water_drain", "known", "thermal", "1/s", 0.03, 0.4,
+           "the water leaves from the outlet end, cell by cell, while the pump rests; it refills"),
+    Effect("air_bubbles", "known", "thermal", "1", 0.3, 0.95,
+           "pockets enter at random and travel with the water, uncovering what they pass"),
+    Effect("pump_dead_time", "known", "thermal", "s", 0.2, 1.5,
+           "transport delay e and a second-order spin-up at 4/e rad/s, damping 0.6"),
+    Effect("flow_shortfall", "known", "thermal", "1", 0.2, 0.8, "flow = (1 − e) duty^(1 + e)"),
+    Effect("reservoir_warming", "known", "thermal", "1", 0.5, 6.0,
+           "stratified reservoir warmed by what returns; the inlet sensor sees 30 % of it"),
+    Effect("ambient_drift", "known", "thermal", "K", 2.0, 12.0,
+           "draught: the air around the tubes leaves the ambient sensor by a half-sine"),
+    Effect("valve_leak", "known", "thermal", "1", 0.15, 0.9,
+           "the other tube gets e Q²/Q_max, as pressure opens the check valve"),
+    Effect("cold_ends", "known", "thermal", "W/K", 0.004, 0.06,
+           "the end cells conduct to the clamps, the outlet end half as much"),
+    Effect("convection_exponent", "known", "thermal", "1", 0.3, 2.0,
+           "loss ∝ ΔT^(1+0.12+e) and static film ∝ ΔT^(0.15+e/2), equal at 15 K and 4 K"),
+    Effect("minor_loop", "known", "phase", "K", 1.5, 8.0,
+           "partial cycles: thresholds move with the fraction at the last reversal"),
+    Effect("transformation_drift", "known", "phase", "K", 1.0, 10.0,
+           "both centres fall and strain is lost, saturating in the transformed fraction"),
+    Effect("r_phase", "known", "phase", "1", 0.04, 0.5,
+           "cooling through 39 → 35 °C under load frees part of the strain before martensite"),
+    Effect("stress_latent_heat", "known", "phase", "1", 0.4, 3.0,
+           "L = L0[1 + e(τ/57 − 1)|τ/57|]"),
+    Effect("tube_friction", "known", "mechanics", "N", 0.04, 0.5,
+           "Stribeck with a term in the tension (capstan), through an elastic bristle"),
+    Effect("viscous_drag", "known", "mechanics", "N", 0.05, 0.8,
+           "e sign(v)(|v|/5 mm/s)^0.8, a third of it when the tube has drained"),
+    Effect("tendon_compliance", "known", "mechanics", "mm", 0.6, 6.0,
+           "stretch e ln(1 + F/0.4 N)/ln 4.1 relative to that at 1.24 N"),
+    Effect("tube_stiffness", "known", "mechanics", "1", 0.05, 0.5,
+           "hardening spring in parallel, softer when warm"),
+    Effect("tendon_log_creep", "dev", "mechanics", "mm", 0.1, 2.0,
+           "the tendon lengthens by e F ln(1 + t/3 s)"),
+    Effect("rtd_current_pickup", "dev", "sensors", "K/A", 0.15, 3.0,
+           "both RTD lines pick up the heater currents, mostly their own"),
+    Effect("encoder_eccentricity", "dev", "sensors", "mm", 0.08, 1.0,
+           "once-per-turn sine of an eccentric disc, turn 13 mm"),
+    Effect("force_frame_warming", "dev", "sensors", "N", 0.05, 1.0,
+           "the load cell's frame is warmed by the heaters, 45 s"),
+    Effect("coil_contact", "dev", "mechanics", "1", 0.5, 20.0,
+           "coils touch at short lengths and push, power 1.5"),
+    Effect("shunt_self_heating", "dev", "electrical", "1", 0.02, 0.3,
+           "the current shunt warms with I² over 10 s; the reading rises, the current does not"),
+    Effect("tube_swelling", "dev", "thermal", "1", 0.15, 2.0,
+           "the silicone bore widens with temperature: more water, thinner film"),
+    Effect("pump_cavitation", "dev", "thermal", "1", 0.4, 0.97,
+           "after long heating the pump first draws vapour and gas"),
+    Effect("supply_beat", "dev", "electrical", "1", 0.02, 0.3,
+           "current breathes with the beat of supply ripple and PWM, 0.17–0.4 Hz"),
+    Effect("rate_overshoot", "dev", "phase", "K", 1.0, 12.0,
+           "nucleation lags: thresholds move apart with the square root of |dξ/dt|"),
+    Effect("pump_bourdon", "dev", "mechanics", "N", 0.05, 1.0,
+           "pump pressure straightens the coiled tube and pushes along the spring"),
+    Effect("martensite_stabilisation", "dev", "phase", "K", 0.8, 10.0,
+           "martensite left in peace ages: A_s rises with the logarithm of its rest"),
+    Effect("rtd_strain", "sealed", "sensors", "K", 0.4, 6.0,
+           "the glued RTD is bent by the coil: its reading follows deflection"),
+    Effect("tube_relaxation", "sealed", "mechanics", "N", 0.05, 1.0,
+           "viscoelastic tube: a Maxwell arm of 6 s in parallel"),
+    Effect("water_shunt", "sealed", "electrical", "1", 0.05, 0.6,
+           "part of the current takes the warm water instead of the wire"),
+    Effect("thermosiphon", "sealed", "thermal", "1", 0.01, 0.3,
+           "warm water rises by itself and draws fresh water while the pump rests"),
+    Effect("reverse_flow", "sealed", "thermal", "1", 0.1, 0.95,
+           "after each pump pulse warm water runs back from the outlet"),
+    Effect("driver_small_signal", "sealed", "electrical", "A", 0.05, 0.6,
+           "crossover of the output stage eats small currents"),
+    Effect("two_way_memory", "sealed", "phase", "1", 0.02, 0.4,
+           "trained wire: new martensite comes out partly turned as it once was"),
+    Effect("spool_buildup", "sealed", "sensors", "mm", 0.1, 2.0,
+           "the tendon piles up on the shaft: reading with a square of travel"),
+    Effect("rtd_flow_self_heating", "sealed", "sensors", "K", 0.3, 6.0,
+           "the RTD's own heat is carried away only when water flows"),
+    Effect("pump_vibration", "sealed", "mechanics", "N", 0.02, 0.4,
+           "pump hum reaches the load cell and aliases to a slow tone"),
+    Effect("aged_segment", "sealed", "phase", "K", 2.0, 15.0,
+           "one third of the wire, over-aged at the solder joint, transforms higher"),
+    Effect("mux_ghosting", "sealed", "sensors", "1", 0.03, 0.5,
+           "the converter keeps a share of the channel sampled before"),
+)  # fmt: skip
+
+SIGNED = frozenset(
+    "driver_gain rtd_offset force_offset force_gain ambient_drift convection_exponent "
+    "stress_latent_heat rtd_current_pickup force_frame_warming pump_bourdon rtd_strain "
+    "spool_buildup".split()
+)
+"""Effects whose magnitude may be negative."""
+
+BY_NAME = {effect.name: effect for effect in EFFECTS}
+_SLOT = {effect.name: i for i, effect in enumerate(EFFECTS)}
+
+
+def slot(name: str) -> int:
+    """Column of one effect in the magnitude array of :func:`magnitudes`."""
+    return _SLOT[name]
+
+
+def names(kind: Kind) -> tuple[str, ...]:
+    """Names of all effects of one kind, in the table's order."""
+    return tuple(e.name for e in EFFECTS if e.kind == kind)
+
+
+@dataclass(frozen=True)
+class Active:
+    """One effect at work: magnitude in the table's unit, spring Y's share, and a free shape."""
+
+    name: str
+    magnitude: float
+    y_share: float = 1.0
+    shape: float = 0.5
+
+
+def magnitudes(active: tuple[Active, ...] = ()) -> NDArray[np.float64]:
+    """Array (3, number of effects): magnitude on X, on Y, and the shape number in 0…1."""
+    table = np.zeros((3, len(EFFECTS)))
+    table[2] = 0.5
+    for one in active:
+        column = slot(one.name)
+        table[:, column] = one.magnitude, one.magnitude * one.y_share, one.shape
+    return table

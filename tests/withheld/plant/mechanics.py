@@ -1,0 +1,235 @@
+"""The pair on its tendon: one scalar equilibrium in the displacement, with friction in it.
+
+Positive displacement shortens spring X. Every term keeps the residual falling in displacement,
+so that safeguarded Newton always finds the one root.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.withheld.plant.compiled import compiled
+from tests.withheld.plant.effects import slot
+from tests.withheld.plant.layout import (
+    CELLS,
+    FILL,
+    FLOW,
+    FORCE_X,
+    FORCE_Y,
+    FRACTION,
+    FRICTION,
+    MOST_TURNED,
+    R_PHASE,
+    RELAXING,
+    SPEED,
+    TIME,
+    TURNED,
+    WORK_DONE,
+    W,
+    X,
+)
+from tests.withheld.plant.parameters import index
+from tests.withheld.plant.phase import turned_by
+
+Array = NDArray[np.float64]
+
+SPAN = index("span_m")
+K_MART = index("k_mart_N_m")
+K_AUST = index("k_aust_N_m")
+STRAIN = index("strain_m")
+STRESS = index("stress_MPa_N")
+Y_STIFFNESS = index("y_stiffness")
+FULL_FLOW = index("flow_W_K")
+
+FRICTION_IN_TUBE = slot("tube_friction")
+DRAG = slot("viscous_drag")
+COMPLIANCE = slot("tendon_compliance")
+PARALLEL = slot("tube_stiffness")
+CREEP = slot("tendon_log_creep")
+COILS_TOUCH = slot("coil_contact")
+BOURDON = slot("pump_bourdon")
+RELAXATION = slot("tube_relaxation")
+DRIFT = slot("transformation_drift")
+R_PHASES = slot("r_phase")
+
+PRESTRETCH_m = 0.025
+BRISTLE_m = 1.5e-4
+COILS_CLOSE_m = 0.020
+
+
+@compiled
+def deflection(s: int, force: float, p: Array, e: Array, cells: Array, side: Array) -> float:
+    """Deflection (m) of the wire of spring `s` under its own force."""
+    stiffness = p[Y_STIFFNESS] if s == 1 else 1.0
+    stress = force * p[STRESS]
+    turned = turned_by(stress, p)
+    strain = p[STRAIN]
+    if e[s, DRIFT] > 0.0:
+        strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
+    total = 0.0
+    for i in range(CELLS):
+        fraction = cells[s, i, FRACTION]
+        rate = stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction))
+        total += force / rate + strain * fraction * max(cells[s, i, TURNED], turned)
+        if e[s, R_PHASES] > 0.0:
+            total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * stress / 57.0
+    return total / CELLS
+
+
+@compiled
+def pull(
+    s: int, length: float, guess: float, p: Array, e: Array, cells: Array, side: Array
+) -> tuple[float, float]:
+    """Tendon force (N) of spring `s` at a deflection (m), and its slope (N/m)."""
+    force = max(guess, 1e-3)
+    slope = 1.0
+    if deflection(s, 0.0, p, e, cells, side) >= length:
+        force = 0.0
+    else:
+        low = 0.0
+        high = 60.0
+        for _ in range(40):
+            here = deflection(s, force, p, e, cells, side)
+            slope = 1e-4 / (deflection(s, force + 1e-4, p, e, cells, side) - here)
+            step = (length - here) * slope
+            if abs(step) < 1e-7:
+                break
+            if step < 0.0:
+                high = force
+            else:
+                low = force
+            force += step
+            if force <= low or force >= high:
+                force = 0.5 * (low + high)
+    off = length - PRESTRETCH_m
+    if e[s, PARALLEL] > 0.0:
+        warm = 0.0
+        for i in range(CELLS):
+            warm += (cells[s, i, W] - 27.0) / CELLS
+        rate = e[s, PARALLEL] * 58.0 * max(0.3, 1.0 - 0.004 * warm)
+        force += rate * off * (1.0 + 60.0 * abs(off))
+        slope += rate * (1.0 + 120.0 * abs(off))
+    if e[s, RELAXATION] > 0.0:
+        force += e[s, RELAXATION] * (length - side[s, RELAXING]) / 0.005
+        slope += e[s, RELAXATION] / 0.005
+    if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:
+        close = (COILS_CLOSE_m - length) / 0.005
+        force -= 0.05 * e[s, COILS_TOUCH] * close**1.5
+        slope += 0.05 * e[s, COILS_TOUCH] * 1.5 * math.sqrt(close) / 0.005
+    if e[s, BOURDON] != 0.0:
+        force -= e[s, BOURDON] * (max(side[s, FLOW], 0.0) / p[FULL_FLOW]) ** 2
+    return force, slope
+
+
+@compiled
+def longer_tendon(force: float, time: float, e: Array) -> tuple[float, float]:
+    """How much longer the tendon is than at assembly (m), and its slope (m/N)."""
+    stretch = 0.0
+    slope = 0.0
+    tension = max(force, 0.0)
+    if e[0, COMPLIANCE] > 0.0:
+        scale = e[0, COMPLIANCE] * 1e-3 / math.log(4.1)
+        stretch += scale * (math.log(1.0 + tension / 0.4) - math.log(4.1))
+        slope += scale / (0.4 + tension)
+    if e[0, CREEP] > 0.0:
+        scale = e[0, CREEP] * 1e-3 * math.log(1.0 + time / 3.0)
+        stretch += scale * tension
+        slope += scale
+    return stretch, slope
+
+
+@compiled
+def resisting(
+    x: float, before: float, tension: float, dt: float, e: Array, side: Array, pair: Array
+) -> tuple[float, float, float]:
+    """Friction and drag against a move to `x` (N), their slope (N/m), and the bristle's force."""
+    bristle = 0.0
+    total = 0.0
+    slope = 0.0
+    strength = e[0, FRICTION_IN_TUBE]
+    if strength > 0.0:
+        speed = pair[SPEED] / 2e-3
+        ceiling = strength * (0.5 + 0.4 * math.exp(-speed * speed) + 0.4 * max(tension, 0.0))
+        rate = ceiling / BRISTLE_m
+        bristle = pair[FRICTION] + rate * (x - before)
+        if abs(bristle) > ceiling:
+            bristle = math.copysign(ceiling, bristle)
+        else:
+            slope += rate
+        total += bristle
+    if e[0, DRAG] > 0.0:
+        dry = 0.33 + 0.67 * 0.5 * (side[0, FILL] + side[1, FILL])
+        v = (x - before) / dt / 5e-3
+        scale = e[0, DRAG] * dry
+        if abs(v) < 0.02:
+            gain = 0.02**0.8 / 0.02
+            total += scale * gain * v
+            slope += scale * gain / dt / 5e-3
+        else:
+            total += scale * math.copysign(abs(v) ** 0.8, v)
+            slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
+    return total, slope, bristle
+
+
+@compiled
+def equilibrium(
+    p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float
+) -> None:
+    """Move the pair to its equilibrium: displacement, both forces, friction, turned martensite."""
+    before = pair[X]
+    x = before
+    low = -0.5 * p[SPAN]
+    high = 0.5 * p[SPAN]
+    force_x = pair[FORCE_X]
+    force_y = pair[FORCE_Y]
+    bristle = 0.0
+    for _ in range(30):
+        force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
+        longer, slope_t = longer_tendon(force_y, pair[TIME], e)
+        force_x, slope_x = pull(0, 0.5 * p[SPAN] - x - longer, force_x, p, e, cells, side)
+        against, slope_f, bristle = resisting(x, before, force_y, dt, e, side, pair)
+        residual = force_x - force_y - against
+        step = residual / (slope_x * (1.0 + slope_t * slope_y) + slope_y + slope_f)
+        if abs(step) < 1e-9:
+            break
+        if step > 0.0:
+            low = x
+        else:
+            high = x
+        x += step
+        if x <= low or x >= high:
+            x = 0.5 * (low + high)
+    pair[X] = x
+    pair[FORCE_X] = force_x
+    pair[FORCE_Y] = force_y
+    pair[FRICTION] = bristle
+    pair[SPEED] = (x - before) / dt
+    for s in range(2):
+        wire = wire_stress(s, p, e, cells, side, pair)
+        turned = turned_by(wire, p)
+        for i in range(CELLS):
+            cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
+        side[s, MOST_TURNED] = max(side[s, MOST_TURNED], turned)
+        length = 0.5 * p[SPAN] + (x if s == 1 else -x)
+        side[s, RELAXING] += (length - side[s, RELAXING]) * (1.0 - math.exp(-dt / 6.0))
+
+
+@compiled
+def wire_stress(
+    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array
+) -> float:
+    """Shear stress (MPa) in the wire itself, without what the tube carries beside it."""
+    tendon = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    beside = 0.0
+    length = 0.5 * p[SPAN] + (pair[X] if s == 1 else -pair[X])
+    off = length - PRESTRETCH_m
+    if e[s, PARALLEL] > 0.0:
+        beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))
+    if e[s, RELAXATION] > 0.0:
+        beside += e[s, RELAXATION] * (length - side[s, RELAXING]) / 0.005
+    if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:
+        beside -= 0.05 * e[s, COILS_TOUCH] * ((COILS_CLOSE_m - length) / 0.005) ** 1.5
+    if e[s, BOURDON] != 0.0:
+        beside -= e[s, BOURDON] * (max(side[s, FLOW], 0.0) / p[FULL_FLOW]) ** 2
+    return max(tendon - beside, 0.0) * p[STRESS]

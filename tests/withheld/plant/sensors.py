@@ -1,0 +1,186 @@
+"""What the bench reads at one tick: four temperatures, travel, force, currents and voltages."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.withheld.plant.compiled import compiled
+from tests.withheld.plant.drive import approach, late
+from tests.withheld.plant.effects import slot
+from tests.withheld.plant.layout import (
+    AMPERE,
+    CELLS,
+    CONTACT,
+    CREEP_FAST,
+    CREEP_SLOW,
+    ENCODER,
+    FLOW,
+    FORCE_X,
+    FORCE_Y,
+    FRACTION,
+    FRAME,
+    GLANCE,
+    OHM,
+    PUMP,
+    RESERVOIR,
+    RING_FORCE,
+    RING_X,
+    RTD_A,
+    RTD_B,
+    SHUNT,
+    SLIPPED,
+    STEM,
+    TIME,
+    TURNED,
+    T,
+    W,
+    X,
+)
+from tests.withheld.plant.parameters import index
+
+Array = NDArray[np.float64]
+
+RTD_PLACE = index("rtd_place")
+RTD_LAG = index("rtd_lag_s")
+SUPPLY = index("supply_V")
+SUPPLY_OHM = index("supply_ohm")
+
+CONTACT_OHM = slot("contact_resistance")
+SLOW_RTD = slot("rtd_lag")
+STEM_ERROR = slot("rtd_stem_error")
+RTD_OFFSET = slot("rtd_offset")
+DELAY = slot("channel_delay")
+BACKLASH = slot("encoder_backlash")
+SLIP = slot("encoder_slip")
+FORCE_OFFSET = slot("force_offset")
+FORCE_GAIN = slot("force_gain")
+FORCE_CREEP = slot("force_creep")
+PICKUP = slot("rtd_current_pickup")
+ECCENTRIC = slot("encoder_eccentricity")
+FRAME_WARMS = slot("force_frame_warming")
+SHUNT_WARMS = slot("shunt_self_heating")
+RTD_STRAIN = slot("rtd_strain")
+SPOOL = slot("spool_buildup")
+SELF_HEATING = slot("rtd_flow_self_heating")
+VIBRATION = slot("pump_vibration")
+GHOST = slot("mux_ghosting")
+BEAT = slot("supply_beat")
+
+TURN_mm = 13.0
+
+
+@compiled
+def rtd(s: int, ambient: float, dt: float, p: Array, e: Array, cells: Array, side: Array, pair: Array) -> float:
+    """Reading (°C) of the RTD tied to spring `s`, before the converter."""
+    place = p[RTD_PLACE] * CELLS - 0.5
+    i = min(max(int(math.floor(place)), 0), CELLS - 2)
+    part = min(max(place - i, 0.0), 1.0)
+    seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
+    if e[s, STEM_ERROR] > 0.0:
+        side[s, STEM] = approach(side[s, STEM], 0.3 * seen + 0.7 * ambient, dt, 15.0)
+        seen -= e[s, STEM_ERROR] * (seen - side[s, STEM])
+    side[s, RTD_A] = approach(side[s, RTD_A], seen, dt, p[RTD_LAG] + e[s, SLOW_RTD])
+    if e[s, SLOW_RTD] > 0.0:
+        side[s, RTD_B] = approach(side[s, RTD_B], side[s, RTD_A], dt, 0.35 * e[s, SLOW_RTD])
+    else:
+        side[s, RTD_B] = side[s, RTD_A]
+    reading = side[s, RTD_B]
+    reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
+    reading += e[s, PICKUP] * (side[s, AMPERE] + 0.2 * side[1 - s, AMPERE])
+    reading += e[s, SELF_HEATING] * math.exp(-8.0 * side[s, PUMP])
+    if e[s, RTD_STRAIN] != 0.0:
+        off = pair[X] if s == 1 else -pair[X]
+        reading += e[s, RTD_STRAIN] * (off / 0.01 + 0.3 * (off / 0.01) ** 2)
+    return reading
+
+
+@compiled
+def travel(seen_mm: float, e: Array, pair: Array) -> float:
+    """Encoder reading (mm) for the tendon's travel (mm)."""
+    width = e[0, BACKLASH]
+    before = pair[ENCODER]
+    if width > 0.0:
+        gap = seen_mm - before
+        half = 0.5 * width
+        soft = half / 3.0
+        excess = abs(gap) - half
+        if excess > 0.0:
+            pair[ENCODER] = before + math.copysign(excess * excess / (excess + soft), gap)
+    else:
+        pair[ENCODER] = seen_mm
+    moved = pair[ENCODER] - before
+    if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
+        pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
+    reading = pair[ENCODER] + pair[SLIPPED]
+    if e[0, ECCENTRIC] > 0.0:
+        phase = 2.0 * math.pi * e[2, ECCENTRIC]
+        turn = 2.0 * math.pi * reading / TURN_mm
+        reading += e[0, ECCENTRIC] * (math.sin(turn + phase) - math.sin(phase))
+    reading += e[0, SPOOL] * (reading / 10.0) ** 2
+    return reading
+
+
+@compiled
+def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+    """Load cell reading (N) for a tendon force (N)."""
+    time = pair[TIME]
+    reading = seen_N * (1.0 + e[0, FORCE_GAIN] * (0.7 + 0.2 * seen_N))
+    if e[0, FORCE_CREEP] > 0.0:
+        pair[CREEP_FAST] = approach(pair[CREEP_FAST], seen_N - 1.24, dt, 4.0)
+        pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
+        reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
+    reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
+    watts = side[0, AMPERE] ** 2 * side[0, OHM] + side[1, AMPERE] ** 2 * side[1, OHM]
+    pair[FRAME] = approach(pair[FRAME], watts / 3.0, dt, 45.0)
+    reading += e[0, FRAME_WARMS] * pair[FRAME]
+    if e[0, VIBRATION] > 0.0:
+        hertz = 1.7 + 2.4 * e[2, VIBRATION]
+        hum = math.sin(2.0 * math.pi * hertz * time)
+        reading += e[0, VIBRATION] * (side[0, PUMP] + side[1, PUMP]) * hum
+    return reading
+
+
+@compiled
+def read(
+    inlet: float, ambient: float, dt: float, p: Array, e: Array, cells: Array, side: Array,
+    pair: Array, ring: Array, out: Array,
+) -> None:
+    """All readings of one tick into `out`, in the order of `layout.READINGS`."""
+    for s in range(2):
+        warm = 1.0 + e[s, SHUNT_WARMS] * side[s, SHUNT]
+        out[s] = side[s, AMPERE] * warm
+        contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
+        out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
+        out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
+    out[6] = inlet + 0.3 * pair[RESERVOIR]
+    out[7] = ambient
+    if e[0, GHOST] > 0.0:
+        for k in range(3):
+            kept = 5 + k
+            out[kept] += e[0, GHOST] * (out[kept - 1] - out[kept])
+    ticks = 0.0
+    if e[0, DELAY] > 0.0:
+        wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
+        ticks = e[0, DELAY] * wander / dt
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), e, pair)
+    out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
+    total = side[0, AMPERE] + side[1, AMPERE]
+    beat = 0.0
+    if e[0, BEAT] > 0.0:
+        beat = 0.1 * math.sin(2.0 * math.pi * (0.17 + 0.23 * e[2, BEAT]) * pair[TIME])
+    out[10] = p[SUPPLY] * (1.0 + e[0, BEAT] * beat) - p[SUPPLY_OHM] * total
+
+
+@compiled
+def truth(cells: Array, side: Array, pair: Array, out: Array) -> None:
+    """What is true, in the order of `layout.TRUTHS`; the bank never contains it."""
+    for s in range(2):
+        for column, where in ((T, 0), (W, 2), (FRACTION, 4), (TURNED, 6)):
+            total = 0.0
+            for i in range(CELLS):
+                total += cells[s, i, column] / CELLS
+            out[where + s] = total
+        out[10 + s] = side[s, FLOW]
+    out[8] = 1e3 * pair[X]
+    out[9] = 0.5 * (pair[FORCE_X] + pair[FORCE_Y])

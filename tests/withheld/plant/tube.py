@@ -1,0 +1,296 @@
+"""One spring in its tube over one tick: coefficients of each cell, the solve, and the memories."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.withheld.plant.compiled import compiled
+from tests.withheld.plant.drive import approach
+from tests.withheld.plant.effects import slot
+from tests.withheld.plant.layout import (
+    AMPERE,
+    ASLEEP,
+    BUBBLE,
+    CELLS,
+    CONTACT,
+    COOLED_FROM,
+    FILL,
+    FLOW,
+    FRACTION,
+    HEATED_FROM,
+    HEATING,
+    MOST_TURNED,
+    OHM,
+    OUTLET,
+    PLAY,
+    PLAYS,
+    POCKET,
+    R_PHASE,
+    RATE,
+    RESERVOIR,
+    SHUNT,
+    TURNED,
+    WET,
+    WORK_DONE,
+    T,
+    W,
+)
+from tests.withheld.plant.parameters import index
+from tests.withheld.plant.phase import WEIGHT, cooling_shift, falling, turned_by
+from tests.withheld.plant.thermal import (
+    FILM,
+    HEAT_WATER,
+    HEAT_WIRE,
+    LATENT,
+    LOSS,
+    SHIFT_COOL,
+    SHIFT_HEAT,
+    TO_CLAMP,
+    WATER_HEAT,
+    advance,
+    film,
+)
+
+Array = NDArray[np.float64]
+
+HEAT_SLOPE = index("heat_slope_MPa_K")
+WIRE_HEAT = index("wire_J_K")
+LATENT_HEAT = index("latent_J")
+WATER = index("water_J_K")
+LOSS_RATE = index("loss_W_K")
+LOSS_POWER = index("loss_power")
+STATIC = index("film_static_W_K")
+FORCED = index("film_forced_W_K")
+FULL_FLOW = index("flow_W_K")
+MIXING = index("mixing")
+CONDUCTION = index("conduction_W_K")
+RESISTANCE = index("resistance_ohm")
+Y_RESISTANCE = index("y_resistance")
+Y_LOSS = index("y_loss")
+STRESS = index("stress_MPa_N")
+
+RESISTIVITY = slot("resistivity")
+CONTACT_OHM = slot("contact_resistance")
+DRAIN = slot("water_drain")
+BUBBLES = slot("air_bubbles")
+RESERVOIR_WARMS = slot("reservoir_warming")
+COLD_ENDS = slot("cold_ends")
+EXPONENT = slot("convection_exponent")
+MINOR_LOOP = slot("minor_loop")
+DRIFT = slot("transformation_drift")
+STRESS_LATENT = slot("stress_latent_heat")
+SHUNT_WARMS = slot("shunt_self_heating")
+SWELLING = slot("tube_swelling")
+OVERSHOOT = slot("rate_overshoot")
+STABILISED = slot("martensite_stabilisation")
+WATER_SHUNT = slot("water_shunt")
+TWO_WAY = slot("two_way_memory")
+AGED = slot("aged_segment")
+R_PHASES = slot("r_phase")
+
+DRY = 0.04  # what a drained cell keeps: a film on the wall
+POCKETS_PER_S = 1.2
+POCKET_S = 0.5
+
+
+@compiled
+def resistance(s: int, p: Array, e: Array, cells: Array, heat: Array) -> float:
+    """Resistance (ohm) of spring `s`; each cell's share goes to `heat`."""
+    base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
+    total = 0.0
+    strength = e[s, RESISTIVITY]
+    for i in range(CELLS):
+        factor = 1.0
+        if strength > 0.0:
+            warm = cells[s, i, T] - 25.0
+            off = cells[s, i, FRACTION] - 0.5
+            factor += strength * (0.008 * warm + 1.2e-4 * warm * warm + off * (1.0 + 0.5 * off))
+            factor += strength * 0.3 * cells[s, i, R_PHASE]
+        heat[i] = base * factor / CELLS
+        total += heat[i]
+    return total
+
+
+@compiled
+def wet_shares(s: int, e: Array, cells: Array, side: Array, inlet: float, dt: float) -> None:
+    """Let water leave from the outlet end while the pump rests, and come back with the flow."""
+    rate = e[s, DRAIN]
+    if rate <= 0.0:
+        return
+    flowing = side[s, FLOW]
+    if flowing > 0.02:
+        side[s, FILL] = min(1.0, side[s, FILL] + dt * flowing / 2.5)
+    else:
+        side[s, FILL] = max(0.3, side[s, FILL] - dt * rate)
+    for i in range(CELLS):
+        wet = min(1.0, max(DRY, side[s, FILL] * CELLS - i))
+        before = cells[s, i, WET]
+        if wet > before:
+            cells[s, i, W] = (cells[s, i, W] * before + inlet * (wet - before)) / wet
+        cells[s, i, WET] = wet
+
+
+@compiled
+def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float) -> None:
+    """Air pockets: enter at random while water flows (`luck` uniform in 0…1), then travel."""
+    if e[s, BUBBLES] <= 0.0:
+        return
+    share = max(side[s, FLOW], 0.0) / 0.5
+    side[s, POCKET] = max(0.0, side[s, POCKET] - dt)
+    if side[s, POCKET] <= 0.0 and luck < POCKETS_PER_S * share * dt:
+        side[s, POCKET] = POCKET_S * (0.5 + luck / max(POCKETS_PER_S * share * dt, 1e-9))
+    entering = 1.0 if side[s, POCKET] > 0.0 else 0.0
+    step = 1.0 - math.exp(-dt * CELLS * share / 4.7)
+    for j in range(CELLS):
+        i = CELLS - 1 - j
+        before = entering if i == 0 else cells[s, i - 1, BUBBLE]
+        cells[s, i, BUBBLE] += step * (before - cells[s, i, BUBBLE])
+
+
+@compiled
+def shifts(
+    s: int, i: int, stress: float, p: Array, e: Array, cells: Array, side: Array
+) -> tuple[float, float]:
+    """How far (K) the heating and cooling curves of one cell stand above the stress-free ones."""
+    heat = stress / p[HEAT_SLOPE]
+    cool = cooling_shift(stress, p)
+    if e[s, MINOR_LOOP] > 0.0:
+        heat += e[s, MINOR_LOOP] * (1.0 - cells[s, i, HEATED_FROM])
+        cool -= 0.6 * e[s, MINOR_LOOP] * cells[s, i, COOLED_FROM]
+    if e[s, DRIFT] > 0.0:
+        fallen = e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
+        heat -= fallen
+        cool -= fallen
+    if e[s, OVERSHOOT] > 0.0:
+        apart = e[s, OVERSHOOT] * math.sqrt(side[s, RATE] / 0.2)
+        heat += apart
+        cool -= 0.5 * apart
+    if e[s, STABILISED] > 0.0:
+        heat += e[s, STABILISED] * math.log10(1.0 + side[s, ASLEEP] / 4.0)
+    if e[s, AGED] > 0.0 and i < CELLS // 3:
+        heat += e[s, AGED]
+        cool += e[s, AGED]
+    return heat, cool
+
+
+@compiled
+def coefficients(
+    s: int, amperes: float, stress: float, ambient: float, p: Array, e: Array,
+    cells: Array, side: Array, heat: Array, rows: Array,
+) -> float:
+    """Fill `rows` for one tick; the axial exchange (W/K) between neighbouring cells."""
+    side[s, OHM] = resistance(s, p, e, cells, heat)
+    leaves = e[s, WATER_SHUNT]
+    power = p[LOSS_POWER] + e[s, EXPONENT]
+    loss = p[LOSS_RATE] * (p[Y_LOSS] if s == 1 else 1.0) / CELLS
+    latent = p[LATENT_HEAT] / CELLS
+    if e[s, STRESS_LATENT] != 0.0:
+        relative = stress / 57.0
+        latent *= max(0.1, 1.0 + e[s, STRESS_LATENT] * (relative - 1.0) * abs(relative))
+    share = min(abs(side[s, FLOW]) / p[FULL_FLOW], 1.5)
+    for i in range(CELLS):
+        row = rows[i]
+        water = cells[s, i, W]
+        across = abs(cells[s, i, T] - water)
+        out = max(abs(water - ambient), 0.2)
+        wet = cells[s, i, WET]
+        swollen = 1.0
+        if e[s, SWELLING] > 0.0:
+            swollen += e[s, SWELLING] * max(water - 27.0, 0.0) / 40.0
+        joule = amperes * amperes * heat[i]
+        lost = min(0.9, leaves * wet * max(0.1, 1.0 + 0.02 * (water - 27.0)))
+        row[HEAT_WIRE] = joule * (1.0 - lost)
+        row[HEAT_WATER] = 0.6 * joule * lost
+        covered = wet * (1.0 - e[s, BUBBLES] * cells[s, i, BUBBLE])
+        conductance = film(
+            p[STATIC] / CELLS, p[FORCED] / CELLS, 0.15 + 0.5 * e[s, EXPONENT], across, share
+        )
+        row[FILM] = conductance * max(covered, DRY) / swollen**1.5
+        row[WATER_HEAT] = p[WATER] / CELLS * wet * swollen
+        row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
+        row[TO_CLAMP] = 0.0
+        row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
+        row[LATENT] = latent
+    rows[0, TO_CLAMP] = e[s, COLD_ENDS]
+    rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
+    return CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0
+
+
+@compiled
+def remember(s: int, stress: float, p: Array, e: Array, cells: Array, side: Array, dt: float) -> None:
+    """Update what each cell remembers after its fraction has moved."""
+    moved_all = 0.0
+    mean = 0.0
+    turned_new = turned_by(stress, p)
+    if e[s, TWO_WAY] > 0.0:
+        turned_new = min(1.0, turned_new + e[s, TWO_WAY] * (0.1 + side[s, MOST_TURNED]))
+    for i in range(CELLS):
+        cell = cells[s, i]
+        fraction = 0.0
+        for k in range(PLAYS):
+            fraction += WEIGHT[k] * cell[PLAY + k]
+        moved = fraction - cell[FRACTION]
+        if moved > 0.0:
+            cell[TURNED] = (cell[TURNED] * cell[FRACTION] + turned_new * moved) / fraction
+        if moved < -1e-6 and cell[HEATING] < 0.5:
+            cell[HEATING] = 1.0
+            cell[HEATED_FROM] = cell[FRACTION]
+        elif moved > 1e-6 and cell[HEATING] > 0.5:
+            cell[HEATING] = 0.0
+            cell[COOLED_FROM] = cell[FRACTION]
+        cell[FRACTION] = fraction
+        moved_all += abs(moved) / CELLS
+        mean += fraction / CELLS
+        if e[s, R_PHASES] > 0.0 or e[s, RESISTIVITY] > 0.0:
+            lift = 0.1 * (stress - 57.0)
+            comes = falling((cell[T] - 37.0 - lift) / 2.0) * (1.0 - fraction)
+            stays = falling((cell[T] - 40.5 - lift) / 2.0) * (1.0 - fraction)
+            cell[R_PHASE] = min(max(cell[R_PHASE], comes), max(stays, comes))
+    side[s, WORK_DONE] += moved_all
+    side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
+    if mean < 0.5:
+        side[s, ASLEEP] = 0.0
+    elif side[s, RATE] < 0.01:
+        side[s, ASLEEP] += dt
+
+
+@compiled
+def tube(
+    s: int, amperes: float, stress: float, inlet: float, ambient: float, luck: float, dt: float,
+    p: Array, e: Array, cells: Array, side: Array, pair: Array, heat: Array, rows: Array,
+    scratch: Array,
+) -> int:
+    """Advance spring `s` and its water by one tick; how many implicit solves it took."""
+    side[s, AMPERE] = amperes
+    source = inlet + pair[RESERVOIR]
+    wet_shares(s, e, cells, side, source, dt)
+    pockets(s, e, cells, side, luck, dt)
+    mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, heat, rows)
+    solves = advance(
+        cells[s], rows, p[WIRE_HEAT] / CELLS, side[s, FLOW], mix, source, side[s, OUTLET],
+        ambient, dt, p, scratch,
+    )
+    if side[s, FLOW] > 0.0:
+        last = cells[s, CELLS - 1, W]
+        side[s, OUTLET] = approach(side[s, OUTLET], last, dt, 0.3 / side[s, FLOW])
+        if e[s, RESERVOIR_WARMS] > 0.0:
+            gained = side[s, FLOW] * (last - source) * dt
+            pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
+    remember(s, stress, p, e, cells, side, dt)
+    warmth = amperes * amperes
+    side[s, CONTACT] = approach(side[s, CONTACT], warmth / 16.0, dt, 8.0)
+    side[s, SHUNT] = approach(side[s, SHUNT], warmth / 16.0, dt, 10.0)
+    if e[s, WATER_SHUNT] > 0.0:
+        side[s, OHM] *= max(0.3, 1.0 - 0.5 * leaves_through_water(s, e, cells))
+    return solves
+
+
+@compiled
+def leaves_through_water(s: int, e: Array, cells: Array) -> float:
+    """Mean share of the current that takes the water."""
+    total = 0.0
+    for i in range(CELLS):
+        warm = max(0.1, 1.0 + 0.02 * (cells[s, i, W] - 27.0))
+        total += min(0.9, e[s, WATER_SHUNT] * cells[s, i, WET] * warm) / CELLS
+    return total
