@@ -1,0 +1,185 @@
+"""What recording costs: `python -m smad.runlog.bench` prints it, `rows()` returns it.
+
+The wall clock and a temporary folder are used; nothing here is a test.
+"""
+
+from __future__ import annotations
+
+import random
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from smad.runlog.header import RunHeader
+from smad.runlog.reader import read_run
+from smad.runlog.schema import Row
+from smad.runlog.writer import RunWriter, write_run
+
+_STARTED_UNIX_S = 1.79e9
+_PACED_S = 6.0
+_SPIN_S = 3.0
+_GAP_FLOOR_NS = 3_000
+_ROWS_READ = 90_000
+_ROWS_AN_HOUR = {100: 360_000, 250: 900_000, 500: 1_800_000}
+
+
+class Measured(NamedTuple):
+    """One line of the benchmark table."""
+
+    name: str
+    value: float
+    unit: str
+
+
+def sample_rows(count: int, rate_hz: int, seed: int = 0) -> Iterator[Row]:
+    """Rows as noisy and as finely quantised as the bench's, every channel but the stage filled."""
+    noise = random.Random(seed)
+    displacement_um = 0
+    for tick in range(count):
+        t_s = round(tick / rate_hz, 6)
+        displacement_um += noise.randrange(-8, 9)
+        current_mA = noise.randrange(0, 4001)
+        yield Row(
+            t_s=t_s,
+            host_time_s=_STARTED_UNIX_S + t_s + noise.random() * 1e-4,
+            tick=tick & 0xFFFF,
+            i_cmd_x_A=current_mA / 1000 + noise.random() * 1e-3,
+            i_cmd_y_A=0.0,
+            i_applied_x_A=current_mA / 1000,
+            i_applied_y_A=0.0,
+            i_meas_x_A=(current_mA + noise.randrange(-9, 10)) / 1000,
+            i_meas_y_A=noise.randrange(0, 9) / 1000,
+            v_x_V=current_mA * 76 // 100 / 1000,
+            v_y_V=noise.randrange(0, 9) / 1000,
+            duty_x=0.0,
+            duty_y=1.0,
+            drain_x=0,
+            drain_y=0,
+            rtd_x_degC=(4800 + noise.randrange(-4, 5)) / 100,
+            rtd_y_degC=(2700 + noise.randrange(-4, 5)) / 100,
+            rtd_inlet_degC=(2685 + noise.randrange(-2, 3)) / 100,
+            rtd_ambient_degC=26.85,
+            displacement_mm=displacement_um / 1000,
+            angle_deg=displacement_um / 1000 * 6.25,
+            force_N=(1743 + noise.randrange(-9, 10)) / 1000,
+            supply_V=(12_000 + noise.randrange(-20, 21)) / 1000,
+            reference_mm=10.0,
+            mode=2,
+            limiter=0,
+            faults=0,
+            warnings=0,
+            valid=255,
+            setpoint_age_ms=float(noise.randrange(1, 3)),
+        )
+
+
+def rows() -> list[Measured]:
+    """Measure everything; takes about a minute."""
+    with tempfile.TemporaryDirectory() as folder:
+        here = Path(folder)
+        return [*_append_cost(here), *_longest_gaps(here), *_reading(here), *_sizes(here)]
+
+
+def _header() -> RunHeader:
+    return RunHeader(source="sim", name="bench", started_unix_s=_STARTED_UNIX_S)
+
+
+def _append_cost(folder: Path) -> list[Measured]:
+    rate_hz = 500
+    prepared = list(sample_rows(int(_PACED_S * rate_hz), rate_hz))
+    cost_ns = []
+    with RunWriter(folder / "paced.mcap", _header()) as writer:
+        started_ns = time.perf_counter_ns()
+        cpu_ns = time.process_time_ns()
+        for number, row in enumerate(prepared):
+            due_ns = started_ns + number * 1_000_000_000 // rate_hz
+            time.sleep(max(0, due_ns - time.perf_counter_ns()) / 1e9)
+            before_ns = time.perf_counter_ns()
+            writer.append(row)
+            cost_ns.append(time.perf_counter_ns() - before_ns)
+        cpu_share = (time.process_time_ns() - cpu_ns) / (time.perf_counter_ns() - started_ns)
+    p50, p99_9 = np.percentile(cost_ns, [50, 99.9]) / 1e3
+    return [
+        Measured("append at 500 Hz, p50", p50, "µs"),
+        Measured("append at 500 Hz, p99.9", p99_9, "µs"),
+        Measured("append at 500 Hz, worst", max(cost_ns) / 1e3, "µs"),
+        Measured("processor share of recording at 500 Hz, pacing included", cpu_share * 100, "%"),
+        Measured("rows dropped", writer.dropped, "rows"),
+    ]
+
+
+def _longest_gaps(folder: Path) -> list[Measured]:
+    """How long a thread that never rests is kept from running: alone, and beside the writer."""
+    measured = []
+    for name, path in (("no writer", None), ("writer at 500 Hz", folder / "gaps.mcap")):
+        gaps_ns = _spin(path)
+        p99_9 = float(np.percentile(gaps_ns, 99.9)) / 1e3 if len(gaps_ns) else 0.0
+        longest = float(gaps_ns.max()) / 1e3 if len(gaps_ns) else 0.0
+        measured += [
+            Measured(f"gaps over 3 µs in a spinning thread, {name}", len(gaps_ns) / _SPIN_S, "1/s"),
+            Measured(f"p99.9 of those gaps, {name}", p99_9, "µs"),
+            Measured(f"longest of those gaps, {name}", longest, "µs"),
+        ]
+    return measured
+
+
+def _spin(path: Path | None) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    writer = RunWriter(path, _header()) if path is not None else None
+    prepared = sample_rows(int(_SPIN_S * 500), 500)
+    gaps_ns = []
+    clock = time.perf_counter_ns
+    start_ns = last_ns = clock()
+    due_ns = start_ns
+    while last_ns - start_ns < _SPIN_S * 1e9:
+        now_ns = clock()
+        if now_ns - last_ns > _GAP_FLOOR_NS:
+            gaps_ns.append(now_ns - last_ns)
+        if now_ns >= due_ns:
+            row = next(prepared, None)
+            if writer is not None and row is not None:
+                writer.append(row)
+            due_ns += 2_000_000
+            now_ns = clock()
+        last_ns = now_ns
+    if writer is not None:
+        writer.close()
+    return np.array(gaps_ns, dtype=np.int64)
+
+
+def _reading(folder: Path) -> list[Measured]:
+    path = folder / "read.mcap"
+    write_run(path, _header(), sample_rows(_ROWS_READ, 500))
+    before = time.perf_counter()
+    run = read_run(path)
+    speed = len(run) / (time.perf_counter() - before)
+    return [
+        Measured("reading", speed, "rows/s"),
+        Measured("reading an hour at 500 Hz", _ROWS_AN_HOUR[500] / speed, "s"),
+    ]
+
+
+def _sizes(folder: Path) -> list[Measured]:
+    """From a minute written as the recorder writes: a chunk each quarter of a second."""
+    measured = []
+    for rate_hz, an_hour in _ROWS_AN_HOUR.items():
+        path = folder / f"size-{rate_hz}.mcap"
+        count = 60 * rate_hz
+        flushed = threading.Event()
+        with RunWriter(path, _header(), flush_interval_s=0.005, queue_rows=count) as writer:
+            for number, row in enumerate(sample_rows(count, rate_hz)):
+                writer.append(row)
+                if (number + 1) % (rate_hz // 4) == 0:
+                    flushed.wait(0.01)
+        size_MB = path.stat().st_size / 1e6 * an_hour / count
+        measured.append(Measured(f"file size, an hour at {rate_hz} Hz", size_MB, "MB"))
+    return measured
+
+
+if __name__ == "__main__":
+    for name, value, unit in rows():
+        print(f"{name:<58}{value:>12.4g} {unit}")
