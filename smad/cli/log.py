@@ -1,0 +1,263 @@
+"""`smad log`: look at run logs, and turn them into other files and back."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from smad.errors import RunLogError
+
+if TYPE_CHECKING:
+    from smad.runlog.summary import Overview, RunSummary
+
+_EVENTS_SHOWN = 10
+_BAR_STEPS = 1000
+
+_folder = click.option(
+    "--folder",
+    default="runs",
+    show_default=True,
+    envvar="SMAD_RUNS",
+    help="Where run logs are, for a PATH left out.",
+)
+_json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+_path = click.argument("path", required=False, type=click.Path(path_type=Path))
+
+
+@click.group()
+def log() -> None:
+    """Look at run logs; export, import and recover them.
+
+    PATH left out means the newest log of the folder.
+    """
+
+
+@log.command("list")
+@_folder
+@_json
+def list_command(folder: str, as_json: bool) -> None:
+    """List the run logs of a folder."""
+    from smad.runlog.summary import list_runs
+
+    runs = list_runs(folder)
+    if as_json:
+        _print_json(runs)
+        return
+    if not runs:
+        click.echo(f"no run logs in {folder}")
+        return
+    _print_table(
+        ("file", "name", "source", "started", "rows", "duration", "size", ""),
+        [_overview_cells(run) for run in runs],
+        left=(0, 1, 2, 3, 7),
+    )
+
+
+@log.command()
+@_path
+@_folder
+@_json
+def show(path: Path | None, folder: str, as_json: bool) -> None:
+    """Say what is in a run log: header, ranges of the channels, events."""
+    from smad.runlog.reader import read_run
+    from smad.runlog.summary import summarise
+
+    with _progress("reading") as progress:
+        run = read_run(_resolve(path, folder), progress=progress)
+    summary = summarise(run)
+    if as_json:
+        _print_json(summary)
+    else:
+        _print_summary(summary)
+
+
+@log.command()
+@_path
+@_folder
+@click.option(
+    "--to",
+    "suffix",
+    type=click.Choice(["csv", "parquet", "mat"]),
+    default="csv",
+    show_default=True,
+    help="Format, where --output does not name it.",
+)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write.")
+@click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
+@_json
+def export(
+    *,
+    path: Path | None,
+    folder: str,
+    suffix: str,
+    output: Path | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where."""
+    from smad.runlog.export import export_run
+    from smad.runlog.reader import read_run
+
+    source = _resolve(path, folder)
+    with _progress("reading") as progress:
+        run = read_run(source, progress=progress)
+    files = export_run(run, output or source.with_suffix(f".{suffix}"), overwrite=overwrite)
+    if as_json:
+        _print_json({"files": [str(file) for file in files], "rows": len(run), "notes": run.notes})
+        return
+    click.echo(f"{len(run)} rows to {' and '.join(str(file) for file in files)}")
+    _print_notes(run.notes)
+
+
+@log.command("import")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Run log to write.")
+@click.option(
+    "--mapping",
+    type=click.Path(path_type=Path),
+    help="TOML file that says what the columns are, where their names do not.",
+)
+@_json
+def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
+    """Make a run log from a CSV file with units in its column names."""
+    from smad.runlog.importer import import_csv, read_mapping
+
+    rules = read_mapping(mapping) if mapping is not None else None
+    done = import_csv(source, output or source.with_suffix(".mcap"), rules)
+    if as_json:
+        _print_json(done)
+        return
+    click.echo(f"{done.rows} rows to {done.path}")
+    _print_table(("column", "channel"), list(done.channel_of.items()), left=(0, 1))
+    if done.ignored:
+        click.echo(f"left out: {', '.join(done.ignored)}")
+    if done.missing:
+        click.echo(f"not in the file, null in the log: {', '.join(done.missing)}")
+
+
+@log.command()
+@_path
+@_folder
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Run log to write.")
+@_json
+def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
+    """Rewrite a log that was cut or damaged as a whole one, and say what was lost."""
+    from smad.runlog.recover import recover as recover_log
+
+    with _progress("recovering") as progress:
+        done = recover_log(_resolve(path, folder), output, progress=progress)
+    if as_json:
+        _print_json(done)
+        return
+    click.echo(f"{done.messages} messages to {done.path}")
+    click.echo(f"lost: {done.lost_messages} messages in damaged chunks, {done.unread_bytes} bytes")
+    _print_notes(done.notes)
+
+
+def _resolve(path: Path | None, folder: str) -> Path:
+    if path is not None:
+        return path
+    from smad.runlog.paths import newest_run
+
+    newest = newest_run(folder)
+    if newest is None:
+        raise RunLogError(f"no run logs in {folder}", action="name one, or another --folder")
+    return newest
+
+
+@contextlib.contextmanager
+def _progress(label: str) -> Iterator[Callable[[float], None]]:
+    if not sys.stderr.isatty():
+        yield lambda share: None
+        return
+    with click.progressbar(length=_BAR_STEPS, label=label, file=sys.stderr) as bar:
+
+        def advance(share: float) -> None:
+            bar.update(max(0, round(share * _BAR_STEPS) - bar.pos))
+
+        yield advance
+        advance(1.0)
+
+
+def _print_json(value: Any) -> None:
+    import msgspec
+
+    text = msgspec.json.encode(value, enc_hook=str)
+    click.echo(msgspec.json.format(text, indent=2))
+
+
+def _print_notes(notes: Sequence[str]) -> None:
+    for note in notes:
+        click.echo(f"note: {note}")
+
+
+def _print_table(
+    names: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
+) -> None:
+    widths = [max(map(len, column)) for column in zip(names, *rows, strict=True)]
+    for row in (names, *rows):
+        cells = [
+            cell.ljust(width) if at in left else cell.rjust(width)
+            for at, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        click.echo("  ".join(cells).rstrip())
+
+
+def _overview_cells(run: Overview) -> tuple[str, ...]:
+    return (
+        Path(run.path).name,
+        run.name,
+        run.source,
+        _date(run.started_unix_s),
+        "" if run.rows is None else str(run.rows),
+        "" if run.duration_s is None else f"{run.duration_s:.1f} s",
+        f"{run.size_bytes / 1e6:.2f} MB",
+        run.problem,
+    )
+
+
+def _print_summary(run: RunSummary) -> None:
+    rate = "" if run.rate_hz is None else f" at {run.rate_hz:g} Hz"
+    facts = [
+        ("file", run.path),
+        ("name", run.name),
+        ("source", run.source),
+        ("started", _date(run.started_unix_s)),
+        ("rows", f"{run.rows} in {run.duration_s:.2f} s{rate}"),
+        ("axis", str(run.axis)),
+        ("seed", "" if run.seed is None else str(run.seed)),
+        ("gains", ", ".join(f"{name} = {value:g}" for name, value in run.gains.items())),
+        ("parameters", run.parameter_sha256[:12]),
+    ]
+    for name, value in facts:
+        if value:
+            click.echo(f"{name:<11}{value}")
+    _print_notes(run.notes)
+    click.echo()
+    _print_table(
+        ("channel", "unit", "rows", "least", "mean", "most"),
+        [
+            (c.name, c.unit, str(c.recorded), f"{c.least:g}", f"{c.mean:g}", f"{c.most:g}")
+            for c in run.channels
+        ],
+        left=(0, 1),
+    )
+    if run.missing:
+        click.echo(f"\nnot recorded: {', '.join(run.missing)}")
+    if run.events:
+        click.echo(f"\nevents ({len(run.events)}, the last {_EVENTS_SHOWN}):")
+        for event in run.events[-_EVENTS_SHOWN:]:
+            when = "" if event.t_s is None else f"{event.t_s:.3f} s"
+            click.echo(f"{when:>12}  {event.kind:<8} {event.text}")
+
+
+def _date(unix_s: float) -> str:
+    if not unix_s:
+        return ""
+    return datetime.fromtimestamp(unix_s).astimezone().strftime("%Y-%m-%d %H:%M:%S")
