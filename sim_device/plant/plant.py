@@ -1,0 +1,187 @@
+"""The plant, sample by sample: a drive goes in, readings come out, the truth can be looked at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from sim_device.plant import kernel as k
+from sim_device.plant.constants import initial_state, kernel_constants, table_of
+from sim_device.plant.energy import EnergyBook, energy_book
+from sim_device.plant.errors import InputError, SolverError
+from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.records import Drive, PlantTruth, Readings
+
+MAX_STEP_S = 1e-3
+_ZERO_C = 273.15
+_REASONS = {
+    k.NOT_CONVERGED: "the equilibrium of temperature, fractions and force was not found",
+    k.NOT_FINITE: "the state is no longer finite",
+}
+_NOISES = 10
+
+
+class Plant:
+    """The springs with their water, sensors and fixture, stepped with fixed inputs.
+
+    parameters: from `load_parameters`. variant: "extended", or "printed" (the paper's constant
+    water temperature and rounded properties). fixture: "antagonistic", "stretch" (spring X pulled
+    by the stage), "blocked" (spring X held at δ0 + stage). cooling: "water" (in the tube) or "air"
+    (bare wire). effects: name to parameters, see `sim_device.plant.effects`. seed: of the sensor
+    noise. max_step_s: longest substep.
+    """
+
+    def __init__(
+        self,
+        parameters: ParameterSet,
+        *,
+        variant: str = "extended",
+        fixture: str = "antagonistic",
+        cooling: str = "water",
+        effects: Mapping[str, Mapping[str, float]] | None = None,
+        seed: int = 0,
+        max_step_s: float = MAX_STEP_S,
+        temperature_K: float | None = None,
+    ) -> None:
+        self.parameters = parameters
+        self.variant = variant
+        self._p = kernel_constants(parameters, variant=variant, fixture=fixture, cooling=cooling)
+        self._s = initial_state(parameters, self._p, temperature_K)
+        self._start = self._s.copy()
+        self._w = np.zeros(k.SCRATCH_SIZE)
+        self._feeds = np.zeros(k.FEEDS_SIZE)
+        self._table = table_of(variant)
+        self._drive = np.zeros(7)
+        self._last: Drive | None = None
+        self._max_step_s = max_step_s
+        self._rng = np.random.default_rng(seed)
+        names = ("current", "current", "voltage", "voltage", "temperature", "temperature")
+        names += ("temperature", "temperature", "displacement", "force")
+        self._sigma = np.array([parameters[f"noise_{name}"] for name in names])
+        self._supply_V = parameters["supply_voltage"]
+        self._supply_Ohm = parameters["supply_resistance"]
+
+    def advance(self, drive: Drive, dt_s: float) -> None:
+        """Hold `drive` for `dt_s`, in substeps of at most `max_step_s`.
+
+        Raises InputError for a drive that is not physical (a value that is not finite, a duty
+        outside 0 to 1, a negative current) and SolverError, with time and state, if the kernel
+        finds no solution.
+        """
+        if drive is not self._last:
+            _fill(self._drive, drive)
+            self._last = drive
+        if not 0.0 < dt_s < math.inf:
+            raise InputError(f"dt_s = {dt_s} s; a sample needs a positive finite duration")
+        steps = max(1, math.ceil(dt_s / self._max_step_s - 1e-9))
+        status = k.advance(
+            self._s, self._w, self._p, self._feeds, self._table, self._drive, dt_s / steps, steps
+        )
+        if status != k.OK:
+            raise solver_error(status, self._s)
+
+    def read(self) -> Readings:
+        """What the sensors say now. Every call draws new noise from the seed."""
+        s = self._s
+        noise = (self._rng.standard_normal(_NOISES) * self._sigma).tolist()
+        i_x, i_y = float(s[k.S_I]), float(s[k.S_SIZE + k.S_I])
+        return Readings(
+            i_A=(i_x + noise[0], i_y + noise[1]),
+            v_V=(
+                i_x * float(s[k.S_OHM]) + noise[2],
+                i_y * float(s[k.S_SIZE + k.S_OHM]) + noise[3],
+            ),
+            rtd_degC=(
+                float(s[k.S_T]) - _ZERO_C + noise[4],
+                float(s[k.S_SIZE + k.S_T]) - _ZERO_C + noise[5],
+                float(s[k.G_T_IN]) - _ZERO_C + noise[6],
+                float(s[k.G_T_AIR]) - _ZERO_C + noise[7],
+            ),
+            displacement_m=float(s[k.G_U]) + noise[8],
+            force_N=float(s[k.G_F]) + noise[9],
+            supply_V=self._supply_V - self._supply_Ohm * (i_x + i_y),
+        )
+
+    def set_environment(
+        self, *, inlet_K: float | None = None, ambient_K: float | None = None
+    ) -> None:
+        """Change the temperature of the water at the inlet or of the air, from now on."""
+        for slot, value in ((k.G_T_IN, inlet_K), (k.G_T_AIR, ambient_K)):
+            if value is not None:
+                if not math.isfinite(value):
+                    raise InputError(f"temperature {value} K is not finite")
+                self._s[slot] = value
+
+    @property
+    def truth(self) -> PlantTruth:
+        """The state behind the readings."""
+        return truth_of(self._s.tolist())
+
+    @property
+    def energy(self) -> EnergyBook:
+        """The energy books since the start."""
+        return energy_book(self._start, self._s, self._p)
+
+
+def truth_of(s: list[float]) -> PlantTruth:
+    """The record of one state row of the kernel."""
+
+    def pair(slot: int) -> tuple[float, float]:
+        return s[slot], s[k.S_SIZE + slot]
+
+    xi_S, xi_T = pair(k.S_XS), pair(k.S_XT)
+    return PlantTruth(
+        t_s=s[k.G_TIME],
+        T_K=pair(k.S_T),
+        T_water_K=pair(k.S_TW),
+        xi=(xi_S[0] + xi_T[0], xi_S[1] + xi_T[1]),
+        xi_S=xi_S,
+        xi_T=xi_T,
+        spring_force_N=pair(k.S_F),
+        deflection_m=pair(k.S_DELTA),
+        displacement_m=s[k.G_U],
+        force_N=s[k.G_F],
+        i_A=pair(k.S_I),
+        resistance_Ohm=pair(k.S_OHM),
+        flow_m3_s=pair(k.S_FLOW),
+        fill=pair(k.S_FILL),
+        inlet_K=s[k.G_T_IN],
+        ambient_K=s[k.G_T_AIR],
+    )
+
+
+def solver_error(status: int, s: np.ndarray) -> SolverError:
+    """The error for a status that the kernel returned, with the state it returned it at."""
+    truth = truth_of(s.tolist())
+    return SolverError(
+        _REASONS[status],
+        time_s=truth.t_s,
+        state={
+            "T_x_K": truth.T_K[0],
+            "T_y_K": truth.T_K[1],
+            "xi_x": truth.xi[0],
+            "xi_y": truth.xi[1],
+            "force_N": truth.force_N,
+            "displacement_m": truth.displacement_m,
+        },
+    )
+
+
+def _fill(row: np.ndarray, drive: Drive) -> None:
+    i_x, i_y = drive.i_A
+    duty_x, duty_y = drive.pump_duty
+    if not (0.0 <= i_x < math.inf and 0.0 <= i_y < math.inf):
+        raise InputError(f"currents {drive.i_A} A; each must be finite and not negative")
+    if not (0.0 <= duty_x <= 1.0 and 0.0 <= duty_y <= 1.0):
+        raise InputError(f"pump duties {drive.pump_duty}; each must lie in 0 to 1")
+    if not -1.0 < drive.stage_m < 1.0:
+        raise InputError(f"stage_m = {drive.stage_m} m; the stage travels less than 1 m")
+    row[0] = i_x
+    row[1] = i_y
+    row[2] = duty_x
+    row[3] = duty_y
+    row[4] = drive.drain[0]
+    row[5] = drive.drain[1]
+    row[6] = drive.stage_m
