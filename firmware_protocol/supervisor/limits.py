@@ -23,13 +23,15 @@ class Row:
     """One row of the limits table.
 
     `compiled` is the value of a board nobody touched, and the loose end of the range.
-    `tightest` is the other end. A limit with `tightest == compiled` cannot be changed.
+    `tightest` is the other end. The numbers 24 and 25 were once others and stay unused.
     """
 
     compiled: int
     tightest: int
     unit: str
     reason: str
+    number: int = 0
+    """Number of the parameter that tightens it; 0 for a limit that cannot be changed."""
 
 
 @dataclass(slots=True)
@@ -37,41 +39,53 @@ class Limits:
     """The limits in force. Field order is the order of the generated C struct and of the CRC."""
 
     # What may flow.
-    current_limit_mA: Annotated[int, Row(4000, 100, "mA", "largest current of the source's bench")]
+    current_limit_mA: Annotated[
+        int, Row(4000, 100, "mA", "largest current of the source's bench", 20)
+    ]
     current_slew_mA_per_ms: Annotated[
-        int, Row(400, 10, "mA/ms", "full current within one 100 Hz sample, without a kick")
+        int, Row(400, 10, "mA/ms", "full current within one 100 Hz sample, without a kick", 27)
     ]
     fold_start_cC: Annotated[
         int,
-        Row(7500, 4000, "cC", "above austenite finish under load of any bench in range (72 degC)"),
+        Row(
+            7500,
+            4000,
+            "cC",
+            "above austenite finish under load of any bench in range (72 degC)",
+            28,
+        ),
     ]
     fold_end_cC: Annotated[
-        int, Row(8700, 4500, "cC", "current is zero here; 8 K for what is still on its way in")
+        int, Row(8700, 4500, "cC", "current is zero here; 8 K for what is still on its way in", 29)
     ]
-    i2t_rated_mA: Annotated[int, Row(3000, 200, "mA", "a wire in still water holds this for ever")]
-    i2t_budget_A2s: Annotated[int, Row(2100, 50, "A2s", "4 A for five minutes above the rated")]
+    i2t_rated_mA: Annotated[int, Row(3000, 200, "mA", "warms a flushed spring by 12 K only", 30)]
+    i2t_budget_A2s: Annotated[int, Row(2100, 50, "A2s", "4 A for five minutes above the rated", 31)]
 
     # Temperatures.
     temperature_limit_cC: Annotated[
-        int, Row(9500, 4500, "cC", "below boiling; silicone tube and cement stand 150 degC")
+        int, Row(9500, 4500, "cC", "below boiling; silicone tube and cement stand 150 degC", 21)
     ]
     temperature_hysteresis_cC: Annotated[int, Row(500, 500, "cC", "several times the noise")]
-    cold_cC: Annotated[int, Row(4500, 3000, "cC", "safe to touch; end of COOL, needed to arm")]
+    cold_cC: Annotated[int, Row(4500, 3000, "cC", "safe to touch; end of COOL, needed to arm", 22)]
     rail_high_cC: Annotated[int, Row(20000, 20000, "cC", "an open RTD reads full scale")]
     rail_low_cC: Annotated[int, Row(-4000, -4000, "cC", "a shorted RTD reads below any room")]
     below_surroundings_cC: Annotated[
-        int, Row(500, 200, "cC", "nothing can cool a spring below water and room")
+        int, Row(500, 200, "cC", "nothing can cool a spring below water and room", 32)
     ]
-    jump_cC: Annotated[int, Row(400, 200, "cC", "4 A in a dry tube gives 0.5 K in 20 ms")]
+    jump_cC: Annotated[int, Row(400, 200, "cC", "4 A in a dry tube gives 0.5 K in 20 ms", 33)]
     jump_decay_us: Annotated[int, Row(2_000_000, 2_000_000, "us", "one jump is forgotten in 2 s")]
-    jumps: Annotated[int, Row(4, 2, "jumps", "one spike is two jumps, and may happen")]
-    stuck_us: Annotated[int, Row(5_000_000, 2_000_000, "us", "noise alone moves the last digit")]
+    jumps: Annotated[int, Row(4, 2, "jumps", "one spike is two jumps, and may happen", 34)]
+    stuck_us: Annotated[
+        int, Row(5_000_000, 2_000_000, "us", "noise alone moves the last digit", 35)
+    ]
     stuck_power_mW: Annotated[int, Row(1000, 1000, "mW", "less may balance the losses exactly")]
 
     # Heat that goes in must show, and must stop.
     unheated_energy_mJ: Annotated[
         int,
-        Row(40_000, 20_000, "mJ", "warms wire and water by more than 5 K, latent heat included"),
+        Row(
+            40_000, 20_000, "mJ", "warms wire and water by more than 5 K, latent heat included", 36
+        ),
     ]
     unheated_rise_cC: Annotated[int, Row(200, 200, "cC", "ten times the noise")]
     swapped_rise_cC: Annotated[int, Row(400, 400, "cC", "the other sensor warms without current")]
@@ -81,9 +95,11 @@ class Limits:
     off_current_mA: Annotated[int, Row(100, 100, "mA", "offset and noise of the current sense")]
     off_lag_us: Annotated[int, Row(3_000_000, 3_000_000, "us", "sensor and wall lag, plus 1 s")]
     off_drift_cC_per_s: Annotated[int, Row(30, 30, "cC/s", "a room in the sun drifts slower")]
-    off_rise_cC: Annotated[int, Row(300, 200, "cC", "a heater left on rises 4 K a second")]
-    residual_cC: Annotated[int, Row(1500, 800, "cC", "outside the envelope of all good benches")]
-    residual_us: Annotated[int, Row(5_000_000, 1_000_000, "us", "longer than any sensor lag")]
+    off_rise_cC: Annotated[int, Row(400, 200, "cC", "a heater left on rises 4 K a second", 37)]
+    residual_cC: Annotated[
+        int, Row(1500, 800, "cC", "outside the envelope of all good benches", 38)
+    ]
+    residual_us: Annotated[int, Row(5_000_000, 1_000_000, "us", "longer than any sensor lag", 39)]
     envelope_light_mJ_per_K: Annotated[int, Row(350, 350, "mJ/K", "bare wire 540 mJ/K, less 35 %")]
     envelope_heavy_mJ_per_K: Annotated[
         int, Row(7000, 7000, "mJ/K", "wire and water 3100 mJ/K, plus latent heat, plus 30 %")
@@ -94,8 +110,10 @@ class Limits:
 
     # Current and resistance.
     current_error_mA: Annotated[int, Row(80, 80, "mA", "offset and noise of the current sense")]
-    current_error_permille: Annotated[int, Row(100, 80, "permille", "gain of a good driver is 2 %")]
-    current_error_us: Annotated[int, Row(50_000, 20_000, "us", "past every settled edge")]
+    current_error_permille: Annotated[
+        int, Row(100, 80, "permille", "gain of a good driver is 2 %", 40)
+    ]
+    current_error_us: Annotated[int, Row(50_000, 20_000, "us", "past every settled edge", 41)]
     over_current_mA: Annotated[int, Row(4800, 4800, "mA", "20 % above the largest setpoint")]
     uncommanded_us: Annotated[int, Row(20_000, 20_000, "us", "two samples at 100 Hz")]
     resistance_current_mA: Annotated[int, Row(500, 500, "mA", "below, V/I is too coarse")]
@@ -105,21 +123,28 @@ class Limits:
     resistance_tempco_ppm_per_K: Annotated[
         int, Row(900, 900, "ppm/K", "largest change of NiTi with temperature, phase included")
     ]
-    resistance_tolerance_permille: Annotated[int, Row(250, 120, "permille", "hysteresis of NiTi")]
+    resistance_tolerance_permille: Annotated[
+        int, Row(250, 120, "permille", "hysteresis of NiTi", 42)
+    ]
     disagree_us: Annotated[int, Row(2_000_000, 2_000_000, "us", "longer than the sensor lag")]
     wire_open_mV: Annotated[int, Row(6000, 6000, "mV", "no whole wire needs this at 4 A")]
 
     # Time.
-    setpoint_age_us: Annotated[int, Row(50_000, 20_000, "us", "a stalled link must not replay")]
-    setpoint_ttl_ms: Annotated[int, Row(100, 10, "ms", "ten samples at 100 Hz")]
-    hold_us: Annotated[int, Row(500_000, 50_000, "us", "a short stall of the host is no fault")]
-    token_us: Annotated[int, Row(2_000_000, 500_000, "us", "one round trip and a slow host")]
-    cool_cap_us: Annotated[int, Row(60_000_000, 20_000_000, "us", "four flushes too many")]
-    on_time_limit_s: Annotated[int, Row(21_600, 60, "s", "six hours: longer than any experiment")]
-    overrun_us: Annotated[int, Row(50_000, 30_000, "us", "five samples at 100 Hz missed")]
+    setpoint_age_us: Annotated[int, Row(50_000, 20_000, "us", "a stalled link must not replay", 43)]
+    setpoint_ttl_ms: Annotated[int, Row(100, 10, "ms", "ten samples at 100 Hz", 26)]
+    hold_us: Annotated[int, Row(500_000, 50_000, "us", "a short stall of the host is no fault", 44)]
+    token_us: Annotated[int, Row(2_000_000, 500_000, "us", "one round trip and a slow host", 45)]
+    cool_cap_us: Annotated[int, Row(60_000_000, 20_000_000, "us", "four flushes too many", 46)]
+    on_time_limit_s: Annotated[
+        int, Row(21_600, 60, "s", "six hours: longer than any experiment", 23)
+    ]
+    overrun_us: Annotated[int, Row(50_000, 30_000, "us", "five samples at 100 Hz missed", 47)]
 
     # Supply and pumps.
-    brown_out_mV: Annotated[int, Row(9000, 10500, "mV", "regulator of the driver drops out")]
+    brown_out_mV: Annotated[
+        int,
+        Row(7500, 10500, "mV", "twice what a spring needs at 4 A; the driver drops out at 5 V", 48),
+    ]
     pump_rpm: Annotated[int, Row(6000, 6000, "rpm", "one pump at full duty, wet")]
     pump_stalled_permille: Annotated[int, Row(300, 300, "permille", "a worn pump keeps 60 %")]
     pump_stalled_us: Annotated[int, Row(1_000_000, 1_000_000, "us", "past spinning up")]
