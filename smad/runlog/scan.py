@@ -81,6 +81,11 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
         body = file.read(length)
         if opcode == Opcode.DATA_END:
             damage.ended_in_order = True
+            file.seek(max(0, size - len(MCAP0_MAGIC)))
+            if file.read() != MCAP0_MAGIC:
+                damage.notes.append(
+                    "no row is lost, but the index at the end of the file is broken"
+                )
             return
         if opcode == Opcode.CHUNK:
             index_tells_loss = False

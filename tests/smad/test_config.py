@@ -1,0 +1,211 @@
+"""The configuration: complete by default, checked on load, refused in one line."""
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smad.config import Config, config_to_toml, default_toml, load_config, parse_config
+from smad.config.describe import Key, sections
+from smad.config.template import markdown_tables
+from smad.errors import ConfigError
+
+GUIDE = Path(__file__).resolve().parents[2] / "docs/guide/configuration.md"
+KEYS = [key for section in sections() for key in section.keys]
+NUMBERS = [
+    key
+    for key in KEYS
+    if isinstance(key.default, int | float) and not isinstance(key.default, bool)
+]
+FLOATS = [key for key in NUMBERS if isinstance(key.default, float)]
+UNITS = {"A", "mm", "s", "ms", "ns", "K", "degC", "N", "hz", "MB", "min", "A_per_mm", "A_per_mm_s",
+         "A_per_K", "A_per_K_s", "A_per_s", "mm_per_s", "K_per_s"}  # fmt: skip
+WITHOUT_UNIT = {
+    "baud", "axis", "switch_duty", "command_port", "stop_port", "command_queue", "queue_rows",
+    "every_nth_sample", "high_water_mark", "fifo_priority", "seed", "speed_ratio",
+}  # fmt: skip
+
+
+def key_id(key: Key) -> str:
+    return f"{key.section}.{key.name}"
+
+
+def check_one_line(error: ConfigError) -> None:
+    assert len(str(error).splitlines()) == 1
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        parse_config(text, "bench.toml")
+    check_one_line(caught.value)
+    message = str(caught.value)
+    assert message.startswith("bench.toml")
+    return message
+
+
+def test_an_empty_file_is_a_complete_configuration() -> None:
+    assert parse_config("") == Config()
+
+
+def test_the_default_file_holds_every_key_and_gives_the_defaults() -> None:
+    text = default_toml()
+    assert parse_config(text) == Config()
+    for key in KEYS:
+        assert re.search(rf"^(# )?{key.name} = ", text, re.MULTILINE), key.name
+
+
+def test_the_gains_are_those_of_the_paper() -> None:
+    control = Config().control
+    assert (control.kp_A_per_mm, control.ki_A_per_mm_s) == (15.0, 3.0)
+    assert control.current_limit_A == 4.0
+
+
+@pytest.mark.parametrize("key", FLOATS, ids=key_id)
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+def test_no_number_of_a_file_can_be_nan_or_infinite(key: Key, value: str) -> None:
+    message = refusal(f"[{key.section}]\n{key.name} = {value}")
+    assert f"{key.section}.{key.name}" in message
+    assert key.allowed in message
+    assert f"got {value}" in message
+
+
+@pytest.mark.parametrize("key", NUMBERS, ids=key_id)
+def test_a_number_beyond_its_range_is_refused_with_path_value_and_limit(key: Key) -> None:
+    message = refusal(f"[{key.section}]\n{key.name} = 1e15".replace("e15", "0" * 15))
+    assert f"{key.section}.{key.name}" in message
+    assert "got 1000000000000000" in message
+    assert key.allowed in message
+
+
+@pytest.mark.parametrize("key", NUMBERS, ids=key_id)
+def test_every_number_has_its_unit_in_its_name(key: Key) -> None:
+    has_unit = any(key.name.endswith(f"_{unit}") for unit in UNITS)
+    assert has_unit != (key.name in WITHOUT_UNIT)
+
+
+@pytest.mark.parametrize("key", KEYS, ids=key_id)
+def test_every_key_says_what_it_is_for(key: Key) -> None:
+    assert key.description
+    assert key.allowed
+
+
+def test_an_unknown_key_is_refused_and_the_nearest_one_named() -> None:
+    message = refusal("[control]\nkp_A_per_mmm = 3.0")
+    assert "unknown key control.kp_A_per_mmm" in message
+    assert "did you mean kp_A_per_mm?" in message
+
+
+def test_an_unknown_section_is_refused() -> None:
+    assert "did you mean limits?" in refusal("[limit]\n")
+
+
+def test_a_rate_that_the_board_does_not_know_is_refused() -> None:
+    assert "link.rate_hz is not allowed; got 99; allowed: 100 or 250 or 500" in refusal(
+        "[link]\nrate_hz = 99"
+    )
+
+
+def test_a_cooling_switch_without_hysteresis_is_refused() -> None:
+    message = refusal("[control.cooling]\non_threshold_A = 0.1\noff_threshold_A = 0.2")
+    assert "0.2" in message
+    assert "0.1" in message
+    assert "control.cooling" in message
+
+
+def test_tcp_without_an_allow_list_is_refused() -> None:
+    assert "allowed_keys" in refusal("[daemon.tcp]\nenabled = true")
+
+
+def test_a_section_that_is_a_value_is_refused() -> None:
+    assert "link is not a table" in refusal("link = 3")
+
+
+def test_text_that_is_not_toml_is_refused_with_its_line() -> None:
+    assert "line 2" in refusal("[link]\nport = = 3\n")
+
+
+def test_nesting_without_end_is_refused() -> None:
+    assert refusal("x = " + "[" * 100_000)
+
+
+def test_a_configuration_survives_being_written_and_read() -> None:
+    config = parse_config(
+        '[link]\nport = "a\\"b\\\\c\\u0007é"\n[control]\nkp_A_per_mm = 0.1\n'
+        "[plant.effects.drag]\nstrength = 0.25\n[daemon.tcp]\n"
+        f'enabled = true\nallowed_keys = ["{"k" * 40}"]\n'
+    )
+    assert parse_config(config_to_toml(config)) == config
+    assert config.plant.effects == {"drag": {"strength": 0.25}}
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"cannot read configuration .*nothing\.toml"):
+        load_config(tmp_path / "nothing.toml")
+
+
+def test_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot read configuration"):
+        load_config(tmp_path)
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        load_config(path)
+
+
+def test_a_file_far_too_large_is_refused_unread(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_bytes(b"#" * 1_000_001)
+    with pytest.raises(ConfigError, match="too large"):
+        load_config(path)
+
+
+def test_a_file_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text("[limits]\ntemperature_max_degC = 60.0\n")
+    assert load_config(path).limits.temperature_max_degC == 60.0
+
+
+def test_the_guide_lists_the_keys_as_they_are() -> None:
+    assert markdown_tables() in GUIDE.read_text(), "regenerate: python -m smad.config --guide"
+
+
+VALUES = st.one_of(
+    st.integers(),
+    st.floats(allow_nan=True),
+    st.booleans(),
+    st.text(st.characters(codec="utf-8", exclude_characters="'\n\r\x00"), max_size=5),
+)
+
+
+def as_toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"'{value}'" if isinstance(value, str) else repr(value)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.lists(st.tuples(st.sampled_from(KEYS), VALUES), max_size=4))
+def test_any_value_for_any_key_is_taken_or_refused_in_one_line(
+    entries: list[tuple[Key, object]],
+) -> None:
+    text = "\n".join(f"{key.section}.{key.name} = {as_toml(value)}" for key, value in entries)
+    try:
+        config = parse_config(text)
+    except ConfigError as error:
+        check_one_line(error)
+    else:
+        assert parse_config(config_to_toml(config)) == config
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.text())
+def test_any_text_is_a_configuration_or_refused_in_one_line(text: str) -> None:
+    try:
+        parse_config(text)
+    except ConfigError as error:
+        check_one_line(error)
