@@ -19,8 +19,9 @@ from typing import Any
 import msgspec
 
 from firmware_protocol import messages as m
+from firmware_protocol import rates
 from firmware_protocol.codec import CODEC, Codec
-from firmware_protocol.enums import ErrorCode
+from firmware_protocol.enums import ErrorCode, ValidBit
 from firmware_protocol.errors import NotARequestError, PayloadError
 from firmware_protocol.events import (
     ArmConfirmed,
@@ -35,33 +36,22 @@ from firmware_protocol.events import (
     SessionStarted,
     SetpointReceived,
 )
-from firmware_protocol.framing import DELIMITER, DecoderStats, Frame, FrameDecoder
-from firmware_protocol.parameters import ParameterRefusedError, ParameterStore
+from firmware_protocol.framing import Frame, FrameDecoder
+from firmware_protocol.outbox import Outbox
+from firmware_protocol.parameters import BY_NAME, ParameterRefusedError, ParameterStore
 from firmware_protocol.replies import RequestMemory, Verdict
 from firmware_protocol.reports import FaultReports
 from firmware_protocol.schema import compress, describe, schema_crc
 from firmware_protocol.setpoints import SetpointGate
+from firmware_protocol.stats import BoardLinkStats
+from firmware_protocol.timesync import LOCK_EXCHANGES, WRAP
+from firmware_protocol.wire import NO_VALUE
 
 MAX_SETPOINT_AGE_US = 50_000
 ERRORS_PER_SECOND = 10
 FAULT_COPIES = 3
 SLICE = 96
 FIRST_BOARD_NUMBER = 0x80
-WRAP = 1 << 32
-
-
-class BoardLinkStats(msgspec.Struct):
-    """What the session has counted since boot; `decoder` counts damaged frames."""
-
-    decoder: DecoderStats
-    payload_errors: int = 0
-    session_errors: int = 0
-    stale_setpoints: int = 0
-    repeated_requests: int = 0
-    busy_requests: int = 0
-    dropped_states: int = 0
-    dropped_errors: int = 0
-    echoes: int = 0
 
 
 class BoardSession:
@@ -93,8 +83,9 @@ class BoardSession:
         self._decoder = FrameDecoder()
         self.stats = BoardLinkStats(self._decoder.stats)
         self._nonce: int | None = None
+        self._now_us = 0
         self._handshakes = 0
-        self._out = bytearray()
+        self._outbox = Outbox()
         self._states: dict[int, m.State] = {}
         self._state_seq = 0
         self._stats_seq = 0
@@ -113,14 +104,21 @@ class BoardSession:
         }
         self._forget_requests()
 
+    @property
+    def clock_locked(self) -> bool:
+        """Whether the host has asked for the time often enough in this session to know it."""
+        return self._exchanges >= LOCK_EXCHANGES
+
     # For the board
 
     def boot(self, now_us: int) -> None:
         """Announce the board: IDENT with session 0."""
-        self._out += DELIMITER + self._codec.frame(self._identity(0, 0), 0, 0)
+        self._now_us = now_us
+        self._put(self._codec.frame(self._identity(0, 0), 0, 0))
 
     def receive(self, data: bytes, now_us: int) -> list[BoardEvent]:
         """Take in bytes from the port; return what the board has to act on. Never raises."""
+        self._now_us = now_us
         events: list[BoardEvent] = []
         for frame in self._decoder.feed(data):
             event = self._on_frame(frame, now_us)
@@ -138,7 +136,7 @@ class BoardSession:
         if request.session != self.session or request.seq != self._memory.seq:
             return
         self._memory.answer = self._codec.frame(message, request.seq, self.session)
-        self._out += self._memory.answer
+        self._put(self._memory.answer)
 
     def done(self, request: Request, now_us: int) -> None:
         """Answer that the request was carried out."""
@@ -163,13 +161,18 @@ class BoardSession:
         """Put a sample in the slot of its axis; one that was not sent yet is replaced."""
         if state.axis in self._states:
             self.stats.dropped_states += 1
+        if state.valid & ValidBit.SETPOINT and not self._gate.open_for(state.axis):
+            # The setpoint in use came from an earlier session: its number means nothing now.
+            state = msgspec.structs.replace(
+                state, valid=state.valid & ~ValidBit.SETPOINT, sp_seq=0, sp_age_us=NO_VALUE["u16"]
+            )
         self._states[state.axis] = state
 
     def send_fault(self, report: m.FaultReport) -> m.FaultReport:
         """Send a fault now and with the next two samples; return it with its index filled in."""
         numbered = self.reports.add(report)
         self._fault_copies[numbered] = FAULT_COPIES - 1
-        self._out += self._codec.frame(numbered, numbered.index, self.session)
+        self._put(self._codec.frame(numbered, numbered.index, self.session))
         return numbered
 
     def send_link_stats(self, now_us: int, overruns: int = 0, longest_loop_us: int = 0) -> None:
@@ -189,19 +192,17 @@ class BoardSession:
             overruns=overruns % WRAP,
             longest_loop_us=min(longest_loop_us, WRAP - 1),
         )
-        self._out += self._codec.frame(message, self._stats_seq, self.session)
+        self._put(self._codec.frame(message, self._stats_seq, self.session))
 
     def data_to_send(self) -> bytes:
         """Return all bytes to write now; a second call returns none."""
         if self._states:
             for state in self._states.values():
                 self._state_seq = (self._state_seq + 1) & 0xFF
-                self._out += self._codec.frame(state, self._state_seq, self.session)
+                self._put(self._codec.frame(state, self._state_seq, self.session))
             self._states.clear()
             self._repeat_faults()
-        data = bytes(self._out)
-        self._out.clear()
-        return data
+        return self._outbox.take(self._now_us)
 
     # Frames
 
@@ -233,7 +234,8 @@ class BoardSession:
         if isinstance(message, m.TimeRequest):
             stamp = now_us % WRAP
             reply = m.TimeReply(t1_us=message.t1_us, t2_us=stamp, t3_us=stamp)
-            self._out += self._codec.frame(reply, frame.seq, self.session)
+            self._put(self._codec.frame(reply, frame.seq, self.session))
+            self._exchanges += 1
             return None
         if isinstance(message, m.Setpoint):
             return self._on_setpoint(message, frame, now_us)
@@ -241,7 +243,7 @@ class BoardSession:
 
     def _on_hello(self, hello: m.Hello, frame: Frame, now_us: int) -> BoardEvent | None:
         if hello.major != self._ident.major:
-            self._out += self._codec.frame(self._identity(0, hello.nonce), frame.seq, 0)
+            self._put(self._codec.frame(self._identity(0, hello.nonce), frame.seq, 0))
             return None
         event = None
         if self.session == 0 or hello.nonce != self._nonce:
@@ -252,7 +254,7 @@ class BoardSession:
             self._forget_requests()
             event = SessionStarted(self.session, self.schema_agrees)
         answer = self._identity(self.session, hello.nonce)
-        self._out += self._codec.frame(answer, frame.seq, self.session)
+        self._put(self._codec.frame(answer, frame.seq, self.session))
         return event
 
     def _on_setpoint(self, setpoint: m.Setpoint, frame: Frame, now_us: int) -> BoardEvent | None:
@@ -273,7 +275,7 @@ class BoardSession:
         elif verdict is not Verdict.NEW:
             self.stats.repeated_requests += 1
         if verdict is Verdict.REPEATED and self._memory.answer:
-            self._out += self._memory.answer
+            self._put(self._memory.answer)
         if verdict is not Verdict.NEW:
             return None
         request = Request(message, frame.seq, self.session)
@@ -301,6 +303,7 @@ class BoardSession:
             self.reject(request, ErrorCode.WRONG_STATE, now_us=now_us)
             return None
         try:
+            self._check_rate(message)
             self.parameters.set(message.axis, message.param, message.value)
         except ParameterRefusedError as refused:
             self.reject(request, refused.code, 2, refused.limit, now_us, value=refused.value)
@@ -316,6 +319,18 @@ class BoardSession:
             self.reject(request, ErrorCode.WRONG_STATE, now_us=now_us)
             return None
         return ParameterSaveRequested(request, message)
+
+    def _check_rate(self, message: m.ParamSet) -> None:
+        if message.param != BY_NAME["state_rate_hz"].number:
+            return
+        most_hz = rates.most_rate_hz(self._ident.baud, self._ident.axes)
+        if message.value > most_hz:
+            raise ParameterRefusedError(
+                f"{message.value} Hz do not fit {self._ident.baud} Bd",
+                ErrorCode.RATE_TOO_HIGH,
+                message.value,
+                most_hz,
+            )
 
     def _answer_parameter(self, request: Request, axis: int, number: int, now_us: int) -> None:
         try:
@@ -350,15 +365,21 @@ class BoardSession:
 
     # Small things
 
+    def _put(self, frame: bytes) -> None:
+        if not self._outbox.add(frame):
+            self.stats.dropped_frames += 1
+
     def _forget_requests(self) -> None:
         self._memory = RequestMemory()
         self._gate = SetpointGate(self._max_age_us)
+        self._exchanges = 0
 
     def _identity(self, session: int, nonce: int) -> m.Ident:
         return msgspec.structs.replace(
             self._ident,
             schema_crc=self._schema_crc,
             param_crc=self.parameters.crc,
+            state_rate_hz=self.parameters.get("state_rate_hz"),
             nonce=nonce,
             session=session,
             first_fault=self.reports.first_fault,
@@ -366,7 +387,7 @@ class BoardSession:
 
     def _repeat_faults(self) -> None:
         for report, left in list(self._fault_copies.items()):
-            self._out += self._codec.frame(report, report.index, self.session)
+            self._put(self._codec.frame(report, report.index, self.session))
             self._fault_copies[report] = left - 1
             if left == 1:
                 del self._fault_copies[report]
@@ -387,4 +408,4 @@ class BoardSession:
             return
         self._error_times.append(now_us)
         error = m.Error(frame.type, frame.seq, code, field, value, limit)
-        self._out += self._codec.frame(error, frame.seq, self.session)
+        self._put(self._codec.frame(error, frame.seq, self.session))

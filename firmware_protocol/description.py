@@ -16,7 +16,7 @@ from firmware_protocol.codec import CODEC, Codec
 from firmware_protocol.errors import PayloadError, SchemaError
 from firmware_protocol.framing import MAX_PAYLOAD
 from firmware_protocol.messages import Describe, Description, Message
-from firmware_protocol.schema import decompress, wire_name
+from firmware_protocol.schema import decompress, differences, wire_name
 from firmware_protocol.wire import BLOCK_KINDS, NUMBER_CODES, RECORD_KIND, Field, fields_of
 
 MAX_COMPRESSED = 1 << 16
@@ -46,6 +46,43 @@ class Download:
         if len(self._blob) < piece.total:
             return None
         return decompress(self._blob[: piece.total])
+
+
+class Reader:
+    """How the host reads its board: by its own table, or by the board's once that is known."""
+
+    def __init__(self, own: Codec, own_description: dict[str, Any]) -> None:
+        self.codec: Codec | ForeignCodec = own
+        self.understood = True
+        self._own = own
+        self._own_description = own_description
+        self._download: Download | None = None
+
+    def begin_download(self) -> Describe:
+        """Note that the board's table differs; return the first request for its description."""
+        self.understood = False
+        self._download = Download()
+        return self._download.next_request()
+
+    def next_request(self) -> Describe | None:
+        """Return the request for what is still missing."""
+        return None if self._download is None else self._download.next_request()
+
+    def add(self, piece: Description) -> tuple[str, ...] | None:
+        """Take in a slice. Once it is the last: return what differs, one line each."""
+        if self._download is None:
+            return None
+        try:
+            description = self._download.add(piece)
+            if description is None:
+                return None
+            self.codec = ForeignCodec(description, self._own)
+            self.understood = True
+            lines = differences(self._own_description, description)
+        except SchemaError as error:
+            lines = (str(error),)
+        self._download = None
+        return lines or ("the tables are equal, but not their CRCs; the board's is wrong",)
 
 
 class ForeignCodec:

@@ -130,6 +130,14 @@ class ErrorCode(enum.IntEnum):
     SAVE_FAILED = 40
 
 
+class ParameterKind(enum.IntEnum):
+    """Type of a parameter's value."""
+
+    NUMBER = 0
+    CHOICE = 1
+    SWITCH = 2
+
+
 class ResetCause(enum.IntEnum):
     """Why the board started."""
 

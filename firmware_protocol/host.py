@@ -16,74 +16,40 @@ Three rules:
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
-
+from firmware_protocol import events as e
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC, Codec
-from firmware_protocol.description import Download, ForeignCodec
+from firmware_protocol.description import Reader
 from firmware_protocol.enums import BoardState, ValidBit
 from firmware_protocol.errors import (
     NotAllowedError,
     NotARequestError,
     NotConnectedError,
     PayloadError,
-    SchemaError,
 )
-from firmware_protocol.events import (
-    BoardRestarted,
-    Connected,
-    ErrorReceived,
-    FailureReason,
-    FaultReported,
-    HostEvent,
-    HostState,
-    Incompatible,
-    IncompatibleReason,
-    LinkLost,
-    RequestDone,
-    RequestFailed,
-    StateReceived,
-    StatsReceived,
-    TimeSynced,
-)
-from firmware_protocol.framing import DELIMITER, DecoderStats, Frame, FrameDecoder, encode_frame
+from firmware_protocol.framing import DELIMITER, Frame, FrameDecoder, encode_frame
+from firmware_protocol.greeting import Greeting
 from firmware_protocol.mirror import Mirror
-from firmware_protocol.requests import TRIES, Pending, RequestQueue
-from firmware_protocol.schema import describe, differences, schema_crc
+from firmware_protocol.outbox import Outbox
+from firmware_protocol.requests import Pending, RequestQueue
+from firmware_protocol.samples import SampleOrder
+from firmware_protocol.schema import describe, schema_crc
 from firmware_protocol.setpoints import SetpointSlot
+from firmware_protocol.stats import HostLinkStats
 from firmware_protocol.timesync import ClockFit, TimeExchanges
 
-HELLO_US = (100_000, 200_000, 400_000, 1_000_000)
-"""Time from one HELLO to the next; the last one repeats."""
-
 SILENCE_US = 500_000
-PAUSE_US = 100_000
+"""A session without a sample for so long is over."""
+
 FOREIGN_LIMIT = 3
 TIMEOUT_LIMIT = 3
 ESTOP_COPIES = 3
 FIRST_BOARD_NUMBER = 0x80
-
-
-class HostLinkStats(msgspec.Struct):
-    """What the session has counted since it was made; `decoder` counts damaged frames."""
-
-    decoder: DecoderStats
-    states: int = 0
-    missed_states: int = 0
-    old_states: int = 0
-    session_errors: int = 0
-    payload_errors: int = 0
-    unknown_types: int = 0
-    echoes: int = 0
-    ack_errors: int = 0
-    repeats: int = 0
-    timeouts: int = 0
-    unmatched_replies: int = 0
-    setpoints_sent: int = 0
-    setpoints_dropped: int = 0
+REPORTS_KNOWN = 64
 
 
 class HostSession:
@@ -95,24 +61,22 @@ class HostSession:
 
     def __init__(self, *, nonce: int, codec: Codec = CODEC) -> None:
         self.board: m.Ident | None = None
-        self.incompatible: Incompatible | None = None
+        self.incompatible: e.Incompatible | None = None
         self.session = 0
         self._codec = codec
         self._description = describe(codec)
         self._schema_crc = schema_crc(self._description)
+        self._greeting = Greeting(nonce, self._schema_crc)
         self._decoder = FrameDecoder()
         self.stats = HostLinkStats(self._decoder.stats)
-        self._nonce = nonce & 0xFFFFFFFF
+        self._outbox = Outbox()
         self._open = False
         self._mirror: Mirror | None = None
-        self._hellos = 0
-        self._hello_due_us: int | None = None
-        self._out = bytearray()
-        self._urgent = bytearray()
         self._now_us = 0
-        self._last_sent_us: int | None = None
+        self._time = TimeExchanges()
         self._estop_wanted = False
-        self._handlers: dict[type[m.Message], Callable[[Any, Frame, list[HostEvent]], None]] = {
+        self._reported: deque[tuple[int, int, int]] = deque(maxlen=REPORTS_KNOWN)
+        self._handlers: dict[type[m.Message], Callable[[Any, Frame, list[e.HostEvent]], None]] = {
             m.State: self._on_state,
             m.Ident: self._on_ident,
             m.Error: self._on_error,
@@ -124,21 +88,22 @@ class HostSession:
             m.Done: self._on_reply,
             m.ParamValue: self._on_reply,
         }
+        self._requests = RequestQueue(self._send, self.stats)
         self._begin_session(0)
 
     @property
-    def state(self) -> HostState:
+    def state(self) -> e.HostState:
         """Where the host stands with its board."""
         if not self._open:
-            return HostState.DISCONNECTED
-        return HostState.SYNC if self._mirror is None else self._mirror.state
+            return e.HostState.DISCONNECTED
+        return e.HostState.SYNC if self._mirror is None else self._mirror.state
 
     @property
     def clock(self) -> ClockFit | None:
         """Board time to host time, None before the first exchange."""
         return self._time.sync.fit
 
-    def connect(self, now_us: int) -> list[HostEvent]:
+    def connect(self, now_us: int) -> list[e.HostEvent]:
         """Begin on a port just opened: HELLO, repeated until the board answers.
 
         Returns the failures of the requests that waited in a session not closed with `lost`.
@@ -146,48 +111,45 @@ class HostSession:
         events = self.lost(now_us)
         self._open = True
         self._decoder.reset()
-        self._last_sent_us = None
         self._synchronise(now_us)
         return events
 
-    def lost(self, now_us: int) -> list[HostEvent]:
+    def lost(self, now_us: int) -> list[e.HostEvent]:
         """The port went away. Returns the failures of the requests that were waiting."""
         self._now_us = now_us
-        events: list[HostEvent] = []
-        self._end_session(FailureReason.LINK_LOST, events)
+        events: list[e.HostEvent] = []
+        self._end_session(e.FailureReason.LINK_LOST, events)
         self._open = False
-        self._hello_due_us = None
-        self._out.clear()
-        self._urgent.clear()
+        self._greeting.stop()
+        self._outbox.reopen()
         return events
 
-    def receive(self, data: bytes, now_us: int) -> list[HostEvent]:
+    def receive(self, data: bytes, now_us: int) -> list[e.HostEvent]:
         """Take in bytes from the port; return what they mean. Never raises."""
         self._now_us = now_us
-        events: list[HostEvent] = []
+        events: list[e.HostEvent] = []
         if self._open:
             for frame in self._decoder.feed(data):
                 self._on_frame(frame, events)
             self._run_timers(now_us, events)
         return events
 
-    def tick(self, now_us: int) -> list[HostEvent]:
+    def tick(self, now_us: int) -> list[e.HostEvent]:
         """Repeat what was not answered and give up what never will be."""
         self._now_us = now_us
-        events: list[HostEvent] = []
+        events: list[e.HostEvent] = []
         if self._open:
             self._run_timers(now_us, events)
         return events
 
     def next_deadline_us(self) -> int | None:
         """Return when `tick` is needed next, None while nothing is awaited."""
-        deadlines = [self._hello_due_us]
+        deadlines = [self._greeting.due_us]
         if self._mirror is not None:
-            deadlines += [self._heard_us + SILENCE_US, self._mirror.deadline_us]
+            deadlines.append(self._heard_us + SILENCE_US)
+            deadlines += [self._mirror.deadline_us, self._requests.deadline_us]
             if self.incompatible is None:
                 deadlines.append(self._time.due_us)
-            if self._requests.in_flight is not None:
-                deadlines.append(self._requests.in_flight.deadline_us)
         return min((deadline for deadline in deadlines if deadline is not None), default=None)
 
     def request(self, message: m.Message, now_us: int) -> int:
@@ -208,9 +170,7 @@ class HostSession:
                 "watched. Update the older of the two"
             )
         self._codec.pack(message)
-        id_ = self._requests.add(message)
-        self._send_next_request(now_us)
-        return id_
+        return self._requests.add(message, now_us)
 
     def send_setpoint(self, setpoint: m.Setpoint) -> None:
         """Put a setpoint in the slot; only the latest of each axis is sent.
@@ -228,40 +188,27 @@ class HostSession:
         if not self._open:
             raise NotConnectedError("ESTOP cannot be sent without a port; cut the power")
         self._estop_wanted = True
-        frame = self._codec.frame(m.Estop(), 0, self.session)
-        self._urgent += DELIMITER + frame * ESTOP_COPIES
+        self._outbox.add_urgent(self._codec.frame(m.Estop(), 0, self.session) * ESTOP_COPIES)
 
     def data_to_send(self) -> bytes:
         """Return all bytes to write now; a second call returns none."""
         for seq, payload in self._setpoints.take():
-            self._out += encode_frame(m.Setpoint.info.number, seq, self.session, payload)
+            self._outbox.add(encode_frame(m.Setpoint.info.number, seq, self.session, payload))
             self.stats.setpoints_sent += 1
-        if not self._out and not self._urgent:
-            return b""
-        paused = self._last_sent_us is None or self._now_us - self._last_sent_us > PAUSE_US
-        data = (DELIMITER if paused else b"") + bytes(self._urgent) + bytes(self._out)
-        self._urgent.clear()
-        self._out.clear()
-        self._last_sent_us = self._now_us
-        return data
+        return self._outbox.take(self._now_us)
 
     # Beginnings and endings
 
     def _begin_session(self, number: int) -> None:
         self.session = number
-        self._requests = RequestQueue()
         self._setpoints = SetpointSlot()
-        self._time = TimeExchanges(self._now_us)
-        self._download: Download | None = None
-        self._foreign: ForeignCodec | None = None
-        self._reported: set[tuple[int, int]] = set()
-        self._state_seq: int | None = None
+        self._reader = Reader(self._codec, self._description)
+        self._samples = SampleOrder(self.stats)
         self._strangers = 0
-        self._timeouts_in_a_row = 0
         self._heard_us = self._now_us
         self.incompatible = None
 
-    def _end_session(self, reason: FailureReason, events: list[HostEvent]) -> None:
+    def _end_session(self, reason: e.FailureReason, events: list[e.HostEvent]) -> None:
         for pending in self._requests.drop_all():
             self._fail(pending, reason, events)
         self._begin_session(0)
@@ -270,31 +217,26 @@ class HostSession:
     def _synchronise(self, now_us: int) -> None:
         self._begin_session(0)
         self._mirror = None
-        self._nonce = (self._nonce + 1) & 0xFFFFFFFF
-        self._hellos = 0
+        self._greeting.renew()
         self._send_hello(now_us)
 
-    def _restart(self, event: HostEvent, reason: FailureReason, events: list[HostEvent]) -> None:
+    def _restart(
+        self, event: e.HostEvent, reason: e.FailureReason, events: list[e.HostEvent]
+    ) -> None:
         self._end_session(reason, events)
         events.append(event)
         self._synchronise(self._now_us)
 
     def _send_hello(self, now_us: int) -> None:
-        hello = m.Hello(
-            major=m.PROTOCOL_MAJOR,
-            minor=m.PROTOCOL_MINOR,
-            schema_crc=self._schema_crc,
-            nonce=self._nonce,
-        )
-        self._out += DELIMITER + self._codec.frame(hello, self._hellos & 0xFF, 0)
-        self._hello_due_us = now_us + HELLO_US[min(self._hellos, len(HELLO_US) - 1)]
-        self._hellos += 1
+        seq = self._greeting.count & 0xFF
+        frame = self._codec.frame(self._greeting.hello(now_us), seq, 0)
+        self._outbox.add(DELIMITER + frame)
 
     # Timers
 
-    def _run_timers(self, now_us: int, events: list[HostEvent]) -> None:
-        if self._hello_due_us is not None:
-            if now_us >= self._hello_due_us:
+    def _run_timers(self, now_us: int, events: list[e.HostEvent]) -> None:
+        if self._greeting.due_us is not None:
+            if now_us >= self._greeting.due_us:
                 self._send_hello(now_us)
             return
         if self._mirror is None:
@@ -302,146 +244,121 @@ class HostSession:
         self._mirror.tick(now_us)
         if now_us - self._heard_us >= SILENCE_US:
             silent_us = now_us - self._heard_us
-            self._restart(LinkLost(silent_us), FailureReason.LINK_LOST, events)
+            self._restart(e.LinkLost(silent_us), e.FailureReason.LINK_LOST, events)
             return
-        pending = self._requests.in_flight
-        if pending is not None and now_us >= pending.deadline_us:
-            self._repeat_or_fail(pending, now_us, events)
+        given_up = self._requests.tick(now_us)
+        if given_up is not None:
+            self._on_timeout(given_up, now_us, events)
         if self._mirror is not None and self.incompatible is None and now_us >= self._time.due_us:
-            question = self._time.ask(now_us)
-            if question is not None:
-                self._out += self._codec.frame(question, 0, self.session)
+            self._send(self._time.ask(now_us), 0)
 
-    def _repeat_or_fail(self, pending: Pending, now_us: int, events: list[HostEvent]) -> None:
-        if pending.tries < TRIES:
-            self.stats.repeats += 1
-            self._transmit(pending, now_us)
-            return
+    def _on_timeout(self, given_up: Pending, now_us: int, events: list[e.HostEvent]) -> None:
         self.stats.timeouts += 1
-        self._timeouts_in_a_row += 1
-        self._requests.drop()
-        self._fail(pending, FailureReason.TIMEOUT, events)
-        if self._timeouts_in_a_row >= TIMEOUT_LIMIT:
-            # Its sequence numbers and ours have drifted too far apart to be trusted.
-            self._restart(LinkLost(now_us - self._heard_us), FailureReason.LINK_LOST, events)
-        elif pending.internal:
-            self._download_next()
-        self._send_next_request(now_us)
+        self._fail(given_up, e.FailureReason.TIMEOUT, events)
+        if self._requests.timeouts_in_a_row >= TIMEOUT_LIMIT:
+            # Its sequence numbers and ours may have drifted too far apart to be trusted.
+            self._restart(e.LinkLost(now_us - self._heard_us), e.FailureReason.LINK_LOST, events)
+        elif given_up.internal:
+            self._requests.add(given_up.message, now_us, internal=True)
 
     # Requests
 
-    def _send_next_request(self, now_us: int) -> None:
-        pending = self._requests.start_next()
-        if pending is not None:
-            self._transmit(pending, now_us)
-
-    def _transmit(self, pending: Pending, now_us: int) -> None:
-        self._out += self._codec.frame(pending.message, pending.seq, self.session)
-        self._requests.sent(now_us)
+    def _send(self, message: m.Message, seq: int) -> None:
+        self._outbox.add(self._codec.frame(message, seq, self.session))
 
     def _fail(
         self,
         pending: Pending,
-        reason: FailureReason,
-        events: list[HostEvent],
+        reason: e.FailureReason,
+        events: list[e.HostEvent],
         error: m.Error | None = None,
     ) -> None:
         if isinstance(pending.message, m.ArmConfirm) and self._mirror is not None:
             self._mirror.refused()
         if not pending.internal:
-            events.append(RequestFailed(pending.id, pending.message, reason, error))
+            events.append(e.RequestFailed(pending.id, pending.message, reason, error))
 
     # Frames
 
-    def _on_frame(self, frame: Frame, events: list[HostEvent]) -> None:
+    def _on_frame(self, frame: Frame, events: list[e.HostEvent]) -> None:
         if frame.type < FIRST_BOARD_NUMBER:
             self.stats.echoes += 1
             return
-        codec: Codec | ForeignCodec = self._foreign or self._codec
+        codec = self._reader.codec
         if not codec.knows(frame.type):
             self.stats.unknown_types += 1
+            return
+        if not self._reader.understood and not self._codec.layouts[frame.type].cls.info.frozen:
+            self._heard_us = self._now_us
             return
         try:
             message = codec.unpack(frame.type, frame.payload)
         except PayloadError:
             self.stats.payload_errors += 1
             return
-        kind = type(message)
-        if kind is not m.Ident:
+        if type(message) is not m.Ident:
             if self._mirror is None:
                 return
             if frame.session != self.session:
                 self._on_stranger(events)
                 return
-            if not kind.info.frozen and self.incompatible is not None and self._foreign is None:
-                return
             self._strangers = 0
-            self._heard_us = self._now_us
-        self._handlers[kind](message, frame, events)
+            if self.incompatible is not None:
+                self._heard_us = self._now_us
+        self._handlers[type(message)](message, frame, events)
 
-    def _on_stranger(self, events: list[HostEvent]) -> None:
+    def _on_stranger(self, events: list[e.HostEvent]) -> None:
         self.stats.session_errors += 1
         self._strangers += 1
         if self._strangers >= FOREIGN_LIMIT:
-            self._restart(BoardRestarted(None), FailureReason.BOARD_RESTARTED, events)
+            self._restart(e.BoardRestarted(None), e.FailureReason.BOARD_RESTARTED, events)
 
-    def _on_ident(self, ident: m.Ident, frame: Frame, events: list[HostEvent]) -> None:
+    def _on_ident(self, ident: m.Ident, frame: Frame, events: list[e.HostEvent]) -> None:
         if self._mirror is not None:
             reborn = ident.session == 0 and self.board is not None
             if reborn and self.board and ident.boot_count != self.board.boot_count:
-                self._restart(BoardRestarted(ident), FailureReason.BOARD_RESTARTED, events)
-        elif ident.nonce == self._nonce:
+                self._restart(e.BoardRestarted(ident), e.FailureReason.BOARD_RESTARTED, events)
+        elif ident.nonce == self._greeting.nonce:
             self._on_answer(ident, events)
-        elif ident.session == 0 and ident.nonce == 0 and self._hello_due_us is not None:
+        elif ident.session == 0 and ident.nonce == 0:
+            self._greeting.count = 0
             self._send_hello(self._now_us)
 
-    def _on_answer(self, ident: m.Ident, events: list[HostEvent]) -> None:
-        self._hello_due_us = None
+    def _on_answer(self, ident: m.Ident, events: list[e.HostEvent]) -> None:
+        self._greeting.stop()
+        if self.board is None or self.board.boot_count != ident.boot_count:
+            self._time = TimeExchanges()
+            self._reported.clear()
+            self._estop_wanted = False
         self.board = ident
         if ident.major != m.PROTOCOL_MAJOR or ident.session == 0:
             line = f"protocol: host has {m.PROTOCOL_MAJOR}.{m.PROTOCOL_MINOR}, board has "
             line += f"{ident.major}.{ident.minor} ({ident.firmware})"
-            self.incompatible = Incompatible(IncompatibleReason.MAJOR, (line,))
+            self.incompatible = e.Incompatible(e.IncompatibleReason.MAJOR, (line,))
             events.append(self.incompatible)
             return
         self._begin_session(ident.session)
+        self._time.begin(self._now_us)
         self._mirror = Mirror()
-        events.append(Connected(ident))
+        events.append(e.Connected(ident))
         if ident.schema_crc != self._schema_crc:
-            self.incompatible = Incompatible(IncompatibleReason.SCHEMA, ())
-            self._download = Download()
-            self._download_next()
+            self.incompatible = e.Incompatible(e.IncompatibleReason.SCHEMA, ())
+            self._requests.add(self._reader.begin_download(), self._now_us, internal=True)
 
-    def _download_next(self) -> None:
-        if self._download is not None:
-            self._requests.add(self._download.next_request(), internal=True)
-            self._send_next_request(self._now_us)
+    def _on_description(self, piece: m.Description, events: list[e.HostEvent]) -> None:
+        lines = self._reader.add(piece)
+        request = self._reader.next_request()
+        if request is not None:
+            self._requests.add(request, self._now_us, internal=True)
+        elif lines is not None:
+            self.incompatible = e.Incompatible(e.IncompatibleReason.SCHEMA, lines)
+            events.append(self.incompatible)
 
-    def _on_description(self, piece: m.Description, events: list[HostEvent]) -> None:
-        if self._download is None or self.incompatible is None:
+    def _on_state(self, state: m.State, frame: Frame, events: list[e.HostEvent]) -> None:
+        if not self._samples.accept(state):
             return
-        try:
-            description = self._download.add(piece)
-            if description is None:
-                self._download_next()
-                return
-            self._foreign = ForeignCodec(description, self._codec)
-            fields = differences(self._description, description)
-        except SchemaError as error:
-            fields = (str(error),)
-        self._download = None
-        self.incompatible = Incompatible(IncompatibleReason.SCHEMA, fields)
-        events.append(self.incompatible)
-
-    def _on_state(self, state: m.State, frame: Frame, events: list[HostEvent]) -> None:
-        step = 1 if self._state_seq is None else (frame.seq - self._state_seq) & 0xFF
-        if step == 0 or step > 127:
-            self.stats.old_states += 1
-            return
-        self._state_seq = frame.seq
-        self.stats.states += 1
-        self.stats.missed_states += step - 1
-        board_us = self._time.unwrap(state.t_us)
+        self._heard_us = self._now_us
+        board_us = self._time.unwrap(state.t_us, self._now_us)
         if self._mirror is not None:
             self._mirror.sample(state.axis, state.mode, board_us)
         pending = None
@@ -453,54 +370,47 @@ class HostSession:
             self._estop_wanted = state.mode is not BoardState.ESTOP
             if self._estop_wanted:
                 self.send_estop()
-        events.append(StateReceived(state, board_us, pending))
+        events.append(e.StateReceived(state, board_us, pending))
 
-    def _on_time(self, reply: m.TimeReply, frame: Frame, events: list[HostEvent]) -> None:
+    def _on_time(self, reply: m.TimeReply, frame: Frame, events: list[e.HostEvent]) -> None:
         fit = self._time.answer(reply, self._now_us)
         if fit is not None:
-            events.append(TimeSynced(fit))
+            events.append(e.TimeSynced(fit))
 
-    def _on_stats(self, stats: m.LinkStats, frame: Frame, events: list[HostEvent]) -> None:
-        events.append(StatsReceived(stats))
+    def _on_stats(self, stats: m.LinkStats, frame: Frame, events: list[e.HostEvent]) -> None:
+        events.append(e.StatsReceived(stats))
 
-    def _on_fault(self, report: m.FaultReport, frame: Frame, events: list[HostEvent]) -> None:
-        key = (report.axis, report.index)
+    def _on_fault(self, report: m.FaultReport, frame: Frame, events: list[e.HostEvent]) -> None:
+        key = (report.axis, report.index, report.t_us)
         answered = self._answered(report, frame, events)
         if key not in self._reported and not answered:
             if self._mirror is not None:
-                self._mirror.stopped(report.axis, self._time.unwrap(report.t_us))
-            events.append(FaultReported(report))
-        self._reported.add(key)
+                t_us = self._time.unwrap(report.t_us, self._now_us)
+                self._mirror.stopped(report.axis, t_us)
+            events.append(e.FaultReported(report))
+        if key not in self._reported:
+            self._reported.append(key)
 
-    def _on_error(self, error: m.Error, frame: Frame, events: list[HostEvent]) -> None:
-        pending = self._requests.in_flight
-        number = error.request_type
-        if pending and pending.message.info.number == number and pending.seq == error.request_seq:
-            self._requests.finish(self._now_us)
-            self._timeouts_in_a_row = 0
-            self._fail(pending, FailureReason.REFUSED, events, error)
-            self._send_next_request(self._now_us)
+    def _on_error(self, error: m.Error, frame: Frame, events: list[e.HostEvent]) -> None:
+        pending = self._requests.refused(error.request_type, error.request_seq, self._now_us)
+        if pending is None:
+            events.append(e.ErrorReceived(error))
         else:
-            events.append(ErrorReceived(error))
+            self._fail(pending, e.FailureReason.REFUSED, events, error)
 
-    def _on_reply(self, reply: m.Message, frame: Frame, events: list[HostEvent]) -> None:
+    def _on_reply(self, reply: m.Message, frame: Frame, events: list[e.HostEvent]) -> None:
         if not self._answered(reply, frame, events):
             self.stats.unmatched_replies += 1
 
-    def _answered(self, reply: m.Message, frame: Frame, events: list[HostEvent]) -> bool:
-        pending = self._requests.in_flight
-        if pending is None or frame.seq != pending.seq:
+    def _answered(self, reply: m.Message, frame: Frame, events: list[e.HostEvent]) -> bool:
+        pending = self._requests.answered(type(reply).__name__, frame.seq, self._now_us)
+        if pending is None:
             return False
-        if type(reply).__name__ not in pending.message.info.replies:
-            return False
-        self._requests.finish(self._now_us)
-        self._timeouts_in_a_row = 0
         self._note_arming(pending.message, reply)
         if pending.internal and isinstance(reply, m.Description):
             self._on_description(reply, events)
         else:
-            events.append(RequestDone(pending.id, pending.message, reply))
-        self._send_next_request(self._now_us)
+            events.append(e.RequestDone(pending.id, pending.message, reply))
         return True
 
     def _note_arming(self, request: m.Message, reply: m.Message) -> None:
@@ -509,4 +419,4 @@ class HostSession:
         if isinstance(reply, m.ArmToken):
             self._mirror.granted(self._now_us + reply.valid_ms * 1000)
         elif isinstance(request, m.ArmConfirm) and isinstance(reply, m.Done):
-            self._mirror.confirmed(request.axis, self._time.unwrap(reply.t_us))
+            self._mirror.confirmed(request.axis, self._time.unwrap(reply.t_us, self._now_us))

@@ -20,6 +20,7 @@ from firmware_protocol.enums import (
     ErrorCode,
     Fault,
     Limiter,
+    ParameterKind,
     ResetCause,
     SetpointFlag,
     ValidBit,
@@ -226,9 +227,12 @@ class Error(Message, frozen=True, gc=False):
     request_type: Annotated[int, Wire("u8", "number of the message refused")]
     request_seq: Annotated[int, Wire("u8", "its sequence number")]
     code: Annotated[ErrorCode, Wire("u8", "the reason")]
-    field: Annotated[int, Wire("u8", "index of the field to blame", invalid=NO_FIELD)]
-    value: Annotated[int, Wire("i32", "what was found, in the field's unit")]
-    limit: Annotated[int, Wire("i32", "what is allowed, in the field's unit")]
+    field: Annotated[
+        int,
+        Wire("u8", "codes below 32: the channel; others: index of the field", invalid=NO_FIELD),
+    ]
+    value: Annotated[int, Wire("i32", "what was found")]
+    limit: Annotated[int, Wire("i32", "what is allowed, in the unit of the value")]
 
 
 class State(Message, frozen=True, gc=False):
@@ -333,7 +337,7 @@ class ParamValue(Message, frozen=True, gc=False):
     info = MessageInfo(number=0x94, direction=Direction.TO_HOST, pace="reply")
     axis: Annotated[int, AXIS]
     param: Annotated[int, Wire("u16", "number of the parameter")]
-    kind: Annotated[int, Wire("u8", "its type: 0 number, 1 choice, 2 switch")]
+    kind: Annotated[ParameterKind, Wire("u8", "type of its value")]
     value: Annotated[int, Wire("i32", "in the parameter's unit")]
     minimum: Annotated[int, Wire("i32", "smallest value allowed")]
     maximum: Annotated[int, Wire("i32", "largest value allowed")]

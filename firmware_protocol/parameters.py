@@ -1,28 +1,23 @@
 """The board's parameters: one table, and a store that keeps values within it.
 
 A parameter belongs to an axis, except those marked `shared`, of which axis 0 holds the only copy.
-All values are whole numbers (i32) in the unit named. The bounds are compiled into the board: a
-stored soft limit may only tighten what the supervisor enforces anyway.
+All values are whole numbers (i32) in the unit named. What describes the bench stands here; the
+limits come from the supervisor's table, where a stored value may only tighten the compiled one.
 """
 
 from __future__ import annotations
 
-import enum
 import struct
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from firmware_protocol.enums import ErrorCode
+from firmware_protocol.enums import ErrorCode, ParameterKind
 from firmware_protocol.errors import ParameterError
+from firmware_protocol.supervisor.limits import LIMIT_ROWS, Limits, compiled_limits, tighten
 
-
-class ParameterKind(enum.IntEnum):
-    """Type of a parameter's value."""
-
-    NUMBER = 0
-    CHOICE = 1
-    SWITCH = 2
+_ENTRY = struct.Struct("<BHi")
+_CRC = struct.Struct("<I")
 
 
 @dataclass(frozen=True)
@@ -49,27 +44,48 @@ class Parameter:
         return ParameterKind.NUMBER
 
 
-PARAMETERS: tuple[Parameter, ...] = (
+BENCH_PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         1, "state_rate_hz", 100, 100, 500, "Hz", "rate of STATE", (100, 250, 500), shared=True
     ),
     Parameter(
-        10, "encoder_nm_per_count", 1000, -1_000_000, 1_000_000, "nm", "scale of the encoder"
+        10,
+        "encoder_nm_per_count",
+        1000,
+        -1_000_000,
+        1_000_000,
+        "nm",
+        "displacement of one encoder count; negative if it counts the other way",
     ),
-    Parameter(11, "encoder_offset_counts", 0, -(2**30), 2**30, "counts", "encoder at zero"),
+    Parameter(11, "encoder_offset_counts", 0, -(2**30), 2**30, "counts", "encoder reading at 0 mm"),
     Parameter(
-        12, "force_uN_per_count", 1000, -1_000_000, 1_000_000, "uN", "scale of the force cell"
+        12,
+        "force_uN_per_count",
+        1000,
+        -1_000_000,
+        1_000_000,
+        "uN",
+        "force of one count; negative if it counts the other way",
     ),
-    Parameter(13, "force_offset_counts", 0, -(2**30), 2**30, "counts", "force cell at zero"),
-    Parameter(20, "current_limit_mA", 4000, 0, 4000, "mA", "most current in a spring"),
-    Parameter(21, "temperature_limit_cC", 9000, 3000, 9000, "cC", "trip of a spring's RTD"),
-    Parameter(22, "cold_cC", 4500, 2000, 4500, "cC", "cold enough to arm or to end COOL"),
-    Parameter(23, "on_time_limit_s", 3600, 1, 7200, "s", "longest time of one arming"),
-    Parameter(24, "force_limit_mN", 20000, 0, 20000, "mN", "trip of the tendon force"),
-    Parameter(25, "travel_limit_um", 20000, 0, 20000, "um", "trip of the displacement, both ways"),
-    Parameter(26, "setpoint_ttl_ms", 100, 10, 100, "ms", "longest time without a fresh setpoint"),
+    Parameter(13, "force_offset_counts", 0, -(2**30), 2**30, "counts", "force reading at 0 N"),
 )
-"""All parameters. Numbers are never used again for another meaning."""
+
+LIMIT_PARAMETERS: tuple[Parameter, ...] = tuple(
+    Parameter(
+        number=row.number,
+        name=name,
+        default=row.compiled,
+        minimum=min(row.compiled, row.tightest),
+        maximum=max(row.compiled, row.tightest),
+        unit=row.unit,
+        doc=row.reason,
+    )
+    for name, row in sorted(LIMIT_ROWS.items(), key=lambda item: item[1].number)
+    if row.number
+)
+
+PARAMETERS: tuple[Parameter, ...] = BENCH_PARAMETERS + LIMIT_PARAMETERS
+"""All parameters. A number is never used again for another meaning."""
 
 BY_NUMBER: Mapping[int, Parameter] = {p.number: p for p in PARAMETERS}
 BY_NAME: Mapping[str, Parameter] = {p.name: p for p in PARAMETERS}
@@ -85,12 +101,19 @@ class ParameterRefusedError(ParameterError):
         self.limit = limit
 
 
+class DamagedImageError(ParameterError):
+    """Stored parameters do not match their CRC."""
+
+
 def crc_of(values: Mapping[tuple[int, int], int]) -> int:
     """Return the CRC-32 of values by (axis, number): each as u8, u16, i32 in rising order."""
-    crc = 0
-    for (axis, number), value in sorted(values.items()):
-        crc = zlib.crc32(struct.pack("<BHi", axis, number, value), crc)
-    return crc
+    return zlib.crc32(_packed(values))
+
+
+def _packed(values: Mapping[tuple[int, int], int]) -> bytes:
+    return b"".join(
+        _ENTRY.pack(axis, number, value) for (axis, number), value in sorted(values.items())
+    )
 
 
 class ParameterStore:
@@ -115,11 +138,16 @@ class ParameterStore:
         parameter = BY_NAME[name]
         return self.values[0 if parameter.shared else axis, parameter.number]
 
+    def limits(self, axis: int = 0) -> Limits:
+        """Return the supervisor's limits as the stored values tighten them."""
+        stored = {p.name: self.get(p.name, axis) for p in LIMIT_PARAMETERS}
+        return tighten(compiled_limits(), stored)
+
     def find(self, axis: int, number: int) -> Parameter:
         """Return the row; raises ParameterRefusedError if axis or number do not exist."""
         if axis >= self.axes:
             raise ParameterRefusedError(
-                f"axis {axis} does not exist; this board has {self.axes}",
+                f"axis {axis} does not exist; the last one of this board is {self.axes - 1}",
                 ErrorCode.NO_SUCH_AXIS,
                 axis,
                 self.axes - 1,
@@ -146,3 +174,25 @@ class ParameterStore:
                 low if value < low else high,
             )
         self.values[axis, number] = value
+
+    def image(self) -> bytes:
+        """Return the values as the board stores them: entries, then their CRC-32."""
+        packed = _packed(self.values)
+        return packed + _CRC.pack(zlib.crc32(packed))
+
+    def load(self, image: bytes) -> None:
+        """Take over a stored image; entries that no longer exist or fit keep their defaults.
+
+        Raises DamagedImageError, and changes nothing, if the CRC is wrong.
+        """
+        packed, crc = image[: -_CRC.size], image[-_CRC.size :]
+        if len(packed) % _ENTRY.size or crc != _CRC.pack(zlib.crc32(packed)):
+            raise DamagedImageError(
+                f"the stored parameters ({len(image)} bytes) do not match their CRC; "
+                "set them again and save them"
+            )
+        for axis, number, value in _ENTRY.iter_unpack(packed):
+            try:
+                self.set(axis, number, value)
+            except ParameterRefusedError:
+                continue

@@ -8,11 +8,13 @@ not measured, because it cannot be known which of the two it answers (Karn's rul
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import msgspec
 
 from firmware_protocol.errors import QueueFullError
 from firmware_protocol.messages import Message
+from firmware_protocol.stats import HostLinkStats
 
 TRIES = 3
 LEAST_RTO_US = 25_000
@@ -58,17 +60,26 @@ class Pending(msgspec.Struct):
 
 
 class RequestQueue:
-    """Requests in the order in which they were asked for."""
+    """Requests in the order in which they were asked for.
 
-    def __init__(self) -> None:
+    `send(message, seq)` is called for each copy that is to go out; repeats are counted in `stats`.
+    """
+
+    def __init__(self, send: Callable[[Message, int], None], stats: HostLinkStats) -> None:
         self.round_trip = RoundTrip()
-        self.in_flight: Pending | None = None
+        self.timeouts_in_a_row = 0
+        self._stats = stats
+        self._send = send
+        self._in_flight: Pending | None = None
         self._waiting: deque[Pending] = deque()
         self._last_id = 0
         self._last_seq = 0
 
-    def add(self, message: Message, *, internal: bool = False) -> int:
-        """Queue a request and return its id. Raises QueueFullError."""
+    def add(self, message: Message, now_us: int, *, internal: bool = False) -> int:
+        """Queue a request, or send it if none is in flight; return its id.
+
+        Raises QueueFullError.
+        """
         if len(self._waiting) >= QUEUE_LIMIT:
             raise QueueFullError(
                 f"{len(self._waiting)} requests are waiting, the limit is {QUEUE_LIMIT}; "
@@ -76,40 +87,68 @@ class RequestQueue:
             )
         self._last_id += 1
         self._waiting.append(Pending(self._last_id, message, internal))
+        self._send_next(now_us)
         return self._last_id
 
-    def start_next(self) -> Pending | None:
-        """Return the next request to send if none is in flight."""
-        if self.in_flight is not None or not self._waiting:
+    def tick(self, now_us: int) -> Pending | None:
+        """Repeat the request in flight if it is time; return it if its tries are used up."""
+        pending = self._in_flight
+        if pending is None or now_us < pending.deadline_us:
             return None
-        self.in_flight = self._waiting.popleft()
-        self._last_seq = (self._last_seq + 1) & 0xFF
-        self.in_flight.seq = self._last_seq
-        return self.in_flight
+        if pending.tries < TRIES:
+            self._stats.repeats += 1
+            self._transmit(pending, now_us)
+            return None
+        self.timeouts_in_a_row += 1
+        self._in_flight = None
+        self._send_next(now_us)
+        return pending
 
-    def sent(self, now_us: int) -> None:
-        """Note that the request in flight was sent once more."""
-        pending = self.in_flight
-        if pending is not None:
-            pending.sent_us = now_us
-            pending.deadline_us = now_us + (self.round_trip.rto_us << pending.tries)
-            pending.tries += 1
+    def answered(self, reply: str, seq: int, now_us: int) -> Pending | None:
+        """Return the request that a message named `reply` with number `seq` answers, if any."""
+        pending = self._in_flight
+        if pending is None or seq != pending.seq or reply not in pending.message.info.replies:
+            return None
+        return self._finish(pending, now_us)
 
-    def finish(self, now_us: int) -> None:
-        """Note that the request in flight was answered."""
-        pending = self.in_flight
-        if pending is not None and pending.tries == 1:
-            self.round_trip.sample(now_us - pending.sent_us)
-        self.in_flight = None
-
-    def drop(self) -> None:
-        """Give up the request in flight."""
-        self.in_flight = None
+    def refused(self, number: int, seq: int, now_us: int) -> Pending | None:
+        """Return the request with message number `number` that an ERROR refuses, if any."""
+        pending = self._in_flight
+        if pending is None or (pending.message.info.number, pending.seq) != (number, seq):
+            return None
+        return self._finish(pending, now_us)
 
     def drop_all(self) -> list[Pending]:
         """Give up everything, for a session that ended; return what was given up."""
-        dropped = [*([self.in_flight] if self.in_flight else []), *self._waiting]
-        self.in_flight = None
+        dropped = [*([self._in_flight] if self._in_flight else []), *self._waiting]
+        self._in_flight = None
         self._waiting.clear()
         self._last_seq = 0
+        self.timeouts_in_a_row = 0
         return dropped
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When `tick` is needed next."""
+        return None if self._in_flight is None else self._in_flight.deadline_us
+
+    def _finish(self, pending: Pending, now_us: int) -> Pending:
+        if pending.tries == 1:
+            self.round_trip.sample(now_us - pending.sent_us)
+        self.timeouts_in_a_row = 0
+        self._in_flight = None
+        self._send_next(now_us)
+        return pending
+
+    def _send_next(self, now_us: int) -> None:
+        if self._in_flight is None and self._waiting:
+            self._in_flight = self._waiting.popleft()
+            self._last_seq = (self._last_seq + 1) & 0xFF
+            self._in_flight.seq = self._last_seq
+            self._transmit(self._in_flight, now_us)
+
+    def _transmit(self, pending: Pending, now_us: int) -> None:
+        self._send(pending.message, pending.seq)
+        pending.sent_us = now_us
+        pending.deadline_us = now_us + (self.round_trip.rto_us << pending.tries)
+        pending.tries += 1

@@ -70,3 +70,7 @@ class SetpointGate:
                 return None
         self._last[axis] = (t_ref_us, seq)
         return age_us
+
+    def open_for(self, axis: int) -> bool:
+        """Whether a setpoint for this axis has passed."""
+        return axis in self._last

@@ -21,8 +21,12 @@ from firmware_protocol.messages import TimeReply, TimeRequest
 WINDOW = 128
 KEPT_PART = 8
 LOCK_EXCHANGES = 8
+FIRST_EXCHANGES = 16
+FIRST_INTERVAL_US = 50_000
+INTERVAL_US = 1_000_000
 RATE_SPAN_US = 5_000_000
 LARGEST_DRIFT = 1000e-6
+LONGEST_GAP_US = 1_800_000_000
 WRAP = 1 << 32
 
 
@@ -37,7 +41,7 @@ class Exchange(NamedTuple):
 class ClockFit(msgspec.Struct, frozen=True, gc=False):
     """host_us = host_ref_us + (board_us − board_ref_us)·(1 + drift).
 
-    `drift` is host over board, less 1. `locked` says that enough exchanges agree to arm on.
+    `drift` is host over board, less 1. `locked` says that there are enough exchanges to arm on.
     """
 
     board_ref_us: float
@@ -46,6 +50,11 @@ class ClockFit(msgspec.Struct, frozen=True, gc=False):
     round_trip_us: int
     exchanges: int
     locked: bool
+
+    @property
+    def plausible(self) -> bool:
+        """Whether two crystals can differ so much. A simulation that is not real time does."""
+        return abs(self.drift) <= LARGEST_DRIFT
 
     def host_us(self, board_us: float) -> float:
         """Return the host's time at a board time (64-bit)."""
@@ -58,18 +67,26 @@ class ClockFit(msgspec.Struct, frozen=True, gc=False):
 
 
 class Unwrapper:
-    """Turns 32-bit microseconds into 64-bit ones, given that neighbours are under 35 min apart."""
+    """Turns 32-bit microseconds into 64-bit ones.
+
+    A stamp is taken to be near the latest one; after a gap in which the clock may have wrapped
+    unseen, near where the caller's clock says that it should be.
+    """
 
     def __init__(self) -> None:
         self._last: int | None = None
+        self._last_now_us = 0
 
-    def __call__(self, t_us: int) -> int:
+    def __call__(self, t_us: int, now_us: int) -> int:
         """Return the full time of a stamp, which may lie before the latest one."""
         if self._last is None:
-            self._last = t_us
+            self._last, self._last_now_us = t_us, now_us
             return t_us
-        full = self._last + ((t_us - self._last + WRAP // 2) % WRAP) - WRAP // 2
-        self._last = max(self._last, full)
+        gap_us = now_us - self._last_now_us
+        near = self._last + (gap_us if gap_us > LONGEST_GAP_US else 0)
+        full = near + ((t_us - near + WRAP // 2) % WRAP) - WRAP // 2
+        if full > self._last:
+            self._last, self._last_now_us = full, now_us
         return full
 
 
@@ -107,13 +124,8 @@ class TimeSync:
             drift=drift,
             round_trip_us=kept[0].round_trip_us,
             exchanges=len(self._window),
-            locked=len(self._window) >= LOCK_EXCHANGES and abs(drift) <= LARGEST_DRIFT,
+            locked=len(self._window) >= LOCK_EXCHANGES,
         )
-
-
-FIRST_EXCHANGES = 16
-FIRST_INTERVAL_US = 50_000
-INTERVAL_US = 1_000_000
 
 
 class TimeExchanges:
@@ -122,20 +134,25 @@ class TimeExchanges:
     Sixteen quick exchanges lock the clock after a connection; then one a second holds it.
     """
 
-    def __init__(self, now_us: int) -> None:
+    def __init__(self) -> None:
         self.sync = TimeSync()
         self.unwrap = Unwrapper()
-        self.due_us = now_us
+        self.due_us = 0
         self._asked_us: int | None = None
         self._count = 0
 
-    def ask(self, now_us: int) -> TimeRequest | None:
-        """Return the request to send now, if it is time."""
-        if now_us < self.due_us:
-            return None
+    def begin(self, now_us: int) -> None:
+        """Ask quickly from now on, as after a reconnection to a board that kept running."""
+        self.due_us = now_us
+        self._asked_us = None
+        self._count = 0
+
+    def ask(self, now_us: int) -> TimeRequest:
+        """Return the request to send now."""
         self._asked_us = now_us
         self._count += 1
-        self.due_us = now_us + (FIRST_INTERVAL_US if self._count < FIRST_EXCHANGES else INTERVAL_US)
+        quick = self._count < FIRST_EXCHANGES
+        self.due_us = now_us + (FIRST_INTERVAL_US if quick else INTERVAL_US)
         return TimeRequest(t1_us=now_us % WRAP)
 
     def answer(self, reply: TimeReply, now_us: int) -> ClockFit | None:
@@ -144,4 +161,5 @@ class TimeExchanges:
         if asked is None or reply.t1_us != asked % WRAP:
             return None
         self._asked_us = None
-        return self.sync.add(asked, self.unwrap(reply.t2_us), self.unwrap(reply.t3_us), now_us)
+        t2, t3 = self.unwrap(reply.t2_us, now_us), self.unwrap(reply.t3_us, now_us)
+        return self.sync.add(asked, t2, t3, now_us)
