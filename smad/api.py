@@ -1,0 +1,428 @@
+"""Every command, reply and telemetry field of the daemon, typed and documented.
+
+The one list of what a client can ask is `METHODS`. The command server, both clients and the
+reference in docs/guide/clients.md are made from it; motion commands are those of
+`smad.control.commands`, samples are those of `smad.runlog.schema`.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_type_hints
+
+import msgspec
+from msgspec import Meta, Struct
+
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    HoldTemperature,
+    Idle,
+    MoveStage,
+    Tune,
+)
+from smad.runlog.schema import Row
+
+LARGEST_MESSAGE = 65_536
+"""Bytes. A longer message ends the connection: decoding it would hold up the control loop."""
+
+TELEMETRY_TOPIC = "smad"
+
+Name = Annotated[str, Meta(min_length=1, max_length=64)]
+LeaseTime = Annotated[float, Meta(ge=0.5, le=3600.0)]
+
+
+class Reason(enum.StrEnum):
+    """Why a command was refused. A program decides by this, a person reads the message."""
+
+    MALFORMED = "malformed"
+    UNKNOWN_METHOD = "unknown_method"
+    INVALID = "invalid"
+    NOT_IN_CONTROL = "not_in_control"
+    NOT_CONNECTED = "not_connected"
+    NOT_ARMED = "not_armed"
+    ARMED = "armed"
+    FAULTED = "faulted"
+    DISAGREEMENT = "disagreement"
+    BOARD_REFUSED = "board_refused"
+    NO_REPLY = "no_reply"
+    BUSY = "busy"
+    RECORDER = "recorder"
+    INTERNAL = "internal"
+
+
+ERROR_CODES: dict[Reason, int] = {
+    Reason.MALFORMED: -32700,
+    Reason.UNKNOWN_METHOD: -32601,
+    Reason.INVALID: -32602,
+    Reason.INTERNAL: -32603,
+}
+"""Codes that JSON-RPC 2.0 fixes; every other reason has `REFUSED`."""
+
+REFUSED = -32000
+
+
+class ErrorData(Struct, frozen=True, kw_only=True):
+    """What an error reply says beside its message."""
+
+    reason: Annotated[Reason, Meta(description="why, for a program")]
+    cause: Annotated[str, Meta(description="what went wrong")]
+    value: Annotated[Any, Meta(description="the value that was refused")] = None
+    limit: Annotated[Any, Meta(description="what would have been allowed")] = None
+    action: Annotated[str, Meta(description="what to do next")] = ""
+
+
+class Params(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The parameters of a command."""
+
+
+class GetStatus(Params, frozen=True, kw_only=True):
+    """Everything about the bench now: link, board, motion, timing, recorder, lease."""
+
+
+class GetMotion(Params, frozen=True, kw_only=True):
+    """What the controller is doing and whether it is done; short, made to be polled."""
+
+
+class GetConfig(Params, frozen=True, kw_only=True):
+    """The configuration in force, as TOML text."""
+
+
+class Arm(Params, frozen=True, kw_only=True):
+    """Arm the bench: the board checks itself and lets current through afterwards.
+
+    Needs a connected board without a fault whose message schema and parameters agree with ours.
+    """
+
+
+class Disarm(Params, frozen=True, kw_only=True):
+    """Current off, water on until cool. Anyone may do this at any time."""
+
+
+class EStop(Params, frozen=True, kw_only=True):
+    """Everything off until the board's power is cycled. Anyone may do this at any time."""
+
+
+class Clear(Params, frozen=True, kw_only=True):
+    """Acknowledge the latched fault; works once its cause is gone and the springs are cold."""
+
+    fault: Annotated[
+        int | None, Meta(description="number of the fault; empty: the one that is latched")
+    ] = None
+
+
+class ListParams(Params, frozen=True, kw_only=True):
+    """The parameters stored on the board, as read when it connected."""
+
+
+class GetParam(Params, frozen=True, kw_only=True):
+    """Read one parameter from the board."""
+
+    name: Annotated[Name, Meta(description="name of the parameter")]
+
+
+class SetParam(Params, frozen=True, kw_only=True):
+    """Change one parameter of the board; only while it is not armed."""
+
+    name: Annotated[Name, Meta(description="name of the parameter")]
+    value: Annotated[
+        float, Meta(ge=-1e12, le=1e12, description="new value, in the parameter's unit")
+    ]
+
+
+class SaveParams(Params, frozen=True, kw_only=True):
+    """Keep the board's parameters over a power cycle; only while it is not armed."""
+
+
+class StartRecording(Params, frozen=True, kw_only=True):
+    """Begin a run log; it goes on until stopped, armed or not."""
+
+    name: Annotated[str, Meta(max_length=64, description="goes into the file's name")] = ""
+
+
+class StopRecording(Params, frozen=True, kw_only=True):
+    """Close the run log."""
+
+
+class AddNote(Params, frozen=True, kw_only=True):
+    """Write a person's note into the run log."""
+
+    text: Annotated[str, Meta(min_length=1, max_length=500, description="one line")]
+
+
+class TakeControl(Params, frozen=True, kw_only=True):
+    """Take, or renew, exclusive control: until it ends, only this client's commands count."""
+
+    name: Annotated[Name, Meta(description="who you are, for the messages others get")]
+    lease_s: Annotated[LeaseTime, Meta(description="ends by itself when silent for so long")] = 10.0
+
+
+class ReleaseControl(Params, frozen=True, kw_only=True):
+    """Give exclusive control back."""
+
+
+class Percentiles(Struct, frozen=True):
+    """Percentiles of a duration over `count` samples."""
+
+    count: Annotated[int, Meta(description="number of samples")] = 0
+    p50_us: Annotated[float, Meta(description="median, microseconds")] = 0.0
+    p99_us: Annotated[float, Meta(description="99th percentile, microseconds")] = 0.0
+    p999_us: Annotated[float, Meta(description="99.9th percentile, microseconds")] = 0.0
+    max_us: Annotated[float, Meta(description="longest, microseconds")] = 0.0
+
+
+class Measure(Struct, frozen=True):
+    """One real-time measure: whether it was asked for and granted, and what exactly was got."""
+
+    name: Annotated[str, Meta(description="what it is")]
+    asked: Annotated[bool, Meta(description="wanted by the configuration")]
+    granted: Annotated[bool, Meta(description="in force")]
+    detail: Annotated[str, Meta(description="what was got, or why not")]
+
+
+class Entry(Struct, frozen=True):
+    """One event of the daemon's journal."""
+
+    time_s: Annotated[float, Meta(description="Unix time, seconds")]
+    text: Annotated[str, Meta(description="what happened")]
+
+
+class Fault(Struct, frozen=True, kw_only=True):
+    """The fault that the board latched first."""
+
+    number: Annotated[int, Meta(description="its number, for `clear`")]
+    name: Annotated[str, Meta(description="its name, for `smad faults explain`")]
+    channel: Annotated[str, Meta(description="where it was measured")] = ""
+    measured: Annotated[float | None, Meta(description="what was measured")] = None
+    limit: Annotated[float | None, Meta(description="the limit it went beyond")] = None
+    unit: Annotated[str, Meta(description="unit of both")] = ""
+
+
+class Board(Struct, frozen=True, kw_only=True):
+    """Who answers at the other end of the cable."""
+
+    uid: Annotated[str, Meta(description="serial number")]
+    firmware: Annotated[str, Meta(description="version text")]
+    protocol: Annotated[str, Meta(description="version of the wire protocol")]
+    reset_cause: Annotated[str, Meta(description="why it last started")]
+    boot_count: Annotated[int, Meta(description="how often it has started")]
+    schema_agrees: Annotated[bool, Meta(description="same messages as ours; needed to arm")]
+    params_agree: Annotated[
+        bool | None, Meta(description="same parameters as ours; empty: not read yet")
+    ]
+
+
+class LinkStatus(Struct, frozen=True, kw_only=True):
+    """The serial link."""
+
+    port: Annotated[str, Meta(description="device, as configured")]
+    baud: Annotated[int, Meta(description="bits per second")]
+    rate_hz: Annotated[int, Meta(description="samples per second, as configured")]
+    state: Annotated[str, Meta(description="disconnected, sync, monitor, ready, running, faulted")]
+    notes: Annotated[tuple[str, ...], Meta(description="what the port did not grant")]
+    bytes_in: Annotated[int, Meta(description="bytes read")]
+    bytes_out: Annotated[int, Meta(description="bytes written")]
+    short_writes: Annotated[int, Meta(description="writes the port took only in part, or not")]
+    losses: Annotated[int, Meta(description="times the port went away")]
+    frames: Annotated[dict[str, int], Meta(description="the session's counts of frames and errors")]
+    board_stats: Annotated[
+        dict[str, int], Meta(description="the board's own counts, about once a second")
+    ]
+
+
+class Counts(Struct, frozen=True, kw_only=True):
+    """Totals since the daemon started."""
+
+    samples: Annotated[int, Meta(description="samples received")]
+    missed: Annotated[int, Meta(description="samples that the board took and we never saw")]
+    skipped: Annotated[int, Meta(description="samples passed over because a newer one was there")]
+    setpoints: Annotated[int, Meta(description="setpoints written")]
+    setpoints_dropped: Annotated[int, Meta(description="setpoints the port did not take")]
+    commands: Annotated[int, Meta(description="commands carried out")]
+    refused: Annotated[int, Meta(description="commands refused")]
+    telemetry_dropped: Annotated[int, Meta(description="samples not published, queue full")]
+
+
+class Timing(Struct, frozen=True, kw_only=True):
+    """How quick and how steady the control loop is; refreshed once a second."""
+
+    own_share: Annotated[Percentiles, Meta(description="from STATE read to SETPOINT written")]
+    setpoint_age: Annotated[
+        Percentiles, Meta(description="age of a setpoint when the board applied it, board clock")
+    ]
+    jitter: Annotated[
+        Percentiles, Meta(description="deviation of the interval between samples, host clock")
+    ]
+    round_trip_us: Annotated[float | None, Meta(description="last time exchange with the board")]
+    collections: Annotated[int, Meta(description="garbage collections, all in idle time")]
+
+
+class RecorderStatus(Struct, frozen=True, kw_only=True):
+    """The run log being written."""
+
+    recording: Annotated[bool, Meta(description="a log is open")]
+    path: Annotated[str, Meta(description="the file, or the last one")] = ""
+    rows: Annotated[int, Meta(description="samples written or waiting")] = 0
+    dropped: Annotated[int, Meta(description="samples lost because the disk was too slow")] = 0
+    error: Annotated[str, Meta(description="why recording stopped, if it failed")] = ""
+
+
+class Control(Struct, frozen=True, kw_only=True):
+    """Who has exclusive control."""
+
+    holder: Annotated[str, Meta(description="name given with `control.take`; empty: nobody")] = ""
+    left_s: Annotated[float, Meta(description="until the lease ends")] = 0.0
+    yours: Annotated[bool, Meta(description="whether it is you")] = False
+
+
+class Motion(Struct, frozen=True, kw_only=True):
+    """What the controller is doing."""
+
+    running: Annotated[str, Meta(description="idle, displacement, temperature, current, or stage")]
+    done: Annotated[bool, Meta(description="everything commanded has been carried out")]
+    armed: Annotated[bool, Meta(description="the board lets current through")]
+    mode: Annotated[str, Meta(description="state of the board")]
+    reference_mm: Annotated[float | None, Meta(description="where displacement should be")]
+    displacement_mm: Annotated[float | None, Meta(description="where it is")]
+    board_time_s: Annotated[float, Meta(description="board time of the last sample")]
+    fault: Annotated[Fault | None, Meta(description="the latched fault")] = None
+
+
+class Status(Struct, frozen=True, kw_only=True):
+    """Everything about the bench now."""
+
+    bench: Annotated[str, Meta(description="name of the bench")]
+    version: Annotated[str, Meta(description="version of smad")]
+    pid: Annotated[int, Meta(description="process of the daemon")]
+    uptime_s: Annotated[float, Meta(description="seconds since it started")]
+    memory_MiB: Annotated[float, Meta(description="resident memory of the daemon")]
+    link: Annotated[LinkStatus, Meta(description="the serial link")]
+    board: Annotated[Board | None, Meta(description="the board; empty before the handshake")]
+    motion: Annotated[Motion, Meta(description="what the controller is doing")]
+    limiter: Annotated[str, Meta(description="what holds the current down")]
+    faults: Annotated[tuple[str, ...], Meta(description="faults present")]
+    warnings: Annotated[tuple[str, ...], Meta(description="warnings present")]
+    sample: Annotated[Row | None, Meta(description="the last sample")]
+    counts: Annotated[Counts, Meta(description="totals")]
+    timing: Annotated[Timing, Meta(description="the loop's timing")]
+    realtime: Annotated[tuple[Measure, ...], Meta(description="real-time measures")]
+    recorder: Annotated[RecorderStatus, Meta(description="the run log")]
+    control: Annotated[Control, Meta(description="exclusive control")]
+    events: Annotated[tuple[Entry, ...], Meta(description="what happened last, oldest first")]
+
+
+class ConfigText(Struct, frozen=True, kw_only=True):
+    """The configuration in force."""
+
+    toml: Annotated[str, Meta(description="as a file that `smad start --config` takes")]
+
+
+class Param(Struct, frozen=True, kw_only=True):
+    """One parameter of the board."""
+
+    name: Annotated[str, Meta(description="its name")]
+    value: Annotated[float, Meta(description="its value")]
+    minimum: Annotated[float, Meta(description="smallest value the board takes")]
+    maximum: Annotated[float, Meta(description="largest value the board takes")]
+    unit: Annotated[str, Meta(description="unit of all three")] = ""
+    description: Annotated[str, Meta(description="what it does")] = ""
+
+
+class ParamList(Struct, frozen=True, kw_only=True):
+    """All parameters of the board."""
+
+    params: Annotated[tuple[Param, ...], Meta(description="one entry each")]
+
+
+class Telemetry(Row, kw_only=True):
+    """One published sample: a row of the run log with its time and number.
+
+    The stream has two frames a message: the topic `smad` and this, as JSON.
+    """
+
+    timestamp: Annotated[
+        float, Meta(description="Unix time in seconds, paced by the board's clock")
+    ]
+    sequence: Annotated[int, Meta(description="counts published samples; a gap is a loss")]
+
+
+Access = Literal["watch", "control", "stop"]
+
+
+@dataclass(frozen=True)
+class Method:
+    """One thing a client can ask: name on the wire, parameters, reply, and who may ask it.
+
+    `watch`: anyone; `control`: the holder of exclusive control, or anyone while there is none;
+    `stop`: anyone, also on the stop channel.
+    """
+
+    name: str
+    params: type[Struct]
+    reply: type[Struct]
+    access: Access
+
+    @property
+    def summary(self) -> str:
+        """First line of the documentation of the parameters."""
+        return (self.params.__doc__ or "").strip().splitlines()[0]
+
+
+METHODS: tuple[Method, ...] = (
+    Method("status", GetStatus, Status, "watch"),
+    Method("motion", GetMotion, Motion, "watch"),
+    Method("config", GetConfig, ConfigText, "watch"),
+    Method("arm", Arm, Motion, "control"),
+    Method("disarm", Disarm, Motion, "stop"),
+    Method("estop", EStop, Motion, "stop"),
+    Method("clear", Clear, Motion, "control"),
+    Method("move", Follow, Motion, "control"),
+    Method("heat", HoldTemperature, Motion, "control"),
+    Method("current", DriveCurrent, Motion, "control"),
+    Method("stage", MoveStage, Motion, "control"),
+    Method("idle", Idle, Motion, "control"),
+    Method("tune", Tune, Motion, "control"),
+    Method("params.list", ListParams, ParamList, "watch"),
+    Method("params.get", GetParam, Param, "watch"),
+    Method("params.set", SetParam, Param, "control"),
+    Method("params.save", SaveParams, ParamList, "control"),
+    Method("record.start", StartRecording, RecorderStatus, "control"),
+    Method("record.stop", StopRecording, RecorderStatus, "control"),
+    Method("record.note", AddNote, RecorderStatus, "watch"),
+    Method("control.take", TakeControl, Control, "watch"),
+    Method("control.release", ReleaseControl, Control, "watch"),
+)
+
+BY_PARAMS: dict[type[Struct], Method] = {method.params: method for method in METHODS}
+
+
+def _request_type(method: Method) -> type[Struct]:
+    required = any(field.required for field in msgspec.structs.fields(method.params))
+    return msgspec.defstruct(
+        f"{method.params.__name__}Request",
+        [
+            ("params", method.params) if required else ("params", method.params, method.params()),
+            ("id", int | str | None, None),
+            ("jsonrpc", Literal["2.0"], "2.0"),
+        ],
+        tag_field="method",
+        tag=method.name,
+        frozen=True,
+        forbid_unknown_fields=True,
+        kw_only=True,
+    )
+
+
+def request_union(*access: Access) -> Any:
+    """Return the tagged union of the requests of the methods with that access; all by default."""
+    chosen = [m for m in METHODS if not access or m.access in access]
+    union: Any = _request_type(chosen[0])
+    for method in chosen[1:]:
+        union = union | _request_type(method)
+    return union
+
+
+def annotations_of(struct: type[Struct]) -> dict[str, Any]:
+    """Return the field types of a struct with their descriptions, for generated documents."""
+    return get_type_hints(struct, include_extras=True)

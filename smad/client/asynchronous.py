@@ -1,0 +1,290 @@
+"""The client for asyncio: the same methods as the blocking one, to be awaited.
+
+Calls of one client go one after the other; use several clients for calls side by side.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import zmq
+import zmq.asyncio
+
+from smad import api
+from smad.client.blocking import DEFAULT_TIMEOUT_S, POLL_S, no_answer
+from smad.client.errors import NoAnswer
+from smad.client.progress import Wait
+from smad.client.wire import (
+    Conversation,
+    Keys,
+    Reply,
+    connect,
+    find_daemon,
+    in_pieces,
+    new_identity,
+    remote,
+    subscribe,
+    telemetry_of,
+)
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    HoldTemperature,
+    Idle,
+    MoveStage,
+    Spring,
+    Trajectory,
+    Tune,
+)
+from smad.daemon.endpoints import Connection
+
+_TOPIC = api.TELEMETRY_TOPIC.encode()
+
+
+class AsyncClient:
+    """Talks to the daemon of one bench.
+
+    Finds a daemon on this machine by `bench` (and `folder`, where that is not the usual one).
+    `AsyncClient.remote(...)` reaches one on another machine.
+
+    Raises NoDaemon when none is running. Every method may raise NoAnswer after `timeout_s`, and
+    Refused (NotReady, NotInControl, BoardRefused) when the daemon refuses.
+    """
+
+    def __init__(
+        self,
+        bench: str = "bench",
+        *,
+        folder: str | Path | None = None,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+    ) -> None:
+        self._open(find_daemon(bench, folder), None, timeout_s)
+
+    @classmethod
+    def remote(
+        cls,
+        address: str,
+        stop_address: str,
+        keys: Keys,
+        *,
+        telemetry: str = "",
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+    ) -> AsyncClient:
+        """A client of a daemon on another machine: `tcp://host:port` for commands and for stops."""
+        client = cls.__new__(cls)
+        client._open(remote(address, stop_address, telemetry, keys), keys, timeout_s)
+        return client
+
+    def _open(self, connection: Connection, keys: Keys | None, timeout_s: float) -> None:
+        self.connection = connection
+        self.timeout_s = timeout_s
+        self._context = zmq.asyncio.Context()
+        # The stop channel has a turn of its own: a stop never waits behind a command.
+        self._turn = {False: asyncio.Lock(), True: asyncio.Lock()}
+        self._conversation = Conversation()
+        identity = new_identity()
+        self._commands = connect(self._context, connection.command, keys, identity)
+        self._stops = connect(self._context, connection.stop, keys, identity)
+
+    async def __aenter__(self) -> AsyncClient:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the sockets back; the bench goes on as it is."""
+        self._commands.close(linger=0)
+        self._stops.close(linger=0)
+        self._context.destroy(linger=0)
+
+    async def status(self) -> api.Status:
+        """Everything about the bench now."""
+        return await self._call(api.GetStatus(), api.Status)
+
+    async def motion(self) -> api.Motion:
+        """What the controller is doing and whether it is done."""
+        return await self._call(api.GetMotion(), api.Motion)
+
+    async def config(self) -> str:
+        """The configuration in force, as TOML."""
+        return (await self._call(api.GetConfig(), api.ConfigText)).toml
+
+    async def arm(self) -> api.Motion:
+        """Arm the bench."""
+        return await self._call(api.Arm(), api.Motion)
+
+    async def disarm(self) -> api.Motion:
+        """Current off, water on until cool; goes over the stop channel, which is served first."""
+        return await self._call(api.Disarm(), api.Motion, stop=True)
+
+    async def estop(self) -> api.Motion:
+        """Everything off until the board's power is cycled."""
+        return await self._call(api.EStop(), api.Motion, stop=True)
+
+    async def clear(self, fault: int | None = None) -> api.Motion:
+        """Acknowledge the latched fault (or the one of that number, if it is the latched one)."""
+        return await self._call(api.Clear(fault=fault), api.Motion)
+
+    async def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
+        """Follow trajectories one after the other; `queue` appends to what runs already."""
+        motion: api.Motion | None = None
+        for piece in (piece for whole in trajectories for piece in in_pieces(whole)):
+            command = Follow(trajectories=(piece,), queue=queue or motion is not None)
+            motion = await self._call(command, api.Motion)
+        if motion is None:
+            return await self._call(Follow(trajectories=()), api.Motion)
+        return motion
+
+    async def heat(
+        self,
+        spring: Spring,
+        temperature_degC: float,
+        *,
+        rate_K_per_s: float | None = None,
+        duration_s: float | None = None,
+        use_water: bool = True,
+    ) -> api.Motion:
+        """Hold a spring at a temperature."""
+        command = HoldTemperature(
+            spring=spring,
+            temperature_degC=temperature_degC,
+            rate_K_per_s=rate_K_per_s,
+            duration_s=duration_s,
+            use_water=use_water,
+        )
+        return await self._call(command, api.Motion)
+
+    async def current(self, command: DriveCurrent) -> api.Motion:
+        """Plain currents and pump duties, without feedback."""
+        return await self._call(command, api.Motion)
+
+    async def stage(self, stage_mm: float, rate_mm_per_s: float) -> api.Motion:
+        """Move the stretching stage."""
+        return await self._call(
+            MoveStage(stage_mm=stage_mm, rate_mm_per_s=rate_mm_per_s), api.Motion
+        )
+
+    async def idle(self) -> api.Motion:
+        """No current, no water; stays armed."""
+        return await self._call(Idle(), api.Motion)
+
+    async def tune(self, command: Tune) -> api.Motion:
+        """Change gains and options of the running controller."""
+        return await self._call(command, api.Motion)
+
+    async def params(self) -> tuple[api.Param, ...]:
+        """The parameters stored on the board."""
+        return (await self._call(api.ListParams(), api.ParamList)).params
+
+    async def get_param(self, name: str) -> api.Param:
+        """One parameter of the board."""
+        return await self._call(api.GetParam(name=name), api.Param)
+
+    async def set_param(self, name: str, value: float) -> api.Param:
+        """Change one parameter of the board; returns it as the board has it now."""
+        return await self._call(api.SetParam(name=name, value=value), api.Param)
+
+    async def save_params(self) -> tuple[api.Param, ...]:
+        """Keep the parameters over a power cycle."""
+        return (await self._call(api.SaveParams(), api.ParamList)).params
+
+    async def start_recording(self, name: str = "") -> api.RecorderStatus:
+        """Begin a run log."""
+        return await self._call(api.StartRecording(name=name), api.RecorderStatus)
+
+    async def stop_recording(self) -> api.RecorderStatus:
+        """Close the run log; returns its path and how many rows it holds."""
+        return await self._call(api.StopRecording(), api.RecorderStatus, timeout_s=30.0)
+
+    async def note(self, text: str) -> api.RecorderStatus:
+        """Write a note into the run log."""
+        return await self._call(api.AddNote(text=text), api.RecorderStatus)
+
+    async def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
+        """Take, or renew, exclusive control; every command of yours renews it too."""
+        return await self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
+
+    async def release_control(self) -> api.Control:
+        """Give exclusive control back."""
+        return await self._call(api.ReleaseControl(), api.Control)
+
+    @contextlib.asynccontextmanager
+    async def record(self, name: str = "") -> AsyncIterator[api.RecorderStatus]:
+        """Record for as long as the block lasts."""
+        status = await self.start_recording(name)
+        try:
+            yield status
+        finally:
+            await self.stop_recording()
+
+    async def wait_until_done(
+        self,
+        progress: Callable[[api.Motion], None] | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> api.Motion:
+        """Return once everything commanded has been carried out; `progress` sees each poll.
+
+        Raises Stopped when it never will be (disarmed, fault, board gone), NoAnswer after
+        `timeout_s`.
+        """
+        wait = Wait(time.monotonic(), timeout_s)
+        while True:
+            motion = await self.motion()
+            if progress is not None:
+                progress(motion)
+            if wait.over(motion, time.monotonic()):
+                return motion
+            await asyncio.sleep(POLL_S)
+
+    async def telemetry(
+        self, *, timeout_s: float | None = None, queue: int = 1000
+    ) -> AsyncIterator[api.Telemetry]:
+        """Published samples, as they come. Raises NoAnswer when none comes for `timeout_s`."""
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        socket = subscribe(self._context, self.connection.telemetry, _TOPIC, queue)
+        try:
+            while True:
+                if not await socket.poll(int(limit_s * 1000)):
+                    raise NoAnswer(
+                        "no telemetry came",
+                        limit=f"{limit_s:g} s",
+                        action="see smad status: is the board connected, is telemetry enabled?",
+                    )
+                yield telemetry_of((await socket.recv_multipart())[1])
+        finally:
+            socket.close(linger=0)
+
+    async def _call(
+        self,
+        params: Any,
+        kind: type[Reply],
+        *,
+        stop: bool = False,
+        timeout_s: float | None = None,
+    ) -> Reply:
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        socket = self._stops if stop else self._commands
+        async with self._turn[stop]:
+            call_id, data = self._conversation.request(params)
+            try:
+                async with asyncio.timeout(limit_s):
+                    await socket.send(data)
+                    while True:
+                        reply = self._conversation.reply(await socket.recv(), call_id, kind)
+                        if reply is not None:
+                            return reply
+            except TimeoutError:
+                raise no_answer(self.connection, limit_s) from None

@@ -1,0 +1,297 @@
+"""The blocking client: no threads, no background work; every wait has a deadline.
+
+It keeps working after a time-out, because a late reply is recognised by its number and dropped.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import zmq
+
+from smad import api
+from smad.client.errors import NoAnswer
+from smad.client.progress import Wait
+from smad.client.wire import (
+    Conversation,
+    Keys,
+    Reply,
+    connect,
+    find_daemon,
+    in_pieces,
+    new_identity,
+    remote,
+    subscribe,
+    telemetry_of,
+)
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    HoldTemperature,
+    Idle,
+    MoveStage,
+    Spring,
+    Trajectory,
+    Tune,
+)
+from smad.daemon.endpoints import Connection
+
+DEFAULT_TIMEOUT_S = 5.0
+POLL_S = 0.05
+_TOPIC = api.TELEMETRY_TOPIC.encode()
+
+
+class Client:
+    """Talks to the daemon of one bench.
+
+    Finds a daemon on this machine by `bench` (and `folder`, where that is not the usual one).
+    `Client.remote(...)` reaches one on another machine.
+
+    Raises NoDaemon when none is running. Every method may raise NoAnswer after `timeout_s`, and
+    Refused (NotReady, NotInControl, BoardRefused) when the daemon refuses.
+    """
+
+    def __init__(
+        self,
+        bench: str = "bench",
+        *,
+        folder: str | Path | None = None,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+    ) -> None:
+        self._open(find_daemon(bench, folder), None, timeout_s)
+
+    @classmethod
+    def remote(
+        cls,
+        address: str,
+        stop_address: str,
+        keys: Keys,
+        *,
+        telemetry: str = "",
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+    ) -> Client:
+        """A client of a daemon on another machine: `tcp://host:port` for commands and for stops."""
+        client = cls.__new__(cls)
+        client._open(remote(address, stop_address, telemetry, keys), keys, timeout_s)
+        return client
+
+    def _open(self, connection: Connection, keys: Keys | None, timeout_s: float) -> None:
+        self.connection = connection
+        self.timeout_s = timeout_s
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._conversation = Conversation()
+        identity = new_identity()
+        self._commands = connect(self._context, connection.command, keys, identity)
+        self._stops = connect(self._context, connection.stop, keys, identity)
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the sockets back; the bench goes on as it is."""
+        self._commands.close(linger=0)
+        self._stops.close(linger=0)
+        self._context.destroy(linger=0)
+
+    def status(self) -> api.Status:
+        """Everything about the bench now."""
+        return self._call(api.GetStatus(), api.Status)
+
+    def motion(self) -> api.Motion:
+        """What the controller is doing and whether it is done."""
+        return self._call(api.GetMotion(), api.Motion)
+
+    def config(self) -> str:
+        """The configuration in force, as TOML."""
+        return self._call(api.GetConfig(), api.ConfigText).toml
+
+    def arm(self) -> api.Motion:
+        """Arm the bench."""
+        return self._call(api.Arm(), api.Motion)
+
+    def disarm(self) -> api.Motion:
+        """Current off, water on until cool; goes over the stop channel, which is served first."""
+        return self._call(api.Disarm(), api.Motion, stop=True)
+
+    def estop(self) -> api.Motion:
+        """Everything off until the board's power is cycled."""
+        return self._call(api.EStop(), api.Motion, stop=True)
+
+    def clear(self, fault: int | None = None) -> api.Motion:
+        """Acknowledge the latched fault (or the one of that number, if it is the latched one)."""
+        return self._call(api.Clear(fault=fault), api.Motion)
+
+    def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
+        """Follow trajectories one after the other; `queue` appends to what runs already."""
+        motion: api.Motion | None = None
+        for piece in (piece for whole in trajectories for piece in in_pieces(whole)):
+            command = Follow(trajectories=(piece,), queue=queue or motion is not None)
+            motion = self._call(command, api.Motion)
+        if motion is None:
+            return self._call(Follow(trajectories=()), api.Motion)
+        return motion
+
+    def heat(
+        self,
+        spring: Spring,
+        temperature_degC: float,
+        *,
+        rate_K_per_s: float | None = None,
+        duration_s: float | None = None,
+        use_water: bool = True,
+    ) -> api.Motion:
+        """Hold a spring at a temperature."""
+        command = HoldTemperature(
+            spring=spring,
+            temperature_degC=temperature_degC,
+            rate_K_per_s=rate_K_per_s,
+            duration_s=duration_s,
+            use_water=use_water,
+        )
+        return self._call(command, api.Motion)
+
+    def current(self, command: DriveCurrent) -> api.Motion:
+        """Plain currents and pump duties, without feedback."""
+        return self._call(command, api.Motion)
+
+    def stage(self, stage_mm: float, rate_mm_per_s: float) -> api.Motion:
+        """Move the stretching stage."""
+        return self._call(MoveStage(stage_mm=stage_mm, rate_mm_per_s=rate_mm_per_s), api.Motion)
+
+    def idle(self) -> api.Motion:
+        """No current, no water; stays armed."""
+        return self._call(Idle(), api.Motion)
+
+    def tune(self, command: Tune) -> api.Motion:
+        """Change gains and options of the running controller."""
+        return self._call(command, api.Motion)
+
+    def params(self) -> tuple[api.Param, ...]:
+        """The parameters stored on the board."""
+        return self._call(api.ListParams(), api.ParamList).params
+
+    def get_param(self, name: str) -> api.Param:
+        """One parameter of the board."""
+        return self._call(api.GetParam(name=name), api.Param)
+
+    def set_param(self, name: str, value: float) -> api.Param:
+        """Change one parameter of the board; returns it as the board has it now."""
+        return self._call(api.SetParam(name=name, value=value), api.Param)
+
+    def save_params(self) -> tuple[api.Param, ...]:
+        """Keep the parameters over a power cycle."""
+        return self._call(api.SaveParams(), api.ParamList).params
+
+    def start_recording(self, name: str = "") -> api.RecorderStatus:
+        """Begin a run log."""
+        return self._call(api.StartRecording(name=name), api.RecorderStatus)
+
+    def stop_recording(self) -> api.RecorderStatus:
+        """Close the run log; returns its path and how many rows it holds."""
+        return self._call(api.StopRecording(), api.RecorderStatus, timeout_s=30.0)
+
+    def note(self, text: str) -> api.RecorderStatus:
+        """Write a note into the run log."""
+        return self._call(api.AddNote(text=text), api.RecorderStatus)
+
+    def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
+        """Take, or renew, exclusive control; every command of yours renews it too."""
+        return self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
+
+    def release_control(self) -> api.Control:
+        """Give exclusive control back."""
+        return self._call(api.ReleaseControl(), api.Control)
+
+    @contextlib.contextmanager
+    def record(self, name: str = "") -> Iterator[api.RecorderStatus]:
+        """Record for as long as the block lasts."""
+        status = self.start_recording(name)
+        try:
+            yield status
+        finally:
+            self.stop_recording()
+
+    def wait_until_done(
+        self,
+        progress: Callable[[api.Motion], None] | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> api.Motion:
+        """Return once everything commanded has been carried out; `progress` sees each poll.
+
+        Raises Stopped when it never will be (disarmed, fault, board gone), NoAnswer after
+        `timeout_s`.
+        """
+        wait = Wait(time.monotonic(), timeout_s)
+        while True:
+            motion = self.motion()
+            if progress is not None:
+                progress(motion)
+            if wait.over(motion, time.monotonic()):
+                return motion
+            time.sleep(POLL_S)
+
+    def telemetry(
+        self, *, timeout_s: float | None = None, queue: int = 1000
+    ) -> Iterator[api.Telemetry]:
+        """Published samples, as they come. Raises NoAnswer when none comes for `timeout_s`."""
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        socket = subscribe(self._context, self.connection.telemetry, _TOPIC, queue)
+        try:
+            while True:
+                if not socket.poll(int(limit_s * 1000)):
+                    raise NoAnswer(
+                        "no telemetry came",
+                        limit=f"{limit_s:g} s",
+                        action="see smad status: is the board connected, is telemetry enabled?",
+                    )
+                yield telemetry_of(socket.recv_multipart()[1])
+        finally:
+            socket.close(linger=0)
+
+    def _call(
+        self,
+        params: Any,
+        kind: type[Reply],
+        *,
+        stop: bool = False,
+        timeout_s: float | None = None,
+    ) -> Reply:
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        socket = self._stops if stop else self._commands
+        call_id, data = self._conversation.request(params)
+        deadline_s = time.monotonic() + limit_s
+        try:
+            socket.send(data, zmq.NOBLOCK)
+        except zmq.Again:
+            raise no_answer(self.connection, limit_s) from None
+        while True:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0 or not socket.poll(max(1, int(left_s * 1000))):
+                raise no_answer(self.connection, limit_s)
+            reply = self._conversation.reply(socket.recv(), call_id, kind)
+            if reply is not None:
+                return reply
+
+
+def no_answer(connection: Connection, limit_s: float) -> NoAnswer:
+    """Return the error of a reply that did not come."""
+    return NoAnswer(
+        "the daemon did not answer; the command may have been carried out",
+        value=connection.command,
+        limit=f"{limit_s:g} s",
+        action="look at smad status, and at the daemon's own output",
+    )

@@ -1,0 +1,185 @@
+"""What both clients share: requests and replies as bytes, and where the daemon is."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import zmq
+from msgspec import Struct
+
+from smad.api import BY_PARAMS, LARGEST_MESSAGE, ErrorData, Reason, Telemetry
+from smad.client.errors import NoDaemon, Refused, refused
+from smad.control.commands import Samples, Trajectory
+from smad.daemon.endpoints import Connection, candidate_folders, read_connection
+from smad.errors import ConfigError
+
+Reply = TypeVar("Reply", bound=Struct)
+Socket = zmq.Socket[bytes]
+
+POINTS_A_PIECE = 500
+"""Longer sample trajectories go out in pieces of so many points, to keep messages short."""
+
+
+class _Error(Struct, frozen=True):
+    code: int
+    message: str
+    data: ErrorData | None = None
+
+
+class _Envelope(Struct, frozen=True):
+    id: int | str | None = None
+    result: msgspec.Raw = msgspec.Raw()
+    error: _Error | None = None
+
+
+_ENCODER = msgspec.json.Encoder()
+_ENVELOPE = msgspec.json.Decoder(_Envelope)
+_TELEMETRY = msgspec.json.Decoder(Telemetry)
+
+
+@dataclass(frozen=True)
+class Keys:
+    """CURVE keys for a daemon on another machine, each 40 characters (Z85)."""
+
+    public: str
+    secret: str
+    server: str
+
+
+class Conversation:
+    """Numbers requests and finds the reply that belongs to one; replies of old ones are dropped."""
+
+    def __init__(self) -> None:
+        self._last_id = 0
+
+    def request(self, params: Struct) -> tuple[int, bytes]:
+        """Return the id and the bytes of a request. Raises Refused when it is too long to send."""
+        method = BY_PARAMS[type(params)]
+        self._last_id += 1
+        data = _ENCODER.encode(
+            {"jsonrpc": "2.0", "id": self._last_id, "method": method.name, "params": params}
+        )
+        if len(data) > LARGEST_MESSAGE:
+            raise Refused(
+                f"{method.name}: the command is too long to send",
+                value=f"{len(data)} bytes",
+                limit=f"{LARGEST_MESSAGE} bytes",
+                action="send it in pieces",
+            )
+        return self._last_id, data
+
+    @staticmethod
+    def reply(data: bytes, call_id: int, kind: type[Reply]) -> Reply | None:
+        """Return the reply, or None when `data` belongs to another request.
+
+        Raises Refused when the daemon refused, or when the reply is not of a kind we know.
+        """
+        try:
+            envelope = _ENVELOPE.decode(data)
+            if envelope.id != call_id:
+                return None
+            if envelope.error is None:
+                return msgspec.json.decode(envelope.result, type=kind)
+        except msgspec.MsgspecError as error:
+            raise Refused(
+                f"the daemon's reply cannot be read: {error}",
+                reason=Reason.INTERNAL,
+                action="use the same version of smad for client and daemon",
+            ) from error
+        if envelope.error.data is not None:
+            raise refused(envelope.error.data)
+        raise Refused(envelope.error.message)
+
+
+def telemetry_of(data: bytes) -> Telemetry:
+    """Return one published sample. Raises msgspec.ValidationError when it is not one of ours."""
+    return _TELEMETRY.decode(data)
+
+
+def find_daemon(bench: str, folder: str | Path | None) -> Connection:
+    """Return how to reach the running daemon of a bench. Raises NoDaemon."""
+    folders = candidate_folders() if folder is None else (Path(folder),)
+    for candidate in folders:
+        connection = read_connection(candidate / f"{bench}.json")
+        if connection is not None:
+            return connection
+    raise NoDaemon(
+        f"no daemon is running for the bench {bench!r}",
+        value=f"looked in {', '.join(str(f) for f in folders)}",
+        action="start one: smad start --port /dev/serial/by-id/…, or smad start --sim",
+    )
+
+
+def remote(address: str, stop_address: str, telemetry: str, keys: Keys) -> Connection:
+    """Return the connection to a daemon on another machine."""
+    return Connection(
+        bench="",
+        pid=0,
+        version="",
+        command=address,
+        stop=stop_address,
+        telemetry=telemetry,
+        server_key=keys.server,
+    )
+
+
+def connect(context: zmq.Context[Any], address: str, keys: Keys | None, identity: bytes) -> Any:
+    """Return a DEALER socket that talks to `address`. Raises ConfigError for a bad key."""
+    socket = context.socket(zmq.DEALER)
+    socket.setsockopt(zmq.LINGER, 0)
+    socket.setsockopt(zmq.IDENTITY, identity)
+    _set_keys(socket, keys)
+    socket.connect(address)
+    return socket
+
+
+def subscribe(context: zmq.Context[Any], address: str, topic: bytes, queue: int) -> Any:
+    """Return a SUB socket for the telemetry at `address`."""
+    socket = context.socket(zmq.SUB)
+    socket.setsockopt(zmq.LINGER, 0)
+    socket.setsockopt(zmq.RCVHWM, queue)
+    socket.setsockopt(zmq.SUBSCRIBE, topic)
+    socket.connect(address)
+    return socket
+
+
+def new_identity() -> bytes:
+    """Return a name for a client's socket that nobody can guess."""
+    # ZeroMQ keeps names that begin with a zero byte for itself.
+    return b"c" + os.urandom(16)
+
+
+def in_pieces(trajectory: Trajectory) -> list[Trajectory]:
+    """Return the trajectory, cut where it is too long for one message."""
+    if not isinstance(trajectory, Samples) or len(trajectory.t_s) <= POINTS_A_PIECE:
+        return [trajectory]
+    pieces: list[Trajectory] = []
+    for begin in range(0, len(trajectory.t_s) - 1, POINTS_A_PIECE - 1):
+        part = slice(begin, begin + POINTS_A_PIECE)
+        start_s = trajectory.t_s[begin]
+        pieces.append(
+            Samples(
+                t_s=tuple(t - start_s for t in trajectory.t_s[part]),
+                displacement_mm=trajectory.displacement_mm[part],
+            )
+        )
+    return pieces
+
+
+def _set_keys(socket: Any, keys: Keys | None) -> None:
+    if keys is None:
+        return
+    try:
+        socket.setsockopt(zmq.CURVE_PUBLICKEY, keys.public.encode())
+        socket.setsockopt(zmq.CURVE_SECRETKEY, keys.secret.encode())
+        socket.setsockopt(zmq.CURVE_SERVERKEY, keys.server.encode())
+    except zmq.ZMQError as error:
+        raise ConfigError(
+            "a CURVE key is not valid",
+            limit="40 characters in Z85",
+            action="make a pair with `smad keys`, and copy the server's public key from it",
+        ) from error

@@ -1,0 +1,165 @@
+"""What the daemon knows of the board: who it is, its parameters, its latched fault.
+
+Everything is learnt anew in each session; nothing is carried over a reconnection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+
+from firmware_protocol.enums import Fault, Warning
+from firmware_protocol.messages import FaultReport, Ident, Message, ParamGet, ParamSet, ParamValue
+from firmware_protocol.parameters import BY_NAME, PARAMETERS, Parameter, crc_of
+from firmware_protocol.supervisor.faults import FAULT_TEXTS
+from smad import api
+from smad.api import Reason
+from smad.daemon.errors import Refusal
+
+Ask = Callable[[Message], Awaitable[Message]]
+
+
+class Parameters:
+    """The board's parameters as read in this session, and whether they are all of its."""
+
+    def __init__(self, axis: int) -> None:
+        self._axis = axis
+        self.values: dict[tuple[int, int], int] = {}
+        self._ranges: dict[tuple[int, int], tuple[int, int]] = {}
+        self.board_crc: int | None = None
+        self.complete = False
+
+    @property
+    def crc(self) -> int:
+        """CRC of the values read: what arming needs the board to agree with."""
+        return crc_of(self.values)
+
+    @property
+    def agree(self) -> bool | None:
+        """Whether the board's CRC is that of the values read; None while they are being read."""
+        return self.crc == self.board_crc if self.complete else None
+
+    async def read(self, ident: Ident, ask: Ask) -> None:
+        """Read every parameter of every axis. Raises Refusal when the board does not answer."""
+        self.values.clear()
+        self.complete = False
+        self.board_crc = ident.param_crc
+        for axis in range(ident.axes):
+            for parameter in PARAMETERS:
+                if axis == 0 or not parameter.shared:
+                    await self._read_one(axis, parameter, ask)
+        self.complete = True
+
+    async def set(self, name: str, value: float, ask: Ask) -> api.Param:
+        """Change one; returns it as the board has it now. Raises Refusal."""
+        parameter = _named(name)
+        if value != int(value):
+            raise Refusal(
+                Reason.INVALID,
+                f"{name} is a whole number of {parameter.unit}",
+                value=value,
+                action="round it",
+            )
+        axis = 0 if parameter.shared else self._axis
+        try:
+            reply = await ask(ParamSet(axis, parameter.number, int(value)))
+        except Refusal as refusal:
+            raise _with_range(refusal, parameter) from refusal
+        self._note(reply)
+        return self.one(name)
+
+    def one(self, name: str) -> api.Param:
+        """Return one parameter. Raises Refusal when it does not exist or was not read yet."""
+        parameter = _named(name)
+        key = (0 if parameter.shared else self._axis, parameter.number)
+        if key not in self.values:
+            raise Refusal(
+                Reason.NOT_CONNECTED,
+                "the parameters have not been read from the board",
+                value=name,
+                action="connect the board (smad status)",
+            )
+        low, high = self._ranges.get(key, (parameter.minimum, parameter.maximum))
+        return api.Param(
+            name=name,
+            value=self.values[key],
+            minimum=low,
+            maximum=high,
+            unit=parameter.unit,
+            description=parameter.doc,
+        )
+
+    def all(self) -> api.ParamList:
+        """Return all parameters of our axis. Raises Refusal when they were not read yet."""
+        return api.ParamList(params=tuple(self.one(p.name) for p in PARAMETERS))
+
+    async def _read_one(self, axis: int, parameter: Parameter, ask: Ask) -> None:
+        self._note(await ask(ParamGet(axis, parameter.number)))
+
+    def _note(self, reply: Message) -> None:
+        if isinstance(reply, ParamValue):
+            key = (reply.axis, reply.param)
+            self.values[key] = reply.value
+            self._ranges[key] = (reply.minimum, reply.maximum)
+            self.board_crc = reply.param_crc
+
+
+def _named(name: str) -> Parameter:
+    parameter = BY_NAME.get(name)
+    if parameter is None:
+        raise Refusal(
+            Reason.INVALID,
+            "there is no parameter of this name",
+            value=name,
+            limit=", ".join(BY_NAME),
+            action="see smad params list",
+        )
+    return parameter
+
+
+def _with_range(refusal: Refusal, parameter: Parameter) -> Refusal:
+    low, high = parameter.minimum, parameter.maximum
+    allowed = ", ".join(map(str, parameter.choices)) if parameter.choices else f"{low} to {high}"
+    return Refusal(
+        refusal.reason,
+        f"{parameter.name}: {refusal.cause}",
+        value=refusal.value,
+        limit=f"{allowed} {parameter.unit}",
+        action=refusal.action,
+    )
+
+
+def fault_of(report: FaultReport) -> api.Fault:
+    """Return a fault report as a client is told it."""
+    return api.Fault(
+        number=int(report.fault),
+        name=report.fault.name,
+        channel=report.channel.name,
+        measured=float(report.measured),
+        limit=float(report.limit),
+        unit=FAULT_TEXTS[report.fault].unit,
+    )
+
+
+def fault_line(fault: api.Fault) -> str:
+    """Return a latched fault in one line."""
+    seen = "" if fault.measured is None else f": {fault.measured:g} {fault.unit}".rstrip()
+    limit = "" if fault.limit is None else f", limit {fault.limit:g} {fault.unit}".rstrip()
+    return f"{fault.name} at {fault.channel}{seen}{limit}"
+
+
+def board_of(ident: Ident, parameters: Parameters, *, schema_agrees: bool) -> api.Board:
+    """Return who the board says it is."""
+    return api.Board(
+        uid=ident.uid.hex(),
+        firmware=ident.firmware,
+        protocol=f"{ident.major}.{ident.minor}",
+        reset_cause=ident.reset_cause.name.lower().replace("_", " "),
+        boot_count=ident.boot_count,
+        schema_agrees=schema_agrees,
+        params_agree=parameters.agree,
+    )
+
+
+def names_of(kind: type[Fault] | type[Warning], mask: int) -> tuple[str, ...]:
+    """Return the names of the bits that are set."""
+    return tuple(member.name for member in kind if mask >> int(member) & 1)

@@ -1,0 +1,391 @@
+"""The daemon put together: link, control task, command server, telemetry, recorder, housekeeping.
+
+Everything runs on one loop. What follows a sample (`_publish`) and what no sample waits for
+(`_housekeep`) comes in small pieces between samples.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any
+
+import zmq
+from msgspec import Struct
+
+from firmware_protocol.events import HostState
+from firmware_protocol.host import HostSession
+from firmware_protocol.messages import Disarm
+from smad.api import Reason
+from smad.config import Config
+from smad.control.commands import Idle
+from smad.control.controller import Controller
+from smad.daemon.control import ControlTask
+from smad.daemon.errors import Refusal
+from smad.daemon.journal import Journal
+from smad.daemon.lease import DeadMan, Lease
+from smad.daemon.link import Link
+from smad.daemon.notify import Notifier
+from smad.daemon.port import Transport
+from smad.daemon.realtime import IdleCollector
+from smad.daemon.recorder import Recorder
+from smad.daemon.requests import BoardRequests
+from smad.daemon.rpc import Call, Decoder, error_reply, result_reply
+from smad.daemon.runheader import run_header
+from smad.daemon.server import CommandServer, Send
+from smad.daemon.service import Service
+from smad.daemon.status import CommandCounts, StatusReport
+from smad.daemon.telemetry import Publisher
+from smad.daemon.watch import BoardWatch
+from smad.errors import SmadError
+from smad.runlog.schema import Event, EventKind, LinkSample
+
+HOUSEKEEPING_S = 0.02
+_SECOND_US = 1_000_000
+_AT_ONCE = 8
+_OPEN_ANSWERS = 64
+_SPARE_SHARE = 0.3
+
+
+def monotonic_us() -> int:
+    """The daemon's clock, microseconds."""
+    return time.monotonic_ns() // 1000
+
+
+class Daemon:
+    """All parts of a daemon on `loop`. `failed` gets the name and error of a part that died."""
+
+    def __init__(
+        self,
+        config: Config,
+        opener: Callable[[], Transport],
+        *,
+        loop: asyncio.AbstractEventLoop,
+        context: zmq.Context[zmq.Socket[bytes]],
+        journal: Journal,
+        notifier: Notifier,
+        nonce: int,
+        parameter_text: str | None = None,
+        clock_us: Callable[[], int] = monotonic_us,
+        wall_clock: Callable[[], float] = time.time,
+    ) -> None:
+        self.config = config
+        self.loop = loop
+        self.journal = journal
+        self.notifier = notifier
+        self.failure: asyncio.Future[tuple[str, BaseException]] = loop.create_future()
+        self.commands = CommandCounts()
+        self._clock_us = clock_us
+        self._wall_clock = wall_clock
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._publishing = False
+        self._anchor_s: float | None = None
+        self._second_us = 0
+        self._housekeeping: asyncio.TimerHandle | None = None
+        self._recorder_error = ""
+        self._left_hot_us: int | None = None
+        self._period_ns = int(1e9 / config.link.rate_hz)
+
+        self.session = HostSession(nonce=nonce)
+        self.link = Link(
+            opener,
+            loop=loop,
+            retry_s=config.link.reconnect_interval_s,
+            on_bytes=self._on_bytes,
+            on_open=self._on_open,
+            on_lost=self._on_lost,
+        )
+        self.control = ControlTask(
+            self.session,
+            Controller(config.control, config.limits),
+            axis=config.link.axis,
+            ttl_ms=config.link.setpoint_ttl_ms,
+            write=self.link.write,
+            on_event=self._on_event,
+            on_finished=self._on_finished,
+            clock_us=clock_us,
+            wall_clock=wall_clock,
+        )
+        self.requests = BoardRequests(self.session, clock_us, self.control.flush)
+        self.watch = BoardWatch(
+            config.link,
+            self.requests,
+            say=self.say,
+            spawn=self.spawn,
+            on_scales=self._set_scales,
+        )
+        self.recorder = Recorder(
+            config.recorder,
+            lambda name: run_header(
+                config,
+                name,
+                self.watch.ident,
+                parameter_text=parameter_text,
+                now_s=wall_clock(),
+            ),
+            wall_clock,
+        )
+        self.publisher = Publisher(context, config.telemetry)
+        self.collector = IdleCollector(enabled=False)
+        self._lease = Lease()
+        self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
+        self.status = StatusReport(
+            config,
+            control=self.control,
+            watch=self.watch,
+            link=lambda: self.link,
+            recorder=self.recorder,
+            lease=self._lease,
+            journal=journal,
+            collector=self.collector,
+            commands=self.commands,
+            clock_us=clock_us,
+        )
+        self.service = Service(
+            config,
+            control=self.control,
+            requests=self.requests,
+            watch=self.watch,
+            recorder=self.recorder,
+            status=self.status,
+            lease=self._lease,
+            dead_man=self._dead_man,
+            say=self.say,
+            clock_us=clock_us,
+        )
+        self._decoder = Decoder()
+        self._stop_decoder = Decoder("stop")
+        self.server = CommandServer(
+            context,
+            loop=loop,
+            on_command=lambda client, data, send: self.answer(self._decoder, client, data, send),
+            on_stop=lambda client, data, send: self.answer(self._stop_decoder, client, data, send),
+            look_at_port=self.link.read,
+            queue=config.daemon.command_queue,
+        )
+
+    def start(self) -> None:
+        """Open the port and begin. Raises PortError when it cannot be opened."""
+        self.link.open()
+        self._housekeep()
+
+    def answer(self, decoder: Decoder, client: bytes, data: bytes, send: Send) -> None:
+        """Answer one message: at once, or when the board has answered."""
+        call = decoder.decode(data)
+        if isinstance(call, bytes):
+            self.commands.refused += 1
+            send(call)
+            return
+
+        def reply(text: bytes) -> None:
+            if call.wants_reply:
+                send(text)
+
+        try:
+            if len(self._tasks) >= _OPEN_ANSWERS and call.method.access != "stop":
+                raise Refusal(
+                    Reason.BUSY,
+                    "too many commands wait for the board",
+                    value=len(self._tasks),
+                    limit=_OPEN_ANSWERS,
+                    action="wait for replies before sending more",
+                )
+            answer = self.service.perform(call.method, call.params, client)
+        except Exception as error:
+            self._refuse(call, error, reply)
+            return
+        if isinstance(answer, Struct):
+            self.commands.done += 1
+            reply(result_reply(call.id, answer))
+            return
+        self.spawn(call.method.name, self._answer_later(call, answer, reply))
+
+    async def _answer_later(self, call: Call, answer: Awaitable[Struct], reply: Send) -> None:
+        try:
+            result = await answer
+        except Exception as error:
+            self._refuse(call, error, reply)
+            return
+        self.commands.done += 1
+        reply(result_reply(call.id, result))
+
+    def _refuse(self, call: Call, error: Exception, reply: Send) -> None:
+        # A mistake of ours in one command is told to who sent it; the run goes on.
+        self.commands.refused += 1
+        if not isinstance(error, SmadError):
+            self.journal.say(f"internal error in {call.method.name}: {error!r}")
+            error = Refusal(
+                Reason.INTERNAL,
+                f"an error in the daemon: {error!r}",
+                action="please report it; smad status shows whether the bench is armed",
+            )
+        reply(error_reply(call.id, error))
+
+    def say(self, kind: EventKind, text: str, data: dict[str, Any]) -> None:
+        """Put an event into the run log and, unless it is a mere command, into the journal."""
+        if kind not in ("command", "note"):
+            self.journal.say(text)
+        last = self.control.last
+        self.recorder.note(
+            Event(
+                t_s=None if last is None else last.sample.t_us * 1e-6,
+                host_time_s=self._wall_clock(),
+                kind=kind,
+                text=text,
+                data=data,
+            )
+        )
+
+    def spawn(self, name: str, work: Coroutine[Any, Any, None]) -> None:
+        """Run something beside the loop; if it dies, the daemon does."""
+        task = self.loop.create_task(work, name=name)
+        self._tasks.add(task)
+        task.add_done_callback(self._task_done)
+
+    def fail(self, name: str, error: BaseException) -> None:
+        """A part died: no step is taken any more, and whoever waits for `failure` is told."""
+        self.control.stepping = False
+        if not self.failure.done():
+            self.failure.set_result((name, error))
+
+    async def disarm(self) -> str:
+        """End heating for good; return what came of it, in words. Never raises."""
+        self.service.stopping = True
+        state = self.session.state
+        if state in (HostState.DISCONNECTED, HostState.SYNC):
+            return "the board is not connected; its own watchdog ends heating"
+        if self.watch.incompatible is not None:
+            return "the board was only watched, nothing was armed"
+        if state is HostState.FAULTED:
+            return "the board has stopped already"
+        hot = state in (HostState.RUNNING, HostState.READY)
+        self.control.controller.command(Idle())
+        try:
+            await asyncio.wait_for(self.requests.ask(Disarm(self.config.link.axis)), 2.0)
+        except (Refusal, TimeoutError) as error:
+            if not hot:
+                return "nothing was armed"
+            reason = error.cause if isinstance(error, Refusal) else "no answer within 2 s"
+            return f"the board did not confirm the disarm ({reason}); its watchdog ends heating"
+        return "disarmed, the board cools by itself" if hot else "nothing was armed"
+
+    async def close(self) -> None:
+        """Give everything back. The board must have been disarmed."""
+        if self._housekeeping is not None:
+            self._housekeeping.cancel()
+        self.server.close()
+        await self.recorder.stop()
+        self.recorder.close()
+        self.link.close()
+        self.publisher.close()
+        for task in tuple(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _task_done(self, task: asyncio.Task[Any]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self.fail(task.get_name(), error)
+
+    def _guarded(self, name: str, work: Callable[..., None], *arguments: Any) -> None:
+        try:
+            work(*arguments)
+        except Exception as error:
+            self.fail(name, error)
+
+    def _on_bytes(self, data: bytes) -> None:
+        self._guarded("control", self.control.receive, data)
+
+    def _on_open(self) -> None:
+        self._anchor_s = None
+        self.control.opened()
+        transport = self.link.transport
+        if self.link.counts.opens > 1 and transport is not None:
+            self.say("link", f"reopened {transport.name}; monitoring, not armed", {})
+
+    def _on_lost(self, reason: str) -> None:
+        self.control.lost()
+        self._dead_man.forget()
+        self.watch.port_lost(reason)
+
+    def _on_event(self, event: Any) -> None:
+        self.watch.on_event(event)
+
+    def _set_scales(self, scales: Any) -> None:
+        self.control.scales = scales
+
+    def _on_finished(self) -> None:
+        if not self._publishing:
+            self._publishing = True
+            self.loop.call_soon(self._guarded, "telemetry", self._publish)
+
+    def _publish(self) -> None:
+        self._publishing = False
+        finished = self.control.finished
+        for _ in range(min(len(finished), _AT_ONCE)):
+            item = finished.popleft()
+            row = self.status.row(item)
+            if self._anchor_s is None:
+                self._anchor_s = item.host_s - row.t_s
+            self.publisher.publish(row, self._anchor_s + row.t_s)
+            self.recorder.row(row)
+            self.watch.on_state(item.state)
+        self.notifier.alive(self._clock_us())
+        if finished:
+            self._on_finished()
+        else:
+            armed = self.session.state is HostState.RUNNING
+            self.collector.run(int(self._period_ns * _SPARE_SHARE), at_rest=not armed)
+
+    def _housekeep(self) -> None:
+        self._housekeeping = self.loop.call_later(HOUSEKEEPING_S, self._housekeep)
+        self._guarded("housekeeping", self._housekeep_once)
+
+    def _housekeep_once(self) -> None:
+        now_us = self._clock_us()
+        self.control.tick()
+        self.server.wake()
+        if self.session.state in (HostState.DISCONNECTED, HostState.SYNC):
+            self.notifier.alive(now_us)
+        if self._dead_man.expired(now_us):
+            self._dead_man.forget()
+            self.say("disarm", "the client that armed has fallen silent; disarming", {})
+            self.spawn("dead man", self._disarm_for_dead_man())
+        self._end_automatic_log(now_us)
+        if now_us - self._second_us >= _SECOND_US:
+            self._second_us = now_us
+            self._each_second()
+
+    async def _disarm_for_dead_man(self) -> None:
+        self.control.controller.command(Idle())
+        try:
+            await self.requests.ask(Disarm(self.config.link.axis))
+        except Refusal as error:
+            self.say("warning", f"the board did not confirm the disarm: {error}", {})
+
+    def _each_second(self) -> None:
+        self.status.refresh()
+        self.status.telemetry_dropped = self.publisher.dropped
+        self.recorder.note(
+            LinkSample(
+                host_time_s=self._wall_clock(),
+                counters={k: float(v) for k, v in self.watch.stats.items()},
+            )
+        )
+        error = self.recorder.failure()
+        if error and error != self._recorder_error:
+            self.journal.say(f"recording failed: {error}")
+        self._recorder_error = error
+
+    def _end_automatic_log(self, now_us: int) -> None:
+        mode = self.watch.mode
+        resting = mode is None or mode.name in ("SAFE", "FAULT", "ESTOP")
+        busy = self.session.state in (HostState.RUNNING, HostState.READY)
+        if not self.recorder.ends_by_itself or busy or not resting:
+            self._left_hot_us = None
+        elif self._left_hot_us is None:
+            self._left_hot_us = now_us
+        elif now_us - self._left_hot_us > 2 * _SECOND_US:
+            self._left_hot_us = None
+            self.spawn("recorder", self.recorder.stop())

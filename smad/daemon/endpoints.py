@@ -1,0 +1,148 @@
+"""Where the daemon of a bench is found: its folder, its sockets, its connection file.
+
+The client reads the same names, so they stand in one place. The folder's mode says who may
+command: nobody but its owner, unless the administrator opened it to a group.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from smad.errors import DaemonError
+
+FOLDER_VARIABLE = "SMAD_RUNTIME_DIR"
+SYSTEM_FOLDER = Path("/run/smad")
+_LONGEST_IPC_PATH = 100
+
+
+class Connection(Struct, frozen=True, kw_only=True):
+    """The connection file: how to reach a running daemon, and which one it is."""
+
+    bench: str
+    pid: int
+    version: str
+    command: str
+    stop: str
+    telemetry: str
+    tcp_command: str = ""
+    tcp_stop: str = ""
+    server_key: str = ""
+
+
+class Endpoints:
+    """Names of everything a bench keeps in its folder."""
+
+    def __init__(self, folder: Path, bench: str) -> None:
+        self.folder = folder
+        self.bench = bench
+
+    @property
+    def command(self) -> str:
+        """Address of the command socket."""
+        return self._address("command")
+
+    @property
+    def stop(self) -> str:
+        """Address of the stop channel."""
+        return self._address("stop")
+
+    @property
+    def telemetry(self) -> str:
+        """Address of the telemetry stream."""
+        return self._address("telemetry")
+
+    @property
+    def connection_file(self) -> Path:
+        """The file that tells a client all this."""
+        return self.folder / f"{self.bench}.json"
+
+    @property
+    def lock(self) -> Path:
+        """The lock file: one daemon to a bench name."""
+        return self.folder / f"{self.bench}.lock"
+
+    @property
+    def server_secret(self) -> Path:
+        """The CURVE key pair of the server, made when it is first needed."""
+        return self.folder / f"{self.bench}.key"
+
+    def _address(self, name: str) -> str:
+        path = str(self.folder / f"{self.bench}.{name}")
+        if len(path.encode()) > _LONGEST_IPC_PATH:
+            raise DaemonError(
+                "the path of a socket is too long for the system",
+                value=path,
+                limit=f"{_LONGEST_IPC_PATH} characters",
+                action="set daemon.ipc_dir to a shorter folder",
+            )
+        return f"ipc://{path}"
+
+
+def default_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of a daemon that a user starts."""
+    if named := environment.get(FOLDER_VARIABLE):
+        return Path(named)
+    if runtime := environment.get("XDG_RUNTIME_DIR"):
+        return Path(runtime) / "smad"
+    return Path(f"/tmp/smad-{os.getuid()}")
+
+
+def candidate_folders(environment: Mapping[str, str] = os.environ) -> tuple[Path, ...]:
+    """Return where a client looks for a daemon, in order: the user's own, then the system's."""
+    if environment.get(FOLDER_VARIABLE):
+        return (default_folder(environment),)
+    folders = (default_folder(environment), Path(f"/tmp/smad-{os.getuid()}"), SYSTEM_FOLDER)
+    return tuple(dict.fromkeys(folders))
+
+
+def prepare_folder(folder: Path) -> int:
+    """Make the folder (mode 700) if need be, and return the umask for the sockets in it.
+
+    Raises DaemonError when the folder cannot be used, or belongs to someone else and is open to
+    all: whoever can write there could pose as the daemon.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.stat()
+    except OSError as error:
+        raise DaemonError(
+            f"cannot use the folder {folder} for sockets: {error.strerror}",
+            action="set daemon.ipc_dir, or SMAD_RUNTIME_DIR, to a folder you own",
+        ) from error
+    mode = stat.S_IMODE(found.st_mode)
+    if mode & 0o002 or found.st_uid not in (os.getuid(), 0):
+        raise DaemonError(
+            f"the folder {folder} is not safe for sockets: others may write there",
+            value=f"mode {mode:o}, owner {found.st_uid}",
+            limit="a folder of your own, mode 700 or 770",
+            action=f"chmod 700 {folder}, or set daemon.ipc_dir",
+        )
+    return 0o007 if mode & 0o020 else 0o077
+
+
+def write_connection(path: Path, connection: Connection) -> None:
+    """Write the connection file in one piece, readable as the folder's sockets are."""
+    draft = path.with_suffix(".json.new")
+    draft.write_bytes(msgspec.json.format(msgspec.json.encode(connection), indent=2) + b"\n")
+    draft.replace(path)
+
+
+def read_connection(path: Path) -> Connection | None:
+    """Return what the file says, or None when there is no daemon behind it any more."""
+    try:
+        connection = msgspec.json.decode(path.read_bytes(), type=Connection)
+    except (OSError, msgspec.MsgspecError):
+        return None
+    with contextlib.suppress(PermissionError):
+        try:
+            os.kill(connection.pid, 0)
+        except ProcessLookupError:
+            return None
+    return connection

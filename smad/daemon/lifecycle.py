@@ -1,0 +1,254 @@
+"""A daemon's life: locks, sockets, port, first handshake; then the end, which disarms.
+
+However it ends, the last line says what happened to the bench, and the exit status says whether
+that was asked for: 0 after a signal, 70 when a part of the daemon died.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import secrets
+import signal
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import zmq
+
+import smad
+from firmware_protocol.events import IncompatibleReason
+from smad.config import Config
+from smad.daemon import realtime
+from smad.daemon.daemon import Daemon
+from smad.daemon.endpoints import (
+    Connection,
+    Endpoints,
+    default_folder,
+    prepare_folder,
+    write_connection,
+)
+from smad.daemon.errors import TaskDied
+from smad.daemon.journal import Journal
+from smad.daemon.lockfile import LockFile
+from smad.daemon.notify import Notifier
+from smad.daemon.port import Transport
+from smad.daemon.wirerate import check_rate
+from smad.errors import DaemonError, PortError
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a daemon ended: exit status and last line."""
+
+    status: int
+    line: str
+
+
+def run(
+    config: Config,
+    opener: Callable[[], Transport],
+    *,
+    parameter_text: str | None = None,
+    check_baud: bool = True,
+) -> Ended:
+    """Run a daemon until a signal, and return how it ended.
+
+    `parameter_text` marks a simulated bench. `check_baud` off: the transport has no baud rate.
+    Raises SmadError when it cannot start.
+    """
+    if check_baud:
+        check_rate(config.link.rate_hz, config.link.baud)
+    return asyncio.run(_Life(config, opener, parameter_text).live())
+
+
+class _Life:
+    def __init__(
+        self, config: Config, opener: Callable[[], Transport], parameter_text: str | None
+    ) -> None:
+        self._config = config
+        self._opener = opener
+        self._parameter_text = parameter_text
+        folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
+        self._endpoints = Endpoints(folder, config.daemon.bench)
+        self._journal = Journal()
+        self._notifier = Notifier()
+        self._signal: asyncio.Future[str]
+
+    async def live(self) -> Ended:
+        umask = prepare_folder(self._endpoints.folder)
+        lock = self._take_lock()
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        context.set(zmq.MAX_SOCKETS, min(65_535, context.get(zmq.SOCKET_LIMIT)))
+        loop = asyncio.get_running_loop()
+        self._signal = loop.create_future()
+        for number in _SIGNALS:
+            loop.add_signal_handler(number, self._on_signal, number)
+        daemon = Daemon(
+            self._config,
+            self._opener,
+            loop=loop,
+            context=context,
+            journal=self._journal,
+            notifier=self._notifier,
+            nonce=secrets.randbits(32),
+            parameter_text=self._parameter_text,
+        )
+        loop.set_exception_handler(lambda _, details: _callback_died(daemon, details))
+        measures: realtime.Realtime | None = None
+        try:
+            connection = self._bind(daemon, umask)
+            measures = self._take_measures(daemon)
+            daemon.start()
+            await self._first_handshake(daemon)
+            write_connection(self._endpoints.connection_file, connection)
+            self._announce(daemon)
+            return await self._until_the_end(daemon)
+        finally:
+            self._endpoints.connection_file.unlink(missing_ok=True)
+            await daemon.close()
+            context.destroy(linger=0)
+            if measures is not None:
+                measures.close()
+            lock.release()
+            self._journal.close()
+
+    def _take_lock(self) -> LockFile:
+        lock = LockFile(self._endpoints.lock)
+        try:
+            lock.acquire()
+        except BlockingIOError:
+            raise DaemonError(
+                f"a daemon for the bench {self._endpoints.bench!r} is running already",
+                value=lock.holder(),
+                action="use it (smad status), end it, or set daemon.bench to another name",
+            ) from None
+        return lock
+
+    def _bind(self, daemon: Daemon, umask: int) -> Connection:
+        endpoints, config = self._endpoints, self._config
+        daemon.server.serve_ipc(endpoints, umask)
+        tcp = ("", "")
+        if config.daemon.tcp.enabled:
+            tcp = daemon.server.serve_tcp(config.daemon, endpoints)
+        if config.telemetry.enabled:
+            previous = os.umask(umask)
+            daemon.publisher.bind_ipc(endpoints.telemetry)
+            os.umask(previous)
+            if config.telemetry.endpoint:
+                daemon.publisher.bind_extra(config.telemetry.endpoint)
+            if daemon.publisher.note:
+                daemon.status.notes.append(daemon.publisher.note)
+                self._journal.say(daemon.publisher.note)
+        return Connection(
+            bench=endpoints.bench,
+            pid=os.getpid(),
+            version=smad.__version__,
+            command=endpoints.command,
+            stop=endpoints.stop,
+            telemetry=endpoints.telemetry if config.telemetry.enabled else "",
+            tcp_command=tcp[0],
+            tcp_stop=tcp[1],
+            server_key=daemon.server.server_key,
+        )
+
+    def _take_measures(self, daemon: Daemon) -> realtime.Realtime:
+        measures = realtime.take(self._config.realtime)
+        daemon.status.measures = measures.measures
+        daemon.collector.enabled = self._config.realtime.freeze_gc
+        for missing in measures.missing:
+            self._journal.say(f"WARNING, not granted: {missing.name}: {missing.detail}")
+        if any(m.name == "SCHED_FIFO" and m.asked for m in measures.missing):
+            self._journal.say(
+                "WARNING: at ordinary priority a busy machine delays control steps; "
+                "only 100 Hz is safe then"
+            )
+        return measures
+
+    async def _first_handshake(self, daemon: Daemon) -> None:
+        timeout_s = self._config.link.connect_timeout_s
+        identified = asyncio.ensure_future(daemon.watch.identified.wait())
+        await asyncio.wait(
+            (identified, self._signal, daemon.failure),
+            timeout=timeout_s,
+            return_when=asyncio.FIRST_COMPLETED,
+        )
+        identified.cancel()
+        if self._signal.done() or daemon.failure.done():
+            return
+        if not daemon.watch.identified.is_set():
+            raise self._silent(daemon, timeout_s)
+        incompatible = daemon.watch.incompatible
+        if incompatible is not None and incompatible.reason is IncompatibleReason.MAJOR:
+            raise PortError(
+                "the board speaks another version of the protocol",
+                value=incompatible.fields[0],
+                limit="the same major version",
+                action="update the older of firmware and smad",
+            )
+
+    def _silent(self, daemon: Daemon, timeout_s: float) -> PortError:
+        config = self._config.link
+        counts = daemon.link.counts
+        if counts.bytes_in == 0:
+            return PortError(
+                "the board does not answer",
+                value=f"nothing received on {config.port} in {timeout_s:g} s",
+                action="check that it is powered and that this is its port",
+            )
+        frames = daemon.session.stats.decoder.frames
+        if frames == 0:
+            return PortError(
+                "what comes from the port is not our protocol",
+                value=f"{counts.bytes_in} bytes at {config.baud} baud, none of them a valid frame",
+                action="set link.baud to the board's baud rate, or check that this is its port",
+            )
+        return PortError(
+            "the board sends, but does not answer",
+            value=f"{frames} frames in {timeout_s:g} s, no IDENT",
+            action="check the wire to the board (transmit), then its firmware",
+        )
+
+    def _announce(self, daemon: Daemon) -> None:
+        transport = daemon.link.transport
+        for note in () if transport is None else transport.notes:
+            self._journal.say(f"note: {note}")
+        text = f"ready: bench {self._endpoints.bench!r} on {self._config.link.port}, not armed"
+        self._journal.say(text)
+        self._notifier.ready(text)
+
+    async def _until_the_end(self, daemon: Daemon) -> Ended:
+        await asyncio.wait((self._signal, daemon.failure), return_when=asyncio.FIRST_COMPLETED)
+        if daemon.failure.done():
+            name, error = daemon.failure.result()
+            path = self._keep_traceback(error)
+            daemon.say("state", f"the {name} task died: {error!r}", {})
+            came_of_it = await daemon.disarm()
+            raise TaskDied(
+                f"the {name} task died ({type(error).__name__}: {error}): {came_of_it}",
+                action=f"please report it with {path}; then start again",
+            )
+        self._notifier.stopping("disarming")
+        came_of_it = await daemon.disarm()
+        return Ended(0, f"ended by {self._signal.result()}: {came_of_it}")
+
+    def _keep_traceback(self, error: BaseException) -> Path:
+        path = self._endpoints.folder / f"{self._endpoints.bench}.crash.txt"
+        with contextlib.suppress(OSError):
+            path.write_text("".join(traceback.format_exception(error)))
+        return path
+
+    def _on_signal(self, number: int) -> None:
+        if not self._signal.done():
+            self._signal.set_result(signal.Signals(number).name)
+
+
+def _callback_died(daemon: Daemon, details: dict[str, Any]) -> None:
+    error = details.get("exception")
+    name = str(details.get("task") or details.get("handle") or details.get("message", "loop"))
+    daemon.fail(name, error if error is not None else RuntimeError(str(details)))

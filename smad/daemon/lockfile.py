@@ -1,0 +1,78 @@
+"""Lock files: one daemon to a port, one daemon to a bench name.
+
+The kernel drops an flock with its process, so nothing is left over after a crash; the file itself
+stays, and says who holds it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from pathlib import Path
+
+from smad.errors import DaemonError
+
+_SHARED_FOLDERS = (Path("/run/lock"), Path("/var/lock"))
+
+
+class LockFile:
+    """An exclusive flock on a file, held until `release()` or the end of the process."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._fd: int | None = None
+
+    def acquire(self) -> None:
+        """Take the lock at once or not at all.
+
+        Raises `BlockingIOError` when another process holds it (`holder()` says which), and
+        `DaemonError` when the file cannot be used.
+        """
+        try:
+            fd = _open(self.path)
+        except OSError as error:
+            raise DaemonError(
+                f"cannot use the lock file {self.path}: {error.strerror}",
+                action="check the folder's permissions, or remove a stale file",
+            ) from error
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(fd)
+            raise
+        with contextlib.suppress(OSError):
+            os.ftruncate(fd, 0)
+            os.pwrite(fd, f"{os.getpid()}\n".encode(), 0)
+        self._fd = fd
+
+    def holder(self) -> str:
+        """Return who wrote the file last, as `process 123`, for a message."""
+        with contextlib.suppress(OSError, ValueError):
+            return f"process {int(self.path.read_text().strip())}"
+        return "another process"
+
+    def release(self) -> None:
+        """Give the lock back; does nothing when it is not held."""
+        if self._fd is not None:
+            os.close(self._fd)
+            self._fd = None
+
+
+def port_lock(device: int) -> LockFile:
+    """Return the lock of a serial device, by its device number: every name of it is one port."""
+    name = f"smad-tty-{os.major(device)}-{os.minor(device)}.lock"
+    for folder in _SHARED_FOLDERS:
+        if os.access(folder, os.W_OK):
+            return LockFile(folder / name)
+    return LockFile(Path("/tmp") / name)
+
+
+def _open(path: Path) -> int:
+    flags = os.O_CLOEXEC | os.O_NOFOLLOW
+    try:
+        fd = os.open(path, os.O_RDWR | os.O_CREAT | flags, 0o666)
+    except PermissionError:
+        # Another user's file in a sticky folder: a lock needs no more than reading.
+        return os.open(path, os.O_RDONLY | flags)
+    return fd

@@ -1,0 +1,146 @@
+"""The run log of the daemon: opened and closed away from the loop, fed from it without waiting."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime
+from pathlib import Path
+
+from smad.api import Reason, RecorderStatus
+from smad.config import RecorderConfig
+from smad.daemon.errors import Refusal
+from smad.errors import RunLogError
+from smad.runlog.header import RunHeader
+from smad.runlog.paths import new_run_path
+from smad.runlog.schema import Event, LinkSample, Record, Row
+from smad.runlog.writer import RunWriter
+
+_BYTES_PER_MB = 1e6
+_S_PER_MIN = 60.0
+
+
+class Recorder:
+    """At most one run log at a time.
+
+    `header` builds the header of a new log from its name. A log begun by arming ends by itself
+    some time after the bench is at rest; one begun by a command ends by command.
+    """
+
+    def __init__(
+        self,
+        config: RecorderConfig,
+        header: Callable[[str], RunHeader],
+        wall_clock: Callable[[], float],
+    ) -> None:
+        self._config = config
+        self._header = header
+        self._wall_clock = wall_clock
+        self._writer: RunWriter | None = None
+        self._by_command = False
+        self._path = ""
+        self._rows = 0
+        self._dropped = 0
+        self._error = ""
+        # One worker, so that opening and closing stay in order and off the loop.
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="run log")
+        self._lock = asyncio.Lock()
+
+    @property
+    def recording(self) -> bool:
+        """Whether a log is open."""
+        return self._writer is not None
+
+    @property
+    def ends_by_itself(self) -> bool:
+        """Whether the open log was begun by arming."""
+        return self._writer is not None and not self._by_command
+
+    def status(self) -> RecorderStatus:
+        """Return what a client is told."""
+        writer = self._writer
+        if writer is not None:
+            self._dropped = writer.dropped
+            self._error = writer.error or ""
+        return RecorderStatus(
+            recording=writer is not None,
+            path=self._path,
+            rows=self._rows,
+            dropped=self._dropped,
+            error=self._error,
+        )
+
+    def failure(self) -> str:
+        """Return why the open log takes no more rows; empty while it does."""
+        return "" if self._writer is None else self._writer.error or ""
+
+    async def start(self, name: str, *, by_command: bool) -> None:
+        """Begin a log. Raises Refusal when one is open, or none can be created."""
+        async with self._lock:
+            if self._writer is not None:
+                if by_command and not self._by_command:
+                    self._by_command = True
+                    return
+                raise Refusal(
+                    Reason.RECORDER,
+                    "a run is being recorded already",
+                    value=self._path,
+                    action="stop it first (smad record stop)",
+                )
+            loop = asyncio.get_running_loop()
+            self._writer = await loop.run_in_executor(self._worker, self._create, name)
+            self._by_command = by_command
+            self._path = str(self._writer.paths[0])
+            self._rows = 0
+            self._dropped = 0
+            self._error = ""
+
+    async def stop(self) -> None:
+        """Close the log, if one is open; what is queued is written first."""
+        async with self._lock:
+            writer = self._writer
+            if writer is None:
+                return
+            self._writer = None
+            await asyncio.get_running_loop().run_in_executor(self._worker, writer.close)
+            self._dropped = writer.dropped
+            self._error = writer.error or ""
+
+    def row(self, row: Row) -> None:
+        """Record one sample; never waits."""
+        if self._writer is not None and self._writer.append(row):
+            self._rows += 1
+
+    def note(self, record: Event | LinkSample) -> None:
+        """Record something beside the samples; never waits."""
+        self._append(record)
+
+    def close(self) -> None:
+        """End the worker."""
+        self._worker.shutdown(wait=False)
+
+    def _append(self, record: Record) -> None:
+        if self._writer is not None:
+            self._writer.append(record)
+
+    def _create(self, name: str) -> RunWriter:
+        config = self._config
+        when = datetime.fromtimestamp(self._wall_clock())
+        try:
+            return RunWriter(
+                new_run_path(Path(config.folder), name, when),
+                self._header(name),
+                flush_interval_s=config.flush_interval_s,
+                queue_rows=config.queue_rows,
+                max_file_bytes=config.max_file_MB * _BYTES_PER_MB,
+                max_file_s=config.max_file_min * _S_PER_MIN,
+            )
+        except RunLogError as error:
+            raise Refusal(
+                Reason.RECORDER,
+                error.cause,
+                value=error.value,
+                limit=error.limit,
+                action=error.action,
+            ) from error

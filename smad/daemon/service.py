@@ -1,0 +1,326 @@
+"""Each command of the API as one method. A refused command names field, value, limit, next step.
+
+Methods that only look or that the controller takes at the next sample return at once; those that
+the board has to agree to are coroutines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+from firmware_protocol.enums import Fault
+from firmware_protocol.events import HostState
+from firmware_protocol.messages import (
+    ArmConfirm,
+    ArmRequest,
+    ArmToken,
+    ClearFault,
+    Disarm,
+    ParamSave,
+)
+from smad import api
+from smad.api import Reason
+from smad.config import Config, config_to_toml
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    HoldTemperature,
+    Idle,
+    MoveStage,
+    Tune,
+)
+from smad.control.controller import Controller
+from smad.daemon.board import fault_line
+from smad.daemon.control import ControlTask
+from smad.daemon.errors import Refusal
+from smad.daemon.lease import DeadMan, Lease
+from smad.daemon.recorder import Recorder
+from smad.daemon.requests import BoardRequests
+from smad.daemon.status import StatusReport
+from smad.daemon.watch import BoardWatch, Say, disagreement
+
+Client = bytes
+Answer = Struct | Awaitable[Struct]
+
+
+class Service:
+    """Carries out commands. `perform` checks who asks; everything else is one method a command."""
+
+    def __init__(
+        self,
+        config: Config,
+        *,
+        control: ControlTask,
+        requests: BoardRequests,
+        watch: BoardWatch,
+        recorder: Recorder,
+        status: StatusReport,
+        lease: Lease,
+        dead_man: DeadMan,
+        say: Say,
+        clock_us: Callable[[], int],
+    ) -> None:
+        self.stopping = False
+        self._config = config
+        self._control = control
+        self._controller: Controller = control.controller
+        self._requests = requests
+        self._watch = watch
+        self._recorder = recorder
+        self._status = status
+        self._lease = lease
+        self._dead_man = dead_man
+        self._say = say
+        self._clock_us = clock_us
+        self._methods: dict[type[Struct], Callable[[Any, Client], Answer]] = {
+            api.GetStatus: self.status,
+            api.GetMotion: self.motion,
+            api.GetConfig: self.config,
+            api.Arm: self.arm,
+            api.Disarm: self.disarm,
+            api.EStop: self.estop,
+            api.Clear: self.clear,
+            Follow: self.drive,
+            HoldTemperature: self.drive,
+            DriveCurrent: self.drive,
+            MoveStage: self.drive,
+            Idle: self.settle,
+            Tune: self.settle,
+            api.ListParams: self.list_params,
+            api.GetParam: self.get_param,
+            api.SetParam: self.set_param,
+            api.SaveParams: self.save_params,
+            api.StartRecording: self.start_recording,
+            api.StopRecording: self.stop_recording,
+            api.AddNote: self.add_note,
+            api.TakeControl: self.take_control,
+            api.ReleaseControl: self.release_control,
+        }
+
+    def perform(self, method: api.Method, params: Struct, client: Client) -> Answer:
+        """Carry a command out, or begin to. Raises Refusal, or CommandError from the controller."""
+        now_us = self._clock_us()
+        self._dead_man.heard(client, now_us)
+        if method.access == "control":
+            self._lease.check(client, now_us)
+            if self.stopping:
+                raise Refusal(
+                    Reason.BUSY, "the daemon is ending", action="start it again (smad start)"
+                )
+        answer = self._methods[type(params)](params, client)
+        if method.access != "watch" or isinstance(params, api.AddNote):
+            self._say("command", method.name, _details(params))
+        return answer
+
+    def status(self, params: api.GetStatus, client: Client) -> api.Status:
+        """Everything about the bench now."""
+        return self._status.full(client)
+
+    def motion(self, params: api.GetMotion, client: Client) -> api.Motion:
+        """What the controller is doing."""
+        return self._status.motion()
+
+    def config(self, params: api.GetConfig, client: Client) -> api.ConfigText:
+        """The configuration in force."""
+        return api.ConfigText(toml=config_to_toml(self._config))
+
+    async def arm(self, params: api.Arm, client: Client) -> api.Motion:
+        """Ask the board for a token, begin the run log, confirm."""
+        self._require_armable()
+        axis = self._config.link.axis
+        self._controller.command(Idle())
+        token = await self._requests.ask(ArmRequest(axis, self._watch.parameters.crc))
+        assert isinstance(token, ArmToken)
+        if self._config.recorder.automatic and not self._recorder.recording:
+            await self._recorder.start("run", by_command=False)
+        self._say("arm", "arming", {})
+        await self._requests.ask(ArmConfirm(axis, token.token))
+        self._dead_man.watch(client, self._clock_us())
+        return self._status.motion()
+
+    async def disarm(self, params: api.Disarm, client: Client) -> api.Motion:
+        """Current off with the next sample, then the board's DISARM."""
+        self._controller.command(Idle())
+        self._dead_man.forget()
+        self._require_connected()
+        await self._requests.ask(Disarm(self._config.link.axis))
+        return self._status.motion()
+
+    def estop(self, params: api.EStop, client: Client) -> api.Motion:
+        """Three copies at once, and again until the board says ESTOP."""
+        self._controller.command(Idle())
+        self._dead_man.forget()
+        if self._control.session.state is HostState.DISCONNECTED:
+            raise _not_connected("ESTOP cannot be sent", "cut the power")
+        self._control.session.send_estop()
+        self._control.flush()
+        return self._status.motion()
+
+    async def clear(self, params: api.Clear, client: Client) -> api.Motion:
+        """Acknowledge the latched fault."""
+        self._require_connected()
+        latched = self._watch.fault
+        number = params.fault
+        if number is None:
+            if latched is None:
+                raise Refusal(
+                    Reason.INVALID, "no fault is latched", action="nothing to clear (smad status)"
+                )
+            number = latched.number
+        if number not in set(Fault):
+            raise Refusal(
+                Reason.INVALID,
+                "there is no fault of this number",
+                value=number,
+                action="see smad status for the latched one",
+            )
+        await self._requests.ask(ClearFault(self._config.link.axis, Fault(number)))
+        self._watch.fault = None
+        return self._status.motion()
+
+    def drive(
+        self, params: Follow | HoldTemperature | DriveCurrent | MoveStage, client: Client
+    ) -> api.Motion:
+        """Hand a motion to the controller; it begins with the next sample."""
+        self._require_armed()
+        self._controller.command(params)
+        return self._status.motion()
+
+    def settle(self, params: Idle | Tune, client: Client) -> api.Motion:
+        """Hand the controller something that needs no armed board."""
+        self._controller.command(params)
+        return self._status.motion()
+
+    def list_params(self, params: api.ListParams, client: Client) -> api.ParamList:
+        """The parameters as read when the board connected."""
+        return self._watch.parameters.all()
+
+    def get_param(self, params: api.GetParam, client: Client) -> api.Param:
+        """One parameter."""
+        return self._watch.parameters.one(params.name)
+
+    async def set_param(self, params: api.SetParam, client: Client) -> api.Param:
+        """Change one parameter on the board."""
+        self._require_connected()
+        self._require_disarmed()
+        parameters = self._watch.parameters
+        param = await parameters.set(params.name, params.value, self._requests.ask)
+        self._watch.rescale()
+        return param
+
+    async def save_params(self, params: api.SaveParams, client: Client) -> api.ParamList:
+        """Keep the parameters over a power cycle."""
+        self._require_connected()
+        self._require_disarmed()
+        await self._requests.ask(ParamSave())
+        return self._watch.parameters.all()
+
+    async def start_recording(
+        self, params: api.StartRecording, client: Client
+    ) -> api.RecorderStatus:
+        """Begin a run log."""
+        await self._recorder.start(params.name or "run", by_command=True)
+        return self._recorder.status()
+
+    async def stop_recording(self, params: api.StopRecording, client: Client) -> api.RecorderStatus:
+        """Close the run log."""
+        if not self._recorder.recording:
+            raise Refusal(
+                Reason.RECORDER, "nothing is being recorded", action="smad record start begins"
+            )
+        await self._recorder.stop()
+        return self._recorder.status()
+
+    def add_note(self, params: api.AddNote, client: Client) -> api.RecorderStatus:
+        """Write a note into the run log."""
+        if not self._recorder.recording:
+            raise Refusal(
+                Reason.RECORDER,
+                "nothing is being recorded, so the note has nowhere to go",
+                action="smad record start begins a run log",
+            )
+        self._say("note", params.text, {})
+        return self._recorder.status()
+
+    def take_control(self, params: api.TakeControl, client: Client) -> api.Control:
+        """Take or renew exclusive control."""
+        now_us = self._clock_us()
+        self._lease.take(client, params.name, int(params.lease_s * 1e6), now_us)
+        self._say("command", f"{params.name} has exclusive control", {})
+        return self._status.lease(client)
+
+    def release_control(self, params: api.ReleaseControl, client: Client) -> api.Control:
+        """Give exclusive control back; does nothing for who does not have it."""
+        self._lease.release(client, self._clock_us())
+        return self._status.lease(client)
+
+    def _require_connected(self) -> None:
+        if self._control.session.state in (HostState.DISCONNECTED, HostState.SYNC):
+            raise _not_connected(
+                "the board is not connected",
+                "plug it in; the daemon reconnects by itself (smad status)",
+            )
+        if self._watch.incompatible is not None:
+            raise Refusal(
+                Reason.DISAGREEMENT,
+                "board and smad disagree, so the board can only be watched",
+                value=disagreement(self._watch.incompatible),
+                action="update the older of the two",
+            )
+
+    def _require_disarmed(self) -> None:
+        if self._control.session.state in (HostState.RUNNING, HostState.READY):
+            raise Refusal(Reason.ARMED, "the bench is armed", action="disarm first (smad disarm)")
+
+    def _require_armable(self) -> None:
+        self._require_connected()
+        self._require_not_faulted()
+        self._require_disarmed()
+        agree = self._watch.parameters.agree
+        if agree is None:
+            raise Refusal(
+                Reason.BUSY,
+                "the board's parameters are still being read",
+                action="try again in a second",
+            )
+        if not agree:
+            raise Refusal(
+                Reason.DISAGREEMENT,
+                "the board's parameters are not those that were read from it",
+                action="unplug it and plug it in again, so that they are read anew",
+            )
+
+    def _require_not_faulted(self) -> None:
+        if self._control.session.state is HostState.FAULTED:
+            fault = self._watch.fault
+            mode = self._watch.mode
+            raise Refusal(
+                Reason.FAULTED,
+                f"the board is in {mode.name if mode else 'FAULT'}",
+                value=None if fault is None else fault_line(fault),
+                action="smad faults explain says what to do; then smad clear"
+                if fault is not None
+                else "power-cycle the board",
+            )
+
+    def _require_armed(self) -> None:
+        self._require_connected()
+        self._require_not_faulted()
+        if self._control.session.state is not HostState.RUNNING:
+            raise Refusal(
+                Reason.NOT_ARMED, "the bench is not armed", action="arm it first (smad arm)"
+            )
+
+
+def _not_connected(cause: str, action: str) -> Refusal:
+    return Refusal(Reason.NOT_CONNECTED, cause, action=action)
+
+
+def _details(params: Struct) -> dict[str, Any]:
+    details = msgspec.to_builtins(params)
+    assert isinstance(details, dict)
+    return details

@@ -1,0 +1,210 @@
+"""What `smad status` shows, put together from the parts; percentiles once a second."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+
+import smad
+from firmware_protocol.enums import Fault, Limiter, Warning
+from firmware_protocol.events import HostState
+from smad import api
+from smad.config import Config
+from smad.control.limits import HostLimit
+from smad.daemon.board import board_of, names_of
+from smad.daemon.control import ControlTask, Finished
+from smad.daemon.journal import Journal
+from smad.daemon.lease import Lease
+from smad.daemon.link import Link
+from smad.daemon.measure import row_of
+from smad.daemon.realtime import IdleCollector
+from smad.daemon.recorder import Recorder
+from smad.daemon.watch import BoardWatch
+from smad.runlog.schema import Row
+
+_MIB = 2**20
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+class CommandCounts:
+    """Commands carried out and refused."""
+
+    def __init__(self) -> None:
+        self.done = 0
+        self.refused = 0
+
+
+class StatusReport:
+    """Builds replies about the state of the bench; changes nothing."""
+
+    def __init__(
+        self,
+        config: Config,
+        *,
+        control: ControlTask,
+        watch: BoardWatch,
+        link: Callable[[], Link],
+        recorder: Recorder,
+        lease: Lease,
+        journal: Journal,
+        collector: IdleCollector,
+        commands: CommandCounts,
+        clock_us: Callable[[], int],
+    ) -> None:
+        self.measures: tuple[api.Measure, ...] = ()
+        self.notes: list[str] = []
+        self.telemetry_dropped = 0
+        self._config = config
+        self._control = control
+        self._watch = watch
+        self._link = link
+        self._recorder = recorder
+        self._lease = lease
+        self._journal = journal
+        self._collector = collector
+        self._commands = commands
+        self._clock_us = clock_us
+        self._started_us = clock_us()
+        self._timing = self._measured_timing()
+
+    def refresh(self) -> None:
+        """Work the percentiles out anew."""
+        self._timing = self._measured_timing()
+
+    def motion(self) -> api.Motion:
+        """Return what the controller is doing."""
+        controller = self._control.controller
+        last = self._control.last
+        return api.Motion(
+            running=controller.mode,
+            done=controller.done,
+            armed=self._control.session.state is HostState.RUNNING,
+            mode=self._watch.mode.name if self._watch.mode is not None else "UNKNOWN",
+            reference_mm=_mm(controller.reference_m),
+            displacement_mm=None if last is None else _mm(last.sample.displacement_m),
+            board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
+            fault=self._watch.fault,
+        )
+
+    def lease(self, client: bytes) -> api.Control:
+        """Return who has exclusive control."""
+        now_us = self._clock_us()
+        holder = self._lease.holder(now_us)
+        if holder is None:
+            return api.Control()
+        return api.Control(
+            holder=holder.name,
+            left_s=(holder.until_us - now_us) * 1e-6,
+            yours=holder.client == client,
+        )
+
+    def full(self, client: bytes) -> api.Status:
+        """Return everything."""
+        last = self._control.last
+        state = None if last is None else last.state
+        return api.Status(
+            bench=self._config.daemon.bench,
+            version=smad.__version__,
+            pid=os.getpid(),
+            uptime_s=(self._clock_us() - self._started_us) * 1e-6,
+            memory_MiB=_resident_bytes() / _MIB,
+            link=self._link_status(),
+            board=self._board(),
+            motion=self.motion(),
+            limiter=self._limiter(),
+            faults=() if state is None else names_of(Fault, state.faults),
+            warnings=() if state is None else names_of(Warning, state.warnings),
+            sample=None if last is None else self.row(last),
+            counts=self._counts(),
+            timing=self._timing,
+            realtime=self.measures,
+            recorder=self._recorder.status(),
+            control=self.lease(client),
+            events=tuple(self._journal.recent),
+        )
+
+    @staticmethod
+    def row(finished: Finished) -> Row:
+        """Return a finished sample as a row of the run log."""
+        return row_of(
+            finished.sample,
+            finished.state,
+            finished.setpoint,
+            host_time_s=finished.host_s,
+            reference_m=finished.reference_m,
+            reference_degC=finished.reference_degC,
+        )
+
+    def _board(self) -> api.Board | None:
+        ident = self._watch.ident
+        if ident is None:
+            return None
+        return board_of(
+            ident, self._watch.parameters, schema_agrees=self._watch.incompatible is None
+        )
+
+    def _limiter(self) -> str:
+        last = self._control.last
+        board = "none" if last is None else Limiter(last.state.limiter).name.lower()
+        acting = self._control.controller.limiting
+        if acting is HostLimit.NONE:
+            return board
+        names = ", ".join(str(limit.name).lower() for limit in HostLimit if limit & acting)
+        return f"{board}; host: {names}"
+
+    def _counts(self) -> api.Counts:
+        counts = self._control.counts
+        return api.Counts(
+            samples=counts.samples,
+            missed=counts.missed,
+            skipped=counts.skipped,
+            setpoints=counts.setpoints,
+            setpoints_dropped=counts.setpoints_dropped,
+            commands=self._commands.done,
+            refused=self._commands.refused,
+            telemetry_dropped=counts.finished_dropped + self.telemetry_dropped,
+        )
+
+    def _measured_timing(self) -> api.Timing:
+        control = self._control
+        fit = control.session.clock
+        return api.Timing(
+            own_share=control.own_share.percentiles(),
+            setpoint_age=control.setpoint_age.percentiles(),
+            jitter=control.jitter.percentiles(),
+            round_trip_us=None if fit is None else float(fit.round_trip_us),
+            collections=self._collector.collections,
+        )
+
+    def _link_status(self) -> api.LinkStatus:
+        link, config, stats = self._link(), self._config.link, self._control.session.stats
+        notes = () if link.transport is None else link.transport.notes
+        frames = {
+            name: value
+            for part in (stats.decoder, stats)
+            for name in part.__struct_fields__
+            if isinstance(value := getattr(part, name), int)
+        }
+        return api.LinkStatus(
+            port=config.port,
+            baud=config.baud,
+            rate_hz=config.rate_hz,
+            state=self._control.session.state.name.lower(),
+            notes=(*notes, *self.notes),
+            bytes_in=link.counts.bytes_in,
+            bytes_out=link.counts.bytes_out,
+            short_writes=link.counts.short_writes,
+            losses=link.counts.losses,
+            frames=frames,
+            board_stats=self._watch.stats,
+        )
+
+
+def _mm(metres: float) -> float | None:
+    return None if math.isnan(metres) else metres * 1e3
+
+
+def _resident_bytes() -> int:
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * _PAGE

@@ -1,0 +1,187 @@
+"""What follows from the board's messages that are no samples: connection, faults, parameters.
+
+A session always begins as a watcher's: nothing is armed, whatever was before, and a board found
+armed is told to disarm.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from firmware_protocol.enums import BoardState
+from firmware_protocol.events import (
+    BoardRestarted,
+    Connected,
+    ErrorReceived,
+    FaultReported,
+    HostEvent,
+    Incompatible,
+    IncompatibleReason,
+    LinkLost,
+    StatsReceived,
+)
+from firmware_protocol.messages import Disarm, Ident, State
+from smad import api
+from smad.config import LinkConfig
+from smad.daemon.board import Parameters, fault_line, fault_of
+from smad.daemon.errors import Refusal
+from smad.daemon.measure import Scales
+from smad.daemon.requests import BoardRequests, refusal
+from smad.runlog.schema import EventKind
+
+_HOT = (BoardState.ARMED, BoardState.HOLD)
+_STOPPED = (BoardState.FAULT, BoardState.ESTOP)
+
+Say = Callable[[EventKind, str, dict[str, Any]], None]
+Spawn = Callable[[str, Coroutine[Any, Any, None]], None]
+
+
+class BoardWatch:
+    """Keeps what is known of the board, and tells the journal and the run log what changes.
+
+    `on_scales` gets the scales of the readings once the parameters are read; `connected` is set
+    while a session is open; `refused` holds why this board cannot be used at all.
+    """
+
+    def __init__(
+        self,
+        config: LinkConfig,
+        requests: BoardRequests,
+        *,
+        say: Say,
+        spawn: Spawn,
+        on_scales: Callable[[Scales], None],
+    ) -> None:
+        self.parameters = Parameters(config.axis)
+        self.ident: Ident | None = None
+        self.incompatible: Incompatible | None = None
+        self.fault: api.Fault | None = None
+        self.mode: BoardState | None = None
+        self.stats: dict[str, int] = {}
+        self.identified = asyncio.Event()
+        self._config = config
+        self._requests = requests
+        self._say = say
+        self._spawn = spawn
+        self._on_scales = on_scales
+
+    def on_event(self, event: HostEvent) -> None:
+        """Take one event of the session."""
+        if self._requests.handle(event):
+            return
+        match event:
+            case Connected(ident):
+                self._connected(ident)
+            case Incompatible():
+                self._incompatible(event)
+            case FaultReported(report):
+                self.fault = fault_of(report)
+                self._say(
+                    "fault", f"the board stopped: {fault_line(self.fault)}", _plain(self.fault)
+                )
+            case BoardRestarted(ident):
+                cause = "" if ident is None else f" ({ident.reset_cause.name.lower()})"
+                self._disconnected(f"the board restarted{cause}; it is not armed any more")
+            case LinkLost(silent_us):
+                self._disconnected(f"the board fell silent for {silent_us / 1000:.0f} ms")
+            case StatsReceived(stats):
+                self.stats = {name: getattr(stats, name) for name in stats.__struct_fields__}
+            case ErrorReceived(error):
+                self._say("warning", f"the board complains: {refusal(error)}", {})
+            case _:
+                pass
+
+    def port_lost(self, reason: str) -> None:
+        """The port went away."""
+        self._disconnected(f"the port was lost ({reason}); trying to reopen it")
+
+    def on_state(self, state: State) -> None:
+        """Take the mode of a published sample; notes changes and disarms a board found armed."""
+        mode = state.mode
+        if mode == self.mode:
+            return
+        before, self.mode = self.mode, BoardState(mode)
+        if before is None:
+            if mode in _HOT:
+                self._disarm_found()
+            return
+        self._say("state", f"{before.name} → {self.mode.name}", {})
+        if mode not in _STOPPED and before is BoardState.FAULT:
+            self.fault = None
+
+    def _connected(self, ident: Ident) -> None:
+        self.ident = ident
+        self.incompatible = None
+        self.fault = None
+        self.mode = None
+        self.identified.set()
+        self._say(
+            "link",
+            f"connected to {ident.firmware} ({ident.uid.hex()}), boot {ident.boot_count}, "
+            f"{ident.state_rate_hz} Hz; monitoring, not armed",
+            {},
+        )
+        self._spawn("parameters", self._learn(ident))
+
+    def _incompatible(self, event: Incompatible) -> None:
+        self.incompatible = event
+        self.identified.set()
+        if event.reason is IncompatibleReason.MAJOR:
+            text = f"this board cannot be used: {event.fields[0]}"
+        else:
+            text = f"only watching, arming is refused: {disagreement(event)}"
+        self._say("link", text, {"fields": list(event.fields)})
+
+    def _disconnected(self, text: str) -> None:
+        if self.ident is not None or self.mode is not None:
+            self._say("link", text, {})
+        self.ident = None
+        self.mode = None
+        self.incompatible = None
+        self.parameters.complete = False
+
+    def _disarm_found(self) -> None:
+        self._say("disarm", "the board was found armed by somebody else; telling it to disarm", {})
+        self._spawn("disarm", self._ask_disarm())
+
+    async def _ask_disarm(self) -> None:
+        try:
+            await self._requests.ask(Disarm(self._config.axis))
+        except Refusal as error:
+            self._say("warning", f"it did not disarm: {error}", {})
+
+    def rescale(self) -> None:
+        """Use the parameters as they now are for the readings."""
+        self._on_scales(Scales(self.parameters.values, self._config.axis))
+
+    async def _learn(self, ident: Ident) -> None:
+        # An incompatible board says so right after its IDENT; its parameters are not ours to read.
+        await asyncio.sleep(0)
+        if self.incompatible is not None:
+            return
+        try:
+            await self.parameters.read(ident, self._requests.ask)
+            self.rescale()
+            await self._set_rate(ident)
+        except Refusal as error:
+            self._say("warning", f"the board's parameters were not read: {error}", {})
+
+    async def _set_rate(self, ident: Ident) -> None:
+        wanted = self._config.rate_hz
+        if ident.state_rate_hz == wanted:
+            return
+        await self.parameters.set("state_rate_hz", wanted, self._requests.ask)
+        self._say("link", f"set the board's rate from {ident.state_rate_hz} to {wanted} Hz", {})
+
+
+def disagreement(event: Incompatible) -> str:
+    """Return what differs between board and host, in one line."""
+    shown = "; ".join(event.fields[:3]) or "its description has not been read yet"
+    more = len(event.fields) - 3
+    return shown + (f"; and {more} more" if more > 0 else "")
+
+
+def _plain(fault: api.Fault) -> dict[str, Any]:
+    return {name: getattr(fault, name) for name in fault.__struct_fields__}
