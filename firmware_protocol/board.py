@@ -18,28 +18,16 @@ from typing import Any
 
 import msgspec
 
+from firmware_protocol import events as e
 from firmware_protocol import messages as m
 from firmware_protocol import rates
 from firmware_protocol.codec import CODEC, Codec
 from firmware_protocol.enums import ErrorCode, ValidBit
 from firmware_protocol.errors import NotARequestError, PayloadError
-from firmware_protocol.events import (
-    ArmConfirmed,
-    ArmRequested,
-    BoardEvent,
-    ClearFaultRequested,
-    DisarmRequested,
-    EstopReceived,
-    ParameterChanged,
-    ParameterSaveRequested,
-    Request,
-    SessionStarted,
-    SetpointReceived,
-)
 from firmware_protocol.framing import Frame, FrameDecoder
 from firmware_protocol.outbox import Outbox
 from firmware_protocol.parameters import BY_NAME, ParameterRefusedError, ParameterStore
-from firmware_protocol.replies import RequestMemory, Verdict
+from firmware_protocol.replies import ERRORS_PER_SECOND, Budget, RequestMemory, Verdict
 from firmware_protocol.reports import FaultReports
 from firmware_protocol.schema import compress, describe, schema_crc
 from firmware_protocol.setpoints import SetpointGate
@@ -48,10 +36,8 @@ from firmware_protocol.timesync import LOCK_EXCHANGES, WRAP
 from firmware_protocol.wire import NO_VALUE
 
 MAX_SETPOINT_AGE_US = 50_000
-ERRORS_PER_SECOND = 10
 FAULT_COPIES = 3
 SLICE = 96
-FIRST_BOARD_NUMBER = 0x80
 
 
 class BoardSession:
@@ -90,17 +76,19 @@ class BoardSession:
         self._state_seq = 0
         self._stats_seq = 0
         self._fault_copies: dict[m.FaultReport, int] = {}
-        self._error_times: list[int] = []
-        self._handlers: dict[type[m.Message], Callable[[Any, Request, int], BoardEvent | None]] = {
+        self._complaints = Budget(ERRORS_PER_SECOND)
+        self._handlers: dict[
+            type[m.Message], Callable[[Any, e.Request, int], e.BoardEvent | None]
+        ] = {
             m.Describe: self._on_describe,
             m.ParamGet: self._on_param_get,
             m.ParamSet: self._on_param_set,
             m.ParamSave: self._on_param_save,
             m.FaultGet: self._on_fault_get,
             m.ArmRequest: self._on_arm_request,
-            m.ArmConfirm: lambda message, request, _: ArmConfirmed(request, message),
-            m.Disarm: lambda message, request, _: DisarmRequested(request, message),
-            m.ClearFault: lambda message, request, _: ClearFaultRequested(request, message),
+            m.ArmConfirm: lambda message, request, _: e.ArmConfirmed(request, message),
+            m.Disarm: lambda message, request, _: e.DisarmRequested(request, message),
+            m.ClearFault: lambda message, request, _: e.ClearFaultRequested(request, message),
         }
         self._forget_requests()
 
@@ -116,17 +104,17 @@ class BoardSession:
         self._now_us = now_us
         self._put(self._codec.frame(self._identity(0, 0), 0, 0))
 
-    def receive(self, data: bytes, now_us: int) -> list[BoardEvent]:
+    def receive(self, data: bytes, now_us: int) -> list[e.BoardEvent]:
         """Take in bytes from the port; return what the board has to act on. Never raises."""
         self._now_us = now_us
-        events: list[BoardEvent] = []
+        events: list[e.BoardEvent] = []
         for frame in self._decoder.feed(data):
             event = self._on_frame(frame, now_us)
             if event is not None:
                 events.append(event)
         return events
 
-    def reply(self, request: Request, message: m.Message, now_us: int) -> None:
+    def reply(self, request: e.Request, message: m.Message, now_us: int) -> None:
         """Answer a request. Raises NotARequestError for an answer that the table does not list."""
         if type(message).__name__ not in (*request.message.info.replies, "Error"):
             raise NotARequestError(
@@ -138,14 +126,14 @@ class BoardSession:
         self._memory.answer = self._codec.frame(message, request.seq, self.session)
         self._put(self._memory.answer)
 
-    def done(self, request: Request, now_us: int) -> None:
+    def done(self, request: e.Request, now_us: int) -> None:
         """Answer that the request was carried out."""
         number = request.message.info.number
         self.reply(request, m.Done(request_type=number, t_us=now_us % WRAP), now_us)
 
     def reject(
         self,
-        request: Request,
+        request: e.Request,
         code: ErrorCode,
         field: int = m.NO_FIELD,
         limit: int = 0,
@@ -206,8 +194,8 @@ class BoardSession:
 
     # Frames
 
-    def _on_frame(self, frame: Frame, now_us: int) -> BoardEvent | None:
-        if frame.type >= FIRST_BOARD_NUMBER:
+    def _on_frame(self, frame: Frame, now_us: int) -> e.BoardEvent | None:
+        if frame.type >= m.FIRST_BOARD_NUMBER:
             self.stats.echoes += 1
             return None
         try:
@@ -219,7 +207,7 @@ class BoardSession:
             self._complain(frame, code, now_us, value=len(frame.payload))
             return None
         if isinstance(message, m.Estop):
-            return EstopReceived()
+            return e.EstopReceived()
         if isinstance(message, m.Hello):
             return self._on_hello(message, frame, now_us)
         if self.session == 0 or frame.session != self.session:
@@ -241,7 +229,7 @@ class BoardSession:
             return self._on_setpoint(message, frame, now_us)
         return self._on_request(message, frame, now_us)
 
-    def _on_hello(self, hello: m.Hello, frame: Frame, now_us: int) -> BoardEvent | None:
+    def _on_hello(self, hello: m.Hello, frame: Frame, now_us: int) -> e.BoardEvent | None:
         if hello.major != self._ident.major:
             self._put(self._codec.frame(self._identity(0, hello.nonce), frame.seq, 0))
             return None
@@ -252,12 +240,12 @@ class BoardSession:
             self._nonce = hello.nonce
             self.schema_agrees = hello.schema_crc == self._schema_crc
             self._forget_requests()
-            event = SessionStarted(self.session, self.schema_agrees)
+            event = e.SessionStarted(self.session, self.schema_agrees)
         answer = self._identity(self.session, hello.nonce)
         self._put(self._codec.frame(answer, frame.seq, self.session))
         return event
 
-    def _on_setpoint(self, setpoint: m.Setpoint, frame: Frame, now_us: int) -> BoardEvent | None:
+    def _on_setpoint(self, setpoint: m.Setpoint, frame: Frame, now_us: int) -> e.BoardEvent | None:
         if setpoint.axis >= self._ident.axes:
             axis, limit = setpoint.axis, self._ident.axes - 1
             self._complain(frame, ErrorCode.NO_SUCH_AXIS, now_us, field=0, value=axis, limit=limit)
@@ -266,9 +254,9 @@ class BoardSession:
         if age_us is None:
             self.stats.stale_setpoints += 1
             return None
-        return SetpointReceived(setpoint, frame.seq, age_us)
+        return e.SetpointReceived(setpoint, frame.seq, age_us)
 
-    def _on_request(self, message: m.Message, frame: Frame, now_us: int) -> BoardEvent | None:
+    def _on_request(self, message: m.Message, frame: Frame, now_us: int) -> e.BoardEvent | None:
         verdict = self._memory.judge(frame.seq)
         if verdict is Verdict.BUSY:
             self.stats.busy_requests += 1
@@ -278,7 +266,7 @@ class BoardSession:
             self._put(self._memory.answer)
         if verdict is not Verdict.NEW:
             return None
-        request = Request(message, frame.seq, self.session)
+        request = e.Request(message, frame.seq, self.session)
         axis = getattr(message, "axis", 0)
         if axis >= self._ident.axes:
             limit = self._ident.axes - 1
@@ -288,17 +276,17 @@ class BoardSession:
 
     # Requests that the session answers itself
 
-    def _on_describe(self, message: m.Describe, request: Request, now_us: int) -> None:
+    def _on_describe(self, message: m.Describe, request: e.Request, now_us: int) -> None:
         piece = self._description[message.offset : message.offset + SLICE]
         total = len(self._description)
         self.reply(request, m.Description(message.offset, total, len(piece), piece), now_us)
 
-    def _on_param_get(self, message: m.ParamGet, request: Request, now_us: int) -> None:
+    def _on_param_get(self, message: m.ParamGet, request: e.Request, now_us: int) -> None:
         self._answer_parameter(request, message.axis, message.param, now_us)
 
     def _on_param_set(
-        self, message: m.ParamSet, request: Request, now_us: int
-    ) -> ParameterChanged | None:
+        self, message: m.ParamSet, request: e.Request, now_us: int
+    ) -> e.ParameterChanged | None:
         if not self.safe:
             self.reject(request, ErrorCode.WRONG_STATE, now_us=now_us)
             return None
@@ -310,15 +298,15 @@ class BoardSession:
             return None
         self._answer_parameter(request, message.axis, message.param, now_us)
         name = self.parameters.find(message.axis, message.param).name
-        return ParameterChanged(message.axis, name, message.value)
+        return e.ParameterChanged(message.axis, name, message.value)
 
     def _on_param_save(
-        self, message: m.ParamSave, request: Request, now_us: int
-    ) -> ParameterSaveRequested | None:
+        self, message: m.ParamSave, request: e.Request, now_us: int
+    ) -> e.ParameterSaveRequested | None:
         if not self.safe:
             self.reject(request, ErrorCode.WRONG_STATE, now_us=now_us)
             return None
-        return ParameterSaveRequested(request, message)
+        return e.ParameterSaveRequested(request, message)
 
     def _check_rate(self, message: m.ParamSet) -> None:
         if message.param != BY_NAME["state_rate_hz"].number:
@@ -332,7 +320,7 @@ class BoardSession:
                 most_hz,
             )
 
-    def _answer_parameter(self, request: Request, axis: int, number: int, now_us: int) -> None:
+    def _answer_parameter(self, request: e.Request, axis: int, number: int, now_us: int) -> None:
         try:
             row = self.parameters.find(axis, number)
         except ParameterRefusedError as refused:
@@ -347,7 +335,7 @@ class BoardSession:
             now_us,
         )
 
-    def _on_fault_get(self, message: m.FaultGet, request: Request, now_us: int) -> None:
+    def _on_fault_get(self, message: m.FaultGet, request: e.Request, now_us: int) -> None:
         report = self.reports.get(message.axis, message.index)
         if report is None:
             limit = self.reports.count(message.axis)
@@ -356,12 +344,12 @@ class BoardSession:
         self.reply(request, report, now_us)
 
     def _on_arm_request(
-        self, message: m.ArmRequest, request: Request, now_us: int
-    ) -> ArmRequested | None:
+        self, message: m.ArmRequest, request: e.Request, now_us: int
+    ) -> e.ArmRequested | None:
         if message.param_crc != self.parameters.crc:
             self.reject(request, ErrorCode.PARAMETERS_DIFFER, 1, now_us=now_us)
             return None
-        return ArmRequested(request, message)
+        return e.ArmRequested(request, message)
 
     # Small things
 
@@ -402,10 +390,8 @@ class BoardSession:
         value: int = 0,
         limit: int = 0,
     ) -> None:
-        self._error_times = [t for t in self._error_times if 0 <= now_us - t < 1_000_000]
-        if len(self._error_times) >= ERRORS_PER_SECOND:
+        if not self._complaints.spend(now_us):
             self.stats.dropped_errors += 1
             return
-        self._error_times.append(now_us)
         error = m.Error(frame.type, frame.seq, code, field, value, limit)
         self._put(self._codec.frame(error, frame.seq, self.session))

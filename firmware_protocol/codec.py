@@ -14,8 +14,8 @@ import msgspec
 
 from firmware_protocol.errors import PayloadError, SchemaError
 from firmware_protocol.framing import MAX_PAYLOAD, encode_frame
-from firmware_protocol.messages import MESSAGES, Message
-from firmware_protocol.wire import NUMBER_CODES, Field, fields_of
+from firmware_protocol.messages import FIRST_BOARD_NUMBER, MESSAGES, Message
+from firmware_protocol.wire import NUMBER_CODES, Direction, Field, fields_of
 
 
 class Layout:
@@ -66,6 +66,13 @@ class Codec:
                 raise SchemaError(
                     f"{cls.__name__} takes {layout.size} bytes, the limit is {MAX_PAYLOAD}; "
                     "split it in two"
+                )
+            to_host = cls.info.direction is Direction.TO_HOST
+            if to_host != (layout.number >= FIRST_BOARD_NUMBER):
+                raise SchemaError(
+                    f"{cls.__name__} goes {cls.info.direction} and has number "
+                    f"0x{layout.number:02x}; numbers from 0x{FIRST_BOARD_NUMBER:02x} on are the "
+                    "board's"
                 )
             self.layouts[layout.number] = layout
             self._by_class[cls] = layout

@@ -14,9 +14,10 @@ from typing import Any
 
 from firmware_protocol.codec import CODEC, Codec
 from firmware_protocol.errors import PayloadError, SchemaError
-from firmware_protocol.framing import MAX_PAYLOAD
+from firmware_protocol.framing import MAX_PAYLOAD, Frame
 from firmware_protocol.messages import Describe, Description, Message
 from firmware_protocol.schema import decompress, differences, wire_name
+from firmware_protocol.stats import HostLinkStats
 from firmware_protocol.wire import BLOCK_KINDS, NUMBER_CODES, RECORD_KIND, Field, fields_of
 
 MAX_COMPRESSED = 1 << 16
@@ -57,6 +58,20 @@ class Reader:
         self._own = own
         self._own_description = own_description
         self._download: Download | None = None
+
+    def read(self, frame: Frame, stats: HostLinkStats) -> Message | None:
+        """Return the message of a frame; None, counted, if it cannot be told what it means."""
+        if not self.codec.knows(frame.type):
+            stats.unknown_types += 1
+            return None
+        if not self.understood and not self._own.layouts[frame.type].cls.info.frozen:
+            stats.not_understood += 1
+            return None
+        try:
+            return self.codec.unpack(frame.type, frame.payload)
+        except PayloadError:
+            stats.payload_errors += 1
+            return None
 
     def begin_download(self) -> Describe:
         """Note that the board's table differs; return the first request for its description."""

@@ -16,7 +16,6 @@ Three rules:
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -29,12 +28,12 @@ from firmware_protocol.errors import (
     NotAllowedError,
     NotARequestError,
     NotConnectedError,
-    PayloadError,
 )
 from firmware_protocol.framing import DELIMITER, Frame, FrameDecoder, encode_frame
 from firmware_protocol.greeting import Greeting
 from firmware_protocol.mirror import Mirror
 from firmware_protocol.outbox import Outbox
+from firmware_protocol.reports import ReportsSeen
 from firmware_protocol.requests import Pending, RequestQueue
 from firmware_protocol.samples import SampleOrder
 from firmware_protocol.schema import describe, schema_crc
@@ -48,8 +47,6 @@ SILENCE_US = 500_000
 FOREIGN_LIMIT = 3
 TIMEOUT_LIMIT = 3
 ESTOP_COPIES = 3
-FIRST_BOARD_NUMBER = 0x80
-REPORTS_KNOWN = 64
 
 
 class HostSession:
@@ -75,7 +72,7 @@ class HostSession:
         self._now_us = 0
         self._time = TimeExchanges()
         self._estop_wanted = False
-        self._reported: deque[tuple[int, int, int]] = deque(maxlen=REPORTS_KNOWN)
+        self._reports = ReportsSeen()
         self._handlers: dict[type[m.Message], Callable[[Any, Frame, list[e.HostEvent]], None]] = {
             m.State: self._on_state,
             m.Ident: self._on_ident,
@@ -111,7 +108,7 @@ class HostSession:
         events = self.lost(now_us)
         self._open = True
         self._decoder.reset()
-        self._synchronise(now_us)
+        self._greet(now_us)
         return events
 
     def lost(self, now_us: int) -> list[e.HostEvent]:
@@ -214,9 +211,7 @@ class HostSession:
         self._begin_session(0)
         self._mirror = None
 
-    def _synchronise(self, now_us: int) -> None:
-        self._begin_session(0)
-        self._mirror = None
+    def _greet(self, now_us: int) -> None:
         self._greeting.renew()
         self._send_hello(now_us)
 
@@ -225,7 +220,7 @@ class HostSession:
     ) -> None:
         self._end_session(reason, events)
         events.append(event)
-        self._synchronise(self._now_us)
+        self._greet(self._now_us)
 
     def _send_hello(self, now_us: int) -> None:
         seq = self._greeting.count & 0xFF
@@ -281,20 +276,13 @@ class HostSession:
     # Frames
 
     def _on_frame(self, frame: Frame, events: list[e.HostEvent]) -> None:
-        if frame.type < FIRST_BOARD_NUMBER:
+        if frame.type < m.FIRST_BOARD_NUMBER:
             self.stats.echoes += 1
             return
-        codec = self._reader.codec
-        if not codec.knows(frame.type):
-            self.stats.unknown_types += 1
-            return
-        if not self._reader.understood and not self._codec.layouts[frame.type].cls.info.frozen:
+        if frame.session == self.session and not self._reader.understood:
             self._heard_us = self._now_us
-            return
-        try:
-            message = codec.unpack(frame.type, frame.payload)
-        except PayloadError:
-            self.stats.payload_errors += 1
+        message = self._reader.read(frame, self.stats)
+        if message is None:
             return
         if type(message) is not m.Ident:
             if self._mirror is None:
@@ -303,8 +291,6 @@ class HostSession:
                 self._on_stranger(events)
                 return
             self._strangers = 0
-            if self.incompatible is not None:
-                self._heard_us = self._now_us
         self._handlers[type(message)](message, frame, events)
 
     def _on_stranger(self, events: list[e.HostEvent]) -> None:
@@ -315,8 +301,8 @@ class HostSession:
 
     def _on_ident(self, ident: m.Ident, frame: Frame, events: list[e.HostEvent]) -> None:
         if self._mirror is not None:
-            reborn = ident.session == 0 and self.board is not None
-            if reborn and self.board and ident.boot_count != self.board.boot_count:
+            known = self.board is not None and ident.boot_count == self.board.boot_count
+            if ident.session == 0 and not known:
                 self._restart(e.BoardRestarted(ident), e.FailureReason.BOARD_RESTARTED, events)
         elif ident.nonce == self._greeting.nonce:
             self._on_answer(ident, events)
@@ -328,8 +314,8 @@ class HostSession:
         self._greeting.stop()
         if self.board is None or self.board.boot_count != ident.boot_count:
             self._time = TimeExchanges()
-            self._reported.clear()
-            self._estop_wanted = False
+            self._reports = ReportsSeen()
+            self._estop_wanted = self._estop_wanted and self.board is None
         self.board = ident
         if ident.major != m.PROTOCOL_MAJOR or ident.session == 0:
             line = f"protocol: host has {m.PROTOCOL_MAJOR}.{m.PROTOCOL_MINOR}, board has "
@@ -381,15 +367,13 @@ class HostSession:
         events.append(e.StatsReceived(stats))
 
     def _on_fault(self, report: m.FaultReport, frame: Frame, events: list[e.HostEvent]) -> None:
-        key = (report.axis, report.index, report.t_us)
-        answered = self._answered(report, frame, events)
-        if key not in self._reported and not answered:
-            if self._mirror is not None:
-                t_us = self._time.unwrap(report.t_us, self._now_us)
-                self._mirror.stopped(report.axis, t_us)
-            events.append(e.FaultReported(report))
-        if key not in self._reported:
-            self._reported.append(key)
+        is_new = self._reports.note(report)
+        if self._answered(report, frame, events) or not is_new:
+            return
+        if self._mirror is not None:
+            t_us = self._time.unwrap(report.t_us, self._now_us)
+            self._mirror.stopped(report.axis, t_us)
+        events.append(e.FaultReported(report))
 
     def _on_error(self, error: m.Error, frame: Frame, events: list[e.HostEvent]) -> None:
         pending = self._requests.refused(error.request_type, error.request_seq, self._now_us)

@@ -31,6 +31,9 @@ from firmware_protocol.wire import NO_VALUE, Direction, MessageInfo, Wire
 PROTOCOL_MAJOR: Final = 1
 PROTOCOL_MINOR: Final = 0
 
+FIRST_BOARD_NUMBER: Final = 0x80
+"""Messages from here on come from the board."""
+
 NO_FIELD: Final = 0xFF
 """ERROR.field when no field is to blame."""
 

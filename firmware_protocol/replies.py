@@ -1,8 +1,11 @@
-"""The board's memory of the last request, which is what makes a request act at most once."""
+"""The board's answers: at most one action for each request, at most ten complaints a second."""
 
 from __future__ import annotations
 
 import enum
+from collections import deque
+
+ERRORS_PER_SECOND = 10
 
 
 class Verdict(enum.Enum):
@@ -37,3 +40,18 @@ class RequestMemory:
         self.seq = seq
         self.answer = None
         return Verdict.NEW
+
+
+class Budget:
+    """So many a second, whatever arrives: a flood of bad frames must not fill the line back."""
+
+    def __init__(self, per_second: int) -> None:
+        self._spent: deque[int] = deque(maxlen=per_second)
+
+    def spend(self, now_us: int) -> bool:
+        """Return whether one more is allowed now."""
+        full = len(self._spent) == self._spent.maxlen
+        if full and 0 <= now_us - self._spent[0] < 1_000_000:
+            return False
+        self._spent.append(now_us)
+        return True

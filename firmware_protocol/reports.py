@@ -1,12 +1,15 @@
-"""The board's memory of its faults: the first since boot and the latest ones, per axis."""
+"""Fault reports: the board's memory of them, and the host's of those it has told already."""
 
 from __future__ import annotations
+
+from collections import deque
 
 import msgspec
 
 from firmware_protocol.messages import FaultReport
 
 LATEST_KEPT = 15
+SEEN_KEPT = 64
 
 
 class FaultReports:
@@ -39,3 +42,18 @@ class FaultReports:
     def count(self, axis: int) -> int:
         """Return how many reports an axis has made since boot."""
         return self._counts.get(axis, 0)
+
+
+class ReportsSeen:
+    """The host's memory: the copies of a report are one report."""
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[int, int, int]] = deque(maxlen=SEEN_KEPT)
+
+    def note(self, report: FaultReport) -> bool:
+        """Return whether the report is new."""
+        key = (report.axis, report.index, report.t_us)
+        if key in self._seen:
+            return False
+        self._seen.append(key)
+        return True

@@ -17,6 +17,7 @@ class HostLinkStats(msgspec.Struct):
     session_errors: int = 0
     payload_errors: int = 0
     unknown_types: int = 0
+    not_understood: int = 0
     echoes: int = 0
     ack_errors: int = 0
     repeats: int = 0
