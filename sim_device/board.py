@@ -1,0 +1,300 @@
+"""What the firmware does: sample, supervise, apply, and talk to the host.
+
+The board has its own clock (`now_us`, virtual) and knows nothing of the plant: readings come in
+with each sample, and the current and duty it wants are in `outputs`. One axis.
+"""
+
+from __future__ import annotations
+
+import random
+
+from firmware_protocol import messages as wire
+from firmware_protocol.board import BoardSession
+from firmware_protocol.codec import CODEC, Codec
+from firmware_protocol.enums import (
+    BoardState,
+    Capability,
+    Channel,
+    Fault,
+    Limiter,
+    ResetCause,
+    SetpointFlag,
+    ValidBit,
+)
+from firmware_protocol.events import BoardEvent
+from firmware_protocol.parameters import BY_NAME, DamagedImageError, ParameterStore
+from firmware_protocol.supervisor import (
+    Measurements,
+    Memory,
+    Outcome,
+    SelfTest,
+    Supervisor,
+)
+from firmware_protocol.supervisor.supervisor import Event
+from sim_device.commands import Commands
+from sim_device.hardware import Hardware
+from sim_device.plant import Readings
+
+FIRMWARE = "smad-sim 1.0"
+BAUD = 921_600
+SELF_TEST_SAMPLES = 5
+STATS_EVERY_US = 1_000_000
+WRAP = 1 << 32
+AGE_MOST_US = 0xFFFE
+AGE_UNKNOWN = 0xFFFF
+
+_COMMON = (
+    Capability.ENCODER | Capability.FORCE_SENSOR | Capability.VOLTAGE_SENSE
+    | Capability.RTD_INLET | Capability.RTD_AMBIENT | Capability.DRAIN
+    | Capability.LEAK_SENSOR | Capability.PUMP_TACHO | Capability.PARAMETER_STORE
+)  # fmt: skip
+CAPABILITIES: dict[str, int] = {
+    "antagonistic": int(_COMMON),
+    "stretch": int(_COMMON | Capability.STAGE),
+    "blocked": int(_COMMON | Capability.STAGE),
+}
+"""What a board says it has, by fixture."""
+
+ALL_VALID = int(
+    ValidBit.I_X | ValidBit.I_Y | ValidBit.V_X | ValidBit.V_Y | ValidBit.RTD_X | ValidBit.RTD_Y
+    | ValidBit.RTD_INLET | ValidBit.RTD_AMBIENT | ValidBit.ENCODER | ValidBit.FORCE | ValidBit.VBUS
+)  # fmt: skip
+_SETPOINT_VALID = int(ValidBit.SETPOINT)
+_DRAIN_X, _DRAIN_Y = int(SetpointFlag.DRAIN_X), int(SetpointFlag.DRAIN_Y)
+_STAGE = int(SetpointFlag.STAGE)
+_RTD_BITS = (ValidBit.RTD_X, ValidBit.RTD_Y, ValidBit.RTD_INLET, ValidBit.RTD_AMBIENT)
+_NO_COUNTS = -(2**31)
+_STATES = tuple(BoardState)
+_LIMITERS = tuple(Limiter)
+
+
+class Board:
+    """One board, from power-up to power-down. Power-cycling makes a new one.
+
+    `image` is what the parameter memory holds (None: empty). If its checksum is wrong, the
+    compiled limits are used and the board goes to FAULT.
+    """
+
+    def __init__(
+        self,
+        *,
+        fixture: str = "antagonistic",
+        rate_hz: int = 100,
+        seed: int = 0,
+        image: bytes | None = None,
+        boot_count: int = 1,
+        cause: ResetCause = ResetCause.POWER_ON,
+        now_us: int = 0,
+        hardware: Hardware | None = None,
+        codec: Codec = CODEC,
+        major: int = wire.PROTOCOL_MAJOR,
+    ) -> None:
+        self.now_us = now_us
+        self.hardware = hardware or Hardware()
+        self.parameters = ParameterStore(1)
+        self.parameters.set(0, BY_NAME["state_rate_hz"].number, rate_hz)
+        self.image = image
+        intact = self._load(image)
+        self.supervisor = Supervisor()
+        self.outputs: Memory = self.supervisor.memory
+        self.measurements = Measurements(parameters_ok=int(intact))
+        rng = random.Random(f"{seed} {boot_count}")
+        self.session = BoardSession(
+            ident=wire.Ident(
+                major=major,
+                minor=wire.PROTOCOL_MINOR,
+                schema_crc=0,
+                param_crc=0,
+                nonce=0,
+                session=0,
+                boot_count=boot_count,
+                reset_cause=cause,
+                first_fault=0,
+                axes=1,
+                capabilities=CAPABILITIES[fixture],
+                state_rate_hz=self.rate_hz,
+                baud=BAUD,
+                uid=random.Random(seed).randbytes(12),
+                firmware=FIRMWARE,
+            ),
+            parameters=self.parameters,
+            codec=codec,
+        )
+        self.commands = Commands(self, rng)
+        self.drain = (False, False)
+        self.stage_m = 0.0
+        self.tick = 0
+        self.sp_seq = 0
+        self.sp_age_us = AGE_UNKNOWN
+        self.lying_sp_seq = 0
+        """Added to STATE.sp_seq by a fault injection."""
+        self.overruns = 0
+        self.longest_loop_us = 0
+        self._stats_due_us = now_us + STATS_EVERY_US
+        self._reported = 0
+        self.apply_parameters()
+        self.session.boot(now_us)
+
+    @property
+    def rate_hz(self) -> int:
+        """Samples per second."""
+        return self.parameters.get("state_rate_hz")
+
+    @property
+    def period_us(self) -> int:
+        """Time from one sample to the next."""
+        return 1_000_000 // self.rate_hz
+
+    @property
+    def state(self) -> BoardState:
+        """State of the machine."""
+        return _STATES[self.outputs.state]
+
+    def receive(self, data: bytes, now_us: int) -> None:
+        """Take in bytes from the host and act on them."""
+        self.session.safe = self.outputs.state == BoardState.SAFE
+        for event in self.session.receive(data, now_us):
+            self.act(event, now_us)
+
+    def act(self, event: BoardEvent, now_us: int) -> None:
+        """Act on one event of the session."""
+        self.commands.act(event, now_us)
+
+    def command(self, event: Event, now_us: int) -> Outcome:
+        """Pass a command to the supervisor, and report the fault if it made one."""
+        outcome = self.supervisor.event(event, now_us)
+        self._report_fault()
+        return outcome
+
+    def apply_setpoint(self, setpoint: wire.Setpoint, seq: int, age_us: int, now_us: int) -> None:
+        """Put a fresh setpoint in force, from this moment on."""
+        refused = self.supervisor.setpoint(
+            setpoint.i_mA, setpoint.pump_duty, age_us, setpoint.ttl_ms * 1000, now_us
+        )
+        if refused:
+            return
+        self.sp_seq = seq
+        self.sp_age_us = min(age_us, AGE_MOST_US)
+        flags = int(setpoint.flags)
+        self.drain = ((flags & _DRAIN_X) != 0, (flags & _DRAIN_Y) != 0)
+        if flags & _STAGE:
+            self.stage_m = setpoint.stage_um * 1e-6
+
+    def sample(self, readings: Readings, now_us: int, *, talk: bool = True) -> wire.State:
+        """Take one sample at board time `now_us`; return what the host is told.
+
+        With `talk` False nothing is put on the line but faults.
+        """
+        dt_us = now_us - self.now_us
+        self.now_us = now_us
+        s, m = self.outputs, self.measurements
+        self.hardware.measure(readings, s, m, dt_us * 1e-6)
+        self.tick = (self.tick + 1) & 0xFFFF
+        if s.state == BoardState.BOOT and self.tick >= SELF_TEST_SAMPLES:
+            self.supervisor.event(SelfTest(True), now_us)
+        self.supervisor.sample(m, now_us)
+        if not s.gate:
+            self.drain = (False, False)
+        self._watch_loop(dt_us)
+        state = self._state()
+        if talk:
+            self.session.send_state(state)
+        if s.latched != self._reported:
+            self._report_fault()
+        if now_us >= self._stats_due_us:
+            self._stats_due_us += STATS_EVERY_US
+            if talk:
+                self.session.send_link_stats(now_us, self.overruns, self.longest_loop_us)
+            self.longest_loop_us = 0
+        return state
+
+    def apply_parameters(self) -> None:
+        """Put the parameters in force: limits that tighten the compiled ones, and scales."""
+        self.supervisor.set_limits(self.parameters.limits())
+        self.hardware.set_scales(
+            encoder_nm=self.parameters.get("encoder_nm_per_count"),
+            encoder_offset=self.parameters.get("encoder_offset_counts"),
+            force_uN=self.parameters.get("force_uN_per_count"),
+            force_offset=self.parameters.get("force_offset_counts"),
+        )
+
+    def save_parameters(self) -> None:
+        """Write the parameters to the memory that survives a power cycle."""
+        self.image = self.parameters.image()
+
+    def _load(self, image: bytes | None) -> bool:
+        """Take over the stored parameters; return False if they are damaged."""
+        if image is None:
+            return True
+        try:
+            self.parameters.load(image)
+        except DamagedImageError:
+            return False
+        return True
+
+    def _watch_loop(self, dt_us: int) -> None:
+        self.longest_loop_us = max(self.longest_loop_us, dt_us)
+        if dt_us > 1.5 * self.period_us and self.tick > 1:
+            self.overruns += 1
+
+    def _report_fault(self) -> None:
+        """Send a FAULT when the supervisor latched one; clearing lets the next one be sent."""
+        s = self.outputs
+        if s.latched and not self._reported:
+            self.session.send_fault(
+                wire.FaultReport(
+                    axis=0,
+                    index=0,
+                    fault=Fault(s.first_fault),
+                    channel=Channel(s.first_channel),
+                    t_us=s.first_us % WRAP,
+                    measured=s.first_value,
+                    limit=s.first_limit,
+                    snapshot=self._state(),
+                )
+            )
+        self._reported = s.latched
+
+    def _state(self) -> wire.State:
+        """Return the sample as the host is told it."""
+        s, m, hardware = self.outputs, self.measurements, self.hardware
+        r = m.rtd_cC
+        valid = ALL_VALID
+        if not s.sensor_ok[0] or not s.sensor_ok[1] or hardware.broken:
+            valid = self._valid()
+        if self.sp_age_us != AGE_UNKNOWN:
+            valid |= _SETPOINT_VALID
+        limiter = s.limiter[0] if s.limiter[0] > s.limiter[1] else s.limiter[1]
+        return wire.State(
+            axis=0,
+            t_us=self.now_us % WRAP,
+            tick=self.tick,
+            mode=_STATES[s.state],
+            limiter=_LIMITERS[limiter],
+            faults=s.faults,
+            warnings=s.warnings,
+            i_meas_mA=(m.i_mA[0], m.i_mA[1]),
+            i_applied_mA=(s.applied_mA[0], s.applied_mA[1]),
+            v_mV=(max(m.v_mV[0], 0), max(m.v_mV[1], 0)),
+            pump_duty=(s.duty[0], s.duty[1]),
+            rtd_cC=(r[0], r[1], r[2], r[3]),
+            encoder_counts=_NO_COUNTS if m.encoder_invalid else hardware.encoder_counts,
+            force_counts=hardware.force_counts,
+            vbus_mV=m.vbus_mV,
+            valid=valid,
+            sp_seq=(self.sp_seq + self.lying_sp_seq) & 0xFF,
+            sp_age_us=self.sp_age_us,
+        )
+
+    def _valid(self) -> int:
+        """Return the valid bits when some part may be broken."""
+        m, limits = self.measurements, self.supervisor.limits
+        valid = ALL_VALID
+        for bit, value in zip(_RTD_BITS, m.rtd_cC, strict=True):
+            if not limits.rail_low_cC < value < limits.rail_high_cC:
+                valid &= ~bit
+        if m.encoder_invalid:
+            valid &= ~ValidBit.ENCODER
+        if m.force_invalid:
+            valid &= ~ValidBit.FORCE
+        return valid
