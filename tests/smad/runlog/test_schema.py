@@ -1,0 +1,91 @@
+"""The table of channels, and what is made from it."""
+
+import json
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from smad.runlog.header import RunHeader, installed_versions
+from smad.runlog.schema import CHANNELS, TOPICS, Event, LinkSample, Row, json_schema, markdown_table
+from smad.runlog.units import UNITS
+
+from .helpers import HEADER
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+
+
+def test_every_column_named_in_the_architecture_is_a_channel() -> None:
+    text = (DOCS / "architecture.md").read_text()
+    listed = re.search(r"Columns: (.*?)\.\nHeader", text, re.DOTALL)
+    assert listed is not None
+    names = [
+        name
+        for group in re.findall(r"`([^`]+)`", listed[1])
+        for name in group.split()
+        if re.fullmatch(r"[a-z]\w+", name)
+    ]
+    assert len(names) > 20
+    assert [name for name in names if name not in CHANNELS] == []
+
+
+@pytest.mark.parametrize("channel", CHANNELS.values(), ids=lambda c: c.name)
+def test_every_channel_has_a_description_a_source_and_its_unit_in_its_name(channel) -> None:
+    assert channel.description
+    assert channel.source
+    if channel.kind == "float" and channel.unit != "1":
+        assert channel.unit in UNITS
+        assert channel.name.endswith(f"_{channel.unit}")
+
+
+def test_the_guide_lists_the_channels_as_they_are() -> None:
+    assert markdown_table() in (DOCS / "guide/run-logs.md").read_text()
+
+
+@pytest.mark.parametrize("record", TOPICS, ids=lambda r: r.__name__)
+def test_the_json_schema_describes_every_member_and_allows_null_where_it_may_be(record) -> None:
+    schema = json.loads(json_schema(record))
+    assert schema["type"] == "object"
+    assert set(schema["properties"]) == set(record.__struct_fields__)
+    for member in schema["properties"].values():
+        assert member["description"]
+    assert schema["properties"]["host_time_s"]["type"] == ["number", "null"]
+
+
+def test_nothing_but_null_stands_for_a_value_that_was_not_measured() -> None:
+    body = msgspec.json.encode(Row(t_s=1.0, force_N=float("nan")))
+    assert json.loads(body)["force_N"] is None
+    assert b"NaN" not in body
+
+
+def test_events_and_link_samples_keep_their_details() -> None:
+    event = Event(kind="note", text="x", data={"a": [1, None]})
+    link = LinkSample(counters={"retries": 2.0})
+    assert msgspec.json.decode(msgspec.json.encode(event), type=Event) == event
+    assert msgspec.json.decode(msgspec.json.encode(link), type=LinkSample) == link
+
+
+def test_a_header_comes_back_from_its_metadata() -> None:
+    assert RunHeader.from_metadata(HEADER.to_metadata()) == HEADER
+
+
+def test_a_header_names_the_hash_of_its_parameter_file() -> None:
+    assert len(HEADER.to_metadata()["parameter_sha256"]) == 64
+    assert RunHeader().to_metadata()["parameter_sha256"] == ""
+
+
+def test_metadata_of_another_program_is_kept_and_nonsense_does_no_harm() -> None:
+    header = RunHeader.from_metadata(
+        {"operator": "somebody", "seed": "not a number", "source": "elsewhere", "gains": "[1]"}
+    )
+    assert header.seed is None
+    assert header.source == "unknown"
+    assert header.extra == {
+        "operator": "somebody", "seed": "not a number", "source": "elsewhere", "gains": "[1]",
+    }  # fmt: skip
+
+
+def test_the_versions_of_a_run_are_those_installed() -> None:
+    assert installed_versions()["smad"]
+    assert installed_versions()["mcap"] != "not installed"

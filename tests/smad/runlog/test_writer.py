@@ -1,0 +1,243 @@
+"""Recording: nothing raises, nothing waits, nothing is overwritten, nothing is lost unseen."""
+
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import NonSeekingReader, make_reader
+
+from smad.errors import RunLogError
+from smad.runlog.paths import free_path, new_run_path, newest_run
+from smad.runlog.reader import read_run
+from smad.runlog.schema import ROW_TOPIC, Event, Row
+from smad.runlog.writer import RunWriter, write_run
+
+from .helpers import HEADER, row_numbers, rows, write_small_run
+
+NEVER_S = 3600.0
+
+
+def test_what_is_appended_is_read_back(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with RunWriter(path, HEADER, flush_interval_s=0.01) as writer:
+        assert all(writer.append(row) for row in rows(500))
+    run = read_run(path)
+    assert writer.error is None
+    assert (writer.dropped, run.dropped, run.cut_short, run.notes) == (0, 0, False, [])
+    assert row_numbers(run.columns) == list(range(500))
+    assert run.header == HEADER
+
+
+def test_the_mcap_package_reads_the_file_from_its_index_and_without(tmp_path: Path) -> None:
+    path = write_small_run(tmp_path / "run.mcap")
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == 1003
+        assert all(channel.schema_id != 0 for channel in summary.channels.values())
+        indexed = [message.data for _, _, message in reader.iter_messages(topics=[ROW_TOPIC])]
+    with path.open("rb") as file:
+        front_to_back = [
+            message.data
+            for _, channel, message in NonSeekingReader(file, validate_crcs=True).iter_messages()
+            if channel.topic == ROW_TOPIC
+        ]
+    assert len(indexed) == 1000
+    assert indexed == front_to_back
+
+
+def times_ns(path: Path) -> list[int]:
+    with path.open("rb") as file:
+        found = []
+        for _, _, message in make_reader(file).iter_messages(topics=[ROW_TOPIC]):
+            assert message.log_time == message.publish_time
+            found.append(message.log_time)
+    return found
+
+
+def test_times_in_the_log_are_board_time_from_the_first_host_time_on(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_run(path, HEADER, rows(10, start=300))
+    times = times_ns(path)
+    assert times[0] == pytest.approx(1.790000003e18, abs=1000)
+    assert set(np.diff(times)) == {10_000_000}
+
+
+def test_a_host_clock_that_is_set_in_mid_run_does_not_bend_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_run(
+        path,
+        HEADER,
+        [Row(t_s=n / 100, host_time_s=1.79e9 + (86_400 if n > 5 else 0)) for n in range(10)],
+    )
+    assert set(np.diff(times_ns(path))) == {10_000_000}
+
+
+def test_rows_without_host_time_start_where_the_header_says(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_run(path, HEADER, [Row(t_s=5.0), Row(t_s=5.5)])
+    assert times_ns(path) == [1_790_000_000_000_000_000, 1_790_000_000_500_000_000]
+
+
+def test_a_full_queue_drops_rows_counts_them_and_says_so_in_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with RunWriter(path, HEADER, flush_interval_s=NEVER_S, queue_rows=10) as writer:
+        taken = [writer.append(row) for row in rows(15)]
+    run = read_run(path)
+    assert taken == [True] * 10 + [False] * 5
+    assert writer.dropped == run.dropped == 5
+    assert row_numbers(run.columns) == list(range(10))
+    assert [(event.kind, event.data) for event in run.events] == [("record", {"dropped": 5})]
+    assert "5 rows were dropped while recording" in run.notes
+
+
+def test_a_record_that_cannot_be_written_is_left_out_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with RunWriter(path, HEADER, flush_interval_s=NEVER_S) as writer:
+        assert not writer.append(Event(kind="note", text="x", data={"bad": object()}))
+        assert writer.append(Row(t_s=1.0))
+    assert writer.error is None
+    assert "object" in (writer.bad_record or "")
+    assert len(read_run(path)) == 1
+
+
+def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with RunWriter(path, HEADER) as writer:
+        assert writer.append(Row(t_s=np.float64(1.5), force_N=np.float32(0.5), mode=np.int64(3)))
+    run = read_run(path)
+    assert (run.columns["t_s"][0], run.columns["force_N"][0], run.columns["mode"][0]) == (
+        1.5,
+        0.5,
+        3,
+    )
+
+
+def test_a_long_run_goes_on_in_further_files(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with RunWriter(path, HEADER, flush_interval_s=NEVER_S, max_file_s=3.0) as writer:
+        for row in rows(1000):
+            writer.append(row)
+    runs = [read_run(part) for part in writer.paths]
+    assert [part.name for part in writer.paths][:2] == ["run.mcap", "run.part2.mcap"]
+    assert [run.header.part for run in runs] == list(range(1, len(runs) + 1))
+    assert len(runs) > 1
+    assert [n for run in runs for n in row_numbers(run.columns)] == list(range(1000))
+    assert not any(run.cut_short for run in runs)
+
+
+def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
+    path = write_small_run(tmp_path / "run.mcap")
+    before = path.read_bytes()
+    with pytest.raises(RunLogError, match="is there already"):
+        RunWriter(path, HEADER)
+    with pytest.raises(RunLogError, match="is there already"):
+        write_run(path, HEADER, rows(1))
+    assert path.read_bytes() == before
+
+
+def test_a_run_that_breaks_off_while_being_written_at_once_leaves_nothing(tmp_path: Path) -> None:
+    def broken():
+        yield from rows(3)
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write_run(tmp_path / "run.mcap", HEADER, broken())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_run(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RunLogError, match="cannot create"):
+        RunWriter(tmp_path / "file" / "run.mcap", HEADER)
+
+
+def test_names_of_files_tell_date_and_name_and_are_never_taken_twice(tmp_path: Path) -> None:
+    when = datetime(2026, 11, 20, 5, 7, 9)
+    first = new_run_path(tmp_path, "step ±10 mm/slow", when)
+    assert first.name == "20261120-050709-step-10-mm-slow.mcap"
+    first.touch()
+    assert new_run_path(tmp_path, "step ±10 mm/slow", when).name.endswith("slow-2.mcap")
+    assert free_path(first) == first.with_name(f"{first.stem}-2.mcap")
+    assert new_run_path(tmp_path, "///", when).name == "20261120-050709-run.mcap"
+
+
+def test_the_newest_run_is_the_last_by_name(tmp_path: Path) -> None:
+    assert newest_run(tmp_path) is None
+    for name in ("20261120-050709-b.mcap", "20261121-000000-a.mcap", "20260101-000000-z.mcap"):
+        (tmp_path / name).touch()
+    assert newest_run(tmp_path) == tmp_path / "20261121-000000-a.mcap"
+
+
+FULL_DISK = """
+    import resource, signal, sys
+    from smad.runlog.writer import RunWriter
+    from tests.smad.runlog.helpers import HEADER, rows
+
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
+    writer = RunWriter(sys.argv[1], HEADER, flush_interval_s=0.001)
+    for row in rows(200_000):
+        if not writer.append(row) and writer.error:
+            break
+    writer.close()
+    print(writer.written, writer.dropped > 0, writer.error)
+"""
+
+ENDLESS = """
+    import sys, time
+    from smad.runlog.writer import RunWriter
+    from tests.smad.runlog.helpers import HEADER, rows
+
+    with RunWriter(sys.argv[1], HEADER, flush_interval_s=0.02) as writer:
+        for row in rows(10_000_000):
+            writer.append(row)
+            time.sleep(0.001)
+"""
+
+
+def script(text: str, path: Path) -> list[str]:
+    root = Path(__file__).resolve().parents[3]
+    body = f"import sys; sys.path.insert(0, {str(root)!r})\n" + textwrap.dedent(text)
+    return [sys.executable, "-c", body, str(path)]
+
+
+def test_a_full_disk_stops_the_recording_not_the_caller(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    done = subprocess.run(script(FULL_DISK, path), capture_output=True, text=True, check=True)
+    written, dropped, error = done.stdout.strip().split(" ", 2)
+    assert "rows are no longer recorded" in error
+    assert dropped == "True"
+    run = read_run(path)
+    assert row_numbers(run.columns) == list(range(int(written)))
+    assert int(written) > 0
+
+
+def test_a_writer_that_is_killed_leaves_every_flushed_row(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    writing = subprocess.Popen(script(ENDLESS, path))
+    try:
+        deadline = time.monotonic() + 60
+        flushed = 0
+        while flushed < 100 and time.monotonic() < deadline:
+            assert writing.poll() is None
+            time.sleep(0.02)
+            if path.exists() and path.stat().st_size > 20_000:
+                flushed = len(read_run(path))
+        writing.send_signal(signal.SIGKILL)
+    finally:
+        writing.kill()
+        writing.wait()
+    run = read_run(path)
+    assert len(run) >= flushed >= 100
+    assert run.cut_short
+    assert row_numbers(run.columns) == list(range(len(run)))
+    assert run.header == HEADER
