@@ -1,0 +1,105 @@
+"""The command line: one file a group of commands, each imported only when it is used.
+
+Whatever goes wrong ends in one line on standard error and a non-zero status, never a traceback.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+
+import click
+
+import smad
+from smad.errors import SmadError
+
+COMMANDS: Mapping[str, str] = {
+    "demo": "smad.cli.demo:demo",
+    "start": "smad.cli.start:start",
+    "sim": "smad.cli.sim:sim",
+    "status": "smad.cli.status:status",
+    "arm": "smad.cli.drive:arm",
+    "disarm": "smad.cli.drive:disarm",
+    "estop": "smad.cli.drive:estop",
+    "clear": "smad.cli.drive:clear",
+    "move": "smad.cli.move:move",
+    "heat": "smad.cli.drive:heat",
+    "current": "smad.cli.drive:current",
+    "pump": "smad.cli.drive:pump",
+    "idle": "smad.cli.drive:idle",
+    "params": "smad.cli.params:params",
+    "record": "smad.cli.record:record",
+    "link": "smad.cli.link:link",
+    "config": "smad.cli.config:config",
+    "faults": "smad.cli.faults:faults",
+    "keys": "smad.cli.keys:keys",
+    "log": "smad.cli.log:log",
+    "run": "smad.cli.run:run",
+    "gap": "smad.cli.gap:gap",
+}
+"""Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
+
+_INTERRUPTED = 130
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called, or listed."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one command; None when there is none of that name."""
+        place = COMMANDS.get(cmd_name)
+        if place is None:
+            return None
+        module, _, attribute = place.partition(":")
+        command = getattr(importlib.import_module(module), attribute)
+        assert isinstance(command, click.Command)
+        return command
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(smad.__version__, prog_name="smad")
+def root() -> None:
+    """Runs a bench of antagonistic shape-memory-alloy springs.
+
+    `smad start --sim` starts a simulated bench; `smad demo` shows it at work.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with its status."""
+    status = run(sys.argv[1:] if arguments is None else arguments)
+    sys.exit(status)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command; return its exit status. Errors become one line on standard error."""
+    try:
+        result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)
+    except SmadError as error:
+        return _complain(str(error), error.exit_status)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message(), err=True)
+        return error.exit_code
+    except click.UsageError as error:
+        path = error.ctx.command_path if error.ctx is not None else "smad"
+        return _complain(f"{error.format_message()} See {path} --help.", error.exit_code)
+    except click.ClickException as error:
+        return _complain(error.format_message(), error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        return _complain("interrupted", _INTERRUPTED)
+    except BrokenPipeError:
+        # Whoever read our output has gone; a second complaint at exit would help nobody.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return result if isinstance(result, int) else 0
+
+
+def _complain(message: str, status: int) -> int:
+    click.echo(f"smad: {' '.join(message.split())}", err=True)
+    return status

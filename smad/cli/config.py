@@ -1,0 +1,43 @@
+"""`smad config`: show the configuration, and check a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from smad.cli.output import bench_option, client
+
+
+@click.group()
+def config() -> None:
+    """Look at and check configuration files."""
+
+
+@config.command()
+@click.option("--running", is_flag=True, help="The one a running daemon uses.")
+@bench_option
+def show(running: bool, bench: str) -> None:
+    """Print the default configuration with every key explained, or the one in use."""
+    if running:
+        with client(bench) as bench_client:
+            click.echo(bench_client.config(), nl=False)
+        return
+    from smad.config import default_toml
+
+    click.echo(default_toml(), nl=False)
+
+
+@config.command()
+@click.argument("path", type=click.Path(path_type=Path))
+def check(path: Path) -> None:
+    """Check a file: keys, ranges, and whether rate and baud fit."""
+    from smad.config import load_config
+    from smad.daemon.wirerate import check_rate, line_share
+
+    loaded = load_config(path)
+    check_rate(loaded.link.rate_hz, loaded.link.baud)
+    share = line_share(loaded.link.rate_hz, loaded.link.baud)
+    click.echo(
+        f"{path}: good; {loaded.link.rate_hz} Hz fill {share:.0%} of {loaded.link.baud} baud"
+    )

@@ -1,0 +1,33 @@
+"""`smad keys`: a key pair for a client on another machine."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+
+from smad.errors import ConfigError
+
+
+@click.command()
+@click.argument("path", type=click.Path(path_type=Path))
+def keys(path: Path) -> None:
+    """Make a CURVE key pair in PATH, for a client that commands over TCP.
+
+    The public key goes into daemon.tcp.allowed_keys of the bench; the file stays with the client.
+    """
+    import zmq
+
+    public, secret = zmq.curve_keypair()
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot write {path}: {error.strerror}",
+            action="choose another file; keys are never overwritten",
+        ) from error
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(b"public " + public + b"\nsecret " + secret + b"\n")
+    click.echo(f"{path} written; only you can read it")
+    click.echo(f'in the bench\'s configuration: allowed_keys = ["{public.decode()}"]')

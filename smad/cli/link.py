@@ -1,0 +1,71 @@
+"""`smad link`: how well the line to the board works."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from smad.api import Status
+from smad.cli.output import bench_option, client, progress
+from smad.errors import PortError
+
+_ERRORS = ("crc_errors", "cobs_errors", "length_errors", "payload_errors")
+
+
+@click.group()
+def link() -> None:
+    """Look at the serial link."""
+
+
+@link.command()
+@click.option("--for", "duration_s", type=float, default=5.0, show_default=True, metavar="S")
+@bench_option
+def test(duration_s: float, bench: str) -> None:
+    """Count samples, errors and delays for a while; status 1 when something was lost."""
+    with client(bench) as bench_client, progress() as line:
+        before = bench_client.status()
+        deadline = time.monotonic() + duration_s
+        while (left := deadline - time.monotonic()) > 0:
+            line.say(f"testing the link, {left:.0f} s to go")
+            time.sleep(min(0.5, left))
+        after = bench_client.status()
+    samples = after.counts.samples - before.counts.samples
+    if samples == 0:
+        raise PortError(
+            "no sample came",
+            value=f"link is {after.link.state}",
+            limit=f"{after.link.rate_hz * duration_s:.0f} in {duration_s:g} s",
+            action="check cable and power of the board; smad status says more",
+        )
+    lost = _report(before, after, samples, duration_s)
+    if lost:
+        raise PortError(
+            "the link is not clean",
+            value=f"{lost} losses in {samples} samples",
+            limit="0",
+            action="try another cable or USB port, or a lower rate; see docs/guide/daemon.md",
+        )
+
+
+def _report(before: Status, after: Status, samples: int, duration_s: float) -> int:
+    counts, earlier = after.counts, before.counts
+    missed = counts.missed - earlier.missed
+    skipped = counts.skipped - earlier.skipped
+    refused = counts.setpoints_dropped - earlier.setpoints_dropped
+    damaged = sum(
+        after.link.frames.get(name, 0) - before.link.frames.get(name, 0) for name in _ERRORS
+    )
+    age, share = after.timing.setpoint_age, after.timing.own_share
+    click.echo(f"samples       {samples} in {duration_s:g} s (asked for {after.link.rate_hz} Hz)")
+    click.echo(f"missed        {missed}")
+    click.echo(f"skipped       {skipped} (a newer one was there already)")
+    click.echo(f"damaged       {damaged} frames from the board")
+    click.echo(f"not written   {refused} setpoints")
+    click.echo(f"setpoint age  {_percentiles(age.p50_us, age.p99_us, age.p999_us)}")
+    click.echo(f"daemon's part {_percentiles(share.p50_us, share.p99_us, share.p999_us)}")
+    return missed + damaged + refused
+
+
+def _percentiles(p50_us: float, p99_us: float, p999_us: float) -> str:
+    return f"p50 {p50_us:.0f} µs, p99 {p99_us:.0f} µs, p99.9 {p999_us:.0f} µs (since start)"

@@ -1,0 +1,119 @@
+"""What commands share: a client, progress on standard error, colours on terminals only."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from smad.api import Motion
+    from smad.client import Client
+
+FIRST_PROGRESS_S = 2.0
+_LINE_EVERY_S = 5.0
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+bench_option = click.option(
+    "--bench",
+    default="bench",
+    envvar="SMAD_BENCH",
+    show_default=True,
+    help="Name of the bench, where there are several.",
+)
+
+
+def client(bench: str) -> Client:
+    """Return a client of the running daemon. Raises NoDaemon."""
+    from smad.client import Client
+
+    return Client(bench)
+
+
+class Progress:
+    """One line that says what is going on, from two seconds on.
+
+    On a terminal it is overwritten in place; elsewhere a new line comes every five seconds.
+    """
+
+    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self._clock_s = clock_s
+        self._began_s = clock_s()
+        self._last_s = self._began_s
+        self._terminal = sys.stderr.isatty()
+        self._shown = False
+
+    def say(self, text: str) -> None:
+        """Show what is going on now."""
+        now_s = self._clock_s()
+        if now_s - self._began_s < FIRST_PROGRESS_S:
+            return
+        if self._terminal:
+            click.echo(f"\r\x1b[K{text}", nl=False, err=True)
+            self._shown = True
+        elif not self._shown or now_s - self._last_s >= _LINE_EVERY_S:
+            click.echo(text, err=True)
+            self._shown = True
+            self._last_s = now_s
+
+    def done(self) -> None:
+        """Take the line away."""
+        if self._terminal and self._shown:
+            click.echo("\r\x1b[K", nl=False, err=True)
+
+
+@contextlib.contextmanager
+def progress() -> Iterator[Progress]:
+    """A progress line for as long as the block lasts."""
+    line = Progress()
+    try:
+        yield line
+    finally:
+        line.done()
+
+
+def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
+    """Wait for a motion with a progress line; ctrl-C ends the motion, not only the waiting."""
+    if not wait:
+        click.echo(f"{what}: begun")
+        return
+    try:
+        with progress() as line:
+            motion = bench_client.wait_until_done(lambda now: line.say(f"{what}: {described(now)}"))
+    except KeyboardInterrupt:
+        bench_client.idle()
+        click.echo(f"{what}: interrupted; the bench is idle now and still armed", err=True)
+        raise
+    click.echo(f"{what}: done; {described(motion)}")
+
+
+def described(motion: Motion) -> str:
+    """Return a motion in a few words."""
+    parts = [f"{motion.running}, board {motion.mode}"]
+    if motion.displacement_mm is not None:
+        parts.append(f"at {motion.displacement_mm:.2f} mm")
+    if motion.reference_mm is not None:
+        parts.append(f"reference {motion.reference_mm:.2f} mm")
+    if motion.fault is not None:
+        parts.append(f"fault {motion.fault.name}")
+    return ", ".join(parts)
+
+
+def good(text: str) -> str:
+    """Green on a terminal."""
+    return click.style(text, fg="green")
+
+
+def bad(text: str) -> str:
+    """Red on a terminal."""
+    return click.style(text, fg="red")
+
+
+def warned(text: str) -> str:
+    """Yellow on a terminal."""
+    return click.style(text, fg="yellow")

@@ -1,0 +1,60 @@
+"""`smad params`: the parameters stored on the board."""
+
+from __future__ import annotations
+
+import click
+
+from smad.api import Param
+from smad.cli.output import bench_option, client
+
+
+@click.group()
+def params() -> None:
+    """Look at and change the parameters stored on the board."""
+
+
+@params.command("list")
+@bench_option
+def list_command(bench: str) -> None:
+    """List all of them."""
+    with client(bench) as bench_client:
+        found = bench_client.params()
+    width = max(len(p.name) for p in found)
+    for param in found:
+        click.echo(
+            f"{param.name:<{width}}  {_value(param):>16}  "
+            f"({param.minimum:g} to {param.maximum:g})  {param.description}"
+        )
+
+
+@params.command()
+@click.argument("name")
+@bench_option
+def get(name: str, bench: str) -> None:
+    """Show one."""
+    with client(bench) as bench_client:
+        click.echo(_value(bench_client.get_param(name)))
+
+
+@params.command("set")
+@click.argument("name")
+@click.argument("value", type=float)
+@bench_option
+def set_command(name: str, value: float, bench: str) -> None:
+    """Change one, while not armed. `smad params save` keeps it over a power cycle."""
+    with client(bench) as bench_client:
+        param = bench_client.set_param(name, value)
+    click.echo(f"{name} = {_value(param)}; not yet kept over a power cycle (smad params save)")
+
+
+@params.command()
+@bench_option
+def save(bench: str) -> None:
+    """Keep all of them over a power cycle, while not armed."""
+    with client(bench) as bench_client:
+        count = len(bench_client.save_params())
+    click.echo(f"saved {count} parameters on the board")
+
+
+def _value(param: Param) -> str:
+    return f"{param.value:g} {param.unit}".rstrip()

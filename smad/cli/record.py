@@ -1,0 +1,45 @@
+"""`smad record`: begin, end and annotate a run log."""
+
+from __future__ import annotations
+
+import click
+
+from smad.cli.output import bench_option, client
+
+
+@click.group()
+def record() -> None:
+    """Record a run. Arming records by itself, unless the configuration says otherwise."""
+
+
+@record.command()
+@click.argument("name", default="")
+@bench_option
+def start(name: str, bench: str) -> None:
+    """Begin a run log; NAME goes into the file's name."""
+    with client(bench) as bench_client:
+        status = bench_client.start_recording(name)
+    click.echo(f"recording to {status.path}")
+
+
+@record.command()
+@bench_option
+def stop(bench: str) -> None:
+    """Close the run log."""
+    with client(bench) as bench_client:
+        status = bench_client.stop_recording()
+    lost = f", {status.dropped} samples lost" if status.dropped else ""
+    click.echo(f"{status.path}: {status.rows} samples{lost}")
+    if status.error:
+        click.echo(f"smad: {status.error}", err=True)
+        raise SystemExit(1)
+
+
+@record.command()
+@click.argument("text")
+@bench_option
+def note(text: str, bench: str) -> None:
+    """Write TEXT into the run log."""
+    with client(bench) as bench_client:
+        bench_client.note(text)
+    click.echo("noted")

@@ -1,0 +1,165 @@
+"""`smad status`: everything about the bench on one screen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import click
+
+from smad.api import Percentiles, Status
+from smad.cli.output import bad, bench_option, client, good, warned
+
+_REFRESH_S = 0.5
+_EVENTS = 5
+_LABEL = 11
+
+
+@click.command()
+@click.option("--watch", is_flag=True, help="Show it anew twice a second until ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON; with --watch, a line each time.")
+@bench_option
+def status(watch: bool, as_json: bool, bench: str) -> None:
+    """Show link, board, motion, readings, timing, run log."""
+    with client(bench) as bench_client:
+        while True:
+            now = bench_client.status()
+            if as_json:
+                _print_json(now)
+            else:
+                if watch:
+                    click.clear()
+                click.echo("\n".join(lines(now)))
+            if not watch:
+                return
+            time.sleep(_REFRESH_S)
+
+
+def lines(now: Status) -> Iterator[str]:
+    """The status as a person reads it, the most urgent first."""
+    yield from _bench(now)
+    yield from _readings(now)
+    yield from _link(now)
+    yield from _record(now)
+    yield from _realtime(now)
+    for event in now.events[-_EVENTS:]:
+        when = time.strftime("%H:%M:%S", time.localtime(event.time_s))
+        yield _line("event", f"{when}  {event.text}")
+
+
+def _bench(now: Status) -> Iterator[str]:
+    motion = now.motion
+    armed = warned("ARMED") if motion.armed else good("not armed")
+    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, link {now.link.state}")
+    if motion.fault is not None:
+        fault = motion.fault
+        seen = "" if fault.measured is None else f": {fault.measured:g} {fault.unit}"
+        limit = "" if fault.limit is None else f", limit {fault.limit:g} {fault.unit}"
+        yield _line("fault", bad(f"{fault.name} at {fault.channel}{seen}{limit}"))
+        yield _line("", "smad faults explain says what to do")
+    if now.warnings:
+        yield _line("warnings", warned(", ".join(now.warnings)))
+    done = "done" if motion.done else "under way"
+    reference = "" if motion.reference_mm is None else f", reference {motion.reference_mm:.2f} mm"
+    yield _line("motion", f"{motion.running}, {done}{reference}")
+    if now.limiter != "none":
+        yield _line("limited by", now.limiter)
+    if now.control.holder:
+        whose = "you" if now.control.yours else now.control.holder
+        yield _line("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
+
+
+def _readings(now: Status) -> Iterator[str]:
+    row = now.sample
+    if row is None:
+        yield _line("readings", "none yet")
+        return
+    yield _line(
+        "place",
+        f"{_number(row.displacement_mm, 3)} mm, {_number(row.force_N, 2)} N",
+    )
+    for name, degrees, amperes, volts, duty in (
+        ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x),
+        ("spring y", row.rtd_y_degC, row.i_meas_y_A, row.v_y_V, row.duty_y),
+    ):
+        yield _line(
+            name,
+            f"{_number(degrees, 2)} °C, {_number(amperes, 2)} A, {_number(volts, 2)} V, "
+            f"pump {_number(None if duty is None else 100 * duty, 0)} %",
+        )
+    yield _line(
+        "water, room",
+        f"{_number(row.rtd_inlet_degC, 2)} °C, {_number(row.rtd_ambient_degC, 2)} °C; "
+        f"supply {_number(row.supply_V, 2)} V",
+    )
+
+
+def _link(now: Status) -> Iterator[str]:
+    link, counts, board = now.link, now.counts, now.board
+    yield _line(
+        "link",
+        f"{link.port}, {link.baud} baud, {link.rate_hz} Hz, "
+        f"{counts.samples} samples, {_lost(counts.missed)} missed, {counts.skipped} skipped, "
+        f"{_lost(link.losses)} losses of the port",
+    )
+    for note in link.notes:
+        yield _line("", warned(note))
+    if board is not None:
+        agree = {True: "agree", False: bad("DISAGREE"), None: "being read"}[board.params_agree]
+        schema = "agree" if board.schema_agrees else bad("DISAGREE: watching only")
+        yield _line(
+            "board",
+            f"{board.firmware} ({board.uid}), protocol {board.protocol}, boot {board.boot_count} "
+            f"after {board.reset_cause}; messages {schema}, parameters {agree}",
+        )
+    timing = now.timing
+    yield _line("own share", _spread(timing.own_share))
+    yield _line("age", f"{_spread(timing.setpoint_age)} when the board applied it")
+    yield _line("jitter", _spread(timing.jitter))
+
+
+def _record(now: Status) -> Iterator[str]:
+    recorder = now.recorder
+    if recorder.recording:
+        yield _line("recording", f"{recorder.path}, {recorder.rows} samples")
+    elif recorder.path:
+        yield _line("run log", f"{recorder.path}, {recorder.rows} samples")
+    if recorder.error:
+        yield _line("", bad(recorder.error))
+
+
+def _realtime(now: Status) -> Iterator[str]:
+    granted = [m.name for m in now.realtime if m.granted]
+    yield _line("real time", ", ".join(granted) or "nothing granted")
+    for measure in now.realtime:
+        if measure.asked and not measure.granted:
+            yield _line("", warned(f"no {measure.name}: {measure.detail}"))
+    yield _line(
+        "daemon",
+        f"smad {now.version}, process {now.pid}, up {now.uptime_s:.0f} s, "
+        f"{now.memory_MiB:.0f} MiB, {now.counts.commands} commands, {now.counts.refused} refused",
+    )
+
+
+def _line(label: str, text: str) -> str:
+    return f"{label:<{_LABEL}} {text}"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def _lost(count: int) -> str:
+    return bad(str(count)) if count else "0"
+
+
+def _spread(part: Percentiles) -> str:
+    if part.count == 0:
+        return "no samples yet"
+    return f"p50 {part.p50_us:.0f} µs, p99 {part.p99_us:.0f} µs, p99.9 {part.p999_us:.0f} µs"
+
+
+def _print_json(now: Status) -> None:
+    import msgspec
+
+    click.echo(msgspec.json.encode(now).decode())
