@@ -1,0 +1,246 @@
+"""Which runs can support the question, and what is wrong with the others, by name.
+
+The checks need no fit. Those that need a model (twins swapped, inputs that do not drive the outputs)
+use one replay of the nominal model and ask only which of two readings of the same file is far nearer
+to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.plant import Array, ModelPoint, PlantModel
+from smad.gap.replay import Grid, open_views
+from smad.gap.runs import GapRun
+from smad.gap.settings import Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something about a run. `kind` is a word the verdict can be told by; `refuses` ends the run."""
+
+    run: str
+    kind: str
+    text: str
+    refuses: bool
+
+
+@dataclass(frozen=True)
+class Admission:
+    """The runs that are admitted (bad channels taken out), and every finding."""
+
+    admitted: tuple[GapRun, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def refused(self) -> list[str]:
+        """Names of the runs that were refused, in order."""
+        return list(dict.fromkeys(f.run for f in self.findings if f.refuses))
+
+
+def admit(runs: Sequence[GapRun], plant: PlantModel, settings: Settings) -> Admission:
+    """Checks every run. A bad channel is taken out of its run; a bad run is refused."""
+    admitted, findings = [], []
+    for run in runs:
+        kept, found = _admit_one(run, plant, settings)
+        findings += found
+        if not any(f.refuses for f in found):
+            admitted.append(kept)
+    return Admission(tuple(admitted), tuple(findings))
+
+
+def _admit_one(run: GapRun, plant: PlantModel, settings: Settings) -> tuple[GapRun, list[Finding]]:
+    found: list[Finding] = []
+
+    def say(kind: str, text: str, *, refuses: bool = False) -> None:
+        found.append(Finding(run.name, kind, text, refuses))
+
+    if run.cut_short:
+        say("truncated", f"the log is cut short; {run.duration_s:.1f} s were read up to the cut")
+    for note in run.notes:
+        say("note", note)
+    _check_time(run, settings, say)
+    lacking = [s.name for s in plant.inputs if s.name not in run.inputs]
+    if lacking:
+        say("input missing", f"inputs are missing: {', '.join(lacking)}", refuses=True)
+    if any(f.refuses for f in found):
+        return run, found
+    if all(np.ptp(run.inputs[s.name]) < 1e-3 * (s.high - s.low) for s in plant.inputs):
+        say("no excitation", "no input ever changes: nothing can be learnt", refuses=True)
+        return run, found
+    run = _check_channels(run, plant, settings, say)
+    if not run.outputs:
+        say("no channel", "no usable measured channel is left", refuses=True)
+        return run, found
+    _check_against_model(run, plant, settings, say)
+    return run, found
+
+
+def _check_time(run: GapRun, settings: Settings, say: object) -> None:
+    assert callable(say)
+    if run.duration_s < settings.min_duration_s:
+        say(
+            "too short",
+            f"{run.duration_s:.1f} s long; at least {settings.min_duration_s:g} s are needed",
+            refuses=True,
+        )
+        return
+    steps = np.diff(run.t_s)
+    if np.any(steps <= 0):
+        say("time runs back", "the time axis is not increasing", refuses=True)
+        return
+    lost = float(np.sum(steps[steps > 1.5 * run.dt_s] - run.dt_s)) / run.duration_s
+    bad = 1.0 - float(np.mean(run.good))
+    share = lost + bad
+    if share > settings.max_lost_share:
+        say(
+            "samples lost",
+            f"{share:.0%} of the samples are lost or marked bad; allowed: "
+            f"{settings.max_lost_share:.0%}",
+            refuses=True,
+        )
+    elif share > 0.005:
+        say("samples lost", f"{share:.1%} of the samples are lost or marked bad and are not used")
+    if run.dt_s > 5 * settings.period_s:
+        say(
+            "sampled too slowly",
+            f"one sample every {run.dt_s:g} s; at most {5 * settings.period_s:g} s",
+            refuses=True,
+        )
+
+
+def _check_channels(run: GapRun, plant: PlantModel, settings: Settings, say: object) -> GapRun:
+    assert callable(say)
+    outputs = dict(run.outputs)
+    known = {c.name for c in plant.channels}
+    predicted = _replay(run, plant)
+    for channel in plant.channels:
+        if channel.name not in outputs:
+            say("channel missing", f"{channel.name} is not recorded: its residual is switched off")
+            continue
+        y = outputs[channel.name]
+        used = run.good & np.isfinite(y)
+        if not used.any():
+            say("channel empty", f"{channel.name} holds no number: its residual is switched off")
+            del outputs[channel.name]
+            continue
+        span = float(np.ptp(y[used]))
+        expected = float(np.ptp(predicted[channel.name])) if channel.name in predicted else 0.0
+        dead = span < settings.constant_quanta * channel.quantum or span == 0.0
+        if dead and expected > max(20 * channel.quantum, 0.03 * (channel.high - channel.low)):
+            say(
+                "constant channel",
+                f"{channel.name} stays at {float(np.median(y[used])):g} {channel.unit} while the "
+                f"inputs should move it by {expected:.3g} {channel.unit}: it is not used",
+            )
+            del outputs[channel.name]
+            continue
+        railed = (y[used] <= channel.low) | (y[used] >= channel.high)
+        if float(np.mean(railed)) > settings.max_saturated_share:
+            say(
+                "saturated channel",
+                f"{channel.name} is at the end of its range for {float(np.mean(railed)):.0%} of "
+                f"the run: it is not used",
+            )
+            del outputs[channel.name]
+    return GapRun(
+        run.name,
+        run.t_s,
+        run.inputs,
+        {k: v for k, v in outputs.items() if k in known},
+        run.valid,
+        run.cut_short,
+        run.notes,
+        run.header,
+    )
+
+
+def _replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:
+    nominal = ModelPoint({p.name: p.nominal for p in plant.parameters})
+    views = open_views(plant)
+    values = plant.simulate(nominal, run, [v.name for v in views], fast=True)
+    return {o.channel: values[o.key] for v in views for o in v.outputs if o.key in values}
+
+
+def _misfit(measured: Array, predicted: Array) -> float:
+    """Residual power after the mean is taken out, over the power of the measurement."""
+    y, m = measured - measured.mean(), predicted - predicted.mean()
+    return float(np.mean((y - m) ** 2) / max(float(np.mean(y**2)), 1e-30))
+
+
+def _check_against_model(run: GapRun, plant: PlantModel, settings: Settings, say: object) -> None:
+    assert callable(say)
+    grid = Grid.of(run, settings.period_s)
+    predicted = {k: grid.mean(v)[grid.valid] for k, v in _replay(run, plant).items()}
+    measured = {
+        k: grid.mean(np.nan_to_num(v))[grid.valid] for k, v in run.outputs.items() if k in predicted
+    }
+    swapped = _swapped_twins(plant, measured, predicted)
+    for a, b in swapped:
+        say(
+            "swapped channels",
+            f"{a} and {b} look swapped: each follows the model of the other; "
+            f"check the wiring and the column names",
+            refuses=True,
+        )
+    if not swapped:
+        worst = _unrelated(plant, measured, predicted, settings.seed)
+        if worst:
+            say(
+                "inputs do not drive the outputs",
+                "the recorded inputs explain the measured channels no better than the same inputs "
+                f"shifted in time ({', '.join(worst)}): inputs and outputs are not of one run",
+                refuses=True,
+            )
+
+
+def _swapped_twins(
+    plant: PlantModel, measured: dict[str, Array], predicted: dict[str, Array]
+) -> list[tuple[str, str]]:
+    found = []
+    for channel in plant.channels:
+        a, b = channel.name, channel.twin
+        if not b or a > b or a not in measured or b not in measured:
+            continue
+        moves = np.std(predicted[a] - predicted[b])
+        if moves < 0.02 * (channel.high - channel.low):
+            continue
+        straight = _misfit(measured[a], predicted[a]) + _misfit(measured[b], predicted[b])
+        crossed = _misfit(measured[a], predicted[b]) + _misfit(measured[b], predicted[a])
+        if crossed < 0.25 * straight and straight > 0.5:
+            found.append((a, b))
+    return found
+
+
+def _unrelated(
+    plant: PlantModel, measured: dict[str, Array], predicted: dict[str, Array], seed: int
+) -> list[str]:
+    """Channels that should move, if none of them follows the model better than shifted copies do."""
+    rng = np.random.default_rng(seed)
+    failing = []
+    for channel in plant.channels:
+        name = channel.name
+        if name not in measured or np.ptp(predicted[name]) < 0.05 * (channel.high - channel.low):
+            continue
+        y, m = (
+            np.diff(measured[name], prepend=measured[name][0]),
+            np.diff(predicted[name], prepend=predicted[name][0]),
+        )
+        if np.std(y) == 0 or np.std(m) == 0:
+            continue
+        n = len(y)
+        own = max(_correlation(y, np.roll(m, s)) for s in range(11))
+        shifts = rng.integers(n // 10, n - n // 10, size=39)
+        others = sorted(_correlation(y, np.roll(m, int(s))) for s in shifts)
+        # Periodic runs repeat themselves under a shift, so a plain fit also counts.
+        if own > 0.35 or own > max(others[-2], 0.1):
+            return []
+        failing.append(name)
+    return failing
+
+
+def _correlation(a: Array, b: Array) -> float:
+    return float(np.corrcoef(a, b)[0, 1])

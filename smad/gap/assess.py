@@ -1,0 +1,177 @@
+"""What a selection is worth: shrink with its interval, the ceiling, and what cannot be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.fit import dispersion
+from smad.gap.flexible import Designs, fit_correction
+from smad.gap.judge import Judged, excess_of, shrink
+from smad.gap.lsq import Fitted, Problem
+from smad.gap.plant import Array
+from smad.gap.select import Candidate, Selection
+from smad.gap.significance import resample_weights
+
+
+@dataclass(frozen=True)
+class Worth:
+    """Gaps and shrinks on held-out runs, over `keys`.
+
+    `ceiling` is the shrink that a flexible correction reaches, alone or on top of the best model.
+    `draws` are bootstrap values of (S, ceiling), shape (draws, 2).
+    """
+
+    keys: tuple[str, ...]
+    gap_refit: float
+    gap_final: float
+    shrink: float
+    ceiling: float
+    draws: Array
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of S."""
+        low, high = np.quantile(self.draws[:, 0], (0.025, 0.975))
+        return float(low), float(high)
+
+
+class Flexible:
+    """Flexible corrections of the fit runs, and their values on the runs that judge."""
+
+    def __init__(self, judged: Judged) -> None:
+        self.made = Designs.of(judged.problem.evidence)
+        self.held = {} if judged.hold is None else self.made.on(judged.hold.evidence)
+
+    def squares(self, judged: Judged) -> Array:
+        """Squares of `judged.bench` after a correction of every output, judged held out."""
+        problem, bench = judged.problem, judged.bench
+        ev = problem.evidence
+        residual = ev.residual(judged.left_out + problem.background)
+        rows = bench.evidence.residual(judged.predicted + bench.background)
+        for key in ev.keys:
+            correction, left_out = fit_correction(self.made, residual, problem.whitening.s, key)
+            if correction.explained <= 0.0:
+                continue
+            if judged.hold is None:
+                rows = rows - left_out
+                continue
+            for seg in bench.evidence.rows_of(key):
+                rows[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
+        return np.square(bench.whitening.scale(np.where(bench.evidence.valid, rows, 0.0)))
+
+
+def excess_draws(problem: Problem, squares: Array, keys: Sequence[str], weights: Array) -> Array:
+    """G over the floor of `keys` for each row of bootstrap `weights` over cells; shape (draws,)."""
+    ev = problem.evidence
+    q = ev.cell_sum(np.where(ev.valid, squares, 0.0))
+    key_of = np.array([s.key for s in ev.segments])[ev.cell_segment]
+    parts = []
+    for key in keys:
+        mine = key_of == key
+        count = weights[:, mine] @ ev.cell_size[mine]
+        parts.append(np.maximum(0.0, weights[:, mine] @ q[mine] / np.maximum(count, 1e-9) - 1.0))
+    return np.sqrt(np.mean(parts, axis=0)) if parts else np.zeros(len(weights))
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Squared residuals over the floor, held out, of four models of the same rows.
+
+    `refits` are the robust refit and the one by plain least squares: the smaller gap of the two
+    counts, since an effect is never credited with what any refit gives. `flexible` are corrections
+    on top of the refit and of the best model.
+    """
+
+    problem: Problem
+    refits: tuple[Array, Array]
+    final: Array | None
+    flexible: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, selection: Selection, gentle: Judged) -> Squares:
+        base, best = selection.base.judged, selection.best.judged
+        named = bool(selection.best.names)
+        flexible = Flexible(base)
+        tops = (base, best) if named else (base,)
+        return cls(
+            best.bench,
+            (base.squares(), gentle.squares()),
+            best.squares() if named else None,
+            tuple(flexible.squares(j) for j in tops),
+        )
+
+    def worth(self, keys: Sequence[str]) -> Worth:
+        """Gaps, shrink and ceiling over some outputs."""
+        bench = self.problem
+
+        def gap(squares: Array) -> float:
+            return excess_of(bench, squares, keys)
+
+        refit = min(self.refits, key=gap)
+        final = refit if self.final is None else self.final
+        best = min([*self.flexible, final], key=gap)
+        ev, settings = bench.evidence, bench.evidence.settings
+        rng = np.random.default_rng(settings.seed + 5)
+        weights = resample_weights(ev.cell_run, ev.cell_block, settings.bootstrap, rng)
+        g = [excess_draws(bench, s, keys, weights) for s in (refit, final, best)]
+        safe = np.maximum(g[0], 1e-9)
+        draws = np.column_stack([1 - g[1] / safe, 1 - g[2] / safe])
+        return Worth(
+            tuple(keys),
+            gap(refit),
+            gap(final),
+            shrink(gap(final), gap(refit)),
+            shrink(gap(best), gap(refit)),
+            np.clip(draws, -1.0, 1.0),
+        )
+
+
+def confusability(fits: Sequence[Fitted]) -> Array:
+    """d²_ij = min over the parameters of j of ‖y_i − y_j‖², in floors; shape (fits, fits).
+
+    Rows weigh as in the fit of i; correlated rows count by their effective number.
+    """
+    n = len(fits)
+    out = np.zeros((n, n))
+    for i, a in enumerate(fits):
+        problem = a.problem
+        w = problem.row_weight(a.z)
+        share = float(np.mean(list(dispersion(problem, a.z).values())))
+        for j, b in enumerate(fits):
+            if i == j:
+                continue
+            s = b.z - a.z
+            A = b.A.astype(np.float64)
+            _, precision = b.space.prior()
+            WA = A * w[:, None]
+            H = WA.T @ A + np.diag(precision + 1e-9)
+            m = WA.T @ s
+            out[i, j] = max(0.0, share * float((w * s) @ s - m @ np.linalg.solve(H, m)))
+    return out
+
+
+def group_of(
+    best: Candidate,
+    rivals: Sequence[Candidate],
+    probability: dict[str, float],
+    odds: float,
+    d2_limit: float,
+) -> tuple[list[str], dict[str, float]]:
+    """Names that cannot be told from the last effect of `best`, most probable first, and their d²."""
+    if not rivals:
+        return [], {}
+    own = [n for n in best.names if all(n not in r.names for r in rivals)]
+    name = own[0] if own else best.names[-1]
+    d2 = confusability([best.fit, *[r.fit for r in rivals]])[0, 1:]
+    p_best = probability.get(name, 1.0)
+    near, distance = [], {}
+    for rival, value in zip(rivals, d2, strict=True):
+        other = next(n for n in rival.names if n not in best.names)
+        distance[other] = float(value)
+        p = probability.get(other, 0.0)
+        if (p > 0 and p_best / p < odds) or (value < d2_limit and p > 0 and p_best / p < odds**3):
+            near.append((p, other))
+    return [n for _, n in sorted(near, key=lambda pair: (-pair[0], pair[1]))], distance

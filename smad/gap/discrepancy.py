@@ -1,0 +1,173 @@
+"""K_δ: how wrong the model is when nothing is wrong with the bench, learnt from known-good runs.
+
+Three parts, each by output: the floor of a view that is fed with noisy measurements (by
+simulation), a background template (what of the residual of good runs depends on state, accepted
+only if it predicts good runs left out), and the size of the remainder by regime with its
+correlation time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.gap.flexible import Correction, Designs, fit_correction
+from smad.gap.judge import leave_out_points, predict_by_run
+from smad.gap.lsq import Fitted
+from smad.gap.noise import Floor
+from smad.gap.plant import Array, ModelPoint
+from smad.gap.replay import Evidence
+from smad.gap.runs import GapRun
+from smad.gap.whiten import OutputNoise, Whitening
+
+_MIN_ROWS = 40
+_WORTH_A_TEMPLATE = 0.2
+
+
+@dataclass(frozen=True)
+class Background:
+    """What good runs taught: noise of every output, templates where they hold, the good fit."""
+
+    noise: Mapping[str, OutputNoise]
+    templates: Mapping[str, Correction]
+    fit: Fitted
+    left_out_white: Array
+
+    def expected(self, evidence: Evidence) -> Array:
+        """The template's part of the residual of other runs, in rows of `evidence`."""
+        out = np.zeros(evidence.n)
+        for seg in evidence.segments:
+            if seg.key in self.templates:
+                out[seg.rows] = self.templates[seg.key](evidence, seg.run)
+        return out
+
+
+def fed_noise(
+    evidence: Evidence, floors: Mapping[str, Floor], point: ModelPoint, seed: int
+) -> dict[str, OutputNoise]:
+    """Noise of each output when the model is right: the sensors' own, and what the feeds carry in.
+
+    The plant's own open-loop prediction, with sensor noise and quanta added, is run through the
+    views; what is left of it there is the floor of those views.
+    """
+    noise = {k: _sensor_noise(evidence, floors, k) for k in evidence.keys}
+    if all(not v.feeds for v in evidence.views):
+        return noise
+    rng = np.random.default_rng(seed)
+    synthetic = tuple(
+        _synthetic(evidence, r, floors, point, rng) for r in range(len(evidence.runs))
+    )
+    other = Evidence(
+        evidence.plant,
+        synthetic,
+        evidence.views,
+        evidence.settings,
+        evidence.executor,
+        fast=evidence.fast,
+    )
+    residual = other.residual(other.predict([point])[0])
+    return {
+        key: _with_regimes(other, residual, key, noise[key], inflate=1.0) for key in evidence.keys
+    }
+
+
+def _sensor_noise(evidence: Evidence, floors: Mapping[str, Floor], key: str) -> OutputNoise:
+    floor = floors[evidence.rows_of(key)[0].channel]
+    return OutputNoise(floor.sigma, noise_rho=floor.rho)
+
+
+def _synthetic(
+    evidence: Evidence,
+    r: int,
+    floors: Mapping[str, Floor],
+    point: ModelPoint,
+    rng: np.random.Generator,
+) -> GapRun:
+    run, plant = evidence.runs[r], evidence.plant
+    views = [v for v in plant.views if v.open_loop]
+    predicted = plant.simulate(point, run, [v.name for v in views], fast=evidence.fast)
+    per_bin = max(1.0, evidence.settings.period_s / run.dt_s)
+    outputs = {}
+    for view in views:
+        for out in view.outputs:
+            if out.channel not in run.outputs or out.channel not in floors:
+                continue
+            floor = floors[out.channel]
+            channel = next(c for c in plant.channels if c.name == out.channel)
+            # White noise averages out over a bin; a bin's worth of it is what the floor measures.
+            sd = floor.sigma * np.sqrt(per_bin)
+            quantum = channel.quantum
+            y = predicted[out.key] + sd * rng.standard_normal(len(run.t_s))
+            outputs[out.channel] = np.round(y / quantum) * quantum if quantum > 0 else y
+    return replace(run, outputs=outputs)
+
+
+def _with_regimes(
+    evidence: Evidence, residual: Array, key: str, base: OutputNoise, inflate: float
+) -> OutputNoise:
+    """`base` with the discrepancy that `residual` shows in each regime, in quadrature."""
+    rows = np.zeros(evidence.n, dtype=bool)
+    for seg in evidence.rows_of(key):
+        rows[seg.rows] = True
+    rows &= evidence.valid
+    square = np.square(residual)
+    overall = max(0.0, float(np.mean(square[rows])) - base.sigma**2) if rows.any() else 0.0
+    k = {"": float(np.sqrt(inflate * overall + base.k.get("", 0.0) ** 2))}
+    free = rows.copy()
+    for name, mask in evidence.regime_masks().items():
+        here = free & mask
+        free &= ~mask
+        n = int(here.sum())
+        if n == 0:
+            continue
+        own = max(0.0, float(np.mean(square[here])) - base.sigma**2)
+        share = n / (n + _MIN_ROWS)
+        excess = inflate * (share * own + (1 - share) * overall)
+        old = base.k.get(name, base.k.get("", 0.0))
+        k[name] = float(np.sqrt(excess + old**2))
+    return replace(base, k=k, tau_s=correlation_time(evidence, residual, key))
+
+
+def correlation_time(evidence: Evidence, residual: Array, key: str) -> float:
+    """Time in which the autocorrelation of an output's residual falls to 1/e; at most 20 s.
+
+    The lag-one value is taken as the start, so that white noise on top does not shorten it.
+    """
+    longest = int(20.0 / evidence.settings.period_s)
+    total = np.zeros(longest + 1)
+    for seg in evidence.rows_of(key):
+        y = residual[seg.rows] - float(np.mean(residual[seg.rows]))
+        n = len(y)
+        spectrum = np.fft.rfft(y, 2 * n)
+        acf = np.fft.irfft(np.abs(spectrum) ** 2)[: min(longest + 1, n)]
+        total[: len(acf)] += acf
+    if total[0] <= 0 or total[1] <= 0.05 * total[0]:
+        return 0.0
+    below = np.flatnonzero(total[1:] < total[1] / np.e)
+    return float((below[0] + 1 if len(below) else longest) * evidence.settings.period_s)
+
+
+def learn_background(fit: Fitted, base: Mapping[str, OutputNoise]) -> Background:
+    """Templates and K_δ from the fit of known-good runs.
+
+    Residuals are those of runs left out in turn, so that K_δ is how wrong a *prediction* is. With
+    one good run nothing can be left out: its own residual is used, twice as large.
+    """
+    problem = fit.problem
+    ev = problem.evidence
+    alone = len(ev.runs) == 1
+    residual = ev.residual(predict_by_run(problem, leave_out_points(fit)))
+    templates: dict[str, Correction] = {}
+    remainder = residual.copy()
+    made = Designs.of(ev)
+    for key in ev.keys:
+        correction, predicted = fit_correction(made, residual, problem.whitening.s, key)
+        if correction.explained >= _WORTH_A_TEMPLATE:
+            templates[key] = correction
+            remainder -= np.where(ev.valid, predicted, 0.0)
+    inflate = 4.0 if alone else 1.0 + 1.0 / len(ev.runs)
+    noise = {k: _with_regimes(ev, remainder, k, base[k], inflate) for k in ev.keys}
+    white = Whitening(ev, noise).white(remainder)
+    return Background(noise, templates, fit, white)

@@ -1,0 +1,206 @@
+"""Joint fits of effects and model parameters, and how certain their values are.
+
+Intervals come from a bootstrap over runs and blocks, from the profile of the likelihood, and from
+the spread over starts, whichever is widest; never from the Jacobian alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.lsq import Fitted, Problem, drive, fitting, solve_box
+from smad.gap.plant import Array, Effect
+from smad.gap.significance import resample_weights
+
+_PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
+_HALF_CHI2_95 = 1.92
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a joint fit begins: the effects of the model and their values."""
+
+    effects: tuple[Effect, ...]
+    values: Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The best of several starts, and where the others that fit as well ended."""
+
+    fit: Fitted
+    rivals: tuple[Array, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(e.name for e in self.fit.space.effects)
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A fitted parameter of an effect with its 95 % interval.
+
+    `profile` holds (value, rise of the negative log-likelihood). `identifiable` is False where the
+    profile never rises to the 95 % level inside the range on either side.
+    """
+
+    effect: str
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    at_bound: bool
+    identifiable: bool
+    profile: tuple[tuple[float, float], ...]
+
+
+def joint_fits(base: Fitted, starts: Sequence[Start]) -> dict[tuple[str, ...], JointFit]:
+    """Fits every start, in step, and keeps the best of each set of effects."""
+    settings = base.problem.evidence.settings
+    n_theta = base.space.n_theta
+    steps = []
+    for start in starts:
+        space = base.space.with_effects(start.effects)
+        p = space.start(start.values)
+        p[:n_theta] = base.p[:n_theta]
+        steps.append(
+            fitting(
+                base.problem,
+                space,
+                p,
+                theta_A=base.A[:, :n_theta],
+                iterations=settings.fit_iterations,
+            )
+        )
+    ends: dict[tuple[str, ...], list[Fitted]] = {}
+    for fit in drive(base.problem.evidence, steps):
+        ends.setdefault(tuple(e.name for e in fit.space.effects), []).append(fit)
+    out = {}
+    for names, fits in ends.items():
+        fits.sort(key=lambda f: f.objective)
+        near = [f.p for f in fits[1:] if f.objective - fits[0].objective < _HALF_CHI2_95]
+        out[names] = JointFit(fits[0], tuple(near))
+    return out
+
+
+def polished(fit: Fitted, iterations: int = 3) -> Fitted:
+    """The fit with all sensitivities renewed, and a few more steps."""
+    steps = fitting(
+        fit.problem, fit.space, fit.p, iterations=iterations, refresh_theta=True, tolerance=1.0
+    )
+    return drive(fit.problem.evidence, [steps])[0]
+
+
+def bootstrap(fit: Fitted, draws: int, seed: int) -> Array:
+    """One-step estimates on resampled runs and blocks; shape (draws, coordinates)."""
+    H, g = fit.normal_equations()
+    ev = fit.problem.evidence
+    rng = np.random.default_rng(seed)
+    weights = resample_weights(ev.cell_run, ev.cell_block, draws, rng)
+    lo, hi = fit.space.bounds()
+    mean, precision = fit.space.prior()
+    pull = precision * (fit.p - mean)
+    k = fit.space.size
+    Hs = (weights @ H.reshape(len(H), -1)).reshape(draws, k, k) + np.diag(precision + 1e-9)
+    gs = weights @ g - pull
+    return np.array(
+        [fit.p + solve_box(a, b, lo - fit.p, hi - fit.p) for a, b in zip(Hs, gs, strict=True)]
+    )
+
+
+def dispersion(problem: Problem, z: Array) -> dict[str, float]:
+    """Effective share of independent rows of each output, 1 for white residuals.
+
+    1/(1 + 2 Σ ρ) over lags up to the first that is not positive.
+    """
+    ev = problem.evidence
+    longest = int(10.0 / ev.settings.period_s)
+    out = {}
+    for key in ev.keys:
+        acf = np.zeros(longest + 1)
+        for seg in ev.rows_of(key):
+            y = z[seg.rows]
+            spectrum = np.fft.rfft(y, 2 * len(y))
+            part = np.fft.irfft(np.abs(spectrum) ** 2)[: min(longest + 1, len(y))]
+            acf[: len(part)] += part
+        rho = acf / acf[0] if acf[0] > 0 else acf
+        stop = np.flatnonzero(rho[1:] <= 0.02)
+        last = int(stop[0]) + 1 if len(stop) else longest
+        out[key] = float(1.0 / (1.0 + 2.0 * np.sum(rho[1:last])))
+    return out
+
+
+def intervals(joint: JointFit, seed: int) -> list[Interval]:
+    """95 % intervals of the parameters of every effect in a joint fit."""
+    fit = joint.fit
+    settings = fit.problem.evidence.settings
+    draws = bootstrap(fit, settings.bootstrap, seed)
+    columns = list(range(fit.space.n_theta, fit.space.size))
+    profiles = _profiles(fit, columns, draws)
+    shares = dispersion(fit.problem, fit.z)
+    temper = float(np.mean(list(shares.values())))
+    lo, hi = fit.space.bounds()
+    flat = [(e, q) for e in fit.space.effects for q in e.parameters]
+    out = []
+    for i in columns:
+        effect, q = flat[i - fit.space.n_theta]
+        low, high = (float(v) for v in np.quantile(draws[:, i], (0.025, 0.975)))
+        curve = [(v, temper * rise) for v, rise in profiles[i]]
+        below, above = _crossing(curve, fit.p[i], -1), _crossing(curve, fit.p[i], +1)
+        low = min(low, below if below is not None else low)
+        high = max(high, above if above is not None else high)
+        for rival in joint.rivals:
+            low, high = min(low, float(rival[i])), max(high, float(rival[i]))
+        flat_profile = below is None and above is None and len(curve) > 1
+        value = fit.space.value
+        out.append(
+            Interval(
+                effect.name,
+                q.name,
+                q.unit,
+                value(i, float(fit.p[i])),
+                value(i, max(low, float(lo[i]))),
+                value(i, min(high, float(hi[i]))),
+                fit.at_bound[i],
+                not flat_profile,
+                tuple((value(i, v), rise) for v, rise in curve),
+            )
+        )
+    return out
+
+
+def _profiles(
+    fit: Fitted, columns: Sequence[int], draws: Array
+) -> dict[int, list[tuple[float, float]]]:
+    """(coordinate, rise of the objective) with all else refitted, at a few values of each column."""
+    lo, hi = fit.space.bounds()
+    jobs: list[tuple[int, float]] = []
+    for i in columns:
+        spread = max(float(np.std(draws[:, i])), 2e-3)
+        values = {float(np.clip(fit.p[i] + o * spread, lo[i], hi[i])) for o in _PROFILE_OFFSETS}
+        jobs += [(i, v) for v in sorted(values) if abs(v - fit.p[i]) > 1e-6]
+    steps = []
+    for i, v in jobs:
+        p = fit.p.copy()
+        p[i] = v
+        A = fit.A[:, : fit.space.n_theta]
+        steps.append(fitting(fit.problem, fit.space, p, theta_A=A, iterations=2, pinned={i: v}))
+    ends = drive(fit.problem.evidence, steps)
+    out: dict[int, list[tuple[float, float]]] = {i: [(float(fit.p[i]), 0.0)] for i in columns}
+    for (i, v), end in zip(jobs, ends, strict=True):
+        out[i].append((v, max(0.0, end.objective - fit.objective)))
+    return {i: sorted(curve) for i, curve in out.items()}
+
+
+def _crossing(curve: Sequence[tuple[float, float]], centre: float, side: int) -> float | None:
+    """Where a profile reaches the 95 % level on one side, by linear interpolation of its root."""
+    ordered = sorted((c for c in curve if side * (c[0] - centre) >= 0), key=lambda c: side * c[0])
+    for (x0, y0), (x1, y1) in zip(ordered, ordered[1:], strict=False):
+        if y1 >= _HALF_CHI2_95 > y0:
+            r0, r1 = np.sqrt(y0), np.sqrt(y1)
+            return float(x0 + (x1 - x0) * (np.sqrt(_HALF_CHI2_95) - r0) / (r1 - r0))
+    return None

@@ -1,0 +1,175 @@
+"""Judging a fit on runs it was not fitted to, and the measures of a gap.
+
+Held-out predictions come from runs named for it, or else from leaving each run out in turn: the
+parameters without run k follow from the normal equations of the others, and run k is then replayed
+with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.lsq import Fitted, Problem, solve_box
+from smad.gap.plant import Array, Mask, ModelPoint
+
+_MIN_REGIME = 0.05
+_DETERMINED = 0.2
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Held-out residuals of one model.
+
+    `left_out` are predictions of the fit runs, each without itself; `held` are predictions of the
+    hold-out runs, empty without any. `predicted` of each is kept to show it.
+    """
+
+    problem: Problem
+    hold: Problem | None
+    left_out: Array
+    held: Array
+
+    def scores(self) -> Array:
+        """Log-likelihood of every held-out cell: the fit runs' cells, then the hold-out runs'."""
+        own = self.problem.cell_score(self.problem.white(self.left_out))
+        if self.hold is None:
+            return own
+        return np.r_[own, self.hold.cell_score(self.hold.white(self.held))]
+
+    @property
+    def bench(self) -> Problem:
+        """The problem whose runs the shrink is judged on."""
+        return self.problem if self.hold is None else self.hold
+
+    @property
+    def predicted(self) -> Array:
+        """Held-out prediction on `bench`."""
+        return self.left_out if self.hold is None else self.held
+
+    def squares(self) -> Array:
+        """Squared residual over floor variance, by row of `bench`; 1 is the floor."""
+        return np.square(self.bench.scaled(self.predicted))
+
+    def excess(self, keys: Sequence[str] | None = None, weight: Array | None = None) -> float:
+        """G over the floor: sqrt of the mean over outputs of max(0, MSE/floor² − 1)."""
+        return excess_of(self.bench, self.squares(), keys, weight)
+
+
+def excess_by_key(
+    problem: Problem, squares: Array, weight: Array | None = None
+) -> dict[str, float]:
+    """max(0, MSE/floor² − 1) of each output; `weight` counts rows (bootstrap), 1 by default."""
+    ev = problem.evidence
+    w = ev.valid.astype(float) if weight is None else weight * ev.valid
+    out = {}
+    for key in ev.keys:
+        total = count = 0.0
+        for seg in ev.rows_of(key):
+            total += float(w[seg.rows] @ squares[seg.rows])
+            count += float(w[seg.rows].sum())
+        if count > 0:
+            out[key] = max(0.0, total / count - 1.0)
+    return out
+
+
+def excess_of(
+    problem: Problem, squares: Array, keys: Sequence[str] | None, weight: Array | None = None
+) -> float:
+    """G over the floor of `keys` together (all, by default)."""
+    by_key = excess_by_key(problem, squares, weight)
+    chosen = [v for k, v in by_key.items() if keys is None or k in keys]
+    return float(np.sqrt(np.mean(chosen))) if chosen else 0.0
+
+
+def shrink(after: float, before: float) -> float:
+    """S = 1 − G_after/G_before; 0 where there was no gap."""
+    return 1.0 - after / before if before > 0 else 0.0
+
+
+def leave_out_points(fit: Fitted) -> list[ModelPoint]:
+    """For each run, the model point that the other runs give; a single run keeps the fit's."""
+    ev = fit.problem.evidence
+    n_runs = len(ev.runs)
+    if n_runs == 1:
+        return [fit.point]
+    H, g = fit.normal_equations()
+    lo, hi = fit.space.bounds()
+    mean, precision = fit.space.prior()
+    points = []
+    for run in range(n_runs):
+        others = ev.cell_run != run
+        step = solve_box(
+            H[others].sum(axis=0) + np.diag(precision + 1e-9),
+            g[others].sum(axis=0) - precision * (fit.p - mean),
+            lo - fit.p,
+            hi - fit.p,
+        )
+        points.append(fit.space.point(fit.p + step))
+    return points
+
+
+def judge(fits: Sequence[Fitted], hold: Problem | None) -> list[Judged]:
+    """Held-out predictions of each fit."""
+    out = []
+    held_points = [fit.point for fit in fits]
+    held = np.zeros((len(fits), 0)) if hold is None else hold.evidence.predict(held_points)
+    for i, fit in enumerate(fits):
+        left = predict_by_run(fit.problem, leave_out_points(fit))
+        out.append(Judged(fit.problem, hold, left, held[i]))
+    return out
+
+
+def predict_by_run(problem: Problem, points: Sequence[ModelPoint]) -> Array:
+    """Predictions with a point of its own for each run."""
+    ev = problem.evidence
+    return np.asarray(
+        sum(ev.predict([point], runs=[run])[0] for run, point in enumerate(points)),
+        dtype=np.float64,
+    )
+
+
+def regime_gains(before: Fitted, after: Fitted, masks: dict[str, Mask]) -> dict[str, float]:
+    """Gain in log-likelihood on each regime, predicted from the other regimes alone.
+
+    Linear around each fit: the step that leaving the regime's rows out would make is undone, and
+    the rows are scored with what remains. Left out of the question are regimes of less than a
+    twentieth of the rows, and those without which the effect's parameters are no longer determined.
+    """
+    out = {}
+    for name, mask in masks.items():
+        if not _MIN_REGIME <= float(mask.mean()) <= 0.8:
+            continue
+        own = _scored_without(after, mask)
+        if own is None:
+            continue
+        out[name] = own - (_scored_without(before, mask) or 0.0)
+    return out
+
+
+def _scored_without(fit: Fitted, mask: Mask) -> float | None:
+    mean, precision = fit.space.prior()
+    lo, hi = fit.space.bounds()
+    w = fit.problem.row_weight(fit.z)
+    A = fit.A.astype(np.float64)
+    outside = A[~mask]
+    H = (outside * w[~mask, None]).T @ outside
+    H_all = H + (A[mask] * w[mask, None]).T @ A[mask]
+    n = fit.space.n_theta
+    kept, whole = (_information(M + np.diag(precision + 1e-9), n) for M in (H, H_all))
+    if np.any(kept < _DETERMINED * whole):
+        return None
+    H += np.diag(precision + 1e-9)
+    g = outside.T @ (w * fit.z)[~mask] - precision * (fit.p - mean)
+    step = solve_box(H, g, lo - fit.p, hi - fit.p)
+    z = (fit.z - A @ step) * mask
+    ev, nu = fit.problem.evidence, fit.problem.evidence.settings.cell_dof
+    count = ev.cell_sum((mask & ev.valid).astype(float))
+    return float(np.sum(-0.5 * (nu + count) * np.log1p(ev.cell_sum(z * z) / nu) * (count > 0)))
+
+
+def _information(H: Array, n_theta: int) -> Array:
+    """Information on each effect parameter, all others free; shape (effect parameters,)."""
+    return np.asarray(1.0 / np.diag(np.linalg.inv(H))[n_theta:])

@@ -1,0 +1,238 @@
+"""Robust, bounded, damped least squares over cells, written so that many fits can share replays.
+
+The objective marginalises an unknown scale of each cell (a block of rows of one output):
+
+    L(p) = Σ_c (ν + n_c)/2 · log(1 + q_c/ν) + ½ Σ_i λ_i (p_i − m_i)²,   q_c = Σ_{rows of c} z²
+
+A cell that only the wrong form of the model can explain then weighs (ν + n_c)/(ν + q_c): as much as
+its floor when it fits, little when it does not.
+
+A fit is a generator: it yields model points and is sent their predictions. `drive` runs many such
+generators in step, so that their replays go to the workers together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.gap.plant import Array, ModelPoint
+from smad.gap.replay import Evidence
+from smad.gap.space import Space
+from smad.gap.whiten import Whitening
+
+FitSteps = Generator[list[ModelPoint], Array, "Fitted"]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Evidence, its weights, and what is subtracted from it as known background."""
+
+    evidence: Evidence
+    whitening: Whitening
+    background: Array
+
+    def white(self, predicted: Array) -> Array:
+        """White residual of one prediction."""
+        return self.whitening.white(self.evidence.residual(predicted + self.background))
+
+    def scaled(self, predicted: Array) -> Array:
+        """Residual over its standard deviation, not filtered."""
+        return self.whitening.scale(self.evidence.residual(predicted + self.background))
+
+    def cell_q(self, z: Array) -> Array:
+        """Sum of squares in each cell."""
+        return self.evidence.cell_sum(z * z)
+
+    def cell_score(self, z: Array) -> Array:
+        """Log-likelihood of each cell up to a constant, its scale marginalised."""
+        nu, n = self.evidence.settings.cell_dof, self.evidence.cell_size
+        return -0.5 * (nu + n) * np.log1p(self.cell_q(z) / nu) * (n > 0)
+
+    def cell_weight(self, z: Array) -> Array:
+        """How much each cell weighs in a least-squares step."""
+        nu, n = self.evidence.settings.cell_dof, self.evidence.cell_size
+        return (nu + n) / (nu + self.cell_q(z)) * (n > 0)
+
+    def row_weight(self, z: Array) -> Array:
+        """`cell_weight` spread over the rows."""
+        return self.cell_weight(z)[self.evidence.row_cell]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """End of a fit: coordinates, prediction, white residual, white sensitivities A = d(pred)/dp."""
+
+    problem: Problem
+    space: Space
+    p: Array
+    predicted: Array
+    z: Array
+    A: NDArray[np.float32]
+    objective: float
+    evaluations: int
+    at_bound: tuple[bool, ...]
+
+    @property
+    def point(self) -> ModelPoint:
+        return self.space.point(self.p)
+
+    def normal_equations(self) -> tuple[Array, Array]:
+        """H (cells, k, k) and g (cells, k) of the weighted least squares around `p`."""
+        ev = self.problem.evidence
+        w = self.problem.cell_weight(self.z)
+        k = self.space.size
+        H, g = np.zeros((len(w), k, k)), np.zeros((len(w), k))
+        for c, (a, b) in enumerate(zip(ev.cell_starts, ev.cell_stops, strict=True)):
+            part = self.A[a:b].astype(np.float64)
+            H[c] = w[c] * part.T @ part
+            g[c] = w[c] * part.T @ self.z[a:b]
+        return H, g
+
+
+def solve_box(H: Array, g: Array, lo: Array, hi: Array) -> Array:
+    """Minimiser of ½ xᵀHx − gᵀx within lo ≤ x ≤ hi, for H symmetric positive definite.
+
+    Active set: fix what leaves the box, free what the gradient pulls back inside. Shape (k,).
+    """
+    k = len(g)
+    x = np.zeros(k)
+    fixed = np.zeros(k, dtype=int)
+    for _ in range(3 * k + 3):
+        free = fixed == 0
+        x[fixed < 0], x[fixed > 0] = lo[fixed < 0], hi[fixed > 0]
+        if free.any():
+            rhs = g[free] - H[np.ix_(free, ~free)] @ x[~free]
+            x[free] = np.linalg.solve(H[np.ix_(free, free)], rhs)
+        out_low, out_high = free & (x < lo - 1e-12), free & (x > hi + 1e-12)
+        if out_low.any() or out_high.any():
+            fixed[out_low], fixed[out_high] = -1, 1
+            continue
+        slope = g - H @ x
+        wrong = ((fixed < 0) & (slope > 1e-9)) | ((fixed > 0) & (slope < -1e-9))
+        if not wrong.any():
+            break
+        fixed[np.argmax(np.where(wrong, np.abs(slope), 0.0))] = 0
+    return np.clip(x, lo, hi)
+
+
+def objective(problem: Problem, space: Space, p: Array, z: Array) -> float:
+    """L(p), up to a constant."""
+    mean, precision = space.prior()
+    return float(-problem.cell_score(z).sum() + 0.5 * np.sum(precision * (p - mean) ** 2))
+
+
+def sensitivities(
+    problem: Problem, space: Space, p: Array, predicted: Array, columns: Sequence[int]
+) -> Generator[list[ModelPoint], Array, NDArray[np.float32]]:
+    """White finite-difference sensitivities of `columns`; shape (rows, columns)."""
+    lo, hi = space.bounds()
+    steps = space.steps()
+    points, signed = [], []
+    for i in columns:
+        h = steps[i] if p[i] + steps[i] <= hi[i] else -min(steps[i], p[i] - lo[i])
+        q = p.copy()
+        q[i] += h
+        points.append(space.point(q))
+        signed.append(h)
+    values = yield points
+    diff = (values - predicted[None, :]) / np.array(signed)[:, None]
+    white = problem.whitening.white(np.ascontiguousarray(diff.T))
+    return white.astype(np.float32)
+
+
+def fitting(
+    problem: Problem,
+    space: Space,
+    start: Array,
+    *,
+    theta_A: NDArray[np.float32] | None = None,
+    iterations: int = 8,
+    refresh_theta: bool = False,
+    tolerance: float = 0.5,
+    pinned: Mapping[int, float] | None = None,
+) -> FitSteps:
+    """Steps of a fit from `start`; returns a `Fitted`.
+
+    `theta_A` are sensitivities of the model parameters to begin with; without them, or with
+    `refresh_theta`, they are computed. Between iterations they follow by Broyden's rule while those
+    of the effects are renewed. `pinned` coordinates stay at the values given (a profile).
+    """
+    lo, hi = space.bounds()
+    for i, value in (pinned or {}).items():
+        lo[i] = hi[i] = value
+    mean, precision = space.prior()
+    p = np.clip(start, lo, hi)
+    predicted = (yield [space.point(p)])[0]
+    count = 1
+    z = problem.white(predicted)
+    best = objective(problem, space, p, z)
+    own = list(range(space.n_theta))
+    extra = [i for i in range(space.n_theta, space.size) if i not in (pinned or {})]
+    A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
+    if theta_A is not None:
+        A[:, : space.n_theta] = theta_A
+    elif own:
+        A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
+        count += len(own)
+    damping = 1e-3
+    for iteration in range(iterations):
+        if refresh_theta and iteration > 0 and own:
+            A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
+            count += len(own)
+        if extra:
+            A[:, extra] = yield from sensitivities(problem, space, p, predicted, extra)
+            count += len(extra)
+        w = problem.row_weight(z)
+        weighted = A * w.astype(np.float32)[:, None]
+        H = (weighted.T @ A).astype(np.float64) + np.diag(precision)
+        g = weighted.T.astype(np.float64) @ z - precision * (p - mean)
+        gained = 0.0
+        for _ in range(4):
+            damped = H + damping * np.diag(np.diag(H))
+            step = solve_box(damped, g, lo - p, hi - p)
+            if not np.any(np.abs(step) > 1e-7):
+                break
+            trial = (yield [space.point(p + step)])[0]
+            count += 1
+            z_trial = problem.white(trial)
+            value = objective(problem, space, p + step, z_trial)
+            if own:
+                A[:, own] += np.outer(
+                    (z - z_trial) - A @ step.astype(np.float32), step[own] / (step @ step)
+                ).astype(np.float32)
+            if value < best:
+                gained = best - value
+                p, predicted, z, best = p + step, trial, z_trial, value
+                damping = max(damping / 10, 1e-6)
+                break
+            damping = max(10 * damping, 0.03)
+        if gained < tolerance:
+            break
+    edge = 1e-6 * np.maximum(1.0, hi - lo)
+    off = np.array([i >= space.n_theta for i in range(space.size)]) & (np.abs(p) < 1e-9)
+    at_bound = ((p <= lo + edge) | (p >= hi - edge)) & ~off
+    return Fitted(problem, space, p, predicted, z, A, best, count, tuple(at_bound.tolist()))
+
+
+def drive(evidence: Evidence, fits: Sequence[FitSteps]) -> list[Fitted]:
+    """Runs fits in step and returns their ends, in order."""
+    done: list[Fitted | None] = [None] * len(fits)
+    asks: dict[int, list[ModelPoint]] = {i: next(fit) for i, fit in enumerate(fits)}
+    while asks:
+        order = sorted(asks)
+        points = [point for i in order for point in asks[i]]
+        values = evidence.predict(points)
+        at, following = 0, {}
+        for i in order:
+            mine = values[at : at + len(asks[i])]
+            at += len(asks[i])
+            try:
+                following[i] = fits[i].send(mine)
+            except StopIteration as end:
+                done[i] = end.value
+        asks = following
+    return [fit for fit in done if fit is not None]

@@ -1,0 +1,185 @@
+"""What the engine knows of a plant: signals, parameters, effects, views, and how to simulate it.
+
+Anything that satisfies `PlantModel` can be diagnosed. The engine never looks behind it, and nothing
+in the engine knows the name of a channel, a parameter or an effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.gap.runs import GapRun
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+EffectValues = Mapping[str, Mapping[str, float]]
+"""Values of the parameters of each effect that is switched on, by effect and parameter name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """An input that was applied, as recorded."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A measured channel: quantum and range in its unit, and the sub-model it is closest to.
+
+    `twin` names the channel of the same kind on the other side, if there is one; swapped cables are
+    looked for between twins. `noise` is a typical standard deviation of one sample, used only when
+    no run allows an estimate.
+    """
+
+    name: str
+    unit: str
+    quantum: float
+    low: float
+    high: float
+    sub_model: str
+    noise: float
+    side: str = ""
+    twin: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter that the refit may move, in its unit, with hard bounds and a prior."""
+
+    name: str
+    unit: str
+    nominal: float
+    low: float
+    high: float
+    prior_sd: float
+    sub_model: str
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """One parameter of an effect.
+
+    A *strength* switches the effect: at 0 it is absent. A *shape* says how the effect acts and means
+    nothing while every strength is 0. `low < 0` makes a strength two-sided.
+    """
+
+    name: str
+    unit: str
+    typical: float
+    low: float
+    high: float
+    strength: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A candidate cause: an entry of the plant's library."""
+
+    name: str
+    title: str
+    sub_model: str
+    parameters: tuple[EffectParameter, ...]
+    signals: tuple[str, ...]
+    equation: str = ""
+    confused_with: tuple[str, ...] = ()
+    separates: str = ""
+    reference: str = ""
+
+    def at(self, level: float = 1.0) -> dict[str, float]:
+        """Parameter values with every strength at `level` times its typical value."""
+        return {p.name: p.typical * level if p.strength else p.typical for p in self.parameters}
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What a view predicts: `key` is unique in the plant, `channel` is the measured counterpart."""
+
+    key: str
+    channel: str
+    side: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One way to run the model: the whole of it, or one sub-model fed with measured neighbours."""
+
+    name: str
+    sub_model: str
+    outputs: tuple[Output, ...]
+    feeds: tuple[str, ...] = ()
+    open_loop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """An entry of the plant's catalogue of safe experiments, in the order it would be offered."""
+
+    name: str
+    title: str
+    duration_s: float
+    command: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelPoint:
+    """A point of the model space: parameter values by name, effects that are on with their values."""
+
+    theta: Mapping[str, float]
+    effects: EffectValues = field(default_factory=dict)
+
+
+class PlantModel(Protocol):
+    """The interface of a plant. Arrays are one value for each sample of the run, in channel units."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def version(self) -> str: ...
+    @property
+    def inputs(self) -> Sequence[Signal]: ...
+    @property
+    def channels(self) -> Sequence[Channel]: ...
+    @property
+    def parameters(self) -> Sequence[Parameter]: ...
+    @property
+    def effects(self) -> Sequence[Effect]: ...
+    @property
+    def views(self) -> Sequence[View]:
+        """One open-loop view, and the local views in coupling order, upstream first."""
+        ...
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        """Noise-free prediction of every output of `views`, by output key.
+
+        A view whose feeds the run lacks is left out. `fast` allows a coarser step that changes
+        nothing beyond the noise floor. Releases the GIL or is quick: it is called from threads.
+        """
+        ...
+
+    def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
+        """Masks over the samples by regime name, for one side. `rest` must be among them: nothing
+        is driven and nothing moves, so that what remains is noise. Masks may overlap."""
+        ...
+
+    def features(self, run: GapRun, side: str) -> dict[str, Array]:
+        """What a flexible correction may depend on: inputs and measured or derived states."""
+        ...
+
+    def catalogue(self) -> Sequence[Experiment]:
+        """Safe experiments, within the limits of temperature, current and force."""
+        ...
+
+    def perform(self, experiment: str, point: ModelPoint, seed: int) -> GapRun:
+        """The run that the plant at `point` would give: inputs and noise-free measured channels."""
+        ...

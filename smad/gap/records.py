@@ -1,0 +1,227 @@
+"""The result of a diagnosis, as typed records that go to JSON as they are."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Any
+
+import msgspec
+
+
+class Outcome(StrEnum):
+    """The seven verdicts, and the case in which no run could be used at all."""
+
+    NO_GAP = "no gap"
+    PARAMETERS = "parameters only"
+    EFFECT = "effect"
+    AMBIGUOUS = "not separable"
+    PLUS_REST = "effect plus rest"
+    UNKNOWN = "unknown"
+    NO_EXCITATION = "not enough excitation"
+    REFUSED = "runs refused"
+
+
+class FindingRecord(msgspec.Struct, frozen=True):
+    run: str
+    kind: str
+    text: str
+    refuses: bool
+
+
+class RunRecord(msgspec.Struct, frozen=True):
+    """A run that was given. `role` is fit, hold-out, good or refused."""
+
+    name: str
+    role: str
+    duration_s: float
+    sha256: str
+
+
+class FloorRecord(msgspec.Struct, frozen=True):
+    channel: str
+    unit: str
+    sigma: float
+    rho: float
+    source: str
+    spread: float | None
+
+
+class ValueRecord(msgspec.Struct, frozen=True):
+    """A fitted parameter of an effect, with its 95 % interval."""
+
+    effect: str
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    at_bound: bool
+    identifiable: bool
+    profile: list[tuple[float, float]]
+
+
+class ParameterRecord(msgspec.Struct, frozen=True):
+    """A parameter of the model: its value before, after the refit, and with the effects."""
+
+    name: str
+    unit: str
+    before: float
+    refit: float
+    final: float
+    low: float
+    high: float
+    at_bound: bool
+
+
+class WaterfallRow(msgspec.Struct, frozen=True):
+    """Excess gap over the floor on held-out runs; `output` "" is all together."""
+
+    view: str
+    output: str
+    channel: str
+    unit: str
+    floor: float
+    raw: float
+    refit: float
+    effects: list[float]
+
+
+class CellRecord(msgspec.Struct, frozen=True):
+    sub_model: str
+    side: str
+    regime: str
+    raw: float
+    refit: float
+    final: float
+
+
+class WindowRecord(msgspec.Struct, frozen=True):
+    run: str
+    output: str
+    channel: str
+    start_s: float
+    stop_s: float
+    share: float
+
+
+class CandidateRecord(msgspec.Struct, frozen=True):
+    """How one candidate fared. Fields beyond the screening are None where it was not fitted."""
+
+    name: str
+    title: str
+    sub_model: str
+    screen_gain: float
+    masked: float
+    visible: float
+    p_value: float | None = None
+    discovery: bool = False
+    gain: float | None = None
+    gain_se: float | None = None
+    regime_gain: float | None = None
+    shrink: float | None = None
+    probability: float | None = None
+
+
+class Pair(msgspec.Struct, frozen=True):
+    """How well two effects can be told apart with these data: d² after the refit of the other."""
+
+    first: str
+    second: str
+    d2: float
+
+
+class ResidualTest(msgspec.Struct, frozen=True):
+    """A diagnostic of the residual that is left; not part of the verdict."""
+
+    output: str
+    test: str
+    statistic: float
+    p_value: float
+
+
+class ExperimentRecord(msgspec.Struct, frozen=True):
+    """A proposed experiment. `separation` is d² between the first two hypotheses."""
+
+    name: str
+    title: str
+    duration_s: float
+    separation: float
+    command: str
+
+
+class Trace(msgspec.Struct, frozen=True):
+    """One held-out output, for the overlay: time and values in channel units."""
+
+    run: str
+    view: str
+    output: str
+    channel: str
+    unit: str
+    t_s: list[float]
+    measured: list[float]
+    refit: list[float]
+    final: list[float]
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """What the diagnosis says.
+
+    `effects` in order of importance; `group` the effects that cannot be told from the first;
+    `probability` that of the outcome's named cause (the group's together). Gaps are G over the
+    floor, on held-out runs, of the local views; `open_loop` the same for the whole simulator.
+    """
+
+    outcome: Outcome
+    effects: list[str]
+    group: list[str]
+    sub_model: str
+    regimes: list[str]
+    probability: float
+    probabilities: dict[str, float]
+    gap_raw: float
+    gap_refit: float
+    gap_final: float
+    shrink: float
+    shrink_low: float
+    shrink_high: float
+    ceiling: float
+    open_loop: list[float]
+    text: str
+
+
+class Diagnosis(msgspec.Struct, frozen=True):
+    """Everything a diagnosis found."""
+
+    plant: str
+    plant_version: str
+    versions: dict[str, str]
+    settings: dict[str, Any]
+    question: str
+    judged_on: str
+    verdict: Verdict
+    runs: list[RunRecord]
+    findings: list[FindingRecord]
+    missing: list[str]
+    floors: list[FloorRecord]
+    waterfall: list[WaterfallRow]
+    heat: list[CellRecord]
+    windows: list[WindowRecord]
+    candidates: list[CandidateRecord]
+    values: list[ValueRecord]
+    parameters: list[ParameterRecord]
+    pairs: list[Pair]
+    residual_tests: list[ResidualTest]
+    experiments: list[ExperimentRecord]
+    traces: list[Trace]
+    limits: list[str]
+    model: dict[str, Any]
+    seconds: float
+
+    def to_json(self) -> bytes:
+        """JSON with the same content; NaN and infinities become null."""
+        return msgspec.json.format(msgspec.json.encode(self), indent=1)
+
+    @classmethod
+    def from_json(cls, data: bytes) -> Diagnosis:
+        """The record that `to_json` wrote."""
+        return msgspec.json.decode(data, type=cls)

@@ -1,0 +1,26 @@
+"""The refit of the nominal model: what the uncertain parameters alone can remove."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from smad.gap.lsq import Fitted, Problem, drive, fitting
+from smad.gap.plant import Parameter
+from smad.gap.space import Space
+
+
+def refit(
+    problem: Problem,
+    parameters: Sequence[Parameter],
+    centre: dict[str, float] | None = None,
+) -> Fitted:
+    """Fit of the model parameters within their bounds, from the prior's centre.
+
+    The sensitivities are renewed at every step: this is the fit that all others start from.
+    """
+    space = Space(tuple(parameters), (), centre)
+    iterations = problem.evidence.settings.refit_iterations
+    steps = fitting(
+        problem, space, space.start(), iterations=iterations, refresh_theta=True, tolerance=2.0
+    )
+    return drive(problem.evidence, [steps])[0]

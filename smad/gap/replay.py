@@ -1,0 +1,275 @@
+"""Replay of recorded runs through a plant model, on the analysis grid.
+
+`Evidence` lays out every predicted channel of every run as rows of one long vector: first by run,
+then by output. A row is the mean over one bin of the grid. Cells are blocks of consecutive rows of
+one output; they are what is reweighted, bootstrapped and left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.gap.errors import GapError
+from smad.gap.plant import Array, Mask, ModelPoint, PlantModel, View
+from smad.gap.runs import GapRun
+from smad.gap.settings import Settings
+
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Bins of one run: the first sample of each bin, and the share of valid samples in it."""
+
+    starts: Index
+    weight: Array
+    valid: Mask
+    t_s: Array
+
+    @classmethod
+    def of(cls, run: GapRun, period_s: float) -> Grid:
+        """Bins of `period_s`; a bin counts when at least half of its samples are valid."""
+        bins = np.floor((run.t_s - run.t_s[0]) / period_s + 1e-6).astype(np.intp)
+        starts = np.flatnonzero(np.r_[True, np.diff(bins) > 0])
+        good = run.good.astype(np.float64)
+        size = np.add.reduceat(np.ones_like(good), starts)
+        share = np.add.reduceat(good, starts) / size
+        t = np.add.reduceat(run.t_s, starts) / size
+        return cls(starts, good, share >= 0.5, t)
+
+    def mean(self, column: Array) -> Array:
+        """Mean over the valid samples of each bin; 0 where a bin has none."""
+        total = np.add.reduceat(self.weight, self.starts)
+        safe = np.where(self.weight > 0, column, 0.0)
+        return np.add.reduceat(safe * self.weight, self.starts) / np.maximum(total, 1e-12)
+
+    def majority(self, mask: Mask) -> Mask:
+        """True where at least half of the samples of a bin are."""
+        size = np.add.reduceat(np.ones(len(mask)), self.starts)
+        out: Mask = np.add.reduceat(mask.astype(np.float64), self.starts) >= 0.5 * size
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """The rows of one output of one run."""
+
+    run: int
+    view: str
+    sub_model: str
+    key: str
+    channel: str
+    side: str
+    start: int
+    stop: int
+
+    @property
+    def rows(self) -> slice:
+        return slice(self.start, self.stop)
+
+
+def simulate_binned(
+    plant: PlantModel,
+    run: GapRun,
+    grid: Grid,
+    views: Sequence[str],
+    keys: Sequence[tuple[str, float, float]],
+    points: Sequence[ModelPoint],
+    fast: bool,
+) -> Array:
+    """Predictions of `keys` on the grid for several points; shape (points, bins × keys).
+
+    Each key comes with the lowest and highest value that is believed: a model that runs away must
+    lose, but must not carry infinities into the fit. A plain function of picklable values, so that
+    any executor can run it.
+    """
+    out = np.empty((len(points), len(grid.t_s) * len(keys)))
+    for i, point in enumerate(points):
+        predicted = plant.simulate(point, run, views, fast=fast)
+        out[i] = np.concatenate(
+            [
+                np.clip(np.nan_to_num(grid.mean(predicted[key]), nan=high), low, high)
+                for key, low, high in keys
+            ]
+        )
+    return out
+
+
+class Evidence:
+    """Measured rows, and predictions for them.
+
+    `views` are the views that are laid out; a view whose feeds or channels a run lacks is left out
+    for that run and named in `missing`.
+    """
+
+    def __init__(
+        self,
+        plant: PlantModel,
+        runs: Sequence[GapRun],
+        views: Sequence[View],
+        settings: Settings,
+        executor: Executor | None = None,
+        *,
+        fast: bool = True,
+    ) -> None:
+        if not runs:
+            raise GapError("there is no run to replay", action="give at least one admitted run")
+        self.plant, self.runs, self.settings = plant, tuple(runs), settings
+        self.views, self.executor, self.fast = tuple(views), executor, fast
+        self.grids = [Grid.of(run, settings.period_s) for run in runs]
+        self.missing: list[str] = []
+        self.segments: list[Segment] = []
+        self._views_of_run: list[list[str]] = []
+        self._keys_of_run: list[list[tuple[str, float, float]]] = []
+        channels = {c.name: c for c in plant.channels}
+        start = 0
+        for r, run in enumerate(runs):
+            present = [v for v in views if self._supported(v, run)]
+            self._views_of_run.append([v.name for v in present])
+            keys = []
+            for view in present:
+                for out in view.outputs:
+                    if out.channel not in run.outputs:
+                        self.missing.append(f"{run.name}: {out.channel}")
+                        continue
+                    stop = start + len(self.grids[r].t_s)
+                    self.segments.append(
+                        Segment(
+                            r,
+                            view.name,
+                            view.sub_model,
+                            out.key,
+                            out.channel,
+                            out.side,
+                            start,
+                            stop,
+                        )
+                    )
+                    c = channels[out.channel]
+                    span = c.high - c.low
+                    keys.append((out.key, c.low - span, c.high + span))
+                    start = stop
+            self._keys_of_run.append(keys)
+        self.n = start
+        self.measured = np.zeros(self.n)
+        self.valid = np.zeros(self.n, dtype=bool)
+        self.t_s = np.zeros(self.n)
+        for s in self.segments:
+            grid, column = self.grids[s.run], runs[s.run].outputs[s.channel]
+            finite = np.isfinite(column)
+            self.measured[s.rows] = np.nan_to_num(grid.mean(np.where(finite, column, 0.0)))
+            self.valid[s.rows] = grid.valid & grid.majority(finite)
+            self.t_s[s.rows] = grid.t_s - grid.t_s[0]
+        self._cut_cells()
+
+    def _supported(self, view: View, run: GapRun) -> bool:
+        lacking = [f for f in view.feeds if f not in run.outputs and f not in run.inputs]
+        if lacking:
+            self.missing.append(f"{run.name}: view {view.name} lacks {', '.join(lacking)}")
+        return not lacking
+
+    def _cut_cells(self) -> None:
+        starts, seg_of_cell, block_of_cell = [], [], []
+        for i, s in enumerate(self.segments):
+            block = np.floor(self.t_s[s.rows] / self.settings.block_s).astype(np.intp)
+            cuts = np.flatnonzero(np.r_[True, np.diff(block) > 0])
+            starts.extend((s.start + cuts).tolist())
+            seg_of_cell.extend([i] * len(cuts))
+            block_of_cell.extend(block[cuts].tolist())
+        self.cell_starts = np.array(starts, dtype=np.intp)
+        self.cell_stops = np.r_[self.cell_starts[1:], self.n].astype(np.intp)
+        self.cell_segment = np.array(seg_of_cell, dtype=np.intp)
+        self.cell_block = np.array(block_of_cell, dtype=np.intp)
+        runs = np.array([s.run for s in self.segments], dtype=np.intp)
+        self.cell_run = runs[self.cell_segment]
+        self.cell_size = np.add.reduceat(self.valid.astype(float), self.cell_starts)
+        self.row_cell = np.repeat(np.arange(len(starts)), self.cell_stops - self.cell_starts)
+
+    @property
+    def keys(self) -> list[str]:
+        """Output keys that occur, in coupling order."""
+        return list(dict.fromkeys(s.key for s in self.segments))
+
+    def rows_of(self, key: str) -> list[Segment]:
+        """The segments of one output, in run order."""
+        return [s for s in self.segments if s.key == key]
+
+    def cell_sum(self, rows: Array) -> Array:
+        """Sum of a row quantity over each cell."""
+        return np.add.reduceat(rows, self.cell_starts)
+
+    def predict(self, points: Sequence[ModelPoint], runs: Iterable[int] | None = None) -> Array:
+        """Predictions on the grid; shape (points, rows). Rows of runs not asked for are 0."""
+        wanted = sorted(set(range(len(self.runs)) if runs is None else runs))
+        out = np.zeros((len(points), self.n))
+        if not points:
+            return out
+        jobs = [(r, chunk) for r in wanted for chunk in self._chunks(len(points), len(wanted))]
+        spans = {r: self._span(r) for r in wanted}
+        if self.executor is None:
+            results = [self._task(r, points[c]) for r, c in jobs]
+        else:
+            futures = [
+                self.executor.submit(simulate_binned, *self._job(r, points[c])) for r, c in jobs
+            ]
+            results = [f.result() for f in futures]
+        for (r, chunk), values in zip(jobs, results, strict=True):
+            out[chunk, spans[r]] = values
+        return out
+
+    def _job(self, r: int, points: Sequence[ModelPoint]) -> tuple[object, ...]:
+        return (
+            self.plant,
+            self.runs[r],
+            self.grids[r],
+            self._views_of_run[r],
+            self._keys_of_run[r],
+            points,
+            self.fast,
+        )
+
+    def _task(self, r: int, points: Sequence[ModelPoint]) -> Array:
+        return simulate_binned(*self._job(r, points))  # type: ignore[arg-type]
+
+    def _span(self, r: int) -> slice:
+        mine = [s for s in self.segments if s.run == r]
+        return slice(mine[0].start, mine[-1].stop) if mine else slice(0, 0)
+
+    @staticmethod
+    def _chunks(n_points: int, n_runs: int) -> list[slice]:
+        # Enough tasks to keep a few workers busy, few enough that dispatch costs nothing.
+        pieces = max(1, min(n_points, -(-8 // n_runs)))
+        edges = np.linspace(0, n_points, pieces + 1).astype(int)
+        return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+
+    def residual(self, predicted: Array) -> Array:
+        """Measured − predicted; 0 in rows that do not count."""
+        return np.where(self.valid, self.measured - predicted, 0.0)
+
+    def regime_masks(self) -> dict[str, Mask]:
+        """Row masks by regime name; the regimes of a row are those of its run and side."""
+        out: dict[str, Mask] = {}
+        cache: dict[tuple[int, str], dict[str, Mask]] = {}
+        for s in self.segments:
+            at = (s.run, s.side)
+            if at not in cache:
+                masks = self.plant.regimes(self.runs[s.run], s.side)
+                cache[at] = {k: self.grids[s.run].majority(m) for k, m in masks.items()}
+            for name, mask in cache[at].items():
+                out.setdefault(name, np.zeros(self.n, dtype=bool))[s.rows] = mask
+        return out
+
+
+def local_views(plant: PlantModel) -> list[View]:
+    """The local views of a plant, upstream first."""
+    return [v for v in plant.views if not v.open_loop]
+
+
+def open_views(plant: PlantModel) -> list[View]:
+    """The open-loop view of a plant, in a list."""
+    return [v for v in plant.views if v.open_loop]

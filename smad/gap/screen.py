@@ -1,0 +1,206 @@
+"""Screening of every candidate by its sensitivity, the refitted parameters projected out.
+
+Each effect is probed at a few points of its range, since some (a backlash, a saturation) have no
+slope at zero strength. A probe's white change of the prediction is s; what the refitted parameters
+can imitate of it is projected out; one amplitude and the parameters are then fitted by linear
+algebra, without another replay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.gap.lsq import Fitted, Problem
+from smad.gap.plant import Array, Effect, ModelPoint
+
+_REWEIGHTINGS = 4
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One effect at one point of its range."""
+
+    effect: Effect
+    values: dict[str, float]
+    max_amplitude: float
+    min_amplitude: float
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Probes and their white signatures S (rows, probes), at the model point of `fit`."""
+
+    fit: Fitted
+    probes: tuple[Probe, ...]
+    S: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Screened:
+    """What screening says of one effect.
+
+    `gain` is the rise in log-likelihood at the best probe, `amplitude` its fitted share of the probe.
+    `masked` is the share of the signature that the refitted parameters can imitate. `size` is the
+    projected signature of the typical effect, in floors (root of its squared norm).
+    """
+
+    effect: Effect
+    gain: float
+    amplitude: float
+    masked: float
+    size: float
+    start: dict[str, float]
+    second: dict[str, float] | None
+
+
+def probes_of(effect: Effect) -> list[Probe]:
+    """Probes of an effect: each strength alone at two levels, each shape also low and high."""
+    strengths = [p for p in effect.parameters if p.strength]
+    shapes = [p for p in effect.parameters if not p.strength]
+    settings: list[dict[str, float]] = [{q.name: q.typical for q in shapes}]
+    for q in shapes:
+        for edge in (q.low, q.high):
+            other = dict(settings[0])
+            other[q.name] = q.typical + 0.6 * (edge - q.typical)
+            settings.append(other)
+    out = []
+    for p in strengths:
+        for shape in settings:
+            for level in (0.4, 1.2):
+                value = float(np.clip(level * p.typical, p.low, p.high))
+                values = {q.name: 0.0 for q in strengths} | shape | {p.name: value}
+                high = p.high / value if value > 0 else p.low / value
+                low = p.low / value if value > 0 else p.high / value
+                out.append(Probe(effect, values, high, min(low, 0.0)))
+    return out
+
+
+def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
+    """Signatures of every probe of `effects` on top of the model of `fit`."""
+    everything = [p for e in effects for p in probes_of(e)]
+    base = fit.point
+    points = [ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything]
+    ev = fit.problem.evidence
+    S = np.zeros((ev.n, len(points)), dtype=np.float32)
+    size = 16
+    for a, b in pairwise([*range(0, len(points), size), len(points)]):
+        change = ev.predict(points[a:b]) - fit.predicted[None, :]
+        S[:, a:b] = fit.problem.whitening.white(np.ascontiguousarray(change.T))
+    return Probes(fit, tuple(everything), S)
+
+
+@dataclass(frozen=True)
+class Projected:
+    """Weighted products of signatures with the residual, the refitted parameters projected out."""
+
+    b: Array
+    d: Array
+    full: Array
+    prior_pull: Array
+    theta_of: Array
+
+
+def project(probes: Probes, z: Array, weight: Array) -> Projected:
+    """b = sᵀP⊥z, d = sᵀP⊥s, and sᵀs, with rows weighted; priors act as further rows."""
+    fit = probes.fit
+    mean, precision = fit.space.prior()
+    w = weight.astype(np.float32)
+    A, S = fit.A, probes.S
+    WA, WS = A * w[:, None], S * w[:, None]
+    H = (WA.T @ A).astype(float) + np.diag(precision + 1e-9)
+    B = (WA.T @ S).astype(float)
+    pull = precision * (fit.p - mean)
+    g = WA.T.astype(float) @ z - pull
+    full = np.einsum("ij,ij->j", WS, S, dtype=float)
+    solved = np.linalg.solve(H, np.column_stack([B, g]))
+    d = full - np.einsum("ij,ij->j", B, solved[:, :-1])
+    b = WS.T.astype(float) @ z - B.T @ solved[:, -1]
+    return Projected(b, np.maximum(d, 1e-9), full, solved[:, -1], solved[:, :-1])
+
+
+def screen(probes: Probes) -> list[Screened]:
+    """Every effect, best first. Amplitude and weights are refined a few times per probe."""
+    fit = probes.fit
+    problem = fit.problem
+    base_score = problem.cell_score(fit.z).sum()
+    start = project(probes, fit.z, problem.row_weight(fit.z))
+    gains = np.zeros(len(probes.probes))
+    amplitudes = np.zeros(len(probes.probes))
+    promising = np.argsort(-np.square(start.b) / start.d)[: max(24, len(probes.probes) // 3)]
+    # What reweighting alone would gain is not the effect's.
+    idle, _ = _refined(probes, problem, None, base_score)
+    for i in promising:
+        gain, amplitudes[i] = _refined(probes, problem, int(i), base_score)
+        gains[i] = max(0.0, gain - idle)
+    out = []
+    by_effect: dict[str, list[int]] = {}
+    for i, p in enumerate(probes.probes):
+        by_effect.setdefault(p.effect.name, []).append(i)
+    for indices in by_effect.values():
+        order = sorted(indices, key=lambda i: (-gains[i], -(start.b[i] ** 2) / start.d[i]))
+        best = order[0]
+        second = next((i for i in order[1:] if _other_shape(probes, best, i)), None)
+        visible = max(indices, key=lambda i: start.d[i])
+        out.append(
+            Screened(
+                probes.probes[best].effect,
+                float(gains[best]),
+                float(amplitudes[best]),
+                float(1 - start.d[visible] / max(start.full[visible], 1e-12)),
+                float(np.sqrt(start.d[visible])),
+                _scaled(probes.probes[best], amplitudes[best]),
+                None if second is None else _scaled(probes.probes[second], amplitudes[second]),
+            )
+        )
+    return sorted(out, key=lambda s: (-s.gain, -s.size))
+
+
+def _other_shape(probes: Probes, a: int, b: int) -> bool:
+    va, vb = probes.probes[a].values, probes.probes[b].values
+    effect = probes.probes[a].effect
+    if any(va[p.name] != vb[p.name] for p in effect.parameters if not p.strength):
+        return True
+    on = [{p.name for p in effect.parameters if p.strength and v[p.name] != 0} for v in (va, vb)]
+    return on[0] != on[1]
+
+
+def _scaled(p: Probe, amplitude: float) -> dict[str, float]:
+    """Starting values: strengths times the amplitude, or a small part of the probe if it is off."""
+    a = amplitude if abs(amplitude) > 0.02 else 0.2
+    return {
+        q.name: float(np.clip(p.values[q.name] * (a if q.strength else 1.0), q.low, q.high))
+        for q in p.effect.parameters
+    }
+
+
+def _refined(probes: Probes, problem: Problem, i: int | None, base: float) -> tuple[float, float]:
+    """Best gain and amplitude of one probe, reweighting the cells as it begins to explain them.
+
+    Without a probe: the gain that the model parameters alone still have.
+    """
+    fit = probes.fit
+    at = 0 if i is None else i
+    p = probes.probes[at]
+    one = Probes(fit, (p,), probes.S[:, at : at + 1])
+    s = probes.S[:, at].astype(float)
+    z, best, amplitude = fit.z, 0.0, 0.0
+    mean, precision = fit.space.prior()
+    shift = fit.p - mean
+    for _ in range(_REWEIGHTINGS):
+        pr = project(one, fit.z, problem.row_weight(z))
+        a = 0.0
+        if i is not None:
+            a = float(np.clip(pr.b[0] / pr.d[0], p.min_amplitude, p.max_amplitude))
+        step = pr.prior_pull - pr.theta_of[:, 0] * a
+        z = fit.z - a * s - fit.A @ step.astype(np.float32)
+        penalty = 0.5 * float(np.sum(precision * ((shift + step) ** 2 - shift**2)))
+        gain = float(problem.cell_score(z).sum() - base - penalty)
+        if gain <= best + 0.1:
+            break
+        best, amplitude = gain, a
+    return best, amplitude

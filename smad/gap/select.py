@@ -1,0 +1,297 @@
+"""Forward and backward selection of effects, judged on runs and regimes left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.fit import JointFit, Start, dispersion, joint_fits
+from smad.gap.judge import Judged, judge, regime_gains, shrink
+from smad.gap.lsq import Fitted, Problem
+from smad.gap.plant import Array, Effect
+from smad.gap.screen import Screened, probe, screen
+from smad.gap.settings import Settings
+from smad.gap.significance import resample_weights, tail_p
+
+_TOUCHED = 0.1
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model of the selection: a set of effects, fitted and judged.
+
+    `gain` is the rise of the held-out log-likelihood over the model it was added to, `gain_se` its
+    standard error over runs and blocks, `p_value` that of the whole selection's null, `touched` the
+    outputs that carry the effect's signature, `shrink_gain` the rise of S over them (or over all
+    outputs, if larger), `regime_gain` the sum of gains on regimes left out.
+    """
+
+    joint: JointFit
+    judged: Judged
+    gain: float = 0.0
+    gain_se: float = 0.0
+    p_value: float = 1.0
+    touched: tuple[str, ...] = ()
+    shrink_gain: float = 0.0
+    regime_gain: float = 0.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.joint.names
+
+    @property
+    def fit(self) -> Fitted:
+        return self.joint.fit
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The outcome: `base` (refit only), `best`, and what stood beside it.
+
+    `steps` are the accepted models in order. `rivals` are, for each effect of `best`, the models with
+    that effect replaced by another. `probability` is by effect name of the first place, over `best`
+    and its rivals there, "" being the refit alone. `screened` is the first screening.
+    """
+
+    base: Candidate
+    best: Candidate
+    steps: tuple[Candidate, ...]
+    rivals: dict[str, tuple[Candidate, ...]]
+    probability: dict[str, dict[str, float]]
+    screened: tuple[Screened, ...]
+    tried: tuple[Candidate, ...]
+
+
+def cluster_gain(problem: Problem, hold: Problem | None, gain: Array) -> tuple[float, float]:
+    """Sum of a cell-wise gain and its standard error over blocks of time."""
+    runs, blocks = held_cells(problem, hold)
+    _, index = np.unique(np.column_stack([runs, blocks]), axis=0, return_inverse=True)
+    sums = np.bincount(index.ravel(), weights=gain)
+    total = float(sums.sum())
+    return total, float(np.std(sums) * np.sqrt(len(sums)))
+
+
+def held_cells(problem: Problem, hold: Problem | None) -> tuple[Array, Array]:
+    """Run and block of every cell that `Judged.scores` lists."""
+    a = problem.evidence
+    if hold is None:
+        return a.cell_run, a.cell_block
+    b = hold.evidence
+    return np.r_[a.cell_run, b.cell_run + len(a.runs)], np.r_[a.cell_block, b.cell_block]
+
+
+def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
+    """Outputs that carry at least a tenth of what an effect changes, in floors."""
+    ev = after.bench.evidence
+    change = np.square(after.bench.whitening.scale(after.predicted - before.predicted))
+    power = {k: float(sum(change[s.rows].sum() for s in ev.rows_of(k))) for k in ev.keys}
+    total = sum(power.values())
+    return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED * total)
+
+
+class Selector:
+    """Forward steps, swaps and backward steps over the effects of a library."""
+
+    def __init__(
+        self,
+        refit: Fitted,
+        hold: Problem | None,
+        effects: Sequence[Effect],
+        null: Callable[[object], Array],
+        progress: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.refit, self.hold = refit, hold
+        # The order in which a library lists its effects must not matter.
+        self.effects = tuple(sorted(effects, key=lambda e: e.name))
+        self.settings: Settings = refit.problem.evidence.settings
+        self._null_of, self._null = null, np.zeros(0)
+        self.progress = progress
+        self.masks = refit.problem.evidence.regime_masks()
+
+    def run(self) -> Selection:
+        """The whole selection."""
+        base = Candidate(JointFit(self.refit, ()), judge([self.refit], self.hold)[0])
+        current, steps, tried = base, [], []
+        first: list[Screened] = []
+        rivals_at: list[list[Candidate]] = []
+        while len(steps) < self.settings.max_effects:
+            self.progress(f"screening for effect {len(steps) + 1}")
+            ranked, candidates = self._level(current, first_level=not steps)
+            first = first or ranked
+            tried += candidates
+            accepted = [c for c in candidates if self._acceptable(c)]
+            if not accepted:
+                break
+            chosen = accepted[0]
+            rivals_at.append([c for c in candidates if c is not chosen])
+            steps.append(chosen)
+            current = chosen
+        best = self._backward(base, current) if len(steps) > 1 else current
+        best, rivals = self._rivals(base, best, steps, rivals_at, tried)
+        probability = {
+            name: self._probability(base, best, others) for name, others in rivals.items()
+        }
+        if not rivals and tried:
+            probability[""] = self._probability(base, base, tuple(tried[:4]))
+        return Selection(base, best, tuple(steps), rivals, probability, tuple(first), tuple(tried))
+
+    def _level(
+        self, current: Candidate, *, first_level: bool
+    ) -> tuple[list[Screened], list[Candidate]]:
+        remaining = [e for e in self.effects if e.name not in current.names]
+        probes = probe(current.fit, remaining)
+        ranked = screen(probes)
+        if first_level:
+            self._null = self._null_of(probes)
+        count = self.settings.survivors if first_level else max(3, self.settings.survivors - 3)
+        survivors = _short_list(ranked, count)
+        self.progress(f"fitting {len(survivors)} candidates")
+        starts = []
+        for s in survivors:
+            sets = (*current.fit.space.effects, s.effect)
+            before = dict(current.fit.point.effects)
+            for values in (s.start, s.second)[: self.settings.starts]:
+                if values is not None:
+                    starts.append(Start(sets, {**before, s.effect.name: values}))
+        joints = joint_fits(current.fit, starts)
+        return ranked, self._judged(current, list(joints.values()))
+
+    def _judged(self, before: Candidate, joints: Sequence[JointFit]) -> list[Candidate]:
+        """Candidates with their gains over `before`, best first."""
+        judged = judge([j.fit for j in joints], self.hold)
+        out = [self._candidate(before, j, v) for j, v in zip(joints, judged, strict=True)]
+        return sorted(out, key=lambda c: (-c.gain, c.names))
+
+    def _candidate(self, before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
+        gain, se = cluster_gain(
+            before.fit.problem, self.hold, judged.scores() - before.judged.scores()
+        )
+        touched = touched_outputs(before.judged, judged)
+        rises = [
+            shrink(judged.excess(keys), before.judged.excess(keys))
+            for keys in (None, list(touched))
+        ]
+        likelihood_gain = before.fit.objective - joint.fit.objective
+        return Candidate(
+            joint,
+            judged,
+            gain,
+            se,
+            tail_p(likelihood_gain, self._null),
+            touched,
+            max(rises),
+            float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
+        )
+
+    def _acceptable(self, c: Candidate) -> bool:
+        s = self.settings
+        return (
+            c.gain > s.gain_standard_errors * c.gain_se
+            and c.gain > 2.0
+            and c.gain + c.regime_gain > 0.0
+            and c.p_value <= s.significance
+            and c.shrink_gain >= s.min_shrink_gain
+        )
+
+    def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:
+        values = current.fit.point.effects
+        start = Start(effects, {e.name: values[e.name] for e in effects})
+        return next(iter(joint_fits(current.fit, [start]).values()))
+
+    def _backward(self, base: Candidate, current: Candidate) -> Candidate:
+        """Drops effects that the others have made superfluous."""
+        while len(current.names) > 1:
+            smaller = []
+            for drop in current.fit.space.effects:
+                keep = tuple(e for e in current.fit.space.effects if e is not drop)
+                joint = self._refitted(current, keep)
+                without = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
+                again = self._candidate(without, current.joint, current.judged)
+                if not self._acceptable(again):
+                    smaller.append((again.gain, without))
+            if not smaller:
+                break
+            current = min(smaller, key=lambda pair: (pair[0], pair[1].names))[1]
+        return current
+
+    def _rivals(
+        self,
+        base: Candidate,
+        best: Candidate,
+        steps: Sequence[Candidate],
+        rivals_at: Sequence[Sequence[Candidate]],
+        tried: Sequence[Candidate],
+    ) -> tuple[Candidate, dict[str, tuple[Candidate, ...]]]:
+        """For each effect of the best model, the best models with another in its place.
+
+        A rival that scores better becomes the best, once: greedy steps may have begun wrongly.
+        """
+        if not best.names:
+            return best, {}
+        if len(best.names) == 1:
+            pool = [c for c in tried if len(c.names) == 1 and c.names != best.names]
+            return best, {best.names[0]: tuple(pool[:5])}
+        for attempt in range(2):
+            out: dict[str, tuple[Candidate, ...]] = {}
+            for name in best.names:
+                keep = tuple(e for e in best.fit.space.effects if e.name != name)
+                joint = self._refitted(best, keep)
+                reduced = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
+                others = [e for e in self.effects if e.name not in best.names]
+                ranked = screen(probe(reduced.fit, others))[:4]
+                values = reduced.fit.point.effects
+                starts = [
+                    Start((*keep, s.effect), {**values, s.effect.name: s.start}) for s in ranked
+                ]
+                found = self._judged(reduced, list(joint_fits(reduced.fit, starts).values()))
+                out[name] = tuple(found)
+            total = best.judged.scores().sum()
+            better = [c for found in out.values() for c in found if c.judged.scores().sum() > total]
+            if not better or attempt == 1:
+                break
+            winner = max(better, key=lambda c: float(c.judged.scores().sum()))
+            best = self._candidate(base, winner.joint, winner.judged)
+        return best, out
+
+    def _probability(
+        self, base: Candidate, best: Candidate, others: Sequence[Candidate]
+    ) -> dict[str, float]:
+        """Posterior of the effect in one place, by a Bayesian bootstrap over runs and blocks."""
+        models = {"": base, **{_differing(best, c): c for c in others}}
+        if best is not base:
+            models[_differing(others[0], best) if others else best.names[-1]] = best
+        names = sorted(models)
+        problem = best.fit.problem
+        share = dispersion(problem, best.fit.z)
+        temper = [share[s.key] for s in problem.evidence.segments]
+        factor = np.array(temper)[problem.evidence.cell_segment]
+        if self.hold is not None:
+            ev = self.hold.evidence
+            held = np.array([share.get(s.key, 1.0) for s in ev.segments])[ev.cell_segment]
+            factor = np.r_[factor, held]
+        scores = np.array([models[n].judged.scores() * factor for n in names])
+        runs, blocks = held_cells(problem, self.hold)
+        rng = np.random.default_rng(self.settings.seed + 17)
+        weight = resample_weights(runs, blocks, self.settings.bootstrap, rng)
+        total = weight @ scores.T
+        total -= total.max(axis=1, keepdims=True)
+        posterior = np.exp(total)
+        posterior /= posterior.sum(axis=1, keepdims=True)
+        return dict(zip(names, posterior.mean(axis=0).tolist(), strict=True))
+
+
+def _differing(model: Candidate, other: Candidate) -> str:
+    """The effect of `other` that `model` lacks."""
+    extra = [n for n in other.names if n not in model.names]
+    return extra[0] if extra else ""
+
+
+def _short_list(ranked: Sequence[Screened], count: int) -> list[Screened]:
+    """The best overall, and the best of every sub-model that gains anything."""
+    chosen = [s for s in ranked if s.gain > 0][:count]
+    for s in ranked:
+        if s.gain > 2.0 and all(c.effect.sub_model != s.effect.sub_model for c in chosen):
+            chosen.append(s)
+    return chosen

@@ -1,0 +1,46 @@
+"""Every threshold and size of the diagnosis, in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Frozen before a sealed bank is opened; a report carries the values it was made with.
+
+    Sizes: `period_s` of the analysis grid (samples are averaged over it), `block_s` of the cells in
+    which the scale of the discrepancy is unknown, `bootstrap` resamples, `starts` of a joint fit,
+    `survivors` of the screening, `max_effects` of the selection, `seed`.
+
+    `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
+    let a cell with an unexplained misfit speak softly.
+    """
+
+    period_s: float = 0.1
+    block_s: float = 5.0
+    cell_dof: float = 10.0
+    seed: int = 0
+    bootstrap: int = 400
+    starts: int = 2
+    survivors: int = 8
+    max_effects: int = 3
+    refit_iterations: int = 8
+    fit_iterations: int = 8
+
+    min_duration_s: float = 8.0
+    max_lost_share: float = 0.2
+    max_saturated_share: float = 0.2
+    constant_quanta: float = 1.5
+
+    significance: float = 0.01
+    min_excess: float = 0.35
+    gain_standard_errors: float = 1.0
+    min_shrink_gain: float = 0.05
+    unknown_shrink: float = 0.3
+    unknown_ratio: float = 0.6
+    rest_margin: float = 0.15
+    ambiguous_d2: float = 16.0
+    ambiguous_odds: float = 10.0
+    masked_share: float = 0.98
+    false_discovery: float = 0.1

@@ -1,0 +1,105 @@
+"""The coordinates of a fit: model parameters and effect parameters, scaled and bounded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.plant import Array, Effect, ModelPoint, Parameter
+
+
+@dataclass(frozen=True)
+class Space:
+    """Scaled coordinates p of model parameters `theta` followed by those of `effects`.
+
+    A model parameter is scaled as (value − centre)/prior_sd, an effect parameter as value/|typical|.
+    `fixed` are effects that are on with values that do not move.
+    """
+
+    theta: tuple[Parameter, ...]
+    effects: tuple[Effect, ...] = ()
+    centre: Mapping[str, float] | None = None
+
+    @property
+    def size(self) -> int:
+        return len(self.theta) + sum(len(e.parameters) for e in self.effects)
+
+    @property
+    def n_theta(self) -> int:
+        return len(self.theta)
+
+    @property
+    def names(self) -> list[tuple[str, str]]:
+        """(effect, parameter) of every coordinate; the effect is "" for a model parameter."""
+        own = [("", p.name) for p in self.theta]
+        return own + [(e.name, p.name) for e in self.effects for p in e.parameters]
+
+    def _centre(self, p: Parameter) -> float:
+        return p.nominal if self.centre is None else self.centre.get(p.name, p.nominal)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bound of each coordinate."""
+        lo = [(p.low - self._centre(p)) / p.prior_sd for p in self.theta]
+        hi = [(p.high - self._centre(p)) / p.prior_sd for p in self.theta]
+        for e in self.effects:
+            lo += [q.low / abs(q.typical) for q in e.parameters]
+            hi += [q.high / abs(q.typical) for q in e.parameters]
+        return np.array(lo), np.array(hi)
+
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and precision of the normal prior of each coordinate.
+
+        An effect's prior only keeps a flat direction from wandering: half its range wide.
+        """
+        mean = [0.0] * self.n_theta
+        precision = [1.0] * self.n_theta
+        for e in self.effects:
+            for q in e.parameters:
+                mean.append(0.0 if q.strength else float(np.sign(q.typical)))
+                precision.append((2 * abs(q.typical) / (q.high - q.low)) ** 2)
+        return np.array(mean), np.array(precision)
+
+    def steps(self) -> Array:
+        """Finite-difference steps: wide, since a hysteretic replay is rough on a small scale."""
+        theta = [0.2] * self.n_theta
+        return np.array(theta + [0.15] * (self.size - self.n_theta))
+
+    def start(self, effects: Mapping[str, Mapping[str, float]] | None = None) -> Array:
+        """Prior centre for the model parameters, and the effects' values given (or absent)."""
+        p = np.zeros(self.size)
+        i = self.n_theta
+        for e in self.effects:
+            given = (effects or {}).get(e.name, e.at(0.0))
+            for q in e.parameters:
+                p[i] = given[q.name] / abs(q.typical)
+                i += 1
+        return p
+
+    def point(self, p: Array) -> ModelPoint:
+        """The model point at scaled coordinates `p`."""
+        theta = {
+            q.name: self._centre(q) + q.prior_sd * float(v)
+            for q, v in zip(self.theta, p, strict=False)
+        }
+        effects: dict[str, dict[str, float]] = {}
+        i = self.n_theta
+        for e in self.effects:
+            effects[e.name] = {}
+            for q in e.parameters:
+                effects[e.name][q.name] = float(p[i]) * abs(q.typical)
+                i += 1
+        return ModelPoint(theta, effects)
+
+    def value(self, index: int, coordinate: float) -> float:
+        """A coordinate in the parameter's own unit."""
+        if index < self.n_theta:
+            q = self.theta[index]
+            return self._centre(q) + q.prior_sd * coordinate
+        flat = [q for e in self.effects for q in e.parameters]
+        return coordinate * abs(flat[index - self.n_theta].typical)
+
+    def with_effects(self, effects: Sequence[Effect]) -> Space:
+        """The same model parameters with other effects."""
+        return Space(self.theta, tuple(effects), self.centre)

@@ -1,0 +1,200 @@
+"""Stages 1 to 4 put together: from admitted runs to a refitted model with its weights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.discrepancy import Background, fed_noise, learn_background
+from smad.gap.judge import Judged, excess_of, judge, leave_out_points, predict_by_run
+from smad.gap.lsq import Fitted, Problem, drive, fitting
+from smad.gap.noise import Floor, estimate_floors
+from smad.gap.plant import ModelPoint, Parameter, PlantModel
+from smad.gap.refit import refit
+from smad.gap.replay import Evidence, local_views, open_views
+from smad.gap.runs import GapRun
+from smad.gap.settings import Settings
+from smad.gap.significance import null_gains, top_null
+from smad.gap.whiten import OutputNoise, Whitening
+
+_NULL_DRAWS = 60
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Everything the selection needs.
+
+    `centre` are the parameter values the question starts from: the nominal ones, or those of the
+    known-good runs. `gentle` is the refit by plain least squares. `threshold` is the gap over the
+    floor that counts as significant.
+    """
+
+    plant: PlantModel
+    settings: Settings
+    floors: Mapping[str, Floor]
+    noise: Mapping[str, OutputNoise]
+    problem: Problem
+    hold: Problem | None
+    fit: Fitted
+    gentle: Judged
+    raw: Judged
+    background: Background | None
+    centre: Mapping[str, float]
+    threshold: float
+
+    def null(self, probes: object) -> np.ndarray:  # type: ignore[type-arg]
+        """Largest gain of the screening on data without any effect."""
+        if self.background is None:
+            source, z = self.problem, self.fit.z
+        else:
+            source, z = self.background.fit.problem, self.background.left_out_white
+        draws = null_gains(probes, source, z, _NULL_DRAWS, self.settings.seed)  # type: ignore[arg-type]
+        return np.asarray(top_null(draws))
+
+
+def prepare(
+    runs: Sequence[GapRun],
+    plant: PlantModel,
+    settings: Settings,
+    *,
+    good: Sequence[GapRun] = (),
+    hold_out: Sequence[GapRun] = (),
+    parameters: Sequence[Parameter] | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Prepared:
+    """Noise floor, background from good runs, refit, and the held-out judgement of the refit."""
+    parameters = tuple(plant.parameters if parameters is None else parameters)
+    views = local_views(plant)
+    progress("noise floor")
+    floors = estimate_floors([*runs, *hold_out, *good], plant, settings)
+
+    def evidence(chosen: Sequence[GapRun]) -> Evidence:
+        return Evidence(plant, chosen, views, settings, executor)
+
+    centre = {p.name: p.nominal for p in parameters}
+    nominal = ModelPoint(centre)
+    background = None
+    if good:
+        progress(f"fitting {len(good)} known-good runs")
+        ev = evidence(good)
+        base = fed_noise(ev, floors, nominal, settings.seed)
+        fit = refit(Problem(ev, Whitening(ev, base), np.zeros(ev.n)), parameters)
+        background = learn_background(fit, base)
+        noise = dict(background.noise)
+        centre = dict(fit.point.theta)
+    ev = evidence(runs)
+    if background is None:
+        noise = fed_noise(ev, floors, nominal, settings.seed)
+
+    def problem_of(e: Evidence) -> Problem:
+        own = {k: noise[k] for k in e.keys}
+        expected = np.zeros(e.n) if background is None else background.expected(e)
+        return Problem(e, Whitening(e, own), expected)
+
+    problem = problem_of(ev)
+    hold = problem_of(evidence(hold_out)) if hold_out else None
+    progress(f"refitting {len(parameters)} parameters")
+    fit = refit(problem, parameters, centre)
+    gentle = _plain(fit)
+    start = ModelPoint(centre)
+    raw = Judged(
+        problem,
+        hold,
+        ev.predict([start])[0],
+        np.zeros(0) if hold is None else hold.evidence.predict([start])[0],
+    )
+    return Prepared(
+        plant,
+        settings,
+        floors,
+        noise,
+        problem,
+        hold,
+        fit,
+        judge([gentle], hold)[0],
+        raw,
+        background,
+        centre,
+        _threshold(background, settings),
+    )
+
+
+def _plain(fit: Fitted) -> Fitted:
+    """The refit by plain least squares, every cell at its full weight."""
+    problem = _Plain(fit.problem.evidence, fit.problem.whitening, fit.problem.background)
+    steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3, tolerance=2.0)
+    end = drive(fit.problem.evidence, [steps])[0]
+    return Fitted(
+        fit.problem,
+        end.space,
+        end.p,
+        end.predicted,
+        end.z,
+        end.A,
+        end.objective,
+        end.evaluations,
+        end.at_bound,
+    )
+
+
+class _Plain(Problem):
+    """Ordinary least squares: the scale of every cell is known to be the floor."""
+
+    def cell_score(self, z: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        return -0.5 * self.cell_q(z)
+
+    def cell_weight(self, z: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        return (self.evidence.cell_size > 0).astype(float)
+
+
+def _threshold(background: Background | None, settings: Settings) -> float:
+    """Gap over the floor beyond which a refitted gap is significant.
+
+    Good runs show how much a run without any trouble exceeds the floor that all of them set.
+    """
+    if background is None:
+        return settings.min_excess
+    problem = background.fit.problem
+    ev = problem.evidence
+    residual = ev.residual(predict_by_run(problem, leave_out_points(background.fit)))
+    whitening = Whitening(ev, background.noise)
+    squares = np.square(whitening.scale(residual - background.expected(ev)))
+    own = Problem(ev, whitening, background.expected(ev))
+    per_run = []
+    for r in range(len(ev.runs)):
+        weight = np.zeros(ev.n)
+        for s in ev.segments:
+            if s.run == r:
+                weight[s.rows] = 1.0
+        per_run.append(excess_of(own, squares, None, weight))
+    # The mean of several runs varies less than one run does.
+    return max(settings.min_excess, 1.1 * float(np.max(per_run)) / np.sqrt(2.0))
+
+
+@dataclass(frozen=True)
+class OpenLoop:
+    """The whole simulator on the runs that judge: floor of each output, and its evidence."""
+
+    problem: Problem
+
+
+def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
+    """The open-loop view of the judging runs, with the floor that good runs give it."""
+    plant, settings = prepared.plant, prepared.settings
+    bench = prepared.problem if prepared.hold is None else prepared.hold
+    ev = Evidence(plant, bench.evidence.runs, open_views(plant), settings, executor)
+    noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].sigma) for k in ev.keys}
+    if prepared.background is not None:
+        fit = prepared.background.fit
+        good = Evidence(plant, fit.problem.evidence.runs, open_views(plant), settings, executor)
+        problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
+        residual = good.residual(predict_by_run(problem, leave_out_points(fit)))
+        for key in list(noise):
+            rows = [residual[s.rows][good.valid[s.rows]] for s in good.rows_of(key)]
+            power = float(np.mean(np.square(np.concatenate(rows)))) if rows else 0.0
+            noise[key] = OutputNoise(max(noise[key].sigma, float(np.sqrt(power))))
+    return OpenLoop(Problem(ev, Whitening(ev, noise), np.zeros(ev.n)))

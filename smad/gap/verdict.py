@@ -1,0 +1,209 @@
+"""From numbers to one of seven verdicts, with its probability, in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.assess import Worth
+from smad.gap.plant import Effect, PlantModel
+from smad.gap.records import ExperimentRecord, Outcome, ValueRecord
+from smad.gap.settings import Settings
+
+
+@dataclass(frozen=True)
+class Evidenced:
+    """The numbers a verdict rests on.
+
+    `threshold` is the gap over the floor that is significant. `touched` is the worth over the
+    outputs the effects show in, `whole` that over all outputs. `visible` is the share of effects
+    that these runs would show at all at their typical strength. `chance` is the smallest p-value of
+    a single effect.
+    """
+
+    effects: tuple[str, ...]
+    groups: Mapping[str, Sequence[str]]
+    probability: Mapping[str, float]
+    gap_raw: float
+    threshold: float
+    touched: Worth
+    whole: Worth
+    moved: bool
+    visible: float
+    chance: float
+
+
+def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
+    """The outcome and its probability."""
+    significant = e.whole.gap_refit > e.threshold or bool(e.effects)
+    if not significant:
+        if e.visible < 0.2:
+            return Outcome.NO_EXCITATION, 1.0 - e.visible
+        nothing = 1.0 - _present(e)
+        if e.gap_raw > e.threshold or e.moved:
+            return Outcome.PARAMETERS, nothing
+        return Outcome.NO_GAP, nothing
+    unknown = p_unknown(e.touched, settings) if e.effects else 1.0
+    if not e.effects:
+        return Outcome.UNKNOWN, _certainty(e)
+    if unknown > 0.5:
+        return Outcome.UNKNOWN, unknown
+    first = e.effects[0]
+    group = list(e.groups.get(first, ()))
+    named = sum(e.probability.get(n, 0.0) for n in [first, *group])
+    p = float(min(1.0, named) * (1.0 - unknown))
+    if any(e.groups.get(n) for n in e.effects):
+        return Outcome.AMBIGUOUS, p
+    rest = e.whole.ceiling - e.whole.shrink
+    if rest > settings.rest_margin and e.whole.gap_final > max(1.0, e.threshold):
+        return Outcome.PLUS_REST, p
+    return Outcome.EFFECT, p
+
+
+def _present(e: Evidenced) -> float:
+    """Probability that some effect is there although none was accepted.
+
+    From 0.03, where chance alone explains the best candidate, to one half where it hardly does.
+    """
+    doubt = np.log(0.05 / max(e.chance, 1e-6)) / np.log(5.0)
+    return float(0.03 + 0.47 * np.clip(doubt, 0.0, 1.0))
+
+
+def _certainty(e: Evidenced) -> float:
+    # How far beyond the threshold the gap is; one half at the threshold.
+    ratio = e.whole.gap_refit / max(e.threshold, 1e-9)
+    return float(1.0 - 0.5 / max(1.0, ratio) ** 2)
+
+
+def p_unknown(worth: Worth, settings: Settings) -> float:
+    """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling."""
+    s, ceiling = worth.draws[:, 0], worth.draws[:, 1]
+    poor = (s < settings.unknown_shrink) | (s < settings.unknown_ratio * np.maximum(ceiling, 1e-9))
+    return float(np.mean(poor))
+
+
+def words(
+    outcome: Outcome,
+    e: Evidenced,
+    plant: PlantModel,
+    *,
+    p: float,
+    sub_model: str,
+    regimes: Sequence[str],
+    outputs: Sequence[str],
+    values: Sequence[ValueRecord],
+    experiments: Sequence[ExperimentRecord],
+    since_good: bool,
+) -> str:
+    """The verdict as a paragraph."""
+    title = {x.name: x for x in plant.effects}
+    gap = e.whole
+    said = [_gap_sentence(e, since_good)]
+    if outcome in (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.NO_EXCITATION):
+        said.append(_quiet(outcome, e))
+        return " ".join(said)
+    place = f"in {' and '.join(regimes)}" if regimes else "in all regimes"
+    said.append(f"It lies in the {sub_model} part, {place}, in {_listing(outputs)}.")
+    if outcome is Outcome.UNKNOWN:
+        said.append(_unknown_sentence(e, title, p))
+    else:
+        said.append(_cause_sentence(outcome, e, title, values, p))
+        low, high = gap.interval
+        said.append(
+            f"On runs it was not fitted to, the gap falls from {gap.gap_refit:.1f}× to "
+            f"{gap.gap_final:.1f}× (S = {gap.shrink:.2f} [{low:.2f}, {high:.2f}]; ceiling "
+            f"{gap.ceiling:.2f})."
+        )
+        if outcome is Outcome.PLUS_REST:
+            said.append("A rest remains that no effect of the library explains.")
+        confused = [f"{n} or {' or '.join(g)}" for n, g in e.groups.items() if g]
+        said.append(f"Not told apart: {'; '.join(confused) if confused else 'nothing'}.")
+    if experiments:
+        x = experiments[0]
+        said.append(
+            f"Next experiment: {x.title} ({x.duration_s:.0f} s, separation d² ≈ "
+            f"{x.separation:.0f})."
+        )
+    else:
+        said.append("Next experiment: none needed.")
+    return " ".join(said)
+
+
+def _gap_sentence(e: Evidenced, since_good: bool) -> str:
+    subject = "Change since the known-good runs" if since_good else "Gap"
+    removed = 1.0 - e.whole.gap_refit / e.gap_raw if e.gap_raw > 0 else 0.0
+    if e.gap_raw <= 0.05:
+        return f"{subject}: not above the noise floor."
+    if removed < 0.005:
+        return f"{subject} {e.gap_raw:.1f}× the noise floor; refitting the parameters removes none of it."
+    return (
+        f"{subject} {e.gap_raw:.1f}× the noise floor; refitting the parameters removes "
+        f"{removed:.0%}."
+    )
+
+
+def _quiet(outcome: Outcome, e: Evidenced) -> str:
+    if outcome is Outcome.NO_EXCITATION:
+        return (
+            f"These runs would show only {e.visible:.0%} of the effects at their typical strength: "
+            "they do not excite the plant enough to answer."
+        )
+    if outcome is Outcome.NO_GAP:
+        return f"No gap: what is left ({e.whole.gap_refit:.2f}×) is within the floor."
+    return (
+        f"Parameters only: after the refit {e.whole.gap_refit:.2f}× is left, which is within the "
+        "floor. No effect is needed."
+    )
+
+
+def _unknown_sentence(e: Evidenced, title: Mapping[str, Effect], p: float) -> str:
+    best = ""
+    if e.effects:
+        best = (
+            f" The best of the library, {title[e.effects[0]].title}, removes only "
+            f"{max(0.0, e.touched.shrink):.0%} of it where a flexible correction removes "
+            f"{max(0.0, e.touched.ceiling):.0%}."
+        )
+    return f"Cause: unknown (probability {p:.2f}); it is not in the library.{best}"
+
+
+def _cause_sentence(
+    outcome: Outcome,
+    e: Evidenced,
+    title: Mapping[str, Effect],
+    values: Sequence[ValueRecord],
+    p: float,
+) -> str:
+    parts = []
+    for name in e.effects:
+        own = [v for v in values if v.effect == name]
+        numbers = ", ".join(_value(v) for v in own)
+        parts.append(f"{title[name].title} [{name}] ({numbers})" if numbers else title[name].title)
+    kind = "Causes" if len(parts) > 1 else "Cause"
+    either = " (one of a group)" if outcome is Outcome.AMBIGUOUS else ""
+    return f"{kind}{either}: {'; and '.join(parts)}; probability {p:.2f}."
+
+
+def _value(v: ValueRecord) -> str:
+    unit = f" {v.unit}" if v.unit and v.unit != "1" else ""
+    digits = _digits(v)
+    text = f"{v.name} {v.value:.{digits}g}{unit} [{v.low:.{digits}g}, {v.high:.{digits}g}]"
+    if v.at_bound:
+        text += " at its bound"
+    elif not v.identifiable:
+        text += " not identifiable"
+    return text
+
+
+def _digits(v: ValueRecord) -> int:
+    """Digits that show the width of the interval, two of them at least and five at most."""
+    width = max(v.high - v.low, 1e-12)
+    size = max(abs(v.low), abs(v.high), width)
+    return int(np.clip(np.ceil(np.log10(size / width)) + 1, 2, 5))
+
+
+def _listing(names: Sequence[str]) -> str:
+    shown = list(names)[:4]
+    return ", ".join(shown) if shown else "no single channel"
