@@ -6,6 +6,7 @@ for each field would take several times as long, and STATE comes up to 500 times
 
 from __future__ import annotations
 
+import enum
 import struct
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -15,7 +16,7 @@ import msgspec
 from firmware_protocol.errors import PayloadError, SchemaError
 from firmware_protocol.framing import MAX_PAYLOAD, encode_frame
 from firmware_protocol.messages import FIRST_BOARD_NUMBER, MESSAGES, Message
-from firmware_protocol.wire import NUMBER_CODES, Direction, Field, fields_of
+from firmware_protocol.wire import NUMBER_CODES, Direction, Field, fields_of, has_unknown
 
 
 class Layout:
@@ -157,9 +158,26 @@ def _single(field: Field, value: str, name: str, namespace: dict[str, Any]) -> t
         return f"{count}s", f"_padded({value}, {count})", name
     if field.enum is not None:
         table = f"_enum_{field.enum.__name__}"
-        namespace[table] = {member.value: member for member in field.enum}
+        namespace[table] = _by_code(field.enum)
         return NUMBER_CODES[kind], value, f"{table}[{name}]"
     return NUMBER_CODES[kind], value, name
+
+
+class _Codes(dict[int, enum.IntEnum]):
+    """Members by code; what is not there is UNKNOWN."""
+
+    def __missing__(self, code: int) -> enum.IntEnum:
+        return self[0]
+
+
+def _by_code(kind: type[enum.IntEnum]) -> dict[int, enum.IntEnum]:
+    """Return the members by code.
+
+    An enumeration that has an UNKNOWN takes any code: IDENT and ERROR of a board of the future
+    must be readable, or the message that says why it cannot be used would be lost.
+    """
+    members: dict[int, enum.IntEnum] = {member.value: member for member in kind}
+    return _Codes(members) if has_unknown(kind) else members
 
 
 def _value_count(fields: Sequence[Field]) -> int:

@@ -18,7 +18,14 @@ from firmware_protocol.framing import MAX_PAYLOAD, Frame
 from firmware_protocol.messages import Describe, Description, Message
 from firmware_protocol.schema import decompress, differences, wire_name
 from firmware_protocol.stats import HostLinkStats
-from firmware_protocol.wire import BLOCK_KINDS, NUMBER_CODES, RECORD_KIND, Field, fields_of
+from firmware_protocol.wire import (
+    BLOCK_KINDS,
+    NUMBER_CODES,
+    RECORD_KIND,
+    Field,
+    fields_of,
+    has_unknown,
+)
 
 MAX_COMPRESSED = 1 << 16
 
@@ -186,5 +193,6 @@ def _value(field: Field, values: tuple[Any, ...]) -> Any:
     numbers = [value for value in values if isinstance(value, int)][:count]
     numbers += [default] * (count - len(numbers))
     if field.enum is not None:
-        return field.enum(numbers[0])
+        known = numbers[0] in field.enum.__members__.values()
+        return field.enum(0 if not known and has_unknown(field.enum) else numbers[0])
     return tuple(numbers) if field.is_array else numbers[0]

@@ -101,9 +101,11 @@ class Channel(enum.IntEnum):
 class ErrorCode(enum.IntEnum):
     """Why the board refused something.
 
-    The codes below 32 are the supervisor's refusals with its numbers; the others are the session's.
+    The codes below 32 are the supervisor's refusals; the others are the session's. UNKNOWN stands
+    for a code of a newer board.
     """
 
+    UNKNOWN = 0
     WRONG_STATE = 1
     NO_SESSION = 2
     SCHEMA_DIFFERS = 3

@@ -22,7 +22,7 @@ from firmware_protocol.errors import SchemaError
 NO_VALUE = {"u8": 0xFF, "u16": 0xFFFF, "i16": -(2**15), "i32": -(2**31)}
 """The reserved value of each kind, for fields that may have no valid reading."""
 
-NUMBER_CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i"}
+NUMBER_CODES = {"u8": "B", "u16": "H", "i16": "h", "u32": "I", "i32": "i"}
 """Kinds of number and their `struct` codes. Always little-endian."""
 
 BLOCK_KINDS = ("char", "bytes")
@@ -120,3 +120,8 @@ def _field(cls: type[msgspec.Struct], name: str, hint: Any) -> Field:
         raise SchemaError(f"{cls.__name__}.{name} is of kind {wire.kind!r}; known are {known}")
     is_enum = isinstance(base, type) and issubclass(base, enum.IntEnum)
     return Field(name, wire, enum=base if is_enum else None)
+
+
+def has_unknown(kind: type[enum.IntEnum]) -> bool:
+    """Whether codes that are not in the enumeration are read as its UNKNOWN."""
+    return "UNKNOWN" in kind.__members__ and kind["UNKNOWN"] == 0

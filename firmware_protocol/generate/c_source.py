@@ -1,0 +1,273 @@
+"""The C source: CRC, COBS, frames, and pack and unpack of each message. Portable C99."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+
+from firmware_protocol.codec import Codec
+from firmware_protocol.generate.c_names import (
+    checked_enums,
+    elements,
+    enum_checks,
+    macro,
+    struct_name,
+    upper,
+)
+from firmware_protocol.messages import Message
+from firmware_protocol.parameters import PARAMETERS
+from firmware_protocol.wire import fields_of
+
+_FRAMES = """\
+uint32_t smad_crc32(const uint8_t *data, size_t size)
+{
+    /* One entry for each half byte: 64 bytes of table instead of 1024. */
+    static const uint32_t table[16] = {
+        0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u,
+        0x4DB26158u, 0x5005713Cu, 0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu,
+        0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu,
+    };
+    uint32_t crc = 0xFFFFFFFFu;
+    for (size_t i = 0; i < size; i++) {
+        crc ^= data[i];
+        crc = table[crc & 0x0Fu] ^ (crc >> 4);
+        crc = table[crc & 0x0Fu] ^ (crc >> 4);
+    }
+    return crc ^ 0xFFFFFFFFu;
+}
+
+size_t smad_frame_encode(uint8_t type, uint8_t seq, uint16_t session, const uint8_t *payload,
+                         size_t size, uint8_t *out)
+{
+    if (size > SMAD_MAX_PAYLOAD) {
+        return 0;
+    }
+    uint8_t body[SMAD_MAX_DECODED];
+    put_u8(body, type);
+    put_u8(body + 1, seq);
+    put_u16(body + 2, session);
+    if (size > 0) {
+        memcpy(body + 4, payload, size);
+    }
+    put_u32(body + 4 + size, smad_crc32(body, 4 + size));
+
+    /* COBS: each zero becomes the distance to the next one. Frames are short, so that no
+     * distance reaches 255, where COBS would need another byte. */
+    size_t length = size + 8;
+    size_t mark = 0;
+    for (size_t i = 0; i < length; i++) {
+        if (body[i] == 0) {
+            out[mark] = (uint8_t)(i + 1 - mark);
+            mark = i + 1;
+        } else {
+            out[i + 1] = body[i];
+        }
+    }
+    out[mark] = (uint8_t)(length + 1 - mark);
+    out[length + 1] = 0;
+    return length + 2;
+}
+
+void smad_decoder_init(struct smad_decoder *decoder)
+{
+    memset(decoder, 0, sizeof *decoder);
+}
+
+/* Undoes COBS in place. Returns false if the distances do not end where the block ends. */
+static bool cobs_decode(uint8_t *block, size_t size)
+{
+    size_t position = 0;
+    while (position < size) {
+        size_t step = block[position];
+        block[position] = 0;
+        position += step;
+    }
+    return position == size;
+}
+
+/* Judges the block between two delimiters. */
+static bool judge(struct smad_decoder *decoder, struct smad_frame *frame)
+{
+    size_t size = decoder->size;
+    if (size < 9) {
+        decoder->length_errors++;
+        return false;
+    }
+    if (!cobs_decode(decoder->buffer, size)) {
+        decoder->cobs_errors++;
+        return false;
+    }
+    const uint8_t *body = decoder->buffer + 1;
+    size_t covered = size - 5;
+    if (smad_crc32(body, covered) != get_u32(body + covered)) {
+        decoder->crc_errors++;
+        return false;
+    }
+    frame->type = body[0];
+    frame->seq = body[1];
+    frame->session = get_u16(body + 2);
+    frame->size = (uint8_t)(covered - 4);
+    memcpy(frame->payload, body + 4, frame->size);
+    decoder->frames++;
+    return true;
+}
+
+bool smad_decoder_byte(struct smad_decoder *decoder, uint8_t byte, struct smad_frame *frame)
+{
+    bool good = false;
+    if (byte != 0) {
+        if (decoder->too_long) {
+            decoder->dropped_bytes++;
+        } else if (decoder->size == SMAD_MAX_ENCODED) {
+            decoder->too_long = true;
+            decoder->length_errors++;
+            decoder->dropped_bytes += (uint32_t)decoder->size + 1;
+            decoder->size = 0;
+        } else {
+            decoder->buffer[decoder->size++] = byte;
+        }
+        return false;
+    }
+    if (decoder->size > 0) {
+        good = judge(decoder, frame);
+        if (!good) {
+            decoder->dropped_bytes += decoder->size;
+        }
+    }
+    decoder->size = 0;
+    decoder->too_long = false;
+    return good;
+}
+"""
+
+_PUT = """\
+static void put_u8(uint8_t *out, uint8_t value)
+{
+    out[0] = value;
+}
+
+static void put_u16(uint8_t *out, uint16_t value)
+{
+    out[0] = (uint8_t)(value & 0xFFu);
+    out[1] = (uint8_t)(value >> 8);
+}
+
+static void put_u32(uint8_t *out, uint32_t value)
+{
+    put_u16(out, (uint16_t)(value & 0xFFFFu));
+    put_u16(out + 2, (uint16_t)(value >> 16));
+}
+
+static uint16_t get_u16(const uint8_t *data)
+{
+    return (uint16_t)(data[0] | (uint16_t)((uint16_t)data[1] << 8));
+}
+
+static uint32_t get_u32(const uint8_t *data)
+{
+    return get_u16(data) | (uint32_t)get_u16(data + 2) << 16;
+}
+
+/* From two's complement, without relying on what a cast of a large number does. */
+static int16_t get_i16(const uint8_t *data)
+{
+    int32_t value = get_u16(data);
+    return (int16_t)(value < 0x8000 ? value : value - 0x10000);
+}
+
+static int32_t get_i32(const uint8_t *data)
+{
+    uint32_t value = get_u32(data);
+    return value < 0x80000000u ? (int32_t)value : -(int32_t)(0xFFFFFFFFu - value) - 1;
+}
+"""
+
+_PUTS = {
+    "u8": "put_u8(out + {offset}, {value});",
+    "u16": "put_u16(out + {offset}, {value});",
+    "i16": "put_u16(out + {offset}, (uint16_t){value});",
+    "u32": "put_u32(out + {offset}, {value});",
+    "i32": "put_u32(out + {offset}, (uint32_t){value});",
+    "char": "memcpy(out + {offset}, {value}, {count});",
+    "bytes": "memcpy(out + {offset}, {value}, {count});",
+}
+_GETS = {
+    "u8": "{value} = data[{offset}];",
+    "u16": "{value} = get_u16(data + {offset});",
+    "i16": "{value} = get_i16(data + {offset});",
+    "u32": "{value} = get_u32(data + {offset});",
+    "i32": "{value} = get_i32(data + {offset});",
+    "char": "memcpy({value}, data + {offset}, {count});",
+    "bytes": "memcpy({value}, data + {offset}, {count});",
+}
+
+
+def render(codec: Codec, blob: bytes) -> str:
+    """Return the text of smad_protocol.c."""
+    parts = [
+        "/* Made by `python -m firmware_protocol.generate`; do not edit. */\n",
+        '#include "smad_protocol.h"\n\n#include <string.h>\n',
+        _PUT,
+        _FRAMES,
+        *(_known(kind) for kind in checked_enums(codec)),
+        *(_pack(cls) + "\n" + _unpack(cls) for cls in codec.messages if fields_of(cls)),
+        _parameters(),
+        _schema(blob),
+    ]
+    return "\n".join(parts)
+
+
+def _known(kind: type[enum.IntEnum]) -> str:
+    name = upper(kind.__name__)
+    cases = "\n".join(f"    case SMAD_{name}_{member.name}:" for member in kind)
+    return (
+        f"static bool known_{name.lower()}(uint8_t code)\n{{\n    switch (code) {{\n{cases}\n"
+        "        return true;\n    default:\n        return false;\n    }\n}\n"
+    )
+
+
+def _pack(cls: type[Message]) -> str:
+    name = struct_name(cls)
+    lines = [f"    {line}" for line in _lines(cls, _PUTS)]
+    return (
+        f"void smad_pack_{name.removeprefix('smad_')}(const struct {name} *m, "
+        f"uint8_t out[{macro(cls)}_SIZE])\n{{\n" + "\n".join(lines) + "\n}\n"
+    )
+
+
+def _unpack(cls: type[Message]) -> str:
+    name = struct_name(cls)
+    lines = [f"    if (size != {macro(cls)}_SIZE) {{", "        return false;", "    }"]
+    lines += [f"    {line}" for line in _lines(cls, _GETS)]
+    lines.append(f"    return {' && '.join(enum_checks(cls, 'm->')) or 'true'};")
+    return (
+        f"bool smad_unpack_{name.removeprefix('smad_')}(struct {name} *m, const uint8_t *data, "
+        "size_t size)\n{\n" + "\n".join(lines) + "\n}\n"
+    )
+
+
+def _lines(cls: type[Message], templates: dict[str, str]) -> Iterator[str]:
+    offset = 0
+    for element in elements(cls, "m->"):
+        yield templates[element.kind].format(
+            offset=offset, value=element.value, count=element.length
+        )
+        offset += element.size
+
+
+def _parameters() -> str:
+    rows = [
+        f"    {{{p.number}, {int(p.kind)}, {str(p.shared).lower()}, {p.default}, {p.minimum}, "
+        f'{p.maximum}, "{p.name}"}},'
+        for p in PARAMETERS
+    ]
+    head = "const struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {\n"
+    return head + "\n".join(rows) + "\n};\n"
+
+
+def _schema(blob: bytes) -> str:
+    rows = [
+        "    " + " ".join(f"0x{byte:02x}," for byte in blob[start : start + 16])
+        for start in range(0, len(blob), 16)
+    ]
+    return "const uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {\n" + "\n".join(rows) + "\n};\n"
