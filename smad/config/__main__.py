@@ -1,10 +1,5 @@
-"""`python -m smad.config` prints a configuration file: every key, its default and its limits.
+"""`python -m smad.config` prints the tables of docs/guide/configuration.md."""
 
-With `--guide` it prints the tables of docs/guide/configuration.md.
-"""
+from smad.config.template import markdown_tables
 
-import sys
-
-from smad.config.template import default_toml, markdown_tables
-
-print(markdown_tables() if sys.argv[1:] == ["--guide"] else default_toml(), end="")
+print(markdown_tables(), end="")

@@ -17,7 +17,7 @@ from smad.errors import ConfigError
 _LARGEST_FILE_BYTES = 1_000_000
 _PATH = re.compile(r"^(?P<cause>.*) - at `\$\.?(?P<path>[^`]*)`$", re.DOTALL)
 _UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTALL)
-_HELP = "`python -m smad.config` prints every key"
+_HELP = "`smad config show` prints every key"
 
 
 def load_config(path: str | Path) -> Config:

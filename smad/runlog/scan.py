@@ -83,9 +83,7 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
             damage.ended_in_order = True
             file.seek(max(0, size - len(MCAP0_MAGIC)))
             if file.read() != MCAP0_MAGIC:
-                damage.notes.append(
-                    "no row is lost, but the index at the end of the file is broken"
-                )
+                damage.notes.append("the index at the end of the file is broken")
             return
         if opcode == Opcode.CHUNK:
             index_tells_loss = False

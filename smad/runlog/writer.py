@@ -60,8 +60,9 @@ class RunWriter:
         self.error: str | None = None
         self.bad_record: str | None = None
         self.written = 0
-        # One counter for each side: += is not atomic between threads.
+        # Counters of one thread each: += is not atomic. Queue full, unfit: the caller's.
         self._refused = 0
+        self._unfit = 0
         self._lost = 0
         self._header = header
         self._flush_interval_s = flush_interval_s
@@ -85,7 +86,7 @@ class RunWriter:
     @property
     def dropped(self) -> int:
         """Records that did not reach the file."""
-        return self._refused + self._lost
+        return self._refused + self._unfit + self._lost
 
     def append(self, record: Record) -> bool:
         """Hand over a record; False when it was dropped (counted in `dropped`). Never blocks."""
@@ -95,7 +96,7 @@ class RunWriter:
         try:
             self._queue.append(self._packer.pack(record))
         except (TypeError, ValueError, OverflowError, KeyError) as error:
-            self._refused += 1
+            self._unfit += 1
             self.bad_record = f"a record cannot be written: {error}"
             return False
         return True
@@ -150,14 +151,18 @@ class RunWriter:
             return
         try:
             self._mcap.write_chunk([*batch, *self._drop_notice(batch[-1].time_ns)])
-            self.written += len(batch)
-            self._start_next_part_if_due(batch)
-        except (OSError, RunLogError) as error:
+        except OSError as error:
             self._lost += len(batch)
+            self._give_up(error)
+            return
+        self.written += len(batch)
+        try:
+            self._start_next_part_if_due(batch)
+        except RunLogError as error:
             self._give_up(error)
 
     def _drop_notice(self, time_ns: int) -> list[Packed]:
-        missed = self.dropped - self._dropped_told
+        missed = self._refused - self._dropped_told
         if not missed:
             return []
         self._dropped_told += missed
@@ -239,6 +244,12 @@ def write_run(path: str | Path, header: RunHeader, records: Iterable[Record]) ->
 def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunLogError(
+            f"cannot create folder {path.parent}: {error.strerror}",
+            action="check the folder ([recorder] folder in the configuration)",
+        ) from error
+    try:
         file = FileIO(path, "xb")
     except FileExistsError:
         raise RunLogError(

@@ -171,7 +171,7 @@ def test_a_file_is_read(tmp_path: Path) -> None:
 
 
 def test_the_guide_lists_the_keys_as_they_are() -> None:
-    assert markdown_tables() in GUIDE.read_text(), "regenerate: python -m smad.config --guide"
+    assert markdown_tables() in GUIDE.read_text(), "regenerate: python -m smad.config"
 
 
 VALUES = st.one_of(
