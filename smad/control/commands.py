@@ -14,8 +14,9 @@ from msgspec import Meta, Struct
 
 from smad.errors import CommandError
 
-LONGEST_SAMPLES = 10_000
-"""Points in one piece: what can be checked between two samples without holding the control up."""
+LONGEST_SAMPLES = 1500
+"""Points in one command: fits one message of the command server, and is checked within a control
+period."""
 
 Spring = Literal["x", "y"]
 """Which spring of the pair. Displacement is positive when X pulls."""

@@ -137,7 +137,7 @@ def label(axes: Axes, x: str, y: str, title: str = "", *, legend: bool = True) -
     if title:
         axes.set_title(title, fontsize=10, loc="left")
     if legend and axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="best")
+        axes.legend(loc="best", frameon=False, fontsize=8)
 
 
 def bars_with_values(
