@@ -1,8 +1,8 @@
 """Which runs can support the question, and what is wrong with the others, by name.
 
-The checks need no fit. Those that need a model (twins swapped, inputs that do not drive the outputs)
-use one replay of the nominal model and ask only which of two readings of the same file is far nearer
-to it.
+The checks need no fit. Those that need a model (twins swapped, inputs that do not drive the
+outputs) use one replay of the nominal model and ask only which of two readings of the same file is
+far nearer to it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from smad.gap.settings import Settings
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something about a run. `kind` is a word the verdict can be told by; `refuses` ends the run."""
+    """Something about a run. `kind` is a word to tell it by; `refuses` ends the run."""
 
     run: str
     kind: str
@@ -218,7 +218,7 @@ def _swapped_twins(
 def _unrelated(
     plant: PlantModel, measured: dict[str, Array], predicted: dict[str, Array], seed: int
 ) -> list[str]:
-    """Channels that should move, if none of them follows the model better than shifted copies do."""
+    """Channels that should move, if none follows the model better than shifted copies do."""
     rng = np.random.default_rng(seed)
     failing = []
     for channel in plant.channels:

@@ -1,4 +1,4 @@
-"""What a selection is worth: shrink with its interval, the ceiling, and what cannot be told apart."""
+"""What a selection is worth: shrink with its interval, ceiling, and what it cannot tell apart."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def group_of(
     odds: float,
     d2_limit: float,
 ) -> tuple[list[str], dict[str, float]]:
-    """Names that cannot be told from the last effect of `best`, most probable first, and their d²."""
+    """Names that cannot be told from an effect of `best`, most probable first, and their d²."""
     if not rivals:
         return [], {}
     own = [n for n in best.names if all(n not in r.names for r in rivals)]

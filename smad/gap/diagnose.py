@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from importlib.metadata import version
 
@@ -69,35 +69,42 @@ def diagnose(
 ) -> Diagnosis:
     """Where the plant model and the runs disagree, because of what, and how much of it goes.
 
-    `good` are runs known to be good: they set the floor and the background, and the question becomes
-    what has changed since. `hold_out` are runs to judge on; without them each run is left out in
-    turn. `parameters` replace the plant's (a parameter file). `executor` runs the replays; by
-    default a pool of two threads. The result depends on the runs, the plant and `settings.seed`
+    `good` are runs known to be good: they set the floor and the background, and the question
+    becomes what has changed since. `hold_out` are runs to judge on; without them each run is left
+    out in turn. `parameters` replace the plant's (a parameter file). `executor` runs the replays;
+    by default a pool of two threads. The result depends on the runs, the plant and the settings
     only.
     """
     settings = settings or Settings()
     began = time.perf_counter()
     pool = executor or ThreadPoolExecutor(max_workers=2)
     try:
-        return _diagnose(runs, plant, good, hold_out, parameters, settings, pool, progress, began)
+        return _diagnose(
+            {"fit": runs, "hold-out": hold_out, "good": good},
+            plant,
+            parameters,
+            settings=settings,
+            executor=pool,
+            progress=progress,
+            began=began,
+        )
     finally:
         if executor is None:
             pool.shutdown()
 
 
 def _diagnose(
-    runs: Sequence[GapRun],
+    given: Mapping[str, Sequence[GapRun]],
     plant: PlantModel,
-    good: Sequence[GapRun],
-    hold_out: Sequence[GapRun],
     parameters: Sequence[Parameter] | None,
+    *,
     settings: Settings,
     executor: Executor,
     progress: Callable[[str], None],
     began: float,
 ) -> Diagnosis:
     progress("admission")
-    order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in (runs, hold_out, good)]
+    order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in given.values()]
     admitted = [admit(group, plant, settings) for group in order]
     findings = [f for a in admitted for f in a.findings]
     fit_runs, hold_runs, good_runs = (a.admitted for a in admitted)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -176,7 +177,7 @@ def intervals(joint: JointFit, seed: int) -> list[Interval]:
 def _profiles(
     fit: Fitted, columns: Sequence[int], draws: Array
 ) -> dict[int, list[tuple[float, float]]]:
-    """(coordinate, rise of the objective) with all else refitted, at a few values of each column."""
+    """(coordinate, rise of the objective), all else refitted, at a few values of each column."""
     lo, hi = fit.space.bounds()
     jobs: list[tuple[int, float]] = []
     for i in columns:
@@ -199,7 +200,7 @@ def _profiles(
 def _crossing(curve: Sequence[tuple[float, float]], centre: float, side: int) -> float | None:
     """Where a profile reaches the 95 % level on one side, by linear interpolation of its root."""
     ordered = sorted((c for c in curve if side * (c[0] - centre) >= 0), key=lambda c: side * c[0])
-    for (x0, y0), (x1, y1) in zip(ordered, ordered[1:], strict=False):
+    for (x0, y0), (x1, y1) in pairwise(ordered):
         if y1 >= _HALF_CHI2_95 > y0:
             r0, r1 = np.sqrt(y0), np.sqrt(y1)
             return float(x0 + (x1 - x0) * (np.sqrt(_HALF_CHI2_95) - r0) / (r1 - r0))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import lfilter
@@ -58,7 +59,7 @@ class Basis:
             if v is None:
                 v = np.full(len(grid.t_s), q[0])
             span = q[-1] - q[0]
-            for a, b in zip(q, q[1:], strict=False):
+            for a, b in pairwise(q):
                 parts.append((np.clip(v, a, b) - a) / span * np.sqrt(len(q)))
         masks = evidence.plant.regimes(evidence.runs[run], side)
         parts += [grid.majority(masks[n]).astype(float) for n in self.regimes if n in masks]
@@ -141,8 +142,8 @@ def fit_correction(
 ) -> tuple[Correction, Array]:
     """Correction of one output, and its prediction for each run with that run left out (rows).
 
-    `residual` and `scale` are rows of the runs that `made` is of. With a single run nothing can be left out and the
-    prediction is 0.
+    `residual` and `scale` are rows of the runs that `made` is of. With a single run nothing can be
+    left out and the prediction is 0.
     """
     evidence = made.evidence
     segments = evidence.rows_of(key)

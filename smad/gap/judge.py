@@ -37,7 +37,8 @@ class Judged:
         own = self.problem.cell_score(self.problem.white(self.left_out))
         if self.hold is None:
             return own
-        return np.r_[own, self.hold.cell_score(self.hold.white(self.held))]
+        held = self.hold.cell_score(self.hold.white(self.held))
+        return np.asarray(np.r_[own, held], dtype=np.float64)
 
     @property
     def bench(self) -> Problem:
@@ -51,7 +52,7 @@ class Judged:
 
     def squares(self) -> Array:
         """Squared residual over floor variance, by row of `bench`; 1 is the floor."""
-        return np.square(self.bench.scaled(self.predicted))
+        return np.asarray(np.square(self.bench.scaled(self.predicted)))
 
     def excess(self, keys: Sequence[str] | None = None, weight: Array | None = None) -> float:
         """G over the floor: sqrt of the mean over outputs of max(0, MSE/floor² − 1)."""

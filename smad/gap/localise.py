@@ -50,7 +50,7 @@ class HeatMap:
         return max(sorted(self.by_sub_model), key=lambda k: self.by_sub_model[k])
 
     def worst_regimes(self, sub_model: str, count: int = 2) -> list[str]:
-        """Regimes with the largest excess in a sub-model, largest first; early and late excluded."""
+        """Regimes with the largest excess in a sub-model, largest first; early and late apart."""
         best: dict[str, float] = {}
         for c in self.cells:
             if c.sub_model == sub_model and c.regime not in ("early", "late") and c.excess > 0:

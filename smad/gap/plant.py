@@ -68,8 +68,8 @@ class Parameter:
 class EffectParameter:
     """One parameter of an effect.
 
-    A *strength* switches the effect: at 0 it is absent. A *shape* says how the effect acts and means
-    nothing while every strength is 0. `low < 0` makes a strength two-sided.
+    A *strength* switches the effect: at 0 it is absent. A *shape* says how the effect acts and
+    means nothing while every strength is 0. `low < 0` makes a strength two-sided.
     """
 
     name: str
@@ -131,14 +131,14 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class ModelPoint:
-    """A point of the model space: parameter values by name, effects that are on with their values."""
+    """A point of the model space: parameters by name, effects that are on with their values."""
 
     theta: Mapping[str, float]
     effects: EffectValues = field(default_factory=dict)
 
 
 class PlantModel(Protocol):
-    """The interface of a plant. Arrays are one value for each sample of the run, in channel units."""
+    """The interface of a plant. Arrays are one value a sample of the run, in channel units."""
 
     @property
     def name(self) -> str: ...

@@ -7,9 +7,11 @@ one output; they are what is reweighted, bootstrapped and left out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +79,7 @@ def simulate_binned(
     plant: PlantModel,
     run: GapRun,
     grid: Grid,
+    *,
     views: Sequence[str],
     keys: Sequence[tuple[str, float, float]],
     points: Sequence[ModelPoint],
@@ -212,29 +215,25 @@ class Evidence:
         jobs = [(r, chunk) for r in wanted for chunk in self._chunks(len(points), len(wanted))]
         spans = {r: self._span(r) for r in wanted}
         if self.executor is None:
-            results = [self._task(r, points[c]) for r, c in jobs]
+            results = [self._job(r, points[c])() for r, c in jobs]
         else:
-            futures = [
-                self.executor.submit(simulate_binned, *self._job(r, points[c])) for r, c in jobs
-            ]
+            futures = [self.executor.submit(self._job(r, points[c])) for r, c in jobs]
             results = [f.result() for f in futures]
         for (r, chunk), values in zip(jobs, results, strict=True):
             out[chunk, spans[r]] = values
         return out
 
-    def _job(self, r: int, points: Sequence[ModelPoint]) -> tuple[object, ...]:
-        return (
+    def _job(self, r: int, points: Sequence[ModelPoint]) -> Callable[[], Array]:
+        return partial(
+            simulate_binned,
             self.plant,
             self.runs[r],
             self.grids[r],
-            self._views_of_run[r],
-            self._keys_of_run[r],
-            points,
-            self.fast,
+            views=self._views_of_run[r],
+            keys=self._keys_of_run[r],
+            points=points,
+            fast=self.fast,
         )
-
-    def _task(self, r: int, points: Sequence[ModelPoint]) -> Array:
-        return simulate_binned(*self._job(r, points))  # type: ignore[arg-type]
 
     def _span(self, r: int) -> slice:
         mine = [s for s in self.segments if s.run == r]
@@ -245,7 +244,7 @@ class Evidence:
         # Enough tasks to keep a few workers busy, few enough that dispatch costs nothing.
         pieces = max(1, min(n_points, -(-8 // n_runs)))
         edges = np.linspace(0, n_points, pieces + 1).astype(int)
-        return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+        return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
     def residual(self, predicted: Array) -> Array:
         """Measured − predicted; 0 in rows that do not count."""

@@ -44,7 +44,7 @@ class Probes:
 class Screened:
     """What screening says of one effect.
 
-    `gain` is the rise in log-likelihood at the best probe, `amplitude` its fitted share of the probe.
+    `gain` is the rise in log-likelihood at the best probe, `amplitude` its fitted share of it.
     `masked` is the share of the signature that the refitted parameters can imitate. `size` is the
     projected signature of the typical effect, in floors (root of its squared norm).
     """

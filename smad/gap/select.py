@@ -11,7 +11,8 @@ from smad.gap.fit import JointFit, Start, dispersion, joint_fits
 from smad.gap.judge import Judged, judge, regime_gains, shrink
 from smad.gap.lsq import Fitted, Problem
 from smad.gap.plant import Array, Effect
-from smad.gap.screen import Screened, probe, screen
+from smad.gap.replay import Index
+from smad.gap.screen import Probes, Screened, probe, screen
 from smad.gap.settings import Settings
 from smad.gap.significance import resample_weights, tail_p
 
@@ -25,7 +26,7 @@ class Candidate:
     `gain` is the rise of the held-out log-likelihood over the model it was added to, `gain_se` its
     standard error over runs and blocks, `p_value` that of the whole selection's null, `touched` the
     outputs that carry the effect's signature, `shrink_gain` the rise of S over them (or over all
-    outputs, if larger), `regime_gain` the sum of gains on regimes left out.
+    outputs, if larger), `excess_before` the gap over them without it, `regime_gain` the sum of gains on regimes left out.
     """
 
     joint: JointFit
@@ -35,6 +36,7 @@ class Candidate:
     p_value: float = 1.0
     touched: tuple[str, ...] = ()
     shrink_gain: float = 0.0
+    excess_before: float = 0.0
     regime_gain: float = 0.0
 
     @property
@@ -50,9 +52,9 @@ class Candidate:
 class Selection:
     """The outcome: `base` (refit only), `best`, and what stood beside it.
 
-    `steps` are the accepted models in order. `rivals` are, for each effect of `best`, the models with
-    that effect replaced by another. `probability` is by effect name of the first place, over `best`
-    and its rivals there, "" being the refit alone. `screened` is the first screening.
+    `steps` are the accepted models in order. `rivals` are, for each effect of `best`, the models
+    with that effect replaced by another. `probability` is, for each effect of `best`, that of every
+    effect in its place, "" being none. `screened` is the first screening.
     """
 
     base: Candidate
@@ -73,7 +75,7 @@ def cluster_gain(problem: Problem, hold: Problem | None, gain: Array) -> tuple[f
     return total, float(np.std(sums) * np.sqrt(len(sums)))
 
 
-def held_cells(problem: Problem, hold: Problem | None) -> tuple[Array, Array]:
+def held_cells(problem: Problem, hold: Problem | None) -> tuple[Index, Index]:
     """Run and block of every cell that `Judged.scores` lists."""
     a = problem.evidence
     if hold is None:
@@ -99,7 +101,7 @@ class Selector:
         refit: Fitted,
         hold: Problem | None,
         effects: Sequence[Effect],
-        null: Callable[[object], Array],
+        null: Callable[[Probes], Array],
         progress: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.refit, self.hold = refit, hold
@@ -113,7 +115,9 @@ class Selector:
     def run(self) -> Selection:
         """The whole selection."""
         base = Candidate(JointFit(self.refit, ()), judge([self.refit], self.hold)[0])
-        current, steps, tried = base, [], []
+        current = base
+        steps: list[Candidate] = []
+        tried: list[Candidate] = []
         first: list[Screened] = []
         rivals_at: list[list[Candidate]] = []
         while len(steps) < self.settings.max_effects:
@@ -152,9 +156,11 @@ class Selector:
         for s in survivors:
             sets = (*current.fit.space.effects, s.effect)
             before = dict(current.fit.point.effects)
-            for values in (s.start, s.second)[: self.settings.starts]:
-                if values is not None:
-                    starts.append(Start(sets, {**before, s.effect.name: values}))
+            starts += [
+                Start(sets, {**before, s.effect.name: values})
+                for values in (s.start, s.second)[: self.settings.starts]
+                if values is not None
+            ]
         joints = joint_fits(current.fit, starts)
         return ranked, self._judged(current, list(joints.values()))
 
@@ -182,6 +188,7 @@ class Selector:
             tail_p(likelihood_gain, self._null),
             touched,
             max(rises),
+            before.judged.excess(list(touched)),
             float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
         )
 
@@ -193,6 +200,7 @@ class Selector:
             and c.gain + c.regime_gain > 0.0
             and c.p_value <= s.significance
             and c.shrink_gain >= s.min_shrink_gain
+            and c.excess_before >= s.min_excess
         )
 
     def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:

@@ -1,4 +1,4 @@
-"""How often chance alone would look like this: bootstrap null, mixture p-values, false discovery."""
+"""How often chance alone would look like this: bootstrap null, p-values, false discovery."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from smad.gap.lsq import Problem
 from smad.gap.plant import Array
+from smad.gap.replay import Index
 from smad.gap.screen import Probes, project
 
 
@@ -98,7 +99,7 @@ def tail_p(observed: float, null: Array) -> float:
 
 
 def resample_weights(
-    cell_run: Array, cell_block: Array, draws: int, rng: np.random.Generator
+    cell_run: Index, cell_block: Index, draws: int, rng: np.random.Generator
 ) -> Array:
     """Bootstrap counts over runs and blocks; shape (draws, cells).
 
@@ -117,4 +118,4 @@ def resample_weights(
 
 def top_null(null: Mapping[str, Array], names: Sequence[str] | None = None) -> Array:
     """Largest gain over effects, draw by draw."""
-    return np.max([null[n] for n in (names or list(null))], axis=0)
+    return np.asarray(np.max([null[n] for n in (names or list(null))], axis=0))

@@ -14,8 +14,8 @@ from smad.gap.plant import Array, Effect, ModelPoint, Parameter
 class Space:
     """Scaled coordinates p of model parameters `theta` followed by those of `effects`.
 
-    A model parameter is scaled as (value − centre)/prior_sd, an effect parameter as value/|typical|.
-    `fixed` are effects that are on with values that do not move.
+    A model parameter is scaled as (value − centre)/prior_sd, an effect parameter as
+    value/|typical|. `centre` replaces nominal values as the middle of the prior.
     """
 
     theta: tuple[Parameter, ...]

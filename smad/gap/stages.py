@@ -12,10 +12,11 @@ from smad.gap.discrepancy import Background, fed_noise, learn_background
 from smad.gap.judge import Judged, excess_of, judge, leave_out_points, predict_by_run
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.noise import Floor, estimate_floors
-from smad.gap.plant import ModelPoint, Parameter, PlantModel
+from smad.gap.plant import Array, ModelPoint, Parameter, PlantModel
 from smad.gap.refit import refit
 from smad.gap.replay import Evidence, local_views, open_views
 from smad.gap.runs import GapRun
+from smad.gap.screen import Probes
 from smad.gap.settings import Settings
 from smad.gap.significance import null_gains, top_null
 from smad.gap.whiten import OutputNoise, Whitening
@@ -45,14 +46,14 @@ class Prepared:
     centre: Mapping[str, float]
     threshold: float
 
-    def null(self, probes: object) -> np.ndarray:  # type: ignore[type-arg]
+    def null(self, probes: Probes) -> Array:
         """Largest gain of the screening on data without any effect."""
         if self.background is None:
             source, z = self.problem, self.fit.z
         else:
             source, z = self.background.fit.problem, self.background.left_out_white
-        draws = null_gains(probes, source, z, _NULL_DRAWS, self.settings.seed)  # type: ignore[arg-type]
-        return np.asarray(top_null(draws))
+        draws = null_gains(probes, source, z, _NULL_DRAWS, self.settings.seed)
+        return top_null(draws)
 
 
 def prepare(
@@ -144,11 +145,11 @@ def _plain(fit: Fitted) -> Fitted:
 class _Plain(Problem):
     """Ordinary least squares: the scale of every cell is known to be the floor."""
 
-    def cell_score(self, z: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    def cell_score(self, z: Array) -> Array:
         return -0.5 * self.cell_q(z)
 
-    def cell_weight(self, z: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-        return (self.evidence.cell_size > 0).astype(float)
+    def cell_weight(self, z: Array) -> Array:
+        return np.asarray((self.evidence.cell_size > 0).astype(float))
 
 
 def _threshold(background: Background | None, settings: Settings) -> float:
@@ -172,7 +173,7 @@ def _threshold(background: Background | None, settings: Settings) -> float:
                 weight[s.rows] = 1.0
         per_run.append(excess_of(own, squares, None, weight))
     # The mean of several runs varies less than one run does.
-    return max(settings.min_excess, 1.1 * float(np.max(per_run)) / np.sqrt(2.0))
+    return max(settings.min_excess, 1.1 * max(per_run) / float(np.sqrt(2.0)))
 
 
 @dataclass(frozen=True)

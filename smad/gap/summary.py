@@ -122,8 +122,8 @@ def candidate_records(selection: Selection, rate: float) -> list[CandidateRecord
     for s in selection.screened:
         name = s.effect.name
         record = CandidateRecord(name, s.effect.title, s.effect.sub_model, s.gain, s.masked, s.size)
-        c = fitted.get(name)
-        if c is not None:
+        if name in fitted:
+            c = fitted[name]
             before = base.excess(c.touched)
             after = c.judged.excess(c.touched)
             record = CandidateRecord(
@@ -164,7 +164,7 @@ def value_records(found: Sequence[Interval]) -> list[ValueRecord]:
 
 
 def parameter_records(prepared: Prepared, best: Candidate, draws: Array) -> list[ParameterRecord]:
-    """Model parameters before, after the refit and with the effects; bootstrap interval of the last."""
+    """Model parameters before, after the refit and with the effects, with bootstrap intervals."""
     fit = best.fit
     low, high = np.quantile(draws, (0.025, 0.975), axis=0)
     out = []
@@ -197,7 +197,7 @@ def pair_records(candidates: Sequence[Candidate]) -> list[Pair]:
 
 
 def residual_test_records(prepared: Prepared, best: Candidate) -> list[ResidualTest]:
-    """Ljung–Box of each output, and its correlation with inputs, their squares and state features."""
+    """Ljung–Box of each output, and its strongest correlation with an input or a state."""
     problem = prepared.problem
     ev = problem.evidence
     z = best.fit.z

@@ -137,7 +137,7 @@ def _gap_sentence(e: Evidenced, since_good: bool) -> str:
     if e.gap_raw <= 0.05:
         return f"{subject}: not above the noise floor."
     if removed < 0.005:
-        return f"{subject} {e.gap_raw:.1f}× the noise floor; refitting the parameters removes none of it."
+        return f"{subject} {e.gap_raw:.1f}× the noise floor; a refit removes none of it."
     return (
         f"{subject} {e.gap_raw:.1f}× the noise floor; refitting the parameters removes "
         f"{removed:.0%}."

@@ -1,6 +1,7 @@
 """A second, tiny plant for the engine: two heated plates, their thermometers, and a rod.
 
-Plate: C Ṫ = P − hA(1 + fan)(T − T_a) − effects. The rod between them grows with the mean temperature.
+Plate: C Ṫ = P − hA(1 + fan)(T − T_a) − effects. The rod between them grows with the mean
+temperature.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ DT = 0.1
 
 
 @njit(cache=True)
-def _plates(dt, p_l, p_r, fan, c, ha, fan_gain, t_a, t0_l, t0_r, lag, rad, coupling, melt, sticky):
+def _plates(  # noqa: PLR0917
+    dt, p_l, p_r, fan, c, ha, fan_gain, t_a, t0_l, t0_r, lag, rad, coupling, melt, sticky
+):
     n = len(p_l)
     out = np.empty((4, n))
     t_l, t_r, s_l, s_r, blown = t0_l, t0_r, t0_l, t0_r, 0.0
@@ -103,7 +106,7 @@ NOMINAL = {p.name: p.nominal for p in PARAMETERS}
 
 @dataclass(frozen=True)
 class HeaterPlant:
-    """Satisfies `PlantModel`. `library` are the candidates, which need not be all it can simulate."""
+    """Satisfies `PlantModel`. `library` are the candidates; it can simulate one more."""
 
     library: tuple[Effect, ...] = EFFECTS
     name: str = "heater"
@@ -124,7 +127,8 @@ class HeaterPlant:
     views: Sequence[View] = field(
         default=(
             View("open", "all", (
-                Output("open:power_l_W", "power_l_W", "L"), Output("open:power_r_W", "power_r_W", "R"),
+                Output("open:power_l_W", "power_l_W", "L"),
+                Output("open:power_r_W", "power_r_W", "R"),
                 Output("open:temp_l_degC", "temp_l_degC", "L"),
                 Output("open:temp_r_degC", "temp_r_degC", "R"), Output("open:rod_um", "rod_um"),
             ), open_loop=True),
@@ -201,7 +205,8 @@ class HeaterPlant:
             if f"temp_{s}_degC" in run.outputs:
                 t = run.outputs[f"temp_{s}_degC"]
                 out[f"temperature {s}"] = t
-                out[f"rate {s}"] = np.gradient(_smooth(t, run.dt_s), run.dt_s)
+                rate = np.gradient(_smooth(t, run.dt_s), run.dt_s)
+                out |= {f"rate {s}": rate, f"direction {s}": np.tanh(rate / 0.2)}
         return out
 
     def catalogue(self) -> Sequence[Experiment]:

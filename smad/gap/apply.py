@@ -1,0 +1,51 @@
+"""The improved model as a file, so that the simulator itself becomes the better one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+from smad.gap.errors import PlantMismatch
+from smad.gap.plant import ModelPoint
+from smad.gap.records import Diagnosis
+
+
+class Savable(Protocol):
+    """A plant that can write a model file, and read it back."""
+
+    @property
+    def name(self) -> str: ...
+    def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
+    def load_model(self, path: Path) -> ModelPoint: ...
+
+
+def model_point(diagnosis: Diagnosis) -> ModelPoint:
+    """The final model: the refit, with the effects when a cause was named.
+
+    Raises PlantMismatch for a diagnosis that refused its runs.
+    """
+    model: dict[str, Any] = diagnosis.model
+    if not model:
+        raise PlantMismatch(
+            "this diagnosis has no model: no run could be used",
+            value=diagnosis.verdict.outcome.value,
+            action="mend what the report refuses, and diagnose again",
+        )
+    return ModelPoint(model["theta"], model["effects"])
+
+
+def apply(diagnosis: Diagnosis, plant: Savable, path: Path) -> ModelPoint:
+    """Writes the model file and returns the point it holds.
+
+    Raises PlantMismatch when the diagnosis is of another plant.
+    """
+    if diagnosis.plant != plant.name:
+        raise PlantMismatch(
+            "the diagnosis is of another plant",
+            value=diagnosis.plant,
+            limit=plant.name,
+            action="apply it to the plant it was made with",
+        )
+    point = model_point(diagnosis)
+    plant.save_model(point, path, diagnosis.verdict.text)
+    return point

@@ -1,0 +1,318 @@
+"""The diagnosis as one HTML page. Everything shown is in the JSON file too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from smad.gap import figures
+from smad.gap.records import Diagnosis, Outcome
+from smad.report.page import Block, Code, Page, Picture, Section, Table, Text
+
+_TITLES = {
+    Outcome.NO_GAP: "No gap",
+    Outcome.PARAMETERS: "Parameters only",
+    Outcome.EFFECT: "Cause found",
+    Outcome.AMBIGUOUS: "Cause not separable with these runs",
+    Outcome.PLUS_REST: "Cause found, with an unexplained rest",
+    Outcome.UNKNOWN: "Unknown cause",
+    Outcome.NO_EXCITATION: "Not enough excitation",
+    Outcome.REFUSED: "Runs refused",
+}
+
+
+def page_of(d: Diagnosis) -> Page:
+    """The whole report."""
+    sections = [Section("Verdict", _verdict(d), "verdict")]
+    if d.waterfall:
+        sections += [
+            Section("How much of the gap goes", _waterfall(d), "waterfall"),
+            Section("Where it is", _place(d), "where"),
+            Section("Measured and simulated, on runs held out", _overlays(d), "overlays"),
+            Section("Candidates", _candidates(d), "candidates"),
+            Section("Parameters", _parameters(d), "parameters"),
+            Section("What is left in the residuals", _residuals(d), "residuals"),
+        ]
+    sections += [
+        Section("Runs, and what was refused", _runs(d), "runs"),
+        Section("Limits, settings and versions", _limits(d), "limits"),
+    ]
+    facts = [
+        ("plant", f"{d.plant} {d.plant_version}"),
+        ("question", d.question),
+        ("judged on", d.judged_on),
+        ("time", f"{d.seconds:.0f} s"),
+    ]
+    return Page(f"Gap diagnosis: {_TITLES[d.verdict.outcome]}", sections, "", facts)
+
+
+def _verdict(d: Diagnosis) -> list[Block]:
+    v = d.verdict
+    quiet = v.outcome in (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.EFFECT)
+    out: list[Block] = [Text(v.text, "note" if quiet else "warning")]
+    if d.values:
+        out.append(
+            Table(
+                ("effect", "parameter", "value", "95 % interval", ""),
+                [
+                    (
+                        x.effect,
+                        x.name,
+                        f"{x.value:.4g} {x.unit}".removesuffix(" 1"),
+                        f"{x.low:.4g} … {x.high:.4g}",
+                        _remark(x.at_bound, x.identifiable),
+                    )
+                    for x in d.values
+                ],
+                "Parameters of the cause, fitted together with those of the model",
+                frozenset({2, 3}),
+            )
+        )
+    if d.experiments:
+        out.append(
+            Table(
+                ("experiment", "duration", "predicted separation d²", "run it"),
+                [
+                    (x.title, f"{x.duration_s:.0f} s", f"{x.separation:.0f}", x.command)
+                    for x in d.experiments
+                ],
+                "Experiments that would tell the remaining causes apart, best first; "
+                "16 is four standard errors",
+                frozenset({1, 2}),
+            )
+        )
+    return out
+
+
+def _remark(at_bound: bool, identifiable: bool) -> str:
+    if at_bound:
+        return "at the bound of its range"
+    return "" if identifiable else "flat profile: not identifiable"
+
+
+def _waterfall(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [
+        Text(
+            "The gap of a signal is the root of its excess mean square error over the noise floor, "
+            "in floors, on runs that were not fitted to. The refit moves the parameters of the "
+            "model only: what it removes is not credited to any effect."
+        ),
+        Picture(
+            figures.waterfall(d),
+            "All signals together: as configured, after the refit, after each effect.",
+        ),
+    ]
+    steps = d.verdict.effects
+    for view, text in (
+        ("open loop", "The whole simulator, open loop: recorded inputs only"),
+        ("local", "Each sub-model alone, fed with measured neighbours: what was fitted and judged"),
+    ):
+        rows = [r for r in d.waterfall if r.view == view]
+        width = max((len(r.effects) for r in rows), default=0)
+        labels = [f"after {n}" for n in steps[:width]] or ["after the best candidate"] * width
+        out.append(
+            Table(
+                ("signal", "floor", "raw", "after refit", *labels[:width]),
+                [
+                    (
+                        r.output or "all",
+                        f"{r.floor:.3g} {r.unit}" if r.output else "",
+                        f"{r.raw:.2f}×",
+                        f"{r.refit:.2f}×",
+                        *(f"{e:.2f}×" for e in r.effects),
+                    )
+                    for r in rows
+                ],
+                text,
+                frozenset(range(1, 4 + width)),
+            )
+        )
+    return out
+
+
+def _place(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [
+        Text(
+            "Excess error by sub-model, side and regime, in floors, after the refit and after the "
+            "best model; early and late are the halves of each run."
+        ),
+        Picture(figures.heat_map(d), "Heat map before and after."),
+    ]
+    if d.windows:
+        out.append(
+            Table(
+                ("run", "signal", "window", "share of all excess error"),
+                [
+                    (
+                        w.run,
+                        w.output,
+                        f"{w.start_s:.1f} – {w.stop_s:.1f} s",
+                        f"{w.share:.0%}",
+                    )
+                    for w in d.windows
+                ],
+                "The stretches that carry most of it, after the refit",
+                frozenset({3}),
+            )
+        )
+    return out
+
+
+def _overlays(d: Diagnosis) -> list[Block]:
+    return [Picture(svg, caption) for svg, caption in figures.overlays(d)]
+
+
+def _number(x: float | None, form: str) -> str:
+    return "–" if x is None else format(x, form)
+
+
+def _candidates(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [
+        Text(
+            "Gain is a rise in log-likelihood. Masked is the share of an effect's signature that "
+            "the refitted parameters can imitate on these runs; visible is what is left of it at "
+            "its typical strength, in floors: under about 4 these runs could not show it. "
+            "p is against the null of the whole selection."
+        ),
+        Table(
+            (
+                "effect", "part", "screened gain", "masked", "visible", "p",
+                "held-out gain", "S on its signals", "probability",
+            ),
+            [
+                (
+                    f"{c.title} [{c.name}]",
+                    c.sub_model,
+                    f"{c.screen_gain:.0f}",
+                    f"{c.masked:.0%}",
+                    f"{c.visible:.0f}",
+                    _number(c.p_value, ".1g"),
+                    "–" if c.gain is None else f"{c.gain:.0f} ± {c.gain_se or 0.0:.0f}",
+                    _number(c.shrink, ".2f"),
+                    _number(c.probability, ".2f"),
+                )
+                for c in d.candidates
+            ],
+            "The library, best first; the part below the fitted ones was not worth a fit",
+            frozenset(range(2, 9)),
+        ),
+    ]  # fmt: skip
+    if d.pairs:
+        out.append(
+            Picture(
+                figures.ambiguity(d),
+                "Ambiguity: d² between the best model with the row's effect and the one with the "
+                "column's, after that one has refitted all it can. Under 16 they cannot be told "
+                "apart with these runs.",
+            )
+        )
+    return out
+
+
+def _parameters(d: Diagnosis) -> list[Block]:
+    out: list[Block] = []
+    if any(len(v.profile) > 1 for v in d.values):
+        out.append(
+            Picture(
+                figures.profiles(d),
+                "Profiles: rise of the negative log-likelihood with all else refitted; the dashed "
+                "line is the 95 % level. A flat profile means that the runs do not fix the value.",
+            )
+        )
+    out.append(
+        Table(
+            ("parameter", "before", "after refit", "with the effects", "95 % interval", ""),
+            [
+                (
+                    p.name,
+                    f"{p.before:.4g}",
+                    f"{p.refit:.4g}",
+                    f"{p.final:.4g} {p.unit}".removesuffix(" 1"),
+                    f"{p.low:.4g} … {p.high:.4g}",
+                    "at its bound" if p.at_bound else "",
+                )
+                for p in d.parameters
+            ],
+            "Parameters of the model; intervals by bootstrap over runs and blocks",
+            frozenset({1, 2, 3, 4}),
+        )
+    )
+    return out
+
+
+def _residuals(d: Diagnosis) -> list[Block]:
+    return [
+        Text(
+            "Diagnostics, not the verdict: when the true law differs in form from the one in the "
+            "library, residuals stay coloured after a correct attribution."
+        ),
+        Table(
+            ("signal", "test", "statistic", "p"),
+            [
+                (t.output, t.test, f"{t.statistic:.3g}", f"{t.p_value:.2g}")
+                for t in d.residual_tests
+            ],
+            "Residuals of the final model on the longest run",
+            frozenset({2, 3}),
+        ),
+    ]
+
+
+def _runs(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [
+        Table(
+            ("run", "used as", "duration", "SHA-256 of its data"),
+            [(r.name, r.role, f"{r.duration_s:.1f} s", r.sha256[:16]) for r in d.runs],
+            "",
+            frozenset({2}),
+        )
+    ]
+    if d.findings:
+        out.append(
+            Table(
+                ("run", "finding", "what", "consequence"),
+                [
+                    (f.run, f.kind, f.text, "refused" if f.refuses else "used with care")
+                    for f in d.findings
+                ],
+                "Findings of the admission",
+            )
+        )
+    if d.missing:
+        out.append(Text("Switched off for want of a signal: " + "; ".join(d.missing) + "."))
+    if d.floors:
+        out.append(
+            Table(
+                ("channel", "noise floor", "from", "run-to-run spread"),
+                [
+                    (
+                        f.channel,
+                        f"{f.sigma:.3g} {f.unit}",
+                        f.source,
+                        "no repeats" if f.spread is None else f"{f.spread:.3g} {f.unit}",
+                    )
+                    for f in d.floors
+                ],
+                "Noise floor of each channel, after averaging to the analysis grid",
+                frozenset({1, 3}),
+            )
+        )
+    return out
+
+
+def _limits(d: Diagnosis) -> list[Block]:
+    return [
+        *[Text(t) for t in d.limits],
+        Code(
+            "\n".join(
+                [f"{k} {v}" for k, v in d.versions.items()]
+                + [f"{k} = {v}" for k, v in d.settings.items()]
+            )
+        ),
+    ]
+
+
+def summary_lines(d: Diagnosis) -> Sequence[str]:
+    """The verdict for a terminal: headline, text, findings that refuse or restrict."""
+    lines = [_TITLES[d.verdict.outcome], d.verdict.text]
+    lines += [f"{f.run}: {f.kind}: {f.text}" for f in d.findings if f.kind != "channel missing"]
+    return lines
