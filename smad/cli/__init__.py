@@ -42,6 +42,7 @@ COMMANDS: Mapping[str, str] = {
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
 
 _INTERRUPTED = 130
+_INTERNAL = 70
 
 
 class LazyGroup(click.Group):
@@ -97,7 +98,21 @@ def run(arguments: Sequence[str]) -> int:
         # Whoever read our output has gone; a second complaint at exit would help nobody.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except Exception as error:
+        return _complain(_internal(error), _INTERNAL)
     return result if isinstance(result, int) else 0
+
+
+def _internal(error: Exception) -> str:
+    import tempfile
+    import traceback
+
+    with tempfile.NamedTemporaryFile("w", prefix="smad-", suffix=".txt", delete=False) as file:
+        file.write("".join(traceback.format_exception(error)))
+    return (
+        f"internal error: {type(error).__name__}: {error}; this is a mistake in smad, "
+        f"please report it with {file.name}"
+    )
 
 
 def _complain(message: str, status: int) -> int:

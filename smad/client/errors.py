@@ -36,10 +36,14 @@ class Refused(CommandError):
         self.reason = reason
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (
-            _rebuild,
-            (type(self), self.cause, self.reason, self.value, self.limit, self.action),
+        data = ErrorData(
+            reason=self.reason,
+            cause=self.cause,
+            value=self.value,
+            limit=self.limit,
+            action=self.action,
         )
+        return (_rebuild, (type(self), data))
 
 
 class NotInControl(Refused):
@@ -68,13 +72,10 @@ _KINDS: dict[Reason, type[Refused]] = {
 
 def refused(data: ErrorData) -> Refused:
     """Return the error that an error reply stands for."""
-    kind = _KINDS.get(data.reason, Refused)
+    return _rebuild(_KINDS.get(data.reason, Refused), data)
+
+
+def _rebuild(kind: type[Refused], data: ErrorData) -> Refused:
     return kind(
         data.cause, reason=data.reason, value=data.value, limit=data.limit, action=data.action
     )
-
-
-def _rebuild(
-    kind: type[Refused], cause: str, reason: Reason, value: Any, limit: Any, action: str
-) -> Refused:
-    return kind(cause, reason=reason, value=value, limit=limit, action=action)

@@ -108,8 +108,8 @@ def find_daemon(bench: str, folder: str | Path | None) -> Connection:
         if connection is not None:
             return connection
     raise NoDaemon(
-        f"no daemon is running for the bench {bench!r}",
-        value=f"looked in {', '.join(str(f) for f in folders)}",
+        f"no daemon is running for the bench {bench!r} "
+        f"(looked in {', '.join(str(f) for f in folders)})",
         action="start one: smad start --port /dev/serial/by-id/…, or smad start --sim",
     )
 

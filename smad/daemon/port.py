@@ -124,7 +124,7 @@ def open_serial(path: str, baud: int) -> SerialTransport:
         raise _refused(path, baud, error) from error
     fd = device.fileno()
     os.set_blocking(fd, False)
-    _keep_lines_on_close(fd)
+    _set_line(fd)
     return SerialTransport(device, lock, _low_latency(device, path))
 
 
@@ -183,11 +183,13 @@ def _reason(error: Exception) -> str:
     return os.strerror(number) if isinstance(number, int) else str(error)
 
 
-def _keep_lines_on_close(fd: int) -> None:
-    # Hanging up on close drops DTR, and many boards reset when it rises again at the next open.
+def _set_line(fd: int) -> None:
     with contextlib.suppress(termios.error):
         attributes = termios.tcgetattr(fd)
+        # Hanging up on close drops DTR, and many boards reset when it rises at the next open.
         attributes[2] &= ~termios.HUPCL
+        # pyserial asks for at least 0 bytes; then "nothing there yet" reads like "unplugged".
+        attributes[6][termios.VMIN] = 1
         termios.tcsetattr(fd, termios.TCSANOW, attributes)
 
 

@@ -76,7 +76,7 @@ class Service:
         self._dead_man = dead_man
         self._say = say
         self._clock_us = clock_us
-        self._methods: dict[type[Struct], Callable[[Any, Client], Answer]] = {
+        self.methods: dict[type[Struct], Callable[[Any, Client], Answer]] = {
             api.GetStatus: self.status,
             api.GetMotion: self.motion,
             api.GetConfig: self.config,
@@ -111,7 +111,7 @@ class Service:
                 raise Refusal(
                     Reason.BUSY, "the daemon is ending", action="start it again (smad start)"
                 )
-        answer = self._methods[type(params)](params, client)
+        answer = self.methods[type(params)](params, client)
         if method.access != "watch" or isinstance(params, api.AddNote):
             self._say("command", method.name, _details(params))
         return answer

@@ -1,0 +1,5 @@
+"""`python -m smad` is `smad`."""
+
+from smad.cli import main
+
+main()

@@ -1,0 +1,117 @@
+"""`smad sim`: the simulated bench alone, behind a pseudo-terminal."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.errors import SmadError
+
+if TYPE_CHECKING:
+    from sim_device.bench import SimulatedBench
+    from smad.config import Config
+
+READY = "ready: "
+"""What the first line on standard output begins with; the port's name follows."""
+
+
+_PR_SET_PDEATHSIG = 1
+
+
+class SimulatorError(SmadError):
+    """The simulated bench cannot be run as asked."""
+
+
+@click.command()
+@click.option("--config", "path", type=click.Path(path_type=Path), envvar="SMAD_CONFIG")
+@click.option("--speed", type=float, help="Board time over wall time; 10 is ten times faster.")
+@click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of all noise.")
+@click.option("--symlink", type=click.Path(path_type=Path), help="A lasting name for the port.")
+@click.option("--paced-by-host", is_flag=True, help="Wait, within bounds, for each setpoint.")
+@click.option(
+    "--fault", "faults", multiple=True, metavar="NAME@S[:KEY=VALUE,…]", help="Something to break."
+)
+@click.option("--for", "seconds", type=float, metavar="S", help="End after so long.")
+@click.option("--transport", default="pty", show_default=True, help="pty, or fd:N (a socket).")
+@click.option("--parent", type=int, hidden=True, help="End when this process does.")
+def sim(
+    *,
+    path: Path | None,
+    speed: float | None,
+    rate: str | None,
+    seed: int | None,
+    symlink: Path | None,
+    paced_by_host: bool,
+    faults: tuple[str, ...],
+    seconds: float | None,
+    transport: str,
+    parent: int | None,
+) -> None:
+    """Run the simulated bench and print the name of its port; ctrl-C ends it."""
+    from sim_device.errors import BenchError
+    from sim_device.pty import serve
+    from smad.config import Config, load_config
+
+    if parent is not None:
+        _end_with(parent)
+    config = Config() if path is None else load_config(path)
+    try:
+        bench = build(
+            config,
+            rate_hz=config.link.rate_hz if rate is None else int(rate),
+            seed=config.plant.seed if seed is None else seed,
+            faults=faults,
+        )
+        stats, counts = serve(
+            bench,
+            speed=config.plant.speed_ratio if speed is None else speed,
+            symlink=symlink,
+            transport=transport,
+            paced_by_host=paced_by_host,
+            max_seconds=seconds,
+            on_ready=_announce,
+        )
+    except BenchError as error:
+        raise SimulatorError(str(error), action="see smad sim --help") from error
+    click.echo(
+        f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, "
+        f"{counts.bytes_out} out, {counts.dropped} writes dropped",
+        err=True,
+    )
+
+
+def build(
+    config: Config, *, rate_hz: int, seed: int, faults: tuple[str, ...] = ()
+) -> SimulatedBench:
+    """Return the bench that the configuration describes. Raises BenchError."""
+    from sim_device.bench import SimulatedBench
+    from sim_device.faults import parse_injection
+    from sim_device.plant import load_parameters
+
+    plant = config.plant
+    return SimulatedBench(
+        parameters=load_parameters(Path(plant.parameter_file)) if plant.parameter_file else None,
+        variant=plant.variant,
+        effects=plant.effects,
+        fixture=plant.fixture,
+        rate_hz=rate_hz,
+        seed=seed,
+        faults=[parse_injection(text) for text in faults],
+    )
+
+
+def _end_with(parent: int) -> None:
+    # A daemon that is killed must not leave a bench behind that nobody knows how to end.
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:
+        raise SystemExit(1)
+
+
+def _announce(name: str) -> None:
+    click.echo(f"{READY}{name}")

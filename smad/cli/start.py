@@ -1,0 +1,165 @@
+"""`smad start`: the daemon, on a board or on a simulated bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import msgspec
+
+from smad.errors import ConfigError
+
+if TYPE_CHECKING:
+    from smad.config import Config
+
+SIMULATED_BAUD = 921_600
+"""What the simulated board says it has; a pseudo-terminal takes any."""
+
+
+@click.command()
+@click.option("--port", help="Serial device of the board, best /dev/serial/by-id/….")
+@click.option("--sim", "simulated", is_flag=True, help="Start a simulated bench and use it.")
+@click.option("--config", "path", type=click.Path(path_type=Path), envvar="SMAD_CONFIG")
+@click.option("--bench", help="Name of the bench, where there are several.")
+@click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
+@click.option("--baud", type=int, help="Bits per second of the serial line.")
+@click.option("--speed", type=float, help="With --sim: board time over wall time.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="With --sim: seed of all noise.")
+@click.option(
+    "--paced-by-host", is_flag=True, help="With --sim: the board waits for each setpoint."
+)
+@click.option("--fault", "faults", multiple=True, help="With --sim: see smad sim --help.")
+@click.option("--no-realtime", is_flag=True, help="Ask for no real-time measures.")
+def start(
+    *,
+    port: str | None,
+    simulated: bool,
+    path: Path | None,
+    bench: str | None,
+    rate: str | None,
+    baud: int | None,
+    speed: float | None,
+    seed: int | None,
+    paced_by_host: bool,
+    faults: tuple[str, ...],
+    no_realtime: bool,
+) -> int:
+    """Run the daemon in the foreground until ctrl-C, which disarms.
+
+    Clients then command it: smad status, smad arm, smad move …, or smad.Client in Python.
+    """
+    config = _settled(path, bench=bench, rate=rate, baud=baud)
+    if no_realtime:
+        config = without_realtime(config)
+    if not simulated:
+        if speed is not None or seed is not None or paced_by_host or faults:
+            raise ConfigError(
+                "--speed, --seed, --paced-by-host and --fault need --sim",
+                action="add --sim, or leave them out",
+            )
+        return _on_board(config, port)
+    if port is not None:
+        raise ConfigError(
+            "--port and --sim exclude each other",
+            value=port,
+            action="choose the board or the simulated bench",
+        )
+    plant = config.plant
+    config = replaced(
+        config,
+        "plant",
+        seed=plant.seed if seed is None else seed,
+        speed_ratio=plant.speed_ratio if speed is None else speed,
+    )
+    return _on_simulation(config, path, paced_by_host=paced_by_host, faults=faults)
+
+
+def replaced(config: Config, section: str, **values: object) -> Config:
+    """Return the configuration with keys of one section changed. Raises ConfigError."""
+    from smad.config import config_to_toml, parse_config
+
+    changed = msgspec.structs.replace(getattr(config, section), **values)
+    # Through the text and back, so that what comes from options is checked like a file.
+    return parse_config(
+        config_to_toml(msgspec.structs.replace(config, **{section: changed})), source="options"
+    )
+
+
+def without_realtime(config: Config) -> Config:
+    """Return the configuration with no real-time measure asked for."""
+    return replaced(config, "realtime", fifo_priority=0, lock_memory=False, freeze_gc=False)
+
+
+def _settled(path: Path | None, *, bench: str | None, rate: str | None, baud: int | None) -> Config:
+    from smad.config import Config, load_config
+
+    config = Config() if path is None else load_config(path)
+    if rate is not None:
+        config = replaced(config, "link", rate_hz=int(rate))
+    if baud is not None:
+        config = replaced(config, "link", baud=baud)
+    if bench is not None:
+        config = replaced(config, "daemon", bench=bench)
+    return config
+
+
+def _on_board(config: Config, port: str | None) -> int:
+    if port is not None:
+        config = replaced(config, "link", port=port)
+    if not config.link.port:
+        raise ConfigError(
+            "no port is named",
+            limit="--port DEVICE, or link.port in the configuration",
+            action="look in /dev/serial/by-id, or try smad start --sim",
+        )
+    return _run(config, None)
+
+
+def _on_simulation(
+    config: Config, path: Path | None, *, paced_by_host: bool, faults: tuple[str, ...]
+) -> int:
+    from smad.cli.output import progress
+    from smad.cli.simprocess import simulated_bench
+    from smad.daemon.endpoints import default_folder, prepare_folder
+
+    folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
+    prepare_folder(folder)
+    arguments = ["--seed", str(config.plant.seed), "--rate", str(config.link.rate_hz)]
+    arguments += ["--speed", str(config.plant.speed_ratio)]
+    arguments += [] if path is None else ["--config", str(path)]
+    arguments += ["--paced-by-host"] if paced_by_host else []
+    arguments += [word for text in faults for word in ("--fault", text)]
+    if config.plant.speed_ratio != 1.0 or paced_by_host:
+        # Time that is not the wall's needs no priority; a loop that never sleeps would take a core.
+        config = replaced(config, "realtime", fifo_priority=0)
+    symlink = folder / f"{config.daemon.bench}.tty"
+    with progress() as line, simulated_bench(arguments, symlink, waiting=line.say) as port:
+        line.done()
+        config = replaced(config, "link", port=port, baud=SIMULATED_BAUD)
+        return _run(config, _parameter_text(config))
+
+
+def _parameter_text(config: Config) -> str:
+    from importlib import resources
+
+    if config.plant.parameter_file:
+        return Path(config.plant.parameter_file).read_text()
+    return (resources.files("sim_device") / "plant" / "data" / "set_a.toml").read_text()
+
+
+def _run(config: Config, parameter_text: str | None) -> int:
+    from smad.daemon.lifecycle import run
+    from smad.daemon.port import PortFinder, SerialTransport, open_serial
+
+    finder = PortFinder(config.link.port)
+
+    def open_port() -> SerialTransport:
+        path = finder.find()
+        transport = open_serial(path, config.link.baud)
+        finder.remember(path)
+        return transport
+
+    ended = run(config, open_port, parameter_text=parameter_text)
+    click.echo(f"smad: {ended.line}", err=True)
+    return ended.status

@@ -1,0 +1,177 @@
+"""The control path, in this process, on the bench's own time."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from firmware_protocol.enums import BoardState
+from firmware_protocol.events import HostState
+from sim_device.bench import SimulatedBench
+from sim_device.faults import injection
+from smad.daemon.measure import row_of
+from tests.smad.daemon.rig import Refused, rig_in
+
+
+async def test_every_sample_is_answered_by_one_setpoint(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run(10)
+        before = rig.daemon.control.counts.setpoints
+        await rig.run(500)
+        counts = rig.daemon.control.counts
+        assert counts.setpoints - before == 500
+        assert (counts.missed, counts.skipped, counts.setpoints_dropped) == (0, 0, 0)
+
+
+async def test_a_connection_lands_in_monitor_and_reads_the_parameters(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        assert rig.daemon.session.state is HostState.MONITOR
+        status = await rig.ask("status")
+        assert status["board"]["params_agree"] is True
+        assert status["motion"]["armed"] is False
+
+
+async def test_a_step_is_followed_and_recorded_samples_say_so(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask(
+            "move", trajectories=[{"kind": "step", "displacement_mm": 5.0, "duration_s": 30.0}]
+        )
+        await rig.run_for(25.0)
+        motion = await rig.ask("motion")
+        assert motion["reference_mm"] == pytest.approx(5.0)
+        assert motion["displacement_mm"] == pytest.approx(5.0, abs=0.5)
+        last = rig.daemon.control.last
+        assert last is not None
+        row = row_of(
+            last.sample,
+            last.state,
+            last.setpoint,
+            host_time_s=0.0,
+            reference_m=last.reference_m,
+            reference_degC=last.reference_degC,
+        )
+        assert row.displacement_mm == pytest.approx(motion["displacement_mm"], abs=0.1)
+        assert row.angle_deg == pytest.approx(6.25 * (row.displacement_mm or 0.0))
+
+
+async def test_the_newest_of_several_samples_is_acted_on_and_the_others_are_counted(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run(100)
+        before = rig.daemon.control.counts.setpoints
+        burst = b"".join(rig.bench.step() for _ in range(5))
+        rig.daemon.control.receive(burst)
+        counts = rig.daemon.control.counts
+        assert counts.skipped == 4
+        assert counts.setpoints == before + 1
+        assert counts.missed == 0
+
+
+async def test_lost_samples_are_counted_from_the_boards_counter(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run(100)
+        for _ in range(3):
+            rig.bench.step()
+        await rig.run(10)
+        assert rig.daemon.control.counts.missed == 3
+
+
+async def test_pulling_the_plug_lands_in_monitor_and_never_arms_again(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        assert (await rig.ask("motion"))["armed"]
+        rig.pull_the_plug()
+        await rig.run(20)
+        assert rig.daemon.session.state is HostState.DISCONNECTED
+        rig.plug_in()
+        while rig.daemon.link.transport is None:
+            await asyncio.sleep(0.01)
+        await rig.run_for(3.0)
+        assert rig.daemon.session.state in (HostState.MONITOR, HostState.FAULTED)
+        assert not (await rig.ask("motion"))["armed"]
+        assert rig.bench.board.state not in (BoardState.ARMED, BoardState.HOLD)
+
+
+async def test_a_dying_control_task_stops_stepping_and_still_disarms(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+
+        def explode(sample: object) -> None:
+            raise ZeroDivisionError("injected")
+
+        monkeypatch.setattr(rig.daemon.control.controller, "step", explode)
+        await rig.run(2)
+        assert rig.daemon.failure.done()
+        name, error = rig.daemon.failure.result()
+        assert name == "control"
+        assert isinstance(error, ZeroDivisionError)
+        text = await rig.run_until(rig.daemon.disarm())
+        assert text == "disarmed, the board cools by itself"
+        assert rig.bench.board.state in (BoardState.COOL, BoardState.SAFE)
+
+
+async def test_the_rate_of_the_configuration_is_set_on_the_board(tmp_path: Path) -> None:
+    from smad.config import LinkConfig
+
+    link = LinkConfig(rate_hz=500, baud=921_600)
+    async with rig_in(tmp_path, SimulatedBench(seed=1, rate_hz=100), link=link) as rig:
+        await rig.run(400)
+        assert rig.bench.board.rate_hz == 500
+        await rig.run(500)
+        assert rig.daemon.control.counts.missed == 0
+        assert (await rig.ask("params.get", name="state_rate_hz"))["value"] == 500
+
+
+async def test_a_board_with_other_messages_is_watched_and_cannot_be_armed(tmp_path: Path) -> None:
+    bench = SimulatedBench(seed=1, faults=[injection("schema_newer", 1.0)])
+    async with rig_in(tmp_path, bench) as rig:
+        await rig.run_for(4.0)
+        with pytest.raises(Refused) as refused:
+            await rig.ask("arm")
+        assert refused.value.reason == "disagreement"
+        assert "RINSE" in refused.value.data["value"]
+        before = rig.daemon.control.counts.samples
+        await rig.run(50)
+        assert rig.daemon.control.counts.samples == before + 50
+
+
+async def test_a_fault_is_told_with_channel_value_and_limit_and_can_be_cleared(
+    tmp_path: Path,
+) -> None:
+    bench = SimulatedBench(seed=1, faults=[injection("sensor_open", 3.0, lasts=2.0)])
+    async with rig_in(tmp_path, bench) as rig:
+        await rig.arm()
+        await rig.run_for(3.0)
+        fault = (await rig.ask("motion"))["fault"]
+        assert fault["name"] == "SENSOR_OPEN"
+        assert fault["channel"] == "RTD_X"
+        assert fault["measured"] is not None
+        with pytest.raises(Refused) as refused:
+            await rig.ask("arm")
+        assert refused.value.reason == "faulted"
+        await rig.run_for(5.0)
+        await rig.ask("clear")
+        await rig.run(5)
+        motion = await rig.ask("motion")
+        assert (motion["mode"], motion["fault"], motion["armed"]) == ("SAFE", None, False)
+
+
+async def test_a_board_that_restarts_while_armed_is_only_watched_afterwards(tmp_path: Path) -> None:
+    bench = SimulatedBench(seed=1, faults=[injection("reboot", 4.0)])
+    async with rig_in(tmp_path, bench) as rig:
+        await rig.arm()
+        await rig.run_for(6.0)
+        assert rig.daemon.session.state is HostState.MONITOR
+        assert rig.bench.board.state is BoardState.SAFE
+        assert "restarted" in rig.said
+
+
+async def test_stopping_an_unarmed_bench_says_that_nothing_was_armed(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(1.0)
+        assert await rig.run_until(rig.daemon.disarm()) == "nothing was armed"

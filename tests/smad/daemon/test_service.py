@@ -1,0 +1,222 @@
+"""What each command does, and how a refusal reads."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware_protocol.enums import BoardState
+from sim_device.bench import SimulatedBench
+from smad.api import METHODS
+from smad.config import DaemonConfig, RecorderConfig
+from smad.daemon.service import Service
+from smad.runlog.reader import read_run
+from tests.smad.daemon.rig import Refused, rig_in
+
+STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}
+
+
+async def test_moving_before_arming_is_refused_with_the_next_action(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(1.0)
+        with pytest.raises(Refused, match="arm it first") as refused:
+            await rig.ask("move", trajectories=[STEP])
+        assert refused.value.reason == "not_armed"
+
+
+async def test_a_value_out_of_range_names_field_value_and_limit(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        with pytest.raises(Refused) as refused:
+            await rig.ask("current", i_x_A=40.0)
+        assert refused.value.code == -32602
+        assert "i_x_A" in refused.value.data["cause"]
+        assert "4.0" in refused.value.data["cause"]
+        assert refused.value.data["value"] == 40.0
+
+
+async def test_the_configured_limit_refuses_what_the_wire_would_carry(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        with pytest.raises(Refused) as refused:
+            await rig.ask("heat", spring="x", temperature_degC=95.0)
+        assert refused.value.data["value"] == 95.0
+        assert "80" in refused.value.data["limit"]
+
+
+async def test_an_unknown_field_and_an_unknown_method_are_refused(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run(10)
+        with pytest.raises(Refused, match="speed"):
+            await rig.ask("status", speed=3)
+        with pytest.raises(Refused) as refused:
+            await rig.ask("explode")
+        assert refused.value.code == -32601
+
+
+async def test_disarming_cools_and_ends_the_motion(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("move", trajectories=[STEP])
+        await rig.run_for(2.0)
+        motion = await rig.ask("disarm")
+        assert not motion["armed"]
+        await rig.run(5)
+        assert rig.bench.board.state in (BoardState.COOL, BoardState.SAFE)
+        assert (await rig.ask("motion"))["running"] == "idle"
+
+
+async def test_estop_stays_until_the_power_is_cycled(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("estop")
+        await rig.run(5)
+        assert rig.bench.board.state is BoardState.ESTOP
+        with pytest.raises(Refused) as refused:
+            await rig.ask("arm")
+        assert "power-cycle" in refused.value.data["action"]
+
+
+async def test_arming_twice_is_refused(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        with pytest.raises(Refused) as refused:
+            await rig.ask("arm")
+        assert refused.value.reason == "armed"
+
+
+async def test_parameters_are_listed_changed_and_saved_only_while_not_armed(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        names = {param["name"] for param in (await rig.ask("params.list"))["params"]}
+        assert "current_limit_mA" in names
+        changed = await rig.ask("params.set", name="current_limit_mA", value=3000)
+        assert changed["value"] == 3000
+        assert rig.bench.board.parameters.get("current_limit_mA") == 3000
+        await rig.ask("params.save")
+        with pytest.raises(Refused) as refused:
+            await rig.ask("params.set", name="current_limit_mA", value=99_000)
+        assert "0 to 4000 mA" in refused.value.data["limit"]
+        with pytest.raises(Refused, match="no parameter"):
+            await rig.ask("params.get", name="wibble")
+        await rig.ask("arm")
+        with pytest.raises(Refused) as refused:
+            await rig.ask("params.set", name="current_limit_mA", value=2000)
+        assert refused.value.reason == "armed"
+
+
+async def test_a_run_is_recorded_with_its_samples_commands_and_header(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        path = Path((await rig.ask("record.start", name="my run"))["path"])
+        await rig.ask("move", trajectories=[STEP])
+        await rig.run_for(2.0)
+        await rig.ask("record.note", text="bubbles in the tube")
+        status = await rig.ask("record.stop")
+        assert (status["dropped"], status["error"]) == (0, "")
+        run = read_run(path)
+        assert not run.cut_short
+        assert len(run.columns["t_s"]) == status["rows"] >= 200
+        assert "[control]" in run.header.configuration
+        assert run.header.board["firmware"] == "smad-sim 1.0"
+        texts = [event.text for event in run.events]
+        assert "move" in texts
+        assert "bubbles in the tube" in texts
+
+
+async def test_arming_records_by_itself_and_the_log_ends_after_cooling(tmp_path: Path) -> None:
+    recorder = RecorderConfig(folder=str(tmp_path / "runs"), automatic=True)
+    async with rig_in(tmp_path, recorder=recorder) as rig:
+        await rig.arm()
+        assert rig.daemon.recorder.recording
+        await rig.run_for(1.0)
+        await rig.ask("disarm")
+
+        async def ended() -> None:
+            import asyncio
+
+            while rig.daemon.recorder.recording:
+                await asyncio.sleep(0)
+
+        await rig.run_until(ended())
+        assert len(list((tmp_path / "runs").glob("*.mcap"))) == 1
+
+
+async def test_a_folder_that_cannot_be_written_refuses_arming_and_names_it(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    recorder = RecorderConfig(folder=str(blocked / "runs"), automatic=True)
+    async with rig_in(tmp_path, recorder=recorder) as rig:
+        await rig.run_for(2.0)
+        with pytest.raises(Refused) as refused:
+            await rig.ask("arm")
+        assert refused.value.reason == "recorder"
+        assert str(blocked) in refused.value.data["cause"]
+        await rig.run(10)
+        assert rig.bench.board.state is BoardState.SAFE
+
+
+async def test_only_the_holder_commands_while_anyone_may_watch_and_stop(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=10.0)
+        with pytest.raises(Refused, match="Ada has exclusive control") as refused:
+            await rig.ask("idle", client=b"bob")
+        assert refused.value.reason == "not_in_control"
+        assert (await rig.ask("status", client=b"bob"))["control"]["holder"] == "Ada"
+        await rig.ask("idle", client=b"ada")
+        await rig.ask("disarm", client=b"bob")
+
+
+async def test_a_lease_ends_by_itself(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=2.0)
+        await rig.run_for(2.5)
+        await rig.ask("idle", client=b"bob")
+
+
+async def test_the_dead_man_option_disarms_when_the_arming_client_is_silent(
+    tmp_path: Path,
+) -> None:
+    daemon = DaemonConfig(ipc_dir=str(tmp_path), dead_man_lease_s=3.0)
+    async with rig_in(tmp_path, SimulatedBench(seed=1), daemon=daemon) as rig:
+        await rig.arm()
+        for _ in range(4):
+            await rig.run_for(2.0)
+            assert (await rig.ask("motion"))["armed"]
+        await rig.run_for(1.0)
+
+        async def disarmed() -> None:
+            import asyncio
+
+            while rig.bench.board.state is BoardState.ARMED:
+                await asyncio.sleep(0.001)
+
+        await rig.run_until(disarmed())
+        assert "fallen silent" in rig.said
+
+
+async def test_a_mistake_in_one_command_is_told_and_the_run_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+
+        def explode(client: bytes) -> Any:
+            raise KeyError("injected")
+
+        monkeypatch.setattr(rig.daemon.status, "full", explode)
+        with pytest.raises(Refused) as refused:
+            await rig.ask("status")
+        assert refused.value.reason == "internal"
+        assert not rig.daemon.failure.done()
+        assert (await rig.ask("motion"))["armed"]
+
+
+async def test_every_method_of_the_api_is_carried_out_by_the_service(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        service: Service = rig.daemon.service
+        assert set(service.methods) == {method.params for method in METHODS}
