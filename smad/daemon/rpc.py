@@ -134,7 +134,11 @@ def _unknown(name: str) -> Refusal:
 
 
 def _value_at(data: bytes, path: str) -> Any:
-    value = msgspec.json.decode(data).get("params")
+    try:
+        value = msgspec.json.decode(data).get("params")
+    except (msgspec.MsgspecError, RecursionError, ValueError):
+        # A number too large for any type spoils the whole message.
+        return None
     for part in path.replace("[", ".").replace("]", "").split("."):
         if not part:
             continue

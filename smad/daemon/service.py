@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from firmware_protocol.enums import Fault
+from firmware_protocol.enums import BoardState, Fault
 from firmware_protocol.events import HostState
 from firmware_protocol.messages import (
     ArmConfirm,
@@ -295,17 +295,18 @@ class Service:
             )
 
     def _require_not_faulted(self) -> None:
-        if self._control.session.state is HostState.FAULTED:
-            fault = self._watch.fault
-            mode = self._watch.mode
-            raise Refusal(
-                Reason.FAULTED,
-                f"the board is in {mode.name if mode else 'FAULT'}",
-                value=None if fault is None else fault_line(fault),
-                action="smad faults explain says what to do; then smad clear"
-                if fault is not None
-                else "power-cycle the board",
-            )
+        if self._control.session.state is not HostState.FAULTED:
+            return
+        fault = self._watch.fault
+        stopped = self._watch.mode is BoardState.ESTOP
+        raise Refusal(
+            Reason.FAULTED,
+            f"the board is in {'ESTOP' if stopped else 'FAULT'}",
+            value=None if fault is None else fault_line(fault),
+            action="power-cycle the board: nothing else ends ESTOP"
+            if stopped
+            else "smad faults explain says what to do; then smad clear",
+        )
 
     def _require_armed(self) -> None:
         self._require_connected()

@@ -149,7 +149,7 @@ async def test_a_fault_is_told_with_channel_value_and_limit_and_can_be_cleared(
         await rig.run_for(3.0)
         fault = (await rig.ask("motion"))["fault"]
         assert fault["name"] == "SENSOR_OPEN"
-        assert fault["channel"] == "RTD_X"
+        assert fault["channel"] == "SPRING_X"
         assert fault["measured"] is not None
         with pytest.raises(Refused) as refused:
             await rig.ask("arm")

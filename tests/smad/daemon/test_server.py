@@ -1,0 +1,259 @@
+"""The command server and the telemetry stream over real sockets, in this process."""
+
+import asyncio
+import json
+import os
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+import zmq.asyncio
+
+from smad.api import LARGEST_MESSAGE
+from smad.config import DaemonConfig, TcpConfig, TelemetryConfig
+from smad.daemon.auth import Doorkeeper, server_keys
+from smad.daemon.endpoints import Endpoints
+from smad.daemon.server import CommandServer
+from smad.daemon.telemetry import Publisher
+from smad.errors import ConfigError, DaemonError
+from smad.runlog.schema import Row
+
+PATIENCE_MS = 20_000
+
+
+class Echo:
+    """A server whose commands answer with what was sent; `order` says what was served when."""
+
+    def __init__(self, folder: Path) -> None:
+        self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self.endpoints = Endpoints(folder, "bench")
+        self.order: list[bytes] = []
+        self.port_looks = 0
+        self.clients = zmq.asyncio.Context()
+        self.server = CommandServer(
+            self.context,
+            loop=asyncio.get_running_loop(),
+            on_command=self._answer,
+            on_stop=self._answer,
+            look_at_port=self._look,
+            queue=1000,
+        )
+
+    def _answer(self, client: bytes, data: bytes, send: Any) -> None:
+        self.order.append(data)
+        send(b"re:" + data)
+
+    def _look(self) -> None:
+        self.port_looks += 1
+
+    def client(self, kind: int = zmq.DEALER, stop: bool = False) -> Any:
+        socket = self.clients.socket(kind)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(self.endpoints.stop if stop else self.endpoints.command)
+        return socket
+
+    def close(self) -> None:
+        self.server.close()
+        self.clients.destroy(linger=0)
+        self.context.destroy(linger=0)
+
+
+@pytest.fixture
+async def echo(tmp_path: Path) -> AsyncIterator[Echo]:
+    echo = Echo(tmp_path)
+    echo.server.serve_ipc(echo.endpoints, 0o077)
+    yield echo
+    echo.close()
+
+
+async def receive(socket: Any) -> list[bytes]:
+    assert await socket.poll(PATIENCE_MS), "no reply came"
+    frames: list[bytes] = await socket.recv_multipart()
+    return frames
+
+
+async def test_dealer_and_req_clients_are_both_answered(echo: Echo) -> None:
+    dealer, req = echo.client(), echo.client(zmq.REQ)
+    await dealer.send(b"a")
+    await req.send(b"b")
+    assert await receive(dealer) == [b"re:a"]
+    assert await receive(req) == [b"re:b"]
+
+
+async def test_the_sockets_are_the_users_own(echo: Echo) -> None:
+    path = echo.endpoints.command.removeprefix("ipc://")
+    assert os.stat(path).st_mode & 0o077 == 0
+
+
+async def test_a_burst_is_fully_answered_and_the_port_is_looked_at_before_each_command(
+    echo: Echo,
+) -> None:
+    client = echo.client()
+    client.setsockopt(zmq.SNDHWM, 0)
+    client.setsockopt(zmq.RCVHWM, 0)
+    for number in range(3000):
+        await client.send(b"%d" % number)
+    replies = [await receive(client) for _ in range(3000)]
+    assert replies[-1] == [b"re:2999"]
+    assert echo.port_looks >= 3000
+
+
+async def test_a_stop_is_served_before_the_commands_that_wait(echo: Echo) -> None:
+    client, stopper = echo.client(), echo.client(stop=True)
+    await client.send(b"first")
+    await receive(client)
+    await stopper.send(b"first stop")
+    await receive(stopper)
+    for _ in range(500):
+        await client.send(b"command")
+    await stopper.send(b"stop")
+    await receive(stopper)
+    assert echo.order.index(b"stop") < 500
+
+
+async def test_a_message_that_is_too_long_ends_that_connection_only(echo: Echo) -> None:
+    rude, polite = echo.client(), echo.client()
+    await rude.send(b"x" * (LARGEST_MESSAGE + 1))
+    await polite.send(b"hello")
+    assert await receive(polite) == [b"re:hello"]
+    assert not any(len(data) > LARGEST_MESSAGE for data in echo.order)
+
+
+async def test_a_message_of_several_parts_is_dropped_and_counted(echo: Echo) -> None:
+    client = echo.client()
+    await client.send_multipart([b"a", b"b", b"c"])
+    await client.send(b"after")
+    assert await receive(client) == [b"re:after"]
+    assert echo.server.counts.dropped_messages == 1
+
+
+async def test_a_client_that_never_reads_does_not_hold_the_server_up(echo: Echo) -> None:
+    deaf, polite = echo.client(), echo.client()
+    deaf.setsockopt(zmq.RCVHWM, 1)
+    for _ in range(2000):
+        await deaf.send(b"y" * 1000)
+    await polite.send(b"hello")
+    assert await receive(polite) == [b"re:hello"]
+
+
+async def test_tcp_without_a_list_of_keys_is_refused(echo: Echo, tmp_path: Path) -> None:
+    with pytest.raises(DaemonError, match="list of client keys"):
+        echo.server.serve_tcp(DaemonConfig(), echo.endpoints)
+
+
+async def test_over_tcp_a_listed_key_gets_in_and_a_strangers_does_not(
+    echo: Echo, tmp_path: Path
+) -> None:
+    friend, stranger = zmq.curve_keypair(), zmq.curve_keypair()
+    ports = _free_ports()
+    tcp = TcpConfig(
+        enabled=True,
+        command_port=ports[0],
+        stop_port=ports[1],
+        allowed_keys=(friend[0].decode(),),
+    )
+    command, _ = echo.server.serve_tcp(DaemonConfig(tcp=tcp), echo.endpoints)
+
+    def dial(keys: tuple[bytes, bytes] | None) -> Any:
+        socket = echo.clients.socket(zmq.DEALER)
+        socket.setsockopt(zmq.LINGER, 0)
+        if keys is not None:
+            socket.setsockopt(zmq.CURVE_PUBLICKEY, keys[0])
+            socket.setsockopt(zmq.CURVE_SECRETKEY, keys[1])
+            socket.setsockopt(zmq.CURVE_SERVERKEY, echo.server.server_key.encode())
+        socket.connect(command)
+        return socket
+
+    good, bad, plain = dial(friend), dial(stranger), dial(None)
+    await bad.send(b"let me in")
+    await plain.send(b"me too")
+    await good.send(b"hello")
+    assert await receive(good) == [b"re:hello"]
+    doorkeeper = echo.server.doorkeeper
+    assert doorkeeper is not None
+    while doorkeeper.refused == 0:
+        await asyncio.sleep(0.01)
+    assert echo.order == [b"hello"]
+
+
+def test_the_doorkeeper_refuses_what_is_no_curve_request() -> None:
+    doorkeeper = Doorkeeper(())
+    assert doorkeeper.answer([b"2.0", b"1"]) is None
+    reply = doorkeeper.answer([b"1.0", b"1", b"smad", b"::1", b"", b"NULL"])
+    assert reply is not None
+    assert reply[2] == b"400"
+
+
+def test_the_servers_keys_are_made_once_and_kept_from_others(tmp_path: Path) -> None:
+    path = tmp_path / "bench.key"
+    first = server_keys(path)
+    assert server_keys(path) == first
+    assert path.stat().st_mode & 0o077 == 0
+    path.chmod(0o644)
+    with pytest.raises(ConfigError, match="others can read"):
+        server_keys(path)
+    path.chmod(0o600)
+    path.write_text("rubbish")
+    with pytest.raises(ConfigError, match="key pair"):
+        server_keys(path)
+
+
+def test_telemetry_is_two_frames_with_time_and_number_and_null_for_nan(tmp_path: Path) -> None:
+    with zmq.Context() as context:
+        publisher = Publisher(context, TelemetryConfig())
+        publisher.bind_ipc(f"ipc://{tmp_path}/t")
+        with context.socket(zmq.SUB) as viewer:
+            viewer.setsockopt(zmq.SUBSCRIBE, b"smad")
+            viewer.connect(f"ipc://{tmp_path}/t")
+            frames: list[bytes] = []
+            while not frames:
+                publisher.publish(Row(t_s=1.5, force_N=float("nan"), i_meas_x_A=2.0), 1e9)
+                if viewer.poll(10):
+                    frames = viewer.recv_multipart()
+        publisher.close()
+    assert frames[0] == b"smad"
+    assert len(frames) == 2
+    sample = json.loads(frames[1])
+    assert sample["timestamp"] == 1e9
+    assert sample["sequence"] >= 1
+    assert sample["force_N"] is None
+    assert sample["i_meas_x_A"] == 2.0
+
+
+def test_a_viewer_that_never_reads_costs_samples_not_time(tmp_path: Path) -> None:
+    with zmq.Context() as context:
+        publisher = Publisher(context, TelemetryConfig(high_water_mark=10))
+        publisher.bind_ipc(f"ipc://{tmp_path}/t")
+        with context.socket(zmq.SUB) as viewer:
+            viewer.setsockopt(zmq.RCVHWM, 10)
+            viewer.setsockopt(zmq.SUBSCRIBE, b"smad")
+            viewer.connect(f"ipc://{tmp_path}/t")
+            while not viewer.poll(1):
+                publisher.publish(Row(t_s=0.0), 0.0)
+            for number in range(20_000):
+                publisher.publish(Row(t_s=float(number)), float(number))
+        assert publisher.sequence >= 20_000
+        publisher.close()
+
+
+def test_an_address_in_use_is_noted_and_ipc_goes_on(tmp_path: Path) -> None:
+    port = _free_ports()[0]
+    with zmq.Context() as context, context.socket(zmq.PUB) as other:
+        other.bind(f"tcp://127.0.0.1:{port}")
+        publisher = Publisher(context, TelemetryConfig())
+        publisher.bind_ipc(f"ipc://{tmp_path}/t")
+        publisher.bind_extra(f"tcp://127.0.0.1:{port}")
+        assert "another bench may use it" in publisher.note
+        assert publisher.addresses == [f"ipc://{tmp_path}/t"]
+        publisher.close()
+
+
+def _free_ports() -> tuple[int, int]:
+    import socket
+
+    with socket.socket() as first, socket.socket() as second:
+        first.bind(("127.0.0.1", 0))
+        second.bind(("127.0.0.1", 0))
+        return first.getsockname()[1], second.getsockname()[1]

@@ -1,0 +1,153 @@
+"""The daemon's small parts: lease, dead man, budget, histogram, rates, journal, notify."""
+
+import io
+import random
+import socket
+from pathlib import Path
+
+import pytest
+
+from smad.daemon.budget import TimeBudget
+from smad.daemon.errors import Refusal
+from smad.daemon.histogram import Histogram
+from smad.daemon.journal import Journal
+from smad.daemon.lease import DeadMan, Lease
+from smad.daemon.notify import Notifier
+from smad.daemon.wirerate import BAUDS, RATES_HZ, check_rate, line_share
+from smad.errors import ConfigError
+
+SECOND = 1_000_000
+
+
+def test_a_lease_keeps_others_out_until_it_ends() -> None:
+    lease = Lease()
+    lease.take(b"ada", "Ada", 5 * SECOND, 0)
+    with pytest.raises(Refusal, match=r"Ada has exclusive control; got 4\.0 s left"):
+        lease.check(b"bob", 1 * SECOND)
+    lease.check(b"bob", 6 * SECOND)
+
+
+def test_each_command_of_the_holder_renews_its_lease() -> None:
+    lease = Lease()
+    lease.take(b"ada", "Ada", 5 * SECOND, 0)
+    lease.check(b"ada", 4 * SECOND)
+    assert lease.holder(8 * SECOND) is not None
+    assert lease.holder(10 * SECOND) is None
+
+
+def test_only_the_holder_can_give_control_back() -> None:
+    lease = Lease()
+    lease.take(b"ada", "Ada", 5 * SECOND, 0)
+    assert not lease.release(b"bob", 0)
+    assert lease.release(b"ada", 0)
+    lease.take(b"bob", "Bob", 5 * SECOND, 0)
+
+
+def test_the_dead_man_hears_only_the_client_that_armed() -> None:
+    dead_man = DeadMan(2 * SECOND)
+    dead_man.watch(b"ada", 0)
+    dead_man.heard(b"bob", 2 * SECOND)
+    assert dead_man.expired(3 * SECOND)
+    dead_man.heard(b"ada", 3 * SECOND)
+    assert not dead_man.expired(4 * SECOND)
+
+
+def test_without_patience_the_dead_man_never_expires() -> None:
+    dead_man = DeadMan(0)
+    dead_man.watch(b"ada", 0)
+    assert not dead_man.expired(10**15)
+
+
+def test_a_budget_lets_a_burst_through_and_then_holds_to_its_share() -> None:
+    budget = TimeBudget(0.5, burst_ns=1000, now_ns=0)
+    budget.spend(0, 800)
+    assert budget.delay_ns() == 0
+    now_ns = 800
+    worked_ns = 800
+    for _ in range(1000):
+        now_ns += budget.delay_ns()
+        budget.spend(now_ns, now_ns + 100)
+        now_ns += 100
+        worked_ns += 100
+    assert worked_ns / now_ns == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("fraction", [0.5, 0.99, 0.999])
+def test_percentiles_are_right_within_a_bucket(fraction: float) -> None:
+    rng = random.Random(1)
+    values = [int(rng.lognormvariate(10.0, 1.0)) for _ in range(20_000)]
+    histogram = Histogram()
+    for value in values:
+        histogram.add(value)
+    exact = sorted(values)[int(fraction * len(values))]
+    assert histogram.percentile_ns(fraction) == pytest.approx(exact, rel=0.03)
+
+
+def test_extreme_durations_are_counted_at_the_ends() -> None:
+    histogram = Histogram()
+    for value in (-5, 0, 31, 32, 10**15):
+        histogram.add(value)
+    assert histogram.count == 5
+    assert histogram.percentile_ns(0.2) == 0.0
+    assert histogram.percentile_ns(0.6) == 31.0
+    histogram.clear()
+    assert histogram.percentiles().count == 0
+
+
+def test_a_hundred_hertz_fits_115200_baud_and_250_does_not() -> None:
+    check_rate(100, 115_200)
+    with pytest.raises(ConfigError, match=r"250 samples a second do not fit 115200 baud") as error:
+        check_rate(250, 115_200)
+    assert "link.baud = 460800 for 250 Hz" in error.value.action or "230400" in error.value.action
+    assert "link.rate_hz = 100" in error.value.action
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_the_pair_that_a_refusal_names_fits(rate_hz: int) -> None:
+    for baud in BAUDS:
+        try:
+            check_rate(rate_hz, baud)
+        except ConfigError as error:
+            named = int(error.action.split("link.baud = ")[1].split()[0])
+            check_rate(rate_hz, named)
+        else:
+            assert line_share(rate_hz, baud) <= 0.7
+
+
+def test_the_journal_prints_in_order_and_keeps_the_last_lines() -> None:
+    stream = io.StringIO()
+    journal = Journal(stream, wall_clock=lambda: 5.0)
+    for number in range(60):
+        journal.say(f"line {number}")
+    journal.close()
+    assert stream.getvalue().splitlines()[0] == "smad: line 0"
+    assert len(stream.getvalue().splitlines()) == 60
+    assert journal.recent[-1].text == "line 59"
+    assert len(journal.recent) == 50
+
+
+def test_systemd_hears_ready_and_the_watchdog_a_few_times_an_interval(tmp_path: Path) -> None:
+    address = str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(address)
+        systemd.setblocking(False)
+        notifier = Notifier({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "3000000"})
+        notifier.ready("all well")
+        assert systemd.recv(200) == b"READY=1\nSTATUS=all well"
+        for now_us in range(0, 9 * SECOND, 10_000):
+            notifier.alive(now_us)
+        fed = 0
+        while True:
+            try:
+                assert systemd.recv(200) == b"WATCHDOG=1"
+            except BlockingIOError:
+                break
+            fed += 1
+        assert fed == 9
+
+
+def test_without_systemd_nothing_is_sent() -> None:
+    notifier = Notifier({})
+    notifier.ready("x")
+    notifier.alive(1)
+    assert notifier.watchdog_us == 0
