@@ -12,18 +12,32 @@ if TYPE_CHECKING:
     from sim_device.plant.parameters import ParameterSet, load_parameters
     from sim_device.plant.plant import Plant
     from sim_device.plant.records import Drive, PlantTruth, Readings
+    from sim_device.plant.replay import Inputs, Replay, simulate
 
 # Loaded on first use: numba takes a second to import, and most commands never need it.
 _HOMES = {
     "Drive": "records",
+    "Inputs": "replay",
     "ParameterSet": "parameters",
     "Plant": "plant",
     "PlantTruth": "records",
     "Readings": "records",
+    "Replay": "replay",
     "load_parameters": "parameters",
+    "simulate": "replay",
 }
 
-__all__ = ["Drive", "ParameterSet", "Plant", "PlantTruth", "Readings", "load_parameters"]
+__all__ = [
+    "Drive",
+    "Inputs",
+    "ParameterSet",
+    "Plant",
+    "PlantTruth",
+    "Readings",
+    "Replay",
+    "load_parameters",
+    "simulate",
+]
 
 
 def __getattr__(name: str) -> Any:

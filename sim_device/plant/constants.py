@@ -91,7 +91,15 @@ def kernel_constants(
     p[k.P_T_REF] = value["water_temperature"]
     p[k.P_TABLE_T0] = real_water().T_K[0]
     p[k.P_I_MAX] = value["current_max"]
+    p[k.P_F0] = value["initial_force"]
     return p
+
+
+def apply_warming(p: Array, e: Array) -> None:
+    """Effect water_warming: give the printed variant's water a node, with share φ = 1/κ."""
+    if e[k.E_WARMING] > 0.0 and p[k.P_WET] > 0.0 and p[k.P_WARMS] == 0.0:
+        p[k.P_WARMS] = 1.0
+        p[k.P_SHARE] = 1.0 / e[k.E_WARMING]
 
 
 def _air_factor(value: dict[str, float], wire: float) -> float:
@@ -122,7 +130,9 @@ def water_heat_capacity(variant: str) -> float:
     return _HEAT_VOLUME[variant]
 
 
-def initial_state(parameters: ParameterSet, p: Array, temperature_K: float | None = None) -> Array:
+def initial_state(
+    parameters: ParameterSet, p: Array, e: Array, temperature_K: float | None = None
+) -> Array:
     """The state at rest, shape (STATE_SIZE,): cold, all martensite, mounted as the fixture says.
 
     The antagonistic pair and the blocked spring start at (δ0, F0) with ξ_S0 of Eq. (10), a spring
@@ -130,8 +140,8 @@ def initial_state(parameters: ParameterSet, p: Array, temperature_K: float | Non
     water's inlet temperature, or the ambient one without a cooling module.
     """
     s = np.zeros(k.STATE_SIZE)
-    s[k.G_T_IN] = parameters["water_temperature"]
-    s[k.G_T_AIR] = parameters["ambient_temperature"]
+    s[k.G_ENV_IN] = s[k.G_T_IN] = parameters["water_temperature"]
+    s[k.G_ENV_AIR] = s[k.G_T_AIR] = parameters["ambient_temperature"]
     start = s[k.G_T_IN] if p[k.P_WET] > 0.0 else s[k.G_T_AIR]
     if temperature_K is not None:
         start = temperature_K
@@ -142,16 +152,21 @@ def initial_state(parameters: ParameterSet, p: Array, temperature_K: float | Non
         detwinned = initial_detwinned(parameters) if loaded else 0.0
         s[o + k.S_T] = start
         s[o + k.S_TW] = start
+        s[o + k.S_T_WALL] = start
         s[o + k.S_XS] = detwinned
+        s[o + k.S_XS_END] = detwinned
         s[o + k.S_XT] = 1.0 - detwinned
         s[o + k.S_FILL] = p[k.P_WET]
+        s[o + k.S_WETTED] = 1.0
         s[o + k.S_F] = force
         s[o + k.S_DELTA] = parameters["initial_deflection"] if loaded else 0.0
         s[o + k.S_OHM] = p[k.P_OHM_M] * p[k.P_LENGTH]
+        s[o + k.S_ELASTIC] = 0.5 * force * force * k.compliance(1.0, p, e)
         tau = p[k.P_C1] * force
-        s[o + k.S_A] = k.progress_a(start, tau, p)
+        s[o + k.S_A] = k.progress_a(start, tau, p, e[k.E_SPREAD] * p[k.P_A_INV])
         s[o + k.S_B] = k.progress_b(start, tau, p)
         s[o + k.S_C] = k.progress_c(start, p)
+        s[o + k.S_R_PROGRESS] = k.clip01((p[k.P_M_S] + k.R_ABOVE - start) / k.R_WIDTH)
     s[k.G_F] = s[k.S_F]
     return s
 

@@ -17,7 +17,7 @@ class EnergyBook:
     """Both springs together, joule, from the start of the run.
 
     heat_in + work_on + unequal = heat_to_water + heat_to_air + stored + omitted_work + closing.
-    `stored` is a difference of states (sensible, latent and elastic energy), not a sum of flows,
+    `stored` is a difference of states (sensible heat of wire, water and tube, latent and elastic energy), not a sum of flows,
     so `closing` is a real check: it is zero but for rounding.
 
     unequal: heat made by heat capacities and latent heats that differ between heating and cooling
@@ -40,7 +40,7 @@ class EnergyBook:
         return income - (self.heat_to_water + self.heat_to_air + self.stored + self.omitted_work)
 
 
-def stored_energy(s: Array, p: Array) -> float:
+def stored_energy(s: Array, p: Array, e: Array) -> float:
     """Energy stored in both springs and their water at a state, J, as a function of state.
 
     Sensible heat counts from the reference temperature with the heating capacity; martensite lies
@@ -54,14 +54,16 @@ def stored_energy(s: Array, p: Array) -> float:
             p[k.P_MC_H] * (s[o + k.S_T] - p[k.P_T_REF])
             + water * (s[o + k.S_TW] - p[k.P_T_REF])
             - p[k.P_ML_H] * xi
+            + e[k.E_WALL] * p[k.P_CW] * p[k.P_WARMS] * (s[o + k.S_T_WALL] - p[k.P_T_REF])
             + s[o + k.S_WORK_Q]
         )
         total += float(p[k.P_LENGTH] * per_metre)
-        total += float(k.elastic(float(s[o + k.S_F]), xi, p))
+        force = float(s[o + k.S_F])
+        total += 0.5 * force * force * float(k.compliance(xi, p, e))
     return total
 
 
-def energy_book(start: Array, end: Array, p: Array) -> EnergyBook:
+def energy_book(start: Array, end: Array, p: Array, e: Array) -> EnergyBook:
     """The books between two states of one run."""
 
     def both(slot: int) -> float:
@@ -74,6 +76,6 @@ def energy_book(start: Array, end: Array, p: Array) -> EnergyBook:
         unequal=both(k.S_UNEQUAL_J),
         heat_to_water=both(k.S_WATER_J),
         heat_to_air=both(k.S_AIR_J),
-        stored=stored_energy(end, p) - stored_energy(start, p),
+        stored=stored_energy(end, p, e) - stored_energy(start, p, e),
         omitted_work=both(k.S_OMITTED_J),
     )

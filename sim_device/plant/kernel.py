@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
+from numba.core.options import DefaultOptions
 
 # Slots of one spring's state. X starts at 0, Y at S_SIZE.
 S_T = 0  # wire temperature, K
@@ -45,7 +45,19 @@ S_AIR_J = 19  # heat lost to the air, J
 S_UNEQUAL_J = 20  # heat that unequal capacities and latent heats have made, J
 S_WORK_J = 21  # mechanical work done on the spring, J
 S_OMITTED_J = 22  # transformation work that the heat balance leaves out, J
-S_SIZE = 40
+S_CYCLES = 23  # transformation cycles so far: half the sum of |Δξ|
+S_LEG = 24  # -1 in a reverse, +1 in a forward transformation, 0 before any
+S_XI_LEG = 25  # fraction at which the present leg began
+S_PUMP = 26  # flow of the pump before leaks, m3/s
+S_PUMP_ON_S = 27  # time since the pump was switched on, s
+S_PUMP_COUNT = 28  # times the pump was switched on
+S_WETTED = 29  # share of the wire that flowing water touches
+S_T_WALL = 30  # tube wall temperature, K
+S_XS_END = 31  # detwinned fraction of the cold ends
+S_R = 32  # R-phase fraction
+S_R_PROGRESS = 33  # its progress on cooling
+S_ELASTIC = 34  # elastic energy, J
+S_SIZE = 36
 
 # Slots of the shared state.
 G = 2 * S_SIZE
@@ -56,7 +68,30 @@ G_F_RATE = G + 3  # last rate of the tension, N/s
 G_T_IN = G + 4  # water at the inlet, K
 G_T_AIR = G + 5  # ambient, K
 G_ITERATIONS = G + 6  # evaluations of the equilibrium so far
-STATE_SIZE = G + 40
+G_ENV_IN = G + 7  # inlet and ambient as given from outside, K
+G_ENV_AIR = G + 8
+G_RESERVOIR = G + 9  # rise of the reservoir, K
+G_DRIFT = G + 10  # rise of the ambient, K
+G_SPEED = G + 11  # rate of the displacement, m/s
+G_LAG_X = G + 12  # sensor dynamics: RTDs, K
+G_LAG_Y = G + 13
+G_CREEP = G + 14  # N
+G_PLAY = G + 15  # m
+G_SLIP = G + 16  # m
+G_SEEN_U = G + 17  # displacement at the last sample, m
+G_SAMPLES = G + 18
+# What the sensors give at the last sample, without noise.
+G_M = G + 20
+G_M_I = G_M + 0  # x, y, A
+G_M_V = G_M + 2  # x, y, V
+G_M_RTD = G_M + 4  # x, y, inlet, ambient, K
+G_M_U = G_M + 8  # m
+G_M_F = G_M + 9  # N
+STATE_SIZE = G_M + 10
+
+# History of the samples, for channels that are read late: t, T_x, T_y, u, F.
+RING_ROWS = 512
+RING_COLUMNS = 5
 
 # Slots of the constants made from a parameter set (see constants.py).
 P_C1 = 0  # Pa/N
@@ -100,16 +135,77 @@ P_WORK_SHARE = 37
 P_T_REF = 38  # reference of stored heat, K
 P_TABLE_T0 = 39
 P_I_MAX = 40
-CONSTANTS_SIZE = 48
+P_F0 = 41
+CONSTANTS_SIZE = 42
+
+# Slots of the candidate effects; the registry in `effects` refers to them by these names. All zero
+# is the plant without any. The first three are switches that the host sets from the others.
+E_ROUGH = 0  # friction, drag, tube stiffness or a tendon that gives
+E_UNEVEN_STRAIN = 1  # anything that adds to Eq. (9) of a spring
+E_LATE = 2  # any delayed channel
+E_GAIN = 3
+E_LAG_S = 4
+E_DEFICIT = 5
+E_OHM_ALPHA = 6
+E_OHM_BETA = 7
+E_CONTACT_OHM = 8
+E_I_OFFSET = 9
+E_RTD_LAG_S = 10
+E_RTD_OFFSET = 11
+E_RTD_STEM = 12
+E_BACKLASH = 13
+E_SLIP = 14
+E_F_OFFSET = 15
+E_F_GAIN = 16
+E_CREEP = 17
+E_CREEP_S = 18
+E_DELAY_T = 19
+E_DELAY_U = 20
+E_DELAY_F = 21
+E_SKEW_PPM = 22
+E_DRIFT = 23
+E_COLD_ENDS = 24
+E_SPREAD = 25
+E_EXPONENT = 26
+E_CROSSTALK = 27
+E_WALL = 28
+E_WALL_G = 29
+E_WARMING = 30
+E_DRAINAGE = 31
+E_DRAINAGE_S = 32
+E_POCKETS = 33
+E_DEAD_S = 34
+E_SPINUP_S = 35
+E_SHORTFALL = 36
+E_UNEVEN = 37
+E_RESERVOIR = 38
+E_LEAK = 39
+E_MINOR = 40
+E_SHIFT = 41
+E_SHRINK = 42
+E_R_STRAIN = 43
+E_R_OHM = 44
+E_LATENT_STRESS = 45
+E_COULOMB = 46
+E_PROPORTIONAL = 47
+E_STRIBECK = 48
+E_STRIBECK_V = 49
+E_DRAG = 50
+E_SLACK = 51
+E_SLACK_F = 52
+E_TENDON = 53
+E_TUBE_K = 54
+E_ELONGATION = 55
+EFFECTS_SIZE = 56
 
 # Scratch of one substep: W of X starts at 0, of Y at W_SIZE.
 W_T_STAR = 0  # end temperature if no fraction changed
 W_LAM_H = 1  # kelvin per unit of fraction, reverse transformation
 W_LAM_C = 2
-W_FA = 3
+W_FA = 3  # f(a), f(b), f(c) at the start, negative until needed
 W_FB = 4
 W_FC = 5
-W_HOT = 6
+W_HOT = 6  # 1 when the substep starts above M_S
 W_GUESS = 7
 W_T = 8
 W_XS = 9
@@ -117,15 +213,20 @@ W_XT = 10
 W_DELTA = 11
 W_SLOPE = 12  # d delta / d F
 W_CAP = 13
-W_RW = 14  # water: mid = (RW + GW mid_wire)/DW
+W_RW = 14  # water: middle = (RW + GW * middle of the wire)/DW
 W_DW = 15
 W_GW = 16
 W_GD = 17
 W_POWER = 18
 W_GF = 19
 W_UA = 20
-W_CWATER = 21
-W_SIZE = 32
+W_T_F = 22  # d T / d F
+W_LATENT = 23  # factor on the latent heat
+W_XI_BACK = 24  # fraction at which a reverse leg began, or would begin now
+W_XI_FORTH = 25
+W_SHIFT = 26  # drift of the transformation temperatures, K
+W_WALL_G = 27
+W_SIZE = 28
 SCRATCH_SIZE = 2 * W_SIZE
 
 # Slots of the feeds: measured series that replace inner signals, at start and end of a sample.
@@ -135,6 +236,12 @@ F_FORCE = 8  # flag, start, end
 F_DISPLACEMENT = 11  # flag, start, end
 FEEDS_SIZE = 14
 
+# Scalars and borrowed arrays only: without `_nrt` every call in the inner loop would count
+# references atomically, which doubles the time. The option is numba's own but not documented, so
+# it is used where this numba has it.
+_FAST = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
+compiled = njit(cache=True, nogil=True, error_model="numpy", **_FAST)
+
 OK = 0
 NOT_CONVERGED = 1
 NOT_FINITE = 2
@@ -143,9 +250,14 @@ HALF_PI = 0.5 * math.pi
 T_TOLERANCE = 1e-9
 DELTA_TOLERANCE = 1e-12
 ITERATIONS = 200
+REST_SPEED = 1e-9
+# R-phase: starts this far above M_S, is complete over the width, reverts with the hysteresis, K.
+R_ABOVE, R_WIDTH, R_HYSTERESIS = 8.0, 6.0, 2.0
+EXPONENT_REF_K = 10.0
+STRESS_REF_PA = 1e8
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def clip01(value):
     if value <= 0.0:
         return 0.0
@@ -154,7 +266,7 @@ def clip01(value):
     return value
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def remaining(progress):
     """f = (cos πa + 1)/2 of Eqs (11)-(13), as a square so that it stays exact near a = 1."""
     if progress <= 0.0:
@@ -165,18 +277,41 @@ def remaining(progress):
     return root * root
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def remaining_slope(left):
     """df/da of `remaining`, from its value."""
     return -math.pi * math.sqrt(left * (1.0 - left))
 
 
-@njit(cache=True, nogil=True)
-def progress_a(T, tau, p):
-    return clip01((T - p[P_A_S] - tau / p[P_C_A]) * p[P_A_INV])
+@compiled
+def remaining_spread(progress, spread):
+    """f of a wire whose temperatures spread: a quarter each ahead and behind, half between."""
+    ends = remaining(progress - spread) + remaining(progress + spread)
+    return 0.5 * remaining(progress) + 0.25 * ends
 
 
-@njit(cache=True, nogil=True)
+@compiled
+def left_before(s, progress, w, memory, spread):
+    """f at the start of the substep, worked out once and only when it is needed."""
+    if w[memory] < 0.0:
+        if spread > 0.0:
+            w[memory] = remaining_spread(s[progress], spread)
+        else:
+            w[memory] = remaining(s[progress])
+    return w[memory]
+
+
+@compiled
+def progress_a(T, tau, p, spread):
+    value = (T - p[P_A_S] - tau / p[P_C_A]) * p[P_A_INV]
+    if value <= -spread:
+        return -spread
+    if value >= 1.0 + spread:
+        return 1.0 + spread
+    return value
+
+
+@compiled
 def progress_b(T, tau, p):
     above = T - p[P_M_S]
     if above > 0.0:
@@ -184,18 +319,47 @@ def progress_b(T, tau, p):
     return clip01((tau - p[P_TAU_S]) * p[P_TAU_INV])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def progress_c(T, p):
     return clip01((p[P_M_S] - T) * p[P_M_INV])
 
 
-@njit(cache=True, nogil=True)
-def transform(T, F, s, o, w, q, p):
+@compiled
+def minor(ratio, share, e):
+    """Effect minor_loop: the exponent, and the ratio raised to it, of a leg begun half way."""
+    exponent = 1.0 + e[E_MINOR] * share
+    return exponent, math.pow(ratio, exponent)
+
+
+@compiled
+def back_to_austenite(a, xs, xt, s, o, w, q, p, e, spread):
+    """Eq. (11) in rate form. Returns the ratio by which both fractions shrink and its da-slope."""
+    if spread > 0.0:
+        left = remaining_spread(a, spread)
+        slope = 0.5 * remaining_slope(remaining(a)) + 0.25 * (
+            remaining_slope(remaining(a - spread)) + remaining_slope(remaining(a + spread))
+        )
+    else:
+        left = remaining(a)
+        slope = remaining_slope(left)
+    before = left_before(s, o + S_A, w, q + W_FA, spread)
+    ratio = left / before
+    slope = slope / before
+    if e[E_MINOR] != 0.0 and ratio > 0.0:
+        exponent, raised = minor(ratio, 1.0 - w[q + W_XI_BACK], e)
+        slope = slope * exponent * raised / ratio
+        ratio = raised
+    return ratio, slope
+
+
+@compiled
+def transform(T_wire, F, s, o, w, q, p, e):
     """Fractions at (T, F) from those at the start of the substep, with their slopes.
 
     Returns (xi_S, xi_T, dxi/dT, dxi/dF, dxi_S/dT, dxi_S/dF). Rate forms of Eqs (11)-(13): a
     fraction that is left scales by f(new)/f(old) whenever its progress grows, and rests otherwise.
     """
+    T = T_wire - w[q + W_SHIFT]
     tau = p[P_C1] * F
     xs = s[o + S_XS]
     xt = s[o + S_XT]
@@ -203,13 +367,11 @@ def transform(T, F, s, o, w, q, p):
     xs_F = 0.0
     xt_T = 0.0
     xt_F = 0.0
-    a = progress_a(T, tau, p)
+    spread = e[E_SPREAD] * p[P_A_INV]
+    a = progress_a(T, tau, p, spread)
     if a > s[o + S_A] and xs + xt > 0.0:
-        left = remaining(a)
-        ratio = left / w[q + W_FA]
-        slope = 0.0
-        if a < 1.0:
-            slope = remaining_slope(left) / w[q + W_FA] * p[P_A_INV]
+        ratio, slope = back_to_austenite(a, xs, xt, s, o, w, q, p, e, spread)
+        slope = slope * p[P_A_INV] if a < 1.0 + spread else 0.0
         slope_F = -slope * p[P_C1] / p[P_C_A]
         xs_T = xs * slope
         xs_F = xs * slope_F
@@ -220,7 +382,13 @@ def transform(T, F, s, o, w, q, p):
     b = progress_b(T, tau, p)
     if b > s[o + S_B] and xs < 1.0:
         left = remaining(b)
-        ratio = left / w[q + W_FB]
+        before = left_before(s, o + S_B, w, q + W_FB, 0.0)
+        ratio = left / before
+        bend = 1.0
+        if e[E_MINOR] != 0.0 and w[q + W_HOT] > 0.0 and ratio > 0.0:
+            exponent, raised = minor(ratio, w[q + W_XI_FORTH], e)
+            bend = exponent * raised / ratio
+            ratio = raised
         new = 1.0 - (1.0 - xs) * ratio
         on_curve = w[q + W_HOT] == 0.0 and 1.0 - left < new
         if on_curve:
@@ -230,7 +398,7 @@ def transform(T, F, s, o, w, q, p):
             slope_T = 0.0
             if b < 1.0:
                 slope_F = remaining_slope(left) * p[P_TAU_INV] * p[P_C1]
-                if T > p[P_M_S]:
+                if p[P_M_S] < T:
                     slope_T = -slope_F / p[P_C1] * p[P_C_M]
             free = 1.0 - xs
             if on_curve:
@@ -238,15 +406,15 @@ def transform(T, F, s, o, w, q, p):
                 ratio_T = (slope_T + ratio * xs_T) / free
                 ratio_F = (slope_F + ratio * xs_F) / free
             else:
-                ratio_T = slope_T / w[q + W_FB]
-                ratio_F = slope_F / w[q + W_FB]
+                ratio_T = slope_T * bend / before
+                ratio_F = slope_F * bend / before
             xs_T = ratio * xs_T - free * ratio_T
             xs_F = ratio * xs_F - free * ratio_F
             xt_T = ratio * xt_T + xt * ratio_T
             xt_F = ratio * xt_F + xt * ratio_F
             xs = new
             xt = xt * ratio
-    elif a >= 1.0 and s[o + S_A] >= 1.0 and b < s[o + S_B]:
+    elif b < s[o + S_B] and a >= 1.0 + spread and s[o + S_A] >= 1.0 + spread:
         # Above the crossing of the A_F line and the M_S line nothing is metastable: martensite
         # that stress has made goes back along the forward curve.
         left = remaining(b)
@@ -260,25 +428,64 @@ def transform(T, F, s, o, w, q, p):
                 xs_T = slope_F / p[P_C1] * p[P_C_M]
     c = progress_c(T, p)
     if c > s[o + S_C]:
-        left = remaining(c)
         austenite = 1.0 - xs - xt
         if austenite > 0.0:
-            ratio = left / w[q + W_FC]
+            left = remaining(c)
+            before = left_before(s, o + S_C, w, q + W_FC, 0.0)
+            ratio = left / before
             slope = 0.0
             if c < 1.0:
-                slope = -remaining_slope(left) / w[q + W_FC] * p[P_M_INV]
+                slope = -remaining_slope(left) / before * p[P_M_INV]
+            if e[E_MINOR] != 0.0 and ratio > 0.0:
+                exponent, raised = minor(ratio, w[q + W_XI_FORTH], e)
+                slope = slope * exponent * raised / ratio
+                ratio = raised
             xt_T = -xs_T + ratio * (xs_T + xt_T) - austenite * slope
             xt_F = -xs_F + ratio * (xs_F + xt_F)
             xt = 1.0 - xs - austenite * ratio
-    if xt > 1.0 - xs:
-        xt = 1.0 - xs
-    if xt < 0.0:
-        xt = 0.0
+    xt = min(xt, 1.0 - xs)
+    xt = max(xt, 0.0)
     return xs, xt, xs_T + xt_T, xs_F + xt_F, xs_T, xs_F
 
 
-@njit(cache=True, nogil=True)
-def settle(F, s, o, w, q, p):
+@compiled
+def compliance(xi, p, e):
+    """Elastic deflection per newton: Eq. (9) with (7); effect cold_ends in series."""
+    soft = p[P_K_A] - p[P_K_M]
+    give = 1.0 / (p[P_K_A] - soft * xi)
+    if e[E_COLD_ENDS] > 0.0:
+        give = (1.0 - e[E_COLD_ENDS]) * give + e[E_COLD_ENDS] / p[P_K_M]
+    return give
+
+
+@compiled
+def end_fraction(F, s, o, p):
+    """Detwinned fraction of ends that stay cold, and its slope: Eq. (12) on the curve."""
+    b = clip01((p[P_C1] * F - p[P_TAU_S]) * p[P_TAU_INV])
+    left = remaining(b)
+    if 1.0 - left > s[o + S_XS_END]:
+        return 1.0 - left, -remaining_slope(left) * p[P_TAU_INV] * p[P_C1]
+    return s[o + S_XS_END], 0.0
+
+
+@compiled
+def inelastic(F, xs, s, o, p, e):
+    """Deflection at no load and its slopes with ξ_S and F: δ_L ξ_S, and what effects add."""
+    reach = p[P_DELTA_L]
+    if e[E_UNEVEN_STRAIN] == 0.0:
+        return reach * xs, reach, 0.0
+    reach = reach * (1.0 - e[E_SHRINK] * s[o + S_CYCLES])
+    extra = e[E_R_STRAIN] * p[P_DELTA_L] * s[o + S_R] + e[E_ELONGATION] * s[o + S_CYCLES]
+    if e[E_COLD_ENDS] > 0.0:
+        end, end_F = end_fraction(F, s, o, p)
+        part = (1.0 - e[E_COLD_ENDS]) * reach
+        cold = e[E_COLD_ENDS] * reach
+        return part * xs + cold * end + extra, part, cold * end_F
+    return reach * xs + extra, reach, 0.0
+
+
+@compiled
+def settle(F, s, o, w, q, p, e):
     """One spring at tension F: temperature, fractions, deflection and compliance, into scratch.
 
     The temperature solves T = T* + λ (ξ(T, F) − ξ_old), which has one root: ξ falls with T.
@@ -289,11 +496,11 @@ def settle(F, s, o, w, q, p):
     low = star - w[q + W_LAM_H]
     high = star + w[q + W_LAM_C]
     T = w[q + W_GUESS]
-    if T < low or T > high:
+    if low > T or high < T:
         T = star
     found = False
     for _ in range(ITERATIONS):
-        xs, xt, xi_T, xi_F, xs_T, xs_F = transform(T, F, s, o, w, q, p)
+        xs, xt, xi_T, xi_F, xs_T, xs_F = transform(T, F, s, o, w, q, p, e)
         change = xs + xt - start
         lam = w[q + W_LAM_H] if change < 0.0 else w[q + W_LAM_C]
         miss = T - star - lam * change
@@ -313,20 +520,39 @@ def settle(F, s, o, w, q, p):
     w[q + W_XS] = xs
     w[q + W_XT] = xt
     T_F = lam * xi_F / slope
-    xi = xs + xt
+    w[q + W_T_F] = T_F
+    give = compliance(xs + xt, p, e)
     soft = p[P_K_A] - p[P_K_M]
-    stiffness = p[P_K_A] - soft * xi
-    w[q + W_DELTA] = F / stiffness + p[P_DELTA_L] * xs
+    plain = give
+    weight = 1.0
+    if e[E_COLD_ENDS] > 0.0:
+        weight = 1.0 - e[E_COLD_ENDS]
+        plain = 1.0 / (p[P_K_A] - soft * (xs + xt))
+    left, left_S, left_F = inelastic(F, xs, s, o, p, e)
+    w[q + W_DELTA] = F * give + left
     w[q + W_SLOPE] = (
-        1.0 / stiffness
-        + F * soft / (stiffness * stiffness) * (xi_F + xi_T * T_F)
-        + p[P_DELTA_L] * (xs_F + xs_T * T_F)
+        give
+        + F * soft * weight * plain * plain * (xi_F + xi_T * T_F)
+        + left_S * (xs_F + xs_T * T_F)
+        + left_F
     )
     return found
 
 
-@njit(cache=True, nogil=True)
-def balance(target, guess, pair, s, o, w, q, p):
+@compiled
+def tendon(F, e):
+    """Half the stretch of the tendon at tension F, m, and its slope: slack taken up, compliance."""
+    reach = 0.5 * e[E_TENDON] * F
+    slope = 0.5 * e[E_TENDON]
+    if e[E_SLACK] > 0.0:
+        decay = math.exp(-F / e[E_SLACK_F])
+        reach += 0.5 * e[E_SLACK] * (1.0 - decay)
+        slope += 0.5 * e[E_SLACK] * decay / e[E_SLACK_F]
+    return reach, slope
+
+
+@compiled
+def balance(target, guess, pair, s, o, w, q, p, e):
     """The tension at which the deflection is `target`: of the pair, or of one spring.
 
     The deflection grows with the tension, so there is one root, held in a bracket. No tension at
@@ -336,14 +562,19 @@ def balance(target, guess, pair, s, o, w, q, p):
     low = 0.0
     high = 1e300
     F = guess if guess > 0.0 else 0.0
+    gives = e[E_ROUGH] > 0.0 and not pair and p[P_FIXTURE] == 0.0
     for _ in range(ITERATIONS):
-        found = settle(F, s, o, w, q, p)
+        found = settle(F, s, o, w, q, p, e)
         reach = w[q + W_DELTA]
         slope = w[q + W_SLOPE]
         if pair:
-            found = settle(F, s, o + S_SIZE, w, q + W_SIZE, p) and found
+            found = settle(F, s, o + S_SIZE, w, q + W_SIZE, p, e) and found
             reach += w[q + W_SIZE + W_DELTA]
             slope += w[q + W_SIZE + W_SLOPE]
+        elif gives:
+            stretch, stretch_F = tendon(F, e)
+            reach += stretch - tendon(p[P_F0], e)[0]
+            slope += stretch_F
         s[G_ITERATIONS] += 1.0
         if not found:
             return -1.0
@@ -356,15 +587,99 @@ def balance(target, guess, pair, s, o, w, q, p):
             high = F
         else:
             low = F
+        last = F
         F = F - miss / slope
-        if not F < high:
+        if not high > F:
             F = 0.5 * (low + high)
-        elif F <= low:
+        elif low >= F:
             F = 0.0 if low == 0.0 else 0.5 * (low + high)
+        w[q + W_GUESS] += (F - last) * w[q + W_T_F]
+        if pair:
+            w[q + W_SIZE + W_GUESS] += (F - last) * w[q + W_SIZE + W_T_F]
     return -1.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
+def slide(rub, guess, s, w, p, e, dt):
+    """The pair with friction `rub` (signed), drag, tube stiffness and a tendon that gives.
+
+    Unknown is the tension of X; that of Y is less by what resists the motion. Returns
+    (tension of X, of Y, displacement), tension -1 when it is not found.
+    """
+    low = 0.0
+    high = 1e300
+    F = guess if guess > 0.0 else 0.0
+    before = s[G_U]
+    wet = 0.5 * (s[S_FILL] + s[S_SIZE + S_FILL])
+    drag = e[E_DRAG] * wet / dt
+    mounted = tendon(p[P_F0], e)[0]
+    for _ in range(ITERATIONS):
+        found = settle(F, s, 0, w, 0, p, e)
+        stretch, stretch_F = tendon(F, e)
+        reach = w[W_DELTA] + stretch - mounted
+        reach_F = w[W_SLOPE] + stretch_F
+        u = p[P_DELTA_0] - reach
+        other = F - rub - 2.0 * e[E_TUBE_K] * u - drag * (u - before)
+        other_F = 1.0 + (2.0 * e[E_TUBE_K] + drag) * reach_F
+        if other < 0.0:
+            other = 0.0
+            other_F = 0.0
+        found = settle(other, s, S_SIZE, w, W_SIZE, p, e) and found
+        stretch, stretch_F = tendon(other, e)
+        s[G_ITERATIONS] += 1.0
+        if not found:
+            return -1.0, 0.0, 0.0
+        miss = reach + w[W_SIZE + W_DELTA] + stretch - mounted - 2.0 * p[P_DELTA_0]
+        slope = reach_F + (w[W_SIZE + W_SLOPE] + stretch_F) * other_F
+        if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):
+            return F, other, u
+        if miss > 0.0:
+            if F == 0.0:
+                return F, other, slack_position(before, s, w, p)
+            high = F
+        else:
+            low = F
+        F = F - miss / slope
+        if not high > F:
+            F = 0.5 * (low + high)
+        elif low >= F:
+            F = 0.0 if low == 0.0 else 0.5 * (low + high)
+    return -1.0, 0.0, 0.0
+
+
+@compiled
+def friction_level(F, speed, e):
+    """Friction of tube on spring at a tension and a speed: constant, proportional, Stribeck."""
+    level = e[E_COULOMB] + e[E_PROPORTIONAL] * F
+    if e[E_STRIBECK] > 0.0 and level > 0.0:
+        level = level * (1.0 + e[E_STRIBECK] * math.exp(-abs(speed) / e[E_STRIBECK_V]))
+    return level
+
+
+@compiled
+def rough_pair(guess, s, w, p, e, dt):
+    """The pair where something resists its motion: stick if friction can hold it, else slide.
+
+    Returns (tension of X, of Y, displacement), tension -1 when it is not found.
+    """
+    rub = 0.0
+    hold = friction_level(s[G_F], 0.0, e)
+    if hold > 0.0:
+        u = s[G_U]
+        F_x = balance(p[P_DELTA_0] - u, s[S_F], False, s, 0, w, 0, p, e)
+        F_y = balance(p[P_DELTA_0] + u, s[S_SIZE + S_F], False, s, S_SIZE, w, W_SIZE, p, e)
+        if F_x < 0.0 or F_y < 0.0:
+            return -1.0, 0.0, 0.0
+        pull = F_x - F_y - 2.0 * e[E_TUBE_K] * u
+        if abs(pull) <= hold:
+            return F_x, F_y, u
+        rub = friction_level(s[G_F], s[G_SPEED], e)
+        if pull < 0.0:
+            rub = -rub
+    return slide(rub, guess, s, w, p, e, dt)
+
+
+@compiled
 def film(T, T_water, speed, p, table):
     """Conductance from wire to water, W/(m K): the larger of free and forced convection.
 
@@ -373,13 +688,10 @@ def film(T, T_water, speed, p, table):
     where = 0.5 * (T + T_water) - p[P_TABLE_T0]
     last = table.shape[0] - 3
     cell = int(where) if where > 1.0 else 1
-    if cell > last:
-        cell = last
+    cell = min(cell, last)
     x = where - cell
-    if x < -1.0:
-        x = -1.0
-    if x > 2.0:
-        x = 2.0
+    x = max(x, -1.0)
+    x = min(x, 2.0)
     w0 = -x * (x - 1.0) * (x - 2.0) / 6.0
     w1 = (x + 1.0) * (x - 1.0) * (x - 2.0) * 0.5
     w2 = -(x + 1.0) * x * (x - 2.0) * 0.5
@@ -396,20 +708,26 @@ def film(T, T_water, speed, p, table):
         c3 = w0 * table[cell - 1, 3] + w1 * table[cell, 3]
         c3 = c3 + w2 * table[cell + 1, 3] + w3 * table[cell + 2, 3]
         forced = (c2 + c3 * math.sqrt(speed * p[P_DH])) / p[P_DH]
-        if forced > h:
-            h = forced
+        h = max(h, forced)
     return h * p[P_PERIMETER]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def bare(T, T_air, p):
     """Conductance from a bare wire to still air, W/(m K): Eq. (20) with the wire's diameter."""
     root = 0.60 + p[P_AIR_C] * math.pow(abs(T - T_air), 1.0 / 6.0)
     return p[P_AIR_K] * root * root
 
 
-@njit(cache=True, nogil=True)
-def heat(s, o, w, q, p, table, dt):
+@compiled
+def steeper(difference, e):
+    """Effect convection_exponent: factor on a film coefficient at a temperature difference."""
+    size = abs(difference) / EXPONENT_REF_K
+    return math.pow(size if size > 0.01 else 0.01, e[E_EXPONENT])
+
+
+@compiled
+def heat(s, o, w, q, p, e, table, dt):
     """Set up the heat balance of one spring over the substep: Eqs (15)-(18) and the water node.
 
     Implicit midpoint in both temperatures with film coefficients at the extrapolated midpoint.
@@ -417,71 +735,149 @@ def heat(s, o, w, q, p, table, dt):
     """
     T = s[o + S_T]
     T_water = s[o + S_TW]
+    T_air = s[G_T_AIR]
+    T_in = s[G_T_IN]
     middle = T + 0.5 * dt * s[o + S_RATE]
     middle_water = T_water + 0.5 * dt * s[o + S_RATE_W]
     power = s[o + S_I] * s[o + S_I] * s[o + S_OHM] / p[P_LENGTH]
-    gain_work = s[o + S_WORK_Q] / dt
+    gain = s[o + S_WORK_Q] / dt
+    if e[E_CROSSTALK] > 0.0:
+        gain += e[E_CROSSTALK] / p[P_LENGTH] * (s[S_SIZE - o + S_T] - T)
     g_water = 0.0
-    g_dry = 0.0
     fill = s[o + S_FILL]
     flow = s[o + S_FLOW]
+    warms = p[P_WARMS] > 0.0
     if p[P_WET] > 0.0:
-        g_water = fill * film(middle, middle_water, flow * p[P_AREA_INV], p, table)
+        surround = middle_water if warms else T_in
+        g_water = fill * film(middle, surround, flow * p[P_AREA_INV], p, table)
+        g_water = g_water * s[o + S_WETTED]
         g_dry = (1.0 - fill) * p[P_GAP]
+        if e[E_EXPONENT] != 0.0:
+            g_water = g_water * steeper(middle - surround, e)
     else:
-        g_dry = bare(middle, s[G_T_AIR], p)
-    T_air = s[G_T_AIR]
-    T_in = s[G_T_IN]
-    net = power + gain_work - g_water * (T - T_water) - g_dry * (T - T_air)
+        surround = T_air
+        g_dry = bare(middle, T_air, p)
+        if e[E_EXPONENT] != 0.0:
+            g_dry = g_dry * steeper(middle - T_air, e)
+    net = power + gain - g_dry * (T - T_air) - g_water * (T - (T_water if warms else T_in))
     capacity = p[P_MC_H] if net >= 0.0 else p[P_MC_C]
     stiff = 2.0 * capacity / dt + g_water + g_dry
-    right = 2.0 * capacity / dt * T + power + gain_work + g_dry * T_air
+    right = 2.0 * capacity / dt * T + power + gain + g_dry * T_air
     w[q + W_DW] = 0.0
-    if p[P_WET] > 0.0:
-        if p[P_WARMS] > 0.0:
-            c_water = fill * p[P_SHARE] * p[P_CW]
-            g_flow = flow * p[P_FLOW_G]
-            ua = fill * p[P_UA]
-            d_water = 2.0 * c_water / dt + g_water + g_flow + ua
-            r_water = 2.0 * c_water / dt * T_water + g_flow * T_in + ua * T_air
-            stiff -= g_water * g_water / d_water
-            right += g_water * r_water / d_water
-            w[q + W_DW] = d_water
-            w[q + W_RW] = r_water
-            w[q + W_GF] = g_flow
-            w[q + W_UA] = ua
-            w[q + W_CWATER] = c_water
-        else:
-            right += g_water * T_in
+    if warms:
+        c_water = fill * p[P_SHARE] * p[P_CW]
+        g_flow = flow * p[P_FLOW_G]
+        ua = fill * p[P_UA]
+        d_water = 2.0 * c_water / dt + g_water + g_flow + ua
+        r_water = 2.0 * c_water / dt * T_water + g_flow * T_in + ua * T_air
+        w[q + W_WALL_G] = 0.0
+        if e[E_WALL] > 0.0:
+            w[q + W_WALL_G] = fill * e[E_WALL_G]
+            d_water += w[q + W_WALL_G]
+            r_water += w[q + W_WALL_G] * s[o + S_T_WALL]
+        stiff -= g_water * g_water / d_water
+        right += g_water * r_water / d_water
+        w[q + W_DW] = d_water
+        w[q + W_RW] = r_water
+        w[q + W_GF] = g_flow
+        w[q + W_UA] = ua
+    else:
+        right += g_water * T_in
+    w[q + W_LATENT] = 1.0
+    if e[E_LATENT_STRESS] != 0.0:
+        stress = p[P_C1] * (s[o + S_F] - p[P_F0]) / STRESS_REF_PA
+        w[q + W_LATENT] = 1.0 + e[E_LATENT_STRESS] * stress
     w[q + W_T_STAR] = 2.0 * right / stiff - T
-    w[q + W_LAM_H] = 2.0 * p[P_ML_H] / (dt * stiff)
-    w[q + W_LAM_C] = 2.0 * p[P_ML_C] / (dt * stiff)
+    w[q + W_LAM_H] = 2.0 * p[P_ML_H] * w[q + W_LATENT] / (dt * stiff)
+    w[q + W_LAM_C] = 2.0 * p[P_ML_C] * w[q + W_LATENT] / (dt * stiff)
     w[q + W_CAP] = capacity
     w[q + W_GW] = g_water
     w[q + W_GD] = g_dry
     w[q + W_POWER] = power
 
 
-@njit(cache=True, nogil=True)
-def prepare(s, o, w, q, p, dt):
+@compiled
+def prepare(s, o, w, q, p, e, dt):
     """What `transform` and `settle` need of the start of the substep."""
-    w[q + W_FA] = remaining(s[o + S_A])
-    w[q + W_FB] = remaining(s[o + S_B])
-    w[q + W_FC] = remaining(s[o + S_C])
-    w[q + W_HOT] = 1.0 if s[o + S_T] > p[P_M_S] else 0.0
+    w[q + W_SHIFT] = e[E_SHIFT] * s[o + S_CYCLES]
+    w[q + W_FA] = -1.0
+    w[q + W_FB] = -1.0
+    w[q + W_FC] = -1.0
+    w[q + W_HOT] = 1.0 if s[o + S_T] - w[q + W_SHIFT] > p[P_M_S] else 0.0
     w[q + W_GUESS] = w[q + W_T_STAR]
     if s[o + S_ACTIVE] > 0.0:
         w[q + W_GUESS] = s[o + S_T] + dt * s[o + S_RATE]
+    if e[E_MINOR] != 0.0:
+        xi = s[o + S_XS] + s[o + S_XT]
+        w[q + W_XI_BACK] = s[o + S_XI_LEG] if s[o + S_LEG] < 0.0 else xi
+        w[q + W_XI_FORTH] = s[o + S_XI_LEG] if s[o + S_LEG] > 0.0 else xi
 
 
-@njit(cache=True, nogil=True)
-def elastic(F, xi, p):
-    """Elastic energy of a spring, J."""
-    return 0.5 * F * F / (p[P_K_A] - (p[P_K_A] - p[P_K_M]) * xi)
+@compiled
+def heat_books(s, o, w, q, p, e, T_old, T, change, dt):
+    """Water and wall temperatures at the end of the substep, and where the heat went."""
+    length = p[P_LENGTH]
+    middle = 0.5 * (T + T_old)
+    if w[q + W_DW] > 0.0:
+        T_water = s[o + S_TW]
+        middle_water = (w[q + W_RW] + w[q + W_GW] * middle) / w[q + W_DW]
+        new_water = 2.0 * middle_water - T_water
+        s[o + S_RATE_W] = (new_water - T_water) / dt
+        s[o + S_TW] = new_water
+        carried = length * dt * w[q + W_GF] * (middle_water - s[G_T_IN])
+        s[o + S_AIR_J] += length * dt * w[q + W_UA] * (middle_water - s[G_T_AIR])
+        if w[q + W_WALL_G] > 0.0:
+            given = dt * w[q + W_WALL_G] * (middle_water - s[o + S_T_WALL])
+            s[o + S_T_WALL] += given / (e[E_WALL] * p[P_CW])
+    else:
+        carried = length * dt * w[q + W_GW] * (middle - s[G_T_IN])
+    s[o + S_WATER_J] += carried
+    s[G_RESERVOIR] += e[E_RESERVOIR] * carried
+    s[o + S_AIR_J] += length * dt * w[q + W_GD] * (middle - s[G_T_AIR])
+    s[o + S_IN_J] += length * dt * w[q + W_POWER]
+    latent = (p[P_ML_H] if change < 0.0 else p[P_ML_C]) * w[q + W_LATENT]
+    s[o + S_UNEQUAL_J] += length * (
+        (p[P_MC_H] - w[q + W_CAP]) * (T - T_old) - (p[P_ML_H] - latent) * change
+    )
 
 
-@njit(cache=True, nogil=True)
-def accept(s, o, w, q, p, F_spring, F_phase, fed, dt):
+@compiled
+def r_phase(T, xi_old, xi, s, o, p):
+    """Effect r_phase: austenite passes into R-phase on cooling, and back with a small hysteresis."""
+    start = p[P_M_S] + R_ABOVE
+    austenite = 1.0 - xi
+    share = s[o + S_R] / (1.0 - xi_old) if xi_old < 1.0 else 0.0
+    progress = clip01((start - T) / R_WIDTH)
+    if xi < xi_old:
+        # Austenite that heating has just made holds no R-phase.
+        share = s[o + S_R] / austenite if austenite > 0.0 else 0.0
+    if progress > s[o + S_R_PROGRESS]:
+        ratio = remaining(progress) / remaining(s[o + S_R_PROGRESS])
+        share = 1.0 - (1.0 - share) * ratio
+    top = 1.0 - remaining((start + R_HYSTERESIS - T) / R_WIDTH)
+    share = min(share, top)
+    s[o + S_R_PROGRESS] = progress
+    s[o + S_R] = share * austenite
+
+
+@compiled
+def history(s, o, w, q, p, e, F_phase, xi_old, change):
+    """What the next substep has to remember of the transformation."""
+    xi = xi_old + change
+    if change != 0.0:
+        s[o + S_CYCLES] += 0.5 * abs(change)
+        leg = -1.0 if change < 0.0 else 1.0
+        if leg != s[o + S_LEG]:
+            s[o + S_LEG] = leg
+            s[o + S_XI_LEG] = xi_old
+    if e[E_COLD_ENDS] > 0.0:
+        s[o + S_XS_END] = end_fraction(F_phase, s, o, p)[0]
+    if e[E_R_STRAIN] != 0.0 or e[E_R_OHM] != 0.0:
+        r_phase(s[o + S_T], xi_old, xi, s, o, p)
+
+
+@compiled
+def accept(s, o, w, q, p, e, F_spring, F_phase, fed, dt):
     """Take over the end of the substep for one spring and write its energy books."""
     T_old = s[o + S_T]
     T = w[q + W_T]
@@ -489,31 +885,15 @@ def accept(s, o, w, q, p, F_spring, F_phase, fed, dt):
     xs = w[q + W_XS]
     xt = w[q + W_XT]
     change = xs + xt - xi_old
-    length = p[P_LENGTH]
-    middle = 0.5 * (T + T_old)
     if not fed:
-        T_water = s[o + S_TW]
-        middle_water = s[G_T_IN]
-        if w[q + W_DW] > 0.0:
-            middle_water = (w[q + W_RW] + w[q + W_GW] * middle) / w[q + W_DW]
-            new_water = 2.0 * middle_water - T_water
-            s[o + S_RATE_W] = (new_water - T_water) / dt
-            s[o + S_TW] = new_water
-            s[o + S_WATER_J] += length * dt * w[q + W_GF] * (middle_water - s[G_T_IN])
-            s[o + S_AIR_J] += length * dt * w[q + W_UA] * (middle_water - s[G_T_AIR])
-        else:
-            s[o + S_WATER_J] += length * dt * w[q + W_GW] * (middle - middle_water)
-        s[o + S_AIR_J] += length * dt * w[q + W_GD] * (middle - s[G_T_AIR])
-        s[o + S_IN_J] += length * dt * w[q + W_POWER]
-        latent = p[P_ML_H] if change < 0.0 else p[P_ML_C]
-        s[o + S_UNEQUAL_J] += length * (
-            (p[P_MC_H] - w[q + W_CAP]) * (T - T_old) - (p[P_ML_H] - latent) * change
-        )
+        heat_books(s, o, w, q, p, e, T_old, T, change, dt)
     work = 0.5 * (F_spring + s[o + S_F]) * (w[q + W_DELTA] - s[o + S_DELTA])
-    inelastic = work - elastic(F_spring, xs + xt, p) + elastic(s[o + S_F], xi_old, p)
+    elastic = 0.5 * F_spring * F_spring * compliance(xs + xt, p, e)
+    lost = work - elastic + s[o + S_ELASTIC]
+    s[o + S_ELASTIC] = elastic
     s[o + S_WORK_J] += work
-    s[o + S_OMITTED_J] += (1.0 - p[P_WORK_SHARE]) * inelastic
-    s[o + S_WORK_Q] = p[P_WORK_SHARE] * inelastic / length
+    s[o + S_OMITTED_J] += (1.0 - p[P_WORK_SHARE]) * lost
+    s[o + S_WORK_Q] = p[P_WORK_SHARE] * lost / p[P_LENGTH]
     s[o + S_RATE] = (T - T_old) / dt
     s[o + S_ACTIVE] = 1.0 if change != 0.0 else 0.0
     s[o + S_T] = T
@@ -521,50 +901,116 @@ def accept(s, o, w, q, p, F_spring, F_phase, fed, dt):
     s[o + S_XT] = xt
     s[o + S_F] = F_spring
     s[o + S_DELTA] = w[q + W_DELTA]
-    tau = p[P_C1] * F_phase
     # At the temperature of the last evaluation, so that progress and fractions belong together.
-    s[o + S_A] = progress_a(w[q + W_GUESS], tau, p)
-    s[o + S_B] = progress_b(w[q + W_GUESS], tau, p)
-    s[o + S_C] = progress_c(w[q + W_GUESS], p)
+    T = w[q + W_GUESS] - w[q + W_SHIFT]
+    tau = p[P_C1] * F_phase
+    s[o + S_A] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
+    s[o + S_B] = progress_b(T, tau, p)
+    s[o + S_C] = progress_c(T, p)
+    history(s, o, w, q, p, e, F_phase, xi_old, change)
 
 
-@njit(cache=True, nogil=True)
-def water_inventory(s, o, p, drain, dt):
+@compiled
+def water_inventory(s, o, p, e, drain, dt):
     """Drain or refill the tube; heat that leaves or enters with the water goes to the books."""
     fill = s[o + S_FILL]
     new = fill
     if s[o + S_FLOW] > 0.0:
         new = fill + dt * s[o + S_FLOW] * p[P_FILL_RATE]
-        if new > 1.0:
-            new = 1.0
-    elif drain > 0.0 and fill > p[P_FILM]:
-        new = p[P_FILM] + (fill - p[P_FILM]) * math.exp(-dt * p[P_DRAIN_RATE])
+        new = min(new, 1.0)
+    elif drain > 0.0:
+        if fill > p[P_FILM]:
+            new = p[P_FILM] + (fill - p[P_FILM]) * math.exp(-dt * p[P_DRAIN_RATE])
+    elif e[E_DRAINAGE] > 0.0:
+        floor = 1.0 - e[E_DRAINAGE]
+        floor = max(floor, p[P_FILM])
+        if fill > floor and s[o + S_PUMP_COUNT] > 0.0:
+            new = floor + (fill - floor) * math.exp(-dt / e[E_DRAINAGE_S])
     if new != fill:
         moved = (fill - new) * p[P_SHARE] * p[P_CW] * p[P_LENGTH] * p[P_WARMS]
         s[o + S_WATER_J] += moved * (s[o + S_TW] - p[P_T_REF])
         s[o + S_FILL] = new
 
 
-@njit(cache=True, nogil=True)
-def rest(F, delta, s, o, w, q, p):
-    """Deflection of a spring at tension F with frozen fractions, into scratch."""
-    xi = w[q + W_XS] + w[q + W_XT]
-    stiffness = p[P_K_A] - (p[P_K_A] - p[P_K_M]) * xi
-    w[q + W_DELTA] = F / stiffness + p[P_DELTA_L] * w[q + W_XS]
-    return stiffness
+@compiled
+def scattered(count):
+    """A number in 0 to 1 for each count, evenly scattered (van der Corput, base 2)."""
+    n = int(count)
+    place = 0.5
+    total = 0.0
+    while n > 0:
+        if n & 1:
+            total += place
+        n >>= 1
+        place *= 0.5
+    return total
 
 
-@njit(cache=True, nogil=True)
-def from_deflection(delta, s, o, w, q, p):
-    """Tension of a spring at a deflection with frozen fractions, Eq. (9); never below zero."""
-    xi = w[q + W_XS] + w[q + W_XT]
-    stiffness = p[P_K_A] - (p[P_K_A] - p[P_K_M]) * xi
-    F = stiffness * (delta - p[P_DELTA_L] * w[q + W_XS])
+@compiled
+def pump(s, o, p, e, duty, sign, dt):
+    """Flow of one pump before leaks: linear in the duty, and what effects do to it."""
+    if duty > 0.0:
+        if s[o + S_PUMP_ON_S] <= 0.0:
+            s[o + S_PUMP_COUNT] += 1.0
+        s[o + S_PUMP_ON_S] += dt
+    else:
+        s[o + S_PUMP_ON_S] = 0.0
+    flow = p[P_FLOW_MAX] * duty * p[P_WET]
+    if e[E_DEAD_S] > 0.0 and s[o + S_PUMP_ON_S] <= e[E_DEAD_S]:
+        flow = 0.0
+    if e[E_SHORTFALL] != 0.0:
+        flow = flow * (1.0 - e[E_SHORTFALL])
+    if e[E_UNEVEN] != 0.0:
+        flow = flow * (1.0 + sign * e[E_UNEVEN])
+    s[o + S_WETTED] = 1.0
+    if e[E_POCKETS] > 0.0 and duty > 0.0:
+        part = 1.0 - e[E_POCKETS] * scattered(s[o + S_PUMP_COUNT])
+        flow = flow * part
+        s[o + S_WETTED] = part
+    if e[E_SPINUP_S] > 0.0:
+        flow = flow + (s[o + S_PUMP] - flow) * math.exp(-dt / e[E_SPINUP_S])
+        if flow < 1e-3 * p[P_FLOW_MAX]:
+            flow = 0.0
+    s[o + S_PUMP] = flow
+
+
+@compiled
+def electrify(s, o, w, p, e, command, fed, dt):
+    """Current and resistance of one spring; effects of the driver act on a command only."""
+    current = command
+    if not fed:
+        if e[E_GAIN] != 0.0:
+            current = current * (1.0 + e[E_GAIN])
+        if e[E_DEFICIT] > 0.0:
+            top = (1.0 - e[E_DEFICIT]) * p[P_I_MAX]
+            current = min(current, top)
+        if e[E_LAG_S] > 0.0:
+            current = current + (s[o + S_I] - current) * math.exp(-dt / e[E_LAG_S])
+    s[o + S_I] = current
+    if e[E_OHM_ALPHA] != 0.0 or e[E_OHM_BETA] != 0.0 or e[E_R_OHM] != 0.0:
+        xi = s[o + S_XS] + s[o + S_XT]
+        factor = 1.0 + e[E_OHM_ALPHA] * (s[o + S_T] - p[P_T_REF])
+        factor += e[E_OHM_BETA] * (0.5 - xi) + e[E_R_OHM] * s[o + S_R]
+        s[o + S_OHM] = p[P_OHM_M] * p[P_LENGTH] * factor
+
+
+@compiled
+def frozen(F, s, o, w, q, p, e):
+    """Deflection of a spring at tension F with the fractions in scratch."""
+    left = inelastic(F, w[q + W_XS], s, o, p, e)[0]
+    w[q + W_DELTA] = F * compliance(w[q + W_XS] + w[q + W_XT], p, e) + left
+
+
+@compiled
+def from_deflection(delta, s, o, w, q, p, e):
+    """Tension of a spring at a deflection with the fractions in scratch, Eq. (9); never below 0."""
+    left = inelastic(s[o + S_F], w[q + W_XS], s, o, p, e)[0]
+    F = (delta - left) / compliance(w[q + W_XS] + w[q + W_XT], p, e)
     w[q + W_DELTA] = delta
     return F if F > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def slack_position(u, s, w, p):
     """Where the encoder stands when the tendon is slack: where it was, between the spring ends."""
     low = p[P_DELTA_0] - w[W_DELTA]
@@ -576,141 +1022,273 @@ def slack_position(u, s, w, p):
     return u
 
 
-@njit(cache=True, nogil=True)
-def mechanics(s, w, p, feeds, stage, share, dt):
-    """Find the tension and displacement at the end of the substep. Returns a status."""
+@compiled
+def move_pair(s, w, p, e, feeds, u, dt):
+    """Antagonistic pair: equilibrium, or both springs at a fed displacement u."""
+    fed = feeds[F_TEMPERATURE] > 0.0
     guess = s[G_F] + dt * s[G_F_RATE]
-    fixture = p[P_FIXTURE]
-    old = s[G_F]
-    F_x = 0.0
-    F_y = 0.0
-    u = s[G_U]
-    force_fed = feeds[F_FORCE] > 0.0
-    moved = feeds[F_DISPLACEMENT] > 0.0
-    if moved:
-        u = feeds[F_DISPLACEMENT + 1]
-        u += share * (feeds[F_DISPLACEMENT + 2] - feeds[F_DISPLACEMENT + 1])
-    if force_fed:
-        F = feeds[F_FORCE + 1] + share * (feeds[F_FORCE + 2] - feeds[F_FORCE + 1])
-        if F < 0.0:
-            F = 0.0
-        ok = settle(F, s, 0, w, 0, p)
-        F_other = F if fixture == 0.0 else 0.0
-        ok = settle(F_other, s, S_SIZE, w, W_SIZE, p) and ok
-        if not ok:
-            return NOT_CONVERGED
-        if fixture != 0.0:
-            delta = stage if fixture == 1.0 else p[P_DELTA_0] + stage
-            F_x = from_deflection(delta, s, 0, w, 0, p)
-            u = stage
-            rest(0.0, 0.0, s, S_SIZE, w, W_SIZE, p)
-        elif moved:
-            F_x = from_deflection(p[P_DELTA_0] - u, s, 0, w, 0, p)
-            F_y = from_deflection(p[P_DELTA_0] + u, s, S_SIZE, w, W_SIZE, p)
-        else:
-            k_x = rest(0.0, 0.0, s, 0, w, 0, p)
-            k_y = rest(0.0, 0.0, s, S_SIZE, w, W_SIZE, p)
-            gap = 2.0 * p[P_DELTA_0] - w[W_DELTA] - w[W_SIZE + W_DELTA]
-            F_x = gap / (1.0 / k_x + 1.0 / k_y) if gap > 0.0 else 0.0
-            F_y = F_x
-            rest(F_x, 0.0, s, 0, w, 0, p)
-            rest(F_y, 0.0, s, S_SIZE, w, W_SIZE, p)
-            u = slack_position(u, s, w, p) if F_x == 0.0 else p[P_DELTA_0] - w[W_DELTA]
-        accept(s, 0, w, 0, p, F_x, F, feeds[F_TEMPERATURE] > 0.0, dt)
-        accept(s, S_SIZE, w, W_SIZE, p, F_y, F_other, feeds[F_TEMPERATURE] > 0.0, dt)
+    if feeds[F_DISPLACEMENT] > 0.0:
+        F_x = balance(p[P_DELTA_0] - u, s[S_F], False, s, 0, w, 0, p, e)
+        F_y = balance(p[P_DELTA_0] + u, s[S_SIZE + S_F], False, s, S_SIZE, w, W_SIZE, p, e)
+    elif e[E_ROUGH] > 0.0:
+        F_x, F_y, u = rough_pair(s[S_F] + dt * s[G_F_RATE], s, w, p, e, dt)
     else:
-        if fixture == 0.0 and not moved:
-            F_x = balance(2.0 * p[P_DELTA_0], guess, True, s, 0, w, 0, p)
-            F_y = F_x
-            if F_x < 0.0:
-                return NOT_CONVERGED
-            u = slack_position(u, s, w, p) if F_x == 0.0 else p[P_DELTA_0] - w[W_DELTA]
-        elif fixture == 0.0:
-            F_x = balance(p[P_DELTA_0] - u, s[S_F], False, s, 0, w, 0, p)
-            F_y = balance(p[P_DELTA_0] + u, s[S_SIZE + S_F], False, s, S_SIZE, w, W_SIZE, p)
-        else:
-            delta = stage if fixture == 1.0 else p[P_DELTA_0] + stage
-            F_x = balance(delta, guess, False, s, 0, w, 0, p)
-            if not settle(0.0, s, S_SIZE, w, W_SIZE, p):
-                return NOT_CONVERGED
-            u = stage
-        if F_x < 0.0 or F_y < 0.0:
-            return NOT_CONVERGED
-        accept(s, 0, w, 0, p, F_x, F_x, feeds[F_TEMPERATURE] > 0.0, dt)
-        accept(s, S_SIZE, w, W_SIZE, p, F_y, F_y, feeds[F_TEMPERATURE] > 0.0, dt)
-    s[G_U] = u
-    s[G_F] = 0.5 * (F_x + F_y) if fixture == 0.0 else F_x
-    s[G_F_RATE] = (s[G_F] - old) / dt
+        F_x = balance(2.0 * p[P_DELTA_0], guess, True, s, 0, w, 0, p, e)
+        F_y = F_x
+        u = slack_position(u, s, w, p) if F_x == 0.0 else p[P_DELTA_0] - w[W_DELTA]
+    if F_x < 0.0 or F_y < 0.0:
+        return NOT_CONVERGED
+    accept(s, 0, w, 0, p, e, F_x, F_x, fed, dt)
+    accept(s, S_SIZE, w, W_SIZE, p, e, F_y, F_y, fed, dt)
+    finish(s, u, 0.5 * (F_x + F_y), dt)
     return OK
 
 
-@njit(cache=True, nogil=True)
-def substep(s, w, p, feeds, table, drive, share, dt):
+@compiled
+def move_single(s, w, p, e, feeds, stage, dt):
+    """Spring X held by the stage (stretch) or between walls (blocked); Y hangs free."""
+    fed = feeds[F_TEMPERATURE] > 0.0
+    delta = stage if p[P_FIXTURE] == 1.0 else p[P_DELTA_0] + stage
+    F_x = balance(delta, s[G_F] + dt * s[G_F_RATE], False, s, 0, w, 0, p, e)
+    if F_x < 0.0 or not settle(0.0, s, S_SIZE, w, W_SIZE, p, e):
+        return NOT_CONVERGED
+    F = F_x
+    if e[E_ROUGH] > 0.0:
+        speed = (stage - s[G_U]) / dt
+        F += 0.5 * e[E_DRAG] * s[S_FILL] * speed + e[E_TUBE_K] * stage
+        if abs(speed) > REST_SPEED:
+            F += 0.5 * math.copysign(friction_level(F_x, speed, e), speed)
+        F = max(F, 0.0)
+    accept(s, 0, w, 0, p, e, F_x, F_x, fed, dt)
+    accept(s, S_SIZE, w, W_SIZE, p, e, 0.0, 0.0, fed, dt)
+    finish(s, stage, F, dt)
+    return OK
+
+
+@compiled
+def move_fed(s, w, p, e, feeds, F, u, stage, dt):
+    """Kinetics under a fed tension; tension or displacement then follow from Eq. (9)."""
+    fed = feeds[F_TEMPERATURE] > 0.0
+    pair = p[P_FIXTURE] == 0.0
+    push = 0.0
+    if e[E_ROUGH] > 0.0:
+        speed = (u - s[G_U]) / dt
+        push = 2.0 * e[E_TUBE_K] * u + e[E_DRAG] * speed
+        if abs(speed) > REST_SPEED:
+            push += math.copysign(friction_level(F, speed, e), speed)
+    tension = F + 0.5 * push if F + 0.5 * push > 0.0 else 0.0
+    other = 0.0
+    if pair and F - 0.5 * push > 0.0:
+        other = F - 0.5 * push
+    ok = settle(tension, s, 0, w, 0, p, e)
+    if not (settle(other, s, S_SIZE, w, W_SIZE, p, e) and ok):
+        return NOT_CONVERGED
+    F_x = 0.0
+    F_y = 0.0
+    if not pair:
+        delta = stage if p[P_FIXTURE] == 1.0 else p[P_DELTA_0] + stage
+        F_x = from_deflection(delta, s, 0, w, 0, p, e)
+        frozen(0.0, s, S_SIZE, w, W_SIZE, p, e)
+        u = stage
+        result = F_x
+    elif feeds[F_DISPLACEMENT] > 0.0:
+        F_x = from_deflection(p[P_DELTA_0] - u, s, 0, w, 0, p, e)
+        F_y = from_deflection(p[P_DELTA_0] + u, s, S_SIZE, w, W_SIZE, p, e)
+        result = 0.5 * (F_x + F_y)
+    else:
+        frozen(0.0, s, 0, w, 0, p, e)
+        frozen(0.0, s, S_SIZE, w, W_SIZE, p, e)
+        gap = 2.0 * p[P_DELTA_0] - w[W_DELTA] - w[W_SIZE + W_DELTA]
+        give_x = compliance(w[W_XS] + w[W_XT], p, e)
+        give_y = compliance(w[W_SIZE + W_XS] + w[W_SIZE + W_XT], p, e)
+        result = (gap + push * give_y) / (give_x + give_y)
+        F_x = result if gap > 0.0 and result > 0.0 else 0.0
+        F_y = F_x - push if F_x > push else 0.0
+        frozen(F_x, s, 0, w, 0, p, e)
+        frozen(F_y, s, S_SIZE, w, W_SIZE, p, e)
+        u = slack_position(u, s, w, p) if F_x == 0.0 else p[P_DELTA_0] - w[W_DELTA]
+        result = 0.5 * (F_x + F_y)
+    accept(s, 0, w, 0, p, e, F_x, tension, fed, dt)
+    accept(s, S_SIZE, w, W_SIZE, p, e, F_y, other, fed, dt)
+    finish(s, u, result, dt)
+    return OK
+
+
+@compiled
+def finish(s, u, F, dt):
+    s[G_SPEED] = (u - s[G_U]) / dt
+    s[G_U] = u
+    s[G_F_RATE] = (F - s[G_F]) / dt
+    s[G_F] = F
+
+
+@compiled
+def substep(s, w, p, e, feeds, table, drive, share, dt):
     """One substep of both springs; `share` is how far into the sample its end is."""
+    s[G_DRIFT] += e[E_DRIFT] * dt
+    s[G_T_IN] = s[G_ENV_IN] + s[G_RESERVOIR]
+    s[G_T_AIR] = s[G_ENV_AIR] + s[G_DRIFT]
+    pump(s, 0, p, e, drive[2], 1.0, dt)
+    pump(s, S_SIZE, p, e, drive[3], -1.0, dt)
     fed = feeds[F_TEMPERATURE] > 0.0
     for i in range(2):
         o = i * S_SIZE
         q = i * W_SIZE
-        s[o + S_FLOW] = p[P_FLOW_MAX] * drive[2 + i] * p[P_WET]
-        water_inventory(s, o, p, drive[4 + i], dt)
-        current = drive[i]
-        if feeds[F_CURRENT] > 0.0:
-            current = feeds[F_CURRENT + 1 + i]
-        s[o + S_I] = current
+        s[o + S_FLOW] = s[o + S_PUMP]
+        if e[E_LEAK] > 0.0:
+            s[o + S_FLOW] += e[E_LEAK] * s[S_SIZE - o + S_PUMP]
+        water_inventory(s, o, p, e, drive[4 + i], dt)
+        known = feeds[F_CURRENT] > 0.0
+        electrify(s, o, w, p, e, feeds[F_CURRENT + 1 + i] if known else drive[i], known, dt)
+    for i in range(2):
+        o = i * S_SIZE
+        q = i * W_SIZE
         if fed:
             first = feeds[F_TEMPERATURE + 1 + i]
-            last = feeds[F_TEMPERATURE + 3 + i]
-            w[q + W_T_STAR] = first + share * (last - first)
+            w[q + W_T_STAR] = first + share * (feeds[F_TEMPERATURE + 3 + i] - first)
             w[q + W_LAM_H] = 0.0
             w[q + W_LAM_C] = 0.0
         else:
-            heat(s, o, w, q, p, table, dt)
-        prepare(s, o, w, q, p, dt)
-    status = mechanics(s, w, p, feeds, drive[6], share, dt)
+            heat(s, o, w, q, p, e, table, dt)
+        prepare(s, o, w, q, p, e, dt)
     s[G_TIME] += dt
-    return status
+    u = s[G_U]
+    if feeds[F_DISPLACEMENT] > 0.0:
+        u = feeds[F_DISPLACEMENT + 1]
+        u += share * (feeds[F_DISPLACEMENT + 2] - feeds[F_DISPLACEMENT + 1])
+    if feeds[F_FORCE] > 0.0:
+        F = feeds[F_FORCE + 1] + share * (feeds[F_FORCE + 2] - feeds[F_FORCE + 1])
+        return move_fed(s, w, p, e, feeds, F if F > 0.0 else 0.0, u, drive[6], dt)
+    if p[P_FIXTURE] == 0.0:
+        return move_pair(s, w, p, e, feeds, u, dt)
+    return move_single(s, w, p, e, feeds, drive[6], dt)
 
 
-@njit(cache=True, nogil=True)
-def advance(s, w, p, feeds, table, drive, dt, steps):
-    """Advance the state by `steps` substeps of `dt`. Returns a status.
+@compiled
+def recall(ring, samples, column, when):
+    """A channel of the history at a time, linear between samples; the oldest one before them."""
+    newest = int(samples) - 1
+    oldest = newest - RING_ROWS + 1
+    oldest = max(oldest, 0)
+    n = newest
+    while n > oldest and ring[n % RING_ROWS, 0] > when:
+        n -= 1
+    here = n % RING_ROWS
+    if n == newest or ring[here, 0] >= when:
+        return ring[here, column]
+    then = (n + 1) % RING_ROWS
+    part = (when - ring[here, 0]) / (ring[then, 0] - ring[here, 0])
+    return ring[here, column] + part * (ring[then, column] - ring[here, column])
+
+
+@compiled
+def sense_late(s, e, ring):
+    """Effects channel_delay and clock_skew: read temperature, displacement and force late."""
+    n = int(s[G_SAMPLES])
+    now = s[G_TIME]
+    row = n % RING_ROWS
+    ring[row, 0] = now
+    ring[row, 1] = s[G_M_RTD]
+    ring[row, 2] = s[G_M_RTD + 1]
+    ring[row, 3] = s[G_M_U]
+    ring[row, 4] = s[G_M_F]
+    when = now - e[E_SKEW_PPM] * 1e-6 * now
+    s[G_M_RTD] = recall(ring, n + 1, 1, when - e[E_DELAY_T])
+    s[G_M_RTD + 1] = recall(ring, n + 1, 2, when - e[E_DELAY_T])
+    s[G_M_U] = recall(ring, n + 1, 3, when - e[E_DELAY_U])
+    s[G_M_F] = recall(ring, n + 1, 4, when - e[E_DELAY_F])
+
+
+@compiled
+def sense(s, p, e, ring, dt):
+    """What the sensors give at the end of a sample that lasted dt; dt = 0 before the first."""
+    for i in range(2):
+        o = i * S_SIZE
+        s[G_M_I + i] = s[o + S_I] + e[E_I_OFFSET]
+        s[G_M_V + i] = s[o + S_I] * (s[o + S_OHM] + e[E_CONTACT_OHM])
+        T = s[o + S_T] + e[E_RTD_OFFSET]
+        if e[E_RTD_STEM] != 0.0:
+            T -= e[E_RTD_STEM] * (s[o + S_T] - s[G_T_AIR])
+        if e[E_RTD_LAG_S] > 0.0:
+            if dt > 0.0:
+                T = T + (s[G_LAG_X + i] - T) * math.exp(-dt / e[E_RTD_LAG_S])
+            s[G_LAG_X + i] = T
+        s[G_M_RTD + i] = T
+    s[G_M_RTD + 2] = s[G_T_IN]
+    s[G_M_RTD + 3] = s[G_T_AIR]
+    u = s[G_U]
+    if e[E_SLIP] != 0.0:
+        if u > s[G_SEEN_U]:
+            s[G_SLIP] -= e[E_SLIP] * (u - s[G_SEEN_U])
+        s[G_SEEN_U] = u
+        u += s[G_SLIP]
+    if e[E_BACKLASH] > 0.0:
+        half = 0.5 * e[E_BACKLASH]
+        if s[G_PLAY] < u - half:
+            s[G_PLAY] = u - half
+        elif s[G_PLAY] > u + half:
+            s[G_PLAY] = u + half
+        u = s[G_PLAY]
+    s[G_M_U] = u
+    F = s[G_F]
+    if e[E_CREEP] != 0.0:
+        if dt > 0.0:
+            s[G_CREEP] = F + (s[G_CREEP] - F) * math.exp(-dt / e[E_CREEP_S])
+        else:
+            s[G_CREEP] = F
+        F += e[E_CREEP] * (s[G_CREEP] - p[P_F0])
+    if e[E_F_GAIN] != 0.0:
+        F = F * (1.0 + e[E_F_GAIN])
+    s[G_M_F] = F + e[E_F_OFFSET]
+    if e[E_LATE] > 0.0:
+        sense_late(s, e, ring)
+    s[G_SAMPLES] += 1.0
+
+
+@compiled
+def advance(s, w, p, e, feeds, ring, table, drive, dt, steps):
+    """Advance the state by one sample of `steps` substeps of `dt`. Returns a status.
 
     drive: currents x, y (A); pump duties x, y; drain x, y (0 or 1); stage (m).
     """
     for k in range(steps):
-        status = substep(s, w, p, feeds, table, drive, (k + 1.0) / steps, dt)
+        status = substep(s, w, p, e, feeds, table, drive, (k + 1.0) / steps, dt)
         if status != OK:
             return status
+    sense(s, p, e, ring, dt * steps)
     if not math.isfinite(s[S_T] + s[S_SIZE + S_T] + s[G_F] + s[G_U]):
         return NOT_FINITE
     return OK
 
 
-@njit(cache=True, nogil=True)
-def replay(s, w, p, feed_flags, feed_rows, table, drives, environment, times, dt_max, out):
+@compiled
+def replay(s, w, p, e, feeds, ring, flags, rows, table, drives, env, times, dt_max, slots, out):
     """Advance through recorded samples; row k of `drives` is in force up to times[k].
 
-    out: (n, STATE_SIZE), the state after each sample. Returns (status, row it stopped at).
+    flags (4,) and rows (n, 6): which signals are fed, and i_x, i_y, T_x, T_y, F, u. env (n, 2):
+    inlet and ambient, K. out (n, len(slots)): those slots of the state after each sample.
+    Returns (status, row it stopped at).
     """
-    feeds = np.zeros(FEEDS_SIZE)
     n = times.shape[0]
     for k in range(n):
-        s[G_T_IN] = environment[k, 0]
-        s[G_T_AIR] = environment[k, 1]
-        if k > 0:
+        s[G_ENV_IN] = env[k, 0]
+        s[G_ENV_AIR] = env[k, 1]
+        if k == 0:
+            sense(s, p, e, ring, 0.0)
+        else:
             span = times[k] - times[k - 1]
             steps = int(math.ceil(span / dt_max - 1e-9))
-            if steps < 1:
-                steps = 1
-            load_feeds(feeds, feed_flags, feed_rows, k)
-            status = advance(s, w, p, feeds, table, drives[k], span / steps, steps)
+            steps = max(steps, 1)
+            load_feeds(feeds, flags, rows, k)
+            status = advance(s, w, p, e, feeds, ring, table, drives[k], span / steps, steps)
             if status != OK:
                 return status, k
-        out[k, :] = s
+        for j in range(slots.shape[0]):
+            out[k, j] = s[slots[j]]
     return OK, n
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def load_feeds(feeds, flags, rows, k):
     """Feeds of the sample that ends at row k. Rows: i_x, i_y, T_x, T_y, F, u."""
     feeds[F_CURRENT] = flags[0]

@@ -67,9 +67,7 @@ class ParameterSet:
         try:
             return self.entries[_POSITION[name]]
         except KeyError:
-            raise ParameterError(
-                name, f"no such parameter; known are {', '.join(NAMES)}"
-            ) from None
+            raise ParameterError(name, f"no such parameter; known are {', '.join(NAMES)}") from None
 
     def __getitem__(self, name: str) -> float:
         return self.entry(name).value

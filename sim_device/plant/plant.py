@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Mapping
 
 import numpy as np
 
 from sim_device.plant import kernel as k
-from sim_device.plant.constants import initial_state, kernel_constants, table_of
 from sim_device.plant.energy import EnergyBook, energy_book
 from sim_device.plant.errors import InputError, SolverError
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.records import Drive, PlantTruth, Readings
+from sim_device.plant.setup import Setup
 
 MAX_STEP_S = 1e-3
 _ZERO_C = 273.15
@@ -47,12 +48,16 @@ class Plant:
     ) -> None:
         self.parameters = parameters
         self.variant = variant
-        self._p = kernel_constants(parameters, variant=variant, fixture=fixture, cooling=cooling)
-        self._s = initial_state(parameters, self._p, temperature_K)
+        setup = Setup.make(
+            parameters, variant=variant, fixture=fixture, cooling=cooling, effects=effects or {}
+        )
+        self.effects = setup.effects
+        self._p, self._e, self._table = setup.p, setup.e, setup.table
+        self._s = setup.state(temperature_K)
         self._start = self._s.copy()
+        self._ring = np.zeros((k.RING_ROWS, k.RING_COLUMNS))
         self._w = np.zeros(k.SCRATCH_SIZE)
         self._feeds = np.zeros(k.FEEDS_SIZE)
-        self._table = table_of(variant)
         self._drive = np.zeros(7)
         self._last: Drive | None = None
         self._max_step_s = max_step_s
@@ -76,39 +81,44 @@ class Plant:
         if not 0.0 < dt_s < math.inf:
             raise InputError(f"dt_s = {dt_s} s; a sample needs a positive finite duration")
         steps = max(1, math.ceil(dt_s / self._max_step_s - 1e-9))
-        status = k.advance(
-            self._s, self._w, self._p, self._feeds, self._table, self._drive, dt_s / steps, steps
-        )
+        status = self._step(dt_s / steps, steps)
         if status != k.OK:
             raise solver_error(status, self._s)
 
+    def _step(self, dt_s: float, steps: int) -> int:
+        return k.advance(  # type: ignore[no-any-return]
+            self._s,
+            self._w,
+            self._p,
+            self._e,
+            self._feeds,
+            self._ring,
+            self._table,
+            self._drive,
+            dt_s,
+            steps,
+        )
+
     def read(self) -> Readings:
         """What the sensors say now. Every call draws new noise from the seed."""
-        s = self._s
+        seen = self._s[k.G_M :].tolist()
         noise = (self._rng.standard_normal(_NOISES) * self._sigma).tolist()
-        i_x, i_y = float(s[k.S_I]), float(s[k.S_SIZE + k.S_I])
+        i_x, i_y, v_x, v_y, t_x, t_y, t_in, t_air, u, force = map(operator.add, seen, noise)
+        drawn = self._s[k.S_I] + self._s[k.S_SIZE + k.S_I]
         return Readings(
-            i_A=(i_x + noise[0], i_y + noise[1]),
-            v_V=(
-                i_x * float(s[k.S_OHM]) + noise[2],
-                i_y * float(s[k.S_SIZE + k.S_OHM]) + noise[3],
-            ),
-            rtd_degC=(
-                float(s[k.S_T]) - _ZERO_C + noise[4],
-                float(s[k.S_SIZE + k.S_T]) - _ZERO_C + noise[5],
-                float(s[k.G_T_IN]) - _ZERO_C + noise[6],
-                float(s[k.G_T_AIR]) - _ZERO_C + noise[7],
-            ),
-            displacement_m=float(s[k.G_U]) + noise[8],
-            force_N=float(s[k.G_F]) + noise[9],
-            supply_V=self._supply_V - self._supply_Ohm * (i_x + i_y),
+            i_A=(i_x, i_y),
+            v_V=(v_x, v_y),
+            rtd_degC=(t_x - _ZERO_C, t_y - _ZERO_C, t_in - _ZERO_C, t_air - _ZERO_C),
+            displacement_m=u,
+            force_N=force,
+            supply_V=self._supply_V - self._supply_Ohm * float(drawn),
         )
 
     def set_environment(
         self, *, inlet_K: float | None = None, ambient_K: float | None = None
     ) -> None:
         """Change the temperature of the water at the inlet or of the air, from now on."""
-        for slot, value in ((k.G_T_IN, inlet_K), (k.G_T_AIR, ambient_K)):
+        for slot, value in ((k.G_ENV_IN, inlet_K), (k.G_ENV_AIR, ambient_K)):
             if value is not None:
                 if not math.isfinite(value):
                     raise InputError(f"temperature {value} K is not finite")
@@ -122,7 +132,7 @@ class Plant:
     @property
     def energy(self) -> EnergyBook:
         """The energy books since the start."""
-        return energy_book(self._start, self._s, self._p)
+        return energy_book(self._start, self._s, self._p, self._e)
 
 
 def truth_of(s: list[float]) -> PlantTruth:

@@ -1,0 +1,124 @@
+"""The shape of a registry entry: an effect, its parameters, and what is known about each."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+SUBSYSTEMS = (
+    "actuator",
+    "electrical",
+    "sensors",
+    "timing",
+    "thermal",
+    "water",
+    "phase",
+    "mechanics",
+)
+Subsystem = Literal[
+    "actuator", "electrical", "sensors", "timing", "thermal", "water", "phase", "mechanics"
+]
+SIGNALS = ("current", "voltage", "temperature", "inlet", "ambient", "displacement", "force")
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Belief about a parameter's size when its effect is present.
+
+    normal: mean 0, standard deviation `scale`. half-normal: the same on one side. log-normal:
+    median `scale`, standard deviation `spread` of the logarithm.
+    """
+
+    kind: Literal["normal", "half-normal", "log-normal"]
+    scale: float
+    spread: float = 0.7
+
+    def log_density(self, value: float) -> float:
+        """Natural logarithm of the density; minus infinity outside the support."""
+        if self.kind == "log-normal":
+            if value <= 0.0:
+                return -math.inf
+            z = math.log(value / self.scale) / self.spread
+            return -0.5 * z * z - math.log(value * self.spread * math.sqrt(2.0 * math.pi))
+        if self.kind == "half-normal" and value < 0.0:
+            return -math.inf
+        z = value / self.scale
+        sides = math.log(2.0) if self.kind == "half-normal" else 0.0
+        return sides - 0.5 * z * z - math.log(self.scale * math.sqrt(2.0 * math.pi))
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One parameter of an effect, SI.
+
+    A strength switches the effect: at `zero` it is absent. A shape (`zero` is None) says how the
+    effect acts and means nothing while every strength is zero. `low` and `high` are the range that
+    is accepted; `typical` is a value that a bench may well show. `slot` is its place in the
+    kernel's effects vector.
+    """
+
+    name: str
+    slot: int
+    unit: str
+    low: float
+    high: float
+    typical: float
+    prior: Prior
+    meaning: str
+    zero: float | None = 0.0
+
+    @property
+    def is_strength(self) -> bool:
+        return self.zero is not None
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One candidate effect.
+
+    signals: measured channels that it moves. confused_with: other entries that look alike in
+    routine runs. separated_by: the experiment that tells them apart. needs: what the plant must be
+    for the effect to act (variant, cooling, fixture), as option to allowed values.
+    """
+
+    name: str
+    title: str
+    subsystem: Subsystem
+    equation: str
+    parameters: tuple[EffectParameter, ...]
+    signals: tuple[str, ...]
+    confused_with: tuple[str, ...]
+    separated_by: str
+    reference: str
+    needs: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+    def typical(self) -> dict[str, float]:
+        """Every parameter at its typical value."""
+        return {parameter.name: parameter.typical for parameter in self.parameters}
+
+    def at(self, level: float) -> dict[str, float]:
+        """Typical values with every strength times `level`; shapes as they are."""
+        return {
+            parameter.name: parameter.typical * (level if parameter.is_strength else 1.0)
+            for parameter in self.parameters
+        }
+
+    def parameter(self, name: str) -> EffectParameter | None:
+        """The parameter of that name, if the effect has it."""
+        return next((known for known in self.parameters if known.name == name), None)
+
+
+def half(scale: float) -> Prior:
+    """Prior of a strength that can only be positive."""
+    return Prior("half-normal", scale)
+
+
+def either(scale: float) -> Prior:
+    """Prior of a strength of either sign."""
+    return Prior("normal", scale)
+
+
+def about(median: float, spread: float = 0.7) -> Prior:
+    """Prior of a shape parameter: positive, known to a factor."""
+    return Prior("log-normal", median, spread)

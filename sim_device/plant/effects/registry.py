@@ -1,0 +1,102 @@
+"""The one registry of candidate effects, and how a choice of them becomes the kernel's vector."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_device.plant import kernel as k
+from sim_device.plant.effects.electrical import ELECTRICAL, SENSORS
+from sim_device.plant.effects.material import MECHANICS, PHASE
+from sim_device.plant.effects.record import Effect
+from sim_device.plant.effects.thermal import THERMAL, WATER
+from sim_device.plant.errors import EffectError
+
+EffectValues = Mapping[str, Mapping[str, float]]
+Resolved = dict[str, dict[str, float]]
+
+EFFECTS: tuple[Effect, ...] = (*ELECTRICAL, *SENSORS, *THERMAL, *WATER, *PHASE, *MECHANICS)
+_BY_NAME = {effect.name: effect for effect in EFFECTS}
+
+_ROUGH = (k.E_COULOMB, k.E_PROPORTIONAL, k.E_DRAG, k.E_SLACK, k.E_TENDON, k.E_TUBE_K)
+_UNEVEN_STRAIN = (k.E_COLD_ENDS, k.E_R_STRAIN, k.E_ELONGATION, k.E_SHRINK)
+_LATE = (k.E_DELAY_T, k.E_DELAY_U, k.E_DELAY_F, k.E_SKEW_PPM)
+
+
+def effect(name: str) -> Effect:
+    """The entry of that name; EffectError names the known ones otherwise."""
+    try:
+        return _BY_NAME[name]
+    except KeyError:
+        known = ", ".join(_BY_NAME)
+        raise EffectError(f"effect {name!r} is not in the registry; known are {known}") from None
+
+
+def resolve(effects: EffectValues) -> Resolved:
+    """Complete and check a choice of effects: every parameter of each gets a value.
+
+    Without any parameter an effect takes its typical values. If some are given, strengths that are
+    not given are zero and shapes that are not given are typical. Raises EffectError for an unknown
+    name and for a value that is not finite or out of range.
+    """
+    return {name: _complete(effect(name), values) for name, values in effects.items()}
+
+
+def _complete(entry: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    for name in values:
+        if entry.parameter(name) is None:
+            known = ", ".join(parameter.name for parameter in entry.parameters)
+            raise EffectError(f"effect {entry.name} has no parameter {name!r}; it has {known}")
+    chosen = {}
+    for parameter in entry.parameters:
+        value = values.get(parameter.name)
+        if value is None:
+            some_strength = any(
+                other.is_strength and other.name in values for other in entry.parameters
+            )
+            value = parameter.typical
+            if some_strength and parameter.zero is not None:
+                value = parameter.zero
+        number = float(value)
+        if not math.isfinite(number) or not parameter.low <= number <= parameter.high:
+            raise EffectError(
+                f"effect {entry.name}: {parameter.name} = {number:g} {parameter.unit} is outside"
+                f" {parameter.low:g} to {parameter.high:g} {parameter.unit}"
+            )
+        chosen[parameter.name] = number
+    return chosen
+
+
+def check_needs(effects: EffectValues, options: Mapping[str, str]) -> None:
+    """Raise EffectError for an effect that cannot act in a plant with these options.
+
+    options: "variant", "cooling", "fixture". Entries whose strengths are all zero are let pass.
+    """
+    for name, values in resolve(effects).items():
+        entry = effect(name)
+        if all(values[known.name] == known.zero for known in entry.parameters if known.is_strength):
+            continue
+        for option, allowed in entry.needs:
+            if options[option] not in allowed:
+                raise EffectError(
+                    f"effect {name} needs {option} {' or '.join(allowed)}, the plant has"
+                    f" {options[option]}; leave the effect out or change the {option}"
+                )
+
+
+def effect_vector(effects: EffectValues) -> npt.NDArray[np.float64]:
+    """The kernel's effects vector, shape (EFFECTS_SIZE,). All zero without effects."""
+    vector = np.zeros(k.EFFECTS_SIZE)
+    for name, values in resolve(effects).items():
+        for parameter in effect(name).parameters:
+            vector[parameter.slot] = values[parameter.name]
+    for switch, slots in (
+        (k.E_ROUGH, _ROUGH),
+        (k.E_UNEVEN_STRAIN, _UNEVEN_STRAIN),
+        (k.E_LATE, _LATE),
+    ):
+        vector[switch] = 1.0 if any(vector[slot] != 0.0 for slot in slots) else 0.0
+    return vector

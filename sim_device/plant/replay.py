@@ -1,0 +1,265 @@
+"""Replay: recorded inputs through the plant in one kernel call, whole or one sub-model alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_device.plant import kernel as k
+from sim_device.plant.effects.registry import EffectValues
+from sim_device.plant.errors import InputError
+from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.plant import solver_error
+from sim_device.plant.setup import Setup
+
+Array = npt.NDArray[np.float64]
+ZERO_C = 273.15
+DEFAULT_STEP_S = 1e-3
+_NO_VALUES: Mapping[str, Array] = {}
+_NO_EFFECTS: EffectValues = {}
+
+# Output name -> slot of the state and what is taken off it.
+OUTPUTS: dict[str, tuple[int, float]] = {
+    "i_x_A": (k.G_M_I, 0.0),
+    "i_y_A": (k.G_M_I + 1, 0.0),
+    "v_x_V": (k.G_M_V, 0.0),
+    "v_y_V": (k.G_M_V + 1, 0.0),
+    "rtd_x_degC": (k.G_M_RTD, ZERO_C),
+    "rtd_y_degC": (k.G_M_RTD + 1, ZERO_C),
+    "rtd_inlet_degC": (k.G_M_RTD + 2, ZERO_C),
+    "rtd_ambient_degC": (k.G_M_RTD + 3, ZERO_C),
+    "displacement_m": (k.G_M_U, 0.0),
+    "force_N": (k.G_M_F, 0.0),
+    "true_displacement_m": (k.G_U, 0.0),
+    "true_force_N": (k.G_F, 0.0),
+}
+for _side, _o in (("x", 0), ("y", k.S_SIZE)):
+    OUTPUTS |= {
+        f"true_i_{_side}_A": (_o + k.S_I, 0.0),
+        f"resistance_{_side}_Ohm": (_o + k.S_OHM, 0.0),
+        f"T_{_side}_K": (_o + k.S_T, 0.0),
+        f"T_water_{_side}_K": (_o + k.S_TW, 0.0),
+        f"xi_S_{_side}": (_o + k.S_XS, 0.0),
+        f"xi_T_{_side}": (_o + k.S_XT, 0.0),
+        f"spring_force_{_side}_N": (_o + k.S_F, 0.0),
+        f"deflection_{_side}_m": (_o + k.S_DELTA, 0.0),
+        f"flow_{_side}_m3_s": (_o + k.S_FLOW, 0.0),
+        f"fill_{_side}": (_o + k.S_FILL, 0.0),
+        f"heat_in_{_side}_J": (_o + k.S_IN_J, 0.0),
+        f"heat_to_water_{_side}_J": (_o + k.S_WATER_J, 0.0),
+        f"heat_to_air_{_side}_J": (_o + k.S_AIR_J, 0.0),
+        f"work_on_{_side}_J": (_o + k.S_WORK_J, 0.0),
+    }
+MEASURED: tuple[str, ...] = tuple(OUTPUTS)[:10]
+FEEDS: dict[str, int] = {"i_A": 2, "temperature_K": 2, "force_N": 1, "displacement_m": 1}
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Recorded inputs, n samples; times need not be even. Springs in the order (X, Y).
+
+    t_s (n,), increasing. i_A (n, 2): currents that the driver was given. pump_duty (n, 2), 0 to 1.
+    drain (n, 2), 0 or 1. stage_m (n,). inlet_K, ambient_K (n,): temperatures of water and air;
+    left out, the parameter set's. Row k is in force over the interval that ends at t_s[k], as a
+    board reports what it applies together with what it measures.
+    """
+
+    t_s: Array
+    i_A: Array
+    pump_duty: Array
+    drain: Array | None = None
+    stage_m: Array | None = None
+    inlet_K: Array | None = None
+    ambient_K: Array | None = None
+    rows: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.t_s)
+        if n < 1:
+            raise InputError("t_s is empty; a replay needs at least one sample")
+        time = _checked("t_s", self.t_s, (n,))
+        backward = np.flatnonzero(np.diff(time) <= 0.0)
+        if backward.size:
+            at = int(backward[0])
+            raise InputError(
+                f"t_s does not increase at sample {at + 1}: {time[at + 1]} s after {time[at]} s"
+            )
+        rows = np.zeros((n, 7))
+        rows[:, 0:2] = _checked("i_A", self.i_A, (n, 2), 0.0, math.inf)
+        rows[:, 2:4] = _checked("pump_duty", self.pump_duty, (n, 2), 0.0, 1.0)
+        if self.drain is not None:
+            rows[:, 4:6] = _checked("drain", self.drain, (n, 2), 0.0, 1.0)
+        if self.stage_m is not None:
+            rows[:, 6] = _checked("stage_m", self.stage_m, (n,), -1.0, 1.0)
+        object.__setattr__(self, "t_s", time)
+        object.__setattr__(self, "rows", rows)
+
+    def environment(self, parameters: ParameterSet) -> Array:
+        """Inlet and ambient temperature of each sample, shape (n, 2), K."""
+        n = self.t_s.size
+        env = np.empty((n, 2))
+        for column, (name, series) in enumerate(
+            (("water_temperature", self.inlet_K), ("ambient_temperature", self.ambient_K))
+        ):
+            if series is None:
+                env[:, column] = parameters[name]
+            else:
+                env[:, column] = _checked(name, series, (n,), 200.0, 400.0)
+        return env
+
+
+def _checked(
+    name: str,
+    values: npt.ArrayLike,
+    shape: tuple[int, ...],
+    low: float = -math.inf,
+    high: float = math.inf,
+) -> Array:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != shape:
+        raise InputError(f"{name} has shape {array.shape}, it should be {shape}")
+    wrong = np.flatnonzero(~(np.isfinite(array) & (array >= low) & (array <= high)).ravel())
+    if wrong.size:
+        first = int(wrong[0])
+        value = array.ravel()[first]
+        sample = first // (array.size // shape[0])
+        raise InputError(f"{name} = {value} at sample {sample}; it must lie in {low} to {high}")
+    return array
+
+
+def simulate(
+    parameters: ParameterSet,
+    inputs: Inputs,
+    *,
+    variant: str = "extended",
+    fixture: str = "antagonistic",
+    cooling: str = "water",
+    effects: EffectValues = _NO_EFFECTS,
+    feeds: Mapping[str, Array] = _NO_VALUES,
+    dt_s: float = DEFAULT_STEP_S,
+    temperature_K: float | None = None,
+    outputs: Sequence[str] = tuple(OUTPUTS),
+) -> dict[str, Array]:
+    """Replay `inputs` and return the named `outputs` (see OUTPUTS), one array (n,) each, no noise.
+
+    dt_s: longest substep. feeds: measured series in place of inner signals, so that a sub-model
+    runs alone: "i_A" (n, 2) replaces what the driver makes of the command, "temperature_K" (n, 2)
+    the heat balance, "force_N" (n,) the stress that the kinetics see, "displacement_m" (n,) the
+    equilibrium of the pair: the force then follows from Eq. (9). They are interpolated linearly
+    between samples; smooth noisy temperatures first, since noise ratchets a hysteresis.
+    Without feeds the result is that of `Plant` driven sample by sample, to the last bit.
+    Raises InputError, EffectError, ModelError, and SolverError with time and state.
+    """
+    return Replay(
+        inputs, variant=variant, fixture=fixture, cooling=cooling, feeds=feeds, outputs=outputs
+    ).run(parameters, effects, dt_s=dt_s, temperature_K=temperature_K)
+
+
+class Replay:
+    """Checked inputs and feeds, ready to be run with many parameter sets and effects."""
+
+    def __init__(
+        self,
+        inputs: Inputs,
+        *,
+        variant: str = "extended",
+        fixture: str = "antagonistic",
+        cooling: str = "water",
+        feeds: Mapping[str, Array] = _NO_VALUES,
+        outputs: Sequence[str] = tuple(OUTPUTS),
+    ) -> None:
+        self.inputs = inputs
+        self._options = {"variant": variant, "fixture": fixture, "cooling": cooling}
+        self._flags, self._rows = _feed_rows(feeds, inputs.t_s.size)
+        unknown = [name for name in outputs if name not in OUTPUTS]
+        if unknown:
+            raise InputError(f"output {unknown[0]!r} is unknown; known are {', '.join(OUTPUTS)}")
+        self._outputs = tuple(outputs)
+        self._slots = np.array([OUTPUTS[name][0] for name in outputs], dtype=np.int64)
+
+    def run(
+        self,
+        parameters: ParameterSet,
+        effects: EffectValues = _NO_EFFECTS,
+        *,
+        dt_s: float = DEFAULT_STEP_S,
+        temperature_K: float | None = None,
+    ) -> dict[str, Array]:
+        """One replay; arguments and result as of `simulate`. Safe to call from several threads."""
+        if not 0.0 < dt_s < math.inf:
+            raise InputError(f"dt_s = {dt_s} s; a substep must be positive and finite")
+        setup = Setup.make(parameters, effects=effects, **self._options)
+        state = setup.state(temperature_K)
+        out = np.empty((self.inputs.t_s.size, self._slots.size))
+        status, _ = k.replay(
+            state,
+            np.zeros(k.SCRATCH_SIZE),
+            setup.p,
+            setup.e,
+            np.zeros(k.FEEDS_SIZE),
+            np.zeros((k.RING_ROWS if setup.e[k.E_LATE] else 1, k.RING_COLUMNS)),
+            self._flags,
+            self._rows,
+            setup.table,
+            self.inputs.rows,
+            self.inputs.environment(parameters),
+            self.inputs.t_s,
+            dt_s,
+            self._slots,
+            out,
+        )
+        if status != k.OK:
+            raise solver_error(status, state)
+        columns = np.ascontiguousarray(out.T)
+        return {
+            name: column - OUTPUTS[name][1] if OUTPUTS[name][1] else column
+            for name, column in zip(self._outputs, columns, strict=True)
+        }
+
+    def run_many(
+        self,
+        points: Iterable[tuple[ParameterSet, EffectValues]],
+        *,
+        dt_s: float = DEFAULT_STEP_S,
+        workers: int = 2,
+        keep: Callable[[dict[str, Array]], object] | None = None,
+    ) -> list[object]:
+        """Replay many points on `workers` threads; the kernel runs outside the interpreter lock.
+
+        keep: reduces each result where it was made (a cost, say); by default results are kept
+        whole. Results come in the order of the points.
+        """
+        reduce = keep if keep is not None else _whole
+
+        def one(point: tuple[ParameterSet, EffectValues]) -> object:
+            return reduce(self.run(point[0], point[1], dt_s=dt_s))
+
+        with ThreadPoolExecutor(max_workers=workers) as pool:
+            return list(pool.map(one, points))
+
+
+def _whole(result: dict[str, Array]) -> object:
+    return result
+
+
+def _feed_rows(feeds: Mapping[str, Array], n: int) -> tuple[Array, Array]:
+    unknown = [name for name in feeds if name not in FEEDS]
+    if unknown:
+        raise InputError(f"feed {unknown[0]!r} is unknown; known are {', '.join(FEEDS)}")
+    flags = np.zeros(len(FEEDS))
+    rows = np.zeros((n if feeds else 1, 6))
+    column = 0
+    for index, (name, width) in enumerate(FEEDS.items()):
+        if name in feeds:
+            shape = (n, 2) if width == 2 else (n,)
+            flags[index] = 1.0
+            rows[:, column : column + width] = _checked(name, feeds[name], shape).reshape(n, width)
+        column += width
+    if not feeds:
+        rows = np.broadcast_to(rows, (n, 6)).copy()
+    return flags, rows

@@ -1,0 +1,57 @@
+"""One place where a parameter set, options and effects become what the kernel takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_device.plant import kernel as k
+from sim_device.plant.constants import apply_warming, initial_state, kernel_constants, table_of
+from sim_device.plant.effects.registry import (
+    EffectValues,
+    Resolved,
+    check_needs,
+    effect_vector,
+    resolve,
+)
+from sim_device.plant.parameters import ParameterSet
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Arrays for the kernel: constants `p`, effects `e`, film table; effects as resolved."""
+
+    parameters: ParameterSet
+    effects: Resolved
+    p: Array
+    e: Array
+    table: Array
+
+    @classmethod
+    def make(
+        cls,
+        parameters: ParameterSet,
+        *,
+        variant: str,
+        fixture: str,
+        cooling: str,
+        effects: EffectValues,
+    ) -> Setup:
+        """Raises ModelError for an unknown option and EffectError for a refused effect."""
+        p = kernel_constants(parameters, variant=variant, fixture=fixture, cooling=cooling)
+        resolved = resolve(effects)
+        check_needs(resolved, {"variant": variant, "fixture": fixture, "cooling": cooling})
+        e = effect_vector(resolved)
+        apply_warming(p, e)
+        return cls(parameters, resolved, p, e, table_of(variant))
+
+    def state(self, temperature_K: float | None = None) -> Array:
+        """A fresh state at rest, sensors included."""
+        s = initial_state(self.parameters, self.p, self.e, temperature_K)
+        k.sense(s, self.p, self.e, np.zeros((k.RING_ROWS, k.RING_COLUMNS)), 0.0)
+        s[k.G_SAMPLES] = 0.0
+        return s
