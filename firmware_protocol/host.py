@@ -279,14 +279,14 @@ class HostSession:
         if frame.type < m.FIRST_BOARD_NUMBER:
             self.stats.echoes += 1
             return
+        if self._mirror is None and frame.type != m.Ident.info.number:
+            return
         if frame.session == self.session and not self._reader.understood:
             self._heard_us = self._now_us
         message = self._reader.read(frame, self.stats)
         if message is None:
             return
         if type(message) is not m.Ident:
-            if self._mirror is None:
-                return
             if frame.session != self.session:
                 self._on_stranger(events)
                 return

@@ -106,29 +106,44 @@ def decompress(blob: bytes) -> dict[str, Any]:
 
 
 def differences(own: dict[str, Any], other: dict[str, Any]) -> tuple[str, ...]:
-    """Return what differs, one line each, `MESSAGE.field: own is …, other is …`."""
-    return tuple(_differences(_flat(own), _flat(other)))
+    """Return what differs, one line each: `STATE.tick: host has …, board has …`.
+
+    A message or enumeration that one side lacks altogether is one line. Raises SchemaError if a
+    description is not made as `describe` makes it.
+    """
+    try:
+        mine, theirs = _grouped(own), _grouped(other)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise SchemaError(f"the board's description is damaged: {error!r}") from None
+    lines: list[str] = []
+    for group in sorted(mine.keys() | theirs.keys()):
+        if group in mine and group in theirs:
+            lines += _differences(group, mine[group], theirs[group])
+        else:
+            lines.append(f"{group}: only the {'host' if group in mine else 'board'} has it")
+    return tuple(lines)
 
 
-def _differences(own: dict[str, str], other: dict[str, str]) -> Iterator[str]:
-    for key in sorted(own.keys() | other.keys()):
-        mine, theirs = own.get(key), other.get(key)
-        if mine != theirs:
-            yield f"{key}: host has {mine or 'none'}, board has {theirs or 'none'}"
+def _differences(group: str, mine: dict[str, str], theirs: dict[str, str]) -> Iterator[str]:
+    for key in sorted(mine.keys() | theirs.keys()):
+        own, other = mine.get(key, "none"), theirs.get(key, "none")
+        if own != other:
+            yield f"{group}{'.' if key else ''}{key}: host has {own}, board has {other}"
 
 
-def _flat(description: dict[str, Any]) -> dict[str, str]:
-    flat: dict[str, str] = {}
+def _grouped(description: dict[str, Any]) -> dict[str, dict[str, str]]:
+    """Return message, enumeration or "parameters" → member → what it is, in words."""
+    groups: dict[str, dict[str, str]] = {}
     for message in description.get("messages", ()):
-        offset = 0
-        for index, field in enumerate(message["fields"]):
+        fields = {"": f"number 0x{message['number']:02x}"}
+        for place, field in enumerate(message["fields"]):
             words = [f"{key} {field[key]}" for key in sorted(field) if key != "name"]
-            flat[f"{message['name']}.{field['name']}"] = f"#{index} " + ", ".join(words)
-            offset += 1
-        flat[message["name"]] = f"number 0x{message['number']:02x}, {offset} fields"
+            fields[str(field["name"])] = f"#{place} {', '.join(words)}"
+        groups[str(message["name"])] = fields
     for name, members in description.get("enums", {}).items():
-        for member, value in members.items():
-            flat[f"{name}.{member}"] = str(value)
-    for number, name, unit in description.get("parameters", ()):
-        flat[f"parameter {name}"] = f"number {number}, unit {unit or 'none'}"
-    return flat
+        groups[str(name)] = {str(member): str(code) for member, code in members.items()}
+    groups["parameters"] = {
+        str(name): f"number {number}, unit {unit or 'none'}"
+        for number, name, unit in description.get("parameters", ())
+    }
+    return groups

@@ -3,7 +3,8 @@
 One exchange has four stamps: t1 host sends, t2 board receives, t3 board sends, t4 host receives.
 Its round trip is (t4 − t1) − (t3 − t2); the board's time (t2 + t3)/2 belongs to the host's time
 (t1 + t4)/2, wrong by at most half the round trip. Delays only ever add, so the exchanges with the
-shortest round trips are the truest: of the window, the best eighth is kept for the fit.
+shortest round trips are the truest: of each eight in a row the best one is kept, which spreads the
+kept ones over the window, and the shorter its round trip, the more it weighs in the fit.
 
 The rate is fitted only once the kept exchanges span `RATE_SPAN_US`; before, a microsecond of
 noise would be read as a drift that no crystal has, so the clocks are taken to run alike.
@@ -19,7 +20,7 @@ import msgspec
 from firmware_protocol.messages import TimeReply, TimeRequest
 
 WINDOW = 128
-KEPT_PART = 8
+GROUP = 8
 LOCK_EXCHANGES = 8
 FIRST_EXCHANGES = 16
 FIRST_INTERVAL_US = 50_000
@@ -100,29 +101,36 @@ class TimeSync:
     def add(self, t1: int, t2: int, t3: int, t4: int) -> ClockFit:
         """Take in one exchange (all 64-bit µs) and return the new fit."""
         self._window.append(Exchange((t2 + t3) / 2, (t1 + t4) / 2, (t4 - t1) - (t3 - t2)))
-        by_round_trip = sorted(self._window, key=lambda exchange: exchange.round_trip_us)
-        kept = by_round_trip[: max(1, len(by_round_trip) // KEPT_PART)]
+        newest_first = list(self._window)[::-1]
+        groups = [
+            newest_first[start : start + GROUP]
+            for start in range(0, max(1, len(newest_first) - GROUP + 1), GROUP)
+        ]
+        kept = [min(group, key=lambda exchange: exchange.round_trip_us) for group in groups]
         self.fit = self._line(kept)
         return self.fit
 
     def _line(self, kept: list[Exchange]) -> ClockFit:
-        board_ref = sum(e.board_us for e in kept) / len(kept)
-        host_ref = sum(e.host_us for e in kept) / len(kept)
-        span = max(e.board_us for e in kept) - min(e.board_us for e in kept)
+        weights = [1.0 / (1.0 + max(0, exchange.round_trip_us)) ** 2 for exchange in kept]
+        weighted = list(zip(weights, kept, strict=True))
+        total = sum(weights)
+        board_ref = sum(w * e.board_us for w, e in weighted) / total
+        host_ref = sum(w * e.host_us for w, e in weighted) / total
+        times = [exchange.board_us for exchange in kept]
         drift = 0.0
-        if span >= RATE_SPAN_US:
+        if max(times) - min(times) >= RATE_SPAN_US:
             # The fit is of the difference of the clocks: its small numbers keep their digits.
-            square = sum((e.board_us - board_ref) ** 2 for e in kept)
+            square = sum(w * (e.board_us - board_ref) ** 2 for w, e in weighted)
             product = sum(
-                (e.board_us - board_ref) * ((e.host_us - host_ref) - (e.board_us - board_ref))
-                for e in kept
+                w * (e.board_us - board_ref) * ((e.host_us - host_ref) - (e.board_us - board_ref))
+                for w, e in weighted
             )
             drift = product / square
         return ClockFit(
             board_ref_us=board_ref,
             host_ref_us=host_ref,
             drift=drift,
-            round_trip_us=kept[0].round_trip_us,
+            round_trip_us=min(exchange.round_trip_us for exchange in kept),
             exchanges=len(self._window),
             locked=len(self._window) >= LOCK_EXCHANGES,
         )
