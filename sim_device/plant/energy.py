@@ -17,8 +17,8 @@ class EnergyBook:
     """Both springs together, joule, from the start of the run.
 
     heat_in + work_on + unequal = heat_to_water + heat_to_air + stored + omitted_work + closing.
-    `stored` is a difference of states (sensible heat of wire, water and tube, latent and elastic energy), not a sum of flows,
-    so `closing` is a real check: it is zero but for rounding.
+    `stored` is a difference of states (sensible heat of wire, water and tube, latent and elastic
+    energy), not a sum of flows, so `closing` is a real check: it is zero but for rounding.
 
     unequal: heat made by heat capacities and latent heats that differ between heating and cooling
     (the paper's do). omitted_work: transformation work that the paper's Eq. (15) leaves out of the

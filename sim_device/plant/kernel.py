@@ -16,10 +16,20 @@ an outer bracketed root in the force, and inside it, for each spring, one in the
 
 from __future__ import annotations
 
+# Kernel functions take arrays by position: a keyword call costs numba's dispatcher more.
+# ruff: noqa: PLR0917
 import math
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
 
+import numpy as np
+import numpy.typing as npt
 from numba import njit
 from numba.core.options import DefaultOptions
+
+Array = npt.NDArray[np.float64]
+Slots = npt.NDArray[np.int64]
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 # Slots of one spring's state. X starts at 0, Y at S_SIZE.
 S_T = 0  # wire temperature, K
@@ -239,8 +249,18 @@ FEEDS_SIZE = 14
 # Scalars and borrowed arrays only: without `_nrt` every call in the inner loop would count
 # references atomically, which doubles the time. The option is numba's own but not documented, so
 # it is used where this numba has it.
-_FAST = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
-compiled = njit(cache=True, nogil=True, error_model="numpy", **_FAST)
+_FAST: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
+
+
+def compiled(function: _Function) -> _Function:
+    """Compile a kernel function; plain Python, with the same bits, under NUMBA_DISABLE_JIT=1.
+
+    No fast-math, so that no operation is reordered or fused. error_model "numpy" leaves out a
+    check of every division; the divisors here cannot be zero.
+    """
+    made: Any = njit(cache=True, nogil=True, error_model="numpy", **_FAST)
+    return cast(_Function, made(function))
+
 
 OK = 0
 NOT_CONVERGED = 1
@@ -258,7 +278,7 @@ STRESS_REF_PA = 1e8
 
 
 @compiled
-def clip01(value):
+def clip01(value: float) -> float:
     if value <= 0.0:
         return 0.0
     if value >= 1.0:
@@ -267,7 +287,7 @@ def clip01(value):
 
 
 @compiled
-def remaining(progress):
+def remaining(progress: float) -> float:
     """f = (cos πa + 1)/2 of Eqs (11)-(13), as a square so that it stays exact near a = 1."""
     if progress <= 0.0:
         return 1.0
@@ -278,41 +298,41 @@ def remaining(progress):
 
 
 @compiled
-def remaining_slope(left):
+def remaining_slope(left: float) -> float:
     """df/da of `remaining`, from its value."""
     return -math.pi * math.sqrt(left * (1.0 - left))
 
 
 @compiled
-def remaining_spread(progress, spread):
+def remaining_spread(progress: float, spread: float) -> float:
     """f of a wire whose temperatures spread: a quarter each ahead and behind, half between."""
     ends = remaining(progress - spread) + remaining(progress + spread)
     return 0.5 * remaining(progress) + 0.25 * ends
 
 
 @compiled
-def left_before(s, progress, w, memory, spread):
+def left_before(s: Array, progress: int, w: Array, memory: int, spread: float) -> float:
     """f at the start of the substep, worked out once and only when it is needed."""
     if w[memory] < 0.0:
         if spread > 0.0:
             w[memory] = remaining_spread(s[progress], spread)
         else:
             w[memory] = remaining(s[progress])
-    return w[memory]
+    return float(w[memory])
 
 
 @compiled
-def progress_a(T, tau, p, spread):
+def progress_a(T: float, tau: float, p: Array, spread: float) -> float:
     value = (T - p[P_A_S] - tau / p[P_C_A]) * p[P_A_INV]
     if value <= -spread:
         return -spread
     if value >= 1.0 + spread:
         return 1.0 + spread
-    return value
+    return float(value)
 
 
 @compiled
-def progress_b(T, tau, p):
+def progress_b(T: float, tau: float, p: Array) -> float:
     above = T - p[P_M_S]
     if above > 0.0:
         tau = tau - p[P_C_M] * above
@@ -320,19 +340,30 @@ def progress_b(T, tau, p):
 
 
 @compiled
-def progress_c(T, p):
+def progress_c(T: float, p: Array) -> float:
     return clip01((p[P_M_S] - T) * p[P_M_INV])
 
 
 @compiled
-def minor(ratio, share, e):
+def minor(ratio: float, share: float, e: Array) -> tuple[float, float]:
     """Effect minor_loop: the exponent, and the ratio raised to it, of a leg begun half way."""
     exponent = 1.0 + e[E_MINOR] * share
     return exponent, math.pow(ratio, exponent)
 
 
 @compiled
-def back_to_austenite(a, xs, xt, s, o, w, q, p, e, spread):
+def back_to_austenite(
+    a: float,
+    xs: float,
+    xt: float,
+    s: Array,
+    o: int,
+    w: Array,
+    q: int,
+    p: Array,
+    e: Array,
+    spread: float,
+) -> tuple[float, float]:
     """Eq. (11) in rate form. Returns the ratio by which both fractions shrink and its da-slope."""
     if spread > 0.0:
         left = remaining_spread(a, spread)
@@ -353,7 +384,9 @@ def back_to_austenite(a, xs, xt, s, o, w, q, p, e, spread):
 
 
 @compiled
-def transform(T_wire, F, s, o, w, q, p, e):
+def transform(
+    T_wire: float, F: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array
+) -> tuple[float, float, float, float, float, float]:
     """Fractions at (T, F) from those at the start of the substep, with their slopes.
 
     Returns (xi_S, xi_T, dxi/dT, dxi/dF, dxi_S/dT, dxi_S/dF). Rate forms of Eqs (11)-(13): a
@@ -449,17 +482,17 @@ def transform(T_wire, F, s, o, w, q, p, e):
 
 
 @compiled
-def compliance(xi, p, e):
+def compliance(xi: float, p: Array, e: Array) -> float:
     """Elastic deflection per newton: Eq. (9) with (7); effect cold_ends in series."""
     soft = p[P_K_A] - p[P_K_M]
     give = 1.0 / (p[P_K_A] - soft * xi)
     if e[E_COLD_ENDS] > 0.0:
         give = (1.0 - e[E_COLD_ENDS]) * give + e[E_COLD_ENDS] / p[P_K_M]
-    return give
+    return float(give)
 
 
 @compiled
-def end_fraction(F, s, o, p):
+def end_fraction(F: float, s: Array, o: int, p: Array) -> tuple[float, float]:
     """Detwinned fraction of ends that stay cold, and its slope: Eq. (12) on the curve."""
     b = clip01((p[P_C1] * F - p[P_TAU_S]) * p[P_TAU_INV])
     left = remaining(b)
@@ -469,7 +502,9 @@ def end_fraction(F, s, o, p):
 
 
 @compiled
-def inelastic(F, xs, s, o, p, e):
+def inelastic(
+    F: float, xs: float, s: Array, o: int, p: Array, e: Array
+) -> tuple[float, float, float]:
     """Deflection at no load and its slopes with ξ_S and F: δ_L ξ_S, and what effects add."""
     reach = p[P_DELTA_L]
     if e[E_UNEVEN_STRAIN] == 0.0:
@@ -485,7 +520,7 @@ def inelastic(F, xs, s, o, p, e):
 
 
 @compiled
-def settle(F, s, o, w, q, p, e):
+def settle(F: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array) -> bool:
     """One spring at tension F: temperature, fractions, deflection and compliance, into scratch.
 
     The temperature solves T = T* + λ (ξ(T, F) − ξ_old), which has one root: ξ falls with T.
@@ -540,7 +575,7 @@ def settle(F, s, o, w, q, p, e):
 
 
 @compiled
-def tendon(F, e):
+def tendon(F: float, e: Array) -> tuple[float, float]:
     """Half the stretch of the tendon at tension F, m, and its slope: slack taken up, compliance."""
     reach = 0.5 * e[E_TENDON] * F
     slope = 0.5 * e[E_TENDON]
@@ -552,7 +587,9 @@ def tendon(F, e):
 
 
 @compiled
-def balance(target, guess, pair, s, o, w, q, p, e):
+def balance(
+    target: float, guess: float, pair: bool, s: Array, o: int, w: Array, q: int, p: Array, e: Array
+) -> float:
     """The tension at which the deflection is `target`: of the pair, or of one spring.
 
     The deflection grows with the tension, so there is one root, held in a bracket. No tension at
@@ -600,7 +637,9 @@ def balance(target, guess, pair, s, o, w, q, p, e):
 
 
 @compiled
-def slide(rub, guess, s, w, p, e, dt):
+def slide(
+    rub: float, guess: float, s: Array, w: Array, p: Array, e: Array, dt: float
+) -> tuple[float, float, float]:
     """The pair with friction `rub` (signed), drag, tube stiffness and a tendon that gives.
 
     Unknown is the tension of X; that of Y is less by what resists the motion. Returns
@@ -648,16 +687,18 @@ def slide(rub, guess, s, w, p, e, dt):
 
 
 @compiled
-def friction_level(F, speed, e):
+def friction_level(F: float, speed: float, e: Array) -> float:
     """Friction of tube on spring at a tension and a speed: constant, proportional, Stribeck."""
     level = e[E_COULOMB] + e[E_PROPORTIONAL] * F
     if e[E_STRIBECK] > 0.0 and level > 0.0:
         level = level * (1.0 + e[E_STRIBECK] * math.exp(-abs(speed) / e[E_STRIBECK_V]))
-    return level
+    return float(level)
 
 
 @compiled
-def rough_pair(guess, s, w, p, e, dt):
+def rough_pair(
+    guess: float, s: Array, w: Array, p: Array, e: Array, dt: float
+) -> tuple[float, float, float]:
     """The pair where something resists its motion: stick if friction can hold it, else slide.
 
     Returns (tension of X, of Y, displacement), tension -1 when it is not found.
@@ -680,7 +721,7 @@ def rough_pair(guess, s, w, p, e, dt):
 
 
 @compiled
-def film(T, T_water, speed, p, table):
+def film(T: float, T_water: float, speed: float, p: Array, table: Array) -> float:
     """Conductance from wire to water, W/(m K): the larger of free and forced convection.
 
     Free: Eqs (19)-(21) with the flow's hydraulic diameter. Forced: Eqs (24), (25).
@@ -709,25 +750,25 @@ def film(T, T_water, speed, p, table):
         c3 = c3 + w2 * table[cell + 1, 3] + w3 * table[cell + 2, 3]
         forced = (c2 + c3 * math.sqrt(speed * p[P_DH])) / p[P_DH]
         h = max(h, forced)
-    return h * p[P_PERIMETER]
+    return float(h * p[P_PERIMETER])
 
 
 @compiled
-def bare(T, T_air, p):
+def bare(T: float, T_air: float, p: Array) -> float:
     """Conductance from a bare wire to still air, W/(m K): Eq. (20) with the wire's diameter."""
     root = 0.60 + p[P_AIR_C] * math.pow(abs(T - T_air), 1.0 / 6.0)
-    return p[P_AIR_K] * root * root
+    return float(p[P_AIR_K] * root * root)
 
 
 @compiled
-def steeper(difference, e):
+def steeper(difference: float, e: Array) -> float:
     """Effect convection_exponent: factor on a film coefficient at a temperature difference."""
     size = abs(difference) / EXPONENT_REF_K
     return math.pow(size if size > 0.01 else 0.01, e[E_EXPONENT])
 
 
 @compiled
-def heat(s, o, w, q, p, e, table, dt):
+def heat(s: Array, o: int, w: Array, q: int, p: Array, e: Array, table: Array, dt: float) -> None:
     """Set up the heat balance of one spring over the substep: Eqs (15)-(18) and the water node.
 
     Implicit midpoint in both temperatures with film coefficients at the extrapolated midpoint.
@@ -797,7 +838,7 @@ def heat(s, o, w, q, p, e, table, dt):
 
 
 @compiled
-def prepare(s, o, w, q, p, e, dt):
+def prepare(s: Array, o: int, w: Array, q: int, p: Array, e: Array, dt: float) -> None:
     """What `transform` and `settle` need of the start of the substep."""
     w[q + W_SHIFT] = e[E_SHIFT] * s[o + S_CYCLES]
     w[q + W_FA] = -1.0
@@ -814,7 +855,18 @@ def prepare(s, o, w, q, p, e, dt):
 
 
 @compiled
-def heat_books(s, o, w, q, p, e, T_old, T, change, dt):
+def heat_books(
+    s: Array,
+    o: int,
+    w: Array,
+    q: int,
+    p: Array,
+    e: Array,
+    T_old: float,
+    T: float,
+    change: float,
+    dt: float,
+) -> None:
     """Water and wall temperatures at the end of the substep, and where the heat went."""
     length = p[P_LENGTH]
     middle = 0.5 * (T + T_old)
@@ -842,8 +894,8 @@ def heat_books(s, o, w, q, p, e, T_old, T, change, dt):
 
 
 @compiled
-def r_phase(T, xi_old, xi, s, o, p):
-    """Effect r_phase: austenite passes into R-phase on cooling, and back with a small hysteresis."""
+def r_phase(T: float, xi_old: float, xi: float, s: Array, o: int, p: Array) -> None:
+    """Effect r_phase: austenite becomes R-phase on cooling, and back with a small hysteresis."""
     start = p[P_M_S] + R_ABOVE
     austenite = 1.0 - xi
     share = s[o + S_R] / (1.0 - xi_old) if xi_old < 1.0 else 0.0
@@ -861,7 +913,17 @@ def r_phase(T, xi_old, xi, s, o, p):
 
 
 @compiled
-def history(s, o, w, q, p, e, F_phase, xi_old, change):
+def history(
+    s: Array,
+    o: int,
+    w: Array,
+    q: int,
+    p: Array,
+    e: Array,
+    F_phase: float,
+    xi_old: float,
+    change: float,
+) -> None:
     """What the next substep has to remember of the transformation."""
     xi = xi_old + change
     if change != 0.0:
@@ -877,7 +939,18 @@ def history(s, o, w, q, p, e, F_phase, xi_old, change):
 
 
 @compiled
-def accept(s, o, w, q, p, e, F_spring, F_phase, fed, dt):
+def accept(
+    s: Array,
+    o: int,
+    w: Array,
+    q: int,
+    p: Array,
+    e: Array,
+    F_spring: float,
+    F_phase: float,
+    fed: bool,
+    dt: float,
+) -> None:
     """Take over the end of the substep for one spring and write its energy books."""
     T_old = s[o + S_T]
     T = w[q + W_T]
@@ -911,7 +984,7 @@ def accept(s, o, w, q, p, e, F_spring, F_phase, fed, dt):
 
 
 @compiled
-def water_inventory(s, o, p, e, drain, dt):
+def water_inventory(s: Array, o: int, p: Array, e: Array, drain: float, dt: float) -> None:
     """Drain or refill the tube; heat that leaves or enters with the water goes to the books."""
     fill = s[o + S_FILL]
     new = fill
@@ -933,7 +1006,7 @@ def water_inventory(s, o, p, e, drain, dt):
 
 
 @compiled
-def scattered(count):
+def scattered(count: float) -> float:
     """A number in 0 to 1 for each count, evenly scattered (van der Corput, base 2)."""
     n = int(count)
     place = 0.5
@@ -947,7 +1020,7 @@ def scattered(count):
 
 
 @compiled
-def pump(s, o, p, e, duty, sign, dt):
+def pump(s: Array, o: int, p: Array, e: Array, duty: float, sign: float, dt: float) -> None:
     """Flow of one pump before leaks: linear in the duty, and what effects do to it."""
     if duty > 0.0:
         if s[o + S_PUMP_ON_S] <= 0.0:
@@ -975,7 +1048,9 @@ def pump(s, o, p, e, duty, sign, dt):
 
 
 @compiled
-def electrify(s, o, w, p, e, command, fed, dt):
+def electrify(
+    s: Array, o: int, w: Array, p: Array, e: Array, command: float, fed: bool, dt: float
+) -> None:
     """Current and resistance of one spring; effects of the driver act on a command only."""
     current = command
     if not fed:
@@ -995,14 +1070,14 @@ def electrify(s, o, w, p, e, command, fed, dt):
 
 
 @compiled
-def frozen(F, s, o, w, q, p, e):
+def frozen(F: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array) -> None:
     """Deflection of a spring at tension F with the fractions in scratch."""
     left = inelastic(F, w[q + W_XS], s, o, p, e)[0]
     w[q + W_DELTA] = F * compliance(w[q + W_XS] + w[q + W_XT], p, e) + left
 
 
 @compiled
-def from_deflection(delta, s, o, w, q, p, e):
+def from_deflection(delta: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array) -> float:
     """Tension of a spring at a deflection with the fractions in scratch, Eq. (9); never below 0."""
     left = inelastic(s[o + S_F], w[q + W_XS], s, o, p, e)[0]
     F = (delta - left) / compliance(w[q + W_XS] + w[q + W_XT], p, e)
@@ -1011,19 +1086,19 @@ def from_deflection(delta, s, o, w, q, p, e):
 
 
 @compiled
-def slack_position(u, s, w, p):
+def slack_position(u: float, s: Array, w: Array, p: Array) -> float:
     """Where the encoder stands when the tendon is slack: where it was, between the spring ends."""
     low = p[P_DELTA_0] - w[W_DELTA]
     high = w[W_SIZE + W_DELTA] - p[P_DELTA_0]
     if u < low:
-        return low
+        return float(low)
     if u > high:
-        return high
+        return float(high)
     return u
 
 
 @compiled
-def move_pair(s, w, p, e, feeds, u, dt):
+def move_pair(s: Array, w: Array, p: Array, e: Array, feeds: Array, u: float, dt: float) -> int:
     """Antagonistic pair: equilibrium, or both springs at a fed displacement u."""
     fed = feeds[F_TEMPERATURE] > 0.0
     guess = s[G_F] + dt * s[G_F_RATE]
@@ -1045,7 +1120,9 @@ def move_pair(s, w, p, e, feeds, u, dt):
 
 
 @compiled
-def move_single(s, w, p, e, feeds, stage, dt):
+def move_single(
+    s: Array, w: Array, p: Array, e: Array, feeds: Array, stage: float, dt: float
+) -> int:
     """Spring X held by the stage (stretch) or between walls (blocked); Y hangs free."""
     fed = feeds[F_TEMPERATURE] > 0.0
     delta = stage if p[P_FIXTURE] == 1.0 else p[P_DELTA_0] + stage
@@ -1066,7 +1143,17 @@ def move_single(s, w, p, e, feeds, stage, dt):
 
 
 @compiled
-def move_fed(s, w, p, e, feeds, F, u, stage, dt):
+def move_fed(
+    s: Array,
+    w: Array,
+    p: Array,
+    e: Array,
+    feeds: Array,
+    F: float,
+    u: float,
+    stage: float,
+    dt: float,
+) -> int:
     """Kinetics under a fed tension; tension or displacement then follow from Eq. (9)."""
     fed = feeds[F_TEMPERATURE] > 0.0
     pair = p[P_FIXTURE] == 0.0
@@ -1115,7 +1202,7 @@ def move_fed(s, w, p, e, feeds, F, u, stage, dt):
 
 
 @compiled
-def finish(s, u, F, dt):
+def finish(s: Array, u: float, F: float, dt: float) -> None:
     s[G_SPEED] = (u - s[G_U]) / dt
     s[G_U] = u
     s[G_F_RATE] = (F - s[G_F]) / dt
@@ -1123,7 +1210,17 @@ def finish(s, u, F, dt):
 
 
 @compiled
-def substep(s, w, p, e, feeds, table, drive, share, dt):
+def substep(
+    s: Array,
+    w: Array,
+    p: Array,
+    e: Array,
+    feeds: Array,
+    table: Array,
+    drive: Array,
+    share: float,
+    dt: float,
+) -> int:
     """One substep of both springs; `share` is how far into the sample its end is."""
     s[G_DRIFT] += e[E_DRIFT] * dt
     s[G_T_IN] = s[G_ENV_IN] + s[G_RESERVOIR]
@@ -1165,7 +1262,7 @@ def substep(s, w, p, e, feeds, table, drive, share, dt):
 
 
 @compiled
-def recall(ring, samples, column, when):
+def recall(ring: Array, samples: float, column: int, when: float) -> float:
     """A channel of the history at a time, linear between samples; the oldest one before them."""
     newest = int(samples) - 1
     oldest = newest - RING_ROWS + 1
@@ -1175,14 +1272,14 @@ def recall(ring, samples, column, when):
         n -= 1
     here = n % RING_ROWS
     if n == newest or ring[here, 0] >= when:
-        return ring[here, column]
+        return float(ring[here, column])
     then = (n + 1) % RING_ROWS
     part = (when - ring[here, 0]) / (ring[then, 0] - ring[here, 0])
-    return ring[here, column] + part * (ring[then, column] - ring[here, column])
+    return float(ring[here, column] + part * (ring[then, column] - ring[here, column]))
 
 
 @compiled
-def sense_late(s, e, ring):
+def sense_late(s: Array, e: Array, ring: Array) -> None:
     """Effects channel_delay and clock_skew: read temperature, displacement and force late."""
     n = int(s[G_SAMPLES])
     now = s[G_TIME]
@@ -1200,7 +1297,7 @@ def sense_late(s, e, ring):
 
 
 @compiled
-def sense(s, p, e, ring, dt):
+def sense(s: Array, p: Array, e: Array, ring: Array, dt: float) -> None:
     """What the sensors give at the end of a sample that lasted dt; dt = 0 before the first."""
     for i in range(2):
         o = i * S_SIZE
@@ -1246,7 +1343,18 @@ def sense(s, p, e, ring, dt):
 
 
 @compiled
-def advance(s, w, p, e, feeds, ring, table, drive, dt, steps):
+def advance(
+    s: Array,
+    w: Array,
+    p: Array,
+    e: Array,
+    feeds: Array,
+    ring: Array,
+    table: Array,
+    drive: Array,
+    dt: float,
+    steps: int,
+) -> int:
     """Advance the state by one sample of `steps` substeps of `dt`. Returns a status.
 
     drive: currents x, y (A); pump duties x, y; drain x, y (0 or 1); stage (m).
@@ -1262,7 +1370,23 @@ def advance(s, w, p, e, feeds, ring, table, drive, dt, steps):
 
 
 @compiled
-def replay(s, w, p, e, feeds, ring, flags, rows, table, drives, env, times, dt_max, slots, out):
+def replay(
+    s: Array,
+    w: Array,
+    p: Array,
+    e: Array,
+    feeds: Array,
+    ring: Array,
+    flags: Array,
+    rows: Array,
+    table: Array,
+    drives: Array,
+    env: Array,
+    times: Array,
+    dt_max: float,
+    slots: Slots,
+    out: Array,
+) -> tuple[int, int]:
     """Advance through recorded samples; row k of `drives` is in force up to times[k].
 
     flags (4,) and rows (n, 6): which signals are fed, and i_x, i_y, T_x, T_y, F, u. env (n, 2):
@@ -1277,7 +1401,7 @@ def replay(s, w, p, e, feeds, ring, flags, rows, table, drives, env, times, dt_m
             sense(s, p, e, ring, 0.0)
         else:
             span = times[k] - times[k - 1]
-            steps = int(math.ceil(span / dt_max - 1e-9))
+            steps = math.ceil(span / dt_max - 1e-9)
             steps = max(steps, 1)
             load_feeds(feeds, flags, rows, k)
             status = advance(s, w, p, e, feeds, ring, table, drives[k], span / steps, steps)
@@ -1289,7 +1413,7 @@ def replay(s, w, p, e, feeds, ring, flags, rows, table, drives, env, times, dt_m
 
 
 @compiled
-def load_feeds(feeds, flags, rows, k):
+def load_feeds(feeds: Array, flags: Array, rows: Array, k: int) -> None:
     """Feeds of the sample that ends at row k. Rows: i_x, i_y, T_x, T_y, F, u."""
     feeds[F_CURRENT] = flags[0]
     feeds[F_CURRENT + 1] = rows[k, 0]

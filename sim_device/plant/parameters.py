@@ -89,7 +89,7 @@ class ParameterSet:
             entry = self.entry(name)
             number = _finite(name, value)
             field = _FIELDS[name]
-            _within(name, number, field.low, field.high, field.unit, "physical limit")
+            _within(name, number, field.low, field.high, unit=field.unit, limit="physical limit")
             entries[_POSITION[name]] = replace(entry, value=number)
         changed = ParameterSet(self.title, tuple(entries))
         _check_together(changed)
@@ -126,7 +126,7 @@ def built_in_sets() -> Iterable[str]:
 
 
 def parameters_text(parameters: ParameterSet, title: str | None = None) -> str:
-    """A complete parameter file, in the units the set was written in; `load_parameters` reads it."""
+    """A complete parameter file in the units of the set; `load_parameters` reads it back."""
     lines = [f"title = {_quoted(parameters.title if title is None else title)}"]
     for entry in parameters.entries:
         unit = UNITS[entry.file_unit]
@@ -202,9 +202,9 @@ def _entry(field: Field, raw: object) -> Entry:
     low, high = (unit.to_si(_finite(name, bound)) for bound in bounds)
     if low > high:
         raise ParameterError(name, f"range {bounds} runs backwards; write [low, high]")
-    _within(name, low, field.low, field.high, field.unit, "physical limit (low end of the range)")
-    _within(name, high, field.low, field.high, field.unit, "physical limit (high end of the range)")
-    _within(name, value, low, high, field.unit, "range of the file")
+    _within(name, low, field.low, field.high, unit=field.unit, limit="physical limit (range)")
+    _within(name, high, field.low, field.high, unit=field.unit, limit="physical limit (range)")
+    _within(name, value, low, high, unit=field.unit, limit="range of the file")
     return Entry(
         name,
         field.symbol,
@@ -227,7 +227,7 @@ def _finite(name: str, value: object) -> float:
     return float(value)
 
 
-def _within(name: str, value: float, low: float, high: float, unit: str, limit: str) -> None:
+def _within(name: str, value: float, low: float, high: float, *, unit: str, limit: str) -> None:
     slack = 1e-12 * max(abs(low), abs(high))
     if not low - slack <= value <= high + slack:
         raise ParameterError(

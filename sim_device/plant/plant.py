@@ -62,9 +62,10 @@ class Plant:
         self._last: Drive | None = None
         self._max_step_s = max_step_s
         self._rng = np.random.default_rng(seed)
-        names = ("current", "current", "voltage", "voltage", "temperature", "temperature")
-        names += ("temperature", "temperature", "displacement", "force")
-        self._sigma = np.array([parameters[f"noise_{name}"] for name in names])
+        names = (*("current",) * 2, *("voltage",) * 2, *("temperature",) * 4)
+        self._sigma = np.array(
+            [parameters[f"noise_{name}"] for name in (*names, "displacement", "force")]
+        )
         self._supply_V = parameters["supply_voltage"]
         self._supply_Ohm = parameters["supply_resistance"]
 
@@ -86,7 +87,7 @@ class Plant:
             raise solver_error(status, self._s)
 
     def _step(self, dt_s: float, steps: int) -> int:
-        return k.advance(  # type: ignore[no-any-return]
+        return k.advance(
             self._s,
             self._w,
             self._p,

@@ -1,4 +1,4 @@
-"""Water: tabulated real properties, the paper's printed polynomials, and the kernel's film table."""
+"""Water: tabulated properties, the paper's printed polynomials, and the kernel's film table."""
 
 from __future__ import annotations
 
