@@ -1,0 +1,121 @@
+"""Negative controls: what is wrong with a file is named for what it is, never explained by a cause."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smad.gap.records import Outcome
+from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
+from tests.smad.gap.heater_plant import recorded
+
+
+def kinds(diagnosis) -> set[str]:  # type: ignore[no-untyped-def]
+    return {f.kind for f in diagnosis.findings}
+
+
+def test_swapped_sides_are_named_as_swapped() -> None:
+    runs = [
+        r.with_columns(
+            outputs={
+                "temp_l_degC": r.outputs["temp_r_degC"],
+                "temp_r_degC": r.outputs["temp_l_degC"],
+            }
+        )
+        for r in bank(OTHER)[:2]
+    ]
+    diagnosis = ask(runs)
+    assert diagnosis.verdict.outcome is Outcome.REFUSED
+    assert "swapped channels" in kinds(diagnosis)
+    assert "temp_l_degC" in diagnosis.verdict.text
+
+
+def test_inputs_of_another_run_are_named_as_not_driving_the_outputs() -> None:
+    a, b = recorded("random", 1, OTHER), recorded("random", 2, OTHER)
+    crossed = [a.with_columns(inputs=b.inputs), b.with_columns(inputs=a.inputs)]
+    diagnosis = ask(crossed)
+    assert diagnosis.verdict.outcome is Outcome.REFUSED
+    assert "inputs do not drive the outputs" in kinds(diagnosis)
+
+
+def test_shuffled_inputs_are_named_as_not_driving_the_outputs() -> None:
+    rng = np.random.default_rng(3)
+    runs = []
+    for run in bank(OTHER)[:2]:
+        order = rng.permutation(len(run.t_s))
+        runs.append(run.with_columns(inputs={k: v[order] for k, v in run.inputs.items()}))
+    diagnosis = ask(runs)
+    assert diagnosis.verdict.outcome is Outcome.REFUSED
+    assert "inputs do not drive the outputs" in kinds(diagnosis)
+
+
+def test_a_constant_channel_is_named_and_taken_out() -> None:
+    runs = [
+        r.with_columns(outputs={"temp_l_degC": np.full_like(r.t_s, 21.37)}) for r in bank(OTHER)
+    ]
+    diagnosis = ask(runs)
+    assert "constant channel" in kinds(diagnosis)
+    assert diagnosis.verdict.effects == []
+    assert diagnosis.verdict.outcome in (Outcome.PARAMETERS, Outcome.NO_GAP)
+    assert any("temp_l_degC" in text for text in diagnosis.missing)
+
+
+def test_a_run_of_three_seconds_is_refused_as_too_short() -> None:
+    short = [r.part(0, 30) for r in bank(OTHER)[:2]]
+    diagnosis = ask(short)
+    assert diagnosis.verdict.outcome is Outcome.NO_EXCITATION
+    assert kinds(diagnosis) == {"too short"}
+
+
+def test_a_run_in_which_nothing_is_driven_is_refused_for_want_of_excitation() -> None:
+    idle = [
+        replace(r.part(0, 200), inputs={k: np.zeros(200) for k in r.inputs})
+        for r in bank(OTHER)[:1]
+    ]
+    diagnosis = ask(idle)
+    assert diagnosis.verdict.outcome is Outcome.NO_EXCITATION
+    assert kinds(diagnosis) == {"no excitation"}
+
+
+def test_a_truncated_log_is_used_up_to_the_cut_and_said_to_be() -> None:
+    runs = bank(OTHER, {"sensor_lag": SHOWN["sensor_lag"]})
+    runs[0] = replace(runs[0].part(0, 300), cut_short=True)
+    diagnosis = ask(runs)
+    assert "truncated" in kinds(diagnosis)
+    assert diagnosis.verdict.effects == ["sensor_lag"]
+
+
+def test_a_run_with_a_third_of_its_samples_lost_is_refused() -> None:
+    run = bank(OTHER)[0]
+    valid = np.random.default_rng(0).random(len(run.t_s)) > 0.33
+    diagnosis = ask([replace(run, valid=valid)])
+    assert diagnosis.verdict.outcome is Outcome.REFUSED
+    assert "samples lost" in kinds(diagnosis)
+
+
+def test_a_few_lost_samples_do_no_harm() -> None:
+    rng = np.random.default_rng(1)
+    runs = []
+    for r in bank(OTHER, {"coupling": SHOWN["coupling"]}):
+        valid = rng.random(len(r.t_s)) > 0.03
+        spoilt = {k: np.where(valid, v, np.nan) for k, v in r.outputs.items()}
+        filled = {k: np.interp(r.t_s, r.t_s[valid], v[valid]) for k, v in spoilt.items()}
+        runs.append(replace(r, outputs=filled, valid=valid))
+    diagnosis = ask(runs)
+    assert diagnosis.verdict.effects == ["coupling"]
+    assert "samples lost" in kinds(diagnosis)
+
+
+@pytest.mark.parametrize("missing", ["rod_um", "power_l_W"])
+def test_a_channel_that_the_bench_lacks_switches_its_residual_off(missing: str) -> None:
+    runs = [
+        replace(r, outputs={k: v for k, v in r.outputs.items() if k != missing})
+        for r in bank(OTHER, {"sensor_lag": SHOWN["sensor_lag"]})
+    ]
+    diagnosis = ask(runs)
+    assert any(missing in text for text in diagnosis.missing)
+    assert "channel missing" in kinds(diagnosis)
+    if missing == "rod_um":
+        assert diagnosis.verdict.effects == ["sensor_lag"]
