@@ -76,6 +76,8 @@ def _key(section: str, field: types.Field) -> Key:
 
 def _allowed(kind: types.Type) -> str:
     match kind:
+        case types.FloatType(ge=None, gt=above, le=high):
+            return f"above {above:g}, to {high:g}"
         case types.FloatType(ge=low, le=high):
             return f"{low:g} to {high:g}"
         case types.IntType(ge=low, le=high):
