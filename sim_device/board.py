@@ -126,6 +126,10 @@ class Board:
         self.tick = 0
         self.sp_seq = 0
         self.sp_age_us = AGE_UNKNOWN
+        self.sp_ref_us = -1
+        """Board time (32 bits) of the sample that the last accepted setpoint answers."""
+        self.last_mode = BoardState.BOOT
+        """Mode that the last STATE told."""
         self.lying_sp_seq = 0
         """Added to STATE.sp_seq by a fault injection."""
         self.overruns = 0
@@ -174,6 +178,7 @@ class Board:
         if refused:
             return
         self.sp_seq = seq
+        self.sp_ref_us = setpoint.t_ref_us
         self.sp_age_us = min(age_us, AGE_MOST_US)
         flags = int(setpoint.flags)
         self.drain = ((flags & _DRAIN_X) != 0, (flags & _DRAIN_Y) != 0)
@@ -197,6 +202,7 @@ class Board:
             self.drain = (False, False)
         self._watch_loop(dt_us)
         state = self._state()
+        self.last_mode = state.mode
         if talk:
             self.session.send_state(state)
         if s.latched != self._reported:

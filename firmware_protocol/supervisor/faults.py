@@ -20,6 +20,7 @@ class FaultText:
 
 
 FAULT_TEXTS: dict[Fault, FaultText] = {
+    Fault.NONE: FaultText("", False, "No fault stands.", "There is nothing to do."),
     Fault.SELF_TEST: FaultText(
         "",
         False,
@@ -212,7 +213,7 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
         "Switch off the power. Replace the driver before heating again.",
     ),
 }
-"""Every fault of the enumeration but NONE."""
+"""Every fault of the enumeration."""
 
 
 def explain(fault: Fault) -> str:

@@ -19,7 +19,5 @@ PUMP_POLICY: tuple[int, ...] = tuple(int(states.STATE_OUTPUTS[state][1]) for sta
 CURRENT_ALLOWED: tuple[int, ...] = tuple(
     int(state in states.CURRENT_ALLOWED) for state in BoardState
 )
-FAULT_PUMPS: tuple[int, ...] = tuple(
-    int(fault in FAULT_TEXTS and FAULT_TEXTS[fault].pumps) for fault in Fault
-)
+FAULT_PUMPS: tuple[int, ...] = tuple(int(FAULT_TEXTS[fault].pumps) for fault in Fault)
 """Whether the pumps run, by number of the first fault."""

@@ -1,0 +1,225 @@
+"""The simulated bench behind a port, paced by the wall clock.
+
+Samples fall on an absolute grid of wall time, `speed` times as fast as board time. A bench that
+was kept from running for longer than a few samples starts a new grid instead of hurrying after
+the old one: board time then went slower for a while, which no host can tell from a busy board.
+
+With `paced_by_host` the board, once armed, also waits for the setpoint that answers its last
+STATE before it takes the next sample. Every setpoint is then applied at the time of the sample it
+was computed from, however busy the machine is and however fast the bench runs; a closed loop over
+the port gives the same samples as one in lockstep. The wait is bounded by wall time: a host that
+is silent for `host_timeout_s` is left behind, and the board goes on by itself at `speed` until a
+setpoint comes, so that it still notices and stops. Not armed, the board never waits.
+"""
+
+from __future__ import annotations
+
+import select
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from firmware_protocol.enums import BoardState
+from sim_device.bench import SimulatedBench
+from sim_device.board import WRAP
+from sim_device.errors import PortError
+from sim_device.ports import Port, PortCounts, PtyPort, socket_from_descriptor
+
+LATE_MOST_S = 0.05
+LATE_MOST_PERIODS = 5
+WAIT_MOST_S = 0.1
+"""Longest wait at a time, so that a signal is noticed."""
+HEATING = (BoardState.ARMED, BoardState.HOLD)
+
+
+@dataclass(slots=True)
+class ServeStats:
+    """How a run went."""
+
+    samples: int = 0
+    grid_restarts: int = 0
+    """Times the machine kept the bench from running for longer than a few samples."""
+    host_timeouts: int = 0
+    """Times the host did not answer a STATE in time (paced by host only)."""
+
+
+class Server:
+    """Runs a bench behind a port.
+
+    `make_port` opens a port; it is called again when an unplugged one comes back. `clock` is a
+    monotonic clock in s.
+    """
+
+    def __init__(
+        self,
+        bench: SimulatedBench,
+        make_port: Callable[[], Port],
+        *,
+        speed: float = 1.0,
+        paced_by_host: bool = False,
+        host_timeout_s: float = 2.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if not 0.0 < speed <= 1000.0:
+            raise PortError(f"speed {speed:g} is refused: give a factor above 0 and up to 1000")
+        self.bench = bench
+        self.stats = ServeStats()
+        self.port: Port | None = make_port()
+        self.stopping = False
+        self._make_port = make_port
+        self._speed = speed
+        self._paced_by_host = paced_by_host
+        self._host_timeout_s = host_timeout_s
+        self._clock = clock
+        self._left_behind_at_us = -2
+        self._old_port: Port | None = None
+        self._sampled_s = clock()
+        self._due_s = self._sampled_s
+        bench.on_unplug = self._unplug
+        bench.on_plug = self._plug
+
+    def run(self, max_seconds: float | None = None) -> ServeStats:
+        """Run until `stop`, or for so many seconds of wall time."""
+        end_s = None if max_seconds is None else self._clock() + max_seconds
+        self._due_s = self._clock()
+        while not self.stopping and (end_s is None or self._clock() < end_s):
+            self.turn()
+        return self.stats
+
+    def stop(self) -> None:
+        """End `run` soon."""
+        self.stopping = True
+
+    def close(self) -> None:
+        """Give up the port."""
+        if self.port is not None:
+            self.port.close()
+            self.port = None
+
+    def turn(self) -> None:
+        """Wait for bytes or for the next sample, whichever comes first, and do it."""
+        now_s = self._clock()
+        if self._waits_for_host():
+            self._listen(self._sampled_s + self._host_timeout_s - now_s)
+            if self._waits_for_host() and self._clock() >= self._sampled_s + self._host_timeout_s:
+                self._left_behind_at_us = self.bench.board.sp_ref_us
+                self.stats.host_timeouts += 1
+        elif now_s < self._due_s:
+            self._listen(self._due_s - now_s)
+        else:
+            self._listen(0.0)
+            self._sample()
+
+    def _waits_for_host(self) -> bool:
+        """Return whether the last sample still wants its answer."""
+        board = self.bench.board
+        return (
+            self._paced_by_host
+            and board.last_mode in HEATING
+            and board.state in HEATING
+            and board.sp_ref_us != board.now_us % WRAP
+            and board.sp_ref_us != self._left_behind_at_us
+        )
+
+    def _sample(self) -> None:
+        """Take one sample and set the time of the next."""
+        now_s = self._clock()
+        period_s = self.bench.period_us * 1e-6 / self._speed
+        out = self.bench.step()
+        if self.port is not None and out:
+            self.port.write(out)
+        self.stats.samples += 1
+        self._sampled_s = now_s
+        self._due_s += period_s
+        if now_s - self._due_s > max(LATE_MOST_S, LATE_MOST_PERIODS * period_s):
+            self._due_s = now_s + period_s
+            self.stats.grid_restarts += 1
+
+    def _listen(self, seconds: float) -> None:
+        """Wait for bytes for at most so long, pass them on, and send what they are answered."""
+        seconds = min(max(seconds, 0.0), WAIT_MOST_S)
+        port = self.port
+        fd = None if port is None else port.fileno()
+        if port is None or fd is None:
+            time.sleep(seconds)
+            return
+        readable, _, _ = select.select([fd], [], [], seconds)
+        if not readable:
+            return
+        data = port.read()
+        if not data:
+            return
+        self.bench.receive(data, self._bench_time_us())
+        out = self.bench.data_to_send()
+        if out:
+            port.write(out)
+
+    def _bench_time_us(self) -> int:
+        """Return where bench time is now, between the last sample and the next."""
+        bench = self.bench
+        if self._paced_by_host:
+            return bench.now_us
+        passed_us = int((self._clock() - self._sampled_s) * self._speed * 1e6)
+        return bench.now_us + min(max(passed_us, 0), bench.period_us - 1)
+
+    def _unplug(self, renamed: bool) -> None:
+        self._old_port = self.port if renamed else None
+        if not renamed:
+            self.close()
+        self.port = None
+
+    def _plug(self) -> None:
+        self.port = self._make_port()
+        if self._old_port is not None:
+            self._old_port.close()
+
+
+def serve(
+    bench: SimulatedBench,
+    *,
+    speed: float = 1.0,
+    symlink: Path | None = None,
+    transport: str = "pty",
+    paced_by_host: bool = False,
+    host_timeout_s: float = 2.0,
+    max_seconds: float | None = None,
+    on_ready: Callable[[str], None] | None = None,
+    handle_signals: bool = True,
+) -> tuple[ServeStats, PortCounts]:
+    """Run `bench` behind a port until SIGINT, SIGTERM or for `max_seconds`; return the counts.
+
+    transport: "pty", or "fd:N" for an inherited socket. `on_ready` gets the port's name once a
+    client can open it. `handle_signals` needs the main thread. Raises PortError.
+    """
+
+    def make_port() -> Port:
+        if transport == "pty":
+            return PtyPort(symlink)
+        kind, _, number = transport.partition(":")
+        if kind == "fd" and number.isdigit():
+            return socket_from_descriptor(int(number))
+        raise PortError(f"transport {transport!r} is refused: give pty, or fd:N with a number")
+
+    server = Server(
+        bench, make_port, speed=speed, paced_by_host=paced_by_host, host_timeout_s=host_timeout_s
+    )
+    assert server.port is not None
+    counts = server.port.counts
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        server.stop()
+
+    before = {}
+    if handle_signals:
+        before = {n: signal.signal(n, on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        if on_ready is not None:
+            on_ready(server.port.name)
+        return server.run(max_seconds), counts
+    finally:
+        server.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
