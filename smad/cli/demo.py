@@ -1,0 +1,62 @@
+"""`smad demo`: the main job on a simulated bench, from arming to the page with the plots."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import click
+
+from smad.cli.output import Progress
+
+SPEED = 40
+REAL_TIME_S = 10.0
+
+
+@click.command()
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    help="Where the run log and the page go.",
+)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+def demo(folder: Path, seed: int) -> None:
+    """Start a simulated bench and its daemon, run steps and a sinusoid, show what was measured.
+
+    The same seed gives the same table, but for the times measured in real time.
+    """
+    from smad.cli.daemonprocess import running_daemon
+    from smad.client import Client
+    from smad.config import Config, RecorderConfig, TelemetryConfig, config_to_toml
+    from smad.demo.job import run_cycle, run_in_real_time
+
+    line = Progress()
+    with tempfile.TemporaryDirectory(prefix="smad-demo-") as place:
+        sockets = Path(place)
+        config = Config(
+            recorder=RecorderConfig(folder=str(folder.resolve()), automatic=False),
+            telemetry=TelemetryConfig(endpoint=""),
+        )
+        (sockets / "demo.toml").write_text(config_to_toml(config))
+        common = ["--sim", "--config", str(sockets / "demo.toml"), "--seed", str(seed)]
+
+        def starting() -> None:
+            line.say("starting the simulated bench and the daemon")
+
+        fast = [*common, "--speed", str(SPEED), "--paced-by-host"]
+        with running_daemon(fast, sockets, waiting=starting), Client(folder=sockets) as client:
+            done = run_cycle(client, line.say)
+        with running_daemon(common, sockets, waiting=starting), Client(folder=sockets) as client:
+            real = run_in_real_time(client, REAL_TIME_S, line.say)
+        line.say("reading the run log and drawing")
+        from smad.demo import figures
+
+        run = figures.load(done.path)
+        rows = figures.table(run, done.status, real)
+        page = Path(done.path).with_suffix(".html")
+        figures.write(page, run, rows)
+        line.done()
+    click.echo(figures.text_table(rows))
+    click.echo(f"\nrun log  {done.path}\npage     {page}")

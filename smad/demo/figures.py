@@ -1,0 +1,165 @@
+"""The demo's numbers and pictures, from its run log alone."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.api import Percentiles, Status
+from smad.control.metrics import StepResponse, peak, step_response, tracking_r2
+from smad.demo.job import AMPLITUDE_MM, CYCLES, PERIOD_S, STEP_MM
+from smad.report.page import Page, Picture, Section, Table, Text, write_page
+from smad.report.plots import draw, label, new_figure, svg_of
+from smad.runlog.reader import Run, read_run
+
+Array = NDArray[np.float64]
+Rows = list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of the run in which the reference stood still at `target_mm`; times in s."""
+
+    start_s: float
+    end_s: float
+    target_mm: float
+
+
+def segments(t_s: Array, reference_mm: Array, shortest_s: float = 5.0) -> list[Segment]:
+    """Return where the reference stood still for at least `shortest_s`, in order."""
+    found = []
+    edges = np.flatnonzero(np.diff(reference_mm) != 0.0) + 1
+    bounds = [0, *edges.tolist(), len(t_s)]
+    for begin, end in itertools.pairwise(bounds):
+        if np.isfinite(reference_mm[begin]) and t_s[end - 1] - t_s[begin] >= shortest_s:
+            found.append(
+                Segment(float(t_s[begin]), float(t_s[end - 1]), float(reference_mm[begin]))
+            )
+    return found
+
+
+def column(run: Run, name: str) -> Array:
+    """Return a channel as float64."""
+    return run.columns[name].astype(np.float64)
+
+
+def step_of(run: Run, segment: Segment) -> StepResponse:
+    """Return how the displacement followed the step that began the segment."""
+    t, x = column(run, "t_s"), column(run, "displacement_mm")
+    part = (t >= segment.start_s) & (t <= segment.end_s)
+    return step_response(t[part], x[part], segment.target_mm)
+
+
+def sinusoid(run: Run) -> tuple[Array, Array, Array]:
+    """Return time, reference and displacement of the sinusoid, its first cycle left out."""
+    t, reference = column(run, "t_s"), column(run, "reference_mm")
+    still = segments(t, reference)
+    end_s = still[-1].start_s
+    part = (t >= end_s - PERIOD_S * (CYCLES - 1)) & (t < end_s)
+    return t[part], reference[part], column(run, "displacement_mm")[part]
+
+
+def table(run: Run, paced: Status, real: Status) -> Rows:
+    """Return the demo's table: what was measured, and its value with unit."""
+    still = segments(column(run, "t_s"), column(run, "reference_mm"))
+    up = step_of(run, next(s for s in still if s.target_mm == STEP_MM))
+    down = step_of(run, next(s for s in still if s.target_mm == -STEP_MM))
+    _, reference, displacement = sinusoid(run)
+    columns = run.columns
+    degrees = max(peak(columns["rtd_x_degC"]), peak(columns["rtd_y_degC"]))
+    amperes = max(peak(columns["i_meas_x_A"]), peak(columns["i_meas_y_A"]))
+    missed = paced.counts.missed + real.counts.missed
+    samples = paced.counts.samples + real.counts.samples
+    return [
+        (
+            f"tracking R², {AMPLITUDE_MM:g} mm sinusoid of {PERIOD_S:g} s",
+            f"{tracking_r2(reference, displacement):.4f}",
+        ),
+        (f"rise time, 0 → +{STEP_MM:g} mm", _seconds(up.rise_time_s)),
+        (f"settling time (5 %), 0 → +{STEP_MM:g} mm", _seconds(up.settling_time_s)),
+        (f"rise time, +{STEP_MM:g} → −{STEP_MM:g} mm", _seconds(down.rise_time_s)),
+        (f"settling time (5 %), +{STEP_MM:g} → −{STEP_MM:g} mm", _seconds(down.settling_time_s)),
+        ("peak temperature of a spring", f"{degrees:.1f} °C"),
+        ("peak current", f"{amperes:.2f} A"),
+        ("setpoint age at the board, in real time", _spread(real.timing.setpoint_age)),
+        ("the daemon's share, in real time", _spread(real.timing.own_share)),
+        ("missed samples", f"{missed} of {samples}"),
+    ]
+
+
+def text_table(rows: Rows) -> str:
+    """Return the table for a terminal."""
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+
+
+def write(path: Path, run: Run, rows: Rows) -> None:
+    """Write the self-contained HTML page."""
+    page = Page(
+        title="smad demo",
+        lead="A simulated bench of antagonistic shape-memory springs, driven by the daemon.",
+        facts=(("run log", run.path.name), ("seed", str(run.header.seed))),
+        sections=[
+            Section(
+                "What was measured",
+                [
+                    Table(("quantity", "value"), rows),
+                    Text(
+                        "The cycle runs faster than the wall clock: the simulated board waits, "
+                        "within bounds, for the setpoint that answers its last sample. The ages "
+                        "were measured in a second run, in real time.",
+                        kind="note",
+                    ),
+                ],
+            ),
+            Section(
+                "The whole run", [Picture(_overview(run), "Displacement, temperature, drive.")]
+            ),
+            Section("The sinusoid", [Picture(_close_up(run), "Reference and displacement.")]),
+        ],
+    )
+    write_page(page, path)
+
+
+def _overview(run: Run) -> str:
+    c = run.columns
+    t = c["t_s"] - c["t_s"][0]
+    figure, axes = new_figure(3, height_in=7.0, share_x=True)
+    draw(axes[0], t, c["reference_mm"], "reference", "reference", style="--")
+    draw(axes[0], t, c["displacement_mm"], "displacement", "x")
+    label(axes[0], "", "mm")
+    draw(axes[1], t, c["rtd_x_degC"], "spring X", "x")
+    draw(axes[1], t, c["rtd_y_degC"], "spring Y", "y")
+    label(axes[1], "", "°C")
+    draw(axes[2], t, c["i_meas_x_A"], "current X", "x")
+    draw(axes[2], t, c["i_meas_y_A"], "current Y", "y")
+    draw(axes[2], t, c["duty_x"], "pump X", "x", style=":")
+    draw(axes[2], t, c["duty_y"], "pump Y", "y", style=":")
+    label(axes[2], "time (s)", "A, duty")
+    return svg_of(figure, "displacement, temperatures, currents and pumps over time")
+
+
+def _close_up(run: Run) -> str:
+    t, reference, displacement = sinusoid(run)
+    figure, axes = new_figure(1)
+    draw(axes[0], t - t[0], reference, "reference", "reference", style="--")
+    draw(axes[0], t - t[0], displacement, "displacement", "x")
+    label(axes[0], "time (s)", "mm")
+    return svg_of(figure, "the sinusoid followed")
+
+
+def _seconds(value: float) -> str:
+    return "never" if np.isnan(value) else f"{value:.2f} s"
+
+
+def _spread(part: Percentiles) -> str:
+    return f"p50 {part.p50_us:.0f}, p99 {part.p99_us:.0f}, p99.9 {part.p999_us:.0f} µs"
+
+
+def load(path: str) -> Run:
+    """Return the demo's run."""
+    return read_run(path)

@@ -1,0 +1,85 @@
+"""What the demo does to the bench: a ±10 mm step cycle, then a 2 mm sinusoid of 7 s."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from smad.api import Motion, Status
+from smad.client import Client, NotReady, Refused
+from smad.control.commands import Hold, Sine, Step, Trajectory
+
+STEP_MM = 10.0
+DWELL_S = 20.0
+REST_S = 10.0
+AMPLITUDE_MM = 2.0
+PERIOD_S = 7.0
+CYCLES = 4
+ARM_DEADLINE_S = 30.0
+
+CYCLE: tuple[Trajectory, ...] = (
+    Step(displacement_mm=STEP_MM, duration_s=DWELL_S),
+    Step(displacement_mm=-STEP_MM, duration_s=DWELL_S),
+    Step(displacement_mm=0.0, duration_s=DWELL_S),
+    Sine(amplitude_mm=AMPLITUDE_MM, period_s=PERIOD_S, cycles=CYCLES),
+    Hold(duration_s=REST_S),
+)
+LENGTH_S = 3 * DWELL_S + PERIOD_S * CYCLES + REST_S
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Done:
+    """What the job left: the run log's path, and the daemon's status at its end."""
+
+    path: str
+    status: Status
+
+
+def run_cycle(client: Client, say: Say) -> Done:
+    """Arm, record, run the cycle, disarm. Raises SmadError when the bench stops early."""
+    arm(client, say)
+    began_s = client.motion().board_time_s
+    recorder = client.start_recording("demo")
+    client.move(*CYCLE)
+
+    def progress(motion: Motion) -> None:
+        say(f"{motion.board_time_s - began_s:.0f} of {LENGTH_S:.0f} s of board time")
+
+    client.wait_until_done(progress)
+    status = client.status()
+    client.disarm()
+    client.stop_recording()
+    return Done(recorder.path, status)
+
+
+def run_in_real_time(client: Client, seconds: float, say: Say) -> Status:
+    """Arm, move gently for so long by the wall clock, disarm; return the status before that."""
+    arm(client, say)
+    client.move(Sine(amplitude_mm=1.0, period_s=seconds, cycles=1))
+    client.wait_until_done(lambda motion: say("measuring the setpoint's age in real time"))
+    status = client.status()
+    client.disarm()
+    return status
+
+
+def arm(client: Client, say: Say) -> None:
+    """Arm as soon as the board allows it: its clock and ours need a moment to align.
+
+    Raises Refused with the board's reason when it still refuses after half a minute.
+    """
+    deadline = time.monotonic() + ARM_DEADLINE_S
+    while True:
+        try:
+            client.arm()
+        except NotReady:
+            raise
+        except Refused:
+            if time.monotonic() > deadline:
+                raise
+            say("waiting until the board can be armed")
+            time.sleep(0.1)
+        else:
+            return

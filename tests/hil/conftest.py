@@ -1,0 +1,145 @@
+"""Processes for the tests on real pseudo-terminals: a simulated device, and daemons on it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from smad.api import Status
+from smad.cli.daemonprocess import DaemonProcess
+from smad.client import Client, Refused
+from smad.config import (
+    Config,
+    LinkConfig,
+    RealtimeConfig,
+    RecorderConfig,
+    TelemetryConfig,
+    config_to_toml,
+)
+
+PATIENCE_S = 120.0
+"""A loaded machine may take its time; nothing is asserted on how long anything took."""
+
+
+class Device:
+    """A `smad sim` process; `port` is a lasting name of its tty."""
+
+    def __init__(self, folder: Path, arguments: Sequence[str]) -> None:
+        self.port = folder / "device.tty"
+        self._arguments = arguments
+        self._process: subprocess.Popen[str] | None = None
+        self.start()
+
+    def start(self, *arguments: str) -> None:
+        """Start it (again), with other arguments if any are given."""
+        command = [sys.executable, "-m", "smad", "sim", "--symlink", str(self.port)]
+        self._process = subprocess.Popen(
+            [*command, *(arguments or self._arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline().startswith("ready")
+
+    def kill(self) -> None:
+        """The power goes: no goodbye."""
+        assert self._process is not None
+        self._process.kill()
+        self._process.communicate()
+
+
+class Hil:
+    """A folder with a device, daemons and clients; everything ends with the test."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.runs = folder / "runs"
+        self._devices: list[Device] = []
+        self._daemons: list[DaemonProcess] = []
+        self._clients: list[Client] = []
+
+    def device(self, *arguments: str) -> Device:
+        """A simulated device, ten times as fast as the wall clock and paced by its host."""
+        chosen = arguments or ("--speed", "20", "--paced-by-host")
+        device = Device(self.folder, chosen)
+        self._devices.append(device)
+        return device
+
+    def daemon(self, port: object, *arguments: str, bench: str = "bench") -> DaemonProcess:
+        """A daemon on a port; not yet ready."""
+        config = Config(
+            link=LinkConfig(port=str(port), baud=921_600, reconnect_interval_s=0.05),
+            recorder=RecorderConfig(folder=str(self.runs), automatic=False),
+            telemetry=TelemetryConfig(endpoint=""),
+            # Faster than the wall clock, it needs no priority, and would starve the machine.
+            realtime=RealtimeConfig(fifo_priority=0, lock_memory=False),
+        )
+        path = self.folder / f"{bench}.toml"
+        path.write_text(config_to_toml(config))
+        daemon = DaemonProcess(["--config", str(path), *arguments], self.folder, bench=bench)
+        self._daemons.append(daemon)
+        return daemon
+
+    def ready_daemon(self, port: object, *arguments: str) -> DaemonProcess:
+        """A daemon that answers commands."""
+        daemon = self.daemon(port, *arguments)
+        daemon.wait_until_ready()
+        return daemon
+
+    def client(self) -> Client:
+        """A client of the daemon."""
+        client = Client(folder=self.folder, timeout_s=PATIENCE_S)
+        self._clients.append(client)
+        return client
+
+    def close(self) -> None:
+        """End everything."""
+        for client in self._clients:
+            client.close()
+        for daemon in self._daemons:
+            daemon.end()
+        for device in self._devices:
+            device.kill()
+
+
+@pytest.fixture
+def hil() -> Iterator[Hil]:
+    # Socket paths are short; pytest's own folders are not.
+    with tempfile.TemporaryDirectory(prefix="smad-hil-") as folder:
+        hil = Hil(Path(folder))
+        try:
+            yield hil
+        finally:
+            hil.close()
+
+
+def wait_for(client: Client, condition: Callable[[Status], bool]) -> Status:
+    """Poll the status until the condition holds."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        status = client.status()
+        if condition(status):
+            return status
+        time.sleep(0.02)
+    raise AssertionError(f"it never came; the last status was {status}")
+
+
+def arm(client: Client) -> None:
+    """Arm as soon as the board allows it."""
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            client.arm()
+        except Refused:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.05)
+        else:
+            return

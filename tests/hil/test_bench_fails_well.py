@@ -1,0 +1,168 @@
+"""The daemon process when things go wrong: refused with one line, disarmed, never re-armed."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from smad.client import Client, NoDaemon, Refused, Stopped
+from smad.control.commands import Step
+from smad.daemon.endpoints import read_connection
+from tests.hil.conftest import PATIENCE_S, Hil, arm, wait_for
+
+STEP = Step(displacement_mm=5.0, duration_s=3000.0)
+NOT_HEATING = ("SAFE", "COOL", "FAULT")
+
+
+def test_a_device_that_loses_power_comes_back_watched_and_not_armed(hil: Hil) -> None:
+    device = hil.device()
+    hil.ready_daemon(device.port)
+    client = hil.client()
+    arm(client)
+    client.move(STEP)
+    device.kill()
+    wait_for(client, lambda s: s.link.state in ("disconnected", "sync"))
+    with pytest.raises(Stopped, match="not armed"):
+        client.wait_until_done()
+    device.start()
+    status = wait_for(client, lambda s: s.link.state == "monitor" and s.motion.mode == "SAFE")
+    assert not status.motion.armed
+    assert status.motion.running == "idle"
+    arm(client)
+    assert client.motion().armed
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_disarms_and_the_last_line_says_so(hil: Hil, number: int) -> None:
+    device = hil.device()
+    daemon = hil.ready_daemon(device.port)
+    client = hil.client()
+    arm(client)
+    client.move(STEP)
+    wait_for(client, lambda s: (s.motion.displacement_mm or 0.0) > 1.0)
+    assert daemon.end(number) == 0
+    name = signal.Signals(number).name
+    assert daemon.last_line == f"smad: ended by {name}: disarmed, the board cools by itself"
+    hil.ready_daemon(device.port)
+    status = wait_for(hil.client(), lambda s: s.motion.mode in NOT_HEATING)
+    assert status.motion.mode in ("COOL", "SAFE")
+    assert status.motion.fault is None
+
+
+def test_after_a_daemon_is_killed_the_board_stops_by_itself_and_is_not_armed_again(
+    hil: Hil,
+) -> None:
+    device = hil.device("--speed", "5")
+    daemon = hil.ready_daemon(device.port)
+    client = hil.client()
+    arm(client)
+    client.move(STEP)
+    wait_for(client, lambda s: (s.motion.displacement_mm or 0.0) > 1.0)
+    os.kill(daemon.process.pid, signal.SIGKILL)
+    daemon.process.wait()
+    with pytest.raises(NoDaemon):
+        Client(folder=hil.folder)
+    hil.ready_daemon(device.port)
+    status = wait_for(hil.client(), lambda s: s.motion.mode in NOT_HEATING)
+    assert not status.motion.armed
+    with pytest.raises(Refused):
+        hil.client().move(STEP)
+
+
+def refused(hil: Hil, port: object, *arguments: str, bench: str = "bench") -> str:
+    """Start a daemon that must not come up; return the one line it ends with."""
+    daemon = hil.daemon(port, *arguments, bench=bench)
+    assert daemon.process.wait(PATIENCE_S) != 0
+    text = daemon.log.read_text()
+    assert "Traceback" not in text
+    return daemon.last_line
+
+
+def test_a_second_daemon_for_the_same_bench_is_refused(hil: Hil) -> None:
+    device = hil.device()
+    first = hil.ready_daemon(device.port)
+    line = refused(hil, device.port)
+    assert f"running already; got process {first.process.pid}" in line
+    assert "smad status" in line
+    hil.client().status()
+
+
+def test_a_second_bench_on_the_same_port_is_refused(hil: Hil) -> None:
+    device = hil.device()
+    first = hil.ready_daemon(device.port)
+    line = refused(hil, os.path.realpath(device.port), bench="other")
+    assert f"the port is in use by process {first.process.pid}" in line
+    assert hil.client().status().link.losses == 0
+
+
+def test_a_port_that_is_not_there_is_refused(hil: Hil) -> None:
+    line = refused(hil, "/dev/no-such-port")
+    assert line.startswith("smad: there is no such port; got /dev/no-such-port")
+    assert "--sim" in line
+
+
+def test_no_port_at_all_is_refused_with_what_to_name(hil: Hil) -> None:
+    assert "--port DEVICE" in refused(hil, "")
+
+
+def test_a_silent_port_is_refused_after_a_while(hil: Hil) -> None:
+    master, slave = os.openpty()
+    try:
+        line = refused(hil, os.ttyname(slave))
+    finally:
+        os.close(slave)
+        os.close(master)
+    assert "the board does not answer" in line
+    assert "powered" in line
+
+
+def test_another_protocol_version_is_refused_and_both_versions_are_named(hil: Hil) -> None:
+    device = hil.device("--speed", "1", "--fault", "major_other@0")
+    line = refused(hil, device.port)
+    assert "another version of the protocol" in line
+    assert "host has 1.0" in line
+
+
+def test_a_wrong_baud_rate_is_recognised_by_what_arrives(hil: Hil) -> None:
+    device = hil.device("--speed", "1", "--fault", "wrong_baud@0")
+    line = refused(hil, device.port)
+    assert "not our protocol" in line
+    assert "link.baud" in line
+
+
+def test_a_rate_that_does_not_fit_the_baud_rate_is_refused_with_a_pair_that_does(hil: Hil) -> None:
+    line = refused(hil, "/dev/null", "--rate", "500", "--baud", "115200")
+    assert "500 samples a second do not fit 115200 baud" in line
+    assert "at most 70%" in line
+    assert "link.rate_hz = 100" in line
+
+
+def test_a_configuration_with_an_unknown_key_is_refused_with_its_name(hil: Hil) -> None:
+    path = hil.folder / "bad.toml"
+    path.write_text("[link]\nspeed = 3\n")
+    line = refused(hil, "/dev/null", "--config", str(path))
+    assert "speed" in line
+    assert "bad.toml" in line
+
+
+def test_nothing_is_left_behind_after_an_orderly_end(hil: Hil) -> None:
+    daemon = hil.ready_daemon(hil.device().port)
+    assert read_connection(hil.folder / "bench.json") is not None
+    assert daemon.end() == 0
+    assert not (hil.folder / "bench.json").exists()
+    assert daemon.last_line == "smad: ended by SIGINT: nothing was armed"
+
+
+def test_the_log_of_a_killed_daemon_keeps_its_flushed_rows(hil: Hil) -> None:
+    from smad.runlog.reader import read_run
+
+    daemon = hil.ready_daemon(hil.device("--speed", "5").port)
+    client = hil.client()
+    path = Path(client.start_recording("killed").path)
+    wait_for(client, lambda s: path.stat().st_size > 20_000)
+    os.kill(daemon.process.pid, signal.SIGKILL)
+    daemon.process.wait()
+    run = read_run(path)
+    assert run.cut_short
+    assert len(run) > 100

@@ -1,0 +1,124 @@
+"""The daemon process against a simulated device over a real pseudo-terminal: what should work."""
+
+import itertools
+import threading
+from pathlib import Path
+
+import pytest
+import zmq
+
+from smad.api import AddNote, GetStatus
+from smad.client import Client
+from smad.client.wire import Conversation, connect, new_identity, subscribe
+from smad.control.commands import Sine, Step
+from smad.control.metrics import tracking_r2
+from smad.runlog.reader import read_run
+from tests.hil.conftest import Hil, arm
+
+
+def test_steps_and_a_sinusoid_are_followed_recorded_and_ended(hil: Hil) -> None:
+    daemon = hil.ready_daemon(hil.device().port)
+    client = hil.client()
+    arm(client)
+    with client.record("hil") as recorder:
+        client.move(Step(displacement_mm=5.0, duration_s=15.0))
+        client.move(Sine(amplitude_mm=2.0, period_s=7.0, cycles=2, offset_mm=5.0), queue=True)
+        motion = client.wait_until_done()
+    assert motion.done
+    assert motion.displacement_mm == pytest.approx(5.0, abs=1.0)
+    status = client.status()
+    assert (status.counts.missed, status.counts.setpoints_dropped) == (0, 0)
+    client.disarm()
+    assert daemon.end() == 0
+    run = read_run(Path(recorder.path))
+    assert not run.cut_short
+    assert len(run) > 2900
+    moving = run.columns["t_s"] > run.columns["t_s"][-1] - 2 * 7.0
+    reference = run.columns["reference_mm"][moving]
+    assert tracking_r2(reference, run.columns["displacement_mm"][moving]) > 0.5
+
+
+def test_a_paced_run_gives_the_same_samples_every_time(hil: Hil) -> None:
+    columns = []
+    for _ in range(2):
+        device = hil.device("--speed", "20", "--paced-by-host", "--seed", "5")
+        daemon = hil.ready_daemon(device.port)
+        with Client(folder=hil.folder, timeout_s=60.0) as client:
+            arm(client)
+            with client.record("same") as recorder:
+                client.move(Step(displacement_mm=4.0, duration_s=8.0))
+                client.wait_until_done()
+            client.disarm()
+        daemon.end()
+        device.kill()
+        run = read_run(Path(recorder.path))
+        moving = run.columns["reference_mm"] == 4.0
+        columns.append(run.columns["displacement_mm"][moving][:600])
+    first, second = columns
+    assert len(first) == len(second) == 600
+    # The samples at which arming and moving begin differ, so the noise does; the motion does not.
+    assert first == pytest.approx(second, abs=0.1)
+
+
+def test_a_flood_of_commands_and_a_dead_viewer_cost_no_sample(hil: Hil) -> None:
+    hil.ready_daemon(hil.device().port)
+    client = hil.client()
+    arm(client)
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    viewer = subscribe(context, client.connection.telemetry, b"smad", queue=1)
+    flooder = connect(context, client.connection.command, None, new_identity())
+    flooder.setsockopt(zmq.SNDHWM, 0)
+    flooder.setsockopt(zmq.RCVHWM, 0)
+    stop = threading.Event()
+    sent = 0
+
+    def flood() -> None:
+        nonlocal sent
+        conversation = Conversation()
+        while not stop.is_set():
+            flooder.send(conversation.request(GetStatus())[1])
+            flooder.send(b"\xff rubbish")
+            flooder.send(conversation.request(AddNote(text="x"))[1])
+            sent += 3
+            if sent % 300 == 0:
+                while flooder.poll(0):
+                    flooder.recv()
+
+    thread = threading.Thread(target=flood)
+    thread.start()
+    try:
+        client.move(Step(displacement_mm=5.0, duration_s=20.0))
+        client.wait_until_done()
+    finally:
+        stop.set()
+        thread.join()
+    status = client.status()
+    viewer.close(linger=0)
+    flooder.close(linger=0)
+    context.destroy(linger=0)
+    assert sent > 1000
+    assert status.counts.refused > 100
+    assert status.counts.missed == 0
+    assert status.counts.setpoints_dropped == 0
+
+
+def test_telemetry_numbers_every_sample_and_carries_board_paced_time(hil: Hil) -> None:
+    hil.ready_daemon(hil.device("--speed", "5").port)
+    client = hil.client()
+    stream = client.telemetry(timeout_s=60.0)
+    samples = [next(stream) for _ in range(200)]
+    numbers = [sample.sequence for sample in samples]
+    assert numbers == list(range(numbers[0], numbers[0] + 200))
+    steps = {round(b.timestamp - a.timestamp, 4) for a, b in itertools.pairwise(samples)}
+    assert steps == {0.01}
+
+
+def test_500_hz_runs_over_a_pseudo_terminal_without_a_missed_sample(hil: Hil) -> None:
+    hil.ready_daemon(
+        hil.device("--rate", "500", "--speed", "3", "--paced-by-host").port, "--rate", "500"
+    )
+    client = hil.client()
+    arm(client)
+    client.move(Step(displacement_mm=3.0, duration_s=4.0))
+    client.wait_until_done()
+    assert client.status().counts.missed == 0
