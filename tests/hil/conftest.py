@@ -50,9 +50,10 @@ class Device:
 
     def kill(self) -> None:
         """The power goes: no goodbye."""
-        assert self._process is not None
-        self._process.kill()
-        self._process.communicate()
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+            self._process = None
 
 
 class Hil:
