@@ -359,8 +359,7 @@ class HostSession:
         events.append(e.StateReceived(state, board_us, pending))
 
     def _on_time(self, reply: m.TimeReply, frame: Frame, events: list[e.HostEvent]) -> None:
-        fit = self._time.answer(reply, self._now_us)
-        if fit is not None:
+        if (fit := self._time.answer(reply, self._now_us)) is not None:
             events.append(e.TimeSynced(fit))
 
     def _on_stats(self, stats: m.LinkStats, frame: Frame, events: list[e.HostEvent]) -> None:
@@ -387,8 +386,8 @@ class HostSession:
             self.stats.unmatched_replies += 1
 
     def _answered(self, reply: m.Message, frame: Frame, events: list[e.HostEvent]) -> bool:
-        pending = self._requests.answered(type(reply).__name__, frame.seq, self._now_us)
-        if pending is None:
+        name = type(reply).__name__
+        if (pending := self._requests.answered(name, frame.seq, self._now_us)) is None:
             return False
         self._note_arming(pending.message, reply)
         if pending.internal and isinstance(reply, m.Description):

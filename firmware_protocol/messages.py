@@ -32,11 +32,7 @@ PROTOCOL_MAJOR: Final = 1
 PROTOCOL_MINOR: Final = 0
 
 FIRST_BOARD_NUMBER: Final = 0x80
-"""Messages from here on come from the board."""
-
 NO_FIELD: Final = 0xFF
-"""ERROR.field when no field is to blame."""
-
 AXIS = Wire("u8", "actuator pair, counted from 0")
 
 

@@ -110,7 +110,7 @@ class TestBoard:
             self.mode = BoardState.ARMED
             self.session.done(event.request, self.t_us)
         elif isinstance(event, e.DisarmRequested):
-            self.mode = BoardState.COOL
+            self.mode = BoardState.COOL if self.mode is BoardState.ARMED else self.mode
             self.session.done(event.request, self.t_us)
         elif request is not None:
             self.session.done(request, self.t_us)
