@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
-from firmware_protocol.enums import Fault, Warning
 from firmware_protocol.messages import FaultReport, Ident, Message, ParamGet, ParamSet, ParamValue
 from firmware_protocol.parameters import BY_NAME, PARAMETERS, Parameter, crc_of
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
@@ -158,8 +157,3 @@ def board_of(ident: Ident, parameters: Parameters, *, schema_agrees: bool) -> ap
         schema_agrees=schema_agrees,
         params_agree=parameters.agree,
     )
-
-
-def names_of(kind: type[Fault] | type[Warning], mask: int) -> tuple[str, ...]:
-    """Return the names of the bits that are set."""
-    return tuple(member.name for member in kind if mask >> int(member) & 1)
