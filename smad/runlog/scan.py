@@ -137,7 +137,7 @@ def _decompress(compression: str, data: bytes, plain_size: int) -> bytes:
         except zstandard.ZstdError:
             raise _DamagedError("zstd cannot decompress it") from None
     if compression == "lz4":
-        import lz4.frame  # type: ignore[import-untyped]
+        import lz4.frame
 
         try:
             plain: bytes = lz4.frame.decompress(data)
