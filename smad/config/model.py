@@ -82,6 +82,59 @@ class TemperatureConfig(Section, frozen=True, kw_only=True):
     ] = 2.0
 
 
+class FeedforwardConfig(Section, frozen=True, kw_only=True):
+    """The inverse of the model, for reversals begun in time. The defaults are parameter set A."""
+
+    enabled: Annotated[bool, Meta(description="use it from the start; `tune` changes it")] = False
+    wire_capacity_J_per_m_K: Annotated[
+        float, Meta(gt=0.0, le=1000.0, description="heat capacity of the wire, per metre")
+    ] = 1.328
+    water_capacity_J_per_m_K: Annotated[
+        float, Meta(gt=0.0, le=1000.0, description="heat capacity of the water that warms")
+    ] = 6.276
+    film_still_W_per_m_K: Annotated[
+        float, Meta(gt=0.0, le=1000.0, description="wire to water, pump off")
+    ] = 3.2
+    film_flow_W_per_m_K: Annotated[
+        float, Meta(gt=0.0, le=1000.0, description="wire to water, pump on")
+    ] = 20.0
+    flow_W_per_m_K: Annotated[
+        float, Meta(gt=0.0, le=1000.0, description="carried off by the water at full duty")
+    ] = 1.346
+    loss_W_per_m_K: Annotated[
+        float, Meta(ge=0.0, le=100.0, description="lost from the tube to the air")
+    ] = 0.05
+    heat_W_per_m_A2: Annotated[
+        float, Meta(gt=0.0, le=1000.0, description="heat of 1 A in a metre of wire")
+    ] = 1.856
+    austenite_start_degC: Annotated[
+        float, Meta(ge=-50.0, le=150.0, description="A_S without stress")
+    ] = 28.0
+    slope_austenite_MPa_per_K: Annotated[float, Meta(gt=0.0, le=100.0, description="C_A")] = 8.0
+    martensite_start_degC: Annotated[
+        float, Meta(ge=-50.0, le=150.0, description="M_S without stress")
+    ] = 35.0
+    slope_martensite_MPa_per_K: Annotated[float, Meta(gt=0.0, le=100.0, description="C_M")] = 4.6
+    stress_start_MPa: Annotated[
+        float, Meta(ge=0.0, le=1000.0, description="stress at which detwinning starts")
+    ] = 58.0
+    stress_MPa_per_N: Annotated[
+        float, Meta(gt=0.0, le=10_000.0, description="shear stress of 1 N of tension, C1")
+    ] = 45.86
+    inlet_degC: Annotated[
+        float, Meta(ge=0.0, le=60.0, description="water at the inlet, where no sensor measures it")
+    ] = 26.85
+    fill_time_s: Annotated[
+        float, Meta(gt=0.0, le=600.0, description="to fill a drained tube at full duty")
+    ] = 4.66
+    drain_time_s: Annotated[
+        float, Meta(gt=0.0, le=600.0, description="time constant of draining")
+    ] = 1.0
+    drain_ratio: Annotated[
+        float, Meta(gt=0.0, le=1.0, description="water that draining leaves, over a full tube")
+    ] = 0.05
+
+
 class ControlConfig(Section, frozen=True, kw_only=True):
     """PI control on displacement: the demand heats the spring that has to pull."""
 
@@ -98,7 +151,11 @@ class ControlConfig(Section, frozen=True, kw_only=True):
         float,
         Meta(ge=0.01, le=100.0, description="reference speed between two queued trajectories"),
     ] = 5.0
+    drain_before_heating: Annotated[
+        bool, Meta(description="let the water out of a tube while its spring is heated")
+    ] = False
     cooling: CoolingConfig = field(default_factory=CoolingConfig)
+    feedforward: FeedforwardConfig = field(default_factory=FeedforwardConfig)
     temperature: TemperatureConfig = field(default_factory=TemperatureConfig)
 
 

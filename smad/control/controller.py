@@ -20,7 +20,6 @@ from smad.control.modes import (
     LONGEST_STEP_S,
     CurrentMode,
     DisplacementMode,
-    Feedforward,
     IdleMode,
     Mode,
     TemperatureMode,
@@ -50,13 +49,11 @@ class Controller:
         self,
         config: ControlConfig,
         limits: LimitsConfig | None = None,
-        *,
-        feedforward: Feedforward | None = None,
     ) -> None:
         self._config = config
         self._limits_config = limits or LimitsConfig()
         self._limits = HostLimits(self._limits_config)
-        self._displacement = DisplacementMode(config, self._limits_config, feedforward)
+        self._displacement = DisplacementMode(config, self._limits_config)
         self._mode: Mode = IdleMode()
         self._stage = _Stage()
         self._sample: Sample | None = None

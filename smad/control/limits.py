@@ -13,6 +13,9 @@ FOLD_BACK_K = 2.0
 the limit gets a steady current instead of a switched one."""
 RATE_WINDOW_S = 0.05
 """A temperature rate is taken over at least this time: sample to sample it would be noise."""
+QUENCH = 4.0
+"""Water cools a wire so many times faster than current heats it: 20 W/(m K) across 10 K against 30
+W/m. A sensor that falls faster still is broken."""
 
 
 class HostLimit(enum.IntFlag):
@@ -48,7 +51,9 @@ class _SensorWatch:
         if self._for_s < RATE_WINDOW_S:
             return
         # A comparison with nan is false: the first window after an invalid reading cannot trip.
-        if abs(rtd_degC - self._from_degC) > rate_max_K_per_s * self._for_s:
+        change_K = rtd_degC - self._from_degC
+        most_K = rate_max_K_per_s * self._for_s
+        if change_K > most_K or change_K < -QUENCH * most_K:
             self.tripped = True
         self._from_degC = rtd_degC
         self._for_s = 0.0

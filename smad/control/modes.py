@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 from smad.config import ControlConfig, LimitsConfig
 from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Tune
 from smad.control.cooling import Pump, Switch
+from smad.control.feedforward import Anticipation
 from smad.control.pi import PI
 from smad.control.sample import Sample
 from smad.control.trajectories import ReferenceQueue
-from smad.errors import CommandError
 
 LONGEST_STEP_S = 0.1
 """After a longer silence the trajectories go on with the board's time, but the integrals do not
@@ -30,18 +29,6 @@ class Demand:
     pump_y_duty: float = 0.0
     drain_x: bool = False
     drain_y: bool = False
-
-
-class Feedforward(Protocol):
-    """The signed current (positive heats X) that a model expects the reference to need."""
-
-    def reset(self, sample: Sample) -> None:
-        """Start from what is measured now."""
-
-    def current_A(
-        self, reference_m: Callable[[float], float], sample: Sample, u_applied_A: float, dt_s: float
-    ) -> float:
-        """Signed current in A for a reference given as a function of the lead in seconds."""
 
 
 class Mode(Protocol):
@@ -73,9 +60,7 @@ class DisplacementMode:
 
     name = "displacement"
 
-    def __init__(
-        self, config: ControlConfig, limits: LimitsConfig, feedforward: Feedforward | None
-    ) -> None:
+    def __init__(self, config: ControlConfig, limits: LimitsConfig) -> None:
         limit_A = config.current_limit_A
         self._pi = PI(
             config.kp_A_per_mm * 1e3,
@@ -84,13 +69,14 @@ class DisplacementMode:
             limit_A,
             config.anti_windup_time_s,
         )
+        self._largest_A = limit_A
         self._limit_A = limit_A
         self._pumps = (Pump(config.cooling), Pump(config.cooling))
         self._queue = ReferenceQueue(limits, config.handover_rate_mm_per_s)
-        self._feedforward = feedforward
-        self._feed = False
-        self._drain = False
-        self._u_A = 0.0
+        self._anticipation = Anticipation(config.feedforward, limit_A)
+        self._anticipate = config.feedforward.enabled
+        self._drain = config.drain_before_heating
+        self._drained = (False, False)
 
     @property
     def done(self) -> bool:
@@ -105,36 +91,28 @@ class DisplacementMode:
         return self._queue.remaining_s
 
     def tune(self, command: Tune) -> None:
-        """Take the fields of `command` that are not empty, all or none. Raises CommandError."""
-        if command.feedforward and self._feedforward is None:
-            raise CommandError(
-                "feedforward cannot be switched on: no model was loaded",
-                value=True,
-                action="name a parameter file in the configuration (plant.parameter_file)",
-            )
+        """Take the fields of `command` that are not empty."""
         pi = self._pi
         if command.kp_A_per_mm is not None:
             pi.kp = command.kp_A_per_mm * 1e3
         if command.ki_A_per_mm_s is not None:
             pi.ki = command.ki_A_per_mm_s * 1e3
         if command.current_limit_A is not None:
-            pi.high = min(self._limit_A, command.current_limit_A)
-            pi.low = -pi.high
+            self._limit_A = min(self._largest_A, command.current_limit_A)
         if command.cooling is not None:
             for pump in self._pumps:
                 pump.mode = command.cooling
         if command.feedforward is not None:
-            self._feed = command.feedforward
+            self._anticipate = command.feedforward
         if command.drain_before_heating is not None:
             self._drain = command.drain_before_heating
 
     def enter(self, sample: Sample | None, u_now_A: float) -> None:
         """Take over without a bump: stand where the pair stands, drive as it is driven."""
         self._queue.restart(0.0 if sample is None else sample.displacement_m)
+        self._bound(0)
         self._pi.preset(u_now_A)
-        self._u_A = u_now_A
-        if self._feedforward is not None and sample is not None:
-            self._feedforward.reset(sample)
+        self._anticipation.reset()
 
     def follow(self, command: Follow) -> None:
         self._queue.follow(command)
@@ -146,22 +124,31 @@ class DisplacementMode:
             # No displacement, no feedback: better cold than blind.
             return Demand()
         dt_s = min(dt_s, LONGEST_STEP_S)
-        feed_A = 0.0
-        if self._feed and self._feedforward is not None:
-            feed_A = self._feedforward.current_A(queue.peek, sample, self._u_A, dt_s)
-        u_A = self._pi.step(error_m, dt_s, feed_A)
-        self._u_A = u_A
+        push_A = 0.0
+        direction = 0
+        if self._anticipate:
+            advice = self._anticipation.step(queue.peek, sample, self._drained, dt_s)
+            direction = advice.direction
+            error_m = queue.peek(advice.lead_s) - sample.displacement_m
+            push_A = direction * self._limit_A if advice.push else 0.0
+        self._bound(direction)
+        u_A = self._pi.step(error_m, dt_s, push_A)
         pull_x_A = u_A if u_A > 0.0 else 0.0
         pull_y_A = -u_A if u_A < 0.0 else 0.0
         heats_x, heats_y = pull_x_A > 0.0, pull_y_A > 0.0
+        self._drained = (self._drain and heats_x, self._drain and heats_y)
         return Demand(
             pull_x_A,
             pull_y_A,
             self._pumps[0].step(pull_y_A, heats_x, dt_s),
             self._pumps[1].step(pull_x_A, heats_y, dt_s),
-            self._drain and heats_x,
-            self._drain and heats_y,
+            *self._drained,
         )
+
+    def _bound(self, direction: int) -> None:
+        """Let the output heat X (+1), Y (-1), or either (0)."""
+        self._pi.high = self._limit_A if direction >= 0 else 0.0
+        self._pi.low = -self._limit_A if direction <= 0 else 0.0
 
 
 class TemperatureMode:

@@ -1,6 +1,6 @@
 """An experiment as data: what to command, what to wait for, and names for the moments between.
 
-The same plan runs in virtual time (`smad.control.runner`) and on a running daemon (`smad.experiments`).
+The same plan runs in virtual time (`smad.control.runner`) and on a daemon (`smad.experiments`).
 """
 
 from __future__ import annotations

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import msgspec
 
 from firmware_protocol.enums import BoardState, ValidBit
 from firmware_protocol.messages import State
+from firmware_protocol.parameters import BY_NAME
 
 INVALID = math.nan
 """Stands for a measurement that the board marks as invalid."""
@@ -57,72 +58,69 @@ class BoardTime:
         return self.now_us
 
 
-@dataclass(frozen=True, slots=True)
 class Scales:
-    """The board's parameters that turn counts into SI units."""
+    """What one count of the encoder and of the force cell is, from the board's parameters.
 
-    encoder_nm_per_count: int
-    encoder_offset_counts: int
-    force_uN_per_count: int
-    force_offset_counts: int
+    `values` is by (axis, number) as the board tells them; a missing one has its default.
+    """
 
+    __slots__ = ("N_per_count", "encoder_offset", "force_offset", "m_per_count")
 
-_DRIVABLE = (BoardState.ARMED, BoardState.HOLD)
-_RTD_BITS = (ValidBit.RTD_X, ValidBit.RTD_Y, ValidBit.RTD_INLET, ValidBit.RTD_AMBIENT)
-_ALL_VALID = sum(bit.value for bit in ValidBit) & ~ValidBit.SETPOINT.value
-_I_X, _I_Y = ValidBit.I_X.value, ValidBit.I_Y.value
-_V_X, _V_Y = ValidBit.V_X.value, ValidBit.V_Y.value
-_ENCODER, _FORCE = ValidBit.ENCODER.value, ValidBit.FORCE.value
-_VBUS = ValidBit.VBUS.value
+    def __init__(self, values: Mapping[tuple[int, int], int], axis: int = 0) -> None:
+        def value(name: str) -> int:
+            parameter = BY_NAME[name]
+            return values.get(
+                (0 if parameter.shared else axis, parameter.number), parameter.default
+            )
 
-
-class SampleReader:
-    """Turns STATE messages of one axis into samples. A new session needs a new reader."""
-
-    __slots__ = ("_metre_per_count", "_newton_per_count", "_scales", "time")
-
-    def __init__(self, scales: Scales) -> None:
-        self._scales = scales
-        self._metre_per_count = scales.encoder_nm_per_count * 1e-9
-        self._newton_per_count = scales.force_uN_per_count * 1e-6
-        self.time = BoardTime()
-
-    def read(self, state: State) -> Sample:
-        """The sample that `state` reports."""
-        valid = state.valid
-        rtd = state.rtd_cC
-        i_meas, v = state.i_meas_mA, state.v_mV
-        sample = Sample(
-            self.time.unwrap(state.t_us),
-            state.tick,
-            state.mode in _DRIVABLE,
-            (state.encoder_counts - self._scales.encoder_offset_counts) * self._metre_per_count,
-            (state.force_counts - self._scales.force_offset_counts) * self._newton_per_count,
-            (rtd[0] * 0.01, rtd[1] * 0.01, rtd[2] * 0.01, rtd[3] * 0.01),
-            (i_meas[0] * 1e-3, i_meas[1] * 1e-3),
-            (state.i_applied_mA[0] * 1e-3, state.i_applied_mA[1] * 1e-3),
-            (v[0] * 1e-3, v[1] * 1e-3),
-            (state.pump_duty[0] / 255.0, state.pump_duty[1] / 255.0),
-            state.vbus_mV * 1e-3,
-        )
-        return sample if valid & _ALL_VALID == _ALL_VALID else _without_invalid(sample, valid)
+        self.m_per_count = value("encoder_nm_per_count") * 1e-9
+        self.encoder_offset = value("encoder_offset_counts")
+        self.N_per_count = value("force_uN_per_count") * 1e-6
+        self.force_offset = value("force_offset_counts")
 
 
-def _without_invalid(sample: Sample, valid: int) -> Sample:
-    rtd = tuple(
-        value if valid & bit else INVALID
-        for value, bit in zip(sample.rtd_degC, _RTD_BITS, strict=True)
+# Arithmetic on IntFlag members builds members; plain ints keep the step short.
+_RTD_X, _RTD_Y = int(ValidBit.RTD_X), int(ValidBit.RTD_Y)
+_RTD_INLET, _RTD_AMBIENT = int(ValidBit.RTD_INLET), int(ValidBit.RTD_AMBIENT)
+_I_X, _I_Y = int(ValidBit.I_X), int(ValidBit.I_Y)
+_V_X, _V_Y, _VBUS = int(ValidBit.V_X), int(ValidBit.V_Y), int(ValidBit.VBUS)
+_ENCODER, _FORCE = int(ValidBit.ENCODER), int(ValidBit.FORCE)
+_DRIVEN = (BoardState.ARMED, BoardState.HOLD)
+
+
+def sample_of(state: State, t_us: int, scales: Scales, *, armed: bool = True) -> Sample:
+    """The sample in SI units; `t_us` is the board's time without wraps.
+
+    `armed` says whether it was armed by us: a board that somebody else armed is not ours to drive.
+    A reading that the board marks invalid becomes nan.
+    """
+    valid = state.valid
+    current, voltage, rtd = state.i_meas_mA, state.v_mV, state.rtd_cC
+    return Sample(
+        t_us=t_us,
+        tick=state.tick,
+        armed=armed and state.mode in _DRIVEN,
+        displacement_m=(state.encoder_counts - scales.encoder_offset) * scales.m_per_count
+        if valid & _ENCODER
+        else INVALID,
+        force_N=(state.force_counts - scales.force_offset) * scales.N_per_count
+        if valid & _FORCE
+        else INVALID,
+        rtd_degC=(
+            rtd[0] * 0.01 if valid & _RTD_X else INVALID,
+            rtd[1] * 0.01 if valid & _RTD_Y else INVALID,
+            rtd[2] * 0.01 if valid & _RTD_INLET else INVALID,
+            rtd[3] * 0.01 if valid & _RTD_AMBIENT else INVALID,
+        ),
+        i_meas_A=(
+            current[0] * 1e-3 if valid & _I_X else INVALID,
+            current[1] * 1e-3 if valid & _I_Y else INVALID,
+        ),
+        i_applied_A=(state.i_applied_mA[0] * 1e-3, state.i_applied_mA[1] * 1e-3),
+        v_V=(
+            voltage[0] * 1e-3 if valid & _V_X else INVALID,
+            voltage[1] * 1e-3 if valid & _V_Y else INVALID,
+        ),
+        pump_duty=(state.pump_duty[0] / 255.0, state.pump_duty[1] / 255.0),
+        supply_V=state.vbus_mV * 1e-3 if valid & _VBUS else INVALID,
     )
-    return msgspec.structs.replace(
-        sample,
-        displacement_m=sample.displacement_m if valid & _ENCODER else INVALID,
-        force_N=sample.force_N if valid & _FORCE else INVALID,
-        rtd_degC=rtd,
-        i_meas_A=_pair(sample.i_meas_A, valid, _I_X, _I_Y),
-        v_V=_pair(sample.v_V, valid, _V_X, _V_Y),
-        supply_V=sample.supply_V if valid & _VBUS else INVALID,
-    )
-
-
-def _pair(values: tuple[float, float], valid: int, x: int, y: int) -> tuple[float, float]:
-    return values[0] if valid & x else INVALID, values[1] if valid & y else INVALID

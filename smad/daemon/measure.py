@@ -3,82 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
-from firmware_protocol.enums import BoardState, SetpointFlag, ValidBit
+from firmware_protocol.enums import SetpointFlag
 from firmware_protocol.messages import Setpoint, State
-from firmware_protocol.parameters import BY_NAME
-from smad.control.sample import Sample
+from smad.control.sample import Sample, Scales, sample_of
 from smad.runlog.schema import Row
+
+__all__ = ["DEGREES_PER_MM", "Scales", "row_of", "sample_of"]
 
 DEGREES_PER_MM = 6.25
 """A MINIR-II segment turns ±25° for ±4 mm."""
 
 _NAN = math.nan
-_DRIVEN = (BoardState.ARMED, BoardState.HOLD)
 _OLDEST_AGE_us = 0xFFFF
 
 
-class Scales:
-    """What one count of the encoder and of the force cell is, from the board's parameters."""
-
-    def __init__(self, values: Mapping[tuple[int, int], int], axis: int) -> None:
-        def value(name: str) -> int:
-            parameter = BY_NAME[name]
-            return values.get(
-                (0 if parameter.shared else axis, parameter.number), parameter.default
-            )
-
-        self.m_per_count = value("encoder_nm_per_count") * 1e-9
-        self.encoder_offset = value("encoder_offset_counts")
-        self.N_per_count = value("force_uN_per_count") * 1e-6
-        self.force_offset = value("force_offset_counts")
-
-
-def sample_of(state: State, t_us: int, scales: Scales, *, armed: bool) -> Sample:
-    """Return the sample in SI units; `t_us` is the board's time without wraps.
-
-    `armed` says whether it was armed by us: a board that somebody else armed is not ours to drive.
-    A reading that the board marks invalid becomes nan.
-    """
-    valid = state.valid
-    current, voltage, rtd = state.i_meas_mA, state.v_mV, state.rtd_cC
-    return Sample(
-        t_us=t_us,
-        tick=state.tick,
-        armed=armed and state.mode in _DRIVEN,
-        displacement_m=(state.encoder_counts - scales.encoder_offset) * scales.m_per_count
-        if valid & _ENCODER
-        else _NAN,
-        force_N=(state.force_counts - scales.force_offset) * scales.N_per_count
-        if valid & _FORCE
-        else _NAN,
-        rtd_degC=(
-            rtd[0] * 0.01 if valid & _RTD_X else _NAN,
-            rtd[1] * 0.01 if valid & _RTD_Y else _NAN,
-            rtd[2] * 0.01 if valid & _RTD_INLET else _NAN,
-            rtd[3] * 0.01 if valid & _RTD_AMBIENT else _NAN,
-        ),
-        i_meas_A=(
-            current[0] * 1e-3 if valid & _I_X else _NAN,
-            current[1] * 1e-3 if valid & _I_Y else _NAN,
-        ),
-        i_applied_A=(state.i_applied_mA[0] * 1e-3, state.i_applied_mA[1] * 1e-3),
-        v_V=(
-            voltage[0] * 1e-3 if valid & _V_X else _NAN,
-            voltage[1] * 1e-3 if valid & _V_Y else _NAN,
-        ),
-        pump_duty=(state.pump_duty[0] / 255.0, state.pump_duty[1] / 255.0),
-        supply_V=state.vbus_mV * 1e-3 if valid & _VBUS else _NAN,
-    )
-
-
-# Arithmetic on IntFlag members builds members; plain ints keep the step short.
-_RTD_X, _RTD_Y = int(ValidBit.RTD_X), int(ValidBit.RTD_Y)
-_RTD_INLET, _RTD_AMBIENT = int(ValidBit.RTD_INLET), int(ValidBit.RTD_AMBIENT)
-_I_X, _I_Y = int(ValidBit.I_X), int(ValidBit.I_Y)
-_V_X, _V_Y, _VBUS = int(ValidBit.V_X), int(ValidBit.V_Y), int(ValidBit.VBUS)
-_ENCODER, _FORCE = int(ValidBit.ENCODER), int(ValidBit.FORCE)
+# Plain ints: arithmetic on IntFlag members builds members.
 _DRAIN_X, _DRAIN_Y = int(SetpointFlag.DRAIN_X), int(SetpointFlag.DRAIN_Y)
 _STAGE = int(SetpointFlag.STAGE)
 

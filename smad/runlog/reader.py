@@ -212,16 +212,21 @@ class _Intake:
     def _decode_rows(self) -> None:
         if self._rows:
             rows = self._row_decoder.decode(self._rows)
-            self._batches.append({name: _column(name, rows) for name in CHANNELS})
+            self._batches.append(columns_of(rows))
             self._rows.clear()
 
     def _columns(self) -> dict[str, Column]:
         if not self._batches:
-            return {name: _column(name, []) for name in CHANNELS}
+            return columns_of([])
         columns: dict[str, Column] = {}
         for name in CHANNELS:
             columns[name] = np.concatenate([batch.pop(name) for batch in self._batches])
         return columns
+
+
+def columns_of(rows: list[Row]) -> dict[str, Column]:
+    """The rows as columns, every channel of the schema, each of shape (n,)."""
+    return {name: _column(name, rows) for name in CHANNELS}
 
 
 def _column(name: str, rows: list[Row]) -> Column:

@@ -21,10 +21,11 @@ NUMBERS = [
 ]
 FLOATS = [key for key in NUMBERS if isinstance(key.default, float)]
 UNITS = {"A", "mm", "s", "ms", "ns", "K", "degC", "N", "hz", "MB", "min", "A_per_mm", "A_per_mm_s",
-         "A_per_K", "A_per_K_s", "A_per_s", "mm_per_s", "K_per_s"}  # fmt: skip
+         "A_per_K", "A_per_K_s", "A_per_s", "mm_per_s", "K_per_s", "MPa", "J_per_m_K", "W_per_m_K",
+         "W_per_m_A2", "MPa_per_K", "MPa_per_N"}  # fmt: skip
 WITHOUT_UNIT = {
     "baud", "axis", "switch_duty", "command_port", "stop_port", "command_queue", "queue_rows",
-    "every_nth_sample", "high_water_mark", "fifo_priority", "seed", "speed_ratio",
+    "every_nth_sample", "high_water_mark", "fifo_priority", "seed", "speed_ratio", "drain_ratio",
 }  # fmt: skip
 
 

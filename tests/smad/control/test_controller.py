@@ -181,11 +181,6 @@ def test_the_water_is_drained_from_the_spring_that_heats_when_asked() -> None:
     assert drive(controller, range(1, 5))[-1].drain == (True, False)
 
 
-def test_feedforward_without_a_model_is_refused() -> None:
-    with pytest.raises(CommandError, match="no model"):
-        started(Tune(feedforward=True))
-
-
 def test_a_refused_command_leaves_the_mode_running() -> None:
     controller = started(STEP_UP)
     for bad in (

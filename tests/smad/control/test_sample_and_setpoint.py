@@ -7,15 +7,21 @@ import pytest
 
 from firmware_protocol.enums import BoardState, Limiter, SetpointFlag, ValidBit
 from firmware_protocol.messages import State
+from firmware_protocol.parameters import BY_NAME
 from smad.control.controller import Output
-from smad.control.sample import BoardTime, SampleReader, Scales
+from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 
 SCALES = Scales(
-    encoder_nm_per_count=500,
-    encoder_offset_counts=100,
-    force_uN_per_count=2000,
-    force_offset_counts=-50,
+    {
+        (0, BY_NAME[name].number): value
+        for name, value in {
+            "encoder_nm_per_count": 500,
+            "encoder_offset_counts": 100,
+            "force_uN_per_count": 2000,
+            "force_offset_counts": -50,
+        }.items()
+    }
 )
 ALL = sum(bit.value for bit in ValidBit)
 
@@ -44,8 +50,12 @@ def state(**changes: object) -> State:
     return msgspec.structs.replace(base, **changes)
 
 
+def read(**changes: object) -> Sample:
+    return sample_of(state(**changes), 0, SCALES)
+
+
 def test_a_state_becomes_si_with_scales_and_offsets() -> None:
-    made = SampleReader(SCALES).read(state())
+    made = read()
     assert made.displacement_m == pytest.approx(0.002)
     assert made.force_N == pytest.approx(1.24)
     assert made.rtd_degC == pytest.approx((45.12, 26.90, 26.85, 26.85))
@@ -58,8 +68,8 @@ def test_a_state_becomes_si_with_scales_and_offsets() -> None:
 
 @pytest.mark.parametrize("bit", [bit for bit in ValidBit if bit is not ValidBit.SETPOINT])
 def test_an_invalid_reading_is_nan_and_the_others_stay(bit: ValidBit) -> None:
-    good = SampleReader(SCALES).read(state())
-    made = SampleReader(SCALES).read(state(valid=ALL & ~bit))
+    good = read()
+    made = read(valid=ALL & ~bit)
 
     def values(one: object) -> list[float]:
         flat = []
@@ -79,7 +89,11 @@ def test_an_invalid_reading_is_nan_and_the_others_stay(bit: ValidBit) -> None:
 def test_only_a_board_that_would_apply_setpoints_counts_as_armed(
     mode: BoardState, armed: bool
 ) -> None:
-    assert SampleReader(SCALES).read(state(mode=mode)).armed is armed
+    assert read(mode=mode).armed is armed
+
+
+def test_a_board_that_somebody_else_armed_is_not_ours_to_drive() -> None:
+    assert not sample_of(state(), 0, SCALES, armed=False).armed
 
 
 def test_board_time_goes_on_through_a_wrap() -> None:

@@ -181,7 +181,7 @@ def test_an_overfull_queue_is_refused() -> None:
 
 
 def test_a_long_recording_is_split_into_commands_that_join() -> None:
-    n = 25_000
+    n = 4_000
     t_s = [k * 0.01 for k in range(n)]
     shape = [3.0 * math.sin(0.05 * t) for t in t_s]
     commands = split_samples(t_s, shape)

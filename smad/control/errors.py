@@ -1,0 +1,9 @@
+"""What stops a plan that runs."""
+
+from __future__ import annotations
+
+from smad.errors import SmadError
+
+
+class PlanError(SmadError):
+    """A plan did not come to its end: the board left ARMED, or a wait took too long."""

@@ -1,0 +1,141 @@
+"""A plan in virtual time: board, controller and plant in lockstep, as fast as they compute.
+
+The controller and the board are those of a real run; what is left out is the serial line and the
+daemon around them. Nothing here reads a clock, so the same bench, controller and plan give the same
+run to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from firmware_protocol.enums import BoardState, faults_in
+from firmware_protocol.messages import Setpoint, State
+from smad.control.controller import Controller
+from smad.control.errors import PlanError
+from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
+from smad.control.sample import BoardTime, Sample, Scales, sample_of
+from smad.control.setpoint import setpoint_of
+
+Recorder = Callable[[Sample, State, Setpoint, float, float], None]
+"""Called with each sample, the STATE behind it, the SETPOINT that answers it, the displacement
+reference in m and the temperature reference in °C (nan where there is none)."""
+
+Progress = Callable[[float], None]
+"""Called about once a second of board time with that time, s."""
+
+
+class TypedBench(Protocol):
+    """A simulated bench without the serial line, such as `sim_device.bench.SimulatedBench`."""
+
+    def step_typed(self, setpoint: Setpoint | None) -> State:
+        """Apply a setpoint, advance by one sample, return its STATE."""
+
+    def arm(self) -> None:
+        """Arm as a host would."""
+
+
+@dataclass
+class VirtualRun:
+    """What a run in virtual time leaves: the marks of the plan, and how long it took."""
+
+    marks: dict[str, float] = field(default_factory=dict)
+    board_time_s: float = 0.0
+    samples: int = 0
+
+
+class _Stepper:
+    """One sample after the other, with the setpoint of the last one."""
+
+    def __init__(
+        self,
+        bench: TypedBench,
+        controller: Controller,
+        scales: Scales,
+        recorder: Recorder | None,
+        progress: Progress | None,
+    ) -> None:
+        self._bench = bench
+        self._controller = controller
+        self._scales = scales
+        self._recorder = recorder
+        self._progress = progress
+        self._time = BoardTime()
+        self._setpoint: Setpoint | None = None
+        self._told_s = 0
+        self.run = VirtualRun()
+
+    def step(self) -> Sample:
+        state = self._bench.step_typed(self._setpoint)
+        sample = sample_of(state, self._time.unwrap(state.t_us), self._scales)
+        controller = self._controller
+        output = controller.step(sample)
+        self._setpoint = setpoint_of(output, t_ref_us=state.t_us)
+        run = self.run
+        run.samples += 1
+        run.board_time_s = sample.t_us * 1e-6
+        if self._recorder is not None:
+            self._recorder(
+                sample, state, self._setpoint, controller.reference_m, controller.target_degC
+            )
+        if self._progress is not None and int(run.board_time_s) > self._told_s:
+            self._told_s = int(run.board_time_s)
+            self._progress(run.board_time_s)
+        if not sample.armed:
+            raise _stopped(state, run.board_time_s)
+        return sample
+
+
+def run_virtual(
+    bench: TypedBench,
+    controller: Controller,
+    plan: Plan,
+    *,
+    scales: Scales | None = None,
+    recorder: Recorder | None = None,
+    progress: Progress | None = None,
+) -> VirtualRun:
+    """Arm the bench and carry out the plan; `recorder` gets every sample.
+
+    `scales` default to those of a board with default parameters. Raises CommandError for a command
+    that the controller refuses, and PlanError when the board leaves ARMED or a wait takes too long.
+    """
+    bench.arm()
+    stepper = _Stepper(bench, controller, scales or Scales({}), recorder, progress)
+    sample = stepper.step()
+    run = stepper.run
+    for action in plan.actions:
+        match action:
+            case Do(command):
+                controller.command(command)
+            case Mark(name):
+                run.marks[name] = run.board_time_s
+            case Pause(seconds):
+                until_us = sample.t_us + round(seconds * 1e6)
+                while sample.t_us < until_us:
+                    sample = stepper.step()
+            case UntilDone(timeout_s):
+                until_us = sample.t_us + round(timeout_s * 1e6)
+                sample = stepper.step()
+                while not controller.done:
+                    if sample.t_us >= until_us:
+                        raise PlanError(
+                            f"plan {plan.name}: what was commanded did not end in time",
+                            value=f"mode {controller.mode} after {timeout_s:g} s",
+                            limit=f"{timeout_s:g} s",
+                            action="the bench may be too weak, too warm, or not what the "
+                            "experiment expects",
+                        )
+                    sample = stepper.step()
+    return run
+
+
+def _stopped(state: State, board_time_s: float) -> PlanError:
+    faults = ", ".join(fault.name for fault in faults_in(state.faults)) or "no fault"
+    return PlanError(
+        f"the board left ARMED after {board_time_s:.2f} s",
+        value=f"{BoardState(state.mode).name}, {faults}",
+        action="see `smad faults explain` for what it means",
+    )

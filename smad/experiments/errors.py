@@ -1,0 +1,17 @@
+"""What goes wrong with an experiment, said so that the user can act on it."""
+
+from __future__ import annotations
+
+from smad.errors import SmadError
+
+
+class ExperimentError(SmadError):
+    """An experiment cannot be run, did not end, or its data do not support the analysis."""
+
+
+class BenchLacksError(ExperimentError):
+    """The bench has no sensor or actuator that the experiment needs. Nothing was moved."""
+
+
+class DataFileError(ExperimentError):
+    """A data file (such as a calorimeter's) is not in the documented form."""

@@ -1,0 +1,108 @@
+"""Estimates with intervals from resampling, and the parameter file that they make."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_device.plant.parameters import Entry, ParameterSet
+
+Array = NDArray[np.float64]
+REPEATS = 200
+BLOCKS = 20
+"""A run is cut into so many blocks that are drawn as a whole, so that slow errors stay together."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How near a recovered value has to be: a share of the true one, or a difference (SI)."""
+
+    share: float = 0.0
+    difference: float = 0.0
+
+    def holds(self, value: float, truth: float) -> bool:
+        """Whether `value` is near enough to `truth`."""
+        return abs(value - truth) <= max(self.share * abs(truth), self.difference)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter as found: value and 95 % interval in SI, under the name of the parameter file."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    source: str
+    tolerance: Tolerance
+
+    def holds(self, truth: float) -> bool:
+        """Whether the value is within its tolerance of the truth."""
+        return self.tolerance.holds(self.value, truth)
+
+
+def bootstrap(
+    fit: Callable[[NDArray[np.intp]], Sequence[float]],
+    samples: int,
+    seed: int,
+    *,
+    groups: Sequence[NDArray[np.intp]] | None = None,
+    repeats: int = REPEATS,
+) -> tuple[Array, Array, Array]:
+    """Value and 95 % interval of each quantity that `fit` returns for a choice of samples.
+
+    `fit` gets sample numbers, shape (m,), and returns k numbers. The interval is that of the moving
+    block bootstrap: blocks of neighbouring samples are drawn with replacement and fitted anew. With
+    `groups` (such as two prestresses) each group is resampled within itself. Resamples that cannot
+    be fitted (LinAlgError, ValueError) are drawn again, at most as many as there are repeats.
+
+    Returns three arrays of shape (k,): value, low, high. Reference: Künsch, Ann. Statist. 17 (1989).
+    """
+    rng = np.random.default_rng(seed)
+    parts = [np.arange(samples)] if groups is None else list(groups)
+    value = np.asarray(fit(np.concatenate(parts)), float)
+    found: list[Array] = []
+    for _ in range(2 * repeats):
+        if len(found) == repeats:
+            break
+        chosen = np.concatenate([_blocks(part, rng) for part in parts])
+        try:
+            found.append(np.asarray(fit(chosen), float))
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+    low, high = np.percentile(np.array(found), [2.5, 97.5], axis=0)
+    return value, np.minimum(low, value), np.maximum(high, value)
+
+
+def _blocks(part: NDArray[np.intp], rng: np.random.Generator) -> NDArray[np.intp]:
+    length = max(1, part.size // BLOCKS)
+    starts = rng.integers(0, part.size - length + 1, size=-(-part.size // length))
+    return np.concatenate([part[start : start + length] for start in starts])[: part.size]
+
+
+def with_estimates(
+    parameters: ParameterSet, estimates: Sequence[Estimate], title: str
+) -> ParameterSet:
+    """The set with the estimated values, marked `derived` with their source.
+
+    Raises ParameterError when the values together have no physical meaning.
+    """
+    checked = parameters.replace(**{estimate.name: estimate.value for estimate in estimates})
+    by_name: Mapping[str, Estimate] = {estimate.name: estimate for estimate in estimates}
+
+    def entry(old: Entry) -> Entry:
+        found = by_name.get(old.name)
+        if found is None:
+            return old
+        return dataclasses.replace(
+            old,
+            status="derived",
+            source=f"{found.source}; 95 % interval "
+            f"{old.shown(found.low)} to {old.shown(found.high)}",
+        )
+
+    return ParameterSet(title, tuple(entry(old) for old in checked.entries))
