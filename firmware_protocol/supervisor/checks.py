@@ -76,8 +76,9 @@ def over_temperature(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 
 def sensor_stuck(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
-    """Not one digit of change during seconds of heating."""
-    if s.stuck_us[k] >= lim.stuck_us:
+    """Not one digit of change for seconds in which even the slowest spring moved."""
+    moved_cC = abs(s.low_uK[k] - s.stuck_low_uK[k]) // UK_PER_CC
+    if s.stuck_us[k] >= lim.stuck_us and moved_cC >= lim.stuck_model_cC:
         return bad(s, s.stuck_us[k], lim.stuck_us)
     return GOOD
 
@@ -91,11 +92,7 @@ def sensor_jumps(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 def sensor_below_surroundings(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """A spring colder than the colder of water and room."""
-    inlet_cC = m.rtd_cC[2]
-    ambient_cC = m.rtd_cC[3]
-    if inlet_cC <= lim.rail_low_cC or ambient_cC <= lim.rail_low_cC:
-        return GOOD
-    floor_cC = min(inlet_cC, ambient_cC) - lim.below_surroundings_cC
+    floor_cC = s.coldest_cC - lim.below_surroundings_cC
     if s.sensor_ok[k] and s.t_cC[k] < floor_cC:
         return bad(s, s.t_cC[k], floor_cC)
     return GOOD
@@ -127,7 +124,7 @@ def not_heating(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 def heating_while_off(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Warming faster than a room drifts, long after the current stopped."""
     rise_cC = s.t_cC[k] - s.off_uK[k] // UK_PER_CC
-    if rise_cC >= lim.off_rise_cC and s.t_cC[k] > s.surroundings_cC + 100:
+    if rise_cC >= lim.off_rise_cC and s.t_cC[k] > s.warmest_cC + 100:
         return bad(s, rise_cC, lim.off_rise_cC)
     return GOOD
 
@@ -152,30 +149,28 @@ def over_current(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 
 def uncommanded_current(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
-    """Current although none is regulated to."""
-    if m.applied_mA[k] == 0 and m.i_mA[k] > lim.off_current_mA:
-        return bad(s, m.i_mA[k], lim.off_current_mA)
+    """Current although none is regulated to, nor was lately."""
+    extra_uA = s.i_uA[k] - s.band_high_uA[k]
+    if m.applied_mA[k] == 0 and extra_uA > lim.off_current_mA * 1000:
+        return bad(s, s.i_uA[k] // 1000, lim.off_current_mA)
     return GOOD
 
 
-def current_tolerance_mA(m: Measurements, lim: Limits, k: int) -> int:
-    """Return how far the measured current may be from the regulated one."""
-    return lim.current_error_mA + lim.current_error_permille * m.applied_mA[k] // 1000
-
-
 def current_high(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
-    """More current than regulated to."""
-    error_mA = m.i_mA[k] - m.applied_mA[k]
-    if m.applied_mA[k] > 0 and error_mA > current_tolerance_mA(m, lim, k):
-        return bad(s, m.i_mA[k], m.applied_mA[k])
+    """More current than was regulated to lately."""
+    most_uA = s.band_high_uA[k]
+    most_uA += lim.current_error_mA * 1000 + lim.current_error_permille * most_uA // 1000
+    if m.applied_mA[k] > 0 and s.i_uA[k] > most_uA:
+        return bad(s, s.i_uA[k] // 1000, most_uA // 1000)
     return GOOD
 
 
 def current_low(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
-    """Less current than regulated to, but some."""
-    error_mA = m.applied_mA[k] - m.i_mA[k]
-    if m.i_mA[k] > lim.off_current_mA and error_mA > current_tolerance_mA(m, lim, k):
-        return bad(s, m.i_mA[k], m.applied_mA[k])
+    """Less current than was regulated to lately, but some."""
+    least_uA = s.band_low_uA[k]
+    least_uA -= lim.current_error_mA * 1000 + lim.current_error_permille * least_uA // 1000
+    if m.i_mA[k] > lim.off_current_mA and s.i_uA[k] < least_uA:
+        return bad(s, s.i_uA[k] // 1000, least_uA // 1000)
     return GOOD
 
 
@@ -202,7 +197,7 @@ def resistance_out_of_band(s: Memory, m: Measurements, lim: Limits, k: int) -> i
     """V/I is not that of a spring."""
     if not resistance_is_measurable(s, m, lim, k):
         return GOOD
-    r_mohm = m.v_mV[k] * 1000 // m.i_mA[k]
+    r_mohm = s.v_uV[k] * 1000 // s.i_uA[k]
     if r_mohm > lim.resistance_max_mohm:
         return bad(s, r_mohm, lim.resistance_max_mohm)
     if r_mohm < lim.resistance_min_mohm:
@@ -217,7 +212,7 @@ def resistance_rtd_disagree(s: Memory, m: Measurements, lim: Limits, k: int) -> 
         return GOOD
     if not resistance_is_measurable(s, m, lim, k):
         return BETWEEN
-    r_mohm = m.v_mV[k] * 1000 // m.i_mA[k]
+    r_mohm = s.v_uV[k] * 1000 // s.i_uA[k]
     change_permille = abs(r_mohm - reference_mohm) * 1000 // reference_mohm
     change_cC = abs(s.t_cC[k] - s.reference_cC[k])
     allowed = (
@@ -267,7 +262,7 @@ def no_cooling(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """At the end of a long flush, hardly any of the excess over the inlet is gone."""
     if s.cool_us[k] < lim.cooling_us:
         return GOOD
-    excess_cC = s.cool_from_cC[k] - s.surroundings_cC
+    excess_cC = s.cool_from_cC[k] - s.warmest_cC
     least_cC = excess_cC * lim.cooling_drop_permille // 1000
     drop_cC = s.cool_from_cC[k] - s.t_cC[k]
     if excess_cC >= lim.cooling_excess_cC and drop_cC < least_cC:

@@ -78,7 +78,7 @@ class Limits:
     stuck_us: Annotated[
         int, Row(5_000_000, 2_000_000, "us", "noise alone moves the last digit", 35)
     ]
-    stuck_power_mW: Annotated[int, Row(1000, 1000, "mW", "less may balance the losses exactly")]
+    stuck_model_cC: Annotated[int, Row(300, 300, "cC", "the slowest good spring moved by this")]
 
     # Heat that goes in must show, and must stop.
     unheated_energy_mJ: Annotated[
@@ -90,8 +90,8 @@ class Limits:
     unheated_rise_cC: Annotated[int, Row(200, 200, "cC", "ten times the noise")]
     swapped_rise_cC: Annotated[int, Row(400, 400, "cC", "the other sensor warms without current")]
     sensor_offset_cC: Annotated[int, Row(200, 200, "cC", "two good RTDs may differ by this")]
-    loss_static_mW_per_K: Annotated[int, Row(60, 60, "mW/K", "tube to air 20 mW/K, thrice that")]
-    loss_flow_mW_per_K: Annotated[int, Row(900, 900, "mW/K", "full flow carries 550 mW/K")]
+    loss_static_mW_per_K: Annotated[int, Row(120, 120, "mW/K", "tube to air at most 87 mW/K")]
+    loss_flow_mW_per_K: Annotated[int, Row(900, 900, "mW/K", "full flow at most 660 mW/K")]
     off_current_mA: Annotated[int, Row(100, 100, "mA", "offset and noise of the current sense")]
     off_lag_us: Annotated[int, Row(3_000_000, 3_000_000, "us", "sensor and wall lag, plus 1 s")]
     off_drift_cC_per_s: Annotated[int, Row(30, 30, "cC/s", "a room in the sun drifts slower")]
@@ -100,16 +100,18 @@ class Limits:
         int, Row(1500, 800, "cC", "outside the envelope of all good benches", 38)
     ]
     residual_us: Annotated[int, Row(5_000_000, 1_000_000, "us", "longer than any sensor lag", 39)]
-    envelope_light_mJ_per_K: Annotated[int, Row(350, 350, "mJ/K", "bare wire 540 mJ/K, less 35 %")]
+    envelope_light_mJ_per_K: Annotated[int, Row(200, 200, "mJ/K", "lightest bare wire 245")]
     envelope_heavy_mJ_per_K: Annotated[
-        int, Row(7000, 7000, "mJ/K", "wire and water 3100 mJ/K, plus latent heat, plus 30 %")
+        int, Row(7000, 7000, "mJ/K", "heaviest 4000, plus latent heat over 15 K")
     ]
-    envelope_loss_least_mW_per_K: Annotated[int, Row(5, 5, "mW/K", "tube to air 12 mW/K at least")]
+    envelope_loss_least_mW_per_K: Annotated[int, Row(1, 1, "mW/K", "tube to air at least 1.4 mW/K")]
     envelope_lag_us: Annotated[int, Row(2_000_000, 2_000_000, "us", "slowest good sensor")]
     envelope_span_cC: Annotated[int, Row(2000, 2000, "cC", "the light model is not left behind")]
 
     # Current and resistance.
-    current_error_mA: Annotated[int, Row(80, 80, "mA", "offset and noise of the current sense")]
+    current_filter_us: Annotated[int, Row(40_000, 40_000, "us", "noise of the sense, thrice less")]
+    current_band_us: Annotated[int, Row(200_000, 200_000, "us", "a driver may lag by half of it")]
+    current_error_mA: Annotated[int, Row(100, 100, "mA", "offset and noise of the current sense")]
     current_error_permille: Annotated[
         int, Row(100, 80, "permille", "gain of a good driver is 2 %", 40)
     ]
@@ -117,14 +119,16 @@ class Limits:
     over_current_mA: Annotated[int, Row(4800, 4800, "mA", "20 % above the largest setpoint")]
     uncommanded_us: Annotated[int, Row(20_000, 20_000, "us", "two samples at 100 Hz")]
     resistance_current_mA: Annotated[int, Row(500, 500, "mA", "below, V/I is too coarse")]
-    resistance_min_mohm: Annotated[int, Row(280, 280, "mohm", "30 % below set B (0.41 ohm)")]
-    resistance_max_mohm: Annotated[int, Row(1150, 1150, "mohm", "50 % above set A (0.76 ohm)")]
+    resistance_min_mohm: Annotated[int, Row(180, 180, "mohm", "least of any bench in range 230")]
+    resistance_max_mohm: Annotated[
+        int, Row(1800, 1800, "mohm", "most of any bench in range 1240, plus contacts 500")
+    ]
     resistance_us: Annotated[int, Row(100_000, 100_000, "us", "past every settled edge")]
     resistance_tempco_ppm_per_K: Annotated[
-        int, Row(900, 900, "ppm/K", "largest change of NiTi with temperature, phase included")
+        int, Row(12_000, 12_000, "ppm/K", "phase change: 20 % within 17 K")
     ]
     resistance_tolerance_permille: Annotated[
-        int, Row(250, 120, "permille", "hysteresis of NiTi", 42)
+        int, Row(120, 60, "permille", "hysteresis of NiTi, noise", 42)
     ]
     disagree_us: Annotated[int, Row(2_000_000, 2_000_000, "us", "longer than the sensor lag")]
     wire_open_mV: Annotated[int, Row(6000, 6000, "mV", "no whole wire needs this at 4 A")]
@@ -153,10 +157,12 @@ class Limits:
     pump_duty_least: Annotated[int, Row(64, 64, "1/255", "below a quarter it may not start")]
     pump_off_rpm: Annotated[int, Row(600, 600, "rpm", "noise of the tachometer")]
     pump_off_us: Annotated[int, Row(2_000_000, 2_000_000, "us", "run-down of the motor")]
-    cooling_us: Annotated[int, Row(8_000_000, 8_000_000, "us", "one flush is 4.7 s")]
+    cooling_us: Annotated[
+        int, Row(12_000_000, 12_000_000, "us", "one flush is 4.7 s, 13 s at the least flow")
+    ]
     cooling_excess_cC: Annotated[int, Row(1200, 1200, "cC", "enough above the inlet to tell")]
     cooling_drop_permille: Annotated[
-        int, Row(250, 250, "permille", "a good pump removes 70 % of the excess in that time")
+        int, Row(150, 150, "permille", "the least flow removes 300; none leaves 75 to the air")
     ]
     leak_us: Annotated[int, Row(50_000, 50_000, "us", "contact bounce")]
     debounce_samples: Annotated[int, Row(3, 3, "samples", "one bad conversion is no fault")]

@@ -111,16 +111,22 @@ class Memory:
     channel: int = 0
 
     # Observers, one per spring.
-    surroundings_cC: int = 2500
+    coldest_cC: int = 2500
+    warmest_cC: int = 2500
     sensor_ok: list[int] = field(default_factory=_pair)
     t_cC: list[int] = field(default_factory=lambda: [2500, 2500])
     power_mW: list[int] = field(default_factory=_pair)
+    i_uA: list[int] = field(default_factory=_pair)
+    v_uV: list[int] = field(default_factory=_pair)
+    band_low_uA: list[int] = field(default_factory=_pair)
+    band_high_uA: list[int] = field(default_factory=_pair)
     anchor_cC: list[int] = field(default_factory=_pair)
     anchor_other_cC: list[int] = field(default_factory=_pair)
     anchor_net_nJ: list[int] = field(default_factory=_pair)
     anchor_other_nJ: list[int] = field(default_factory=_pair)
     stuck_cC: list[int] = field(default_factory=_pair)
     stuck_us: list[int] = field(default_factory=_pair)
+    stuck_low_uK: list[int] = field(default_factory=_pair)
     off_us: list[int] = field(default_factory=_pair)
     off_uK: list[int] = field(default_factory=_pair)
     low_uK: list[int] = field(default_factory=_pair)

@@ -13,17 +13,19 @@ from firmware_protocol.supervisor.memory import Measurements, Memory
 UK_PER_CC = 10_000
 NJ_PER_MJ = 1_000_000
 DUTY_FULL = 255
-ROOM_CC = 2500
 
 
 def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
-    """Keep the temperature that a spring cools towards: the inlet's, else the room's."""
-    if lim.rail_low_cC < m.rtd_cC[2] and m.rtd_cC[2] < lim.rail_high_cC:
-        s.surroundings_cC = m.rtd_cC[2]
-    elif lim.rail_low_cC < m.rtd_cC[3] and m.rtd_cC[3] < lim.rail_high_cC:
-        s.surroundings_cC = m.rtd_cC[3]
-    else:
-        s.surroundings_cC = ROOM_CC
+    """Keep the coldest and the warmest that surrounds a spring: water inlet and room."""
+    inlet_cC = m.rtd_cC[2]
+    ambient_cC = m.rtd_cC[3]
+    if not lim.rail_low_cC < inlet_cC < lim.rail_high_cC:
+        inlet_cC = ambient_cC
+    if not lim.rail_low_cC < ambient_cC < lim.rail_high_cC:
+        ambient_cC = inlet_cC
+    if lim.rail_low_cC < inlet_cC < lim.rail_high_cC:
+        s.coldest_cC = min(inlet_cC, ambient_cC)
+        s.warmest_cC = max(inlet_cC, ambient_cC)
 
 
 def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
@@ -50,9 +52,7 @@ def observe_spring(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
         s.sensor_ok[k] = 1
     else:
         s.sensor_ok[k] = 0
-    power_mW = m.i_mA[k] * m.v_mV[k] // 1000
-    power_mW = max(power_mW, 0)
-    s.power_mW[k] = power_mW
+    observe_electrical(s, m, lim, k)
     loss_mW_per_K = lim.loss_static_mW_per_K + lim.loss_flow_mW_per_K * m.duty[k] // DUTY_FULL
     observe_energy(s, lim, k, loss_mW_per_K)
     observe_stuck(s, lim, k)
@@ -61,6 +61,23 @@ def observe_spring(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     observe_cooling(s, m, lim, k)
     observe_resistance(s, m, lim, k)
     observe_i2t(s, m, lim, k)
+
+
+def observe_electrical(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
+    """Keep power, filtered current and voltage, and the band the current should be in.
+
+    The band spans what was regulated to lately, so that a driver that lags stays inside.
+    """
+    s.power_mW[k] = max(m.i_mA[k] * m.v_mV[k] // 1000, 0)
+    filter_us = lim.current_filter_us + s.dt_us
+    s.i_uA[k] += (m.i_mA[k] * 1000 - s.i_uA[k]) * s.dt_us // filter_us
+    s.v_uV[k] += (m.v_mV[k] * 1000 - s.v_uV[k]) * s.dt_us // filter_us
+    applied_uA = m.applied_mA[k] * 1000
+    band_us = lim.current_band_us + s.dt_us
+    low_uA = s.band_low_uA[k] + (applied_uA - s.band_low_uA[k]) * s.dt_us // band_us
+    high_uA = s.band_high_uA[k] + (applied_uA - s.band_high_uA[k]) * s.dt_us // band_us
+    s.band_low_uA[k] = min(low_uA, applied_uA)
+    s.band_high_uA[k] = max(high_uA, applied_uA)
 
 
 def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
@@ -78,7 +95,7 @@ def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
         s.anchor_other_nJ[k] = 0
     elif t_cC < s.anchor_cC[k]:
         s.anchor_cC[k] = t_cC
-    excess_cC = t_cC - s.surroundings_cC
+    excess_cC = t_cC - s.coldest_cC
     excess_cC = max(excess_cC, 0)
     loss_mW = loss_mW_per_K * (excess_cC + lim.sensor_offset_cC) // 100
     net_nJ = s.anchor_net_nJ[k] + (s.power_mW[k] - loss_mW) * s.dt_us
@@ -91,12 +108,22 @@ def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
 
 
 def observe_stuck(s: Memory, lim: Limits, k: int) -> None:
-    """Time how long the reading has been the same to the last digit while the spring is heated."""
+    """Time how long the reading has been the same to the last digit.
+
+    The slowest good spring at that moment is kept too: only if it moved since does sameness
+    mean anything, for a spring in balance may well stay on one digit.
+    """
     if s.t_cC[k] != s.stuck_cC[k]:
         s.stuck_cC[k] = s.t_cC[k]
         s.stuck_us[k] = 0
-    elif s.power_mW[k] >= lim.stuck_power_mW:
+        s.stuck_low_uK[k] = s.low_uK[k]
+    else:
         s.stuck_us[k] += s.dt_us
+
+
+def is_heated(s: Memory, m: Measurements, lim: Limits, k: int) -> bool:
+    """Return whether spring k gets or should get current."""
+    return m.applied_mA[k] > 0 or s.i_uA[k] > lim.off_current_mA * 1000
 
 
 def observe_off(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
@@ -105,7 +132,7 @@ def observe_off(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     Begins when the current has been off for longer than the sensor and the wall may lag.
     """
     now_uK = s.t_cC[k] * UK_PER_CC
-    if m.applied_mA[k] > 0 or m.i_mA[k] > lim.off_current_mA:
+    if is_heated(s, m, lim, k):
         s.off_us[k] = 0
     else:
         s.off_us[k] += s.dt_us
@@ -121,29 +148,29 @@ def observe_envelope(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None
     The heavy one takes the most energy to warm and loses most; its reading lags. The light one
     is the opposite. A good spring stays between them.
     """
-    around_uK = s.surroundings_cC * UK_PER_CC
     in_nJ = s.power_mW[k] * s.dt_us
 
+    above_mK = (s.low_uK[k] - s.coldest_cC * UK_PER_CC) // 1000
     low_loss = loss_mW_per_K
-    if s.low_uK[k] < around_uK:
+    if above_mK < 0:
         low_loss = lim.envelope_loss_least_mW_per_K
-    out_nJ = low_loss * ((s.low_uK[k] - around_uK) // 1000) * s.dt_us // 1000
+    out_nJ = low_loss * above_mK * s.dt_us // 1000
     s.low_uK[k] += (in_nJ - out_nJ) // lim.envelope_heavy_mJ_per_K
     lag_us = lim.envelope_lag_us + s.dt_us
-    s.low_seen_uK[k] += (s.low_uK[k] - s.low_seen_uK[k]) // 1000 * s.dt_us // lag_us * 1000
+    s.low_seen_uK[k] += (s.low_uK[k] - s.low_seen_uK[k]) * s.dt_us // lag_us
 
+    above_mK = (s.high_uK[k] - s.warmest_cC * UK_PER_CC) // 1000
     high_loss = lim.envelope_loss_least_mW_per_K
-    if s.high_uK[k] < around_uK:
+    if above_mK < 0:
         high_loss = loss_mW_per_K
-    out_nJ = high_loss * ((s.high_uK[k] - around_uK) // 1000) * s.dt_us // 1000
+    out_nJ = high_loss * above_mK * s.dt_us // 1000
     high_uK = s.high_uK[k] + (in_nJ - out_nJ) // lim.envelope_light_mJ_per_K
     s.high_uK[k] = min(high_uK, (s.t_cC[k] + lim.envelope_span_cC) * UK_PER_CC)
 
 
 def observe_cooling(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     """Time how long the pump of spring k has run at full duty with the heater off."""
-    heated = m.applied_mA[k] > 0 or m.i_mA[k] > lim.off_current_mA
-    if heated or m.duty[k] < DUTY_FULL - 25 or s.cool_us[k] >= lim.cooling_us:
+    if is_heated(s, m, lim, k) or m.duty[k] < DUTY_FULL - 25 or s.cool_us[k] >= lim.cooling_us:
         s.cool_us[k] = 0
         s.cool_from_cC[k] = s.t_cC[k]
     else:
@@ -153,13 +180,14 @@ def observe_cooling(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
 def observe_resistance(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     """Take the first resistance that can be measured after arming as the reference."""
     if s.reference_mohm[k] == 0 and resistance_is_measurable(s, m, lim, k):
-        s.reference_mohm[k] = m.v_mV[k] * 1000 // m.i_mA[k]
+        s.reference_mohm[k] = s.v_uV[k] * 1000 // s.i_uA[k]
         s.reference_cC[k] = s.t_cC[k]
 
 
 def resistance_is_measurable(s: Memory, m: Measurements, lim: Limits, k: int) -> bool:
-    """Return whether V/I of spring k means something: enough current, and regulated to."""
-    return m.i_mA[k] >= lim.resistance_current_mA and m.applied_mA[k] >= lim.resistance_current_mA
+    """Return whether V/I of spring k means something: enough current, for long enough."""
+    least_uA = lim.resistance_current_mA * 1000
+    return s.i_uA[k] >= least_uA and s.band_low_uA[k] >= least_uA
 
 
 def observe_i2t(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
@@ -177,6 +205,7 @@ def reset_spring(s: Memory, k: int) -> None:
     s.anchor_net_nJ[k] = 0
     s.anchor_other_nJ[k] = 0
     s.stuck_us[k] = 0
+    s.stuck_low_uK[k] = t_cC * UK_PER_CC
     s.off_us[k] = 0
     s.off_uK[k] = t_cC * UK_PER_CC
     s.low_uK[k] = t_cC * UK_PER_CC
