@@ -11,6 +11,7 @@ from typing import Literal
 from smad.control.commands import ModeCommand
 
 Fixture = Literal["antagonistic", "stretch", "blocked"]
+Cooling = Literal["water", "air"]
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,9 @@ Action = Do | UntilDone | Pause | Mark
 
 @dataclass(frozen=True)
 class Plan:
-    """One run, from rest. `mounted_mm` is the deflection at which a single spring is mounted."""
+    """One run, from rest, of springs mounted as `fixture` and `cooling` say (air: no module)."""
 
     name: str
     actions: tuple[Action, ...]
     fixture: Fixture = "antagonistic"
-    mounted_mm: float | None = None
+    cooling: Cooling = "water"

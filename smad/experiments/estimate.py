@@ -60,7 +60,7 @@ def bootstrap(
     `groups` (such as two prestresses) each group is resampled within itself. Resamples that cannot
     be fitted (LinAlgError, ValueError) are drawn again, at most as many as there are repeats.
 
-    Returns three arrays of shape (k,): value, low, high. Reference: Künsch, Ann. Statist. 17 (1989).
+    Returns three arrays of shape (k,): value, low, high. Reference: Künsch, Ann. Statist. 17, 1989.
     """
     rng = np.random.default_rng(seed)
     parts = [np.arange(samples)] if groups is None else list(groups)

@@ -37,16 +37,16 @@ class Recording:
         return self["t_s"]
 
     def between(self, first: str | None, last: str | None) -> Recording:
-        """The samples from mark `first` up to (not with) mark `last`; None means the run's end.
+        """The samples after mark `first` up to mark `last`; None means the run's end.
 
         Raises ExperimentError when a mark is missing or nothing lies between them.
         """
         t = self.t_s
         inside = np.ones(t.size, bool)
         if first is not None:
-            inside &= t >= self._mark(first)
+            inside &= t > self._mark(first)
         if last is not None:
-            inside &= t < self._mark(last)
+            inside &= t <= self._mark(last)
         if not inside.any():
             raise ExperimentError(
                 f"the run has no samples between its marks {first!r} and {last!r}",

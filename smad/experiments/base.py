@@ -1,0 +1,110 @@
+"""What an experiment is, and what it finds."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from sim_device.plant.parameters import ParameterSet
+from smad.control.commands import Tune
+from smad.control.plan import Do
+from smad.experiments.driver import Driver, require
+from smad.experiments.errors import ExperimentError
+from smad.experiments.estimate import Estimate
+from smad.report.page import Block
+
+PAPER_CONTROL = Do(
+    Tune(
+        kp_A_per_mm=15.0,
+        ki_A_per_mm_s=3.0,
+        current_limit_A=4.0,
+        cooling="proportional",
+        feedforward=False,
+        drain_before_heating=False,
+    )
+)
+"""The control of all tracking runs: the reference's gains, 4 A, duty |u|/4 A on the other pump."""
+
+
+class Options(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The settings of an experiment, with units in the names."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One row of the table "paper against here"."""
+
+    fact: str
+    paper: str
+    here: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What an experiment found: rows for the table, blocks for its section, parameters."""
+
+    comparisons: Sequence[Comparison]
+    blocks: Sequence[Block]
+    estimates: Sequence[Estimate] = ()
+
+
+O = TypeVar("O", bound=Options)  # noqa: E741
+
+
+class Experiment(ABC, Generic[O]):
+    """One experiment of the paper.
+
+    `trials` are its independent pieces, which may run in different processes; `conduct` carries
+    one out on a driver and returns what `conclude` needs of it (picklable). `conclude` gets the
+    outcomes by trial and the parameters of the model to compare with.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    needs: ClassVar[frozenset[str]]
+    options_type: ClassVar[type[Options]]
+
+    def __init__(self, options: O) -> None:
+        self.options = options
+
+    def trials(self) -> tuple[str, ...]:
+        """Names of the independent pieces."""
+        return (self.name,)
+
+    @abstractmethod
+    def conduct(self, trial: str, driver: Driver) -> Any:
+        """Carry out one trial."""
+
+    @abstractmethod
+    def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
+        """Analyse the outcomes of all trials."""
+
+    def run(self, driver: Driver, model: ParameterSet) -> Findings:
+        """Everything, one trial after the other. Raises BenchLacksError before anything moves."""
+        require(driver, self.needs, self.name)
+        outcomes = {trial: self.conduct(trial, driver) for trial in self.trials()}
+        return self.conclude(outcomes, model)
+
+
+def options_from(kind: type[Options], settings: Mapping[str, Any], experiment: str) -> Options:
+    """The options with these settings (values may be text, as from the command line).
+
+    Raises ExperimentError, naming the setting, for an unknown one or a value out of its range.
+    """
+    try:
+        options: Options = msgspec.convert(settings, type=kind, strict=False)
+    except msgspec.ValidationError as refused:
+        known = ", ".join(field.name for field in msgspec.structs.fields(kind)) or "none"
+        raise ExperimentError(
+            f"a setting of {experiment} is not valid: {refused}",
+            value=dict(settings),
+            limit=f"settings: {known}",
+            action=f"see docs/experiments/{experiment}.md",
+        ) from None
+    return options

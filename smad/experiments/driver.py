@@ -1,0 +1,52 @@
+"""Who carries a plan out: virtual time, a running daemon, or logs that were made before.
+
+An experiment sees only `Driver`, so it cannot tell them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
+
+from smad.control.plan import Plan
+from smad.experiments.errors import BenchLacksError
+from smad.experiments.recording import Recording
+
+PARTS: Mapping[str, str] = {
+    "displacement_mm": "the encoder",
+    "force_N": "the force sensor",
+    "rtd_x_degC": "the temperature sensor of spring X",
+    "rtd_y_degC": "the temperature sensor of spring Y",
+    "v_x_V": "the voltage sense of spring X",
+    "i_meas_x_A": "the current sensor of spring X",
+    "stage": "the stretching stage",
+    "drain": "the drain valves",
+}
+"""What an experiment may need: channels of the run log, and actuators, with their names."""
+
+Progress = Callable[[str], None]
+
+
+class Driver(Protocol):
+    """Carries out plans, each as one recorded run."""
+
+    def parts(self) -> frozenset[str]:
+        """Which of `PARTS` this bench has."""
+
+    def run(self, plan: Plan) -> Recording:
+        """Carry out the plan from rest and return what was recorded.
+
+        Raises ExperimentError (or the error of a refused command) when it did not come to its end.
+        """
+
+
+def require(driver: Driver, needs: Iterable[str], experiment: str) -> None:
+    """Raise BenchLacksError, naming what is missing, unless the bench has all of `needs`."""
+    lacking = sorted(set(needs) - driver.parts())
+    if lacking:
+        raise BenchLacksError(
+            f"experiment {experiment} cannot be run: this bench lacks "
+            + " and ".join(PARTS[part] for part in lacking),
+            value=", ".join(lacking),
+            action="nothing was moved; fit what is missing, or run another experiment",
+        )

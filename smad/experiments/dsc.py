@@ -1,0 +1,277 @@
+"""Fig. 2: transformation temperatures, heat capacity and latent heats from a calorimeter's file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from sim_device.plant.parameters import ParameterSet
+from smad.experiments.base import Comparison, Experiment, Findings, Options
+from smad.experiments.driver import Driver
+from smad.experiments.dsc_file import DscData, read_dsc, synthetic_dsc
+from smad.experiments.errors import DataFileError
+from smad.experiments.estimate import Estimate, Tolerance
+from smad.report.page import Picture, Table, Text
+from smad.report.plots import draw, label, new_figure, svg_of
+
+Array = NDArray[np.float64]
+ZERO_C = 273.15
+WINDOW_K = 0.8
+"""Width of the straight lines by which slopes are taken."""
+REPEATS = 100
+
+
+class DscOptions(Options, frozen=True, kw_only=True):
+    """Settings of dsc. Without a file a synthetic one is made from the model, to try the method."""
+
+    file: Annotated[str, Meta(description="CSV of the calorimeter; empty: synthetic")] = ""
+    seed: Annotated[int, Meta(ge=0, le=2**32 - 1)] = 0
+    first_guess_degC: Annotated[float, Meta(ge=0.0, le=120.0)] = 60.0
+    """A temperature above both peaks, from which the baselines are drawn."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """One peak: where its flanks' tangents meet the baseline (K), its area in J/kg, and C in J/kgK.
+
+    `capacity` is nan without an empty-pan baseline in the file.
+    """
+
+    low_K: float
+    high_K: float
+    latent_J_per_kg: float
+    capacity_J_per_kgK: float
+
+
+class Dsc(Experiment[DscOptions]):
+    """Analysis of a differential scanning calorimetry."""
+
+    name: ClassVar[str] = "dsc"
+    title: ClassVar[str] = "Fig. 2: differential scanning calorimetry"
+    needs: ClassVar[frozenset[str]] = frozenset()
+    options_type: ClassVar[type[Options]] = DscOptions
+
+    def conduct(self, trial: str, driver: Driver) -> DscData | None:
+        """Read the file; nothing moves on the bench. None asks for a synthetic one."""
+        return read_dsc(Path(self.options.file)) if self.options.file else None
+
+    def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
+        data: DscData = outcomes[self.name] or synthetic_dsc(model, seed=self.options.seed)
+        guess_K = self.options.first_guess_degC + ZERO_C
+        heating, cooling = both_peaks(data, guess_K)
+        estimates = estimates_of(data, guess_K, seed=self.options.seed)
+        made = not self.options.file
+        return Findings(
+            (
+                Comparison(
+                    "Fig. 2: A_S, A_F, M_S, M_F",
+                    "values not given (Table 1 is missing)",
+                    ", ".join(
+                        f"{t - ZERO_C:.1f}"
+                        for t in (heating.low_K, heating.high_K, cooling.high_K, cooling.low_K)
+                    )
+                    + " °C",
+                    "from a synthetic file of the model" if made else self.options.file,
+                ),
+                Comparison(
+                    "Fig. 2: latent heats; C_s, Eq. (28)",
+                    "12 188 and 4 138 J/kg; 466 and 260 J/kgK (sister paper)",
+                    f"{heating.latent_J_per_kg:.0f} and {cooling.latent_J_per_kg:.0f} J/kg; "
+                    f"{heating.capacity_J_per_kgK:.0f} and {cooling.capacity_J_per_kgK:.0f} J/kgK",
+                ),
+            ),
+            (
+                Picture(_figure(data, heating, cooling), _CAPTION),
+                _table(estimates),
+                Text(
+                    "Heat capacity is taken beside the peak. Fig. 6 of the paper plots it with the "
+                    "peak inside; a model that uses that curve and the latent heat as well counts "
+                    "the latent heat twice.",
+                    "note",
+                ),
+            ),
+            estimates,
+        )
+
+
+_CAPTION = "Heat flow into the sample, endothermic up. Vertical lines: the tangent method."
+
+
+def both_peaks(data: DscData, above_K: float) -> tuple[Peak, Peak]:
+    """The peaks of the heating and of the cooling half. Raises DataFileError without a peak."""
+    rate = np.gradient(data.temperature_K, data.t_s)
+    return (
+        _peak(data, rate > 0.5 * data.rate_K_per_s, above_K, 1.0),
+        _peak(data, rate < -0.5 * data.rate_K_per_s, above_K, -1.0),
+    )
+
+
+def _peak(data: DscData, half: NDArray[np.bool_], above_K: float, sign: float) -> Peak:
+    order = np.argsort(data.temperature_K[half])
+    temperature = data.temperature_K[half][order]
+    flow = sign * data.heat_flow_W[half][order]
+    if temperature.size < 100:
+        raise DataFileError(
+            "the file holds no " + ("heating" if sign > 0 else "cooling"),
+            value=f"{temperature.size} samples",
+            limit="at least 100",
+            action="record heating and cooling at a constant rate",
+        )
+    # Above the peak there is room for a straight baseline; below it often only a kelvin or two.
+    far = temperature > above_K - 5.0
+    base = np.polyval(np.polyfit(temperature[far], flow[far], 1), temperature)
+    excess = flow - base
+    noise = float(np.std(excess[far])) + 1e-12
+    top = int(np.argmax(_smooth(excess, temperature)))
+    if excess[top] < 10.0 * noise:
+        raise DataFileError(
+            "no peak stands out of the baseline",
+            value=f"{excess[top] * 1e3:.3g} mW",
+            limit=f"{10e3 * noise:.3g} mW",
+            action="check the file's columns and units",
+        )
+    low_K = _tangent(temperature, excess, temperature[top], rising=True)
+    high_K = _tangent(temperature, excess, temperature[top], rising=False)
+    inside = (temperature > low_K - WINDOW_K) & (temperature < high_K + WINDOW_K)
+    area = float(np.trapezoid(excess[inside], temperature[inside])) / data.rate_K_per_s
+    capacity = float("nan")
+    if data.baseline_W is not None:
+        empty = sign * data.baseline_W[half][order]
+        capacity = float(np.mean((flow - empty)[far])) / (data.rate_K_per_s * data.mass_kg)
+    return Peak(low_K, high_K, area / data.mass_kg, capacity)
+
+
+def _smooth(values: Array, temperature: Array) -> Array:
+    width = _window(temperature)
+    return np.convolve(values, np.ones(width) / width, "same")
+
+
+def _window(temperature: Array) -> int:
+    """Number of samples in `WINDOW_K`."""
+    return max(3, round(WINDOW_K / max(1e-9, float(np.median(np.diff(temperature))))))
+
+
+def _tangent(temperature: Array, excess: Array, top_K: float, *, rising: bool) -> float:
+    """Where the tangent at the steepest place of a flank meets the baseline (zero excess).
+
+    The tangent is the straight line through `WINDOW_K` of the flank with the largest slope, at
+    samples that are evenly spaced in temperature. Only the flank next to the top counts: from the
+    top down to a tenth of its height.
+    """
+    width = _window(temperature)
+    x = np.arange(width) - 0.5 * (width - 1)
+    step_K = float(np.median(np.diff(temperature)))
+    slope = np.correlate(excess, x, "valid") / (np.sum(x * x) * step_K)
+    level = np.correlate(excess, np.full(width, 1.0 / width), "valid")
+    middle = np.correlate(temperature, np.full(width, 1.0 / width), "valid")
+    top = int(np.argmin(np.abs(middle - top_K)))
+    low = np.flatnonzero(level < 0.1 * level[top])
+    foot = low[low < top].max(initial=0) if rising else low[low > top].min(initial=level.size - 1)
+    flank = slice(foot, top + 1) if rising else slice(top, foot + 1)
+    steepest = int(np.argmax(slope[flank] if rising else -slope[flank])) + flank.start
+    return float(middle[steepest] - level[steepest] / slope[steepest])
+
+
+def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
+    """All parameters of a calorimetry, with intervals from resampled noise.
+
+    The noise is that of the signal against its smoothed self; blocks of it are drawn anew, added to
+    the smoothed signal, and everything is evaluated again.
+    """
+    smooth = _in_time(data.heat_flow_W, 5)
+    noise = data.heat_flow_W - smooth
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(REPEATS):
+        starts = rng.integers(0, noise.size - 50, size=noise.size // 50 + 1)
+        drawn = np.concatenate([noise[s : s + 50] for s in starts])[: noise.size]
+        found.append(_numbers(data.with_flow(smooth + drawn), above_K))
+    value = np.array(_numbers(data, above_K))
+    spread = np.percentile(np.array(found), [2.5, 97.5], axis=0)
+    low, high = np.minimum(spread[0], value), np.maximum(spread[1], value)
+    return [
+        Estimate(name, float(v), float(lo), float(hi), "dsc", tolerance)
+        for (name, tolerance), v, lo, hi in zip(_QUANTITIES, value, low, high, strict=True)
+        if np.isfinite(v)
+    ]
+
+
+_HALF_DEGREE = Tolerance(difference=0.5)
+_QUANTITIES: Sequence[tuple[str, Tolerance]] = (
+    ("austenite_start", _HALF_DEGREE),
+    ("austenite_finish", _HALF_DEGREE),
+    ("martensite_start", _HALF_DEGREE),
+    ("martensite_finish", _HALF_DEGREE),
+    ("latent_heating", Tolerance(share=0.05)),
+    ("latent_cooling", Tolerance(share=0.05)),
+    ("heat_capacity_heating", Tolerance(share=0.05)),
+    ("heat_capacity_cooling", Tolerance(share=0.05)),
+)
+
+
+def _numbers(data: DscData, above_K: float) -> list[float]:
+    heating, cooling = both_peaks(data, above_K)
+    return [
+        heating.low_K,
+        heating.high_K,
+        cooling.high_K,
+        cooling.low_K,
+        heating.latent_J_per_kg,
+        cooling.latent_J_per_kg,
+        heating.capacity_J_per_kgK,
+        cooling.capacity_J_per_kgK,
+    ]
+
+
+def _in_time(values: Array, width: int) -> Array:
+    padded = np.pad(values, width // 2, mode="edge")
+    return np.convolve(padded, np.ones(width) / width, "valid")
+
+
+def _table(estimates: Sequence[Estimate]) -> Table:
+    def shown(estimate: Estimate, value: float) -> str:
+        return f"{value - ZERO_C:.2f} °C" if estimate.tolerance.difference else f"{value:.0f}"
+
+    return Table(
+        ("parameter", "value", "95 % interval"),
+        [
+            (
+                estimate.name,
+                shown(estimate, estimate.value),
+                f"{shown(estimate, estimate.low)} to {shown(estimate, estimate.high)}",
+            )
+            for estimate in estimates
+        ],
+        numeric=frozenset({1, 2}),
+    )
+
+
+def _figure(data: DscData, heating: Peak, cooling: Peak) -> str:
+    figure, (axes,) = new_figure(height_in=3.0)
+    rate = np.gradient(data.temperature_K, data.t_s)
+    for half, name, colour in ((rate > 0, "heating", "x"), (rate < 0, "cooling", "water")):
+        draw(
+            axes,
+            data.temperature_K[half] - ZERO_C,
+            data.heat_flow_W[half] * 1e3,
+            name,
+            colour,
+        )
+    for temperature, name in (
+        (heating.low_K, "A_S"),
+        (heating.high_K, "A_F"),
+        (cooling.high_K, "M_S"),
+        (cooling.low_K, "M_F"),
+    ):
+        axes.axvline(temperature - ZERO_C, color="#6e7781", linewidth=0.7)
+        axes.annotate(
+            name, (temperature - ZERO_C, 0.98), xycoords=("data", "axes fraction"), fontsize=8
+        )
+    label(axes, "temperature, °C", "heat flow, mW")
+    return svg_of(figure, "Heat flow of a calorimetry on heating and cooling")

@@ -1,0 +1,177 @@
+"""The CSV form of a calorimetry, and a synthetic one to try the analysis on.
+
+    # mass_mg = 18
+    # rate_K_per_min = 5
+    t_s,temperature_degC,heat_flow_mW,baseline_mW
+    0.0,25.00,0.71,0.05
+    …
+
+Heat flow into the sample counts positive (endothermic up). `baseline_mW`, the same run with an
+empty pan, is optional; without it there is no heat capacity.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_device.plant.parameters import ParameterSet
+from smad.experiments.errors import DataFileError
+
+Array = NDArray[np.float64]
+ZERO_C = 273.15
+COLUMNS = ("t_s", "temperature_degC", "heat_flow_mW")
+FACTS = ("mass_mg", "rate_K_per_min")
+
+
+@dataclass(frozen=True)
+class DscData:
+    """A calorimetry in SI: arrays of shape (n,), mass in kg, rate in K/s."""
+
+    t_s: Array
+    temperature_K: Array
+    heat_flow_W: Array
+    baseline_W: Array | None
+    mass_kg: float
+    rate_K_per_s: float
+
+    def with_flow(self, heat_flow_W: Array) -> DscData:
+        """The same with another heat flow."""
+        return dataclasses.replace(self, heat_flow_W=heat_flow_W)
+
+
+def read_dsc(path: Path) -> DscData:
+    """Read a file of the form above. Raises DataFileError, naming the line or column at fault."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataFileError(
+            "the calorimetry cannot be read", value=f"{path}: {error}", action="check the path"
+        ) from None
+    facts = _facts(lines, path)
+    rows = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    for name in COLUMNS:
+        if name not in header:
+            raise DataFileError(
+                f"{path.name} has no column {name}",
+                value=", ".join(header) or "no header line",
+                limit=", ".join((*COLUMNS, "baseline_mW (optional)")),
+                action="see docs/experiments/dsc.md for the form",
+            )
+    table = np.array([_numbers(row, len(header), path, k) for k, row in enumerate(rows[1:], 2)])
+    if len(table) < 200:
+        raise DataFileError(f"{path.name} is too short", value=len(table), limit="200 rows or more")
+    column = dict(zip(header, table.T, strict=True))
+    baseline = column.get("baseline_mW")
+    return DscData(
+        column["t_s"],
+        column["temperature_degC"] + ZERO_C,
+        column["heat_flow_mW"] * 1e-3,
+        None if baseline is None else baseline * 1e-3,
+        facts["mass_mg"] * 1e-6,
+        facts["rate_K_per_min"] / 60.0,
+    )
+
+
+def _facts(lines: list[str], path: Path) -> dict[str, float]:
+    facts: dict[str, float] = {}
+    for line in lines:
+        if line.startswith("#") and "=" in line:
+            name, _, value = line.lstrip("# ").partition("=")
+            try:
+                facts[name.strip()] = float(value)
+            except ValueError:
+                continue
+    for name in FACTS:
+        if not facts.get(name, 0.0) > 0.0 or math.isinf(facts[name]):
+            raise DataFileError(
+                f"{path.name} does not say {name}",
+                value=facts.get(name),
+                limit="a positive number",
+                action=f"add a line `# {name} = …` at its head",
+            )
+    return facts
+
+
+def _numbers(row: list[str], width: int, path: Path, line: int) -> list[float]:
+    try:
+        values = [float(cell) for cell in row]
+    except ValueError:
+        values = []
+    if len(values) != width or not all(map(math.isfinite, values)):
+        raise DataFileError(
+            f"{path.name}, table line {line}, is not {width} finite numbers",
+            value=",".join(row)[:60],
+            action="correct or delete the line",
+        )
+    return values
+
+
+def dsc_text(data: DscData) -> str:
+    """The data as a file that `read_dsc` reads."""
+    lines = [
+        f"# mass_mg = {data.mass_kg * 1e6:g}",
+        f"# rate_K_per_min = {data.rate_K_per_s * 60.0:g}",
+        ",".join((*COLUMNS, *(["baseline_mW"] if data.baseline_W is not None else []))),
+    ]
+    columns = [data.t_s, data.temperature_K - ZERO_C, data.heat_flow_W * 1e3]
+    if data.baseline_W is not None:
+        columns.append(data.baseline_W * 1e3)
+    lines += [",".join(f"{value:.5f}" for value in row) for row in np.array(columns).T]
+    return "\n".join(lines) + "\n"
+
+
+def synthetic_dsc(
+    parameters: ParameterSet,
+    *,
+    seed: int,
+    mass_mg: float = 18.0,
+    rate_K_per_min: float = 5.0,
+    low_degC: float = 10.0,
+    high_degC: float = 100.0,
+    noise_mW: float = 0.01,
+    lag_s: float = 2.0,
+) -> DscData:
+    """A calorimetry of a sample with these parameters: cosine kinetics, Eqs (11), (12c), no stress.
+
+    With an instrument's lag, a sloping baseline and noise. The paper scans from 25 °C, which leaves
+    no baseline below A_S and M_F; this one begins lower.
+    """
+    rng = np.random.default_rng(seed)
+    rate = rate_K_per_min / 60.0
+    half_s = (high_degC - low_degC) / rate
+    t = np.arange(0.0, 2.0 * half_s, 1.0)
+    temperature = low_degC + rate * np.where(t < half_s, t, 2.0 * half_s - t) + ZERO_C
+    heating = t < half_s
+    mass = mass_mg * 1e-6
+
+    def density(low_K: float, high_K: float) -> Array:
+        """Share of the transformation per kelvin."""
+        a = (temperature - low_K) / (high_K - low_K)
+        inside = (a > 0.0) & (a < 1.0)
+        return np.where(inside, 0.5 * np.pi * np.sin(np.pi * a) / (high_K - low_K), 0.0)
+
+    p = parameters
+    up = p["heat_capacity_heating"] + p["latent_heating"] * density(
+        p["austenite_start"], p["austenite_finish"]
+    )
+    down = p["heat_capacity_cooling"] + p["latent_cooling"] * density(
+        p["martensite_finish"], p["martensite_start"]
+    )
+    flow = mass * rate * np.where(heating, up, -down)
+    lagged = np.empty_like(flow)
+    level = flow[0]
+    share = 1.0 - math.exp(-1.0 / lag_s)
+    for k, value in enumerate(flow):
+        level += share * (value - level)
+        lagged[k] = level
+    baseline = 1e-3 * (0.05 + 0.002 * (temperature - ZERO_C))
+    noise = rng.normal(0.0, noise_mW * 1e-3, size=(2, t.size))
+    return DscData(t, temperature, lagged + baseline + noise[0], baseline + noise[1], mass, rate)

@@ -1,0 +1,190 @@
+"""Plans on a bench, through the daemon that runs it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from smad import api
+from smad.config import parse_config
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    HoldTemperature,
+    Idle,
+    ModeCommand,
+    MoveStage,
+    Tune,
+)
+from smad.control.plan import Cooling, Do, Fixture, Mark, Pause, Plan, UntilDone
+from smad.experiments.driver import PARTS, Progress
+from smad.experiments.errors import BenchLacksError, ExperimentError
+from smad.experiments.logs import recording_of
+from smad.experiments.recording import Recording
+from smad.experiments.virtual import MARK
+from smad.runlog.reader import read_run
+
+if TYPE_CHECKING:
+    from smad.client import Client
+
+POLL_S = 0.02
+REST_K = 1.0
+"""At rest means: both springs within this of the water (or the room)."""
+LONGEST_REST_S = 600.0
+
+
+class LiveDriver:
+    """A running daemon. The springs are mounted as the user says: `fixture` and `cooling`.
+
+    Arms when needed. Before each run it waits until the springs are at rest, and it records each
+    run by itself. `sleep` waits for the wall clock.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        *,
+        fixture: Fixture = "antagonistic",
+        cooling: Cooling = "water",
+        progress: Progress | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._client = client
+        self._fixture = fixture
+        self._cooling = cooling
+        self._progress = progress or (lambda text: None)
+        self._sleep = sleep
+
+    def parts(self) -> frozenset[str]:
+        sample = self._client.status().sample
+        if sample is None:
+            raise ExperimentError(
+                "the daemon has no sample of the bench yet",
+                action="see `smad status` for the link",
+            )
+        staged = self._fixture != "antagonistic"
+        return frozenset(
+            part
+            for part in PARTS
+            if (part == "drain" and self._cooling == "water")
+            or (part == "stage" and staged)
+            or getattr(sample, part, None) is not None
+        )
+
+    def run(self, plan: Plan) -> Recording:
+        if (plan.fixture, plan.cooling) != (self._fixture, self._cooling):
+            raise BenchLacksError(
+                f"run {plan.name} needs springs mounted for {plan.fixture}, in {plan.cooling}",
+                value=f"{self._fixture}, in {self._cooling}",
+                action="nothing was moved; mount them so and say so with --fixture and --air",
+            )
+        client = self._client
+        if not client.motion().armed:
+            client.arm()
+        before = parse_config(client.config()).control
+        try:
+            self._rest(plan)
+            if client.status().recorder.recording:
+                client.stop_recording()
+            client.start_recording(plan.name.replace("/", "_"))
+            try:
+                self._carry_out(plan)
+            finally:
+                client.idle()
+                recorder = client.stop_recording()
+        finally:
+            client.tune(
+                Tune(
+                    kp_A_per_mm=before.kp_A_per_mm,
+                    ki_A_per_mm_s=before.ki_A_per_mm_s,
+                    current_limit_A=before.current_limit_A,
+                    cooling=before.cooling.mode,
+                    feedforward=before.feedforward.enabled,
+                    drain_before_heating=before.drain_before_heating,
+                )
+            )
+        return recording_of(read_run(Path(recorder.path)))
+
+    def _carry_out(self, plan: Plan) -> None:
+        client = self._client
+        for action in plan.actions:
+            match action:
+                case Do(command):
+                    self._send(command)
+                case Mark(name):
+                    client.note(f"{MARK}{name}")
+                case Pause(seconds):
+                    self._wait(plan, seconds, lambda motion: False)
+                case UntilDone(timeout_s):
+                    if not self._wait(plan, timeout_s, lambda motion: motion.done):
+                        raise ExperimentError(
+                            f"run {plan.name}: what was commanded did not end in time",
+                            limit=f"{timeout_s:g} s",
+                            action="the bench may be too weak, too warm, or not what the "
+                            "experiment expects",
+                        )
+
+    def _send(self, command: ModeCommand) -> None:
+        client = self._client
+        match command:
+            case Follow():
+                client.move(*command.trajectories, queue=command.queue)
+            case HoldTemperature():
+                client.heat(
+                    command.spring,
+                    command.temperature_degC,
+                    rate_K_per_s=command.rate_K_per_s,
+                    duration_s=command.duration_s,
+                    use_water=command.use_water,
+                )
+            case DriveCurrent():
+                client.current(command)
+            case MoveStage():
+                client.stage(command.stage_mm, command.rate_mm_per_s)
+            case Tune():
+                client.tune(command)
+            case Idle():
+                client.idle()
+
+    def _wait(self, plan: Plan, seconds: float, over: Callable[[api.Motion], bool]) -> bool:
+        """Wait until `over` or for so many seconds of board time; whether it was over."""
+        client = self._client
+        motion = client.motion()
+        began_s = motion.board_time_s
+        while not over(motion):
+            if not motion.armed:
+                fault = "no fault" if motion.fault is None else motion.fault.name
+                raise ExperimentError(
+                    f"run {plan.name}: the board left ARMED",
+                    value=f"{motion.mode}, {fault}",
+                    action="see `smad status` and `smad faults explain`",
+                )
+            if motion.board_time_s - began_s >= seconds:
+                return False
+            self._progress(f"{plan.name}: {motion.board_time_s - began_s:.0f} s")
+            self._sleep(POLL_S)
+            motion = client.motion()
+        return True
+
+    def _rest(self, plan: Plan) -> None:
+        """Cool both springs until they are at rest."""
+        duty = 1.0 if self._cooling == "water" else 0.0
+        self._client.current(DriveCurrent(pump_x_duty=duty, pump_y_duty=duty))
+
+        def cold(motion: api.Motion) -> bool:
+            row = self._client.status().sample
+            if row is None or row.rtd_x_degC is None:
+                return False
+            around = row.rtd_inlet_degC if self._cooling == "water" else row.rtd_ambient_degC
+            springs = [t for t in (row.rtd_x_degC, row.rtd_y_degC) if t is not None]
+            return around is None or max(springs) - around < REST_K
+
+        if not self._wait(plan, LONGEST_REST_S, cold):
+            raise ExperimentError(
+                f"run {plan.name}: the springs do not come to rest",
+                limit=f"within {REST_K:g} K of the water in {LONGEST_REST_S:g} s",
+                action="check the pumps and the temperature sensors",
+            )
+        self._client.idle()

@@ -1,0 +1,137 @@
+"""Plans in virtual time, on the simulated bench."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from firmware_protocol.messages import Setpoint, State
+from sim_device.plant.parameters import ParameterSet, parameters_text
+from smad.config import Config, config_to_toml
+from smad.control.controller import Controller
+from smad.control.errors import PlanError
+from smad.control.plan import Plan
+from smad.control.runner import run_virtual
+from smad.control.sample import Sample
+from smad.daemon.measure import row_of
+from smad.experiments.driver import PARTS, Progress
+from smad.experiments.errors import ExperimentError
+from smad.experiments.recording import Recording
+from smad.runlog.reader import columns_of
+from smad.runlog.schema import Event, Record, Row
+
+
+class VirtualDriver:
+    """A simulated bench for each plan, fresh and at rest.
+
+    `seed` and the name of the plan decide the noise, so that runs differ and repeat. `lacking`
+    takes parts away, as on a bench without them. With `folder` each run is also written there as a
+    run log. `variant` and `effects` are those of the plant.
+    """
+
+    def __init__(
+        self,
+        parameters: ParameterSet,
+        *,
+        config: Config | None = None,
+        seed: int = 0,
+        variant: str = "extended",
+        effects: Mapping[str, Mapping[str, float]] | None = None,
+        lacking: frozenset[str] = frozenset(),
+        folder: Path | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self._parameters = parameters
+        self._config = config or Config()
+        self._seed = seed
+        self._variant = variant
+        self._effects = effects or {}
+        self._lacking = lacking
+        self._folder = folder
+        self._progress = progress
+
+    def parts(self) -> frozenset[str]:
+        return frozenset(PARTS) - self._lacking
+
+    def run(self, plan: Plan) -> Recording:
+        from sim_device.bench import SimulatedBench
+
+        seed = (self._seed + zlib.crc32(plan.name.encode())) & 0xFFFF_FFFF
+        bench = SimulatedBench(
+            parameters=self._parameters,
+            variant=self._variant,
+            effects=self._effects,
+            fixture=plan.fixture,
+            cooling=plan.cooling,
+            rate_hz=self._config.link.rate_hz,
+            seed=seed,
+        )
+        rows: list[Row] = []
+
+        def record(
+            sample: Sample, state: State, setpoint: Setpoint, reference_m: float, target: float
+        ) -> None:
+            rows.append(
+                row_of(
+                    sample,
+                    state,
+                    setpoint,
+                    host_time_s=float("nan"),
+                    reference_m=reference_m,
+                    reference_degC=target,
+                )
+            )
+
+        def tell(board_time_s: float) -> None:
+            if self._progress is not None and int(board_time_s) % 20 == 0:
+                self._progress(f"{plan.name}: {board_time_s:.0f} s of board time")
+
+        controller = Controller(self._config.control, self._config.limits)
+        try:
+            done = run_virtual(bench, controller, plan, recorder=record, progress=tell)
+        except PlanError as error:
+            raise ExperimentError(
+                f"run {plan.name}: {error.cause}",
+                value=error.value,
+                limit=error.limit,
+                action=error.action,
+            ) from None
+        if self._folder is not None:
+            self._write(plan, rows, done.marks, seed)
+        columns = {name: np.asarray(column, float) for name, column in columns_of(rows).items()}
+        return Recording(columns, done.marks)
+
+    def _write(self, plan: Plan, rows: list[Row], marks: Mapping[str, float], seed: int) -> None:
+        from smad.runlog.header import RunHeader, installed_versions
+        from smad.runlog.writer import write_run
+
+        assert self._folder is not None
+        self._folder.mkdir(parents=True, exist_ok=True)
+        path = self._folder / f"{plan.name.replace('/', '_')}.mcap"
+        path.unlink(missing_ok=True)
+        header = RunHeader(
+            source="sim",
+            name=plan.name,
+            rate_hz=float(self._config.link.rate_hz),
+            seed=seed,
+            configuration=config_to_toml(self._config),
+            parameter_file=parameters_text(self._parameters),
+            versions=installed_versions(),
+            extra={"plan": msgspec.json.encode([repr(action) for action in plan.actions]).decode()},
+        )
+        events = [mark_event(name, at_s) for name, at_s in marks.items()]
+        records: list[Record] = [*rows, *events]
+        write_run(path, header, records)
+
+
+MARK = "mark "
+"""How the text of a note begins that marks a moment of a plan."""
+
+
+def mark_event(name: str, t_s: float) -> Event:
+    """The event by which a run log remembers a mark."""
+    return Event(t_s=t_s, kind="note", text=f"{MARK}{name}")
