@@ -89,6 +89,10 @@ class GetConfig(Params, frozen=True, kw_only=True):
     """The configuration in force, as TOML text."""
 
 
+class ResetTiming(Params, frozen=True, kw_only=True):
+    """Begin the timing's percentiles anew, to measure a stretch by itself."""
+
+
 class Arm(Params, frozen=True, kw_only=True):
     """Arm the bench: the board checks itself and lets current through afterwards.
 
@@ -373,6 +377,7 @@ METHODS: tuple[Method, ...] = (
     Method("status", GetStatus, Status, "watch"),
     Method("motion", GetMotion, Motion, "watch"),
     Method("config", GetConfig, ConfigText, "watch"),
+    Method("timing.reset", ResetTiming, Timing, "watch"),
     Method("arm", Arm, Motion, "control"),
     Method("disarm", Disarm, Motion, "stop"),
     Method("estop", EStop, Motion, "stop"),

@@ -29,6 +29,7 @@ class DaemonProcess:
         *,
         bench: str = "bench",
         environment: Mapping[str, str] | None = None,
+        pass_fds: Sequence[int] = (),
     ) -> None:
         self.folder = folder
         self.bench = bench
@@ -42,6 +43,7 @@ class DaemonProcess:
                 env={**os.environ, **(environment or {}), FOLDER_VARIABLE: str(folder)},
                 # ctrl-C is for whoever started us; they end the daemon in an orderly way.
                 start_new_session=True,
+                pass_fds=tuple(pass_fds),
             )
 
     @property

@@ -62,6 +62,9 @@ def sim(
         _end_with(parent)
     config = Config() if path is None else load_config(path)
     try:
+        # Compiling the physics takes seconds the first time; a port that is silent for so long
+        # would look like a dead board.
+        build(config, rate_hz=100, seed=0).step()
         bench = build(
             config,
             rate_hz=config.link.rate_hz if rate is None else int(rate),

@@ -30,6 +30,7 @@ SIMULATED_BAUD = 921_600
     "--paced-by-host", is_flag=True, help="With --sim: the board waits for each setpoint."
 )
 @click.option("--fault", "faults", multiple=True, help="With --sim: see smad sim --help.")
+@click.option("--fd", type=int, hidden=True, help="An inherited socket instead of a port.")
 @click.option("--no-realtime", is_flag=True, help="Ask for no real-time measures.")
 def start(
     *,
@@ -43,6 +44,7 @@ def start(
     seed: int | None,
     paced_by_host: bool,
     faults: tuple[str, ...],
+    fd: int | None,
     no_realtime: bool,
 ) -> int:
     """Run the daemon in the foreground until ctrl-C, which disarms.
@@ -58,7 +60,7 @@ def start(
                 "--speed, --seed, --paced-by-host and --fault need --sim",
                 action="add --sim, or leave them out",
             )
-        return _on_board(config, port)
+        return _on_board(config, port) if fd is None else _on_socket(config, fd)
     if port is not None:
         raise ConfigError(
             "--port and --sim exclude each other",
@@ -114,6 +116,20 @@ def _on_board(config: Config, port: str | None) -> int:
             action="look in /dev/serial/by-id, or try smad start --sim",
         )
     return _run(config, None)
+
+
+def _on_socket(config: Config, fd: int) -> int:
+    import socket
+
+    from smad.daemon.lifecycle import run
+    from smad.daemon.port import SocketTransport, Transport
+
+    def open_socket() -> Transport:
+        return SocketTransport(socket.socket(fileno=fd))
+
+    ended = run(config, open_socket, check_baud=False)
+    click.echo(f"smad: {ended.line}", err=True)
+    return ended.status
 
 
 def _on_simulation(

@@ -121,6 +121,10 @@ class AsyncClient:
         """The configuration in force, as TOML."""
         return (await self._call(api.GetConfig(), api.ConfigText)).toml
 
+    async def reset_timing(self) -> api.Timing:
+        """Begin the timing's percentiles anew, to measure a stretch by itself."""
+        return await self._call(api.ResetTiming(), api.Timing)
+
     async def arm(self) -> api.Motion:
         """Arm the bench."""
         return await self._call(api.Arm(), api.Motion)

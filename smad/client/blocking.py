@@ -118,6 +118,10 @@ class Client:
         """The configuration in force, as TOML."""
         return self._call(api.GetConfig(), api.ConfigText).toml
 
+    def reset_timing(self) -> api.Timing:
+        """Begin the timing's percentiles anew, to measure a stretch by itself."""
+        return self._call(api.ResetTiming(), api.Timing)
+
     def arm(self) -> api.Motion:
         """Arm the bench."""
         return self._call(api.Arm(), api.Motion)

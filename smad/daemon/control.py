@@ -16,10 +16,9 @@ from firmware_protocol.events import HostEvent, HostState, StateReceived
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Setpoint, State
 from smad.control.controller import Controller
-from smad.control.sample import BoardTime, Sample
+from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.daemon.histogram import Histogram
-from smad.daemon.measure import Scales, sample_of
 
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
 _TICKS = 0xFFFF
@@ -132,6 +131,11 @@ class ControlTask:
         for other in others:
             self._on_event(other)
         self.flush()
+
+    def clear_timing(self) -> None:
+        """Forget the durations measured so far."""
+        for histogram in (self.own_share, self.setpoint_age, self.jitter):
+            histogram.clear()
 
     def tick(self) -> None:
         """Let the session repeat what was not answered; never needed for a step."""

@@ -1,4 +1,4 @@
-"""From the wire's whole numbers to the controller's SI units and the run log's row. Pure."""
+"""A sample and what came of it as a row of the run log. Pure."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import math
 
 from firmware_protocol.enums import SetpointFlag
 from firmware_protocol.messages import Setpoint, State
-from smad.control.sample import Sample, Scales, sample_of
+from smad.control.sample import Sample
 from smad.runlog.schema import Row
-
-__all__ = ["DEGREES_PER_MM", "Scales", "row_of", "sample_of"]
 
 DEGREES_PER_MM = 6.25
 """A MINIR-II segment turns ±25° for ±4 mm."""

@@ -30,7 +30,7 @@ _MCL_FUTURE = 2
 _DMA_LATENCY = "/dev/cpu_dma_latency"
 _RT_RUNTIME = "/proc/sys/kernel/sched_rt_runtime_us"
 _WANTED_FILES = 65_536
-_SWITCH_INTERVAL_S = 1e-4
+_SWITCH_INTERVAL_S = 2e-5
 
 
 class Realtime:

@@ -80,6 +80,7 @@ class Service:
             api.GetStatus: self.status,
             api.GetMotion: self.motion,
             api.GetConfig: self.config,
+            api.ResetTiming: self.reset_timing,
             api.Arm: self.arm,
             api.Disarm: self.disarm,
             api.EStop: self.estop,
@@ -127,6 +128,11 @@ class Service:
     def config(self, params: api.GetConfig, client: Client) -> api.ConfigText:
         """The configuration in force."""
         return api.ConfigText(toml=config_to_toml(self._config))
+
+    def reset_timing(self, params: api.ResetTiming, client: Client) -> api.Timing:
+        """Forget the percentiles so far."""
+        self._control.clear_timing()
+        return self._status.refresh()
 
     async def arm(self, params: api.Arm, client: Client) -> api.Motion:
         """Ask the board for a token, begin the run log, confirm."""

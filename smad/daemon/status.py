@@ -7,12 +7,12 @@ import os
 from collections.abc import Callable
 
 import smad
-from firmware_protocol.enums import Fault, Limiter, Warning
+from firmware_protocol.enums import Limiter, faults_in, warnings_in
 from firmware_protocol.events import HostState
 from smad import api
 from smad.config import Config
 from smad.control.limits import HostLimit
-from smad.daemon.board import board_of, names_of
+from smad.daemon.board import board_of
 from smad.daemon.control import ControlTask, Finished
 from smad.daemon.journal import Journal
 from smad.daemon.lease import Lease
@@ -68,9 +68,10 @@ class StatusReport:
         self._started_us = clock_us()
         self._timing = self._measured_timing()
 
-    def refresh(self) -> None:
+    def refresh(self) -> api.Timing:
         """Work the percentiles out anew."""
         self._timing = self._measured_timing()
+        return self._timing
 
     def motion(self) -> api.Motion:
         """Return what the controller is doing."""
@@ -113,8 +114,8 @@ class StatusReport:
             board=self._board(),
             motion=self.motion(),
             limiter=self._limiter(),
-            faults=() if state is None else names_of(Fault, state.faults),
-            warnings=() if state is None else names_of(Warning, state.warnings),
+            faults=() if state is None else tuple(f.name for f in faults_in(state.faults)),
+            warnings=() if state is None else tuple(w.name for w in warnings_in(state.warnings)),
             sample=None if last is None else self.row(last),
             counts=self._counts(),
             timing=self._timing,

@@ -25,9 +25,9 @@ from firmware_protocol.events import (
 from firmware_protocol.messages import Disarm, Ident, State
 from smad import api
 from smad.config import LinkConfig
+from smad.control.sample import Scales
 from smad.daemon.board import Parameters, fault_line, fault_of
 from smad.daemon.errors import Refusal
-from smad.daemon.measure import Scales
 from smad.daemon.requests import BoardRequests, refusal
 from smad.runlog.schema import EventKind
 
