@@ -1,3 +1,21 @@
-"""Software of a shape-memory-alloy actuator bench: daemon, clients, run logs, experiments, diagnosis."""
+"""Software of a shape-memory-alloy bench: daemon, clients, run logs, experiments, diagnosis.
+
+`smad.Client` and `smad.AsyncClient` command a running daemon.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from smad.client import AsyncClient, Client
 
 __version__ = "0.1.0"
+__all__ = ["AsyncClient", "Client", "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    # The physics and the diagnosis import this package too, and need no sockets.
+    if name in ("AsyncClient", "Client"):
+        import smad.client
+
+        return getattr(smad.client, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,286 @@
+"""Both clients, against a stand-in for the daemon."""
+
+import inspect
+import os
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+import smad
+from smad import api
+from smad.client import (
+    AsyncClient,
+    BoardRefused,
+    Client,
+    NoAnswer,
+    NoDaemon,
+    NotInControl,
+    NotReady,
+    Refused,
+    Stopped,
+)
+from smad.client.progress import Wait
+from smad.client.wire import POINTS_A_PIECE, in_pieces
+from smad.control.commands import DriveCurrent, Samples, Sine, Step, Tune
+from smad.daemon.endpoints import Connection, write_connection
+from tests.smad.fakedaemon import MOTION, FakeDaemon, Silent, fake_daemon
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
+    with fake_daemon(tmp_path) as daemon:
+        yield daemon
+
+
+@pytest.fixture
+def client(daemon: FakeDaemon, tmp_path: Path) -> Iterator[Client]:
+    with Client(folder=tmp_path, timeout_s=30.0) as client:
+        yield client
+
+
+def test_the_clients_are_found_at_the_top_of_the_package() -> None:
+    assert smad.Client is Client
+    assert smad.AsyncClient is AsyncClient
+
+
+def test_both_clients_have_the_same_methods_with_the_same_parameters_and_words() -> None:
+    def methods(cls: type) -> dict[str, tuple[list[str], str | None]]:
+        return {
+            name: (list(inspect.signature(method).parameters), inspect.getdoc(method))
+            for name, method in inspect.getmembers(cls, callable)
+            if not name.startswith("_")
+        }
+
+    blocking, awaited = methods(Client), methods(AsyncClient)
+    assert blocking.keys() == awaited.keys()
+    for name, (parameters, words) in blocking.items():
+        assert awaited[name] == (parameters, words), name
+
+
+def test_there_is_a_client_method_for_every_method_of_the_api(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    for method in api.METHODS:
+        daemon.answers[method.name] = Silent()
+    client.timeout_s = 0.0
+    calls = (
+        client.status, client.motion, client.config, client.reset_timing, client.arm,
+        client.disarm, client.estop, client.clear, client.params, client.save_params,
+        client.idle, client.start_recording, client.release_control,
+        lambda: client.move(Step(displacement_mm=1.0, duration_s=1.0)),
+        lambda: client.heat("x", 50.0),
+        lambda: client.current(DriveCurrent(i_x_A=1.0)),
+        lambda: client.stage(1.0, 1.0),
+        lambda: client.tune(Tune(kp_A_per_mm=1.0)),
+        lambda: client.get_param("a"),
+        lambda: client.set_param("a", 1.0),
+        lambda: client.note("a"),
+        lambda: client.take_control("me"),
+    )  # fmt: skip
+    for call in calls:
+        with pytest.raises(NoAnswer):
+            call()
+    daemon.answers["record.stop"] = api.RecorderStatus(recording=False)
+    daemon.answers["motion"] = MOTION
+    client.timeout_s = 30.0
+    client.stop_recording()
+    client.motion()
+    assert {request["method"] for request in daemon.asked} == {m.name for m in api.METHODS}
+
+
+def test_a_reply_is_typed(client: Client) -> None:
+    assert client.motion() == MOTION
+
+
+def test_stops_go_over_their_own_channel(client: Client, daemon: FakeDaemon) -> None:
+    client.disarm()
+    client.estop()
+    client.arm()
+    assert [request["channel"] for request in daemon.asked] == ["stop", "stop", "command"]
+
+
+@pytest.mark.parametrize(
+    ("reason", "kind"),
+    [
+        (api.Reason.NOT_IN_CONTROL, NotInControl),
+        (api.Reason.NOT_ARMED, NotReady),
+        (api.Reason.FAULTED, NotReady),
+        (api.Reason.BOARD_REFUSED, BoardRefused),
+        (api.Reason.INVALID, Refused),
+    ],
+)
+def test_a_refusal_is_raised_as_its_kind_with_value_limit_and_next_action(
+    client: Client, daemon: FakeDaemon, reason: api.Reason, kind: type[Refused]
+) -> None:
+    daemon.answers["arm"] = api.ErrorData(
+        reason=reason, cause="too hot", value=51.0, limit="45 °C", action="wait"
+    )
+    with pytest.raises(kind, match=r"too hot; got 51\.0; allowed: 45 °C; wait") as refused:
+        client.arm()
+    assert refused.value.reason is reason
+    again = pickle.loads(pickle.dumps(refused.value))
+    assert str(again) == str(refused.value)
+    assert again.reason is reason
+
+
+def test_a_late_reply_is_not_taken_for_the_next_one(client: Client, daemon: FakeDaemon) -> None:
+    daemon.answers["motion"] = Silent()
+    client.timeout_s = 0.05
+    with pytest.raises(NoAnswer, match="may have been carried out"):
+        client.motion()
+    client.timeout_s = 30.0
+    late = msgspec.json.encode({"jsonrpc": "2.0", "id": 1, "result": {"toml": "old"}})
+    daemon.before_reply = late
+    daemon.answers["config"] = api.ConfigText(toml="new")
+    assert client.config() == "new"
+
+
+def test_without_a_daemon_the_error_says_how_to_start_one(tmp_path: Path) -> None:
+    with pytest.raises(NoDaemon, match="smad start --sim"):
+        Client(folder=tmp_path)
+
+
+def test_the_connection_file_of_a_dead_daemon_counts_as_no_daemon(tmp_path: Path) -> None:
+    write_connection(
+        tmp_path / "bench.json",
+        Connection(
+            bench="bench", pid=2**22 + 1, version="", command="ipc://x", stop="", telemetry=""
+        ),
+    )
+    with pytest.raises(NoDaemon):
+        Client(folder=tmp_path)
+
+
+def test_an_unreadable_reply_is_an_error_not_a_crash(client: Client, daemon: FakeDaemon) -> None:
+    daemon.answers["motion"] = b"\xff\xff"
+    with pytest.raises(Refused, match="same version"):
+        client.motion()
+
+
+def test_waiting_ends_when_the_motion_is_done_and_shows_progress(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    under_way = msgspec.structs.replace(MOTION, done=False, running="displacement")
+    left = [under_way, under_way, MOTION]
+    daemon.answers["motion"] = lambda request: left.pop(0) if left else MOTION
+    seen: list[bool] = []
+    assert client.wait_until_done(lambda motion: seen.append(motion.done)) == MOTION
+    assert seen == [False, False, True]
+
+
+def test_waiting_for_what_will_never_come_says_why() -> None:
+    wait = Wait(0.0, timeout_s=5.0)
+    under_way = msgspec.structs.replace(MOTION, done=False)
+    assert not wait.over(under_way, 4.0)
+    with pytest.raises(NoAnswer, match="5 s"):
+        wait.over(under_way, 6.0)
+    fault = api.Fault(number=6, name="OVER_TEMPERATURE")
+    stopped = msgspec.structs.replace(MOTION, armed=False, mode="FAULT", fault=fault)
+    with pytest.raises(Stopped, match="OVER_TEMPERATURE"):
+        wait.over(stopped, 1.0)
+    with pytest.raises(Stopped, match="not armed"):
+        wait.over(msgspec.structs.replace(MOTION, armed=False, mode="SAFE"), 1.0)
+
+
+def test_several_trajectories_are_sent_in_order_the_first_replacing_what_runs(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    client.move(
+        Step(displacement_mm=1.0, duration_s=1.0),
+        Sine(amplitude_mm=1.0, period_s=2.0, cycles=1),
+    )
+    sent = [request["params"] for request in daemon.asked]
+    assert [p["queue"] for p in sent] == [False, True]
+    assert [p["trajectories"][0]["kind"] for p in sent] == ["step", "sine"]
+
+
+def test_long_sample_trajectories_go_out_in_pieces_that_join() -> None:
+    count = 3 * POINTS_A_PIECE + 7
+    whole = Samples(
+        t_s=tuple(0.01 * n for n in range(count)),
+        displacement_mm=tuple(0.001 * n for n in range(count)),
+    )
+    pieces = in_pieces(whole)
+    assert all(isinstance(p, Samples) and len(p.t_s) <= POINTS_A_PIECE for p in pieces)
+    joined: list[float] = []
+    length_s = 0.0
+    for piece in pieces:
+        assert isinstance(piece, Samples)
+        assert piece.t_s[0] == 0.0
+        assert len(piece.t_s) >= 2
+        assert not joined or joined[-1] == piece.displacement_mm[0]
+        joined += piece.displacement_mm[1 if joined else 0 :]
+        length_s += piece.t_s[-1]
+    assert tuple(joined) == whole.displacement_mm
+    assert length_s == pytest.approx(whole.t_s[-1])
+
+
+def test_telemetry_is_an_iterator_of_typed_samples(client: Client, daemon: FakeDaemon) -> None:
+    import threading
+
+    stop = threading.Event()
+
+    def publish() -> None:
+        number = 0
+        while not stop.wait(0.005):
+            number += 1
+            sample = api.Telemetry(timestamp=1.0 * number, sequence=number, t_s=0.01 * number)
+            daemon.publisher.send_multipart([b"smad", msgspec.json.encode(sample)])
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        stream = client.telemetry()
+        first, second = next(stream), next(stream)
+    finally:
+        stop.set()
+        thread.join()
+    assert second.sequence == first.sequence + 1
+
+
+def test_no_telemetry_is_an_error_with_what_to_look_at(client: Client) -> None:
+    with pytest.raises(NoAnswer, match="smad status"):
+        next(client.telemetry(timeout_s=0.05))
+
+
+def test_recording_ends_with_the_block_even_when_it_fails(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    daemon.answers["record.start"] = api.RecorderStatus(recording=True, path="a.mcap")
+    daemon.answers["record.stop"] = api.RecorderStatus(recording=False, path="a.mcap")
+
+    def experiment() -> None:
+        with client.record("a") as status:
+            assert status.path == "a.mcap"
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        experiment()
+    assert [request["method"] for request in daemon.asked] == ["record.start", "record.stop"]
+
+
+async def test_the_async_client_does_the_same(daemon: FakeDaemon, tmp_path: Path) -> None:
+    async with AsyncClient(folder=tmp_path, timeout_s=30.0) as client:
+        assert await client.motion() == MOTION
+        await client.disarm()
+        assert daemon.asked[-1]["channel"] == "stop"
+        daemon.answers["arm"] = api.ErrorData(reason=api.Reason.NOT_ARMED, cause="no")
+        with pytest.raises(NotReady):
+            await client.arm()
+        daemon.answers["idle"] = Silent()
+        client.timeout_s = 0.05
+        with pytest.raises(NoAnswer):
+            await client.idle()
+        client.timeout_s = 30.0
+        assert (await client.wait_until_done()).done
+
+
+def test_a_client_works_after_its_process_was_found_by_the_environment(
+    daemon: FakeDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SMAD_RUNTIME_DIR", os.fspath(tmp_path))
+    with Client(timeout_s=30.0) as client:
+        assert client.motion() == MOTION
