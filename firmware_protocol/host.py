@@ -79,7 +79,7 @@ class HostSession:
             m.Error: self._on_error,
             m.FaultReport: self._on_fault,
             m.TimeReply: self._on_time,
-            m.LinkStats: self._on_stats,
+            m.LinkStats: lambda stats, _, events: events.append(e.StatsReceived(stats)),
             m.Description: self._on_reply,
             m.ArmToken: self._on_reply,
             m.Done: self._on_reply,
@@ -241,8 +241,7 @@ class HostSession:
             silent_us = now_us - self._heard_us
             self._restart(e.LinkLost(silent_us), e.FailureReason.LINK_LOST, events)
             return
-        given_up = self._requests.tick(now_us)
-        if given_up is not None:
+        if (given_up := self._requests.tick(now_us)) is not None:
             self._on_timeout(given_up, now_us, events)
         if self._mirror is not None and self.incompatible is None and now_us >= self._time.due_us:
             self._send(self._time.ask(now_us), 0)
@@ -352,18 +351,14 @@ class HostSession:
             pending = self._setpoints.acknowledge(state.axis, state.sp_seq)
             if pending is None:
                 self.stats.ack_errors += 1
+        self._estop_wanted &= state.mode is not BoardState.ESTOP
         if self._estop_wanted:
-            self._estop_wanted = state.mode is not BoardState.ESTOP
-            if self._estop_wanted:
-                self.send_estop()
+            self.send_estop()
         events.append(e.StateReceived(state, board_us, pending))
 
     def _on_time(self, reply: m.TimeReply, frame: Frame, events: list[e.HostEvent]) -> None:
         if (fit := self._time.answer(reply, self._now_us)) is not None:
             events.append(e.TimeSynced(fit))
-
-    def _on_stats(self, stats: m.LinkStats, frame: Frame, events: list[e.HostEvent]) -> None:
-        events.append(e.StatsReceived(stats))
 
     def _on_fault(self, report: m.FaultReport, frame: Frame, events: list[e.HostEvent]) -> None:
         is_new = self._reports.note(report)

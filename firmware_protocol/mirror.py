@@ -65,10 +65,6 @@ class Mirror:
         """When `tick` is needed next."""
         return self._token_until_us
 
-    def all_in(self, mode: BoardState) -> bool:
-        """Whether every axis heard of is in `mode`."""
-        return bool(self._modes) and all(found is mode for found in self._modes.values())
-
     def _enter(self, axis: int, mode: BoardState, board_us: int) -> None:
         self._modes[axis] = mode
         self._since_us[axis] = board_us

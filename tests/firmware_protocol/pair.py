@@ -69,6 +69,7 @@ class TestBoard:
     __test__ = False
 
     def __init__(self, *, ident: m.Ident = IDENT, codec: Codec = CODEC, t_us: int = 0) -> None:
+        self.ident = ident
         self.session = BoardSession(ident=ident, codec=codec)
         self.session.safe = True
         self.codec = codec
@@ -194,7 +195,7 @@ class Pair:
     def reboot(self, *, announce: bool = True) -> None:
         old = self.board
         ident = msgspec.structs.replace(
-            IDENT, boot_count=old.session._identity(0, 0).boot_count + 1
+            old.ident, major=m.PROTOCOL_MAJOR, boot_count=old.ident.boot_count + 1
         )
         self.board = TestBoard(ident=ident, codec=old.codec, t_us=0)
         self._board_start_us = -(self.now_us - 1_000_000)

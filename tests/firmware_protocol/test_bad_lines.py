@@ -5,6 +5,7 @@ import pytest
 
 from firmware_protocol import events as e
 from firmware_protocol import messages as m
+from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import BoardState, ErrorCode
 from firmware_protocol.events import HostState
 from tests.firmware_protocol.pair import IDENT, STEP_US, Pair, TestBoard, setpoint
@@ -127,7 +128,7 @@ def test_requests_that_go_nowhere_end_the_session_and_the_host_says_hello_again(
 
 def test_a_request_of_an_old_session_does_not_act_in_the_new_one() -> None:
     pair = Pair().connect()
-    old = pair.host._codec.frame(m.Disarm(0), 1, pair.host.session)
+    old = CODEC.frame(m.Disarm(0), 1, pair.host.session)
     pair.host.connect(pair.now_us)
     pair.run(10)
     pair.board.take(old)
@@ -166,15 +167,14 @@ def test_a_board_that_is_busy_with_a_request_takes_no_other() -> None:
     pair = Pair().connect()
     session = pair.board.session
     number = pair.host.session
-    codec = pair.host._codec
-    first = session.receive(codec.frame(m.Disarm(0), 1, number), 0)
-    second = session.receive(codec.frame(m.ParamSet(0, 20, 1000), 2, number), 0)
+    first = session.receive(CODEC.frame(m.Disarm(0), 1, number), 0)
+    second = session.receive(CODEC.frame(m.ParamSet(0, 20, 1000), 2, number), 0)
     assert [type(x) for x in first] == [e.DisarmRequested]
     assert second == []
     assert session.stats.busy_requests == 1
     assert isinstance(first[0], e.DisarmRequested)
     session.done(first[0].request, 0)
-    third = session.receive(codec.frame(m.ParamSet(0, 20, 1000), 2, number), 0)
+    third = session.receive(CODEC.frame(m.ParamSet(0, 20, 1000), 2, number), 0)
     assert third == [e.ParameterChanged(0, "current_limit_mA", 1000)]
 
 
@@ -212,7 +212,7 @@ def test_a_copy_of_the_boot_message_does_not_end_a_session() -> None:
 def test_two_stray_frames_of_another_session_do_not_end_a_session_but_three_do() -> None:
     pair = Pair().connect()
     sample = pair.told(e.StateReceived)[-1].state
-    stray = pair.host._codec.frame(sample, 1, pair.host.session ^ 0x55)
+    stray = CODEC.frame(sample, 1, pair.host.session ^ 0x55)
     pair.host_hears(stray * 2)
     pair.run(2)
     assert pair.told(e.BoardRestarted) == []
@@ -261,7 +261,7 @@ def test_a_board_whose_clock_stands_still_is_lost_although_it_talks() -> None:
     sample = pair.told(e.StateReceived)[-1].state
     for i in range(100):
         pair.now_us += STEP_US
-        pair.host_hears(pair.host._codec.frame(sample, i, pair.host.session))
+        pair.host_hears(CODEC.frame(sample, i, pair.host.session))
         if pair.told(e.LinkLost):
             break
     assert len(pair.told(e.LinkLost)) == 1
@@ -327,7 +327,7 @@ def test_another_host_takes_over_the_session_and_the_first_one_notices() -> None
 
 def test_the_board_complains_at_most_ten_times_a_second() -> None:
     pair = Pair().connect()
-    wrong = pair.host._codec.frame(setpoint(0), 1, 0x7777)
+    wrong = CODEC.frame(setpoint(0), 1, 0x7777)
     for _ in range(200):
         pair.board.take(wrong)
     pair.run(1)

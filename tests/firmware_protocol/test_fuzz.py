@@ -9,6 +9,7 @@ from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC
 from firmware_protocol.framing import encode_frame
 from firmware_protocol.generate.vectors import random_message
+from firmware_protocol.schema import own_crc
 from tests.firmware_protocol.pair import Pair, TestBoard
 
 quiet = settings(derandomize=True, deadline=None, max_examples=120)
@@ -55,7 +56,7 @@ def test_a_board_takes_any_bytes_and_acts_on_each_request_number_once(
     data: st.DataObject,
 ) -> None:
     board = TestBoard()
-    board.take(CODEC.frame(m.Hello(m.PROTOCOL_MAJOR, 0, board.session._schema_crc, 9), 0, 0))
+    board.take(CODEC.frame(m.Hello(m.PROTOCOL_MAJOR, 0, own_crc(), 9), 0, 0))
     session = board.session.session
     stats = board.session.stats
     before = stats.decoder.frames

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import pytest
@@ -23,17 +24,21 @@ def test_the_check_fails_and_names_a_file_that_was_changed_by_hand(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     target = tmp_path / "package"
+    document = tmp_path / "protocol.md"
+    document.write_text(outputs.DOCUMENT.read_text(encoding="utf-8"), encoding="utf-8")
     monkeypatch.setattr(outputs, "PACKAGE", target)
+    monkeypatch.setattr(outputs, "DOCUMENT", document)
     for path, text in outputs.generated().items():
-        if path != outputs.DOCUMENT:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
     assert outputs.stale() == []
     header = target / "c" / "smad_protocol.h"
     header.write_text(header.read_text().replace("MAX_PAYLOAD 120", "MAX_PAYLOAD 119"))
     assert outputs.stale() == [header]
     (target / "schema.json").unlink()
     assert outputs.stale() == [target / "schema.json", header]
+    document.write_text(document.read_text(encoding="utf-8").replace("| 52 |", "| 53 |"))
+    assert outputs.stale() == [target / "schema.json", header, document]
 
 
 def test_the_command_ends_with_status_zero_when_nothing_is_stale() -> None:
@@ -45,8 +50,6 @@ def test_the_command_ends_with_status_zero_when_nothing_is_stale() -> None:
 def test_the_compressed_schema_of_another_zlib_is_not_stale(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    import zlib
-
     target = tmp_path / "package"
     monkeypatch.setattr(outputs, "PACKAGE", target)
     (target / "c").mkdir(parents=True)

@@ -7,6 +7,7 @@ import pytest
 
 from firmware_protocol import events as e
 from firmware_protocol import messages as m
+from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import BoardState, Channel, ErrorCode, Fault
 from firmware_protocol.errors import (
     NotARequestError,
@@ -169,8 +170,7 @@ def test_a_setpoint_older_than_fifty_milliseconds_by_board_time_is_discarded() -
 def test_a_setpoint_overtaken_by_a_later_one_is_discarded() -> None:
     pair = Pair().connect()
     first, second = (
-        pair.host._codec.frame(setpoint(pair.board.now() + 100 * i), i, pair.host.session)
-        for i in (1, 2)
+        CODEC.frame(setpoint(pair.board.now() + 100 * i), i, pair.host.session) for i in (1, 2)
     )
     pair.board.t_us += 1000
     pair.board.take(second + first + second)
