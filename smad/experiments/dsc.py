@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 ZERO_C = 273.15
 WINDOW_K = 0.8
 """Width of the straight lines by which slopes are taken."""
+TURN_K = 3.0
 REPEATS = 100
 
 
@@ -103,18 +104,57 @@ class Dsc(Experiment[DscOptions]):
 _CAPTION = "Heat flow into the sample, endothermic up. Vertical lines: the tangent method."
 
 
-def both_peaks(data: DscData, above_K: float) -> tuple[Peak, Peak]:
-    """The peaks of the heating and of the cooling half. Raises DataFileError without a peak."""
+def both_peaks(data: DscData, above_K: float, window_K: float = WINDOW_K) -> tuple[Peak, Peak]:
+    """The peaks of the heating and of the cooling half; `window_K` is the length of a tangent.
+
+    Raises DataFileError without a peak.
+    """
     rate = np.gradient(data.temperature_K, data.t_s)
+    lag_s = instrument_lag(data)
     return (
-        _peak(data, rate > 0.5 * data.rate_K_per_s, above_K, 1.0),
-        _peak(data, rate < -0.5 * data.rate_K_per_s, above_K, -1.0),
+        _peak(
+            data, rate > 0.5 * data.rate_K_per_s, above_K, sign=1.0, lag_s=lag_s, window_K=window_K
+        ),
+        _peak(
+            data,
+            rate < -0.5 * data.rate_K_per_s,
+            above_K,
+            sign=-1.0,
+            lag_s=lag_s,
+            window_K=window_K,
+        ),
     )
 
 
-def _peak(data: DscData, half: NDArray[np.bool_], above_K: float, sign: float) -> Peak:
+def instrument_lag(data: DscData) -> float:
+    """Time constant of the instrument in s, from the transient where heating turns into cooling.
+
+    There the heat flow of the sample jumps and the signal follows with the lag: the area between
+    the signal and its new level is the jump times the lag. At a constant rate the lag shifts the
+    whole curve along the temperature, and is taken out so. 0 when there is no such place.
+    """
+    turn = int(np.argmax(data.temperature_K))
+    span = round(60.0 / max(1e-9, float(np.median(np.diff(data.t_s)))))
+    if turn < span or turn + 2 * span > data.t_s.size:
+        return 0.0
+    before = float(np.mean(data.heat_flow_W[turn - span : turn - 1]))
+    level = float(np.mean(data.heat_flow_W[turn + span : turn + 2 * span]))
+    after = slice(turn, turn + span)
+    area = float(np.trapezoid(data.heat_flow_W[after] - level, data.t_s[after]))
+    return max(0.0, area / (before - level)) if before != level else 0.0
+
+
+def _peak(
+    data: DscData,
+    half: NDArray[np.bool_],
+    above_K: float,
+    *,
+    sign: float,
+    lag_s: float,
+    window_K: float,
+) -> Peak:
     order = np.argsort(data.temperature_K[half])
-    temperature = data.temperature_K[half][order]
+    temperature = data.temperature_K[half][order] - sign * lag_s * data.rate_K_per_s
     flow = sign * data.heat_flow_W[half][order]
     if temperature.size < 100:
         raise DataFileError(
@@ -124,11 +164,12 @@ def _peak(data: DscData, half: NDArray[np.bool_], above_K: float, sign: float) -
             action="record heating and cooling at a constant rate",
         )
     # Above the peak there is room for a straight baseline; below it often only a kelvin or two.
-    far = temperature > above_K - 5.0
+    # Its last kelvins hold the transient of the turn.
+    far = (temperature > above_K - 5.0) & (temperature < temperature[-1] - TURN_K)
     base = np.polyval(np.polyfit(temperature[far], flow[far], 1), temperature)
     excess = flow - base
     noise = float(np.std(excess[far])) + 1e-12
-    top = int(np.argmax(_smooth(excess, temperature)))
+    top = int(np.argmax(_smooth(excess, temperature, window_K)))
     if excess[top] < 10.0 * noise:
         raise DataFileError(
             "no peak stands out of the baseline",
@@ -136,8 +177,8 @@ def _peak(data: DscData, half: NDArray[np.bool_], above_K: float, sign: float) -
             limit=f"{10e3 * noise:.3g} mW",
             action="check the file's columns and units",
         )
-    low_K = _tangent(temperature, excess, temperature[top], rising=True)
-    high_K = _tangent(temperature, excess, temperature[top], rising=False)
+    low_K = _tangent(temperature, excess, temperature[top], window_K, rising=True)
+    high_K = _tangent(temperature, excess, temperature[top], window_K, rising=False)
     inside = (temperature > low_K - WINDOW_K) & (temperature < high_K + WINDOW_K)
     area = float(np.trapezoid(excess[inside], temperature[inside])) / data.rate_K_per_s
     capacity = float("nan")
@@ -147,24 +188,26 @@ def _peak(data: DscData, half: NDArray[np.bool_], above_K: float, sign: float) -
     return Peak(low_K, high_K, area / data.mass_kg, capacity)
 
 
-def _smooth(values: Array, temperature: Array) -> Array:
-    width = _window(temperature)
+def _smooth(values: Array, temperature: Array, window_K: float) -> Array:
+    width = _window(temperature, window_K)
     return np.convolve(values, np.ones(width) / width, "same")
 
 
-def _window(temperature: Array) -> int:
-    """Number of samples in `WINDOW_K`."""
-    return max(3, round(WINDOW_K / max(1e-9, float(np.median(np.diff(temperature))))))
+def _window(temperature: Array, window_K: float) -> int:
+    """Number of samples in `window_K`."""
+    return max(3, round(window_K / max(1e-9, float(np.median(np.diff(temperature))))))
 
 
-def _tangent(temperature: Array, excess: Array, top_K: float, *, rising: bool) -> float:
+def _tangent(
+    temperature: Array, excess: Array, top_K: float, window_K: float, *, rising: bool
+) -> float:
     """Where the tangent at the steepest place of a flank meets the baseline (zero excess).
 
-    The tangent is the straight line through `WINDOW_K` of the flank with the largest slope, at
+    The tangent is the straight line through `window_K` of the flank with the largest slope, at
     samples that are evenly spaced in temperature. Only the flank next to the top counts: from the
     top down to a tenth of its height.
     """
-    width = _window(temperature)
+    width = _window(temperature, window_K)
     x = np.arange(width) - 0.5 * (width - 1)
     step_K = float(np.median(np.diff(temperature)))
     slope = np.correlate(excess, x, "valid") / (np.sum(x * x) * step_K)
@@ -179,10 +222,12 @@ def _tangent(temperature: Array, excess: Array, top_K: float, *, rising: bool) -
 
 
 def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
-    """All parameters of a calorimetry, with intervals from resampled noise.
+    """All parameters of a calorimetry, with intervals from resampled noise and choices.
 
     The noise is that of the signal against its smoothed self; blocks of it are drawn anew, added to
-    the smoothed signal, and everything is evaluated again.
+    the smoothed signal, and everything is evaluated again. What the evaluation has to choose, the
+    length of the tangents and the start of the baseline, is drawn as well: on a calorimetry that
+    choice weighs more than the noise.
     """
     smooth = _in_time(data.heat_flow_W, 5)
     noise = data.heat_flow_W - smooth
@@ -191,8 +236,10 @@ def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
     for _ in range(REPEATS):
         starts = rng.integers(0, noise.size - 50, size=noise.size // 50 + 1)
         drawn = np.concatenate([noise[s : s + 50] for s in starts])[: noise.size]
-        found.append(_numbers(data.with_flow(smooth + drawn), above_K))
-    value = np.array(_numbers(data, above_K))
+        window_K = WINDOW_K * rng.uniform(0.6, 1.6)
+        start_K = above_K + rng.uniform(-10.0, 10.0)
+        found.append(_numbers(data.with_flow(smooth + drawn), start_K, window_K))
+    value = np.array(_numbers(data, above_K, WINDOW_K))
     spread = np.percentile(np.array(found), [2.5, 97.5], axis=0)
     low, high = np.minimum(spread[0], value), np.maximum(spread[1], value)
     return [
@@ -215,8 +262,8 @@ _QUANTITIES: Sequence[tuple[str, Tolerance]] = (
 )
 
 
-def _numbers(data: DscData, above_K: float) -> list[float]:
-    heating, cooling = both_peaks(data, above_K)
+def _numbers(data: DscData, above_K: float, window_K: float) -> list[float]:
+    heating, cooling = both_peaks(data, above_K, window_K)
     return [
         heating.low_K,
         heating.high_K,
