@@ -8,6 +8,7 @@ with none set, both are plain scaling. Fault injection (see faults) only ever se
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -21,6 +22,7 @@ PUMP_FULL_rpm = 6000
 PUMP_LAG_s = 0.15
 DRIVER_DROP_V = 0.5
 SUPPLY_MOST_A = 10.0
+CONVERTER_NOISE_K = 0.02
 
 
 @dataclass(slots=True)
@@ -56,6 +58,7 @@ class Rtd:
     every: int = 40
     held_degC: float = math.nan
     count: int = 0
+    noise: random.Random = field(default_factory=lambda: random.Random(0))
 
 
 @dataclass(slots=True)
@@ -202,6 +205,8 @@ def _convert(rtd: Rtd, shown_degC: float, dt_s: float) -> int:
         return RTD_INVALID_cC
     if rtd.mode == "detached":
         rtd.held_degC += (shown_degC - rtd.held_degC) * min(1.0, dt_s / rtd.value)
+        # The lag smooths what the plant shows, but not the converter's own noise.
+        return round((rtd.held_degC + rtd.noise.gauss(0.0, CONVERTER_NOISE_K)) * 100.0)
     reading = rtd.held_degC
     if rtd.mode == "offset":
         reading += rtd.value

@@ -13,3 +13,7 @@ class LimitError(SupervisorError):
 
 class TranslationError(SupervisorError):
     """The core uses Python that has no counterpart in the generated C."""
+
+
+class DocumentError(SupervisorError):
+    """The markers of docs/safety.md and the generated parts do not fit together."""

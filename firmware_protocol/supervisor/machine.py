@@ -21,6 +21,7 @@ from firmware_protocol.supervisor.limits import Limits
 from firmware_protocol.supervisor.memory import Command, Measurements, Memory
 from firmware_protocol.supervisor.observers import (
     DUTY_FULL,
+    UK_PER_CC,
     forget_jumps,
     observe_jumps,
     observe_spring,
@@ -133,9 +134,11 @@ def find_ceiling(s: Memory, lim: Limits, k: int) -> None:
     if s.i2t_mA2us[k] >= lim.i2t_budget_A2s * 1_000_000_000_000 and ceiling_mA > lim.i2t_rated_mA:
         ceiling_mA = lim.i2t_rated_mA
         limiter = Limiter.I2T
-    if s.t_cC[k] > lim.fold_start_cC:
+    # The heaviest good spring is never warmer than the true one: it stands in for a slow sensor.
+    t_cC = max(s.t_cC[k], s.low_uK[k] // UK_PER_CC)
+    if t_cC > lim.fold_start_cC:
         span_cC = max(lim.fold_end_cC - lim.fold_start_cC, 1)
-        left_cC = max(lim.fold_end_cC - s.t_cC[k], 0)
+        left_cC = max(lim.fold_end_cC - t_cC, 0)
         folded_mA = lim.current_limit_mA * left_cC // span_cC
         if folded_mA < ceiling_mA:
             ceiling_mA = folded_mA

@@ -13,6 +13,9 @@ from firmware_protocol.supervisor.memory import Measurements, Memory
 UK_PER_CC = 10_000
 NJ_PER_MJ = 1_000_000
 DUTY_FULL = 255
+SUM_MOST = 10_000_000_000_000_000
+"""Sums stop here, far above every limit, so that 64 bits are always enough."""
+MODEL_MOST_UK = 3_000_000_000
 
 
 def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
@@ -31,12 +34,15 @@ def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
 def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
     """Count jumps of each RTD from one sample to the next; with time they are forgotten."""
     for j in range(4):
-        step_cC = abs(m.rtd_cC[j] - s.last_cC[j])
+        step_cC = m.rtd_cC[j] - s.last_cC[j]
         s.last_cC[j] = m.rtd_cC[j]
-        if step_cC > lim.jump_cC:
+        if abs(step_cC) > lim.jump_cC:
             s.jumps[j] += 1
             s.jump_us[j] = 0
-            s.jump_cC[j] = step_cC
+            s.jump_cC[j] = abs(step_cC)
+            if j < 2:
+                # A jump is the sensor's; it must not pass for warming.
+                s.off_uK[j] += step_cC * UK_PER_CC
         elif s.jumps[j] > 0:
             s.jump_us[j] += s.dt_us
             if s.jump_us[j] >= lim.jump_decay_us:
@@ -53,7 +59,9 @@ def observe_spring(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     else:
         s.sensor_ok[k] = 0
     observe_electrical(s, m, lim, k)
-    loss_mW_per_K = lim.loss_static_mW_per_K + lim.loss_flow_mW_per_K * m.duty[k] // DUTY_FULL
+    # A pump that runs on its own carries heat away like one that is told to.
+    flow = max(m.duty[k], min(m.pump_rpm[k] * DUTY_FULL // lim.pump_rpm, DUTY_FULL))
+    loss_mW_per_K = lim.loss_static_mW_per_K + lim.loss_flow_mW_per_K * flow // DUTY_FULL
     observe_energy(s, lim, k, loss_mW_per_K)
     observe_stuck(s, lim, k)
     observe_off(s, m, lim, k)
@@ -103,8 +111,8 @@ def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
         net_nJ = 0
         s.anchor_other_cC[k] = s.t_cC[other]
         s.anchor_other_nJ[k] = 0
-    s.anchor_net_nJ[k] = net_nJ
-    s.anchor_other_nJ[k] += s.power_mW[other] * s.dt_us
+    s.anchor_net_nJ[k] = min(net_nJ, SUM_MOST)
+    s.anchor_other_nJ[k] = min(s.anchor_other_nJ[k] + s.power_mW[other] * s.dt_us, SUM_MOST)
 
 
 def observe_stuck(s: Memory, lim: Limits, k: int) -> None:
@@ -155,7 +163,8 @@ def observe_envelope(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None
     if above_mK < 0:
         low_loss = lim.envelope_loss_least_mW_per_K
     out_nJ = low_loss * above_mK * s.dt_us // 1000
-    s.low_uK[k] += (in_nJ - out_nJ) // lim.envelope_heavy_mJ_per_K
+    low_uK = s.low_uK[k] + (in_nJ - out_nJ) // lim.envelope_heavy_mJ_per_K
+    s.low_uK[k] = min(low_uK, MODEL_MOST_UK)
     lag_us = lim.envelope_lag_us + s.dt_us
     s.low_seen_uK[k] += (s.low_uK[k] - s.low_seen_uK[k]) * s.dt_us // lag_us
 
@@ -194,7 +203,7 @@ def observe_i2t(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     """Sum the square of the current above the rated one; below it the sum shrinks."""
     rated_mA2 = lim.i2t_rated_mA * lim.i2t_rated_mA
     total = s.i2t_mA2us[k] + (m.i_mA[k] * m.i_mA[k] - rated_mA2) * s.dt_us
-    s.i2t_mA2us[k] = max(total, 0)
+    s.i2t_mA2us[k] = min(max(total, 0), SUM_MOST)
 
 
 def reset_spring(s: Memory, k: int) -> None:

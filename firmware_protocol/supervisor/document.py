@@ -1,0 +1,142 @@
+"""The tables and the diagram of docs/safety.md, made from the supervisor's tables.
+
+They stand between `<!-- generated: name -->` and `<!-- end -->`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+from firmware_protocol.enums import BoardState
+from firmware_protocol.supervisor.errors import DocumentError
+from firmware_protocol.supervisor.faults import FAULT_TEXTS
+from firmware_protocol.supervisor.host import HOST_ROWS, host_limits
+from firmware_protocol.supervisor.limits import LIMIT_ROWS, compiled_limits
+from firmware_protocol.supervisor.states import (
+    STATE_MEANING,
+    TRANSITIONS,
+    TRIGGER_MEANING,
+)
+from firmware_protocol.supervisor.table import CHECKS, Check
+
+_MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_LIMIT_NAME = re.compile(r"\{(\w+)\}")
+
+
+def fill(text: str) -> str:
+    """Return the document with each marked part made anew.
+
+    Raises DocumentError for a marker that names nothing, or a part without a marker.
+    """
+    found = [name for _, name, _ in _MARKED.findall(text)]
+    unknown, missing = set(found) - set(PARTS), set(PARTS) - set(found)
+    if unknown or missing:
+        raise DocumentError(
+            f"docs/safety.md: markers that name nothing: {sorted(unknown) or 'none'}, "
+            f"parts without a marker: {sorted(missing) or 'none'}"
+        )
+    return _MARKED.sub(lambda match: match[1] + PARTS[match[2]]() + match[3], text)
+
+
+def shown(name: str) -> str:
+    """Return a limit's compiled value with a unit people use: `9500 cC` as `95 °C`."""
+    row = LIMIT_ROWS[name]
+    return in_words(row.compiled, row.unit)
+
+
+def in_words(value: int, unit: str) -> str:
+    """Return a raw value in the unit people use."""
+    scales = {"cC": (100, "°C"), "us": (1_000_000, "s"), "mV": (1000, "V"), "mJ": (1000, "J")}
+    scales |= {"permille": (10, "%"), "cC/s": (100, "K/s")}
+    if unit == "us" and abs(value) < 1_000_000:
+        return f"{value / 1000:g} ms"
+    if unit in scales:
+        divisor, name = scales[unit]
+        return f"{value / divisor:g} {name}"
+    return f"{value} {unit}".strip()
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+def _diagram() -> str:
+    lines = ["```mermaid", "stateDiagram-v2", "    [*] --> BOOT"]
+    for state, arrows in TRANSITIONS.items():
+        lines += [
+            f"    {state.name} --> {following.name}: {TRIGGER_MEANING[trigger]}"
+            for trigger, following in arrows.items()
+        ]
+    return "\n".join([*lines, "```"]) + "\n"
+
+
+def _states() -> str:
+    rows = []
+    for state in BoardState:
+        leaves = "; ".join(
+            f"{TRIGGER_MEANING[trigger]} → {following.name}"
+            for trigger, following in TRANSITIONS[state].items()
+        )
+        rows.append((state.name, STATE_MEANING[state], leaves or "power cycle only"))
+    return _table(("state", "what it does", "leaves when"), rows)
+
+
+def _checks() -> str:
+    rows = []
+    for check in CHECKS:
+        when = _LIMIT_NAME.sub(lambda match: shown(match[1]), check.trips_when)
+        pumps = "on" if FAULT_TEXTS[check.fault].pumps else "off"
+        channels = ", ".join(channel.name for channel in check.channels)
+        states = ", ".join(state.name for state in BoardState if state in check.states)
+        rows.append((check.fault.name, channels, when, _debounce(check), states, pumps))
+    head = ("fault", "channels", "trips when", "for", "watched in", "pumps then")
+    return _table(head, rows)
+
+
+def _debounce(check: Check) -> str:
+    samples = LIMIT_ROWS[check.samples].compiled
+    parts = [f"{samples} samples"] if samples > 1 else []
+    parts += [shown(check.time)] if check.time else []
+    return " and ".join(parts) or "at once"
+
+
+def _limits() -> str:
+    rows = []
+    for name, row in LIMIT_ROWS.items():
+        soft = f"{row.number}: to {row.tightest}" if row.number else "fixed"
+        rows.append((f"`{name}`", str(row.compiled), row.unit, soft, row.reason))
+    return _table(("limit", "compiled", "unit", "parameter", "reason"), rows)
+
+
+def _host() -> str:
+    limits = host_limits(compiled_limits())
+    rows = [
+        (
+            row.meaning,
+            in_words(getattr(limits, name), LIMIT_ROWS[row.board].unit),
+            f"`{row.board}` {shown(row.board)}",
+        )
+        for name, row in HOST_ROWS.items()
+    ]
+    return _table(("the host", "at", "the board, by"), rows)
+
+
+def _faults() -> str:
+    rows = [
+        (str(int(fault)), fault.name, text.unit, text.cause, text.remedy)
+        for fault, text in FAULT_TEXTS.items()
+        if fault
+    ]
+    return _table(("number", "fault", "unit", "cause", "remedy"), rows)
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "diagram": _diagram,
+    "states": _states,
+    "checks": _checks,
+    "limits": _limits,
+    "host": _host,
+    "faults": _faults,
+}
