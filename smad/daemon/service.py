@@ -6,6 +6,7 @@ the board has to agree to are coroutines.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -42,6 +43,9 @@ from smad.daemon.recorder import Recorder
 from smad.daemon.requests import BoardRequests
 from smad.daemon.status import StatusReport
 from smad.daemon.watch import BoardWatch, Say, disagreement
+
+_PARAMETER_POLLS = 100
+_PARAMETER_POLL_S = 0.02
 
 Client = bytes
 Answer = Struct | Awaitable[Struct]
@@ -136,6 +140,7 @@ class Service:
 
     async def arm(self, params: api.Arm, client: Client) -> api.Motion:
         """Ask the board for a token, begin the run log, confirm."""
+        await self._parameters_read()
         self._require_armable()
         axis = self._config.link.axis
         self._controller.command(Idle())
@@ -281,6 +286,13 @@ class Service:
     def _require_disarmed(self) -> None:
         if self._control.session.state in (HostState.RUNNING, HostState.READY):
             raise Refusal(Reason.ARMED, "the bench is armed", action="disarm first (smad disarm)")
+
+    async def _parameters_read(self) -> None:
+        # Right after a connection they are on their way; that is no reason to refuse.
+        for _ in range(_PARAMETER_POLLS):
+            if self._watch.parameters.agree is not None or not self._watch.reading:
+                return
+            await asyncio.sleep(_PARAMETER_POLL_S)
 
     def _require_armable(self) -> None:
         self._require_connected()

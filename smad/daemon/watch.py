@@ -61,6 +61,7 @@ class BoardWatch:
         self.mode: BoardState | None = None
         self.stats: dict[str, int] = {}
         self.identified = asyncio.Event()
+        self.reading = False
         self._config = config
         self._requests = requests
         self._say = say
@@ -161,12 +162,15 @@ class BoardWatch:
         await asyncio.sleep(0)
         if self.incompatible is not None:
             return
+        self.reading = True
         try:
             await self.parameters.read(ident, self._requests.ask)
             self.rescale()
             await self._set_rate(ident)
         except Refusal as error:
             self._say("warning", f"the board's parameters were not read: {error}", {})
+        finally:
+            self.reading = False
 
     async def _set_rate(self, ident: Ident) -> None:
         wanted = self._config.rate_hz

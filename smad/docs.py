@@ -1,0 +1,227 @@
+"""The reference of commands, replies and telemetry in docs/guide/clients.md, made from the types.
+
+`python -m smad.docs` writes what stands between `<!-- generated: NAME -->` and `<!-- end -->`;
+with `--check` it only says whether that is stale, and ends with status 1 if so.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+from msgspec import inspect as types
+
+from smad import api
+from smad.control import commands
+
+GUIDE = Path(__file__).resolve().parents[1] / "docs/guide/clients.md"
+_MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_ACCESS = {
+    "watch": "anyone",
+    "control": "who has control",
+    "stop": "anyone, also on the stop channel",
+}
+
+
+def methods() -> str:
+    """Every method with its parameters and its reply."""
+    return "\n".join(line for method in api.METHODS for line in _method(method))
+
+
+def pieces() -> str:
+    """The pieces of motion that `move` takes."""
+    kinds = types.type_info(commands.Follow)
+    assert isinstance(kinds, types.StructType)
+    return "\n".join(
+        line
+        for struct in (
+            commands.Step, commands.Hold, commands.Ramp, commands.Sine, commands.Chirp,
+            commands.Staircase, commands.RandomLevels, commands.Samples,
+        )
+        for line in _piece(struct)
+    )  # fmt: skip
+
+
+def replies() -> str:
+    """Every struct that a reply holds."""
+    seen: dict[str, type[Struct]] = {}
+    for method in api.METHODS:
+        _collect(method.reply, seen)
+    return "\n".join(line for struct in seen.values() for line in _reply(struct))
+
+
+def telemetry() -> str:
+    """The fields of a published sample."""
+    return "\n".join(_fields(api.Telemetry))
+
+
+def reasons() -> str:
+    """The reasons for a refusal, with the code of the error reply."""
+    rows = (f"| `{reason}` | {api.ERROR_CODES.get(reason, api.REFUSED)} |" for reason in api.Reason)
+    return "\n".join(("| reason | code |", "|---|---|", *rows, ""))
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "methods": methods,
+    "pieces": pieces,
+    "replies": replies,
+    "telemetry": telemetry,
+    "reasons": reasons,
+}
+
+
+def refreshed(text: str) -> str:
+    """Return the page with every generated part made anew."""
+    return _MARKED.sub(lambda found: found[1] + PARTS[found[2]]() + found[3], text)
+
+
+def _method(method: api.Method) -> Iterator[str]:
+    yield f"### `{method.name}`"
+    yield ""
+    yield _prose(method.params)
+    yield f"For {_ACCESS[method.access]}. Reply: [{method.reply.__name__}](#{_anchor(method)})."
+    yield ""
+    yield from _fields(method.params)
+
+
+def _piece(struct: type[Struct]) -> Iterator[str]:
+    yield f"### `{struct.__struct_config__.tag}` ({struct.__name__})"
+    yield ""
+    yield _prose(struct)
+    yield from _fields(struct)
+
+
+def _reply(struct: type[Struct]) -> Iterator[str]:
+    yield f"### {struct.__name__}"
+    yield ""
+    yield _prose(struct)
+    yield from _fields(struct)
+
+
+def _anchor(method: api.Method) -> str:
+    return method.reply.__name__.lower()
+
+
+def _prose(struct: type[Struct]) -> str:
+    return " ".join((inspect.getdoc(struct) or "").split()) + "\n"
+
+
+def _fields(struct: type[Struct]) -> Iterator[str]:
+    info = types.type_info(struct)
+    assert isinstance(info, types.StructType)
+    if not info.fields:
+        return
+    yield "| field | type | default | what it is |"
+    yield "|---|---|---|---|"
+    for field in info.fields:
+        kind, description = _described(field.type)
+        yield f"| `{field.name}` | {kind} | {_default(field)} | {description} |"
+    yield ""
+
+
+def _described(kind: types.Type) -> tuple[str, str]:
+    description = ""
+    while isinstance(kind, types.Metadata):
+        description = description or (kind.extra_json_schema or {}).get("description", "")
+        unit = (kind.extra or {}).get("unit", "")
+        description += f" ({unit})" if unit not in ("", "1") else ""
+        kind = kind.type
+    return _kind(kind), description
+
+
+def _kind(kind: types.Type) -> str:
+    match kind:
+        case types.Metadata(type=inner):
+            return _kind(inner)
+        case types.FloatType() | types.IntType():
+            name = "number" if isinstance(kind, types.FloatType) else "whole number"
+            bounds = [
+                f"{sign} {limit:g}"
+                for sign, limit in (
+                    ("≥", kind.ge), (">", kind.gt), ("≤", kind.le), ("<", kind.lt)
+                )
+                if limit is not None
+            ]  # fmt: skip
+            return ", ".join((name, *bounds))
+        case types.StrType():
+            return "text"
+        case types.BoolType():
+            return "true or false"
+        case types.NoneType():
+            return "empty"
+        case types.AnyType():
+            return "anything"
+        case types.LiteralType(values=values):
+            return " or ".join(f'"{value}"' for value in values)
+        case types.UnionType(types=members):
+            return _union(members)
+        case types.VarTupleType(item_type=item):
+            return f"list of {_kind(item)}"
+        case types.TupleType(item_types=items):
+            return f"list of {len(items)}"
+        case types.DictType(key_type=key, value_type=value):
+            return f"{_kind(value)} by {_kind(key)}"
+        case types.StructType(cls=cls):
+            return f"[{cls.__name__}](#{cls.__name__.lower()})"
+        case types.EnumType(cls=cls):
+            return f"one of {', '.join(str(member.value) for member in cls)}"
+    raise TypeError(f"{kind} has no description")
+
+
+def _union(members: Sequence[types.Type]) -> str:
+    if all(isinstance(m, types.StructType) for m in members):
+        return "a [piece of motion](#pieces-of-motion)"
+    return " or ".join(_kind(member) for member in members)
+
+
+def _default(field: types.Field) -> str:
+    if field.required:
+        return "–"
+    value = field.default
+    if value is msgspec.NODEFAULT:
+        return "none"
+    return "empty" if value in (None, "", ()) else str(value).lower()
+
+
+def _collect(struct: type[Struct], seen: dict[str, type[Struct]]) -> None:
+    if struct.__name__ in seen:
+        return
+    seen[struct.__name__] = struct
+    info = types.type_info(struct)
+    assert isinstance(info, types.StructType)
+    for field in info.fields:
+        for inner in _structs_in(field.type):
+            _collect(inner, seen)
+
+
+def _structs_in(kind: types.Type) -> Iterator[type[Struct]]:
+    match kind:
+        case types.Metadata(type=inner) | types.VarTupleType(item_type=inner):
+            yield from _structs_in(inner)
+        case types.UnionType(types=members):
+            for member in members:
+                yield from _structs_in(member)
+        case types.StructType(cls=cls):
+            yield cls
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write the page anew, or say whether it is stale."""
+    text = GUIDE.read_text()
+    fresh = refreshed(text)
+    if "--check" not in arguments:
+        GUIDE.write_text(fresh)
+        return 0
+    if fresh == text:
+        return 0
+    print(f"{GUIDE.name} is stale: run python -m smad.docs", file=sys.stderr)
+    return 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
