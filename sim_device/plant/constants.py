@@ -54,7 +54,7 @@ def kernel_constants(
     p[k.P_DELTA_L] = value["max_deflection"]
     p[k.P_A_S] = value["austenite_start"]
     p[k.P_A_INV] = 1.0 / (value["austenite_finish"] - value["austenite_start"])
-    p[k.P_C_A] = value["slope_austenite"]
+    p[k.P_C_A_INV] = 1.0 / value["slope_austenite"]
     p[k.P_M_S] = value["martensite_start"]
     p[k.P_M_INV] = 1.0 / (value["martensite_start"] - value["martensite_finish"])
     p[k.P_C_M] = value["slope_martensite"]
@@ -92,6 +92,8 @@ def kernel_constants(
     p[k.P_TABLE_T0] = real_water().T_K[0]
     p[k.P_I_MAX] = value["current_max"]
     p[k.P_F0] = value["initial_force"]
+    p[k.P_LENGTH_INV] = 1.0 / length
+    p[k.P_DH_INV] = 1.0 / (tube - wire)
     return p
 
 
@@ -140,34 +142,36 @@ def initial_state(
     water's inlet temperature, or the ambient one without a cooling module.
     """
     s = np.zeros(k.STATE_SIZE)
-    s[k.G_ENV_IN] = s[k.G_T_IN] = parameters["water_temperature"]
-    s[k.G_ENV_AIR] = s[k.G_T_AIR] = parameters["ambient_temperature"]
-    start = s[k.G_T_IN] if p[k.P_WET] > 0.0 else s[k.G_T_AIR]
+    shared = s[k.SHARED :]
+    shared[k.G_ENV_IN] = shared[k.G_T_IN] = parameters["water_temperature"]
+    shared[k.G_ENV_AIR] = shared[k.G_T_AIR] = parameters["ambient_temperature"]
+    start = float(shared[k.G_T_IN] if p[k.P_WET] > 0.0 else shared[k.G_T_AIR])
     if temperature_K is not None:
         start = temperature_K
     fixture = FIXTURES[int(p[k.P_FIXTURE])]
     mounted = {"antagonistic": (True, True), "stretch": (False, False), "blocked": (True, False)}
-    for o, loaded in zip((0, k.S_SIZE), mounted[fixture], strict=True):
+    for first, loaded in zip((0, k.S_SIZE), mounted[fixture], strict=True):
+        spring = s[first : first + k.S_SIZE]
         force = parameters["initial_force"] if loaded else 0.0
         detwinned = initial_detwinned(parameters) if loaded else 0.0
-        s[o + k.S_T] = start
-        s[o + k.S_TW] = start
-        s[o + k.S_T_WALL] = start
-        s[o + k.S_XS] = detwinned
-        s[o + k.S_XS_END] = detwinned
-        s[o + k.S_XT] = 1.0 - detwinned
-        s[o + k.S_FILL] = p[k.P_WET]
-        s[o + k.S_WETTED] = 1.0
-        s[o + k.S_F] = force
-        s[o + k.S_DELTA] = parameters["initial_deflection"] if loaded else 0.0
-        s[o + k.S_OHM] = p[k.P_OHM_M] * p[k.P_LENGTH]
-        s[o + k.S_ELASTIC] = 0.5 * force * force * k.compliance(1.0, p, e)
+        spring[k.S_T] = start
+        spring[k.S_TW] = start
+        spring[k.S_T_WALL] = start
+        spring[k.S_XS] = detwinned
+        spring[k.S_XS_END] = detwinned
+        spring[k.S_XT] = 1.0 - detwinned
+        spring[k.S_FILL] = p[k.P_WET]
+        spring[k.S_WETTED] = 1.0
+        spring[k.S_F] = force
+        spring[k.S_DELTA] = parameters["initial_deflection"] if loaded else 0.0
+        spring[k.S_OHM] = p[k.P_OHM_M] * p[k.P_LENGTH]
+        spring[k.S_ELASTIC] = 0.5 * force * force * k.compliance(1.0, p, e)
         tau = p[k.P_C1] * force
-        s[o + k.S_A] = k.progress_a(start, tau, p, e[k.E_SPREAD] * p[k.P_A_INV])
-        s[o + k.S_B] = k.progress_b(start, tau, p)
-        s[o + k.S_C] = k.progress_c(start, p)
-        s[o + k.S_R_PROGRESS] = k.clip01((p[k.P_M_S] + k.R_ABOVE - start) / k.R_WIDTH)
-    s[k.G_F] = s[k.S_F]
+        spring[k.S_A] = k.progress_a(start, tau, p, e[k.E_SPREAD] * p[k.P_A_INV])
+        spring[k.S_B] = k.progress_b(start, tau, p)
+        spring[k.S_C] = k.progress_c(start, p)
+        spring[k.S_R_PROGRESS] = k.clip01((p[k.P_M_S] + k.R_ABOVE - start) / k.R_WIDTH)
+    shared[k.G_F] = s[k.S_F]
     return s
 
 

@@ -31,7 +31,9 @@ Array = npt.NDArray[np.float64]
 Slots = npt.NDArray[np.int64]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
-# Slots of one spring's state. X starts at 0, Y at S_SIZE.
+# The state is one array: spring X, spring Y, then what they share. Inside the kernel each part
+# is an array of its own, `x`, `y` (or `s` for either) and `g`, so that every index is a constant.
+# Slots of one spring's state.
 S_T = 0  # wire temperature, K
 S_TW = 1  # temperature of the water in the tube, K
 S_XS = 2  # detwinned martensite fraction
@@ -70,34 +72,35 @@ S_ELASTIC = 34  # elastic energy, J
 S_SIZE = 36
 
 # Slots of the shared state.
-G = 2 * S_SIZE
-G_TIME = G + 0  # s
-G_U = G + 1  # displacement, m, positive when X contracts
-G_F = G + 2  # tension of the tendon, N
-G_F_RATE = G + 3  # last rate of the tension, N/s
-G_T_IN = G + 4  # water at the inlet, K
-G_T_AIR = G + 5  # ambient, K
-G_ITERATIONS = G + 6  # evaluations of the equilibrium so far
-G_ENV_IN = G + 7  # inlet and ambient as given from outside, K
-G_ENV_AIR = G + 8
-G_RESERVOIR = G + 9  # rise of the reservoir, K
-G_DRIFT = G + 10  # rise of the ambient, K
-G_SPEED = G + 11  # rate of the displacement, m/s
-G_LAG_X = G + 12  # sensor dynamics: RTDs, K
-G_LAG_Y = G + 13
-G_CREEP = G + 14  # N
-G_PLAY = G + 15  # m
-G_SLIP = G + 16  # m
-G_SEEN_U = G + 17  # displacement at the last sample, m
-G_SAMPLES = G + 18
+SHARED = 2 * S_SIZE
+G_TIME = 0  # s
+G_U = 1  # displacement, m, positive when X contracts
+G_F = 2  # tension of the tendon, N
+G_F_RATE = 3  # last rate of the tension, N/s
+G_T_IN = 4  # water at the inlet, K
+G_T_AIR = 5  # ambient, K
+G_ITERATIONS = 6  # evaluations of the equilibrium so far
+G_ENV_IN = 7  # inlet and ambient as given from outside, K
+G_ENV_AIR = 8
+G_RESERVOIR = 9  # rise of the reservoir, K
+G_DRIFT = 10  # rise of the ambient, K
+G_SPEED = 11  # rate of the displacement, m/s
+G_LAG_X = 12  # sensor dynamics: RTDs, K
+G_LAG_Y = 13
+G_CREEP = 14  # N
+G_PLAY = 15  # m
+G_SLIP = 16  # m
+G_SEEN_U = 17  # displacement at the last sample, m
+G_SAMPLES = 18
 # What the sensors give at the last sample, without noise.
-G_M = G + 20
+G_M = 20
 G_M_I = G_M + 0  # x, y, A
 G_M_V = G_M + 2  # x, y, V
 G_M_RTD = G_M + 4  # x, y, inlet, ambient, K
 G_M_U = G_M + 8  # m
 G_M_F = G_M + 9  # N
-STATE_SIZE = G_M + 10
+G_SIZE = G_M + 10
+STATE_SIZE = SHARED + G_SIZE
 
 # History of the samples, for channels that are read late: t, T_x, T_y, u, F.
 RING_ROWS = 512
@@ -110,7 +113,7 @@ P_K_A = 2
 P_DELTA_L = 3
 P_A_S = 4
 P_A_INV = 5  # 1/(A_F - A_S)
-P_C_A = 6
+P_C_A_INV = 6  # 1/C_A
 P_M_S = 7
 P_M_INV = 8  # 1/(M_S - M_F)
 P_C_M = 9
@@ -146,7 +149,9 @@ P_T_REF = 38  # reference of stored heat, K
 P_TABLE_T0 = 39
 P_I_MAX = 40
 P_F0 = 41
-CONSTANTS_SIZE = 42
+P_LENGTH_INV = 42
+P_DH_INV = 43
+CONSTANTS_SIZE = 44
 
 # Slots of the candidate effects; the registry in `effects` refers to them by these names. All zero
 # is the plant without any. The first three are switches that the host sets from the others.
@@ -208,7 +213,7 @@ E_TUBE_K = 54
 E_ELONGATION = 55
 EFFECTS_SIZE = 56
 
-# Scratch of one substep: W of X starts at 0, of Y at W_SIZE.
+# Scratch of one substep, one part for each spring.
 W_T_STAR = 0  # end temperature if no fraction changed
 W_LAM_H = 1  # kelvin per unit of fraction, reverse transformation
 W_LAM_C = 2
@@ -223,8 +228,8 @@ W_XT = 10
 W_DELTA = 11
 W_SLOPE = 12  # d delta / d F
 W_CAP = 13
-W_RW = 14  # water: middle = (RW + GW * middle of the wire)/DW
-W_DW = 15
+W_RW = 14  # water: middle = (RW + GW * middle of the wire) * DW_INV
+W_DW_INV = 15
 W_GW = 16
 W_GD = 17
 W_POWER = 18
@@ -236,7 +241,9 @@ W_XI_BACK = 24  # fraction at which a reverse leg began, or would begin now
 W_XI_FORTH = 25
 W_SHIFT = 26  # drift of the transformation temperatures, K
 W_WALL_G = 27
-W_SIZE = 28
+W_GIVE = 28  # compliance
+W_ROUGH = 29  # step of temperature still to be taken, K
+W_SIZE = 30
 SCRATCH_SIZE = 2 * W_SIZE
 
 # Slots of the feeds: measured series that replace inner signals, at start and end of a sample.
@@ -253,7 +260,7 @@ _FAST: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else 
 
 
 def compiled(function: _Function) -> _Function:
-    """Compile a kernel function; plain Python, with the same bits, under NUMBA_DISABLE_JIT=1.
+    """Compile an entry of the kernel; plain Python, with the same bits, under NUMBA_DISABLE_JIT=1.
 
     No fast-math, so that no operation is reordered or fused. error_model "numpy" leaves out a
     check of every division; the divisors here cannot be zero.
@@ -262,14 +269,22 @@ def compiled(function: _Function) -> _Function:
     return cast(_Function, made(function))
 
 
+def inlined(function: _Function) -> _Function:
+    """Compile a function of the inner loop into its callers: halves the time of a substep."""
+    made: Any = njit(cache=True, nogil=True, error_model="numpy", forceinline=True, **_FAST)
+    return cast(_Function, made(function))
+
+
 OK = 0
 NOT_CONVERGED = 1
 NOT_FINITE = 2
 
 HALF_PI = 0.5 * math.pi
+SIXTH = 1.0 / 6.0
 T_TOLERANCE = 1e-9
 DELTA_TOLERANCE = 1e-12
 ITERATIONS = 200
+JOINT_STEPS = 4
 REST_SPEED = 1e-9
 # R-phase: starts this far above M_S, is complete over the width, reverts with the hysteresis, K.
 R_ABOVE, R_WIDTH, R_HYSTERESIS = 8.0, 6.0, 2.0
@@ -277,7 +292,7 @@ EXPONENT_REF_K = 10.0
 STRESS_REF_PA = 1e8
 
 
-@compiled
+@inlined
 def clip01(value: float) -> float:
     if value <= 0.0:
         return 0.0
@@ -286,7 +301,7 @@ def clip01(value: float) -> float:
     return value
 
 
-@compiled
+@inlined
 def remaining(progress: float) -> float:
     """f = (cos πa + 1)/2 of Eqs (11)-(13), as a square so that it stays exact near a = 1."""
     if progress <= 0.0:
@@ -297,33 +312,33 @@ def remaining(progress: float) -> float:
     return root * root
 
 
-@compiled
+@inlined
 def remaining_slope(left: float) -> float:
     """df/da of `remaining`, from its value."""
     return -math.pi * math.sqrt(left * (1.0 - left))
 
 
-@compiled
+@inlined
 def remaining_spread(progress: float, spread: float) -> float:
     """f of a wire whose temperatures spread: a quarter each ahead and behind, half between."""
     ends = remaining(progress - spread) + remaining(progress + spread)
     return 0.5 * remaining(progress) + 0.25 * ends
 
 
-@compiled
-def left_before(s: Array, progress: int, w: Array, memory: int, spread: float) -> float:
+@inlined
+def left_before(progress: float, w: Array, memory: int, spread: float) -> float:
     """f at the start of the substep, worked out once and only when it is needed."""
     if w[memory] < 0.0:
         if spread > 0.0:
-            w[memory] = remaining_spread(s[progress], spread)
+            w[memory] = remaining_spread(progress, spread)
         else:
-            w[memory] = remaining(s[progress])
+            w[memory] = remaining(progress)
     return float(w[memory])
 
 
-@compiled
+@inlined
 def progress_a(T: float, tau: float, p: Array, spread: float) -> float:
-    value = (T - p[P_A_S] - tau / p[P_C_A]) * p[P_A_INV]
+    value = (T - p[P_A_S] - tau * p[P_C_A_INV]) * p[P_A_INV]
     if value <= -spread:
         return -spread
     if value >= 1.0 + spread:
@@ -331,7 +346,7 @@ def progress_a(T: float, tau: float, p: Array, spread: float) -> float:
     return float(value)
 
 
-@compiled
+@inlined
 def progress_b(T: float, tau: float, p: Array) -> float:
     above = T - p[P_M_S]
     if above > 0.0:
@@ -339,27 +354,25 @@ def progress_b(T: float, tau: float, p: Array) -> float:
     return clip01((tau - p[P_TAU_S]) * p[P_TAU_INV])
 
 
-@compiled
+@inlined
 def progress_c(T: float, p: Array) -> float:
     return clip01((p[P_M_S] - T) * p[P_M_INV])
 
 
-@compiled
+@inlined
 def minor(ratio: float, share: float, e: Array) -> tuple[float, float]:
     """Effect minor_loop: the exponent, and the ratio raised to it, of a leg begun half way."""
     exponent = 1.0 + e[E_MINOR] * share
     return exponent, math.pow(ratio, exponent)
 
 
-@compiled
+@inlined
 def back_to_austenite(
     a: float,
     xs: float,
     xt: float,
     s: Array,
-    o: int,
     w: Array,
-    q: int,
     p: Array,
     e: Array,
     spread: float,
@@ -373,39 +386,39 @@ def back_to_austenite(
     else:
         left = remaining(a)
         slope = remaining_slope(left)
-    before = left_before(s, o + S_A, w, q + W_FA, spread)
+    before = left_before(s[S_A], w, W_FA, spread)
     ratio = left / before
     slope = slope / before
     if e[E_MINOR] != 0.0 and ratio > 0.0:
-        exponent, raised = minor(ratio, 1.0 - w[q + W_XI_BACK], e)
+        exponent, raised = minor(ratio, 1.0 - w[W_XI_BACK], e)
         slope = slope * exponent * raised / ratio
         ratio = raised
     return ratio, slope
 
 
-@compiled
+@inlined
 def transform(
-    T_wire: float, F: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array
+    T_wire: float, F: float, s: Array, w: Array, p: Array, e: Array
 ) -> tuple[float, float, float, float, float, float]:
     """Fractions at (T, F) from those at the start of the substep, with their slopes.
 
     Returns (xi_S, xi_T, dxi/dT, dxi/dF, dxi_S/dT, dxi_S/dF). Rate forms of Eqs (11)-(13): a
     fraction that is left scales by f(new)/f(old) whenever its progress grows, and rests otherwise.
     """
-    T = T_wire - w[q + W_SHIFT]
+    T = T_wire - w[W_SHIFT]
     tau = p[P_C1] * F
-    xs = s[o + S_XS]
-    xt = s[o + S_XT]
+    xs = s[S_XS]
+    xt = s[S_XT]
     xs_T = 0.0
     xs_F = 0.0
     xt_T = 0.0
     xt_F = 0.0
     spread = e[E_SPREAD] * p[P_A_INV]
     a = progress_a(T, tau, p, spread)
-    if a > s[o + S_A] and xs + xt > 0.0:
-        ratio, slope = back_to_austenite(a, xs, xt, s, o, w, q, p, e, spread)
+    if a > s[S_A] and xs + xt > 0.0:
+        ratio, slope = back_to_austenite(a, xs, xt, s, w, p, e, spread)
         slope = slope * p[P_A_INV] if a < 1.0 + spread else 0.0
-        slope_F = -slope * p[P_C1] / p[P_C_A]
+        slope_F = -slope * p[P_C1] * p[P_C_A_INV]
         xs_T = xs * slope
         xs_F = xs * slope_F
         xt_T = xt * slope
@@ -413,17 +426,17 @@ def transform(
         xs = xs * ratio
         xt = xt * ratio
     b = progress_b(T, tau, p)
-    if b > s[o + S_B] and xs < 1.0:
+    if b > s[S_B] and xs < 1.0:
         left = remaining(b)
-        before = left_before(s, o + S_B, w, q + W_FB, 0.0)
+        before = left_before(s[S_B], w, W_FB, 0.0)
         ratio = left / before
         bend = 1.0
-        if e[E_MINOR] != 0.0 and w[q + W_HOT] > 0.0 and ratio > 0.0:
-            exponent, raised = minor(ratio, w[q + W_XI_FORTH], e)
+        if e[E_MINOR] != 0.0 and w[W_HOT] > 0.0 and ratio > 0.0:
+            exponent, raised = minor(ratio, w[W_XI_FORTH], e)
             bend = exponent * raised / ratio
             ratio = raised
         new = 1.0 - (1.0 - xs) * ratio
-        on_curve = w[q + W_HOT] == 0.0 and 1.0 - left < new
+        on_curve = w[W_HOT] == 0.0 and 1.0 - left < new
         if on_curve:
             new = 1.0 - left
         if new > xs:
@@ -447,7 +460,7 @@ def transform(
             xt_F = ratio * xt_F + xt * ratio_F
             xs = new
             xt = xt * ratio
-    elif b < s[o + S_B] and a >= 1.0 + spread and s[o + S_A] >= 1.0 + spread:
+    elif b < s[S_B] and a >= 1.0 + spread and s[S_A] >= 1.0 + spread:
         # Above the crossing of the A_F line and the M_S line nothing is metastable: martensite
         # that stress has made goes back along the forward curve.
         left = remaining(b)
@@ -460,17 +473,17 @@ def transform(
                 xs_F = -slope_F
                 xs_T = slope_F / p[P_C1] * p[P_C_M]
     c = progress_c(T, p)
-    if c > s[o + S_C]:
+    if c > s[S_C]:
         austenite = 1.0 - xs - xt
         if austenite > 0.0:
             left = remaining(c)
-            before = left_before(s, o + S_C, w, q + W_FC, 0.0)
+            before = left_before(s[S_C], w, W_FC, 0.0)
             ratio = left / before
             slope = 0.0
             if c < 1.0:
                 slope = -remaining_slope(left) / before * p[P_M_INV]
             if e[E_MINOR] != 0.0 and ratio > 0.0:
-                exponent, raised = minor(ratio, w[q + W_XI_FORTH], e)
+                exponent, raised = minor(ratio, w[W_XI_FORTH], e)
                 slope = slope * exponent * raised / ratio
                 ratio = raised
             xt_T = -xs_T + ratio * (xs_T + xt_T) - austenite * slope
@@ -481,7 +494,7 @@ def transform(
     return xs, xt, xs_T + xt_T, xs_F + xt_F, xs_T, xs_F
 
 
-@compiled
+@inlined
 def compliance(xi: float, p: Array, e: Array) -> float:
     """Elastic deflection per newton: Eq. (9) with (7); effect cold_ends in series."""
     soft = p[P_K_A] - p[P_K_M]
@@ -491,56 +504,61 @@ def compliance(xi: float, p: Array, e: Array) -> float:
     return float(give)
 
 
-@compiled
-def end_fraction(F: float, s: Array, o: int, p: Array) -> tuple[float, float]:
+@inlined
+def end_fraction(F: float, s: Array, p: Array) -> tuple[float, float]:
     """Detwinned fraction of ends that stay cold, and its slope: Eq. (12) on the curve."""
     b = clip01((p[P_C1] * F - p[P_TAU_S]) * p[P_TAU_INV])
     left = remaining(b)
-    if 1.0 - left > s[o + S_XS_END]:
+    if 1.0 - left > s[S_XS_END]:
         return 1.0 - left, -remaining_slope(left) * p[P_TAU_INV] * p[P_C1]
-    return s[o + S_XS_END], 0.0
+    return s[S_XS_END], 0.0
 
 
-@compiled
-def inelastic(
-    F: float, xs: float, s: Array, o: int, p: Array, e: Array
-) -> tuple[float, float, float]:
+@inlined
+def inelastic(F: float, xs: float, s: Array, p: Array, e: Array) -> tuple[float, float, float]:
     """Deflection at no load and its slopes with ξ_S and F: δ_L ξ_S, and what effects add."""
     reach = p[P_DELTA_L]
     if e[E_UNEVEN_STRAIN] == 0.0:
         return reach * xs, reach, 0.0
-    reach = reach * (1.0 - e[E_SHRINK] * s[o + S_CYCLES])
-    extra = e[E_R_STRAIN] * p[P_DELTA_L] * s[o + S_R] + e[E_ELONGATION] * s[o + S_CYCLES]
+    reach = reach * (1.0 - e[E_SHRINK] * s[S_CYCLES])
+    extra = e[E_R_STRAIN] * p[P_DELTA_L] * s[S_R] + e[E_ELONGATION] * s[S_CYCLES]
     if e[E_COLD_ENDS] > 0.0:
-        end, end_F = end_fraction(F, s, o, p)
+        end, end_F = end_fraction(F, s, p)
         part = (1.0 - e[E_COLD_ENDS]) * reach
         cold = e[E_COLD_ENDS] * reach
         return part * xs + cold * end + extra, part, cold * end_F
     return reach * xs + extra, reach, 0.0
 
 
-@compiled
-def settle(F: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array) -> bool:
+@inlined
+def settle(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> bool:
     """One spring at tension F: temperature, fractions, deflection and compliance, into scratch.
 
     The temperature solves T = T* + λ (ξ(T, F) − ξ_old), which has one root: ξ falls with T.
-    Returns False when it is not found.
+    Exact: that root, held in a bracket; returns False when it is not found. Otherwise one step of
+    Newton from the guess, with the deflection extrapolated along it and the size of the step left
+    in W_ROUGH, so that temperature and force can converge together.
     """
-    start = s[o + S_XS] + s[o + S_XT]
-    star = w[q + W_T_STAR]
-    low = star - w[q + W_LAM_H]
-    high = star + w[q + W_LAM_C]
-    T = w[q + W_GUESS]
-    if low > T or high < T:
+    start = s[S_XS] + s[S_XT]
+    star = w[W_T_STAR]
+    low = star - w[W_LAM_H]
+    high = star + w[W_LAM_C]
+    T = w[W_GUESS]
+    if T < low or T > high:
         T = star
     found = False
+    rough = 0.0
     for _ in range(ITERATIONS):
-        xs, xt, xi_T, xi_F, xs_T, xs_F = transform(T, F, s, o, w, q, p, e)
+        xs, xt, xi_T, xi_F, xs_T, xs_F = transform(T, F, s, w, p, e)
         change = xs + xt - start
-        lam = w[q + W_LAM_H] if change < 0.0 else w[q + W_LAM_C]
+        lam = w[W_LAM_H] if change < 0.0 else w[W_LAM_C]
         miss = T - star - lam * change
         slope = 1.0 - lam * xi_T
         if abs(miss) <= T_TOLERANCE or high - low <= T_TOLERANCE:
+            found = True
+            break
+        if not exact:
+            rough = -miss / slope
             found = True
             break
         if miss > 0.0:
@@ -550,31 +568,31 @@ def settle(F: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array) -> 
         T = T - miss / slope
         if not low < T < high:
             T = 0.5 * (low + high)
-    w[q + W_T] = star + lam * change
-    w[q + W_GUESS] = T
-    w[q + W_XS] = xs
-    w[q + W_XT] = xt
-    T_F = lam * xi_F / slope
-    w[q + W_T_F] = T_F
+    w[W_ROUGH] = rough
+    w[W_T] = star + lam * change
+    w[W_GUESS] = T + rough
+    w[W_XS] = xs
+    w[W_XT] = xt
+    T_F = 0.0
+    if change != 0.0:
+        T_F = lam * xi_F / slope
+    w[W_T_F] = T_F
     give = compliance(xs + xt, p, e)
+    w[W_GIVE] = give
     soft = p[P_K_A] - p[P_K_M]
     plain = give
     weight = 1.0
     if e[E_COLD_ENDS] > 0.0:
         weight = 1.0 - e[E_COLD_ENDS]
         plain = 1.0 / (p[P_K_A] - soft * (xs + xt))
-    left, left_S, left_F = inelastic(F, xs, s, o, p, e)
-    w[q + W_DELTA] = F * give + left
-    w[q + W_SLOPE] = (
-        give
-        + F * soft * weight * plain * plain * (xi_F + xi_T * T_F)
-        + left_S * (xs_F + xs_T * T_F)
-        + left_F
-    )
+    left, left_S, left_F = inelastic(F, xs, s, p, e)
+    softer = F * soft * weight * plain * plain
+    w[W_DELTA] = F * give + left + rough * (softer * xi_T + left_S * xs_T)
+    w[W_SLOPE] = give + softer * (xi_F + xi_T * T_F) + left_S * (xs_F + xs_T * T_F) + left_F
     return found
 
 
-@compiled
+@inlined
 def tendon(F: float, e: Array) -> tuple[float, float]:
     """Half the stretch of the tendon at tension F, m, and its slope: slack taken up, compliance."""
     reach = 0.5 * e[E_TENDON] * F
@@ -586,33 +604,75 @@ def tendon(F: float, e: Array) -> tuple[float, float]:
     return reach, slope
 
 
-@compiled
-def balance(
-    target: float, guess: float, pair: bool, s: Array, o: int, w: Array, q: int, p: Array, e: Array
-) -> float:
-    """The tension at which the deflection is `target`: of the pair, or of one spring.
+@inlined
+def narrow(F: float, miss: float, slope: float, low: float, high: float) -> float:
+    """Newton's next tension inside its bracket, or the middle of the bracket."""
+    F = F - miss / slope
+    if not high > F:
+        return 0.5 * (low + high)
+    if low >= F:
+        return 0.0 if low == 0.0 else 0.5 * (low + high)
+    return F
 
-    The deflection grows with the tension, so there is one root, held in a bracket. No tension at
-    all is the answer when the unloaded springs are already long enough: then the tendon is slack.
+
+@inlined
+def balance_pair(
+    guess: float, x: Array, y: Array, g: Array, wx: Array, wy: Array, p: Array, e: Array
+) -> float:
+    """The tension at which the pair fills its length: δ_X(F) + δ_Y(F) = 2 δ0.
+
+    Deflections grow with the tension, so there is one root, held in a bracket; a few steps in which
+    force and temperatures converge together come first, and are nearly always enough. No tension
+    at all is the answer when the unloaded springs are already long enough: the tendon is slack.
     Returns the tension, or -1 when it is not found.
     """
     low = 0.0
     high = 1e300
     F = guess if guess > 0.0 else 0.0
-    gives = e[E_ROUGH] > 0.0 and not pair and p[P_FIXTURE] == 0.0
+    for n in range(ITERATIONS):
+        exact = n >= JOINT_STEPS
+        found = settle(F, exact, x, wx, p, e)
+        found = settle(F, exact, y, wy, p, e) and found
+        g[G_ITERATIONS] += 1.0
+        if not found:
+            return -1.0
+        miss = wx[W_DELTA] + wy[W_DELTA] - 2.0 * p[P_DELTA_0]
+        settled = wx[W_ROUGH] == 0.0 and wy[W_ROUGH] == 0.0
+        if settled and (abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low)):
+            return F
+        if miss > 0.0 and F == 0.0 and settled:
+            return 0.0
+        if exact:
+            if miss > 0.0:
+                high = F
+            else:
+                low = F
+        last = F
+        F = narrow(F, miss, wx[W_SLOPE] + wy[W_SLOPE], low, high)
+        wx[W_GUESS] += (F - last) * wx[W_T_F]
+        wy[W_GUESS] += (F - last) * wy[W_T_F]
+    return -1.0
+
+
+@inlined
+def balance(target: float, guess: float, s: Array, g: Array, w: Array, p: Array, e: Array) -> float:
+    """The tension at which one spring, with its half of the tendon, has the deflection `target`.
+
+    As `balance_pair`: one root, zero when the spring is slack, -1 when it is not found.
+    """
+    low = 0.0
+    high = 1e300
+    F = guess if guess > 0.0 else 0.0
+    gives = e[E_ROUGH] > 0.0 and p[P_FIXTURE] == 0.0
     for _ in range(ITERATIONS):
-        found = settle(F, s, o, w, q, p, e)
-        reach = w[q + W_DELTA]
-        slope = w[q + W_SLOPE]
-        if pair:
-            found = settle(F, s, o + S_SIZE, w, q + W_SIZE, p, e) and found
-            reach += w[q + W_SIZE + W_DELTA]
-            slope += w[q + W_SIZE + W_SLOPE]
-        elif gives:
+        found = settle(F, True, s, w, p, e)
+        reach = w[W_DELTA]
+        slope = w[W_SLOPE]
+        if gives:
             stretch, stretch_F = tendon(F, e)
             reach += stretch - tendon(p[P_F0], e)[0]
             slope += stretch_F
-        s[G_ITERATIONS] += 1.0
+        g[G_ITERATIONS] += 1.0
         if not found:
             return -1.0
         miss = reach - target
@@ -625,20 +685,23 @@ def balance(
         else:
             low = F
         last = F
-        F = F - miss / slope
-        if not high > F:
-            F = 0.5 * (low + high)
-        elif low >= F:
-            F = 0.0 if low == 0.0 else 0.5 * (low + high)
-        w[q + W_GUESS] += (F - last) * w[q + W_T_F]
-        if pair:
-            w[q + W_SIZE + W_GUESS] += (F - last) * w[q + W_SIZE + W_T_F]
+        F = narrow(F, miss, slope, low, high)
+        w[W_GUESS] += (F - last) * w[W_T_F]
     return -1.0
 
 
-@compiled
+@inlined
 def slide(
-    rub: float, guess: float, s: Array, w: Array, p: Array, e: Array, dt: float
+    rub: float,
+    guess: float,
+    x: Array,
+    y: Array,
+    g: Array,
+    wx: Array,
+    wy: Array,
+    p: Array,
+    e: Array,
+    dt: float,
 ) -> tuple[float, float, float]:
     """The pair with friction `rub` (signed), drag, tube stiffness and a tendon that gives.
 
@@ -648,45 +711,41 @@ def slide(
     low = 0.0
     high = 1e300
     F = guess if guess > 0.0 else 0.0
-    before = s[G_U]
-    wet = 0.5 * (s[S_FILL] + s[S_SIZE + S_FILL])
+    before = g[G_U]
+    wet = 0.5 * (x[S_FILL] + y[S_FILL])
     drag = e[E_DRAG] * wet / dt
     mounted = tendon(p[P_F0], e)[0]
     for _ in range(ITERATIONS):
-        found = settle(F, s, 0, w, 0, p, e)
+        found = settle(F, True, x, wx, p, e)
         stretch, stretch_F = tendon(F, e)
-        reach = w[W_DELTA] + stretch - mounted
-        reach_F = w[W_SLOPE] + stretch_F
+        reach = wx[W_DELTA] + stretch - mounted
+        reach_F = wx[W_SLOPE] + stretch_F
         u = p[P_DELTA_0] - reach
         other = F - rub - 2.0 * e[E_TUBE_K] * u - drag * (u - before)
         other_F = 1.0 + (2.0 * e[E_TUBE_K] + drag) * reach_F
         if other < 0.0:
             other = 0.0
             other_F = 0.0
-        found = settle(other, s, S_SIZE, w, W_SIZE, p, e) and found
+        found = settle(other, True, y, wy, p, e) and found
         stretch, stretch_F = tendon(other, e)
-        s[G_ITERATIONS] += 1.0
+        g[G_ITERATIONS] += 1.0
         if not found:
             return -1.0, 0.0, 0.0
-        miss = reach + w[W_SIZE + W_DELTA] + stretch - mounted - 2.0 * p[P_DELTA_0]
-        slope = reach_F + (w[W_SIZE + W_SLOPE] + stretch_F) * other_F
+        miss = reach + wy[W_DELTA] + stretch - mounted - 2.0 * p[P_DELTA_0]
+        slope = reach_F + (wy[W_SLOPE] + stretch_F) * other_F
         if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):
             return F, other, u
         if miss > 0.0:
             if F == 0.0:
-                return F, other, slack_position(before, s, w, p)
+                return F, other, slack_position(before, wx, wy, p)
             high = F
         else:
             low = F
-        F = F - miss / slope
-        if not high > F:
-            F = 0.5 * (low + high)
-        elif low >= F:
-            F = 0.0 if low == 0.0 else 0.5 * (low + high)
+        F = narrow(F, miss, slope, low, high)
     return -1.0, 0.0, 0.0
 
 
-@compiled
+@inlined
 def friction_level(F: float, speed: float, e: Array) -> float:
     """Friction of tube on spring at a tension and a speed: constant, proportional, Stribeck."""
     level = e[E_COULOMB] + e[E_PROPORTIONAL] * F
@@ -695,32 +754,32 @@ def friction_level(F: float, speed: float, e: Array) -> float:
     return float(level)
 
 
-@compiled
+@inlined
 def rough_pair(
-    guess: float, s: Array, w: Array, p: Array, e: Array, dt: float
+    guess: float, x: Array, y: Array, g: Array, wx: Array, wy: Array, p: Array, e: Array, dt: float
 ) -> tuple[float, float, float]:
     """The pair where something resists its motion: stick if friction can hold it, else slide.
 
     Returns (tension of X, of Y, displacement), tension -1 when it is not found.
     """
     rub = 0.0
-    hold = friction_level(s[G_F], 0.0, e)
+    hold = friction_level(g[G_F], 0.0, e)
     if hold > 0.0:
-        u = s[G_U]
-        F_x = balance(p[P_DELTA_0] - u, s[S_F], False, s, 0, w, 0, p, e)
-        F_y = balance(p[P_DELTA_0] + u, s[S_SIZE + S_F], False, s, S_SIZE, w, W_SIZE, p, e)
+        u = g[G_U]
+        F_x = balance(p[P_DELTA_0] - u, x[S_F], x, g, wx, p, e)
+        F_y = balance(p[P_DELTA_0] + u, y[S_F], y, g, wy, p, e)
         if F_x < 0.0 or F_y < 0.0:
             return -1.0, 0.0, 0.0
         pull = F_x - F_y - 2.0 * e[E_TUBE_K] * u
         if abs(pull) <= hold:
             return F_x, F_y, u
-        rub = friction_level(s[G_F], s[G_SPEED], e)
+        rub = friction_level(g[G_F], g[G_SPEED], e)
         if pull < 0.0:
             rub = -rub
-    return slide(rub, guess, s, w, p, e, dt)
+    return slide(rub, guess, x, y, g, wx, wy, p, e, dt)
 
 
-@compiled
+@inlined
 def film(T: float, T_water: float, speed: float, p: Array, table: Array) -> float:
     """Conductance from wire to water, W/(m K): the larger of free and forced convection.
 
@@ -733,65 +792,68 @@ def film(T: float, T_water: float, speed: float, p: Array, table: Array) -> floa
     x = where - cell
     x = max(x, -1.0)
     x = min(x, 2.0)
-    w0 = -x * (x - 1.0) * (x - 2.0) / 6.0
+    w0 = -x * (x - 1.0) * (x - 2.0) * SIXTH
     w1 = (x + 1.0) * (x - 1.0) * (x - 2.0) * 0.5
     w2 = -(x + 1.0) * x * (x - 2.0) * 0.5
-    w3 = (x + 1.0) * x * (x - 1.0) / 6.0
+    w3 = (x + 1.0) * x * (x - 1.0) * SIXTH
     k = w0 * table[cell - 1, 0] + w1 * table[cell, 0]
     k = k + w2 * table[cell + 1, 0] + w3 * table[cell + 2, 0]
     rise = w0 * table[cell - 1, 1] + w1 * table[cell, 1]
     rise = rise + w2 * table[cell + 1, 1] + w3 * table[cell + 2, 1]
-    root = 0.60 + rise * math.pow(abs(T - T_water), 1.0 / 6.0) * p[P_SQRT_DH]
-    h = k / p[P_DH] * root * root
+    root = 0.60 + rise * math.pow(abs(T - T_water), SIXTH) * p[P_SQRT_DH]
+    h = k * p[P_DH_INV] * root * root
     if speed > 0.0:
         c2 = w0 * table[cell - 1, 2] + w1 * table[cell, 2]
         c2 = c2 + w2 * table[cell + 1, 2] + w3 * table[cell + 2, 2]
         c3 = w0 * table[cell - 1, 3] + w1 * table[cell, 3]
         c3 = c3 + w2 * table[cell + 1, 3] + w3 * table[cell + 2, 3]
-        forced = (c2 + c3 * math.sqrt(speed * p[P_DH])) / p[P_DH]
+        forced = (c2 + c3 * math.sqrt(speed * p[P_DH])) * p[P_DH_INV]
         h = max(h, forced)
     return float(h * p[P_PERIMETER])
 
 
-@compiled
+@inlined
 def bare(T: float, T_air: float, p: Array) -> float:
     """Conductance from a bare wire to still air, W/(m K): Eq. (20) with the wire's diameter."""
-    root = 0.60 + p[P_AIR_C] * math.pow(abs(T - T_air), 1.0 / 6.0)
+    root = 0.60 + p[P_AIR_C] * math.pow(abs(T - T_air), SIXTH)
     return float(p[P_AIR_K] * root * root)
 
 
-@compiled
+@inlined
 def steeper(difference: float, e: Array) -> float:
     """Effect convection_exponent: factor on a film coefficient at a temperature difference."""
     size = abs(difference) / EXPONENT_REF_K
     return math.pow(size if size > 0.01 else 0.01, e[E_EXPONENT])
 
 
-@compiled
-def heat(s: Array, o: int, w: Array, q: int, p: Array, e: Array, table: Array, dt: float) -> None:
+@inlined
+def heat(
+    s: Array, other: Array, g: Array, w: Array, p: Array, e: Array, table: Array, dt: float
+) -> None:
     """Set up the heat balance of one spring over the substep: Eqs (15)-(18) and the water node.
 
     Implicit midpoint in both temperatures with film coefficients at the extrapolated midpoint.
     The water is eliminated, so that what is left is T = T* + λ Δξ.
     """
-    T = s[o + S_T]
-    T_water = s[o + S_TW]
-    T_air = s[G_T_AIR]
-    T_in = s[G_T_IN]
-    middle = T + 0.5 * dt * s[o + S_RATE]
-    middle_water = T_water + 0.5 * dt * s[o + S_RATE_W]
-    power = s[o + S_I] * s[o + S_I] * s[o + S_OHM] / p[P_LENGTH]
-    gain = s[o + S_WORK_Q] / dt
+    T = s[S_T]
+    T_water = s[S_TW]
+    T_air = g[G_T_AIR]
+    T_in = g[G_T_IN]
+    middle = T + 0.5 * dt * s[S_RATE]
+    middle_water = T_water + 0.5 * dt * s[S_RATE_W]
+    power = s[S_I] * s[S_I] * s[S_OHM] * p[P_LENGTH_INV]
+    per_dt = 1.0 / dt
+    gain = s[S_WORK_Q] * per_dt
     if e[E_CROSSTALK] > 0.0:
-        gain += e[E_CROSSTALK] / p[P_LENGTH] * (s[S_SIZE - o + S_T] - T)
+        gain += e[E_CROSSTALK] * p[P_LENGTH_INV] * (other[S_T] - T)
     g_water = 0.0
-    fill = s[o + S_FILL]
-    flow = s[o + S_FLOW]
+    fill = s[S_FILL]
+    flow = s[S_FLOW]
     warms = p[P_WARMS] > 0.0
     if p[P_WET] > 0.0:
         surround = middle_water if warms else T_in
         g_water = fill * film(middle, surround, flow * p[P_AREA_INV], p, table)
-        g_water = g_water * s[o + S_WETTED]
+        g_water = g_water * s[S_WETTED]
         g_dry = (1.0 - fill) * p[P_GAP]
         if e[E_EXPONENT] != 0.0:
             g_water = g_water * steeper(middle - surround, e)
@@ -802,64 +864,67 @@ def heat(s: Array, o: int, w: Array, q: int, p: Array, e: Array, table: Array, d
             g_dry = g_dry * steeper(middle - T_air, e)
     net = power + gain - g_dry * (T - T_air) - g_water * (T - (T_water if warms else T_in))
     capacity = p[P_MC_H] if net >= 0.0 else p[P_MC_C]
-    stiff = 2.0 * capacity / dt + g_water + g_dry
-    right = 2.0 * capacity / dt * T + power + gain + g_dry * T_air
-    w[q + W_DW] = 0.0
+    inertia = 2.0 * capacity * per_dt
+    stiff = inertia + g_water + g_dry
+    right = inertia * T + power + gain + g_dry * T_air
+    w[W_DW_INV] = 0.0
     if warms:
-        c_water = fill * p[P_SHARE] * p[P_CW]
+        inertia = 2.0 * fill * p[P_SHARE] * p[P_CW] * per_dt
         g_flow = flow * p[P_FLOW_G]
         ua = fill * p[P_UA]
-        d_water = 2.0 * c_water / dt + g_water + g_flow + ua
-        r_water = 2.0 * c_water / dt * T_water + g_flow * T_in + ua * T_air
-        w[q + W_WALL_G] = 0.0
+        d_water = inertia + g_water + g_flow + ua
+        r_water = inertia * T_water + g_flow * T_in + ua * T_air
+        w[W_WALL_G] = 0.0
         if e[E_WALL] > 0.0:
-            w[q + W_WALL_G] = fill * e[E_WALL_G]
-            d_water += w[q + W_WALL_G]
-            r_water += w[q + W_WALL_G] * s[o + S_T_WALL]
-        stiff -= g_water * g_water / d_water
-        right += g_water * r_water / d_water
-        w[q + W_DW] = d_water
-        w[q + W_RW] = r_water
-        w[q + W_GF] = g_flow
-        w[q + W_UA] = ua
+            w[W_WALL_G] = fill * e[E_WALL_G]
+            d_water += w[W_WALL_G]
+            r_water += w[W_WALL_G] * s[S_T_WALL]
+        per_d = 1.0 / d_water
+        stiff -= g_water * g_water * per_d
+        right += g_water * r_water * per_d
+        w[W_DW_INV] = per_d
+        w[W_RW] = r_water
+        w[W_GF] = g_flow
+        w[W_UA] = ua
     else:
         right += g_water * T_in
-    w[q + W_LATENT] = 1.0
+    w[W_LATENT] = 1.0
     if e[E_LATENT_STRESS] != 0.0:
-        stress = p[P_C1] * (s[o + S_F] - p[P_F0]) / STRESS_REF_PA
-        w[q + W_LATENT] = 1.0 + e[E_LATENT_STRESS] * stress
-    w[q + W_T_STAR] = 2.0 * right / stiff - T
-    w[q + W_LAM_H] = 2.0 * p[P_ML_H] * w[q + W_LATENT] / (dt * stiff)
-    w[q + W_LAM_C] = 2.0 * p[P_ML_C] * w[q + W_LATENT] / (dt * stiff)
-    w[q + W_CAP] = capacity
-    w[q + W_GW] = g_water
-    w[q + W_GD] = g_dry
-    w[q + W_POWER] = power
+        stress = p[P_C1] * (s[S_F] - p[P_F0]) / STRESS_REF_PA
+        w[W_LATENT] = 1.0 + e[E_LATENT_STRESS] * stress
+    soft = 2.0 / stiff
+    w[W_T_STAR] = right * soft - T
+    soft = soft * per_dt * w[W_LATENT]
+    w[W_LAM_H] = p[P_ML_H] * soft
+    w[W_LAM_C] = p[P_ML_C] * soft
+    w[W_CAP] = capacity
+    w[W_GW] = g_water
+    w[W_GD] = g_dry
+    w[W_POWER] = power
 
 
-@compiled
-def prepare(s: Array, o: int, w: Array, q: int, p: Array, e: Array, dt: float) -> None:
+@inlined
+def prepare(s: Array, w: Array, p: Array, e: Array, dt: float) -> None:
     """What `transform` and `settle` need of the start of the substep."""
-    w[q + W_SHIFT] = e[E_SHIFT] * s[o + S_CYCLES]
-    w[q + W_FA] = -1.0
-    w[q + W_FB] = -1.0
-    w[q + W_FC] = -1.0
-    w[q + W_HOT] = 1.0 if s[o + S_T] - w[q + W_SHIFT] > p[P_M_S] else 0.0
-    w[q + W_GUESS] = w[q + W_T_STAR]
-    if s[o + S_ACTIVE] > 0.0:
-        w[q + W_GUESS] = s[o + S_T] + dt * s[o + S_RATE]
+    w[W_SHIFT] = e[E_SHIFT] * s[S_CYCLES]
+    w[W_FA] = -1.0
+    w[W_FB] = -1.0
+    w[W_FC] = -1.0
+    w[W_HOT] = 1.0 if s[S_T] - w[W_SHIFT] > p[P_M_S] else 0.0
+    w[W_GUESS] = w[W_T_STAR]
+    if s[S_ACTIVE] > 0.0:
+        w[W_GUESS] = s[S_T] + dt * s[S_RATE]
     if e[E_MINOR] != 0.0:
-        xi = s[o + S_XS] + s[o + S_XT]
-        w[q + W_XI_BACK] = s[o + S_XI_LEG] if s[o + S_LEG] < 0.0 else xi
-        w[q + W_XI_FORTH] = s[o + S_XI_LEG] if s[o + S_LEG] > 0.0 else xi
+        xi = s[S_XS] + s[S_XT]
+        w[W_XI_BACK] = s[S_XI_LEG] if s[S_LEG] < 0.0 else xi
+        w[W_XI_FORTH] = s[S_XI_LEG] if s[S_LEG] > 0.0 else xi
 
 
-@compiled
+@inlined
 def heat_books(
     s: Array,
-    o: int,
+    g: Array,
     w: Array,
-    q: int,
     p: Array,
     e: Array,
     T_old: float,
@@ -869,55 +934,54 @@ def heat_books(
 ) -> None:
     """Water and wall temperatures at the end of the substep, and where the heat went."""
     length = p[P_LENGTH]
+    per_dt = 1.0 / dt
     middle = 0.5 * (T + T_old)
-    if w[q + W_DW] > 0.0:
-        T_water = s[o + S_TW]
-        middle_water = (w[q + W_RW] + w[q + W_GW] * middle) / w[q + W_DW]
+    if w[W_DW_INV] > 0.0:
+        T_water = s[S_TW]
+        middle_water = (w[W_RW] + w[W_GW] * middle) * w[W_DW_INV]
         new_water = 2.0 * middle_water - T_water
-        s[o + S_RATE_W] = (new_water - T_water) / dt
-        s[o + S_TW] = new_water
-        carried = length * dt * w[q + W_GF] * (middle_water - s[G_T_IN])
-        s[o + S_AIR_J] += length * dt * w[q + W_UA] * (middle_water - s[G_T_AIR])
-        if w[q + W_WALL_G] > 0.0:
-            given = dt * w[q + W_WALL_G] * (middle_water - s[o + S_T_WALL])
-            s[o + S_T_WALL] += given / (e[E_WALL] * p[P_CW])
+        s[S_RATE_W] = (new_water - T_water) * per_dt
+        s[S_TW] = new_water
+        carried = length * dt * w[W_GF] * (middle_water - g[G_T_IN])
+        s[S_AIR_J] += length * dt * w[W_UA] * (middle_water - g[G_T_AIR])
+        if w[W_WALL_G] > 0.0:
+            given = dt * w[W_WALL_G] * (middle_water - s[S_T_WALL])
+            s[S_T_WALL] += given / (e[E_WALL] * p[P_CW])
     else:
-        carried = length * dt * w[q + W_GW] * (middle - s[G_T_IN])
-    s[o + S_WATER_J] += carried
-    s[G_RESERVOIR] += e[E_RESERVOIR] * carried
-    s[o + S_AIR_J] += length * dt * w[q + W_GD] * (middle - s[G_T_AIR])
-    s[o + S_IN_J] += length * dt * w[q + W_POWER]
-    latent = (p[P_ML_H] if change < 0.0 else p[P_ML_C]) * w[q + W_LATENT]
-    s[o + S_UNEQUAL_J] += length * (
-        (p[P_MC_H] - w[q + W_CAP]) * (T - T_old) - (p[P_ML_H] - latent) * change
+        carried = length * dt * w[W_GW] * (middle - g[G_T_IN])
+    s[S_WATER_J] += carried
+    g[G_RESERVOIR] += e[E_RESERVOIR] * carried
+    s[S_AIR_J] += length * dt * w[W_GD] * (middle - g[G_T_AIR])
+    s[S_IN_J] += length * dt * w[W_POWER]
+    latent = (p[P_ML_H] if change < 0.0 else p[P_ML_C]) * w[W_LATENT]
+    s[S_UNEQUAL_J] += length * (
+        (p[P_MC_H] - w[W_CAP]) * (T - T_old) - (p[P_ML_H] - latent) * change
     )
 
 
-@compiled
-def r_phase(T: float, xi_old: float, xi: float, s: Array, o: int, p: Array) -> None:
+@inlined
+def r_phase(T: float, xi_old: float, xi: float, s: Array, p: Array) -> None:
     """Effect r_phase: austenite becomes R-phase on cooling, and back with a small hysteresis."""
     start = p[P_M_S] + R_ABOVE
     austenite = 1.0 - xi
-    share = s[o + S_R] / (1.0 - xi_old) if xi_old < 1.0 else 0.0
+    share = s[S_R] / (1.0 - xi_old) if xi_old < 1.0 else 0.0
     progress = clip01((start - T) / R_WIDTH)
     if xi < xi_old:
         # Austenite that heating has just made holds no R-phase.
-        share = s[o + S_R] / austenite if austenite > 0.0 else 0.0
-    if progress > s[o + S_R_PROGRESS]:
-        ratio = remaining(progress) / remaining(s[o + S_R_PROGRESS])
+        share = s[S_R] / austenite if austenite > 0.0 else 0.0
+    if progress > s[S_R_PROGRESS]:
+        ratio = remaining(progress) / remaining(s[S_R_PROGRESS])
         share = 1.0 - (1.0 - share) * ratio
     top = 1.0 - remaining((start + R_HYSTERESIS - T) / R_WIDTH)
     share = min(share, top)
-    s[o + S_R_PROGRESS] = progress
-    s[o + S_R] = share * austenite
+    s[S_R_PROGRESS] = progress
+    s[S_R] = share * austenite
 
 
-@compiled
+@inlined
 def history(
     s: Array,
-    o: int,
     w: Array,
-    q: int,
     p: Array,
     e: Array,
     F_phase: float,
@@ -927,23 +991,22 @@ def history(
     """What the next substep has to remember of the transformation."""
     xi = xi_old + change
     if change != 0.0:
-        s[o + S_CYCLES] += 0.5 * abs(change)
+        s[S_CYCLES] += 0.5 * abs(change)
         leg = -1.0 if change < 0.0 else 1.0
-        if leg != s[o + S_LEG]:
-            s[o + S_LEG] = leg
-            s[o + S_XI_LEG] = xi_old
+        if leg != s[S_LEG]:
+            s[S_LEG] = leg
+            s[S_XI_LEG] = xi_old
     if e[E_COLD_ENDS] > 0.0:
-        s[o + S_XS_END] = end_fraction(F_phase, s, o, p)[0]
+        s[S_XS_END] = end_fraction(F_phase, s, p)[0]
     if e[E_R_STRAIN] != 0.0 or e[E_R_OHM] != 0.0:
-        r_phase(s[o + S_T], xi_old, xi, s, o, p)
+        r_phase(s[S_T], xi_old, xi, s, p)
 
 
-@compiled
+@inlined
 def accept(
     s: Array,
-    o: int,
+    g: Array,
     w: Array,
-    q: int,
     p: Array,
     e: Array,
     F_spring: float,
@@ -952,44 +1015,44 @@ def accept(
     dt: float,
 ) -> None:
     """Take over the end of the substep for one spring and write its energy books."""
-    T_old = s[o + S_T]
-    T = w[q + W_T]
-    xi_old = s[o + S_XS] + s[o + S_XT]
-    xs = w[q + W_XS]
-    xt = w[q + W_XT]
+    T_old = s[S_T]
+    T = w[W_T]
+    xi_old = s[S_XS] + s[S_XT]
+    xs = w[W_XS]
+    xt = w[W_XT]
     change = xs + xt - xi_old
     if not fed:
-        heat_books(s, o, w, q, p, e, T_old, T, change, dt)
-    work = 0.5 * (F_spring + s[o + S_F]) * (w[q + W_DELTA] - s[o + S_DELTA])
-    elastic = 0.5 * F_spring * F_spring * compliance(xs + xt, p, e)
-    lost = work - elastic + s[o + S_ELASTIC]
-    s[o + S_ELASTIC] = elastic
-    s[o + S_WORK_J] += work
-    s[o + S_OMITTED_J] += (1.0 - p[P_WORK_SHARE]) * lost
-    s[o + S_WORK_Q] = p[P_WORK_SHARE] * lost / p[P_LENGTH]
-    s[o + S_RATE] = (T - T_old) / dt
-    s[o + S_ACTIVE] = 1.0 if change != 0.0 else 0.0
-    s[o + S_T] = T
-    s[o + S_XS] = xs
-    s[o + S_XT] = xt
-    s[o + S_F] = F_spring
-    s[o + S_DELTA] = w[q + W_DELTA]
+        heat_books(s, g, w, p, e, T_old, T, change, dt)
+    work = 0.5 * (F_spring + s[S_F]) * (w[W_DELTA] - s[S_DELTA])
+    elastic = 0.5 * F_spring * F_spring * w[W_GIVE]
+    lost = work - elastic + s[S_ELASTIC]
+    s[S_ELASTIC] = elastic
+    s[S_WORK_J] += work
+    s[S_OMITTED_J] += (1.0 - p[P_WORK_SHARE]) * lost
+    s[S_WORK_Q] = p[P_WORK_SHARE] * lost * p[P_LENGTH_INV]
+    s[S_RATE] = (T - T_old) / dt
+    s[S_ACTIVE] = 1.0 if change != 0.0 else 0.0
+    s[S_T] = T
+    s[S_XS] = xs
+    s[S_XT] = xt
+    s[S_F] = F_spring
+    s[S_DELTA] = w[W_DELTA]
     # At the temperature of the last evaluation, so that progress and fractions belong together.
-    T = w[q + W_GUESS] - w[q + W_SHIFT]
+    T = w[W_GUESS] - w[W_SHIFT]
     tau = p[P_C1] * F_phase
-    s[o + S_A] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
-    s[o + S_B] = progress_b(T, tau, p)
-    s[o + S_C] = progress_c(T, p)
-    history(s, o, w, q, p, e, F_phase, xi_old, change)
+    s[S_A] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
+    s[S_B] = progress_b(T, tau, p)
+    s[S_C] = progress_c(T, p)
+    history(s, w, p, e, F_phase, xi_old, change)
 
 
-@compiled
-def water_inventory(s: Array, o: int, p: Array, e: Array, drain: float, dt: float) -> None:
+@inlined
+def water_inventory(s: Array, p: Array, e: Array, drain: float, dt: float) -> None:
     """Drain or refill the tube; heat that leaves or enters with the water goes to the books."""
-    fill = s[o + S_FILL]
+    fill = s[S_FILL]
     new = fill
-    if s[o + S_FLOW] > 0.0:
-        new = fill + dt * s[o + S_FLOW] * p[P_FILL_RATE]
+    if s[S_FLOW] > 0.0:
+        new = fill + dt * s[S_FLOW] * p[P_FILL_RATE]
         new = min(new, 1.0)
     elif drain > 0.0:
         if fill > p[P_FILM]:
@@ -997,15 +1060,15 @@ def water_inventory(s: Array, o: int, p: Array, e: Array, drain: float, dt: floa
     elif e[E_DRAINAGE] > 0.0:
         floor = 1.0 - e[E_DRAINAGE]
         floor = max(floor, p[P_FILM])
-        if fill > floor and s[o + S_PUMP_COUNT] > 0.0:
+        if fill > floor and s[S_PUMP_COUNT] > 0.0:
             new = floor + (fill - floor) * math.exp(-dt / e[E_DRAINAGE_S])
     if new != fill:
         moved = (fill - new) * p[P_SHARE] * p[P_CW] * p[P_LENGTH] * p[P_WARMS]
-        s[o + S_WATER_J] += moved * (s[o + S_TW] - p[P_T_REF])
-        s[o + S_FILL] = new
+        s[S_WATER_J] += moved * (s[S_TW] - p[P_T_REF])
+        s[S_FILL] = new
 
 
-@compiled
+@inlined
 def scattered(count: float) -> float:
     """A number in 0 to 1 for each count, evenly scattered (van der Corput, base 2)."""
     n = int(count)
@@ -1019,38 +1082,36 @@ def scattered(count: float) -> float:
     return total
 
 
-@compiled
-def pump(s: Array, o: int, p: Array, e: Array, duty: float, sign: float, dt: float) -> None:
+@inlined
+def pump(s: Array, p: Array, e: Array, duty: float, sign: float, dt: float) -> None:
     """Flow of one pump before leaks: linear in the duty, and what effects do to it."""
     if duty > 0.0:
-        if s[o + S_PUMP_ON_S] <= 0.0:
-            s[o + S_PUMP_COUNT] += 1.0
-        s[o + S_PUMP_ON_S] += dt
+        if s[S_PUMP_ON_S] <= 0.0:
+            s[S_PUMP_COUNT] += 1.0
+        s[S_PUMP_ON_S] += dt
     else:
-        s[o + S_PUMP_ON_S] = 0.0
+        s[S_PUMP_ON_S] = 0.0
     flow = p[P_FLOW_MAX] * duty * p[P_WET]
-    if e[E_DEAD_S] > 0.0 and s[o + S_PUMP_ON_S] <= e[E_DEAD_S]:
+    if e[E_DEAD_S] > 0.0 and s[S_PUMP_ON_S] <= e[E_DEAD_S]:
         flow = 0.0
     if e[E_SHORTFALL] != 0.0:
         flow = flow * (1.0 - e[E_SHORTFALL])
     if e[E_UNEVEN] != 0.0:
         flow = flow * (1.0 + sign * e[E_UNEVEN])
-    s[o + S_WETTED] = 1.0
+    s[S_WETTED] = 1.0
     if e[E_POCKETS] > 0.0 and duty > 0.0:
-        part = 1.0 - e[E_POCKETS] * scattered(s[o + S_PUMP_COUNT])
+        part = 1.0 - e[E_POCKETS] * scattered(s[S_PUMP_COUNT])
         flow = flow * part
-        s[o + S_WETTED] = part
+        s[S_WETTED] = part
     if e[E_SPINUP_S] > 0.0:
-        flow = flow + (s[o + S_PUMP] - flow) * math.exp(-dt / e[E_SPINUP_S])
+        flow = flow + (s[S_PUMP] - flow) * math.exp(-dt / e[E_SPINUP_S])
         if flow < 1e-3 * p[P_FLOW_MAX]:
             flow = 0.0
-    s[o + S_PUMP] = flow
+    s[S_PUMP] = flow
 
 
-@compiled
-def electrify(
-    s: Array, o: int, w: Array, p: Array, e: Array, command: float, fed: bool, dt: float
-) -> None:
+@inlined
+def electrify(s: Array, p: Array, e: Array, command: float, fed: bool, dt: float) -> None:
     """Current and resistance of one spring; effects of the driver act on a command only."""
     current = command
     if not fed:
@@ -1060,36 +1121,36 @@ def electrify(
             top = (1.0 - e[E_DEFICIT]) * p[P_I_MAX]
             current = min(current, top)
         if e[E_LAG_S] > 0.0:
-            current = current + (s[o + S_I] - current) * math.exp(-dt / e[E_LAG_S])
-    s[o + S_I] = current
+            current = current + (s[S_I] - current) * math.exp(-dt / e[E_LAG_S])
+    s[S_I] = current
     if e[E_OHM_ALPHA] != 0.0 or e[E_OHM_BETA] != 0.0 or e[E_R_OHM] != 0.0:
-        xi = s[o + S_XS] + s[o + S_XT]
-        factor = 1.0 + e[E_OHM_ALPHA] * (s[o + S_T] - p[P_T_REF])
-        factor += e[E_OHM_BETA] * (0.5 - xi) + e[E_R_OHM] * s[o + S_R]
-        s[o + S_OHM] = p[P_OHM_M] * p[P_LENGTH] * factor
+        xi = s[S_XS] + s[S_XT]
+        factor = 1.0 + e[E_OHM_ALPHA] * (s[S_T] - p[P_T_REF])
+        factor += e[E_OHM_BETA] * (0.5 - xi) + e[E_R_OHM] * s[S_R]
+        s[S_OHM] = p[P_OHM_M] * p[P_LENGTH] * factor
 
 
-@compiled
-def frozen(F: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array) -> None:
+@inlined
+def frozen(F: float, s: Array, w: Array, p: Array, e: Array) -> None:
     """Deflection of a spring at tension F with the fractions in scratch."""
-    left = inelastic(F, w[q + W_XS], s, o, p, e)[0]
-    w[q + W_DELTA] = F * compliance(w[q + W_XS] + w[q + W_XT], p, e) + left
+    left = inelastic(F, w[W_XS], s, p, e)[0]
+    w[W_DELTA] = F * compliance(w[W_XS] + w[W_XT], p, e) + left
 
 
-@compiled
-def from_deflection(delta: float, s: Array, o: int, w: Array, q: int, p: Array, e: Array) -> float:
+@inlined
+def from_deflection(delta: float, s: Array, w: Array, p: Array, e: Array) -> float:
     """Tension of a spring at a deflection with the fractions in scratch, Eq. (9); never below 0."""
-    left = inelastic(s[o + S_F], w[q + W_XS], s, o, p, e)[0]
-    F = (delta - left) / compliance(w[q + W_XS] + w[q + W_XT], p, e)
-    w[q + W_DELTA] = delta
+    left = inelastic(s[S_F], w[W_XS], s, p, e)[0]
+    F = (delta - left) / compliance(w[W_XS] + w[W_XT], p, e)
+    w[W_DELTA] = delta
     return F if F > 0.0 else 0.0
 
 
-@compiled
-def slack_position(u: float, s: Array, w: Array, p: Array) -> float:
+@inlined
+def slack_position(u: float, wx: Array, wy: Array, p: Array) -> float:
     """Where the encoder stands when the tendon is slack: where it was, between the spring ends."""
-    low = p[P_DELTA_0] - w[W_DELTA]
-    high = w[W_SIZE + W_DELTA] - p[P_DELTA_0]
+    low = p[P_DELTA_0] - wx[W_DELTA]
+    high = wy[W_DELTA] - p[P_DELTA_0]
     if u < low:
         return float(low)
     if u > high:
@@ -1097,55 +1158,87 @@ def slack_position(u: float, s: Array, w: Array, p: Array) -> float:
     return u
 
 
-@compiled
-def move_pair(s: Array, w: Array, p: Array, e: Array, feeds: Array, u: float, dt: float) -> int:
+@inlined
+def move_pair(
+    x: Array,
+    y: Array,
+    g: Array,
+    wx: Array,
+    wy: Array,
+    p: Array,
+    e: Array,
+    feeds: Array,
+    u: float,
+    dt: float,
+) -> int:
     """Antagonistic pair: equilibrium, or both springs at a fed displacement u."""
     fed = feeds[F_TEMPERATURE] > 0.0
-    guess = s[G_F] + dt * s[G_F_RATE]
     if feeds[F_DISPLACEMENT] > 0.0:
-        F_x = balance(p[P_DELTA_0] - u, s[S_F], False, s, 0, w, 0, p, e)
-        F_y = balance(p[P_DELTA_0] + u, s[S_SIZE + S_F], False, s, S_SIZE, w, W_SIZE, p, e)
+        F_x = balance(p[P_DELTA_0] - u, x[S_F], x, g, wx, p, e)
+        F_y = balance(p[P_DELTA_0] + u, y[S_F], y, g, wy, p, e)
     elif e[E_ROUGH] > 0.0:
-        F_x, F_y, u = rough_pair(s[S_F] + dt * s[G_F_RATE], s, w, p, e, dt)
+        F_x, F_y, u = rough_pair(x[S_F] + dt * g[G_F_RATE], x, y, g, wx, wy, p, e, dt)
     else:
-        F_x = balance(2.0 * p[P_DELTA_0], guess, True, s, 0, w, 0, p, e)
+        F_x = balance_pair(g[G_F] + dt * g[G_F_RATE], x, y, g, wx, wy, p, e)
         F_y = F_x
-        u = slack_position(u, s, w, p) if F_x == 0.0 else p[P_DELTA_0] - w[W_DELTA]
+        u = slack_position(u, wx, wy, p) if F_x == 0.0 else p[P_DELTA_0] - wx[W_DELTA]
     if F_x < 0.0 or F_y < 0.0:
         return NOT_CONVERGED
-    accept(s, 0, w, 0, p, e, F_x, F_x, fed, dt)
-    accept(s, S_SIZE, w, W_SIZE, p, e, F_y, F_y, fed, dt)
-    finish(s, u, 0.5 * (F_x + F_y), dt)
+    accept(x, g, wx, p, e, F_x, F_x, fed, dt)
+    accept(y, g, wy, p, e, F_y, F_y, fed, dt)
+    finish(g, u, 0.5 * (F_x + F_y), dt)
     return OK
 
 
-@compiled
+@inlined
 def move_single(
-    s: Array, w: Array, p: Array, e: Array, feeds: Array, stage: float, dt: float
+    x: Array,
+    y: Array,
+    g: Array,
+    wx: Array,
+    wy: Array,
+    p: Array,
+    e: Array,
+    feeds: Array,
+    stage: float,
+    dt: float,
 ) -> int:
     """Spring X held by the stage (stretch) or between walls (blocked); Y hangs free."""
     fed = feeds[F_TEMPERATURE] > 0.0
     delta = stage if p[P_FIXTURE] == 1.0 else p[P_DELTA_0] + stage
-    F_x = balance(delta, s[G_F] + dt * s[G_F_RATE], False, s, 0, w, 0, p, e)
-    if F_x < 0.0 or not settle(0.0, s, S_SIZE, w, W_SIZE, p, e):
+    F_x = balance(delta, g[G_F] + dt * g[G_F_RATE], x, g, wx, p, e)
+    if F_x < 0.0 or not settle(0.0, True, y, wy, p, e):
         return NOT_CONVERGED
     F = F_x
     if e[E_ROUGH] > 0.0:
-        speed = (stage - s[G_U]) / dt
-        F += 0.5 * e[E_DRAG] * s[S_FILL] * speed + e[E_TUBE_K] * stage
+        speed = (stage - g[G_U]) / dt
+        F += 0.5 * e[E_DRAG] * x[S_FILL] * speed + e[E_TUBE_K] * stage
         if abs(speed) > REST_SPEED:
             F += 0.5 * math.copysign(friction_level(F_x, speed, e), speed)
         F = max(F, 0.0)
-    accept(s, 0, w, 0, p, e, F_x, F_x, fed, dt)
-    accept(s, S_SIZE, w, W_SIZE, p, e, 0.0, 0.0, fed, dt)
-    finish(s, stage, F, dt)
+    accept(x, g, wx, p, e, F_x, F_x, fed, dt)
+    accept(y, g, wy, p, e, 0.0, 0.0, fed, dt)
+    finish(g, stage, F, dt)
     return OK
 
 
-@compiled
+@inlined
+def resistance_to_motion(F: float, u: float, g: Array, e: Array, dt: float) -> float:
+    """Force by which X must outpull Y at a displacement and its rate: effects of mechanics."""
+    speed = (u - g[G_U]) / dt
+    push = 2.0 * e[E_TUBE_K] * u + e[E_DRAG] * speed
+    if abs(speed) > REST_SPEED:
+        push += math.copysign(friction_level(F, speed, e), speed)
+    return float(push)
+
+
+@inlined
 def move_fed(
-    s: Array,
-    w: Array,
+    x: Array,
+    y: Array,
+    g: Array,
+    wx: Array,
+    wy: Array,
     p: Array,
     e: Array,
     feeds: Array,
@@ -1157,62 +1250,101 @@ def move_fed(
     """Kinetics under a fed tension; tension or displacement then follow from Eq. (9)."""
     fed = feeds[F_TEMPERATURE] > 0.0
     pair = p[P_FIXTURE] == 0.0
-    push = 0.0
-    if e[E_ROUGH] > 0.0:
-        speed = (u - s[G_U]) / dt
-        push = 2.0 * e[E_TUBE_K] * u + e[E_DRAG] * speed
-        if abs(speed) > REST_SPEED:
-            push += math.copysign(friction_level(F, speed, e), speed)
+    push = resistance_to_motion(F, u, g, e, dt) if e[E_ROUGH] > 0.0 else 0.0
     tension = F + 0.5 * push if F + 0.5 * push > 0.0 else 0.0
-    other = 0.0
-    if pair and F - 0.5 * push > 0.0:
-        other = F - 0.5 * push
-    ok = settle(tension, s, 0, w, 0, p, e)
-    if not (settle(other, s, S_SIZE, w, W_SIZE, p, e) and ok):
+    other = F - 0.5 * push if pair and F - 0.5 * push > 0.0 else 0.0
+    ok = settle(tension, True, x, wx, p, e)
+    if not (settle(other, True, y, wy, p, e) and ok):
         return NOT_CONVERGED
-    F_x = 0.0
     F_y = 0.0
     if not pair:
         delta = stage if p[P_FIXTURE] == 1.0 else p[P_DELTA_0] + stage
-        F_x = from_deflection(delta, s, 0, w, 0, p, e)
-        frozen(0.0, s, S_SIZE, w, W_SIZE, p, e)
+        F_x = from_deflection(delta, x, wx, p, e)
+        frozen(0.0, y, wy, p, e)
         u = stage
         result = F_x
     elif feeds[F_DISPLACEMENT] > 0.0:
-        F_x = from_deflection(p[P_DELTA_0] - u, s, 0, w, 0, p, e)
-        F_y = from_deflection(p[P_DELTA_0] + u, s, S_SIZE, w, W_SIZE, p, e)
+        F_x = from_deflection(p[P_DELTA_0] - u, x, wx, p, e)
+        F_y = from_deflection(p[P_DELTA_0] + u, y, wy, p, e)
         result = 0.5 * (F_x + F_y)
     else:
-        frozen(0.0, s, 0, w, 0, p, e)
-        frozen(0.0, s, S_SIZE, w, W_SIZE, p, e)
-        gap = 2.0 * p[P_DELTA_0] - w[W_DELTA] - w[W_SIZE + W_DELTA]
-        give_x = compliance(w[W_XS] + w[W_XT], p, e)
-        give_y = compliance(w[W_SIZE + W_XS] + w[W_SIZE + W_XT], p, e)
-        result = (gap + push * give_y) / (give_x + give_y)
-        F_x = result if gap > 0.0 and result > 0.0 else 0.0
+        frozen(0.0, x, wx, p, e)
+        frozen(0.0, y, wy, p, e)
+        gap = 2.0 * p[P_DELTA_0] - wx[W_DELTA] - wy[W_DELTA]
+        F_x = (gap + push * wy[W_GIVE]) / (wx[W_GIVE] + wy[W_GIVE])
+        F_x = F_x if gap > 0.0 and F_x > 0.0 else 0.0
         F_y = F_x - push if F_x > push else 0.0
-        frozen(F_x, s, 0, w, 0, p, e)
-        frozen(F_y, s, S_SIZE, w, W_SIZE, p, e)
-        u = slack_position(u, s, w, p) if F_x == 0.0 else p[P_DELTA_0] - w[W_DELTA]
+        frozen(F_x, x, wx, p, e)
+        frozen(F_y, y, wy, p, e)
+        u = slack_position(u, wx, wy, p) if F_x == 0.0 else p[P_DELTA_0] - wx[W_DELTA]
         result = 0.5 * (F_x + F_y)
-    accept(s, 0, w, 0, p, e, F_x, tension, fed, dt)
-    accept(s, S_SIZE, w, W_SIZE, p, e, F_y, other, fed, dt)
-    finish(s, u, result, dt)
+    accept(x, g, wx, p, e, F_x, tension, fed, dt)
+    accept(y, g, wy, p, e, F_y, other, fed, dt)
+    finish(g, u, result, dt)
     return OK
 
 
-@compiled
-def finish(s: Array, u: float, F: float, dt: float) -> None:
-    s[G_SPEED] = (u - s[G_U]) / dt
-    s[G_U] = u
-    s[G_F_RATE] = (F - s[G_F]) / dt
-    s[G_F] = F
+@inlined
+def finish(g: Array, u: float, F: float, dt: float) -> None:
+    g[G_SPEED] = (u - g[G_U]) / dt
+    g[G_U] = u
+    g[G_F_RATE] = (F - g[G_F]) / dt
+    g[G_F] = F
 
 
-@compiled
-def substep(
+@inlined
+def supply(
     s: Array,
+    other: Array,
     w: Array,
+    p: Array,
+    e: Array,
+    feeds: Array,
+    drive: Array,
+    side: int,
+    dt: float,
+) -> None:
+    """Water and current that one spring gets in this substep."""
+    s[S_FLOW] = s[S_PUMP]
+    if e[E_LEAK] > 0.0:
+        s[S_FLOW] += e[E_LEAK] * other[S_PUMP]
+    water_inventory(s, p, e, drive[4 + side], dt)
+    known = feeds[F_CURRENT] > 0.0
+    electrify(s, p, e, feeds[F_CURRENT + 1 + side] if known else drive[side], known, dt)
+
+
+@inlined
+def warm(
+    s: Array,
+    other: Array,
+    g: Array,
+    w: Array,
+    p: Array,
+    e: Array,
+    feeds: Array,
+    table: Array,
+    side: int,
+    share: float,
+    dt: float,
+) -> None:
+    """Heat balance of one spring over the substep, or its fed temperature."""
+    if feeds[F_TEMPERATURE] > 0.0:
+        first = feeds[F_TEMPERATURE + 1 + side]
+        w[W_T_STAR] = first + share * (feeds[F_TEMPERATURE + 3 + side] - first)
+        w[W_LAM_H] = 0.0
+        w[W_LAM_C] = 0.0
+    else:
+        heat(s, other, g, w, p, e, table, dt)
+    prepare(s, w, p, e, dt)
+
+
+@inlined
+def substep(
+    x: Array,
+    y: Array,
+    g: Array,
+    wx: Array,
+    wy: Array,
     p: Array,
     e: Array,
     feeds: Array,
@@ -1222,46 +1354,30 @@ def substep(
     dt: float,
 ) -> int:
     """One substep of both springs; `share` is how far into the sample its end is."""
-    s[G_DRIFT] += e[E_DRIFT] * dt
-    s[G_T_IN] = s[G_ENV_IN] + s[G_RESERVOIR]
-    s[G_T_AIR] = s[G_ENV_AIR] + s[G_DRIFT]
-    pump(s, 0, p, e, drive[2], 1.0, dt)
-    pump(s, S_SIZE, p, e, drive[3], -1.0, dt)
-    fed = feeds[F_TEMPERATURE] > 0.0
-    for i in range(2):
-        o = i * S_SIZE
-        q = i * W_SIZE
-        s[o + S_FLOW] = s[o + S_PUMP]
-        if e[E_LEAK] > 0.0:
-            s[o + S_FLOW] += e[E_LEAK] * s[S_SIZE - o + S_PUMP]
-        water_inventory(s, o, p, e, drive[4 + i], dt)
-        known = feeds[F_CURRENT] > 0.0
-        electrify(s, o, w, p, e, feeds[F_CURRENT + 1 + i] if known else drive[i], known, dt)
-    for i in range(2):
-        o = i * S_SIZE
-        q = i * W_SIZE
-        if fed:
-            first = feeds[F_TEMPERATURE + 1 + i]
-            w[q + W_T_STAR] = first + share * (feeds[F_TEMPERATURE + 3 + i] - first)
-            w[q + W_LAM_H] = 0.0
-            w[q + W_LAM_C] = 0.0
-        else:
-            heat(s, o, w, q, p, e, table, dt)
-        prepare(s, o, w, q, p, e, dt)
-    s[G_TIME] += dt
-    u = s[G_U]
+    g[G_DRIFT] += e[E_DRIFT] * dt
+    g[G_T_IN] = g[G_ENV_IN] + g[G_RESERVOIR]
+    g[G_T_AIR] = g[G_ENV_AIR] + g[G_DRIFT]
+    pump(x, p, e, drive[2], 1.0, dt)
+    pump(y, p, e, drive[3], -1.0, dt)
+    supply(x, y, wx, p, e, feeds, drive, 0, dt)
+    supply(y, x, wy, p, e, feeds, drive, 1, dt)
+    warm(x, y, g, wx, p, e, feeds, table, 0, share, dt)
+    warm(y, x, g, wy, p, e, feeds, table, 1, share, dt)
+    g[G_TIME] += dt
+    u = g[G_U]
     if feeds[F_DISPLACEMENT] > 0.0:
         u = feeds[F_DISPLACEMENT + 1]
         u += share * (feeds[F_DISPLACEMENT + 2] - feeds[F_DISPLACEMENT + 1])
     if feeds[F_FORCE] > 0.0:
         F = feeds[F_FORCE + 1] + share * (feeds[F_FORCE + 2] - feeds[F_FORCE + 1])
-        return move_fed(s, w, p, e, feeds, F if F > 0.0 else 0.0, u, drive[6], dt)
+        F = F if F > 0.0 else 0.0
+        return move_fed(x, y, g, wx, wy, p, e, feeds, F, u, drive[6], dt)
     if p[P_FIXTURE] == 0.0:
-        return move_pair(s, w, p, e, feeds, u, dt)
-    return move_single(s, w, p, e, feeds, drive[6], dt)
+        return move_pair(x, y, g, wx, wy, p, e, feeds, u, dt)
+    return move_single(x, y, g, wx, wy, p, e, feeds, drive[6], dt)
 
 
-@compiled
+@inlined
 def recall(ring: Array, samples: float, column: int, when: float) -> float:
     """A channel of the history at a time, linear between samples; the oldest one before them."""
     newest = int(samples) - 1
@@ -1278,68 +1394,73 @@ def recall(ring: Array, samples: float, column: int, when: float) -> float:
     return float(ring[here, column] + part * (ring[then, column] - ring[here, column]))
 
 
-@compiled
-def sense_late(s: Array, e: Array, ring: Array) -> None:
+@inlined
+def sense_late(g: Array, e: Array, ring: Array) -> None:
     """Effects channel_delay and clock_skew: read temperature, displacement and force late."""
-    n = int(s[G_SAMPLES])
-    now = s[G_TIME]
+    n = int(g[G_SAMPLES])
+    now = g[G_TIME]
     row = n % RING_ROWS
     ring[row, 0] = now
-    ring[row, 1] = s[G_M_RTD]
-    ring[row, 2] = s[G_M_RTD + 1]
-    ring[row, 3] = s[G_M_U]
-    ring[row, 4] = s[G_M_F]
+    ring[row, 1] = g[G_M_RTD]
+    ring[row, 2] = g[G_M_RTD + 1]
+    ring[row, 3] = g[G_M_U]
+    ring[row, 4] = g[G_M_F]
     when = now - e[E_SKEW_PPM] * 1e-6 * now
-    s[G_M_RTD] = recall(ring, n + 1, 1, when - e[E_DELAY_T])
-    s[G_M_RTD + 1] = recall(ring, n + 1, 2, when - e[E_DELAY_T])
-    s[G_M_U] = recall(ring, n + 1, 3, when - e[E_DELAY_U])
-    s[G_M_F] = recall(ring, n + 1, 4, when - e[E_DELAY_F])
+    g[G_M_RTD] = recall(ring, n + 1, 1, when - e[E_DELAY_T])
+    g[G_M_RTD + 1] = recall(ring, n + 1, 2, when - e[E_DELAY_T])
+    g[G_M_U] = recall(ring, n + 1, 3, when - e[E_DELAY_U])
+    g[G_M_F] = recall(ring, n + 1, 4, when - e[E_DELAY_F])
 
 
-@compiled
-def sense(s: Array, p: Array, e: Array, ring: Array, dt: float) -> None:
+@inlined
+def sense_spring(s: Array, g: Array, p: Array, e: Array, side: int, dt: float) -> None:
+    """Current, voltage and temperature of one spring as its sensors give them."""
+    g[G_M_I + side] = s[S_I] + e[E_I_OFFSET]
+    g[G_M_V + side] = s[S_I] * (s[S_OHM] + e[E_CONTACT_OHM])
+    T = s[S_T] + e[E_RTD_OFFSET]
+    if e[E_RTD_STEM] != 0.0:
+        T -= e[E_RTD_STEM] * (s[S_T] - g[G_T_AIR])
+    if e[E_RTD_LAG_S] > 0.0:
+        if dt > 0.0:
+            T = T + (g[G_LAG_X + side] - T) * math.exp(-dt / e[E_RTD_LAG_S])
+        g[G_LAG_X + side] = T
+    g[G_M_RTD + side] = T
+
+
+@inlined
+def sense(x: Array, y: Array, g: Array, p: Array, e: Array, ring: Array, dt: float) -> None:
     """What the sensors give at the end of a sample that lasted dt; dt = 0 before the first."""
-    for i in range(2):
-        o = i * S_SIZE
-        s[G_M_I + i] = s[o + S_I] + e[E_I_OFFSET]
-        s[G_M_V + i] = s[o + S_I] * (s[o + S_OHM] + e[E_CONTACT_OHM])
-        T = s[o + S_T] + e[E_RTD_OFFSET]
-        if e[E_RTD_STEM] != 0.0:
-            T -= e[E_RTD_STEM] * (s[o + S_T] - s[G_T_AIR])
-        if e[E_RTD_LAG_S] > 0.0:
-            if dt > 0.0:
-                T = T + (s[G_LAG_X + i] - T) * math.exp(-dt / e[E_RTD_LAG_S])
-            s[G_LAG_X + i] = T
-        s[G_M_RTD + i] = T
-    s[G_M_RTD + 2] = s[G_T_IN]
-    s[G_M_RTD + 3] = s[G_T_AIR]
-    u = s[G_U]
+    sense_spring(x, g, p, e, 0, dt)
+    sense_spring(y, g, p, e, 1, dt)
+    g[G_M_RTD + 2] = g[G_T_IN]
+    g[G_M_RTD + 3] = g[G_T_AIR]
+    u = g[G_U]
     if e[E_SLIP] != 0.0:
-        if u > s[G_SEEN_U]:
-            s[G_SLIP] -= e[E_SLIP] * (u - s[G_SEEN_U])
-        s[G_SEEN_U] = u
-        u += s[G_SLIP]
+        if u > g[G_SEEN_U]:
+            g[G_SLIP] -= e[E_SLIP] * (u - g[G_SEEN_U])
+        g[G_SEEN_U] = u
+        u += g[G_SLIP]
     if e[E_BACKLASH] > 0.0:
         half = 0.5 * e[E_BACKLASH]
-        if s[G_PLAY] < u - half:
-            s[G_PLAY] = u - half
-        elif s[G_PLAY] > u + half:
-            s[G_PLAY] = u + half
-        u = s[G_PLAY]
-    s[G_M_U] = u
-    F = s[G_F]
+        if g[G_PLAY] < u - half:
+            g[G_PLAY] = u - half
+        elif g[G_PLAY] > u + half:
+            g[G_PLAY] = u + half
+        u = g[G_PLAY]
+    g[G_M_U] = u
+    F = g[G_F]
     if e[E_CREEP] != 0.0:
         if dt > 0.0:
-            s[G_CREEP] = F + (s[G_CREEP] - F) * math.exp(-dt / e[E_CREEP_S])
+            g[G_CREEP] = F + (g[G_CREEP] - F) * math.exp(-dt / e[E_CREEP_S])
         else:
-            s[G_CREEP] = F
-        F += e[E_CREEP] * (s[G_CREEP] - p[P_F0])
+            g[G_CREEP] = F
+        F += e[E_CREEP] * (g[G_CREEP] - p[P_F0])
     if e[E_F_GAIN] != 0.0:
         F = F * (1.0 + e[E_F_GAIN])
-    s[G_M_F] = F + e[E_F_OFFSET]
+    g[G_M_F] = F + e[E_F_OFFSET]
     if e[E_LATE] > 0.0:
-        sense_late(s, e, ring)
-    s[G_SAMPLES] += 1.0
+        sense_late(g, e, ring)
+    g[G_SAMPLES] += 1.0
 
 
 @compiled
@@ -1359,14 +1480,26 @@ def advance(
 
     drive: currents x, y (A); pump duties x, y; drain x, y (0 or 1); stage (m).
     """
+    x = s[0:S_SIZE]
+    y = s[S_SIZE:SHARED]
+    g = s[SHARED:STATE_SIZE]
+    wx = w[0:W_SIZE]
+    wy = w[W_SIZE:SCRATCH_SIZE]
     for k in range(steps):
-        status = substep(s, w, p, e, feeds, table, drive, (k + 1.0) / steps, dt)
+        share = (k + 1.0) / steps
+        status = substep(x, y, g, wx, wy, p, e, feeds, table, drive, share, dt)
         if status != OK:
             return status
-    sense(s, p, e, ring, dt * steps)
-    if not math.isfinite(s[S_T] + s[S_SIZE + S_T] + s[G_F] + s[G_U]):
+    sense(x, y, g, p, e, ring, dt * steps)
+    if not math.isfinite(x[S_T] + y[S_T] + g[G_F] + g[G_U]):
         return NOT_FINITE
     return OK
+
+
+@compiled
+def wake(s: Array, p: Array, e: Array, ring: Array) -> None:
+    """The sensors' first sample, before anything has been advanced."""
+    sense(s[0:S_SIZE], s[S_SIZE:SHARED], s[SHARED:STATE_SIZE], p, e, ring, 0.0)
 
 
 @compiled
@@ -1395,14 +1528,13 @@ def replay(
     """
     n = times.shape[0]
     for k in range(n):
-        s[G_ENV_IN] = env[k, 0]
-        s[G_ENV_AIR] = env[k, 1]
+        s[SHARED + G_ENV_IN] = env[k, 0]
+        s[SHARED + G_ENV_AIR] = env[k, 1]
         if k == 0:
-            sense(s, p, e, ring, 0.0)
+            wake(s, p, e, ring)
         else:
             span = times[k] - times[k - 1]
-            steps = math.ceil(span / dt_max - 1e-9)
-            steps = max(steps, 1)
+            steps = max(math.ceil(span / dt_max - 1e-9), 1)
             load_feeds(feeds, flags, rows, k)
             status = advance(s, w, p, e, feeds, ring, table, drives[k], span / steps, steps)
             if status != OK:
@@ -1412,7 +1544,7 @@ def replay(
     return OK, n
 
 
-@compiled
+@inlined
 def load_feeds(feeds: Array, flags: Array, rows: Array, k: int) -> None:
     """Feeds of the sample that ends at row k. Rows: i_x, i_y, T_x, T_y, F, u."""
     feeds[F_CURRENT] = flags[0]

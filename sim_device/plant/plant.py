@@ -102,7 +102,7 @@ class Plant:
 
     def read(self) -> Readings:
         """What the sensors say now. Every call draws new noise from the seed."""
-        seen = self._s[k.G_M :].tolist()
+        seen = self._s[k.SHARED + k.G_M :].tolist()
         noise = (self._rng.standard_normal(_NOISES) * self._sigma).tolist()
         i_x, i_y, v_x, v_y, t_x, t_y, t_in, t_air, u, force = map(operator.add, seen, noise)
         drawn = self._s[k.S_I] + self._s[k.S_SIZE + k.S_I]
@@ -119,7 +119,7 @@ class Plant:
         self, *, inlet_K: float | None = None, ambient_K: float | None = None
     ) -> None:
         """Change the temperature of the water at the inlet or of the air, from now on."""
-        for slot, value in ((k.G_ENV_IN, inlet_K), (k.G_ENV_AIR, ambient_K)):
+        for slot, value in ((k.SHARED + k.G_ENV_IN, inlet_K), (k.SHARED + k.G_ENV_AIR, ambient_K)):
             if value is not None:
                 if not math.isfinite(value):
                     raise InputError(f"temperature {value} K is not finite")
@@ -144,7 +144,7 @@ def truth_of(s: list[float]) -> PlantTruth:
 
     xi_S, xi_T = pair(k.S_XS), pair(k.S_XT)
     return PlantTruth(
-        t_s=s[k.G_TIME],
+        t_s=s[k.SHARED + k.G_TIME],
         T_K=pair(k.S_T),
         T_water_K=pair(k.S_TW),
         xi=(xi_S[0] + xi_T[0], xi_S[1] + xi_T[1]),
@@ -152,14 +152,14 @@ def truth_of(s: list[float]) -> PlantTruth:
         xi_T=xi_T,
         spring_force_N=pair(k.S_F),
         deflection_m=pair(k.S_DELTA),
-        displacement_m=s[k.G_U],
-        force_N=s[k.G_F],
+        displacement_m=s[k.SHARED + k.G_U],
+        force_N=s[k.SHARED + k.G_F],
         i_A=pair(k.S_I),
         resistance_Ohm=pair(k.S_OHM),
         flow_m3_s=pair(k.S_FLOW),
         fill=pair(k.S_FILL),
-        inlet_K=s[k.G_T_IN],
-        ambient_K=s[k.G_T_AIR],
+        inlet_K=s[k.SHARED + k.G_T_IN],
+        ambient_K=s[k.SHARED + k.G_T_AIR],
     )
 
 

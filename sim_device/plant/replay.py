@@ -25,18 +25,18 @@ _NO_EFFECTS: EffectValues = {}
 
 # Output name -> slot of the state and what is taken off it.
 OUTPUTS: dict[str, tuple[int, float]] = {
-    "i_x_A": (k.G_M_I, 0.0),
-    "i_y_A": (k.G_M_I + 1, 0.0),
-    "v_x_V": (k.G_M_V, 0.0),
-    "v_y_V": (k.G_M_V + 1, 0.0),
-    "rtd_x_degC": (k.G_M_RTD, ZERO_C),
-    "rtd_y_degC": (k.G_M_RTD + 1, ZERO_C),
-    "rtd_inlet_degC": (k.G_M_RTD + 2, ZERO_C),
-    "rtd_ambient_degC": (k.G_M_RTD + 3, ZERO_C),
-    "displacement_m": (k.G_M_U, 0.0),
-    "force_N": (k.G_M_F, 0.0),
-    "true_displacement_m": (k.G_U, 0.0),
-    "true_force_N": (k.G_F, 0.0),
+    "i_x_A": (k.SHARED + k.G_M_I, 0.0),
+    "i_y_A": (k.SHARED + k.G_M_I + 1, 0.0),
+    "v_x_V": (k.SHARED + k.G_M_V, 0.0),
+    "v_y_V": (k.SHARED + k.G_M_V + 1, 0.0),
+    "rtd_x_degC": (k.SHARED + k.G_M_RTD, ZERO_C),
+    "rtd_y_degC": (k.SHARED + k.G_M_RTD + 1, ZERO_C),
+    "rtd_inlet_degC": (k.SHARED + k.G_M_RTD + 2, ZERO_C),
+    "rtd_ambient_degC": (k.SHARED + k.G_M_RTD + 3, ZERO_C),
+    "displacement_m": (k.SHARED + k.G_M_U, 0.0),
+    "force_N": (k.SHARED + k.G_M_F, 0.0),
+    "true_displacement_m": (k.SHARED + k.G_U, 0.0),
+    "true_force_N": (k.SHARED + k.G_F, 0.0),
 }
 for _side, _o in (("x", 0), ("y", k.S_SIZE)):
     OUTPUTS |= {

@@ -52,6 +52,6 @@ class Setup:
     def state(self, temperature_K: float | None = None) -> Array:
         """A fresh state at rest, sensors included."""
         s = initial_state(self.parameters, self.p, self.e, temperature_K)
-        k.sense(s, self.p, self.e, np.zeros((k.RING_ROWS, k.RING_COLUMNS)), 0.0)
-        s[k.G_SAMPLES] = 0.0
+        k.wake(s, self.p, self.e, np.zeros((k.RING_ROWS, k.RING_COLUMNS)))
+        s[k.SHARED + k.G_SAMPLES] = 0.0
         return s

@@ -1,0 +1,136 @@
+"""Model files: a parameter set, what differs from it, and the effects that belong to a bench."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sim_device.plant.constants import VARIANTS
+from sim_device.plant.effects.registry import Resolved, resolve
+from sim_device.plant.errors import ModelError
+from sim_device.plant.parameters import ParameterSet, built_in_sets, load_parameters
+
+_KEYS = {"format", "base", "variant", "overrides", "effects", "note"}
+FORMAT = "smad-model-1"
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a model file says: parameters with overrides applied, variant, effects as resolved.
+
+    `base` names the parameter file it starts from, `overrides` (SI) what differs.
+    """
+
+    parameters: ParameterSet
+    variant: str
+    effects: Resolved
+    base: str
+    overrides: dict[str, float] = field(default_factory=dict)
+    note: str = ""
+
+
+def load_model(path: str | Path) -> tuple[ParameterSet, str, Resolved]:
+    """(parameters, variant, effects) of a model file, TOML or JSON; see `read_model`."""
+    model = read_model(path)
+    return model.parameters, model.variant, model.effects
+
+
+def read_model(path: str | Path) -> Model:
+    """Read a model file.
+
+    Keys: format (must be "smad-model-1"), base (a built-in set or a parameter file, relative to
+    the model file), variant, overrides (name to SI value), effects (name to parameters), note.
+    Raises ModelError for the file itself, ParameterError and EffectError for what it asks for.
+    """
+    path = Path(path)
+    raw = _decode(path)
+    unknown = sorted(set(raw) - _KEYS)
+    if unknown:
+        raise ModelError(f"{path.name}: unknown key {unknown[0]!r}; known are {sorted(_KEYS)}")
+    if raw.get("format") != FORMAT:
+        raise ModelError(f"{path.name}: format {raw.get('format')!r} is not {FORMAT!r}")
+    variant = raw.get("variant", "extended")
+    if variant not in VARIANTS:
+        raise ModelError(f"{path.name}: variant {variant!r} is not one of {', '.join(VARIANTS)}")
+    base = str(raw.get("base", "A"))
+    overrides = _table(path, raw, "overrides")
+    effects = _table(path, raw, "effects")
+    for name, values in effects.items():
+        if not isinstance(values, Mapping):
+            raise ModelError(f"{path.name}: effects.{name} is {values!r}, not a table of values")
+    beside = path.parent / base
+    source = beside if base not in built_in_sets() and beside.exists() else base
+    return Model(
+        load_parameters(source).replace(**overrides),
+        variant,
+        resolve(effects),
+        base,
+        overrides,
+        str(raw.get("note", "")),
+    )
+
+
+def save_model(
+    path: str | Path,
+    *,
+    base: str = "A",
+    variant: str = "extended",
+    overrides: Mapping[str, float] | None = None,
+    effects: Mapping[str, Mapping[str, float]] | None = None,
+    note: str = "",
+) -> None:
+    """Write a model file (TOML, or JSON if the name ends so) and check that it can be read.
+
+    Raises what `read_model` raises; nothing is written then.
+    """
+    path = Path(path)
+    raw: dict[str, Any] = {"format": FORMAT, "base": base, "variant": variant}
+    if note:
+        raw["note"] = note
+    raw["overrides"] = {name: float(value) for name, value in (overrides or {}).items()}
+    raw["effects"] = resolve(effects or {})
+    text = json.dumps(raw, indent=2) + "\n" if path.suffix == ".json" else _toml(raw)
+    trial = path.with_name(f".{path.name}.new{path.suffix}")
+    trial.write_text(text, encoding="utf-8")
+    try:
+        read_model(trial)
+        trial.replace(path)
+    finally:
+        trial.unlink(missing_ok=True)
+
+
+def _toml(raw: Mapping[str, Any]) -> str:
+    lines = [
+        f"{key} = {json.dumps(raw[key])}" for key in raw if key not in ("overrides", "effects")
+    ]
+    lines += ["", "[overrides]"]
+    lines += [f"{name} = {value!r}" for name, value in raw["overrides"].items()]
+    for name, values in raw["effects"].items():
+        lines += ["", f"[effects.{name}]"]
+        lines += [f"{key} = {value!r}" for key, value in values.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _decode(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f"{path} cannot be read: {error}") from None
+    try:
+        raw = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except ValueError as error:
+        raise ModelError(f"{path.name} is not valid: {error}") from None
+    if not isinstance(raw, dict):
+        raise ModelError(f"{path.name} holds {type(raw).__name__}, not a table")
+    return raw
+
+
+def _table(path: Path, raw: Mapping[str, Any], key: str) -> dict[str, Any]:
+    table = raw.get(key, {})
+    if not isinstance(table, dict):
+        raise ModelError(f"{path.name}: {key} is {table!r}, not a table")
+    return table
