@@ -22,7 +22,7 @@ from firmware_protocol import events as e
 from firmware_protocol import messages as m
 from firmware_protocol import rates
 from firmware_protocol.codec import CODEC, Codec
-from firmware_protocol.enums import ErrorCode, ValidBit
+from firmware_protocol.enums import BoardState, ErrorCode, ValidBit
 from firmware_protocol.errors import NotARequestError, PayloadError
 from firmware_protocol.framing import Frame, FrameDecoder
 from firmware_protocol.outbox import Outbox
@@ -36,7 +36,6 @@ from firmware_protocol.timesync import LOCK_EXCHANGES, WRAP
 from firmware_protocol.wire import NO_VALUE
 
 MAX_SETPOINT_AGE_US = 50_000
-FAULT_COPIES = 3
 SLICE = 96
 
 
@@ -73,9 +72,9 @@ class BoardSession:
         self._handshakes = 0
         self._outbox = Outbox()
         self._states: dict[int, m.State] = {}
+        self._modes: dict[int, BoardState] = {}
         self._state_seq = 0
         self._stats_seq = 0
-        self._fault_copies: dict[m.FaultReport, int] = {}
         self._complaints = Budget(ERRORS_PER_SECOND)
         self._handlers: dict[
             type[m.Message], Callable[[Any, e.Request, int], e.BoardEvent | None]
@@ -155,11 +154,11 @@ class BoardSession:
                 state, valid=state.valid & ~ValidBit.SETPOINT, sp_seq=0, sp_age_us=NO_VALUE["u16"]
             )
         self._states[state.axis] = state
+        self._modes[state.axis] = state.mode
 
     def send_fault(self, report: m.FaultReport) -> m.FaultReport:
         """Send a fault now and with the next two samples; return it with its index filled in."""
         numbered = self.reports.add(report)
-        self._fault_copies[numbered] = FAULT_COPIES - 1
         self._put(self._codec.frame(numbered, numbered.index, self.session))
         return numbered
 
@@ -189,7 +188,8 @@ class BoardSession:
                 self._state_seq = (self._state_seq + 1) & 0xFF
                 self._put(self._codec.frame(state, self._state_seq, self.session))
             self._states.clear()
-            self._repeat_faults()
+            for report in self.reports.repeats():
+                self._put(self._codec.frame(report, report.index, self.session))
         return self._outbox.take(self._now_us)
 
     # Frames
@@ -288,7 +288,7 @@ class BoardSession:
         self, message: m.ParamSet, request: e.Request, now_us: int
     ) -> e.ParameterChanged | None:
         if not self.safe:
-            self.reject(request, ErrorCode.WRONG_STATE, now_us=now_us)
+            self._reject_state(request, now_us)
             return None
         try:
             self._check_rate(message)
@@ -304,7 +304,7 @@ class BoardSession:
         self, message: m.ParamSave, request: e.Request, now_us: int
     ) -> e.ParameterSaveRequested | None:
         if not self.safe:
-            self.reject(request, ErrorCode.WRONG_STATE, now_us=now_us)
+            self._reject_state(request, now_us)
             return None
         return e.ParameterSaveRequested(request, message)
 
@@ -319,6 +319,12 @@ class BoardSession:
                 message.value,
                 most_hz,
             )
+
+    def _reject_state(self, request: e.Request, now_us: int) -> None:
+        found = next((mode for mode in self._modes.values() if mode != BoardState.SAFE), 0)
+        self.reject(
+            request, ErrorCode.WRONG_STATE, m.NO_FIELD, BoardState.SAFE, now_us, value=found
+        )
 
     def _answer_parameter(self, request: e.Request, axis: int, number: int, now_us: int) -> None:
         try:
@@ -347,7 +353,7 @@ class BoardSession:
         self, message: m.ArmRequest, request: e.Request, now_us: int
     ) -> e.ArmRequested | None:
         if message.param_crc != self.parameters.crc:
-            self.reject(request, ErrorCode.PARAMETERS_DIFFER, 1, now_us=now_us)
+            self.reject(request, ErrorCode.PARAMETERS_DIFFER, now_us=now_us)
             return None
         return e.ArmRequested(request, message)
 
@@ -372,13 +378,6 @@ class BoardSession:
             session=session,
             first_fault=self.reports.first_fault,
         )
-
-    def _repeat_faults(self) -> None:
-        for report, left in list(self._fault_copies.items()):
-            self._put(self._codec.frame(report, report.index, self.session))
-            self._fault_copies[report] = left - 1
-            if left == 1:
-                del self._fault_copies[report]
 
     def _complain(
         self,

@@ -8,6 +8,7 @@ import msgspec
 
 from firmware_protocol.messages import FaultReport
 
+COPIES = 3
 LATEST_KEPT = 15
 SEEN_KEPT = 64
 
@@ -19,9 +20,10 @@ class FaultReports:
         self.first_fault = 0
         self._reports: dict[int, dict[int, FaultReport]] = {}
         self._counts: dict[int, int] = {}
+        self._copies_left: list[tuple[FaultReport, int]] = []
 
     def add(self, report: FaultReport) -> FaultReport:
-        """Keep a report; return it with its index filled in.
+        """Keep a report; return it with its index filled in, to be sent at once.
 
         The index stops at 255: later reports replace each other there.
         """
@@ -33,7 +35,14 @@ class FaultReports:
         for index in sorted(kept)[1:-LATEST_KEPT]:
             del kept[index]
         self.first_fault = self.first_fault or int(report.fault)
+        self._copies_left.append((numbered, COPIES - 1))
         return numbered
+
+    def repeats(self) -> list[FaultReport]:
+        """Return the reports of which a copy goes out with the sample now being sent."""
+        due = self._copies_left
+        self._copies_left = [(report, left - 1) for report, left in due if left > 1]
+        return [report for report, _ in due]
 
     def get(self, axis: int, index: int) -> FaultReport | None:
         """Return a report, None if there is none (any more)."""

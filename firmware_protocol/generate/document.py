@@ -6,7 +6,17 @@ import enum
 import re
 from collections.abc import Callable, Sequence
 
-from firmware_protocol import board, framing, greeting, host, rates, replies, requests, timesync
+from firmware_protocol import (
+    board,
+    framing,
+    greeting,
+    host,
+    rates,
+    replies,
+    reports,
+    requests,
+    timesync,
+)
 from firmware_protocol.codec import Codec
 from firmware_protocol.errors import SchemaError
 from firmware_protocol.generate.c_names import enums_of
@@ -154,7 +164,7 @@ def _numbers(codec: Codec) -> str:
         ("frames of another session that end a session", str(host.FOREIGN_LIMIT), "host"),
         ("copies of ESTOP", str(host.ESTOP_COPIES), "host"),
         ("oldest setpoint accepted", f"{board.MAX_SETPOINT_AGE_US // 1000} ms", "board"),
-        ("copies of FAULT_REPORT", str(board.FAULT_COPIES), "board"),
+        ("copies of FAULT_REPORT", str(reports.COPIES), "board"),
         ("complaints (ERROR that answers no request)", f"{replies.ERRORS_PER_SECOND} /s", "board"),
         ("exchanges that lock the clock", str(timesync.LOCK_EXCHANGES), "both"),
     ]

@@ -329,6 +329,7 @@ def test_parameters_are_read_set_and_saved_in_safe_only() -> None:
         assert isinstance(failed, e.RequestFailed)
         assert failed.error is not None
         assert failed.error.code is ErrorCode.WRONG_STATE
+        assert (failed.error.value, failed.error.limit) == (BoardState.ARMED, BoardState.SAFE)
     assert pair.board.session.parameters.get("current_limit_mA") == 2500
 
 
