@@ -74,11 +74,11 @@ def root() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
-    status = run(sys.argv[1:] if arguments is None else arguments)
+    status = execute(sys.argv[1:] if arguments is None else arguments)
     sys.exit(status)
 
 
-def run(arguments: Sequence[str]) -> int:
+def execute(arguments: Sequence[str]) -> int:
     """Run one command; return its exit status. Errors become one line on standard error."""
     try:
         result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 TIME_COLUMN = "t_s"
 DISPLACEMENT_COLUMN = "displacement_mm"
 
+_NEGATIVE = {"ignore_unknown_options": True}
+"""Without it, the -5 of `smad move step -5` would be taken for an option."""
+
 
 def _options(command: Any) -> Any:
     for option in (
@@ -36,7 +39,7 @@ def move() -> None:
     """Move the pair along a trajectory. Positive displacement: spring X pulls."""
 
 
-@move.command()
+@move.command(context_settings=_NEGATIVE)
 @click.argument("displacement_mm", type=float, metavar="MM")
 @click.option("--for", "duration_s", type=float, default=10.0, show_default=True, metavar="S")
 @_options
@@ -47,7 +50,7 @@ def step(displacement_mm: float, duration_s: float, **options: Any) -> None:
     _send(Step(displacement_mm=displacement_mm, duration_s=duration_s), **options)
 
 
-@move.command()
+@move.command(context_settings=_NEGATIVE)
 @click.argument("duration_s", type=float, metavar="S")
 @_options
 def hold(duration_s: float, **options: Any) -> None:
@@ -57,7 +60,7 @@ def hold(duration_s: float, **options: Any) -> None:
     _send(Hold(duration_s=duration_s), **options)
 
 
-@move.command()
+@move.command(context_settings=_NEGATIVE)
 @click.argument("displacement_mm", type=float, metavar="MM")
 @click.option("--rate", type=float, default=2.0, show_default=True, metavar="MM/S")
 @_options
@@ -68,7 +71,7 @@ def ramp(displacement_mm: float, rate: float, **options: Any) -> None:
     _send(Ramp(displacement_mm=displacement_mm, rate_mm_per_s=rate), **options)
 
 
-@move.command()
+@move.command(context_settings=_NEGATIVE)
 @click.argument("amplitude_mm", type=float, metavar="MM")
 @click.argument("period_s", type=float, metavar="S")
 @click.option("--cycles", type=int, default=3, show_default=True)
@@ -84,7 +87,7 @@ def sine(amplitude_mm: float, period_s: float, cycles: int, offset: float, **opt
     )
 
 
-@move.command()
+@move.command(context_settings=_NEGATIVE)
 @click.argument("amplitude_mm", type=float, metavar="MM")
 @click.argument("start_hz", type=float, metavar="HZ")
 @click.argument("end_hz", type=float, metavar="HZ")
@@ -114,7 +117,7 @@ def chirp(
     )
 
 
-@move.command()
+@move.command(context_settings=_NEGATIVE)
 @click.argument("step_mm", type=float, metavar="MM")
 @click.argument("steps", type=int)
 @click.option("--dwell", type=float, default=10.0, show_default=True, metavar="S")
@@ -127,7 +130,7 @@ def staircase(step_mm: float, steps: int, dwell: float, back: bool, **options: A
     _send(Staircase(step_mm=step_mm, steps=steps, dwell_s=dwell, there_and_back=back), **options)
 
 
-@move.command()
+@move.command(context_settings=_NEGATIVE)
 @click.argument("amplitude_mm", type=float, metavar="MM")
 @click.argument("levels", type=int)
 @click.option("--dwell", type=float, default=10.0, show_default=True, metavar="S")
@@ -142,7 +145,7 @@ def random(amplitude_mm: float, levels: int, dwell: float, seed: int, **options:
     )
 
 
-@move.command()
+@move.command(context_settings=_NEGATIVE)
 @click.argument("path", type=click.Path(path_type=Path))
 @_options
 def follow(path: Path, **options: Any) -> None:

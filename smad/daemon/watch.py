@@ -117,6 +117,7 @@ class BoardWatch:
         self.incompatible = None
         self.fault = None
         self.mode = None
+        self.reading = True
         self.identified.set()
         self._say(
             "link",
@@ -160,10 +161,9 @@ class BoardWatch:
     async def _learn(self, ident: Ident) -> None:
         # An incompatible board says so right after its IDENT; its parameters are not ours to read.
         await asyncio.sleep(0)
-        if self.incompatible is not None:
-            return
-        self.reading = True
         try:
+            if self.incompatible is not None:
+                return
             await self.parameters.read(ident, self._requests.ask)
             self.rescale()
             await self._set_rate(ident)

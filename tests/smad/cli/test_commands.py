@@ -1,0 +1,333 @@
+"""What the commands print, and how they fail: one line, a status, never a traceback."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from smad import api
+from smad.cli import COMMANDS, LazyGroup, execute, root
+from smad.cli.output import Progress
+from smad.cli.status import lines
+from smad.runlog.schema import Row
+from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
+
+SPREAD = api.Percentiles(count=10, p50_us=30.0, p99_us=60.0, p999_us=90.0, max_us=99.0)
+STATUS = api.Status(
+    bench="bench",
+    version="0",
+    pid=7,
+    uptime_s=12.0,
+    memory_MiB=60.0,
+    link=api.LinkStatus(
+        port="/dev/pts/9",
+        baud=115200,
+        rate_hz=100,
+        state="running",
+        notes=("low latency not granted",),
+        bytes_in=1,
+        bytes_out=1,
+        short_writes=0,
+        losses=0,
+        frames={"crc_errors": 0},
+        board_stats={},
+    ),
+    board=api.Board(
+        uid="00",
+        firmware="smad-sim",
+        protocol="1.0",
+        reset_cause="power on",
+        boot_count=1,
+        schema_agrees=True,
+        params_agree=True,
+    ),
+    motion=MOTION,
+    limiter="none",
+    faults=(),
+    warnings=(),
+    sample=Row(t_s=1.0, displacement_mm=1.25, rtd_x_degC=30.0),
+    counts=api.Counts(
+        samples=100,
+        missed=0,
+        skipped=0,
+        setpoints=100,
+        setpoints_dropped=0,
+        commands=3,
+        refused=0,
+        telemetry_dropped=0,
+    ),
+    timing=api.Timing(
+        own_share=SPREAD, setpoint_age=SPREAD, jitter=SPREAD, round_trip_us=500.0, collections=0
+    ),
+    realtime=(api.Measure("SCHED_FIFO", True, False, "refused (Operation not permitted)"),),
+    recorder=api.RecorderStatus(recording=True, path="runs/a.mcap", rows=100),
+    control=api.Control(),
+    events=(api.Entry(0.0, "connected"),),
+)
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeDaemon]:
+    monkeypatch.setenv("SMAD_RUNTIME_DIR", str(tmp_path))
+    with fake_daemon(tmp_path) as daemon:
+        daemon.answers["status"] = STATUS
+        yield daemon
+
+
+@pytest.fixture
+def nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SMAD_RUNTIME_DIR", str(tmp_path))
+
+
+def failed(capfd: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Run a command that must fail; return the one line it fails with."""
+    assert execute(arguments) != 0
+    complaint = capfd.readouterr().err.strip().splitlines()
+    assert len(complaint) == 1
+    assert complaint[0].startswith("smad: ")
+    return complaint[0]
+
+
+def test_every_command_of_the_table_exists_and_has_help() -> None:
+    assert isinstance(root, LazyGroup)
+    for name in COMMANDS:
+        command = root.get_command(None, name)  # type: ignore[arg-type]
+        assert command is not None, name
+        assert command.get_short_help_str(200), name
+
+
+def test_status_is_quick_to_import() -> None:
+    heavy = ("numpy", "scipy", "matplotlib", "numba", "pyarrow", "mcap", "asyncio", "jinja2")
+    code = (
+        "import sys, smad.cli, smad.cli.status, smad.client\n"
+        f"print([name for name in {heavy!r} if name in sys.modules])"
+    )
+    done = subprocess.execute([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.usefixtures("nobody")
+@pytest.mark.parametrize(
+    "arguments",
+    [("status",), ("arm",), ("move", "step", "5"), ("params", "list"), ("record", "stop")],
+)
+def test_without_a_daemon_every_command_says_how_to_start_one(
+    capfd: pytest.CaptureFixture[str], arguments: tuple[str, ...]
+) -> None:
+    assert "smad start --sim" in failed(capfd, *arguments)
+
+
+def test_a_mistyped_command_is_one_line_with_where_to_look(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    assert "smad --help" in failed(capfd, "stauts")
+    assert "smad move step --help" in failed(capfd, "move", "step", "five")
+
+
+def test_a_mistake_of_ours_is_one_line_too(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def explode(**options: object) -> None:
+        raise KeyError("injected")
+
+    monkeypatch.setattr(root, "main", explode)
+    line = failed(capfd, "config")
+    assert "KeyError" in line
+    assert "report" in line
+
+
+def test_a_refusal_is_printed_with_its_next_action(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
+) -> None:
+    daemon.answers["arm"] = api.ErrorData(
+        reason=api.Reason.BOARD_REFUSED, cause="too hot", value=51.0, limit="45 °C", action="wait"
+    )
+    assert failed(capfd, "arm") == "smad: too hot; got 51.0; allowed: 45 °C; wait"
+
+
+def test_status_shows_what_matters_and_what_was_not_granted(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
+) -> None:
+    assert execute(["status"]) == 0
+    text = capfd.readouterr().out
+    for words in ("ARMED", "1.250 mm", "low latency not granted", "no SCHED_FIFO", "p99 60 µs"):
+        assert words in text
+    assert "\x1b" not in text
+
+
+def test_status_shows_a_fault_with_value_and_limit() -> None:
+    fault = api.Fault(
+        number=6, name="OVER_TEMPERATURE", channel="SPRING_X", measured=9050, limit=9000, unit="cC"
+    )
+    motion = msgspec.structs.replace(MOTION, armed=False, mode="FAULT", fault=fault)
+    text = "\n".join(lines(msgspec.structs.replace(STATUS, motion=motion, sample=None)))
+    assert "OVER_TEMPERATURE at SPRING_X: 9050 cC, limit 9000 cC" in text
+    assert "smad faults explain" in text
+
+
+def test_status_as_json_is_the_whole_status(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
+) -> None:
+    assert execute(["status", "--json"]) == 0
+    text = capfd.readouterr().out
+    assert msgspec.json.decode(text, type=api.Status) == STATUS
+    assert json.loads(text)["counts"]["samples"] == 100
+
+
+@pytest.mark.parametrize(
+    ("arguments", "piece"),
+    [
+        (["step", "5"], {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}),
+        (["step", "-5"], {"kind": "step", "displacement_mm": -5.0, "duration_s": 10.0}),
+        (["hold", "3"], {"kind": "hold", "duration_s": 3.0}),
+        (["ramp", "5", "--rate", "1"],
+         {"kind": "ramp", "displacement_mm": 5.0, "rate_mm_per_s": 1.0}),
+        (["sine", "2", "7", "--cycles", "4"],
+         {"kind": "sine", "amplitude_mm": 2.0, "period_s": 7.0, "cycles": 4, "offset_mm": 0.0}),
+        (["chirp", "2", "0.1", "1"],
+         {"kind": "chirp", "amplitude_mm": 2.0, "start_Hz": 0.1, "end_Hz": 1.0,
+          "duration_s": 60.0, "offset_mm": 0.0}),
+        (["staircase", "1", "5", "--back"],
+         {"kind": "staircase", "step_mm": 1.0, "steps": 5, "dwell_s": 10.0,
+          "there_and_back": True}),
+        (["random", "4", "6", "--seed", "3"],
+         {"kind": "random_levels", "amplitude_mm": 4.0, "levels": 6, "dwell_s": 10.0, "seed": 3,
+          "offset_mm": 0.0}),
+    ],
+)  # fmt: skip
+def test_each_motion_is_sent_as_its_piece(
+    daemon: FakeDaemon, arguments: list[str], piece: dict[str, object]
+) -> None:
+    assert execute(["move", *arguments]) == 0
+    sent = next(r for r in daemon.asked if r["method"] == "move")
+    assert sent["params"]["trajectories"] == [piece]
+    assert sent["params"]["queue"] is False
+
+
+def test_a_csv_file_is_followed_from_its_first_time(daemon: FakeDaemon, tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("t_s,displacement_mm\n10,0\n11,2\n13,-1\n")
+    assert execute(["move", "follow", str(path), "--no-wait"]) == 0
+    piece = daemon.asked[0]["params"]["trajectories"][0]
+    assert piece["t_s"] == [0.0, 1.0, 3.0]
+    assert piece["displacement_mm"] == [0.0, 2.0, -1.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t,displacement_mm\n0,1\n", "t_s and displacement_mm"),
+        ("t_s,displacement_mm\n0,1\n", "too few points"),
+        ("t_s,displacement_mm\n0,1\n1,nan\n", "line 3: displacement_mm is not a number"),
+        ("", "an empty file"),
+    ],
+)
+def test_a_csv_file_that_cannot_be_followed_is_refused_with_the_place(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon, tmp_path: Path, text: str, words: str
+) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(text)
+    assert words in failed(capfd, "move", "follow", str(path))
+
+
+def test_a_motion_that_ends_early_fails_with_the_fault(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
+) -> None:
+    fault = api.Fault(number=6, name="OVER_TEMPERATURE")
+    daemon.answers["motion"] = msgspec.structs.replace(
+        MOTION, armed=False, done=False, mode="FAULT", fault=fault
+    )
+    assert "OVER_TEMPERATURE" in failed(capfd, "move", "step", "5")
+
+
+def test_one_spring_is_heated_driven_or_cooled(daemon: FakeDaemon) -> None:
+    assert execute(["heat", "y", "50", "--rate", "1", "--for", "5"]) == 0
+    assert execute(["current", "x", "2", "--until", "45"]) == 0
+    assert execute(["pump", "y", "0.5"]) == 0
+    sent = {r["method"]: r["params"] for r in daemon.asked if r["method"] != "motion"}
+    assert sent["heat"]["spring"] == "y"
+    assert sent["heat"]["temperature_degC"] == 50.0
+    assert sent["current"]["pump_y_duty"] == 0.5
+    currents = [r["params"] for r in daemon.asked if r["method"] == "current"]
+    assert (currents[0]["i_x_A"], currents[0]["stop_above_degC"]) == (2.0, 45.0)
+
+
+def test_the_link_test_fails_when_something_was_lost(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
+) -> None:
+    counts = msgspec.structs.replace(STATUS.counts, samples=300, missed=2)
+    replies = [STATUS, msgspec.structs.replace(STATUS, counts=counts)]
+    daemon.answers["status"] = lambda request: replies.pop(0)
+    daemon.answers["timing.reset"] = STATUS.timing
+    line = failed(capfd, "link", "test", "--for", "0.01")
+    assert "2 losses in 200 samples" in line
+
+
+def test_faults_are_explained_by_name_by_number_and_as_latched(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
+) -> None:
+    assert execute(["faults", "explain", "over-temperature"]) == 0
+    by_name = capfd.readouterr().out
+    assert "remedy:" in by_name
+    fault = api.Fault(number=6, name="OVER_TEMPERATURE", channel="SPRING_X", measured=9050)
+    daemon.answers["motion"] = msgspec.structs.replace(MOTION, fault=fault)
+    assert execute(["faults", "explain"]) == 0
+    assert "latched at SPRING_X, measured 9050" in capfd.readouterr().out
+    assert "smad faults list" in failed(capfd, "faults", "explain", "wibble")
+    assert execute(["faults", "list"]) == 0
+
+
+def test_a_key_pair_is_for_its_owner_only_and_never_overwritten(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "my.key"
+    assert execute(["keys", str(path)]) == 0
+    assert path.stat().st_mode & 0o077 == 0
+    public = path.read_text().split()[1]
+    assert public in capfd.readouterr().out
+    assert "never overwritten" in failed(capfd, "keys", str(path))
+
+
+def test_the_default_configuration_passes_its_own_check(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert execute(["config", "show"]) == 0
+    path = tmp_path / "bench.toml"
+    path.write_text(capfd.readouterr().out)
+    assert execute(["config", "check", str(path)]) == 0
+    path.write_text("[link]\nrate_hz = 500\n")
+    assert "link.baud = 460800" in failed(capfd, "config", "check", str(path))
+
+
+def test_options_that_contradict_each_other_are_refused(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    assert "need --sim" in failed(capfd, "start", "--port", "/dev/null", "--speed", "3")
+    assert "exclude each other" in failed(capfd, "start", "--sim", "--port", "/dev/null")
+    assert "--port DEVICE" in failed(capfd, "start")
+    assert "fault" in failed(capfd, "sim", "--fault", "wibble@1")
+
+
+def test_progress_is_silent_for_two_seconds_and_then_says_something_now_and_then(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    now = 0.0
+    line = Progress(lambda: now)
+    for tenth in range(150):
+        now = tenth / 10
+        line.say(f"at {now:g} s")
+    line.done()
+    told = capfd.readouterr().err.split("\n")
+    assert told[0] == "at 2 s"
+    assert len(told) == 4
+
+
+def test_the_reference_of_commands_is_not_stale() -> None:
+    from smad.docs import GUIDE, refreshed
+
+    text = GUIDE.read_text()
+    assert refreshed(text) == text, "run python -m smad.docs"
