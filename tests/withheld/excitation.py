@@ -4,6 +4,9 @@ A program is an array (n, 7); a run starts and ends at rest. The families differ
 held-out runs can come from others than the runs a model was fitted to.
 """
 
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
 from collections.abc import Callable
 
 import numpy as np
@@ -156,9 +159,21 @@ FOR_HOLDING_OUT = ("sines", "random_levels", "chirp")
 
 @compiled
 def operate(
-    p: Array, e: Array, program: Array, inputs: Array, noise: Array, steps: Array, dt: float,
-    cells: Array, side: Array, pair: Array, ring: Array, rows: Array, heat: Array,
-    scratch: Array, out: Array,
+    p: Array,
+    e: Array,
+    program: Array,
+    inputs: Array,
+    noise: Array,
+    steps: Array,
+    dt: float,
+    cells: Array,
+    side: Array,
+    pair: Array,
+    ring: Array,
+    rows: Array,
+    heat: Array,
+    scratch: Array,
+    out: Array,
 ) -> None:
     """Run a program with the bench's own controller on its own noisy, rounded readings.
 

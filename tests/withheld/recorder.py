@@ -40,6 +40,7 @@ SPREAD = {
 }
 """What changes from run to run on one bench (relative standard deviations)."""
 
+ARMED = 2.0
 UNIX_START = 1_760_000_000.0
 
 
@@ -64,7 +65,7 @@ def _coloured(rng: np.random.Generator, n: int, scale: float, time_constant: flo
 
 
 def _noise(rng: np.random.Generator, n: int) -> Array:
-    out = rng.normal(0.0, 1.0, (n, len(READINGS))) * WHITE
+    out: Array = rng.normal(0.0, 1.0, (n, len(READINGS))) * WHITE
     for j in range(len(READINGS)):
         out[:, j] += _coloured(rng, n, COLOURED[j], COLOUR_s[j])
     return out
@@ -87,8 +88,13 @@ def today(rng: np.random.Generator, bench: Bench) -> Bench:
 
 
 def record(
-    bench: Bench, active: tuple[Active, ...], family: str, seed: int, *,
-    seconds: float = RUN_s, number: int = 1,
+    bench: Bench,
+    active: tuple[Active, ...],
+    family: str,
+    seed: int,
+    *,
+    seconds: float = RUN_s,
+    number: int = 1,
 ) -> Run:
     """Record one run of `family` on `bench` with `active` effects; everything follows from `seed`.
 
@@ -131,6 +137,9 @@ def _log(
     log["duty_y"] = np.round(inputs[:, DUTY_Y], 6)
     log["reference_mm"] = np.round(program[:, REFERENCE], 4)
     log["setpoint_age_ms"] = np.round(np.abs(rng.normal(4.0, 1.0, n)), 1)
+    log["mode"] = np.full(n, ARMED)
+    for quiet in ("limiter", "faults", "warnings"):
+        log[quiet] = np.zeros(n)
     log["valid"] = np.ones(n)
     log["tick"] = np.arange(n) % 65536.0
     return _dropouts(rng, log)

@@ -7,9 +7,10 @@ would leave a stale caller behind. The cache folder is therefore named after a h
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numba
+from numba.core import config
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -27,9 +28,10 @@ _CACHE = _FOLDER / "__pycache__" / f"compiled-{_sources_digest(_FOLDER)}"
 
 def compiled(function: Function) -> Function:
     """The function compiled by numba on first call, kept on disk for later processes."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_CACHE)
+    settings = vars(config)
+    before = settings["CACHE_DIR"]
+    settings["CACHE_DIR"] = str(_CACHE)
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+        return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
     finally:
-        numba.config.CACHE_DIR = before
+        settings["CACHE_DIR"] = before

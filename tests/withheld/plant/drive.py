@@ -1,5 +1,8 @@
 """What reaches the wire and the tube: real current and real water flow, with their effects."""
 
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
 import math
 
 import numpy as np
@@ -54,12 +57,12 @@ CURRENT_LIMIT_A = 4.0
 @compiled
 def late(ring: Array, row: int, tick: float, ticks_late: float) -> float:
     """Value of a ring buffer's row `ticks_late` ago, between the stored ticks."""
-    behind = min(max(ticks_late, 0.0), min(tick, RING_LENGTH - 2.0))
+    behind = min(max(ticks_late, 0.0), tick, RING_LENGTH - 2.0)
     whole = int(behind)
     part = behind - whole
     newer = (int(tick) - whole) % RING_LENGTH
     older = (int(tick) - min(whole + 1, int(tick))) % RING_LENGTH
-    return (1.0 - part) * ring[row, newer] + part * ring[row, older]
+    return float((1.0 - part) * ring[row, newer] + part * ring[row, older])
 
 
 @compiled
@@ -69,7 +72,9 @@ def approach(state: float, target: float, dt: float, time_constant: float) -> fl
 
 
 @compiled
-def current(s: int, command: float, p: Array, e: Array, side: Array, time: float, dt: float) -> float:
+def current(
+    s: int, command: float, p: Array, e: Array, side: Array, time: float, dt: float
+) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
     eaten = e[s, SMALL_SIGNAL]
@@ -91,29 +96,39 @@ def current(s: int, command: float, p: Array, e: Array, side: Array, time: float
     else:
         side[s, LAG_B] = approach(side[s, LAG_B], side[s, LAG_A], dt, 0.5 * slow)
         side[s, LAG_C] = approach(side[s, LAG_C], side[s, LAG_B], dt, 0.5 * slow)
-    return side[s, LAG_C]
+    return float(side[s, LAG_C])
 
 
 @compiled
-def _pump_speed(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> float:
+def _pump_speed(
+    s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float
+) -> float:
     dead = e[s, DEAD_TIME]
     duty = late(ring, RING_DUTY_X + s, pair[GLANCE], dead / dt)
     side[s, PUMP] = approach(side[s, PUMP], duty, dt, p[PUMP_LAG])
     if dead <= 0.0:
         side[s, SPIN] = side[s, PUMP]
-        return side[s, PUMP]
+        return float(side[s, PUMP])
     rate = 4.0 / dead
-    side[s, SPIN_RATE] = (side[s, SPIN_RATE] + dt * rate * rate * (side[s, PUMP] - side[s, SPIN])) / (
-        1.0 + 1.2 * rate * dt + (rate * dt) ** 2
-    )
+    side[s, SPIN_RATE] = (
+        side[s, SPIN_RATE] + dt * rate * rate * (side[s, PUMP] - side[s, SPIN])
+    ) / (1.0 + 1.2 * rate * dt + (rate * dt) ** 2)
     side[s, SPIN] += dt * side[s, SPIN_RATE]
-    return max(side[s, SPIN], 0.0)
+    return float(max(side[s, SPIN], 0.0))
 
 
 @compiled
 def flow(
-    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, ring: Array,
-    inlet: float, heat_W: float, dt: float,
+    s: int,
+    p: Array,
+    e: Array,
+    cells: Array,
+    side: Array,
+    pair: Array,
+    ring: Array,
+    inlet: float,
+    heat_W: float,
+    dt: float,
 ) -> float:
     """Heat capacity rate (W/K) of the water through tube `s`; negative when it runs back."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
@@ -137,13 +152,21 @@ def flow(
             side[s, RETURN] = approach(side[s, RETURN], 0.0, dt, 2.5)
             share -= e[s, REVERSE] * side[s, RETURN]
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
-    return full * share
+    return float(full * share)
 
 
 @compiled
 def flows(
-    p: Array, e: Array, cells: Array, side: Array, pair: Array, ring: Array,
-    inlet: float, heat_x: float, heat_y: float, dt: float,
+    p: Array,
+    e: Array,
+    cells: Array,
+    side: Array,
+    pair: Array,
+    ring: Array,
+    inlet: float,
+    heat_x: float,
+    heat_y: float,
+    dt: float,
 ) -> None:
     """Set `side[:, FLOW]` of both tubes, with what leaks from one into the other."""
     x = flow(0, p, e, cells, side, pair, ring, inlet, heat_x, dt)

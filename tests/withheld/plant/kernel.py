@@ -1,5 +1,8 @@
 """The plant in time: a state, one tick of it, and a whole run of ticks."""
 
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
 import math
 from dataclasses import dataclass
 
@@ -24,7 +27,6 @@ from tests.withheld.plant.layout import (
     GLANCE,
     HEATED_FROM,
     I_X,
-    I_Y,
     INLET,
     LUCK_X,
     OHM,
@@ -74,7 +76,7 @@ class State:
     heat: Array
     scratch: Array
 
-    def arrays(self) -> tuple[Array, ...]:
+    def arrays(self) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
         """The arrays in the order in which the compiled functions take them."""
         return self.cells, self.side, self.pair, self.ring, self.rows, self.heat, self.scratch
 
@@ -123,8 +125,18 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
 
 @compiled
 def tick(
-    p: Array, e: Array, u: Array, dt: float, cells: Array, side: Array, pair: Array, ring: Array,
-    rows: Array, heat: Array, scratch: Array, out: Array,
+    p: Array,
+    e: Array,
+    u: Array,
+    dt: float,
+    cells: Array,
+    side: Array,
+    pair: Array,
+    ring: Array,
+    rows: Array,
+    heat: Array,
+    scratch: Array,
+    out: Array,
 ) -> int:
     """Advance the whole plant by `dt` under inputs `u`; its readings and truths go to `out`."""
     pair[GLANCE] += 1.0
@@ -143,8 +155,21 @@ def tick(
         amperes = current(s, u[I_X + s], p, e, side, pair[TIME], dt)
         stress = wire_stress(s, p, e, cells, side, pair)
         solves += tube(
-            s, amperes, stress, inlet, air, u[LUCK_X + s], dt, p, e, cells, side, pair, heat,
-            rows, scratch,
+            s,
+            amperes,
+            stress,
+            inlet,
+            air,
+            u[LUCK_X + s],
+            dt,
+            p,
+            e,
+            cells,
+            side,
+            pair,
+            heat,
+            rows,
+            scratch,
         )
     equilibrium(p, e, cells, side, pair, dt)
     ring[RING_X, now] = pair[X]
@@ -156,21 +181,27 @@ def tick(
 
 @compiled
 def replay(
-    p: Array, e: Array, inputs: Array, dt: float, cells: Array, side: Array, pair: Array,
-    ring: Array, rows: Array, heat: Array, scratch: Array, out: Array,
+    p: Array,
+    e: Array,
+    inputs: Array,
+    dt: float,
+    cells: Array,
+    side: Array,
+    pair: Array,
+    ring: Array,
+    rows: Array,
+    heat: Array,
+    scratch: Array,
+    out: Array,
 ) -> int:
     """Run `inputs` (n, 8) open loop; readings and truths in `out` (n, columns)."""
     solves = 0
     for k in range(inputs.shape[0]):
-        solves += tick(
-            p, e, inputs[k], dt, cells, side, pair, ring, rows, heat, scratch, out[k]
-        )
+        solves += tick(p, e, inputs[k], dt, cells, side, pair, ring, rows, heat, scratch, out[k])
     return solves
 
 
-def simulate(
-    bench: Bench, inputs: Array, dt_s: float, effects: Array
-) -> dict[str, Array]:
+def simulate(bench: Bench, inputs: Array, dt_s: float, effects: Array) -> dict[str, Array]:
     """Noise-free readings and truths of an open-loop run from rest.
 
     `inputs` has the columns of `layout.INPUTS`; the run starts with wire and water at its first
@@ -185,8 +216,15 @@ def simulate(
 
 
 def constant_inputs(
-    seconds: float, dt_s: float, *, i_x: float = 0.0, i_y: float = 0.0, duty_x: float = 0.0,
-    duty_y: float = 0.0, inlet: float = 26.85, ambient: float = 26.85,
+    seconds: float,
+    dt_s: float,
+    *,
+    i_x: float = 0.0,
+    i_y: float = 0.0,
+    duty_x: float = 0.0,
+    duty_y: float = 0.0,
+    inlet: float = 26.85,
+    ambient: float = 26.85,
 ) -> Array:
     """Inputs that hold for `seconds`."""
     row = np.array([i_x, i_y, duty_x, duty_y, inlet, ambient, 1.0, 1.0])

@@ -86,6 +86,18 @@ READINGS = (
     "force_N",
     "supply_V",
 )
-TRUTHS = ("T_x_degC", "T_y_degC", "water_x_degC", "water_y_degC", "xi_x", "xi_y", "turned_x")
-TRUTHS += ("turned_y", "true_mm", "true_force_N", "flow_x", "flow_y")
+TRUTHS = (
+    "T_x_degC",
+    "T_y_degC",
+    "water_x_degC",
+    "water_y_degC",
+    "xi_x",
+    "xi_y",
+    "turned_x",
+    "turned_y",
+    "true_mm",
+    "true_force_N",
+    "flow_x",
+    "flow_y",
+)
 COLUMNS = READINGS + TRUTHS

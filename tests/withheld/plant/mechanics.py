@@ -4,6 +4,9 @@ Positive displacement shortens spring X. Every term keeps the residual falling i
 so that safeguarded Newton always finds the one root.
 """
 
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
 import math
 
 import numpy as np
@@ -173,9 +176,7 @@ def resisting(
 
 
 @compiled
-def equilibrium(
-    p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float
-) -> None:
+def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Move the pair to its equilibrium: displacement, both forces, friction, turned martensite."""
     before = pair[X]
     x = before
@@ -216,9 +217,7 @@ def equilibrium(
 
 
 @compiled
-def wire_stress(
-    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array
-) -> float:
+def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array) -> float:
     """Shear stress (MPa) in the wire itself, without what the tube carries beside it."""
     tendon = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     beside = 0.0
@@ -232,4 +231,4 @@ def wire_stress(
         beside -= 0.05 * e[s, COILS_TOUCH] * ((COILS_CLOSE_m - length) / 0.005) ** 1.5
     if e[s, BOURDON] != 0.0:
         beside -= e[s, BOURDON] * (max(side[s, FLOW], 0.0) / p[FULL_FLOW]) ** 2
-    return max(tendon - beside, 0.0) * p[STRESS]
+    return float(max(tendon - beside, 0.0) * p[STRESS])

@@ -70,10 +70,27 @@ def index(name: str) -> int:
 
 
 RELATIVE = (
-    "k_mart_N_m k_aust_N_m strain_m heat_spread_K cool_spread_K heat_slope_MPa_K cool_slope_MPa_K "
-    "turn_scale_MPa turned_at_start wire_J_K latent_J water_J_K loss_W_K film_static_W_K "
-    "film_forced_W_K flow_W_K mixing resistance_ohm pump_lag_s rtd_lag_s"
-).split()
+    "k_mart_N_m",
+    "k_aust_N_m",
+    "strain_m",
+    "heat_spread_K",
+    "cool_spread_K",
+    "heat_slope_MPa_K",
+    "cool_slope_MPa_K",
+    "turn_scale_MPa",
+    "turned_at_start",
+    "wire_J_K",
+    "latent_J",
+    "water_J_K",
+    "loss_W_K",
+    "film_static_W_K",
+    "film_forced_W_K",
+    "flow_W_K",
+    "mixing",
+    "resistance_ohm",
+    "pump_lag_s",
+    "rtd_lag_s",
+)
 """Constants that differ from bench to bench by a factor."""
 
 SHIFTED_K = ("heat_centre_degC", "cool_centre_degC")

@@ -4,6 +4,9 @@ The density is carried by generalised plays (Visintin 1994, ch. III; Krasnosel's
 1989): each play holds its share of martensite between a heating and a cooling curve.
 """
 
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
 import math
 
 import numpy as np
@@ -54,7 +57,9 @@ def martensite(
     width_heat = HALF_WIDTH * p[HEAT_SPREAD]
     width_cool = COOL_HALF_WIDTH * p[COOL_SPREAD]
     for k in range(PLAYS):
-        z = (temperature - shift_heat - p[HEAT_CENTRE] - ON_HEATING[k] * p[HEAT_SPREAD]) / width_heat
+        z = (
+            temperature - shift_heat - p[HEAT_CENTRE] - ON_HEATING[k] * p[HEAT_SPREAD]
+        ) / width_heat
         upper = falling(z)
         zc = (temperature - shift_cool - p[COOL_CENTRE] - ON_COOLING[k] * p[COOL_SPREAD]) / (
             width_cool
@@ -88,4 +93,4 @@ def turned_by(stress_MPa: float, p: Array) -> float:
 def cooling_shift(stress_MPa: float, p: Array) -> float:
     """How far (K) stress lifts the cooling curve: nothing below the onset of turning."""
     excess = stress_MPa - p[TURN_ONSET]
-    return 0.5 * (excess + math.sqrt(excess * excess + 9.0)) / p[COOL_SLOPE]
+    return float(0.5 * (excess + math.sqrt(excess * excess + 9.0)) / p[COOL_SLOPE])

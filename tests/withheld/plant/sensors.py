@@ -1,5 +1,8 @@
 """What the bench reads at one tick: four temperatures, travel, force, currents and voltages."""
 
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
 import math
 
 import numpy as np
@@ -71,10 +74,12 @@ TURN_mm = 13.0
 
 
 @compiled
-def rtd(s: int, ambient: float, dt: float, p: Array, e: Array, cells: Array, side: Array, pair: Array) -> float:
+def rtd(
+    s: int, ambient: float, dt: float, p: Array, e: Array, cells: Array, side: Array, pair: Array
+) -> float:
     """Reading (°C) of the RTD tied to spring `s`, before the converter."""
     place = p[RTD_PLACE] * CELLS - 0.5
-    i = min(max(int(math.floor(place)), 0), CELLS - 2)
+    i = min(max(math.floor(place), 0), CELLS - 2)
     part = min(max(place - i, 0.0), 1.0)
     seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
     if e[s, STEM_ERROR] > 0.0:
@@ -92,7 +97,7 @@ def rtd(s: int, ambient: float, dt: float, p: Array, e: Array, cells: Array, sid
     if e[s, RTD_STRAIN] != 0.0:
         off = pair[X] if s == 1 else -pair[X]
         reading += e[s, RTD_STRAIN] * (off / 0.01 + 0.3 * (off / 0.01) ** 2)
-    return reading
+    return float(reading)
 
 
 @compiled
@@ -118,7 +123,7 @@ def travel(seen_mm: float, e: Array, pair: Array) -> float:
         turn = 2.0 * math.pi * reading / TURN_mm
         reading += e[0, ECCENTRIC] * (math.sin(turn + phase) - math.sin(phase))
     reading += e[0, SPOOL] * (reading / 10.0) ** 2
-    return reading
+    return float(reading)
 
 
 @compiled
@@ -138,13 +143,21 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         hertz = 1.7 + 2.4 * e[2, VIBRATION]
         hum = math.sin(2.0 * math.pi * hertz * time)
         reading += e[0, VIBRATION] * (side[0, PUMP] + side[1, PUMP]) * hum
-    return reading
+    return float(reading)
 
 
 @compiled
 def read(
-    inlet: float, ambient: float, dt: float, p: Array, e: Array, cells: Array, side: Array,
-    pair: Array, ring: Array, out: Array,
+    inlet: float,
+    ambient: float,
+    dt: float,
+    p: Array,
+    e: Array,
+    cells: Array,
+    side: Array,
+    pair: Array,
+    ring: Array,
+    out: Array,
 ) -> None:
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):

@@ -4,6 +4,9 @@ Each step is done once whole and twice halved (implicit Euler); the difference c
 and the extrapolated result is kept (Deuflhard's extrapolation idea, lowest order).
 """
 
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
 import math
 
 import numpy as np
@@ -37,8 +40,18 @@ NEWTON_STEPS = 3
 
 @compiled
 def solve(
-    start: Array, rows: Array, wire_heat: float, flow: float, mix: float, inlet: float,
-    outlet: float, ambient: float, h: float, p: Array, out: Array, work: Array,
+    start: Array,
+    rows: Array,
+    wire_heat: float,
+    flow: float,
+    mix: float,
+    inlet: float,
+    outlet: float,
+    ambient: float,
+    h: float,
+    p: Array,
+    out: Array,
+    work: Array,
 ) -> None:
     """One implicit Euler step of length `h` from `start` into `out` (columns T, W and plays)."""
     for i in range(CELLS):
@@ -105,8 +118,17 @@ def solve(
 
 @compiled
 def advance(
-    cells: Array, rows: Array, wire_heat: float, flow: float, mix: float, inlet: float,
-    outlet: float, ambient: float, dt: float, p: Array, scratch: Array,
+    cells: Array,
+    rows: Array,
+    wire_heat: float,
+    flow: float,
+    mix: float,
+    inlet: float,
+    outlet: float,
+    ambient: float,
+    dt: float,
+    p: Array,
+    scratch: Array,
 ) -> int:
     """Carry one tube's `cells` over `dt`, halving steps as needed; how many solves it took."""
     whole = scratch[0]
@@ -132,9 +154,7 @@ def advance(
         for i in range(CELLS):
             row = rows[i]
             temperature = 2.0 * end[i, T] - whole[i, T]
-            martensite(
-                half[i], temperature, row[SHIFT_HEAT], row[SHIFT_COOL], p, end[i, PLAY:]
-            )
+            martensite(half[i], temperature, row[SHIFT_HEAT], row[SHIFT_COOL], p, end[i, PLAY:])
             cells[i, T] = temperature
             cells[i, W] = 2.0 * end[i, W] - whole[i, W]
             for k in range(PLAYS):
@@ -150,4 +170,4 @@ def film(static: float, forced: float, exponent: float, across_K: float, share: 
     """Film conductance of the whole wire: static and forced parts added as cubes."""
     still = static * (max(across_K, 0.3) / 4.0) ** exponent
     moved = forced * math.sqrt(share)
-    return (still**3 + moved**3) ** (1.0 / 3.0)
+    return float((still**3 + moved**3) ** (1.0 / 3.0))

@@ -1,5 +1,8 @@
 """One spring in its tube over one tick: coefficients of each cell, the solve, and the memories."""
 
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
 import math
 
 import numpy as np
@@ -176,8 +179,16 @@ def shifts(
 
 @compiled
 def coefficients(
-    s: int, amperes: float, stress: float, ambient: float, p: Array, e: Array,
-    cells: Array, side: Array, heat: Array, rows: Array,
+    s: int,
+    amperes: float,
+    stress: float,
+    ambient: float,
+    p: Array,
+    e: Array,
+    cells: Array,
+    side: Array,
+    heat: Array,
+    rows: Array,
 ) -> float:
     """Fill `rows` for one tick; the axial exchange (W/K) between neighbouring cells."""
     side[s, OHM] = resistance(s, p, e, cells, heat)
@@ -214,11 +225,13 @@ def coefficients(
         row[LATENT] = latent
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
-    return CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0
+    return float(CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0)
 
 
 @compiled
-def remember(s: int, stress: float, p: Array, e: Array, cells: Array, side: Array, dt: float) -> None:
+def remember(
+    s: int, stress: float, p: Array, e: Array, cells: Array, side: Array, dt: float
+) -> None:
     """Update what each cell remembers after its fraction has moved."""
     moved_all = 0.0
     mean = 0.0
@@ -257,8 +270,20 @@ def remember(s: int, stress: float, p: Array, e: Array, cells: Array, side: Arra
 
 @compiled
 def tube(
-    s: int, amperes: float, stress: float, inlet: float, ambient: float, luck: float, dt: float,
-    p: Array, e: Array, cells: Array, side: Array, pair: Array, heat: Array, rows: Array,
+    s: int,
+    amperes: float,
+    stress: float,
+    inlet: float,
+    ambient: float,
+    luck: float,
+    dt: float,
+    p: Array,
+    e: Array,
+    cells: Array,
+    side: Array,
+    pair: Array,
+    heat: Array,
+    rows: Array,
     scratch: Array,
 ) -> int:
     """Advance spring `s` and its water by one tick; how many implicit solves it took."""
@@ -268,8 +293,17 @@ def tube(
     pockets(s, e, cells, side, luck, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, heat, rows)
     solves = advance(
-        cells[s], rows, p[WIRE_HEAT] / CELLS, side[s, FLOW], mix, source, side[s, OUTLET],
-        ambient, dt, p, scratch,
+        cells[s],
+        rows,
+        p[WIRE_HEAT] / CELLS,
+        side[s, FLOW],
+        mix,
+        source,
+        side[s, OUTLET],
+        ambient,
+        dt,
+        p,
+        scratch,
     )
     if side[s, FLOW] > 0.0:
         last = cells[s, CELLS - 1, W]

@@ -1,0 +1,95 @@
+"""The command line of the withheld check; every error ends in one sentence, not a traceback."""
+
+import argparse
+import datetime
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+from tests.withheld import bank, files, openings, page, score
+from tests.withheld.errors import WithheldError
+from tests.withheld.verdicts import read_verdicts
+
+
+def _make(options: argparse.Namespace) -> None:
+    order = bank.Order(
+        options.bank,
+        Path(options.out),
+        cases=options.cases,
+        full=options.full,
+        seed=options.seed,
+        jobs=options.jobs,
+        suffix=".csv.gz" if options.csv else ".parquet",
+    )
+    sha256 = bank.make_bank(order)
+    print(f"bank  {order.folder}")
+    print(f"key   {order.key_folder / 'KEY.json'}")
+    print(f"SHA-256 of the key  {sha256}")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_plain(v) for v in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _score(options: argparse.Namespace) -> None:
+    key_path = Path(options.key)
+    key = files.read_json(key_path)
+    sha256 = files.digest(key_path)
+    verdicts = read_verdicts(Path(options.verdicts))
+    pairs = score.matched(verdicts, key, sha256)
+    if key["bank"] == "sealed":
+        openings.require_sealed(sha256)
+    report = score.report(pairs)
+    if key["bank"] == "sealed":
+        now = datetime.datetime.now(datetime.UTC)
+        openings.enter(sha256, files.digest(Path(options.verdicts)), report, now)
+    print(page.text(report))
+    if options.json:
+        Path(options.json).write_text(json.dumps(_plain(report), indent=1, ensure_ascii=False))
+    if options.html:
+        Path(options.html).write_text(page.page(report, f"Withheld check: {key['bank']} bank"))
+
+
+def _readme(options: argparse.Namespace) -> None:
+    page.into_readme(Path(options.readme), files.read_json(Path(options.scores)))
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m tests.withheld", description=__doc__)
+    commands = parser.add_subparsers(required=True)
+    make = commands.add_parser("make", help="make a bank of recorded runs with a sealed key")
+    make.add_argument("bank", choices=("dev", "sealed", "mini"))
+    make.add_argument("--cases", type=int, help="about so many cases, in the same mixture")
+    make.add_argument("--full", action="store_true", help="440 cases instead of 150")
+    make.add_argument("--out", default="banks", help="where bank and key go (default ./banks)")
+    make.add_argument("--seed", type=int, help="default: fixed for dev, secret for sealed")
+    make.add_argument("--jobs", type=int, default=2)
+    make.add_argument("--csv", action="store_true", help="gzipped CSV instead of Parquet")
+    make.set_defaults(run=_make)
+    scoring = commands.add_parser("score", help="score verdicts against a key")
+    scoring.add_argument("verdicts")
+    scoring.add_argument("key")
+    scoring.add_argument("--json", help="write everything to this file")
+    scoring.add_argument("--html", help="write the page to this file")
+    scoring.set_defaults(run=_score)
+    readme = commands.add_parser("readme", help="put the table of scores into the README")
+    readme.add_argument("scores", help="the JSON file that score wrote")
+    readme.add_argument("--readme", default="README.md")
+    readme.set_defaults(run=_readme)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run one command; exits with 2 and one sentence on an error."""
+    options = _arguments().parse_args(arguments)
+    try:
+        options.run(options)
+    except WithheldError as error:
+        print(f"error: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
