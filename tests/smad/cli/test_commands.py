@@ -106,7 +106,7 @@ def test_status_is_quick_to_import() -> None:
         "import sys, smad.cli, smad.cli.status, smad.client\n"
         f"print([name for name in {heavy!r} if name in sys.modules])"
     )
-    done = subprocess.execute([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
