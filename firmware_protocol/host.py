@@ -48,6 +48,9 @@ FOREIGN_LIMIT = 3
 TIMEOUT_LIMIT = 3
 ESTOP_COPIES = 3
 
+# A plain number: arithmetic on members builds members, on the hot path of every sample.
+_SETPOINT_VALID = ValidBit.SETPOINT.value
+
 
 class HostSession:
     """One board on one port: bytes and time in, bytes and events out.
@@ -347,7 +350,7 @@ class HostSession:
         if self._mirror is not None:
             self._mirror.sample(state.axis, state.mode, board_us)
         pending = None
-        if state.valid & ValidBit.SETPOINT:
+        if state.valid & _SETPOINT_VALID:
             pending = self._setpoints.acknowledge(state.axis, state.sp_seq)
             if pending is None:
                 self.stats.ack_errors += 1

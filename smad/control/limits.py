@@ -67,8 +67,13 @@ class HostLimits:
 
     def __init__(self, config: LimitsConfig) -> None:
         self._config = config
-        self.acting = HostLimit.NONE
+        self._acting = 0
         self.rearm()
+
+    @property
+    def acting(self) -> HostLimit:
+        """What held the last currents back."""
+        return HostLimit(self._acting)
 
     def rearm(self) -> None:
         """Start anew, as after an arming: the on-time at zero, no sensor tripped."""
@@ -103,7 +108,7 @@ class HostLimits:
         for k in (0, 1):
             acting |= self._spring(k, sample.rtd_degC[k], wanted, dt_s)
         self._previous_A = wanted
-        self.acting = HostLimit(acting)
+        self._acting = acting
         return wanted[0], wanted[1]
 
     def _spring(self, k: int, rtd_degC: float, wanted: list[float], dt_s: float) -> int:
