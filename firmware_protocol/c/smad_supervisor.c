@@ -854,7 +854,7 @@ static int64_t smad_sv_over_current(struct smad_sv_memory *s, const struct smad_
 static int64_t smad_sv_uncommanded_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
 {
     int64_t extra_uA;
-    extra_uA = (s->i_uA[k] - s->band_high_uA[k]);
+    extra_uA = (smad_sv_min(s->i_uA[k], (m->i_mA[k] * 1000)) - s->band_high_uA[k]);
     if ((m->applied_mA[k] == 0) && (extra_uA > (lim->off_current_mA * 1000))) {
         return smad_sv_bad(s, smad_sv_div(s->i_uA[k], 1000), lim->off_current_mA);
     }
@@ -866,7 +866,7 @@ static int64_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_
     int64_t most_uA;
     most_uA = s->band_high_uA[k];
     most_uA += ((lim->current_error_mA * 1000) + smad_sv_div((lim->current_error_permille * most_uA), 1000));
-    if ((m->applied_mA[k] > 0) && (s->i_uA[k] > most_uA)) {
+    if ((m->applied_mA[k] > 0) && (smad_sv_min(s->i_uA[k], (m->i_mA[k] * 1000)) > most_uA)) {
         return smad_sv_bad(s, smad_sv_div(s->i_uA[k], 1000), smad_sv_div(most_uA, 1000));
     }
     return SMAD_SV_GOOD;
@@ -877,7 +877,7 @@ static int64_t smad_sv_current_low(struct smad_sv_memory *s, const struct smad_s
     int64_t least_uA;
     least_uA = s->band_low_uA[k];
     least_uA -= ((lim->current_error_mA * 1000) + smad_sv_div((lim->current_error_permille * least_uA), 1000));
-    if ((m->i_mA[k] > lim->off_current_mA) && (s->i_uA[k] < least_uA)) {
+    if ((m->i_mA[k] > lim->off_current_mA) && (smad_sv_max(s->i_uA[k], (m->i_mA[k] * 1000)) < least_uA)) {
         return smad_sv_bad(s, smad_sv_div(s->i_uA[k], 1000), smad_sv_div(least_uA, 1000));
     }
     return SMAD_SV_GOOD;
@@ -1294,6 +1294,7 @@ static int64_t smad_sv_arming_obstacle(struct smad_sv_memory *s, const struct sm
 {
     int64_t j;
     int64_t k;
+    int64_t i_mA;
     if (s->state == SMAD_BOARD_STATE_FAULT) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_FAULT_PRESENT, s->first_channel, s->first_fault, 0);
     }
@@ -1327,8 +1328,9 @@ static int64_t smad_sv_arming_obstacle(struct smad_sv_memory *s, const struct sm
         if (m->rtd_cC[k] >= lim->cold_cC) {
             return smad_sv_refuse(s, SMAD_ERROR_CODE_TOO_HOT, k, m->rtd_cC[k], lim->cold_cC);
         }
-        if (s->i_uA[k] > (lim->off_current_mA * 1000)) {
-            return smad_sv_refuse(s, SMAD_ERROR_CODE_CURRENT_FLOWING, k, smad_sv_div(s->i_uA[k], 1000), lim->off_current_mA);
+        i_mA = smad_sv_min(m->i_mA[k], smad_sv_div(s->i_uA[k], 1000));
+        if (i_mA > lim->off_current_mA) {
+            return smad_sv_refuse(s, SMAD_ERROR_CODE_CURRENT_FLOWING, k, i_mA, lim->off_current_mA);
         }
     }
     if (m->vbus_mV < lim->brown_out_mV) {

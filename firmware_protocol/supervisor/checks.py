@@ -157,7 +157,8 @@ def over_current(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 def uncommanded_current(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Current although none is regulated to, nor was lately."""
-    extra_uA = s.i_uA[k] - s.band_high_uA[k]
+    # Both the filtered and the raw current: one is slow to forget a spike, the other is noisy.
+    extra_uA = min(s.i_uA[k], m.i_mA[k] * 1000) - s.band_high_uA[k]
     if m.applied_mA[k] == 0 and extra_uA > lim.off_current_mA * 1000:
         return bad(s, s.i_uA[k] // 1000, lim.off_current_mA)
     return GOOD
@@ -167,7 +168,7 @@ def current_high(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """More current than was regulated to lately."""
     most_uA = s.band_high_uA[k]
     most_uA += lim.current_error_mA * 1000 + lim.current_error_permille * most_uA // 1000
-    if m.applied_mA[k] > 0 and s.i_uA[k] > most_uA:
+    if m.applied_mA[k] > 0 and min(s.i_uA[k], m.i_mA[k] * 1000) > most_uA:
         return bad(s, s.i_uA[k] // 1000, most_uA // 1000)
     return GOOD
 
@@ -176,7 +177,7 @@ def current_low(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Less current than was regulated to lately, but some."""
     least_uA = s.band_low_uA[k]
     least_uA -= lim.current_error_mA * 1000 + lim.current_error_permille * least_uA // 1000
-    if m.i_mA[k] > lim.off_current_mA and s.i_uA[k] < least_uA:
+    if m.i_mA[k] > lim.off_current_mA and max(s.i_uA[k], m.i_mA[k] * 1000) < least_uA:
         return bad(s, s.i_uA[k] // 1000, least_uA // 1000)
     return GOOD
 

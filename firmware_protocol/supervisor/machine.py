@@ -248,8 +248,10 @@ def arming_obstacle(s: Memory, m: Measurements, lim: Limits, link: int) -> int:
     for k in range(2):
         if m.rtd_cC[k] >= lim.cold_cC:
             return refuse(s, ErrorCode.TOO_HOT, k, m.rtd_cC[k], lim.cold_cC)
-        if s.i_uA[k] > lim.off_current_mA * 1000:
-            return refuse(s, ErrorCode.CURRENT_FLOWING, k, s.i_uA[k] // 1000, lim.off_current_mA)
+        # Noise is not in the filtered current, and a current that just ended is not in the raw one.
+        i_mA = min(m.i_mA[k], s.i_uA[k] // 1000)
+        if i_mA > lim.off_current_mA:
+            return refuse(s, ErrorCode.CURRENT_FLOWING, k, i_mA, lim.off_current_mA)
     if m.vbus_mV < lim.brown_out_mV:
         return refuse(s, ErrorCode.SUPPLY_LOW, Channel.BOARD, m.vbus_mV, lim.brown_out_mV)
     return 0
