@@ -18,14 +18,18 @@ from smad.report.plots import COLOURS, label, new_figure, svg_of
 
 AMPLITUDES_MM = (2, 4, 6, 8, 10, 12)
 FOLLOWED = 0.9
+SHORT_CYCLES = 3
+CLEARLY_LOST = 0.8
+FIRST_STEP = 1.25
+"""The search leaves its start by this factor, and by its square, fourth power … from then on."""
 PROTOTYPE_HZ = {2: 0.235, 4: 0.19, 6: 0.154, 8: 0.093, 10: 0.065, 12: 0.050}
 """What the reference prototype of the model gave for plain PI with water."""
 START_HZ: Mapping[str, tuple[float, float]] = {
-    "water": (0.5, 1.0),
-    "air": (0.15, 1.3),
-    "drain": (0.8, 0.9),
-    "feedforward": (0.7, 0.9),
-    "both": (1.2, 0.85),
+    "water": (0.57, 1.0),
+    "air": (0.29, 1.2),
+    "drain": (0.8, 0.85),
+    "feedforward": (0.6, 0.77),
+    "both": (0.98, 0.7),
 }
 """Where the search begins: a/A^b Hz for an amplitude of A mm. It only saves runs."""
 
@@ -36,6 +40,7 @@ class FrequencyOptions(Options, frozen=True, kw_only=True):
     cycles: Annotated[int, Meta(ge=3, le=100)] = 6
     air_cycles: Annotated[int, Meta(ge=3, le=100)] = 10
     resolution: Annotated[float, Meta(ge=0.002, le=0.5)] = 0.04
+    air_resolution: Annotated[float, Meta(ge=0.002, le=0.5)] = 0.08
     highest_Hz: Annotated[float, Meta(gt=0.0, le=5.0)] = 3.0
     lowest_Hz: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.002
     air: bool = True
@@ -80,15 +85,30 @@ class Fig12Frequency(Experiment[FrequencyOptions]):
         _, kind, amplitude = trial.split("/")
         control = CONTROLS[kind]
         scale, power = START_HZ[kind]
-        cycles = self.options.air_cycles if kind == "air" else self.options.cycles
+        options = self.options
+        air = kind == "air"
 
-        def follow(frequency_Hz: float) -> Score:
+        def run(frequency_Hz: float, cycles: int) -> Score:
             period_s = 1.0 / frequency_Hz
-            name = f"{trial}/{frequency_Hz:.4f}Hz"
+            name = f"{trial}/{frequency_Hz:.4f}Hz/{cycles}"
             plan = sine_plan(name, control, float(amplitude), period_s, cycles)
             return score_of(driver.run(plan), period_s)
 
-        return largest_frequency(follow, scale / float(amplitude) ** power, self.options)
+        def follow(frequency_Hz: float) -> Score:
+            if air:
+                # In air a long run is needed to see that a frequency lasts, not that it is lost.
+                early = run(frequency_Hz, SHORT_CYCLES)
+                if early.r2 < CLEARLY_LOST:
+                    return early
+            return run(frequency_Hz, options.air_cycles if air else options.cycles)
+
+        return largest_frequency(
+            follow,
+            scale / float(amplitude) ** power,
+            lowest_Hz=options.lowest_Hz,
+            highest_Hz=options.highest_Hz,
+            resolution=options.air_resolution if air else options.resolution,
+        )
 
     def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
         found: dict[str, list[Largest]] = {
@@ -139,12 +159,17 @@ _CAPTION = (
 
 
 def largest_frequency(
-    follow: Callable[[float], Score], start_Hz: float, options: FrequencyOptions
+    follow: Callable[[float], Score],
+    start_Hz: float,
+    *,
+    lowest_Hz: float,
+    highest_Hz: float,
+    resolution: float,
 ) -> Largest:
-    """Search the largest frequency with R² > 0.9, to `options.resolution` of itself.
+    """Search the largest frequency with R² > 0.9, to `resolution` of itself.
 
-    Steps outward from `start_Hz` by factors of 1.5 until it is between a followed and a lost one,
-    then halves that interval on a logarithmic scale. R² is taken to fall with frequency; of several
+    Steps outward from `start_Hz`, ever farther, until it is between a followed and a lost one, then
+    halves that interval on a logarithmic scale. R² is taken to fall with frequency; of several
     crossings one is found. 0 Hz when the lowest frequency is not followed either.
     """
     tried: dict[float, Score] = {}
@@ -154,16 +179,19 @@ def largest_frequency(
             tried[frequency_Hz] = follow(frequency_Hz)
         return tried[frequency_Hz].r2 > FOLLOWED
 
-    low = high = min(options.highest_Hz, max(options.lowest_Hz, start_Hz))
+    low = high = min(highest_Hz, max(lowest_Hz, start_Hz))
+    step = FIRST_STEP
     if good(low):
-        while good(high) and high < options.highest_Hz:
-            low, high = high, min(options.highest_Hz, 1.5 * high)
+        while good(high) and high < highest_Hz:
+            low, high = high, min(highest_Hz, step * high)
+            step *= step
         if good(high):
             low = high
     else:
-        while not good(low) and low > options.lowest_Hz:
-            low, high = max(options.lowest_Hz, low / 1.5), low
-    while good(low) and not good(high) and high / low > 1.0 + options.resolution:
+        while not good(low) and low > lowest_Hz:
+            low, high = max(lowest_Hz, low / step), low
+            step *= step
+    while good(low) and not good(high) and high / low > 1.0 + resolution:
         middle = math.sqrt(low * high)
         if good(middle):
             low = middle

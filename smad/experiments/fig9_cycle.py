@@ -107,7 +107,8 @@ class Fig9Cycle(Experiment[CycleOptions]):
                     "Fig. 9: step of +10 mm",
                     "not given",
                     f"rise {response.rise_time_s:.2f} s, settling "
-                    f"{response.settling_time_s:.2f} s, overshoot {response.overshoot_fraction * 100:.1f} %",
+                    f"{response.settling_time_s:.2f} s, "
+                    f"overshoot {response.overshoot_fraction * 100:.1f} %",
                 ),
                 Comparison(
                     "Eqs (29)–(36) against the run, first half of the cycle",

@@ -60,16 +60,9 @@ class VirtualDriver:
     def run(self, plan: Plan) -> Recording:
         from sim_device.bench import SimulatedBench
 
+        from sim_device.plant.errors import PlantError
+
         seed = (self._seed + zlib.crc32(plan.name.encode())) & 0xFFFF_FFFF
-        bench = SimulatedBench(
-            parameters=self._parameters,
-            variant=self._variant,
-            effects=self._effects,
-            fixture=plan.fixture,
-            cooling=plan.cooling,
-            rate_hz=self._config.link.rate_hz,
-            seed=seed,
-        )
         rows: list[Row] = []
 
         def record(
@@ -92,6 +85,15 @@ class VirtualDriver:
 
         controller = Controller(self._config.control, self._config.limits)
         try:
+            bench = SimulatedBench(
+                parameters=self._parameters,
+                variant=self._variant,
+                effects=self._effects,
+                fixture=plan.fixture,
+                cooling=plan.cooling,
+                rate_hz=self._config.link.rate_hz,
+                seed=seed,
+            )
             done = run_virtual(bench, controller, plan, recorder=record, progress=tell)
         except PlanError as error:
             raise ExperimentError(
@@ -99,6 +101,11 @@ class VirtualDriver:
                 value=error.value,
                 limit=error.limit,
                 action=error.action,
+            ) from None
+        except PlantError as error:
+            raise ExperimentError(
+                f"run {plan.name}: the simulated bench gave up: {error}",
+                action="check the parameter file and the effects",
             ) from None
         if self._folder is not None:
             self._write(plan, rows, done.marks, seed)

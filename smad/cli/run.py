@@ -1,0 +1,287 @@
+"""`smad run`: the experiments of the paper, in virtual time or on a running daemon."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from smad.cli.output import bench_option, progress
+from smad.errors import SmadError
+
+if TYPE_CHECKING:
+    from sim_device.plant.parameters import ParameterSet
+    from smad.experiments.base import Experiment
+    from smad.experiments.campaign import CampaignResult
+
+ALL = "all"
+
+
+@click.command()
+@click.argument("names", nargs=-1, metavar="NAME…|all")
+@click.option("--list", "listing", is_flag=True, help="Show the experiments and what each needs.")
+@click.option("--sim", is_flag=True, help="In virtual time, on a simulated bench.")
+@click.option(
+    "--parameters",
+    default="A",
+    show_default=True,
+    help="Parameter file (or A, B, conserving): of the simulated bench, and to compare with.",
+)
+@click.option(
+    "--model",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Model file of the diagnosis: parameters, variant and effects of the simulated bench.",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="[EXPERIMENT.]KEY=VALUE",
+    help="Change a setting of an experiment; may be given often.",
+)
+@click.option(
+    "--config",
+    "config_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Configuration of the control in virtual time, as for `smad start`.",
+)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@click.option(
+    "--jobs", type=click.IntRange(1, 256), help="Processes for --sim; by default one a core."
+)
+@click.option(
+    "--from",
+    "logs",
+    multiple=True,
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Analyse these run logs instead of running anything; may be given often.",
+)
+@click.option(
+    "--fixture",
+    type=click.Choice(["antagonistic", "stretch", "blocked"]),
+    default="antagonistic",
+    show_default=True,
+    help="How the springs of the real bench are mounted.",
+)
+@click.option("--air", is_flag=True, help="The real bench has no cooling module mounted.")
+@click.option(
+    "--lacking",
+    multiple=True,
+    metavar="PART",
+    help="Take a sensor (a channel such as force_N) from the simulated bench; may be given often.",
+)
+@click.option(
+    "--report",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=Path("experiments.html"),
+    show_default=True,
+    help="Where the page goes.",
+)
+@click.option(
+    "--save-parameters",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the recovered parameters to this parameter file.",
+)
+@click.option(
+    "--save-logs",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="With --sim, write the run logs into this folder.",
+)
+@click.option(
+    "--feedforward",
+    is_flag=True,
+    help="Only print the section [control.feedforward] for --parameters, and end.",
+)
+@bench_option
+def run(names: tuple[str, ...], **options: Any) -> None:
+    """Run experiments of the paper, analyse them, and write one page.
+
+    NAME is an experiment, `all` is all of them. Without --sim they run on the daemon that is
+    running, which arms the bench.
+    """
+    if options["listing"]:
+        click.echo(_listing())
+        return
+    model, variant, effects = _model(options["parameters"], options["model"])
+    if options["feedforward"]:
+        click.echo(_feedforward_section(model, variant), nl=False)
+        return
+    experiments = _experiments(names, options["settings"])
+    if options["logs"]:
+        result, facts = _from_logs(experiments, model, options["logs"])
+    elif options["sim"]:
+        result, facts = _simulated(experiments, model, variant, effects, options)
+    else:
+        result, facts = _live(experiments, model, options)
+    _finish(result, model, facts, options)
+
+
+def _listing() -> str:
+    from smad.experiments.driver import PARTS
+    from smad.experiments.registry import EXPERIMENTS, make_experiment
+    from smad.report.page import Table, text_table
+
+    rows = []
+    for name in EXPERIMENTS:
+        experiment = make_experiment(name)
+        needs = ", ".join(PARTS[part] for part in sorted(experiment.needs)) or "a data file"
+        rows.append((name, experiment.title, needs))
+    return text_table(Table(("name", "what", "needs"), rows))
+
+
+def _model(
+    parameters: str, model_file: Path | None
+) -> tuple[ParameterSet, str, dict[str, dict[str, float]]]:
+    """Parameters, variant and effects of the simulated bench."""
+    from sim_device.plant.errors import PlantError
+    from sim_device.plant.models import load_model
+    from sim_device.plant.parameters import load_parameters
+
+    try:
+        if model_file is None:
+            return load_parameters(parameters), "extended", {}
+        loaded, variant, effects = load_model(model_file)
+    except PlantError as error:
+        raise SmadError(str(error)) from None
+    return loaded, variant, {name: dict(values) for name, values in effects.items()}
+
+
+def _feedforward_section(model: ParameterSet, variant: str) -> str:
+    from smad.config import Config, ControlConfig, config_to_toml
+    from smad.experiments.inverse import feedforward_of
+
+    text = config_to_toml(Config(control=ControlConfig(feedforward=feedforward_of(model, variant))))
+    head = "[control.feedforward]"
+    return head + text.partition(head)[2].partition("\n[")[0] + "\n"
+
+
+def _experiments(names: Sequence[str], settings: Sequence[str]) -> list[Experiment[Any]]:
+    from smad.experiments.registry import EXPERIMENTS, make_experiment
+
+    if not names:
+        raise click.UsageError("name an experiment, or `all`; `smad run --list` shows them.")
+    chosen = [name for name in EXPERIMENTS if ALL in names or name in names]
+    unknown = [name for name in names if name != ALL and name not in EXPERIMENTS]
+    if unknown:
+        make_experiment(unknown[0])
+    given: dict[str, dict[str, Any]] = {name: {} for name in chosen}
+    for setting in settings:
+        left, equals, value = setting.partition("=")
+        name, dot, key = left.rpartition(".")
+        if not dot and len(chosen) == 1:
+            name = chosen[0]
+        if not equals or name not in given:
+            raise click.UsageError(
+                f"--set {setting}: write EXPERIMENT.KEY=VALUE with one of the experiments that run."
+            )
+        given[name][key] = value
+    return [make_experiment(name, given[name]) for name in chosen]
+
+
+Facts = list[tuple[str, str]]
+
+
+def _simulated(
+    experiments: Sequence[Experiment[Any]],
+    model: ParameterSet,
+    variant: str,
+    effects: dict[str, dict[str, float]],
+    options: dict[str, Any],
+) -> tuple[CampaignResult, Facts]:
+    import os
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    import msgspec
+
+    from smad.config import Config, load_config
+    from smad.experiments.campaign import Bench, run_campaign
+    from smad.experiments.inverse import feedforward_of
+
+    file = options["config_file"]
+    config = Config() if file is None else load_config(file)
+    if file is None:
+        # The inverse of the very model that is simulated, as a user would configure it.
+        control = msgspec.structs.replace(
+            config.control, feedforward=feedforward_of(model, variant)
+        )
+        config = msgspec.structs.replace(config, control=control)
+    bench = Bench(
+        model,
+        config,
+        options["seed"],
+        variant,
+        effects,
+        frozenset(options["lacking"]),
+        options["save_logs"],
+    )
+    facts = [("bench", f"simulated, {variant}, seed {options['seed']}")]
+    jobs = options["jobs"] or os.cpu_count() or 1
+    trials = sum(len(experiment.trials()) for experiment in experiments)
+    with progress() as line:
+        if min(jobs, trials) == 1:
+            return run_campaign(experiments, bench, model, progress=line.say), facts
+        with ProcessPoolExecutor(min(jobs, trials), mp_context=get_context("spawn")) as pool:
+            return run_campaign(experiments, bench, model, pool, line.say), facts
+
+
+def _live(
+    experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
+) -> tuple[CampaignResult, Facts]:
+    from smad.cli.output import client
+    from smad.experiments.campaign import run_on
+    from smad.experiments.live import LiveDriver
+
+    with client(options["bench"]) as connected, progress() as line:
+        driver = LiveDriver(
+            connected,
+            fixture=options["fixture"],
+            cooling="air" if options["air"] else "water",
+            progress=line.say,
+        )
+        try:
+            result = run_on(experiments, driver, model, line.say)
+        finally:
+            connected.disarm()
+    return result, [("bench", options["bench"])]
+
+
+def _from_logs(
+    experiments: Sequence[Experiment[Any]], model: ParameterSet, logs: Sequence[Path]
+) -> tuple[CampaignResult, Facts]:
+    from smad.experiments.campaign import run_on
+    from smad.experiments.logs import LogDriver
+
+    return run_on(experiments, LogDriver(logs), model), [("logs", str(len(logs)))]
+
+
+def _finish(
+    result: CampaignResult, model: ParameterSet, facts: Facts, options: dict[str, Any]
+) -> None:
+    from smad.experiments.report import campaign_page, comparison_table, recovery_table
+    from smad.report.page import text_table, write_page
+
+    given = model if options["sim"] and not options["logs"] else None
+    click.echo(text_table(comparison_table(result)))
+    if result.estimates:
+        click.echo(text_table(recovery_table(result.estimates, model, given)))
+    path = write_page(campaign_page(result, model, given=given, facts=facts), options["report"])
+    click.echo(f"page  {path}")
+    if options["save_parameters"] is not None:
+        from sim_device.plant.parameters import parameters_text
+
+        _write_text(options["save_parameters"], parameters_text(result.recovered))
+        click.echo(f"parameters  {options['save_parameters']}")
+
+
+def _write_text(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SmadError(
+            f"the parameter file cannot be written ({error.strerror})",
+            value=str(path),
+            action="choose another file with --save-parameters",
+        ) from None

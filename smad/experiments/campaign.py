@@ -1,0 +1,163 @@
+"""Several experiments at once, in virtual time: trials spread over processes, then the analyses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sim_device.plant.parameters import ParameterSet
+from smad.config import Config
+from smad.experiments.base import Experiment, Findings
+from smad.experiments.driver import Driver, require
+from smad.experiments.estimate import Estimate, with_estimates
+from smad.experiments.virtual import VirtualDriver
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The simulated bench of a campaign: everything that a worker process needs to make it."""
+
+    parameters: ParameterSet
+    config: Config = field(default_factory=Config)
+    seed: int = 0
+    variant: str = "extended"
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    lacking: frozenset[str] = frozenset()
+    folder: Path | None = None
+
+    def driver(self, progress: Progress | None = None) -> VirtualDriver:
+        """A driver of this bench."""
+        return VirtualDriver(
+            self.parameters,
+            config=self.config,
+            seed=self.seed,
+            variant=self.variant,
+            effects=self.effects,
+            lacking=self.lacking,
+            folder=self.folder,
+            progress=progress,
+        )
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one experiment found, and the parameters of the model it was analysed with."""
+
+    experiment: Experiment[Any]
+    findings: Findings
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """All results, and the parameter set with everything that was recovered."""
+
+    results: tuple[Result, ...]
+    estimates: tuple[Estimate, ...]
+    recovered: ParameterSet
+
+
+def run_campaign(
+    experiments: Sequence[Experiment[Any]],
+    bench: Bench,
+    model: ParameterSet,
+    executor: Executor | None = None,
+    progress: Progress = lambda text: None,
+) -> CampaignResult:
+    """Run the experiments on the simulated bench and analyse them against `model`.
+
+    Trials go to `executor` (a process pool, or anything that looks like one); without one they run
+    here. What is lacking is found before anything runs. Raises BenchLacksError and ExperimentError.
+    """
+    for experiment in experiments:
+        require(bench.driver(), experiment.needs, experiment.name)
+    outcomes = (
+        _conduct_here(experiments, bench, progress)
+        if executor is None
+        else _conduct_there(experiments, bench, executor, progress)
+    )
+    return conclude_all(experiments, outcomes, model)
+
+
+def run_on(
+    experiments: Sequence[Experiment[Any]],
+    driver: Driver,
+    model: ParameterSet,
+    progress: Progress = lambda text: None,
+) -> CampaignResult:
+    """The same, one after the other on one driver, such as a real bench."""
+    for experiment in experiments:
+        require(driver, experiment.needs, experiment.name)
+    outcomes: dict[str, dict[str, Any]] = {}
+    for experiment in experiments:
+        done = outcomes.setdefault(experiment.name, {})
+        for trial in experiment.trials():
+            progress(trial)
+            done[trial] = experiment.conduct(trial, driver)
+    return conclude_all(experiments, outcomes, model)
+
+
+def conclude_all(
+    experiments: Sequence[Experiment[Any]],
+    outcomes: Mapping[str, Mapping[str, Any]],
+    model: ParameterSet,
+) -> CampaignResult:
+    """Analyse the outcomes, each experiment with what the ones before it have recovered.
+
+    A later estimate of the same parameter replaces an earlier one.
+    """
+    estimates: dict[str, Estimate] = {}
+    results = []
+    current = model
+    for experiment in experiments:
+        findings = experiment.conclude(outcomes[experiment.name], current)
+        results.append(Result(experiment, findings))
+        if findings.estimates:
+            estimates.update({estimate.name: estimate for estimate in findings.estimates})
+            current = with_estimates(
+                model, list(estimates.values()), f"Recovered, starting from: {model.title}"
+            )
+    return CampaignResult(tuple(results), tuple(estimates.values()), current)
+
+
+def _conduct_one(experiment: Experiment[Any], trial: str, bench: Bench) -> Any:
+    return experiment.conduct(trial, bench.driver())
+
+
+def _conduct_here(
+    experiments: Sequence[Experiment[Any]], bench: Bench, progress: Progress
+) -> dict[str, dict[str, Any]]:
+    return {
+        experiment.name: {
+            trial: experiment.conduct(trial, bench.driver(progress))
+            for trial in experiment.trials()
+        }
+        for experiment in experiments
+    }
+
+
+def _conduct_there(
+    experiments: Sequence[Experiment[Any]], bench: Bench, executor: Executor, progress: Progress
+) -> dict[str, dict[str, Any]]:
+    # The experiment with the most trials first: its long ones would otherwise be left at the end.
+    order = sorted(experiments, key=lambda experiment: -len(experiment.trials()))
+    places = {
+        executor.submit(_conduct_one, experiment, trial, bench): (experiment.name, trial)
+        for experiment in order
+        for trial in experiment.trials()
+    }
+    outcomes: dict[str, dict[str, Any]] = {experiment.name: {} for experiment in experiments}
+    try:
+        for count, future in enumerate(as_completed(places), 1):
+            name, trial = places[future]
+            outcomes[name][trial] = future.result()
+            progress(f"{count} of {len(places)} runs done, last {trial}")
+    except BaseException:
+        for future in places:
+            future.cancel()
+        raise
+    return outcomes

@@ -1,0 +1,56 @@
+"""The constants of the inverse model from a parameter file, as the controller takes them."""
+
+from __future__ import annotations
+
+from sim_device.plant.parameters import ParameterSet
+from smad.config import FeedforwardConfig
+
+ZERO_C = 273.15
+WIRE_K = 313.0
+ABOVE_WATER_K = 5.0
+"""Where the film coefficients are taken: they vary by a fifth over the range of the actuator."""
+
+
+def feedforward_of(parameters: ParameterSet, variant: str = "extended") -> FeedforwardConfig:
+    """The section `[control.feedforward]` for these parameters, switched off.
+
+    All per metre of wire. The film coefficients are those of the plant (Eqs (19)–(25)) at a wire of
+    313 K, 5 K above its water. Raises ModelError for an unknown variant.
+    """
+    from sim_device.plant import kernel as k
+    from sim_device.plant.setup import Setup
+
+    setup = Setup.make(
+        parameters, variant=variant, fixture="antagonistic", cooling="water", effects={}
+    )
+    p = setup.p
+    full_flow = float(p[k.P_FLOW_MAX])
+
+    def film(flow: float) -> float:
+        speed = flow * float(p[k.P_AREA_INV])
+        return float(k.film(WIRE_K, WIRE_K - ABOVE_WATER_K, speed, p, setup.table))
+
+    return FeedforwardConfig(
+        wire_capacity_J_per_m_K=_rounded(p[k.P_MC_H]),
+        water_capacity_J_per_m_K=_rounded(p[k.P_CW] * p[k.P_SHARE]),
+        film_still_W_per_m_K=_rounded(film(0.0)),
+        film_flow_W_per_m_K=_rounded(film(full_flow)),
+        flow_W_per_m_K=_rounded(p[k.P_FLOW_G] * full_flow),
+        loss_W_per_m_K=_rounded(p[k.P_UA]),
+        heat_W_per_m_A2=_rounded(p[k.P_OHM_M]),
+        austenite_start_degC=_rounded(parameters["austenite_start"] - ZERO_C),
+        slope_austenite_MPa_per_K=_rounded(parameters["slope_austenite"] * 1e-6),
+        martensite_start_degC=_rounded(parameters["martensite_start"] - ZERO_C),
+        slope_martensite_MPa_per_K=_rounded(parameters["slope_martensite"] * 1e-6),
+        stress_start_MPa=_rounded(parameters["stress_start"] * 1e-6),
+        stress_MPa_per_N=_rounded(p[k.P_C1] * 1e-6),
+        inlet_degC=_rounded(parameters["water_temperature"] - ZERO_C),
+        fill_time_s=_rounded(1.0 / (p[k.P_FILL_RATE] * full_flow)),
+        drain_time_s=_rounded(parameters["drain_time"]),
+        drain_ratio=_rounded(parameters["drain_film"]),
+    )
+
+
+def _rounded(value: float) -> float:
+    """Four digits: a configuration file is read by people."""
+    return float(f"{float(value):.4g}")

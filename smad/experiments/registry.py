@@ -1,0 +1,37 @@
+"""The experiments by name. Each module is imported only when its experiment is asked for."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from typing import Any
+
+from smad.experiments.base import Experiment, options_from
+from smad.experiments.errors import ExperimentError
+
+EXPERIMENTS: Mapping[str, str] = {
+    "dsc": "smad.experiments.dsc:Dsc",
+    "resistance": "smad.experiments.resistance:Resistance",
+    "fig4-stretch": "smad.experiments.fig4_stretch:Fig4Stretch",
+    "fig5-block": "smad.experiments.fig5_block:Fig5Block",
+    "fig9-cycle": "smad.experiments.fig9_cycle:Fig9Cycle",
+    "fig10-thermal": "smad.experiments.fig10_thermal:Fig10Thermal",
+    "fig11-tracking": "smad.experiments.fig11_tracking:Fig11Tracking",
+    "fig12-frequency": "smad.experiments.fig12_frequency:Fig12Frequency",
+    "fig13-segment": "smad.experiments.fig13_segment:Fig13Segment",
+}
+"""In the order of the report. What recovers parameters comes first; later analyses use them."""
+
+
+def make_experiment(name: str, settings: Mapping[str, Any] | None = None) -> Experiment[Any]:
+    """The experiment of that name. Raises ExperimentError for an unknown name or setting."""
+    if name not in EXPERIMENTS:
+        raise ExperimentError(
+            "there is no such experiment",
+            value=name,
+            limit=", ".join(EXPERIMENTS),
+            action="`smad run --list` shows what each needs",
+        )
+    module, _, attribute = EXPERIMENTS[name].partition(":")
+    kind: type[Experiment[Any]] = getattr(importlib.import_module(module), attribute)
+    return kind(options_from(kind.options_type, settings or {}, name))
