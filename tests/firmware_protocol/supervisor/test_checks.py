@@ -264,10 +264,10 @@ def test_a_reading_that_rises_slower_than_any_good_spring_leaves_the_envelope() 
     # NOT_HEATING would be there first.
     rig.supervisor.limits.unheated_energy_mJ = 10**9
 
-    def quarter(m: Measurements) -> None:
-        m.rtd_cC[0] = 2700 + (m.rtd_cC[0] - 2700) // 4 + rig.now_us // 10_000 % 2
+    def damp(m: Measurements) -> None:
+        m.rtd_cC[0] = 2700 + (m.rtd_cC[0] - 2700) // 10 + rig.now_us // 10_000 % 2
 
-    rig.spoil = quarter
+    rig.spoil = damp
     fault, channel, took = trips(rig, 60.0)
     assert (fault, channel) == (Fault.MODEL_RESIDUAL, Channel.SPRING_X)
     assert rig.supervisor.first_fault is not None
