@@ -544,7 +544,7 @@ def settle(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> boo
     low = star - w[W_LAM_H]
     high = star + w[W_LAM_C]
     T = w[W_GUESS]
-    if T < low or T > high:
+    if not low <= T <= high:
         T = star
     found = False
     rough = 0.0

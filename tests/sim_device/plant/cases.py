@@ -1,0 +1,23 @@
+"""Drives that the plant's tests share."""
+
+import numpy as np
+
+from sim_device.plant import Inputs
+
+
+def alternating(seconds=40.0, amps=3.6, period_s=16.0, heat_s=5.0, step_s=0.01):
+    """X and Y heated in turn, each cooled by its pump afterwards."""
+    t = np.arange(int(seconds / step_s)) * step_s
+    phase_x = t % period_s
+    phase_y = (t + period_s / 2) % period_s
+    late = t > period_s / 2 - 2
+    i_A = np.column_stack([amps * (phase_x < heat_s), amps * (phase_y < heat_s) * late])
+    i_A[0] = 0.0
+    cool_x = (phase_x > heat_s + 0.5) & (phase_x < period_s - 2)
+    cool_y = (phase_y > heat_s + 0.5) & (phase_y < period_s - 2) & late
+    return Inputs(t, i_A, 0.8 * np.column_stack([cool_x, cool_y]))
+
+
+def still(t, **series):
+    """No current, no water: for replays that are fed."""
+    return Inputs(t, np.zeros((t.size, 2)), np.zeros((t.size, 2)), **series)

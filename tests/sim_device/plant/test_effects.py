@@ -1,0 +1,279 @@
+"""The registry of candidate effects: each entry complete, switchable, absent at zero, and acting."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from sim_device.plant import Drive, Inputs, Plant, load_parameters, simulate
+from sim_device.plant import kernel as k
+from sim_device.plant.effects import (
+    EFFECTS,
+    effect,
+    effect_vector,
+    format_effects,
+    parse_effects,
+    resolve,
+)
+from sim_device.plant.effects.record import SIGNALS, SUBSYSTEMS, Prior
+from sim_device.plant.errors import EffectError
+from sim_device.plant.replay import MEASURED, OUTPUTS
+from tests.sim_device.plant.cases import alternating
+
+P = load_parameters("A")
+NAMES = [entry.name for entry in EFFECTS]
+# Channels by signal, with what a bench would resolve of each.
+RESOLVED = {
+    "current": ({"i_x_A", "i_y_A"}, 1e-3),
+    "voltage": ({"v_x_V", "v_y_V"}, 1e-3),
+    "temperature": ({"rtd_x_degC", "rtd_y_degC"}, 0.01),
+    "inlet": ({"rtd_inlet_degC"}, 0.01),
+    "ambient": ({"rtd_ambient_degC"}, 0.01),
+    "displacement": ({"displacement_m"}, 2e-6),
+    "force": ({"force_N"}, 1e-3),
+}
+
+
+def variant_of(name):
+    return dict(effect(name).needs).get("variant", ("extended",))[0]
+
+
+@pytest.fixture(scope="module")
+def bare():
+    inputs = alternating(amps=2.9)
+    return inputs, {v: simulate(P, inputs, variant=v) for v in ("extended", "printed")}
+
+
+def test_the_registry_has_enough_entries_and_each_name_once():
+    assert len(NAMES) == len(set(NAMES)) >= 25
+    assert {entry.subsystem for entry in EFFECTS} == set(SUBSYSTEMS)
+
+
+def test_every_slot_of_the_kernel_belongs_to_one_parameter():
+    slots = [parameter.slot for entry in EFFECTS for parameter in entry.parameters]
+    switches = {k.E_ROUGH, k.E_UNEVEN_STRAIN, k.E_LATE}
+    assert sorted(slots) == sorted(set(range(k.EFFECTS_SIZE)) - switches)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_entry_is_complete(name):
+    entry = effect(name)
+    for text in (entry.title, entry.equation, entry.separated_by, entry.reference):
+        assert len(text) > 4
+    assert entry.signals
+    assert set(entry.signals) <= set(SIGNALS)
+    assert set(entry.confused_with) <= set(NAMES) - {name}
+    assert any(parameter.is_strength for parameter in entry.parameters)
+    for parameter in entry.parameters:
+        assert parameter.low <= parameter.typical <= parameter.high
+        assert parameter.unit
+        assert math.isfinite(parameter.prior.log_density(parameter.typical))
+        if parameter.zero is not None:
+            assert parameter.low <= parameter.zero <= parameter.high
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_zero_strength_is_bit_identical_to_the_plant_without_the_effect(name, bare):
+    inputs, plain = bare
+    variant = variant_of(name)
+    out = simulate(P, inputs, variant=variant, effects={name: effect(name).at(0.0)})
+    for output in OUTPUTS:
+        np.testing.assert_array_equal(out[output], plain[variant][output])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_at_typical_strength_an_effect_shows_in_a_signal_that_it_claims_to_move(name, bare):
+    inputs, plain = bare
+    variant = variant_of(name)
+    out = simulate(P, inputs, variant=variant, effects={name: {}})
+
+    def change(signal):
+        channels, quantum = RESOLVED[signal]
+        return max(
+            np.sqrt(np.mean((out[c] - plain[variant][c]) ** 2)) / quantum for c in channels
+        )
+
+    assert max(change(signal) for signal in effect(name).signals) > 1.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_effect_moves_no_signal_that_it_does_not_claim(name, bare):
+    inputs, plain = bare
+    variant = variant_of(name)
+    out = simulate(P, inputs, variant=variant, effects={name: {}})
+    claimed = set().union(*(RESOLVED[signal][0] for signal in effect(name).signals))
+    for channel in set(MEASURED) - claimed:
+        np.testing.assert_array_equal(out[channel], plain[variant][channel])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_effect_is_the_same_sample_by_sample_and_in_a_replay(name, bare):
+    inputs, _ = bare
+    variant = variant_of(name)
+    short = Inputs(inputs.t_s[:500], inputs.i_A[:500], inputs.pump_duty[:500])
+    out = simulate(P, short, variant=variant, effects={name: {}})
+    quiet = {entry: 0.0 for entry in P.names if entry.startswith("noise_")}
+    plant = Plant(P.replace(**quiet), variant=variant, effects={name: {}})
+    for n in range(1, 500):
+        row = short.rows[n]
+        plant.advance(
+            Drive(i_A=(row[0], row[1]), pump_duty=(row[2], row[3])), short.t_s[n] - short.t_s[n - 1]
+        )
+    seen = plant.read()
+    assert seen.displacement_m == out["displacement_m"][-1]
+    assert seen.force_N == out["force_N"][-1]
+    assert seen.i_A == (out["i_x_A"][-1], out["i_y_A"][-1])
+    assert seen.rtd_degC[:2] == (out["rtd_x_degC"][-1], out["rtd_y_degC"][-1])
+
+
+def test_all_effects_together_run_and_keep_the_fractions_in_bounds(bare):
+    inputs, _ = bare
+    together = {name: {} for name in NAMES if variant_of(name) == "extended"}
+    out = simulate(P, inputs, effects=together)
+    for side in "xy":
+        total = out[f"xi_S_{side}"] + out[f"xi_T_{side}"]
+        assert out[f"xi_S_{side}"].min() >= 0.0
+        assert out[f"xi_T_{side}"].min() >= 0.0
+        assert total.max() <= 1.0
+    assert out["force_N"].min() > 0.0
+
+
+def test_a_stronger_effect_changes_more(bare):
+    inputs, plain = bare
+    for name in ("driver_gain", "rtd_lag", "tube_friction", "flow_shortfall", "minor_loop"):
+        change = []
+        for level in (0.5, 1.0, 2.0):
+            out = simulate(P, inputs, effects={name: effect(name).at(level)})
+            change.append(
+                sum(
+                    np.sqrt(np.mean((out[c] - plain["extended"][c]) ** 2)) / quantum
+                    for channels, quantum in RESOLVED.values()
+                    for c in channels
+                )
+            )
+        assert change[0] < change[1] < change[2]
+
+
+def test_water_warming_turns_the_printed_variant_into_a_warming_one(bare):
+    inputs, plain = bare
+    out = simulate(P, inputs, variant="printed", effects={"water_warming": {"inverse_share": 1.0}})
+    extended = plain["extended"]["T_x_K"].max() - 300.0
+    assert out["T_x_K"].max() - 300.0 == pytest.approx(extended, rel=0.1)
+    assert plain["printed"]["T_x_K"].max() - 300.0 < 0.5 * extended
+
+
+def test_constant_friction_holds_the_pair_until_the_pull_exceeds_it():
+    t = np.arange(3000) * 0.01
+    i_A = np.column_stack([np.where(t > 0, 1.6, 0.0), 0 * t])
+    inputs = Inputs(t, i_A, 0 * i_A)
+    free = simulate(P, inputs)
+    rubbing = {"coulomb_N": 0.1, "proportional": 0.0, "stribeck": 0.0}
+    held = simulate(P, inputs, effects={"tube_friction": rubbing})
+    pull = held["spring_force_x_N"] - held["spring_force_y_N"]
+    moving = np.diff(held["true_displacement_m"], prepend=0.0) > 1e-9
+    np.testing.assert_allclose(pull[moving], 0.1, atol=1e-6)
+    assert np.abs(pull[~moving]).max() <= 0.1 + 1e-9
+    assert held["true_displacement_m"][-1] < free["true_displacement_m"][-1] - 1e-4
+
+
+def test_proportional_friction_grows_with_the_tension():
+    t = np.arange(3000) * 0.01
+    i_A = np.column_stack([np.where(t > 0, 2.6, 0.0), 0 * t])
+    rubbing = {"coulomb_N": 0.0, "proportional": 0.08, "stribeck": 0.0}
+    out = simulate(P, Inputs(t, i_A, 0 * i_A), effects={"tube_friction": rubbing})
+    pull = out["spring_force_x_N"] - out["spring_force_y_N"]
+    moving = np.diff(out["true_displacement_m"], prepend=0.0) > 1e-8
+    np.testing.assert_allclose(pull[moving], 0.08 * out["true_force_N"][moving], rtol=2e-3)
+
+
+def test_a_delay_shifts_a_channel_by_its_time(bare):
+    inputs, plain = bare
+    out = simulate(
+        P, inputs, effects={"channel_delay": {"displacement_s": 0.055, "temperature_s": 0.1}}
+    )
+    t, u = inputs.t_s, plain["extended"]["displacement_m"]
+    np.testing.assert_allclose(
+        out["displacement_m"][10:], np.interp(t - 0.055, t, u)[10:], atol=1e-12
+    )
+    T = plain["extended"]["rtd_x_degC"]
+    np.testing.assert_allclose(out["rtd_x_degC"][20:], T[10:-10], atol=1e-9)
+    np.testing.assert_array_equal(out["force_N"], plain["extended"]["force_N"])
+
+
+def test_a_lagging_rtd_is_a_first_order_filter_of_the_wire(bare):
+    inputs, plain = bare
+    out = simulate(P, inputs, effects={"rtd_lag": {"tau_s": 0.5}})
+    T = plain["extended"]["rtd_x_degC"]
+    z = T[0]
+    for n in range(1, 1500):
+        z = T[n] + (z - T[n]) * math.exp(-(inputs.t_s[n] - inputs.t_s[n - 1]) / 0.5)
+        assert out["rtd_x_degC"][n] == pytest.approx(z, abs=1e-9)
+
+
+def test_text_becomes_effects_and_back():
+    wanted = parse_effects(["tube_friction:coulomb_N=0.11,proportional=0.06", "rtd_lag"])
+    assert wanted["tube_friction"]["coulomb_N"] == 0.11
+    assert wanted["rtd_lag"] == effect("rtd_lag").typical()
+    assert parse_effects(format_effects(wanted)) == wanted
+    assert parse_effects("driver_gain:gain=0.05") == {"driver_gain": {"gain": 0.05}}
+
+
+def test_strengths_left_out_are_zero_once_one_is_given_and_shapes_are_typical():
+    chosen = resolve({"tube_friction": {"coulomb_N": 0.2}})["tube_friction"]
+    assert chosen["proportional"] == 0.0
+    assert chosen["velocity_m_s"] == effect("tube_friction").typical()["velocity_m_s"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("warp_drive", ["warp_drive", "tube_friction"]),
+        ("rtd_lag:tau=1", ["tau", "tau_s"]),
+        ("rtd_lag:tau_s=-1", ["-1", "0 to 5", "s"]),
+        ("rtd_lag:tau_s=nan", ["nan"]),
+        ("rtd_lag:tau_s", ["param=value"]),
+        ("rtd_lag:tau_s=much", ["param=value"]),
+    ],
+)
+def test_wrong_effects_are_refused_with_what_is_known(text, words):
+    with pytest.raises(EffectError) as error:
+        parse_effects(text)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_an_effect_given_twice_is_refused():
+    with pytest.raises(EffectError, match="twice"):
+        parse_effects(["rtd_lag", "rtd_lag:tau_s=1"])
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("water_warming", {}),
+        ("flow_shortfall", {"cooling": "air"}),
+        ("tendon_slack", {"fixture": "stretch"}),
+    ],
+)
+def test_an_effect_that_cannot_act_in_this_plant_is_refused(name, options):
+    with pytest.raises(EffectError, match=f"{name} needs"):
+        Plant(P, effects={name: {}}, **options)
+    Plant(P, effects={name: effect(name).at(0.0)}, **options)
+
+
+def test_no_effect_is_a_vector_of_zeros():
+    assert not effect_vector({}).any()
+
+
+@pytest.mark.parametrize(
+    ("prior", "low", "high"),
+    [
+        (Prior("normal", 0.3), -4, 4),
+        (Prior("half-normal", 0.3), 0, 4),
+        (Prior("log-normal", 2.0, 0.7), 1e-9, 200),
+    ],
+)
+def test_a_prior_is_a_density(prior, low, high):
+    total, _ = quad(lambda x: math.exp(prior.log_density(x)), low, high, limit=300)
+    assert total == pytest.approx(1.0, abs=1e-6)
