@@ -33,7 +33,7 @@ SCALE = np.array([2.3e-3, 2.3e-3, 2.3e-3, 2.3e-3, 0.05, 0.05, 0.03, 2.5e-3])
 
 BLOCK_s = 0.2
 TICK_s = 0.01
-COARSE = 5  # ticks at a time: for slopes
+COARSE = 10  # ticks at a time: for slopes
 FINE = 2  # for residuals
 REFIT_STEPS = 3
 RELINEARISED = 2
@@ -53,12 +53,21 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class Slopes:
+    """Sensitivities (see :func:`sensitivities`) and the steps at which they were taken."""
+
+    jacobian: Array
+    at: Array
+
+
+@dataclass(frozen=True)
 class Refit:
     """Refitted constants (as steps of their priors), and held-out mean squares by signal."""
 
     steps: Array
     scale: float  # of the effect's magnitude, where it was fitted
     held_out: Array
+    slopes: "Slopes"  # as they were last taken
 
 
 def moved(bench: Bench, steps: Array) -> Bench:
@@ -99,6 +108,11 @@ def _scaled(active: tuple[Active, ...], scale: float) -> Array:
     return magnitudes(tuple(replace(a, magnitude=a.magnitude * scale) for a in active))
 
 
+def slopes_at(bench: Bench, runs: Sequence[Run], active: tuple[Active, ...] = ()) -> Slopes:
+    """Sensitivities at the bench's own constants."""
+    return Slopes(sensitivities(bench, runs, active), np.zeros(len(REFITTED)))
+
+
 def sensitivities(bench: Bench, runs: Sequence[Run], active: tuple[Active, ...] = ()) -> Array:
     """Change of all block means per prior standard deviation, one column a constant.
 
@@ -129,7 +143,7 @@ def refit(
     bench: Bench,
     fit: Sequence[Run],
     held_out: Sequence[Run],
-    jacobian: Array,
+    slopes: Slopes,
     *,
     active: tuple[Active, ...] = (),
     start_scale: float = 1.0,
@@ -137,9 +151,9 @@ def refit(
 ) -> Refit:
     """Fit the constants to `fit` within their priors, from `start`; judge on `held_out`.
 
-    `jacobian` is that of :func:`sensitivities` at `bench`. It is kept while the fit stays near,
-    and taken anew, at most twice, where it has moved by more than one prior deviation. With
-    `active` the Jacobian has one column more and the magnitudes' common scale is fitted too.
+    `slopes` are kept while the fit stays near where they were taken, and taken anew, at most
+    twice, where it has moved by more than one prior deviation. With `active` the Jacobian has one
+    column more and the magnitudes' common scale is fitted too.
     """
     count = len(REFITTED)
     task = _Task(bench, tuple(fit), active)
@@ -148,17 +162,15 @@ def refit(
         x[:count] = start
     if active:
         x[-1] = start_scale - 1.0
-    state = task.evaluate(x)
-    anchor = np.zeros(count)
+    point = task.evaluate(x)
     for _ in range(1 + RELINEARISED):
-        x, state = _descend(task, x, state, jacobian)
-        if np.abs(x[:count] - anchor).max() < FAR:
+        x, point = _descend(task, x, point, slopes.jacobian)
+        if np.abs(x[:count] - slopes.at).max() < FAR:
             break
-        anchor = x[:count].copy()
-        here = moved(bench, anchor)
-        jacobian = sensitivities(here, fit, task.scaled(x))
+        here = moved(bench, x[:count])
+        slopes = Slopes(sensitivities(here, fit, task.scaled(x)), x[:count].copy())
     unseen = _squares(moved(bench, x[:count]), held_out, magnitudes(task.scaled(x)))
-    return Refit(x[:count], 1.0 + float(x[-1]) if active else 1.0, unseen)
+    return Refit(x[:count], 1.0 + float(x[-1]) if active else 1.0, unseen, slopes)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ class Rig:
 
     bench: Bench
     plan: Plan
-    jacobian: Array
+    slopes: oracle.Slopes
     floor_squares: Array
 
     def recorded(self, active: tuple[Active, ...], bench: Bench | None = None) -> list[Run]:
@@ -49,22 +49,23 @@ class Rig:
         return fit, [run for run, role in zip(runs, roles, strict=True) if role == "hold_out"]
 
     def after_refit(
-        self, runs: Sequence[Run], start: Array | None = None
+        self, runs: Sequence[Run], start: Array | None = None, slopes: oracle.Slopes | None = None
     ) -> tuple[oracle.Gap, oracle.Refit]:
         """What remains of the runs' gap when the plant without effects is refitted to them."""
         fit, held_out = self.split(runs)
-        result = oracle.refit(self.bench, fit, held_out, self.jacobian, start=start)
+        result = oracle.refit(self.bench, fit, held_out, slopes or self.slopes, start=start)
         return oracle.excess(result.held_out, self.floor_squares), result
 
 
 def rig(bench: Bench, plan: Plan) -> Rig:
     """Record the plan without effects; its refitted held-out residual is the floor."""
-    blank = Rig(bench, plan, np.zeros((0, 0)), np.ones(len(oracle.SIGNALS)))
+    nothing = oracle.Slopes(np.zeros((0, 0)), np.zeros(0))
+    blank = Rig(bench, plan, nothing, np.ones(len(oracle.SIGNALS)))
     runs = blank.recorded(())
     fit, held_out = blank.split(runs)
-    jacobian = oracle.sensitivities(bench, fit)
-    floor = oracle.refit(bench, fit, held_out, jacobian).held_out
-    return Rig(bench, plan, jacobian, floor)
+    slopes = oracle.slopes_at(bench, fit)
+    floor = oracle.refit(bench, fit, held_out, slopes).held_out
+    return Rig(bench, plan, slopes, floor)
 
 
 @dataclass(frozen=True)
@@ -92,9 +93,11 @@ def find(rig_: Rig, effect: Active, target: float) -> Strength:
     tried: list[tuple[float, float]] = []
     best: Strength | None = None
     start: Array | None = None
+    slopes: oracle.Slopes | None = None
     for _ in range(TRIALS):
         active = replace(effect, magnitude=sign * size)
-        gap, found = rig_.after_refit(rig_.recorded((active,)), start)
+        gap, found = rig_.after_refit(rig_.recorded((active,)), start, slopes)
+        slopes = found.slopes
         here = Strength(active, gap)
         off = abs(np.log(max(gap.worst, 1e-3) / target))
         if best is None or off < abs(np.log(max(best.gap.worst, 1e-3) / target)):
@@ -128,6 +131,6 @@ def _next_size(tried: list[tuple[float, float]], target: float, low: float, high
 def exact_law(rig_: Rig, runs: Sequence[Run], active: tuple[Active, ...]) -> oracle.Gap:
     """Oracle O1: what remains when the true law is inserted and fitted with the constants."""
     fit, held_out = rig_.split(runs)
-    jacobian = oracle.sensitivities(rig_.bench, fit, active)
-    result = oracle.refit(rig_.bench, fit, held_out, jacobian, active=active, start_scale=0.9)
+    slopes = oracle.slopes_at(rig_.bench, fit, active)
+    result = oracle.refit(rig_.bench, fit, held_out, slopes, active=active, start_scale=0.9)
     return oracle.excess(result.held_out, rig_.floor_squares)

@@ -137,7 +137,7 @@ def tick(
     heat: Array,
     scratch: Array,
     out: Array,
-) -> int:
+) -> None:
     """Advance the whole plant by `dt` under inputs `u`; its readings and truths go to `out`."""
     pair[GLANCE] += 1.0
     now = int(pair[GLANCE]) % RING_LENGTH
@@ -150,11 +150,10 @@ def tick(
     heat_x = side[0, AMPERE] ** 2 * side[0, OHM]
     heat_y = side[1, AMPERE] ** 2 * side[1, OHM]
     flows(p, e, cells, side, pair, ring, inlet, heat_x, heat_y, dt)
-    solves = 0
     for s in range(2):
         amperes = current(s, u[I_X + s], p, e, side, pair[TIME], dt)
         stress = wire_stress(s, p, e, cells, side, pair)
-        solves += tube(
+        tube(
             s,
             amperes,
             stress,
@@ -176,7 +175,6 @@ def tick(
     ring[RING_FORCE, now] = pair[FORCE_X]
     read(inlet, u[AMBIENT], dt, p, e, cells, side, pair, ring, out)
     truth(cells, side, pair, out[11:])
-    return solves
 
 
 @compiled
@@ -193,12 +191,10 @@ def replay(
     heat: Array,
     scratch: Array,
     out: Array,
-) -> int:
+) -> None:
     """Run `inputs` (n, 8) open loop; readings and truths in `out` (n, columns)."""
-    solves = 0
     for k in range(inputs.shape[0]):
-        solves += tick(p, e, inputs[k], dt, cells, side, pair, ring, rows, heat, scratch, out[k])
-    return solves
+        tick(p, e, inputs[k], dt, cells, side, pair, ring, rows, heat, scratch, out[k])
 
 
 def simulate(bench: Bench, inputs: Array, dt_s: float, effects: Array) -> dict[str, Array]:

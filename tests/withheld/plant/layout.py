@@ -47,8 +47,11 @@ CELL_WIDTH = PLAY + PLAYS
     AMPERE,
     OHM,
     RATE,
+    QUIET,
+    COMPLIANT,
+    FREE_STRAIN,
     SIDE_WIDTH,
-) = range(26)
+) = range(29)
 
 (
     TIME,

@@ -16,11 +16,13 @@ from tests.withheld.plant.compiled import compiled
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     CELLS,
+    COMPLIANT,
     FILL,
     FLOW,
     FORCE_X,
     FORCE_Y,
     FRACTION,
+    FREE_STRAIN,
     FRICTION,
     MOST_TURNED,
     R_PHASE,
@@ -33,7 +35,7 @@ from tests.withheld.plant.layout import (
     X,
 )
 from tests.withheld.plant.parameters import index
-from tests.withheld.plant.phase import turned_by
+from tests.withheld.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
 
 Array = NDArray[np.float64]
 
@@ -62,22 +64,43 @@ COILS_CLOSE_m = 0.020
 
 
 @compiled
-def deflection(s: int, force: float, p: Array, e: Array, cells: Array, side: Array) -> float:
-    """Deflection (m) of the wire of spring `s` under its own force."""
+def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
+    """Set the elastic compliance (m/N) and free strain (m) of spring `s` for this tick."""
     stiffness = p[Y_STIFFNESS] if s == 1 else 1.0
-    stress = force * p[STRESS]
-    turned = turned_by(stress, p)
     strain = p[STRAIN]
     if e[s, DRIFT] > 0.0:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
-        rate = stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction))
-        total += force / rate + strain * fraction * max(cells[s, i, TURNED], turned)
+        total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, R_PHASES] > 0.0:
-            total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * stress / 57.0
-    return total / CELLS
+            total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
+    side[s, COMPLIANT] = total / CELLS
+    side[s, FREE_STRAIN] = strain / CELLS
+
+
+@compiled
+def deflection(s: int, force: float, p: Array, cells: Array, side: Array) -> tuple[float, float]:
+    """Deflection (m) of the wire of spring `s` under its own force, and its slope (m/N)."""
+    turned = 0.0
+    rate = 0.0
+    excess = (force * p[STRESS] - p[TURN_ONSET]) / p[TURN_SCALE]
+    if excess > 0.0:
+        power = excess ** p[TURN_POWER]
+        left = math.exp(-power)
+        turned = 1.0 - left
+        rate = left * p[TURN_POWER] * power / excess * p[STRESS] / p[TURN_SCALE]
+    length = side[s, COMPLIANT] * force
+    slope = side[s, COMPLIANT]
+    for i in range(CELLS):
+        share = side[s, FREE_STRAIN] * cells[s, i, FRACTION]
+        if turned > cells[s, i, TURNED]:
+            length += share * turned
+            slope += share * rate
+        else:
+            length += share * cells[s, i, TURNED]
+    return length, slope
 
 
 @compiled
@@ -87,14 +110,15 @@ def pull(
     """Tendon force (N) of spring `s` at a deflection (m), and its slope (N/m)."""
     force = max(guess, 1e-3)
     slope = 1.0
-    if deflection(s, 0.0, p, e, cells, side) >= length:
+    slack, _ = deflection(s, 0.0, p, cells, side)
+    if slack >= length:
         force = 0.0
     else:
         low = 0.0
         high = 60.0
         for _ in range(40):
-            here = deflection(s, force, p, e, cells, side)
-            slope = 1e-4 / (deflection(s, force + 1e-4, p, e, cells, side) - here)
+            here, softness = deflection(s, force, p, cells, side)
+            slope = 1.0 / softness
             step = (length - here) * slope
             if abs(step) < 1e-7:
                 break
@@ -185,6 +209,8 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     force_x = pair[FORCE_X]
     force_y = pair[FORCE_Y]
     bristle = 0.0
+    for s in range(2):
+        soften(s, p, e, cells, side)
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
         longer, slope_t = longer_tendon(force_y, pair[TIME], e)

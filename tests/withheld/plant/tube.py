@@ -29,6 +29,7 @@ from tests.withheld.plant.layout import (
     PLAY,
     PLAYS,
     POCKET,
+    QUIET,
     R_PHASE,
     RATE,
     RESERVOIR,
@@ -285,14 +286,16 @@ def tube(
     heat: Array,
     rows: Array,
     scratch: Array,
-) -> int:
-    """Advance spring `s` and its water by one tick; how many implicit solves it took."""
+) -> None:
+    """Advance spring `s` and its water by one tick."""
+    calm = abs(amperes - side[s, AMPERE]) < 0.02
     side[s, AMPERE] = amperes
     source = inlet + pair[RESERVOIR]
     wet_shares(s, e, cells, side, source, dt)
     pockets(s, e, cells, side, luck, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, heat, rows)
-    solves = advance(
+    left = int(side[s, QUIET]) if calm else 0
+    side[s, QUIET] = advance(
         cells[s],
         rows,
         p[WIRE_HEAT] / CELLS,
@@ -304,6 +307,7 @@ def tube(
         dt,
         p,
         scratch,
+        left,
     )
     if side[s, FLOW] > 0.0:
         last = cells[s, CELLS - 1, W]
@@ -317,7 +321,6 @@ def tube(
     side[s, SHUNT] = approach(side[s, SHUNT], warmth / 16.0, dt, 10.0)
     if e[s, WATER_SHUNT] > 0.0:
         side[s, OHM] *= max(0.3, 1.0 - 0.5 * leaves_through_water(s, e, cells))
-    return solves
 
 
 @compiled
