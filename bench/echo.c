@@ -1,10 +1,11 @@
 /* The least a host can do, for comparison with the daemon: it answers each STATE with a SETPOINT.
  *
- * echo PORT SECONDS PRIORITY     PORT is a tty, or fd:N for an inherited socket; priority 0 is
- *                                ordinary scheduling, else SCHED_FIFO with locked memory.
+ * echo PORT SECONDS PRIORITY FILE    PORT is a tty, or fd:N for an inherited socket; priority 0 is
+ *                                     ordinary scheduling, else SCHED_FIFO with locked memory.
  *
- * Prints one line of JSON: samples, missed, and percentiles (us) of the time from after the read
- * of a STATE to after the write of its SETPOINT. Samples of the first second do not count. */
+ * Prints one line of JSON: samples and missed. Writes to FILE, for each sample after the first
+ * second, two 64-bit numbers: when its STATE had been read (ns, monotonic clock), and how long
+ * after that its SETPOINT had been written. */
 
 #define _GNU_SOURCE
 #include <errno.h>
@@ -27,7 +28,7 @@
 #define HELLO_EVERY_NS 200000000LL
 #define TTL_MS 100
 
-static int64_t took_ns[CAPACITY];
+static int64_t times_ns[2 * CAPACITY];
 static size_t taken;
 
 static int64_t now_ns(void)
@@ -84,22 +85,10 @@ static void answer(int fd, const struct smad_state *state, uint16_t session)
         fprintf(stderr, "echo: %s\n", strerror(errno));
 }
 
-static int by_size(const void *a, const void *b)
-{
-    int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-    return (x > y) - (x < y);
-}
-
-static double percentile_us(double share)
-{
-    size_t at = (size_t)(share * (double)taken);
-    return taken == 0 ? 0.0 : (double)took_ns[at < taken ? at : taken - 1] / 1e3;
-}
-
 int main(int count, char **argument)
 {
-    if (count != 4) {
-        fprintf(stderr, "usage: echo PORT SECONDS PRIORITY\n");
+    if (count != 5) {
+        fprintf(stderr, "usage: echo PORT SECONDS PRIORITY FILE\n");
         return 2;
     }
     int fd = open_port(argument[1]);
@@ -148,12 +137,16 @@ int main(int count, char **argument)
             continue;
         answer(fd, &newest, session);
         int64_t written_at = now_ns();
-        if (written_at - begin > SETTLING_NS && taken < CAPACITY)
-            took_ns[taken++] = written_at - read_at;
+        if (written_at - begin > SETTLING_NS && taken < CAPACITY) {
+            times_ns[2 * taken] = read_at;
+            times_ns[2 * taken++ + 1] = written_at - read_at;
+        }
     }
-    qsort(took_ns, taken, sizeof took_ns[0], by_size);
-    printf("{\"samples\": %ld, \"missed\": %ld, \"p50_us\": %.2f, \"p99_us\": %.2f, "
-           "\"p999_us\": %.2f}\n",
-           samples, missed, percentile_us(0.5), percentile_us(0.99), percentile_us(0.999));
+    FILE *file = fopen(argument[4], "wb");
+    if (file == NULL || fwrite(times_ns, 16, taken, file) != taken || fclose(file) != 0) {
+        fprintf(stderr, "echo: cannot write %s: %s\n", argument[4], strerror(errno));
+        return 1;
+    }
+    printf("{\"samples\": %ld, \"missed\": %ld}\n", samples, missed);
     return samples > 0 ? 0 : 1;
 }

@@ -1,11 +1,13 @@
 /* How late a real-time thread wakes on this machine, beside whatever else runs.
  *
- * sentinel SECONDS PRIORITY CORE    wakes 1000 times a second on an absolute grid and prints one
- *                                   line of JSON with percentiles (us) of its lateness. */
+ * sentinel SECONDS PRIORITY CORE FILE    wakes 1000 times a second on an absolute grid and writes
+ *                                        to FILE, for each time, two 64-bit numbers: when it was
+ *                                        due (ns, monotonic clock), and how late it was. */
 
 #define _GNU_SOURCE
 #include <errno.h>
 #include <sched.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,18 +18,12 @@
 #define PERIOD_NS 1000000L
 #define CAPACITY 1000000
 
-static long late_ns[CAPACITY];
-
-static int by_size(const void *a, const void *b)
-{
-    long x = *(const long *)a, y = *(const long *)b;
-    return (x > y) - (x < y);
-}
+static int64_t times_ns[2 * CAPACITY];
 
 int main(int count, char **argument)
 {
-    if (count != 4) {
-        fprintf(stderr, "usage: sentinel SECONDS PRIORITY CORE\n");
+    if (count != 5) {
+        fprintf(stderr, "usage: sentinel SECONDS PRIORITY CORE FILE\n");
         return 2;
     }
     long wanted = (long)(atof(argument[1]) * 1000), taken = 0;
@@ -50,11 +46,15 @@ int main(int count, char **argument)
         }
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
         clock_gettime(CLOCK_MONOTONIC, &now);
-        late_ns[taken++] = (now.tv_sec - due.tv_sec) * 1000000000L + now.tv_nsec - due.tv_nsec;
+        times_ns[2 * taken] = due.tv_sec * 1000000000LL + due.tv_nsec;
+        times_ns[2 * taken + 1] = now.tv_sec * 1000000000LL + now.tv_nsec - times_ns[2 * taken];
+        taken++;
     }
-    qsort(late_ns, (size_t)taken, sizeof late_ns[0], by_size);
-    printf("{\"samples\": %ld, \"p50_us\": %.2f, \"p99_us\": %.2f, \"p999_us\": %.2f}\n", taken,
-           (double)late_ns[taken / 2] / 1e3, (double)late_ns[taken * 99 / 100] / 1e3,
-           (double)late_ns[taken * 999 / 1000] / 1e3);
+    FILE *file = fopen(argument[4], "wb");
+    if (file == NULL || fwrite(times_ns, 16, (size_t)taken, file) != (size_t)taken ||
+        fclose(file) != 0) {
+        fprintf(stderr, "sentinel: cannot write %s: %s\n", argument[4], strerror(errno));
+        return 1;
+    }
     return 0;
 }

@@ -31,6 +31,7 @@ SIMULATED_BAUD = 921_600
 )
 @click.option("--fault", "faults", multiple=True, help="With --sim: see smad sim --help.")
 @click.option("--fd", type=int, hidden=True, help="An inherited socket instead of a port.")
+@click.option("--trace", "trace_path", type=click.Path(path_type=Path), hidden=True)
 @click.option("--no-realtime", is_flag=True, help="Ask for no real-time measures.")
 def start(
     *,
@@ -45,6 +46,7 @@ def start(
     paced_by_host: bool,
     faults: tuple[str, ...],
     fd: int | None,
+    trace_path: Path | None,
     no_realtime: bool,
 ) -> int:
     """Run the daemon in the foreground until ctrl-C, which disarms.
@@ -60,7 +62,7 @@ def start(
                 "--speed, --seed, --paced-by-host and --fault need --sim",
                 action="add --sim, or leave them out",
             )
-        return _on_board(config, port) if fd is None else _on_socket(config, fd)
+        return _on_board(config, port, trace_path, fd)
     if port is not None:
         raise ConfigError(
             "--port and --sim exclude each other",
@@ -106,30 +108,16 @@ def _settled(path: Path | None, *, bench: str | None, rate: str | None, baud: in
     return config
 
 
-def _on_board(config: Config, port: str | None) -> int:
+def _on_board(config: Config, port: str | None, trace_path: Path | None, fd: int | None) -> int:
     if port is not None:
         config = replaced(config, "link", port=port)
-    if not config.link.port:
+    if fd is None and not config.link.port:
         raise ConfigError(
             "no port is named",
             limit="--port DEVICE, or link.port in the configuration",
             action="look in /dev/serial/by-id, or try smad start --sim",
         )
-    return _run(config, None)
-
-
-def _on_socket(config: Config, fd: int) -> int:
-    import socket
-
-    from smad.daemon.lifecycle import run
-    from smad.daemon.port import SocketTransport, Transport
-
-    def open_socket() -> Transport:
-        return SocketTransport(socket.socket(fileno=fd))
-
-    ended = run(config, open_socket, check_baud=False)
-    click.echo(f"smad: {ended.line}", err=True)
-    return ended.status
+    return _run(config, None, trace_path=trace_path, fd=fd)
 
 
 def _on_simulation(
@@ -164,18 +152,36 @@ def _parameter_text(config: Config) -> str:
     return (resources.files("sim_device") / "plant" / "data" / "set_a.toml").read_text()
 
 
-def _run(config: Config, parameter_text: str | None) -> int:
+def _run(
+    config: Config,
+    parameter_text: str | None,
+    *,
+    trace_path: Path | None = None,
+    fd: int | None = None,
+) -> int:
     from smad.daemon.lifecycle import run
-    from smad.daemon.port import PortFinder, SerialTransport, open_serial
+    from smad.daemon.port import PortFinder, SocketTransport, Transport, open_serial
+    from smad.daemon.trace import Trace
 
     finder = PortFinder(config.link.port)
 
-    def open_port() -> SerialTransport:
+    def open_port() -> Transport:
         path = finder.find()
         transport = open_serial(path, config.link.baud)
         finder.remember(path)
         return transport
 
-    ended = run(config, open_port, parameter_text=parameter_text)
+    def open_socket() -> Transport:
+        import socket
+
+        return SocketTransport(socket.socket(fileno=fd))
+
+    ended = run(
+        config,
+        open_port if fd is None else open_socket,
+        parameter_text=parameter_text,
+        check_baud=fd is None,
+        trace=None if trace_path is None else Trace(trace_path),
+    )
     click.echo(f"smad: {ended.line}", err=True)
     return ended.status

@@ -19,6 +19,7 @@ from smad.control.controller import Controller
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.daemon.histogram import Histogram
+from smad.daemon.trace import Trace
 
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
 _TICKS = 0xFFFF
@@ -71,6 +72,7 @@ class ControlTask:
         wall_clock: Callable[[], float] = time.time,
         stopwatch_ns: Callable[[], int] = time.perf_counter_ns,
         queue: int = 1000,
+        trace: Trace | None = None,
     ) -> None:
         self.session = session
         self.controller = controller
@@ -91,6 +93,7 @@ class ControlTask:
         self._wall_clock = wall_clock
         self._stopwatch_ns = stopwatch_ns
         self._queue = queue
+        self._trace = trace
         self._time = BoardTime()
         self._last_tick: int | None = None
         self._last_age_seq = -1
@@ -157,7 +160,10 @@ class ControlTask:
             self.counts.setpoints += 1
         else:
             self.counts.setpoints_dropped += 1
-        self.own_share.add(self._stopwatch_ns() - began_ns)
+        took_ns = self._stopwatch_ns() - began_ns
+        self.own_share.add(took_ns)
+        if self._trace is not None:
+            self._trace.add(began_ns, took_ns)
         self._observe(state, sample, began_ns)
         self._finish(sample, state, setpoint)
 

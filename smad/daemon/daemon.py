@@ -37,6 +37,7 @@ from smad.daemon.server import CommandServer, Send
 from smad.daemon.service import Service
 from smad.daemon.status import CommandCounts, StatusReport
 from smad.daemon.telemetry import Publisher
+from smad.daemon.trace import Trace
 from smad.daemon.watch import BoardWatch
 from smad.errors import SmadError
 from smad.runlog.schema import Event, EventKind, LinkSample
@@ -67,6 +68,7 @@ class Daemon:
         notifier: Notifier,
         nonce: int,
         parameter_text: str | None = None,
+        trace: Trace | None = None,
         clock_us: Callable[[], int] = monotonic_us,
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
@@ -106,6 +108,7 @@ class Daemon:
             on_finished=self._on_finished,
             clock_us=clock_us,
             wall_clock=wall_clock,
+            trace=trace,
         )
         self.requests = BoardRequests(self.session, clock_us, self.control.flush)
         self.watch = BoardWatch(

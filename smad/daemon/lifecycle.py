@@ -36,6 +36,7 @@ from smad.daemon.journal import Journal
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
 from smad.daemon.port import Transport
+from smad.daemon.trace import Trace
 from smad.daemon.wirerate import check_rate
 from smad.errors import DaemonError, PortError
 
@@ -56,24 +57,31 @@ def run(
     *,
     parameter_text: str | None = None,
     check_baud: bool = True,
+    trace: Trace | None = None,
 ) -> Ended:
     """Run a daemon until a signal, and return how it ended.
 
     `parameter_text` marks a simulated bench. `check_baud` off: the transport has no baud rate.
+    `trace` is for a benchmark: every step's time, saved at the end.
     Raises SmadError when it cannot start.
     """
     if check_baud:
         check_rate(config.link.rate_hz, config.link.baud)
-    return asyncio.run(_Life(config, opener, parameter_text).live())
+    return asyncio.run(_Life(config, opener, parameter_text, trace).live())
 
 
 class _Life:
     def __init__(
-        self, config: Config, opener: Callable[[], Transport], parameter_text: str | None
+        self,
+        config: Config,
+        opener: Callable[[], Transport],
+        parameter_text: str | None,
+        trace: Trace | None,
     ) -> None:
         self._config = config
         self._opener = opener
         self._parameter_text = parameter_text
+        self._trace = trace
         folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
         self._endpoints = Endpoints(folder, config.daemon.bench)
         self._journal = Journal()
@@ -98,6 +106,7 @@ class _Life:
             notifier=self._notifier,
             nonce=secrets.randbits(32),
             parameter_text=self._parameter_text,
+            trace=self._trace,
         )
         loop.set_exception_handler(lambda _, details: _callback_died(daemon, details))
         measures: realtime.Realtime | None = None
@@ -112,6 +121,8 @@ class _Life:
         finally:
             self._endpoints.connection_file.unlink(missing_ok=True)
             await daemon.close()
+            if self._trace is not None:
+                self._trace.save()
             context.destroy(linger=0)
             if measures is not None:
                 measures.close()
