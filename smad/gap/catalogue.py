@@ -88,7 +88,9 @@ def _levels(amplitude: float, dwell: float, rng: np.random.Generator) -> Sequenc
 
 
 def _sines(rng: np.random.Generator) -> Sequence[At]:
-    first = Sine(amplitude_mm=float(rng.uniform(1.5, 3)), period_s=float(rng.uniform(6, 9)), cycles=4)
+    first = Sine(
+        amplitude_mm=float(rng.uniform(1.5, 3)), period_s=float(rng.uniform(6, 9)), cycles=4
+    )
     second = Sine(
         amplitude_mm=float(rng.uniform(4, 7)), period_s=float(rng.uniform(14, 20)), cycles=3
     )

@@ -103,11 +103,10 @@ def bootstrap(fit: Fitted, draws: int, seed: int) -> Array:
     rng = np.random.default_rng(seed)
     weights = resample_weights(ev.cell_run, ev.cell_block, draws, rng)
     lo, hi = fit.space.bounds()
-    mean, precision = fit.space.prior()
-    pull = precision * (fit.p - mean)
+    _, precision = fit.space.prior()
     k = fit.space.size
     Hs = (weights @ H.reshape(len(H), -1)).reshape(draws, k, k) + np.diag(precision + 1e-9)
-    gs = weights @ g - pull
+    gs = (weights - 1.0) @ g
     return np.array(
         [fit.p + solve_box(a, b, lo - fit.p, hi - fit.p) for a, b in zip(Hs, gs, strict=True)]
     )

@@ -24,6 +24,8 @@ from smad.gap.replay import Evidence
 from smad.gap.space import Space
 from smad.gap.whiten import Whitening
 
+_RENEWALS = (2, 5)
+
 FitSteps = Generator[list[ModelPoint], Array, "Fitted"]
 
 
@@ -158,8 +160,8 @@ def fitting(
     """Steps of a fit from `start`; returns a `Fitted`.
 
     `theta_A` are sensitivities of the model parameters to begin with; without them, or with
-    `refresh_theta`, they are computed. Between iterations they follow by Broyden's rule while those
-    of the effects are renewed. `pinned` coordinates stay at the values given (a profile).
+    `refresh_theta`, they are computed, and renewed after some iterations. In between they follow by
+    Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values given (a profile).
     """
     lo, hi = space.bounds()
     for i, value in (pinned or {}).items():
@@ -178,9 +180,9 @@ def fitting(
     elif own:
         A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
         count += len(own)
-    damping = 1e-3
+    damping, total = 1e-3, 0.0
     for iteration in range(iterations):
-        if refresh_theta and iteration > 0 and own:
+        if refresh_theta and iteration in _RENEWALS and own:
             A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
             count += len(own)
         if extra:
@@ -210,7 +212,8 @@ def fitting(
                 damping = max(damping / 10, 1e-6)
                 break
             damping = max(10 * damping, 0.03)
-        if gained < tolerance:
+        total += gained
+        if gained < max(tolerance, 0.003 * total):
             break
     edge = 1e-6 * np.maximum(1.0, hi - lo)
     off = np.array([i >= space.n_theta for i in range(space.size)]) & (np.abs(p) < 1e-9)

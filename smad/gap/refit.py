@@ -16,11 +16,14 @@ def refit(
 ) -> Fitted:
     """Fit of the model parameters within their bounds, from the prior's centre.
 
-    The sensitivities are renewed at every step: this is the fit that all others start from.
+    Afterwards the evidence is calibrated for its coarse step, and the fit is finished with that.
     """
     space = Space(tuple(parameters), (), centre)
     iterations = problem.evidence.settings.refit_iterations
     steps = fitting(
         problem, space, space.start(), iterations=iterations, refresh_theta=True, tolerance=2.0
     )
-    return drive(problem.evidence, [steps])[0]
+    fit = drive(problem.evidence, [steps])[0]
+    problem.evidence.calibrate(fit.point)
+    again = fitting(problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=2.0)
+    return drive(problem.evidence, [again])[0]

@@ -159,6 +159,7 @@ class Evidence:
                     start = stop
             self._keys_of_run.append(keys)
         self.n = start
+        self.coarseness = np.zeros(self.n)
         self.measured = np.zeros(self.n)
         self.valid = np.zeros(self.n, dtype=bool)
         self.t_s = np.zeros(self.n)
@@ -220,8 +221,25 @@ class Evidence:
             futures = [self.executor.submit(self._job(r, points[c])) for r, c in jobs]
             results = [f.result() for f in futures]
         for (r, chunk), values in zip(jobs, results, strict=True):
-            out[chunk, spans[r]] = values
+            out[chunk, spans[r]] = values + self.coarseness[spans[r]]
         return out
+
+    def calibrate(self, point: ModelPoint) -> None:
+        """Learns at `point` what the coarse step of fast replays costs, and takes it off from now on.
+
+        The error of the step hardly changes between neighbouring models, so that fits can use the
+        coarse step and still end at the model of the fine one.
+        """
+        if not self.fast:
+            return
+        self.coarseness = np.zeros(self.n)
+        coarse = self.predict([point])[0]
+        self.fast = False
+        try:
+            fine = self.predict([point])[0]
+        finally:
+            self.fast = True
+        self.coarseness = fine - coarse
 
     def _job(self, r: int, points: Sequence[ModelPoint]) -> Callable[[], Array]:
         return partial(

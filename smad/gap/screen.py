@@ -19,6 +19,7 @@ from smad.gap.lsq import Fitted, Problem
 from smad.gap.plant import Array, Effect, ModelPoint
 
 _REWEIGHTINGS = 4
+_BATCH = 16
 
 
 @dataclass(frozen=True)
@@ -33,11 +34,18 @@ class Probe:
 
 @dataclass(frozen=True)
 class Probes:
-    """Probes and their white signatures S (rows, probes), at the model point of `fit`."""
+    """Probes and their white signatures S (rows, probes), at the model point of `fit`.
+
+    AA (cells, k, k), AS (cells, k, probes) and SS (cells, probes) are the products by cell, so that
+    weighing the cells anew costs next to nothing.
+    """
 
     fit: Fitted
     probes: tuple[Probe, ...]
     S: NDArray[np.float32]
+    AA: Array
+    AS: Array
+    SS: Array
 
 
 @dataclass(frozen=True)
@@ -71,7 +79,7 @@ def probes_of(effect: Effect) -> list[Probe]:
     out = []
     for p in strengths:
         for shape in settings:
-            for level in (0.4, 1.2):
+            for level in (0.25, 1.0):
                 value = float(np.clip(level * p.typical, p.low, p.high))
                 values = {q.name: 0.0 for q in strengths} | shape | {p.name: value}
                 high = p.high / value if value > 0 else p.low / value
@@ -84,43 +92,52 @@ def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
     """Signatures of every probe of `effects` on top of the model of `fit`."""
     everything = [p for e in effects for p in probes_of(e)]
     base = fit.point
-    points = [ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything]
+    points = [
+        ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything
+    ]
     ev = fit.problem.evidence
     S = np.zeros((ev.n, len(points)), dtype=np.float32)
-    size = 16
-    for a, b in pairwise([*range(0, len(points), size), len(points)]):
+    for a, b in pairwise([*range(0, len(points), _BATCH), len(points)]):
         change = ev.predict(points[a:b]) - fit.predicted[None, :]
         S[:, a:b] = fit.problem.whitening.white(np.ascontiguousarray(change.T))
-    return Probes(fit, tuple(everything), S)
+    k, m, cells = fit.space.size, len(points), len(ev.cell_starts)
+    AA, AS, SS = np.empty((cells, k, k)), np.empty((cells, k, m)), np.empty((cells, m))
+    for c, (i, j) in enumerate(zip(ev.cell_starts, ev.cell_stops, strict=True)):
+        A_c, S_c = fit.A[i:j], S[i:j]
+        AA[c], AS[c] = A_c.T @ A_c, A_c.T @ S_c
+        SS[c] = np.einsum("ij,ij->j", S_c, S_c)
+    return Probes(fit, tuple(everything), S, AA, AS, SS)
 
 
 @dataclass(frozen=True)
 class Projected:
-    """Weighted products of signatures with the residual, the refitted parameters projected out."""
+    """Weighted products of signatures with the residual, the refitted parameters projected out.
+
+    `step` is the parameter step without any effect, `follow` (k, probes) how the parameters give
+    way to a unit of each probe.
+    """
 
     b: Array
     d: Array
     full: Array
-    prior_pull: Array
-    theta_of: Array
+    step: Array
+    follow: Array
 
 
-def project(probes: Probes, z: Array, weight: Array) -> Projected:
-    """b = sᵀP⊥z, d = sᵀP⊥s, and sᵀs, with rows weighted; priors act as further rows."""
+def project(probes: Probes, z: Array, cell_weight: Array) -> Projected:
+    """b = sᵀP⊥z, d = sᵀP⊥s, and sᵀs, with cells weighted; priors act as further rows."""
     fit = probes.fit
     mean, precision = fit.space.prior()
-    w = weight.astype(np.float32)
-    A, S = fit.A, probes.S
-    WA, WS = A * w[:, None], S * w[:, None]
-    H = (WA.T @ A).astype(float) + np.diag(precision + 1e-9)
-    B = (WA.T @ S).astype(float)
-    pull = precision * (fit.p - mean)
-    g = WA.T.astype(float) @ z - pull
-    full = np.einsum("ij,ij->j", WS, S, dtype=float)
+    H = np.tensordot(cell_weight, probes.AA, 1) + np.diag(precision + 1e-9)
+    B = np.tensordot(cell_weight, probes.AS, 1)
+    full = cell_weight @ probes.SS
+    wz = (cell_weight[fit.problem.evidence.row_cell] * z).astype(np.float32)
+    g = (wz @ fit.A).astype(float) - precision * (fit.p - mean)
     solved = np.linalg.solve(H, np.column_stack([B, g]))
-    d = full - np.einsum("ij,ij->j", B, solved[:, :-1])
-    b = WS.T.astype(float) @ z - B.T @ solved[:, -1]
-    return Projected(b, np.maximum(d, 1e-9), full, solved[:, -1], solved[:, :-1])
+    follow, step = solved[:, :-1], solved[:, -1]
+    d = full - np.einsum("ij,ij->j", B, follow)
+    b = (wz @ probes.S).astype(float) - B.T @ step
+    return Projected(b, np.maximum(d, 1e-9), full, step, follow)
 
 
 def screen(probes: Probes) -> list[Screened]:
@@ -128,7 +145,7 @@ def screen(probes: Probes) -> list[Screened]:
     fit = probes.fit
     problem = fit.problem
     base_score = problem.cell_score(fit.z).sum()
-    start = project(probes, fit.z, problem.row_weight(fit.z))
+    start = project(probes, fit.z, problem.cell_weight(fit.z))
     gains = np.zeros(len(probes.probes))
     amplitudes = np.zeros(len(probes.probes))
     promising = np.argsort(-np.square(start.b) / start.d)[: max(24, len(probes.probes) // 3)]
@@ -151,7 +168,7 @@ def screen(probes: Probes) -> list[Screened]:
                 probes.probes[best].effect,
                 float(gains[best]),
                 float(amplitudes[best]),
-                float(1 - start.d[visible] / max(start.full[visible], 1e-12)),
+                float(1 - start.d[visible] / max(start.full[visible], start.d[visible])),
                 float(np.sqrt(start.d[visible])),
                 _scaled(probes.probes[best], amplitudes[best]),
                 None if second is None else _scaled(probes.probes[second], amplitudes[second]),
@@ -186,17 +203,24 @@ def _refined(probes: Probes, problem: Problem, i: int | None, base: float) -> tu
     fit = probes.fit
     at = 0 if i is None else i
     p = probes.probes[at]
-    one = Probes(fit, (p,), probes.S[:, at : at + 1])
+    one = Probes(
+        fit,
+        (p,),
+        probes.S[:, at : at + 1],
+        probes.AA,
+        probes.AS[:, :, at : at + 1],
+        probes.SS[:, at : at + 1],
+    )
     s = probes.S[:, at].astype(float)
     z, best, amplitude = fit.z, 0.0, 0.0
     mean, precision = fit.space.prior()
     shift = fit.p - mean
     for _ in range(_REWEIGHTINGS):
-        pr = project(one, fit.z, problem.row_weight(z))
+        pr = project(one, fit.z, problem.cell_weight(z))
         a = 0.0
         if i is not None:
             a = float(np.clip(pr.b[0] / pr.d[0], p.min_amplitude, p.max_amplitude))
-        step = pr.prior_pull - pr.theta_of[:, 0] * a
+        step = pr.step - pr.follow[:, 0] * a
         z = fit.z - a * s - fit.A @ step.astype(np.float32)
         penalty = 0.5 * float(np.sum(precision * ((shift + step) ** 2 - shift**2)))
         gain = float(problem.cell_score(z).sum() - base - penalty)

@@ -97,9 +97,11 @@ def prepare(
         return Problem(e, Whitening(e, own), expected)
 
     problem = problem_of(ev)
-    hold = problem_of(evidence(hold_out)) if hold_out else None
     progress(f"refitting {len(parameters)} parameters")
     fit = refit(problem, parameters, centre)
+    hold = problem_of(evidence(hold_out)) if hold_out else None
+    if hold is not None:
+        hold.evidence.calibrate(fit.point)
     gentle = _plain(fit)
     start = ModelPoint(centre)
     raw = Judged(
@@ -187,11 +189,13 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
     """The open-loop view of the judging runs, with the floor that good runs give it."""
     plant, settings = prepared.plant, prepared.settings
     bench = prepared.problem if prepared.hold is None else prepared.hold
-    ev = Evidence(plant, bench.evidence.runs, open_views(plant), settings, executor)
+    runs = bench.evidence.runs
+    ev = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
     noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].sigma) for k in ev.keys}
     if prepared.background is not None:
         fit = prepared.background.fit
-        good = Evidence(plant, fit.problem.evidence.runs, open_views(plant), settings, executor)
+        runs = fit.problem.evidence.runs
+        good = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
         problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
         residual = good.residual(predict_by_run(problem, leave_out_points(fit)))
         for key in list(noise):

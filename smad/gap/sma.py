@@ -1,0 +1,363 @@
+"""The antagonistic spring pair as a plant of the diagnosis: an adapter of `sim_device.plant`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim_device.plant import ParameterSet, load_parameters
+from sim_device.plant.effects.registry import EFFECTS
+from sim_device.plant.errors import PlantError
+from sim_device.plant.replay import Inputs, Replay
+from smad.gap import catalogue, sma_signals
+from smad.gap.errors import PlantMismatch
+from smad.gap.plant import (
+    Array,
+    Channel,
+    Effect,
+    EffectParameter,
+    Experiment,
+    Mask,
+    ModelPoint,
+    Parameter,
+    Signal,
+    View,
+)
+from smad.gap.runs import GapRun
+
+_ZERO_C = 273.15
+_STEP_S = 1e-3
+_FAST_STEP_S = 1e-2
+_MOST_KEPT = 400
+_MOVES_CURRENT = frozenset(e.name for e in EFFECTS if "current" in e.signals)
+_DRIVER = ("i_x_A", "i_y_A", "true_i_x_A", "true_i_y_A")
+_INNOVATION_S = 0.3
+_WIDE = 0.25
+_WIDE_K = 5.0
+
+# Refitted parameter -> the sub-model it belongs to. Geometry and noise are not refitted: only their
+# products with these can be seen.
+REFITTED = {
+    "modulus_martensite": "mechanics",
+    "modulus_austenite": "mechanics",
+    "stress_start": "phase",
+    "stress_finish": "phase",
+    "max_deflection": "phase",
+    "austenite_start": "phase",
+    "austenite_finish": "phase",
+    "martensite_start": "phase",
+    "martensite_finish": "phase",
+    "slope_austenite": "phase",
+    "slope_martensite": "phase",
+    "initial_deflection": "mechanics",
+    "initial_force": "mechanics",
+    "heat_capacity_heating": "thermal",
+    "heat_capacity_cooling": "thermal",
+    "latent_heating": "thermal",
+    "latent_cooling": "thermal",
+    "resistivity": "electrical",
+    "warming_share": "thermal",
+    "tube_loss": "thermal",
+    "tube_diameter": "thermal",
+    "flow_max": "thermal",
+    "film_scale": "thermal",
+    "water_temperature": "thermal",
+    "ambient_temperature": "thermal",
+}
+_TEMPERATURES = {
+    "austenite_start", "austenite_finish", "martensite_start", "martensite_finish",
+    "water_temperature", "ambient_temperature",
+}  # fmt: skip
+_PRIOR_SHARE = 0.08
+_PRIOR_K = 1.5
+_ENVIRONMENT = {"inlet_K": "water_temperature", "ambient_K": "ambient_temperature"}
+
+
+@dataclass(frozen=True)
+class SmaPlant:
+    """Satisfies `PlantModel`. Parameter values are SI, as in a parameter set.
+
+    `variant` is "extended" or "printed". Effects that cannot act in the variant are not candidates.
+    `only` restricts the library to these names, for tests.
+    """
+
+    parameter_set: ParameterSet = field(default_factory=lambda: load_parameters("A"))
+    variant: str = "extended"
+    only: tuple[str, ...] | None = None
+    kept: dict[Any, tuple[GapRun, dict[str, Array]]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    @property
+    def name(self) -> str:
+        return "spring pair"
+
+    @property
+    def version(self) -> str:
+        return f"{self.variant}, parameters {self.parameter_set.digest()[:12]}"
+
+    @property
+    def inputs(self) -> Sequence[Signal]:
+        return sma_signals.INPUTS
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        return sma_signals.CHANNELS
+
+    @property
+    def views(self) -> Sequence[View]:
+        return sma_signals.VIEWS
+
+    @cached_property
+    def parameters(self) -> Sequence[Parameter]:
+        return tuple(self._parameter(name, part) for name, part in REFITTED.items())
+
+    def _parameter(self, name: str, part: str) -> Parameter:
+        entry = self.parameter_set.entry(name)
+        if name in _TEMPERATURES:
+            reach, sd = _WIDE_K, max(_PRIOR_K, (entry.high - entry.low) / 6.0)
+        else:
+            reach = _WIDE * abs(entry.value)
+            sd = max(_PRIOR_SHARE * abs(entry.value), (entry.high - entry.low) / 8.0)
+        low, high = min(entry.low, entry.value - reach), max(entry.high, entry.value + reach)
+        if name == "warming_share":
+            high = min(high, 1.0)
+        return Parameter(name, entry.unit, entry.value, low, high, sd, part)
+
+    @cached_property
+    def effects(self) -> Sequence[Effect]:
+        chosen = []
+        for e in EFFECTS:
+            needs = dict(e.needs)
+            if self.variant not in needs.get("variant", (self.variant,)):
+                continue
+            if self.only is not None and e.name not in self.only:
+                continue
+            chosen.append(
+                Effect(
+                    e.name,
+                    e.title,
+                    e.subsystem,
+                    tuple(
+                        EffectParameter(q.name, q.unit, q.typical, q.low, q.high, q.is_strength)
+                        for q in e.parameters
+                    ),
+                    e.signals,
+                    e.equation,
+                    e.confused_with,
+                    e.separated_by,
+                    e.reference,
+                )
+            )
+        return tuple(chosen)
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        """See `PlantModel`. A point that the plant refuses or cannot solve gives NaN."""
+        try:
+            return _Passes(self, point, run, fast).views(views)
+        except PlantError:
+            keys = [o.key for v in self.views if v.name in views for o in v.outputs]
+            return {key: np.full(len(run.t_s), np.nan) for key in keys}
+
+    def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
+        return sma_signals.regimes(run, side)
+
+    def features(self, run: GapRun, side: str) -> dict[str, Array]:
+        return sma_signals.features(run, side)
+
+    def catalogue(self) -> Sequence[Experiment]:
+        return tuple(
+            Experiment(t.name, t.title, t.duration_s, f"smad gap next --run '{t.name}'")
+            for t in catalogue.CATALOGUE
+        )
+
+    def perform(self, experiment: str, point: ModelPoint, seed: int) -> GapRun:
+        from smad.gap.recorded import recorded
+
+        return recorded(experiment, self, point, seed, noise=False)
+
+    def set_of(self, theta: Mapping[str, float]) -> ParameterSet:
+        """The parameter set with these values. Raises ParameterError when it is not physical."""
+        known = {p.name for p in self.parameters}
+        unknown = sorted(set(theta) - known)
+        if unknown:
+            raise PlantMismatch(
+                "a parameter is not one that this plant refits",
+                value=unknown[0],
+                limit=", ".join(sorted(known)),
+                action="use a model file made with the same plant",
+            )
+        return self.parameter_set.replace(**{k: float(v) for k, v in theta.items()})
+
+    def save_model(self, point: ModelPoint, path: Path, note: str) -> None:
+        """Writes the model file that the simulated device and the replay load.
+
+        It carries every parameter that differs from the built-in set A, so that it stands alone.
+        """
+        from sim_device.plant.models import save_model
+
+        base, own = load_parameters("A"), self.set_of(point.theta)
+        save_model(
+            path,
+            base="A",
+            variant=self.variant,
+            overrides={n: own[n] for n in own.names if own[n] != base[n]},
+            effects=self.within(point.effects),
+            note=note,
+        )
+
+    def load_model(self, path: Path) -> ModelPoint:
+        """The point of this plant that a model file holds.
+
+        Raises ModelError when it cannot be read and PlantMismatch when it is of another variant.
+        """
+        from sim_device.plant.models import read_model
+
+        model = read_model(path)
+        if model.variant != self.variant:
+            raise PlantMismatch(
+                f"{path.name} is a model of another variant",
+                value=model.variant,
+                limit=self.variant,
+                action="give the same variant as the model was made with",
+            )
+        theta = {p.name: model.parameters[p.name] for p in self.parameters}
+        return ModelPoint(theta, model.effects)
+
+    def within(self, effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+        """Effect values moved into their ranges, where rounding put them outside."""
+        ranges = {(e.name, q.name): (q.low, q.high) for e in EFFECTS for q in e.parameters}
+        return {
+            name: {q: float(np.clip(v, *ranges[name, q])) for q, v in values.items()}
+            for name, values in effects.items()
+        }
+
+
+class _Passes:
+    """The passes of the kernel that the views need, each made once for one model point."""
+
+    def __init__(self, plant: SmaPlant, point: ModelPoint, run: GapRun, fast: bool) -> None:
+        self.run, self.variant = run, plant.variant
+        self.dt_s = _FAST_STEP_S if fast else _STEP_S
+        self.kept = plant.kept
+        self.parameters = plant.set_of(point.theta)
+        self.effects = plant.within(point.effects)
+        self.inputs = _inputs_of(run, self.parameters, plant.parameter_set)
+
+    def views(self, names: Sequence[str]) -> dict[str, Array]:
+        out: dict[str, Array] = {}
+        if "open" in names:
+            out |= {f"open:{k}": v for k, v in _measured(self._pass({})).items()}
+        if not set(names) - {"open"}:
+            return out
+        commanded = self._driver()
+        if "actuator" in names:
+            out |= {f"actuator:i_meas_{s}_A": commanded[f"i_{s}_A"] for s in "xy"}
+        if not {"thermal", "electrical", "mechanics", "phase"} & set(names):
+            return out
+        feeds: dict[str, Array] = {}
+        if all(f"i_meas_{s}_A" in self.run.outputs for s in "xy"):
+            feeds["i_A"] = self._fed_current(commanded)
+        heated = self._pass(feeds)
+        if "thermal" in names:
+            shown = _measured(heated)
+            out |= {f"thermal:{k}": v for k, v in shown.items() if k.startswith("rtd")}
+        if not {"electrical", "mechanics", "phase"} & set(names):
+            return out
+        feeds["temperature_K"] = self._fed_temperature(heated)
+        warmed = self._pass(feeds)
+        shown = _measured(warmed)
+        out |= {f"electrical:{k}": shown[k] for k in ("v_x_V", "v_y_V")}
+        out |= {f"mechanics:{k}": shown[k] for k in ("displacement_mm", "force_N")}
+        if "phase" in names and "displacement_mm" in self.run.outputs:
+            feeds["displacement_m"] = self._fed_displacement(warmed)
+            held = self._pass(feeds)
+            sensor = held["force_N"] - held["true_force_N"]
+            out |= {f"phase:{s.upper()}": held[f"spring_force_{s}_N"] + sensor for s in "xy"}
+        return out
+
+    def _pass(self, feeds: Mapping[str, Array]) -> dict[str, Array]:
+        replay = Replay(self.inputs, variant=self.variant, feeds=feeds, outputs=_KEPT)
+        return replay.run(self.parameters, self.effects, dt_s=self.dt_s)
+
+    def _driver(self) -> dict[str, Array]:
+        """Currents, true and measured. Few points move them, so that they are kept by run."""
+        moving = {k: tuple(v.items()) for k, v in self.effects.items() if k in _MOVES_CURRENT}
+        key = (id(self.run), self.variant, self.parameters["current_max"], tuple(moving.items()))
+        known = self.kept.get(key)
+        if known is None or known[0] is not self.run:
+            result = self._pass({})
+            known = (self.run, {k: result[k] for k in _DRIVER})
+            while len(self.kept) >= _MOST_KEPT:
+                self.kept.pop(next(iter(self.kept), key), None)
+            self.kept[key] = known
+        return known[1]
+
+    def _fed_current(self, commanded: Mapping[str, Array]) -> Array:
+        """The driver's true current under this model, plus what the measurement adds to it."""
+        fed = [
+            commanded[f"true_i_{s}_A"] + self.run.outputs[f"i_meas_{s}_A"] - commanded[f"i_{s}_A"]
+            for s in "xy"
+        ]
+        return np.maximum(np.column_stack(fed), 0.0)
+
+    def _fed_temperature(self, heated: Mapping[str, Array]) -> Array:
+        fed = []
+        for s in "xy":
+            off = self.run.outputs[f"rtd_{s}_degC"] - heated[f"rtd_{s}_degC"]
+            fed.append(heated[f"T_{s}_K"] + sma_signals.smooth(off, self.run.dt_s, _INNOVATION_S))
+        return np.clip(np.column_stack(fed), 230.0, 420.0)
+
+    def _fed_displacement(self, warmed: Mapping[str, Array]) -> Array:
+        off = 1e-3 * self.run.outputs["displacement_mm"] - warmed["displacement_m"]
+        fed = warmed["true_displacement_m"] + sma_signals.smooth(off, self.run.dt_s, 0.1)
+        return np.clip(fed, -0.024, 0.024)
+
+
+_KEPT = (
+    "i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_x_degC", "rtd_y_degC", "rtd_inlet_degC",
+    "rtd_ambient_degC", "displacement_m", "force_N", "true_displacement_m", "true_force_N",
+    "true_i_x_A", "true_i_y_A", "T_x_K", "T_y_K", "spring_force_x_N", "spring_force_y_N",
+)  # fmt: skip
+
+
+def _measured(result: Mapping[str, Array]) -> dict[str, Array]:
+    """Outputs of the plant under the names and units of the run log."""
+    out = {f"i_meas_{s}_A": result[f"i_{s}_A"] for s in "xy"}
+    out |= {k: result[k] for k in ("v_x_V", "v_y_V", "force_N")}
+    out |= {k: result[k] for k in result if k.startswith("rtd_")}
+    return out | {"displacement_mm": 1e3 * result["displacement_m"]}
+
+
+def _inputs_of(run: GapRun, parameters: ParameterSet, nominal: ParameterSet) -> Inputs:
+    """Inputs of a replay. Water and room start where the run measured them at its start.
+
+    The two temperatures of the parameter set then act as corrections of those measurements.
+    """
+    n = len(run.t_s)
+    start = max(1, round(1.0 / max(run.dt_s, 1e-6)))
+    environment = {}
+    for argument, name in _ENVIRONMENT.items():
+        channel = "rtd_inlet_degC" if argument == "inlet_K" else "rtd_ambient_degC"
+        base = parameters[name]
+        if channel in run.outputs:
+            base += float(np.median(run.outputs[channel][:start])) + _ZERO_C - nominal[name]
+        environment[argument] = np.full(n, base)
+
+    def both(stem: str) -> Array:
+        return np.column_stack([run.inputs[stem.format(s)] for s in "xy"])
+
+    return Inputs(
+        run.t_s,
+        i_A=both("i_applied_{}_A"),
+        pump_duty=np.clip(both("duty_{}"), 0.0, 1.0),
+        drain=both("drain_{}") if "drain_x" in run.inputs and "drain_y" in run.inputs else None,
+        **environment,
+    )

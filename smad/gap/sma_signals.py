@@ -1,0 +1,230 @@
+"""Channels, views, regimes and features of the spring pair, and its runs from logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from smad.gap.plant import Array, Channel, Mask, Output, Signal, View
+from smad.gap.runs import GapRun
+
+SIDES = {"X": "x", "Y": "y"}
+
+INPUTS = (
+    Signal("i_applied_x_A", "A", 0.0, 4.0),
+    Signal("i_applied_y_A", "A", 0.0, 4.0),
+    Signal("duty_x", "1", 0.0, 1.0),
+    Signal("duty_y", "1", 0.0, 1.0),
+)
+_OPTIONAL_INPUTS = ("drain_x", "drain_y")
+
+
+def _pair(stem: str, unit: str, quantum: float, span: tuple[float, float], *, noise: float,
+          sub_model: str) -> tuple[Channel, ...]:  # fmt: skip
+    def one(own: str, other: str) -> Channel:
+        name, twin = (f"{stem}_{s}_{unit}" for s in (own, other))
+        return Channel(name, unit, quantum, *span, sub_model, noise, own.upper(), twin)
+
+    return one("x", "y"), one("y", "x")
+
+
+CHANNELS = (
+    *_pair("i_meas", "A", 0.001, (-1.0, 6.0), noise=0.002, sub_model="actuator"),
+    *_pair("v", "V", 0.001, (-1.0, 15.0), noise=0.002, sub_model="electrical"),
+    *_pair("rtd", "degC", 0.01, (-20.0, 120.0), noise=0.02, sub_model="thermal"),
+    Channel("rtd_inlet_degC", "degC", 0.01, -20.0, 120.0, "thermal", 0.02),
+    Channel("rtd_ambient_degC", "degC", 0.01, -20.0, 120.0, "thermal", 0.02),
+    Channel("displacement_mm", "mm", 0.001, -25.0, 25.0, "mechanics", 0.002),
+    Channel("force_N", "N", 0.001, -1.0, 12.0, "mechanics", 0.002),
+)
+_TEMPERATURES = ("rtd_x_degC", "rtd_y_degC")
+_CURRENTS = ("i_meas_x_A", "i_meas_y_A")
+
+
+def _outputs(view: str, *channels: str) -> tuple[Output, ...]:
+    side = {c.name: c.side for c in CHANNELS}
+    return tuple(Output(f"{view}:{c}", c, side[c]) for c in channels)
+
+
+VIEWS = (
+    View("open", "all", _outputs("open", *(c.name for c in CHANNELS)), open_loop=True),
+    View("actuator", "actuator", _outputs("actuator", *_CURRENTS)),
+    View(
+        "thermal",
+        "thermal",
+        _outputs("thermal", *_TEMPERATURES, "rtd_inlet_degC", "rtd_ambient_degC"),
+        _CURRENTS,
+    ),
+    View("electrical", "electrical", _outputs("electrical", "v_x_V", "v_y_V"),
+         (*_CURRENTS, *_TEMPERATURES)),
+    View("mechanics", "mechanics", _outputs("mechanics", "displacement_mm", "force_N"),
+         _TEMPERATURES),
+    View(
+        "phase",
+        "phase",
+        (Output("phase:X", "force_N", "X"), Output("phase:Y", "force_N", "Y")),
+        (*_TEMPERATURES, "displacement_mm"),
+    ),
+)  # fmt: skip
+"""The local views from command to tendon. The phase view holds each spring at the measured
+displacement: either spring then predicts the tendon force by itself, so that its residual belongs to
+one side, and what only acts between the springs (friction, drag, play) does not show in it."""
+
+
+def smooth(y: Array, dt_s: float, tau_s: float) -> Array:
+    """Exponential smoothing forth and back, without delay; shape as given."""
+    keep = float(np.exp(-dt_s / tau_s))
+    b, a = [1.0 - keep], [1.0, -keep]
+    forth = lfilter(b, a, y, axis=0, zi=keep * np.atleast_1d(y[:1]))[0]
+    back = lfilter(b, a, forth[::-1], axis=0, zi=keep * np.atleast_1d(forth[-1:]))[0]
+    return np.asarray(back[::-1])
+
+
+def _rate(y: Array, dt_s: float, tau_s: float = 0.3) -> Array:
+    return np.asarray(np.gradient(smooth(y, dt_s, tau_s), dt_s))
+
+
+def _recent(active: Mask, dt_s: float, memory_s: float) -> Mask:
+    """True from an active sample until `memory_s` after it."""
+    n = max(1, round(memory_s / dt_s))
+    count = np.cumsum(np.r_[np.zeros(n), active.astype(float)])
+    return np.asarray(count[n:] - count[: len(active)] > 0.5)
+
+
+def _near(edge: Mask, dt_s: float, width_s: float) -> Mask:
+    n = max(1, round(width_s / dt_s))
+    return np.asarray(np.convolve(edge.astype(float), np.ones(2 * n + 1), mode="same") > 0.5)
+
+
+def _speed(run: GapRun) -> Array:
+    if "displacement_mm" not in run.outputs:
+        return np.zeros(len(run.t_s))
+    return _rate(run.outputs["displacement_mm"], run.dt_s)
+
+
+def _warmth(run: GapRun, side: str) -> Array:
+    """Temperature of a spring over its water, as far as it is measured."""
+    name = f"rtd_{side}_degC"
+    if name not in run.outputs:
+        return np.zeros(len(run.t_s))
+    inlet = run.outputs.get("rtd_inlet_degC")
+    start = max(1, round(1.0 / run.dt_s))
+    base = float(np.median((run.outputs[name] if inlet is None else inlet)[:start]))
+    return run.outputs[name] - base
+
+
+def regimes(run: GapRun, side: str) -> dict[str, Mask]:
+    """Regimes of one spring ("X", "Y") or of the pair (""): see `smad.gap.plant`.
+
+    Order is precedence where a row must belong to one only.
+    """
+    sides = [SIDES[side]] if side else ["x", "y"]
+    dt_s = run.dt_s
+    speed = _speed(run)
+    current = np.max([run.inputs[f"i_applied_{s}_A"] for s in sides], axis=0)
+    water = np.max([run.inputs[f"duty_{s}"] for s in sides], axis=0) > 0.02
+    driven = np.max([run.inputs[s.name] for s in INPUTS], axis=0) > 0.01
+    warm = np.max([_warmth(run, s) for s in sides], axis=0) > 2.0
+    any_warm = np.max([_warmth(run, s) for s in ("x", "y")], axis=0) > 0.7
+    moving = np.abs(speed) > 0.05
+    turns = np.r_[False, np.diff(np.sign(np.where(moving, speed, 0.0))) != 0]
+    force = run.outputs.get("force_N")
+    out = {"rest": ~_recent(driven, dt_s, 2.0) & ~any_warm & ~moving}
+    if force is not None:
+        out["near-zero force"] = smooth(force, dt_s, 0.1) < 0.35
+    heating = current > 0.2
+    return out | {
+        "reversal": _near(turns, dt_s, 0.4),
+        "pump on": water,
+        "heating": heating,
+        "air cooling": ~heating & ~water & warm,
+        "holding": ~moving,
+    }
+
+
+def features(run: GapRun, side: str) -> dict[str, Array]:
+    """What a flexible correction may depend on, for one spring or for the pair."""
+    out: dict[str, Array] = {"time": run.t_s - run.t_s[0]}
+    for s in [SIDES[side]] if side else ["x", "y"]:
+        out[f"current {s}"] = run.inputs[f"i_applied_{s}_A"]
+        out[f"water {s}"] = run.inputs[f"duty_{s}"]
+        name = f"rtd_{s}_degC"
+        if name in run.outputs:
+            out[f"temperature {s}"] = smooth(run.outputs[name], run.dt_s, 0.2)
+            out[f"heating rate {s}"] = _rate(run.outputs[name], run.dt_s)
+    if "displacement_mm" in run.outputs:
+        speed = _speed(run)
+        out["displacement"] = smooth(run.outputs["displacement_mm"], run.dt_s, 0.2)
+        out["speed"] = speed
+        out["direction"] = np.tanh(speed / 0.1)
+    if "force_N" in run.outputs:
+        out["force"] = smooth(run.outputs["force_N"], run.dt_s, 0.2)
+    return out
+
+
+def run_from_columns(
+    name: str,
+    columns: Mapping[str, NDArray[Any]],
+    *,
+    cut_short: bool = False,
+    notes: tuple[str, ...] = (),
+    header: Mapping[str, str] | None = None,
+) -> GapRun:
+    """A run from the columns of a run log (`smad.runlog.schema`).
+
+    The current of the board counts as input; where a log has none, the commanded one does. A column
+    of which nothing was recorded is absent. Samples with a gap in an input, or in a channel that is
+    otherwise recorded, are not valid; their values are carried over.
+    """
+    t_s = np.asarray(columns["t_s"], dtype=np.float64)
+    valid = np.ones(len(t_s), dtype=bool)
+    inputs: dict[str, Array] = {}
+    for wanted in (*(s.name for s in INPUTS), *_OPTIONAL_INPUTS):
+        column = _recorded(columns, wanted)
+        if column is None and wanted.startswith("i_applied"):
+            column = _recorded(columns, wanted.replace("applied", "cmd"))
+        if column is not None:
+            inputs[wanted] = np.maximum(_filled(column, valid), 0.0)
+    outputs = {}
+    for channel in CHANNELS:
+        column = _recorded(columns, channel.name)
+        if column is not None:
+            outputs[channel.name] = _filled(column, valid)
+    return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes, dict(header or {}))
+
+
+def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
+    if name not in columns:
+        return None
+    raw = columns[name]
+    column = np.asarray(raw, dtype=np.float64)
+    if raw.dtype.kind in "iu":
+        column = np.where(raw < 0, np.nan, column)
+    return column if np.isfinite(column).any() else None
+
+
+def _filled(column: Array, valid: Mask) -> Array:
+    """The column without gaps; marks the samples that had one."""
+    good = np.isfinite(column)
+    if good.all():
+        return column
+    valid &= good
+    index = np.arange(len(column))
+    return np.interp(index, index[good], column[good])
+
+
+def read_gap_run(path: Path) -> GapRun:
+    """A run log as a run of the diagnosis. Raises RunLogError when it cannot be read at all."""
+    from smad.runlog.reader import read_run
+
+    log = read_run(path)
+    header = {"source": log.header.source, "name": log.header.name}
+    notes = tuple(log.notes) if not log.cut_short else ()
+    return run_from_columns(
+        path.stem, log.columns, cut_short=log.cut_short, notes=notes, header=header
+    )
