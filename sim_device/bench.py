@@ -191,6 +191,8 @@ class SimulatedBench:
         """Advance by one sample; None for one that the board did not take (it hangs)."""
         if self.faults.due_us <= self.now_us:
             self.faults.run()
+        if self.uplink.spoilt:
+            self._deliver(self.uplink.carry(b"", self.now_us), None)
         board = self.board
         period_us = board.period_us * self.period_scale
         self.now_us += period_us
@@ -203,8 +205,6 @@ class SimulatedBench:
             late = bytes(self._late_bytes)
             self._late_bytes.clear()
             self._deliver(late, None)
-        if self.uplink.spoilt:
-            self._deliver(self.uplink.carry(b"", self.now_us), None)
         board_us = board.now_us + period_us + self._skipped_us
         self._skipped_us = 0
         if self.clock_ppm:
