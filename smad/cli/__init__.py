@@ -36,7 +36,7 @@ COMMANDS: Mapping[str, str] = {
     "faults": "smad.cli.faults:faults",
     "keys": "smad.cli.keys:keys",
     "log": "smad.cli.log:log",
-    "run": "smad.cli.experiments:run",
+    "run": "smad.cli.run:run",
     "gap": "smad.cli.gap:gap",
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
