@@ -1,0 +1,489 @@
+"""The bench behind a port. Pacing is tested on a clock of its own; a few tests use a real tty."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from firmware_protocol import messages as wire
+from firmware_protocol.enums import BoardState
+from firmware_protocol.events import Connected, HostState, RequestDone, StateReceived
+from firmware_protocol.host import HostSession
+from sim_device.bench import SimulatedBench
+from sim_device.errors import PortError
+from sim_device.faults import injection
+from sim_device.ports import PENDING_MOST, PortCounts, PtyPort, SocketPort, socket_from_descriptor
+from sim_device.pty import Server
+
+DEADLINE_S = 60.0
+
+
+class FakeClock:
+    """Seconds that pass only when told."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class FakePort:
+    """A port whose client is the test; nothing comes unless put in."""
+
+    name = "fake"
+
+    def __init__(self) -> None:
+        self.counts = PortCounts()
+        self.out = bytearray()
+        self.open = True
+
+    def fileno(self) -> int | None:
+        return None
+
+    def read(self) -> bytes:
+        return b""
+
+    def write(self, data: bytes) -> None:
+        self.out += data
+
+    def close(self) -> None:
+        self.open = False
+
+
+class Stage:
+    """A server on a fake clock; waiting moves the clock, or answers as a host would."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **options: object) -> None:
+        self.clock = FakeClock()
+        self.bench = SimulatedBench(seed=1)
+        self.ports: list[FakePort] = []
+        self.server = Server(self.bench, self._make_port, clock=self.clock, **options)  # type: ignore[arg-type]
+        monkeypatch.setattr(self.server, "_listen", self._listen)
+        self.samples_at_s: list[float] = []
+        self.host: Callable[[], None] = lambda: None
+        self.thinks_s = 0.0
+
+    def _make_port(self) -> FakePort:
+        self.ports.append(FakePort())
+        return self.ports[-1]
+
+    def _listen(self, seconds: float) -> None:
+        self.clock.now_s += max(0.0, min(seconds, 0.1))
+        self.host()
+
+    def turn_until(self, samples: int) -> None:
+        while self.server.stats.samples < samples:
+            before = self.server.stats.samples
+            self.server.turn()
+            if self.server.stats.samples > before:
+                self.samples_at_s.append(self.clock.now_s - 100.0)
+
+    def answer(self) -> None:
+        """Answer the last STATE, as a host that runs."""
+        board = self.bench.board
+        board.apply_setpoint(
+            wire.Setpoint(0, board.now_us, (500, 0), (0, 0), 0, 100), 1, 0, board.now_us
+        )
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 20.0])
+def test_samples_fall_on_an_absolute_grid(monkeypatch: pytest.MonkeyPatch, speed: float) -> None:
+    stage = Stage(monkeypatch, speed=speed)
+    stage.turn_until(200)
+    expected = [n * 0.01 / speed for n in range(200)]
+    assert stage.samples_at_s == pytest.approx(expected, abs=1e-9)
+    assert stage.server.stats.grid_restarts == 0
+
+
+def test_a_short_delay_is_caught_up_and_a_long_one_starts_a_new_grid(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(monkeypatch)
+    stage.turn_until(10)
+    stage.clock.now_s += 0.03
+    stage.turn_until(30)
+    assert stage.samples_at_s[29] == pytest.approx(0.29)
+    stage.clock.now_s += 2.0
+    stage.turn_until(40)
+    assert stage.server.stats.grid_restarts == 1
+    gaps = [b - a for a, b in zip(stage.samples_at_s[31:], stage.samples_at_s[32:], strict=False)]
+    assert gaps == pytest.approx([0.01] * len(gaps))
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, 1e9])
+def test_an_absurd_speed_is_refused(speed: float) -> None:
+    with pytest.raises(PortError, match="speed"):
+        Server(SimulatedBench(), FakePort, speed=speed)
+
+
+def test_paced_by_host_the_board_waits_for_the_answer_once_armed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(monkeypatch, speed=20.0, paced_by_host=True)
+    stage.turn_until(20)
+    stage.bench.arm()
+    stage.turn_until(21)
+    board_us = stage.bench.now_us
+    calls = [0]
+
+    def slow_host() -> None:
+        calls[0] += 1
+        stage.clock.now_s += 0.3
+        if calls[0] % 3 == 0:
+            stage.answer()
+
+    stage.host = slow_host
+    stage.turn_until(41)
+    assert stage.bench.now_us == board_us + 20 * 10_000
+    assert stage.bench.board.state is BoardState.ARMED
+    assert stage.bench.board.sp_age_us == 0
+    assert stage.server.stats.host_timeouts == 0
+    assert calls[0] >= 60
+
+
+def test_paced_by_host_a_silent_host_is_left_behind_and_the_board_stops_by_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(monkeypatch, speed=20.0, paced_by_host=True, host_timeout_s=1.5)
+    stage.turn_until(20)
+    stage.bench.arm()
+    stage.host = stage.answer
+    stage.turn_until(60)
+    stage.host = lambda: None
+    silent_since_s = stage.clock.now_s
+    while stage.bench.board.state is not BoardState.FAULT:
+        stage.server.turn()
+        assert stage.clock.now_s < silent_since_s + 3.0
+    assert stage.server.stats.host_timeouts == 1
+    assert stage.clock.now_s - silent_since_s >= 1.5
+
+
+def test_paced_by_host_a_host_that_comes_back_is_waited_for_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(monkeypatch, speed=1.0, paced_by_host=True, host_timeout_s=0.2)
+    stage.turn_until(10)
+    stage.bench.arm()
+    stage.turn_until(20)
+    assert stage.server.stats.host_timeouts == 1
+    stage.host = stage.answer
+    stage.turn_until(30)
+    stage.host = lambda: None
+    stage.turn_until(32)
+    assert stage.server.stats.host_timeouts == 2
+
+
+def test_not_armed_the_board_never_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Stage(monkeypatch, speed=20.0, paced_by_host=True)
+    stage.turn_until(500)
+    assert stage.samples_at_s[-1] == pytest.approx(499 * 0.01 / 20.0)
+
+
+def test_an_unplugged_port_is_closed_and_another_one_opened(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(monkeypatch)
+    stage.bench.faults.add(injection("unplug", 0.5, seconds=0.5))
+    stage.turn_until(75)
+    assert len(stage.ports) == 1
+    assert not stage.ports[0].open
+    stage.turn_until(120)
+    assert len(stage.ports) == 2
+    assert len(stage.ports[1].out) > 0
+
+
+# Ports
+
+
+def test_a_full_socket_costs_whole_pieces_and_no_half_ones() -> None:
+    ours, theirs = socket.socketpair()
+    port = SocketPort(ours)
+    piece = b"x" * 1023 + b"\0"
+    for _ in range(2000):
+        port.write(piece)
+    assert port.counts.short_writes > 0
+    assert port.counts.dropped > 0
+    theirs.setblocking(False)
+    got = bytearray()
+    for _ in range(50):
+        try:
+            while True:
+                got += theirs.recv(65_536)
+        except BlockingIOError:
+            port.write(b"")
+    assert set(bytes(got).split(b"\0")) == {b"x" * 1023, b""}
+    assert len(port._outlet._pending) <= PENDING_MOST
+    port.close()
+    theirs.close()
+
+
+def test_a_socket_whose_other_end_went_away_is_quiet() -> None:
+    ours, theirs = socket.socketpair()
+    port = SocketPort(ours)
+    theirs.close()
+    assert port.read() == b""
+    assert port.fileno() is None
+    port.write(b"anything")
+    port.close()
+
+
+def test_a_descriptor_that_is_no_socket_is_refused() -> None:
+    with open(os.devnull) as file:
+        number = os.dup(file.fileno())
+    with pytest.raises(PortError, match=f"descriptor {number} is no open socket"):
+        socket_from_descriptor(number)
+    os.close(number)
+
+
+def test_a_tty_is_raw_and_its_symlink_comes_and_goes(tmp_path: Path) -> None:
+    link = tmp_path / "ttyBench"
+    port = PtyPort(link)
+    assert os.readlink(link) == port.name
+    client = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    flags = termios.tcgetattr(client)[3]
+    assert not flags & (termios.ECHO | termios.ICANON)
+    os.close(client)
+    port.close()
+    assert not link.is_symlink()
+
+
+def test_a_symlink_over_a_file_or_into_nowhere_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "notes.txt"
+    file.write_text("keep me")
+    with pytest.raises(PortError, match="is no symlink"):
+        PtyPort(file)
+    assert file.read_text() == "keep me"
+    with pytest.raises(PortError, match="cannot make the symlink"):
+        PtyPort(tmp_path / "no" / "such" / "folder")
+
+
+def test_a_tty_without_a_client_takes_nothing_and_a_late_client_finds_nothing_old() -> None:
+    port = PtyPort()
+    assert port.fileno() is None
+    port.write(b"before anybody came\0")
+    client = os.open(port.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    assert port.fileno() is not None
+    port.write(b"now\0")
+    assert wait_for(lambda: read_some(client)) == b"now\0"
+    port.write(b"never read\0")
+    os.close(client)
+    assert port.fileno() is None
+    again = os.open(port.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    assert port.fileno() is not None
+    port.write(b"fresh\0")
+    assert wait_for(lambda: read_some(again)) == b"fresh\0"
+    os.close(again)
+    port.close()
+
+
+def read_some(fd: int) -> bytes:
+    try:
+        return os.read(fd, 4096)
+    except BlockingIOError:
+        return b""
+
+
+def wait_for(found: Callable[[], object]) -> object:
+    """Return the first true result; the wait is bounded, and ends as soon as there is one."""
+    end = time.monotonic() + DEADLINE_S
+    while time.monotonic() < end:
+        result = found()
+        if result:
+            return result
+        time.sleep(0.005)
+    raise AssertionError("nothing came")
+
+
+# The program
+
+
+@contextmanager
+def running(*options: str, **popen: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run `python -m sim_device`; give the process and the port's name."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sim_device", "--max-seconds", "240", *options],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **popen,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        if not said.startswith("port: "):
+            raise AssertionError(process.communicate()[1])
+        yield process, said.removeprefix("port: ").strip()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+class Client:
+    """A host session on a descriptor, by the wall clock."""
+
+    def __init__(self, fd: int, nonce: int = 1) -> None:
+        self.fd = fd
+        self.host = HostSession(nonce=nonce)
+        self.host.connect(self.now_us())
+        self.states: list[wire.State] = []
+        self.events: list[object] = []
+        self.current_mA = 0
+
+    @staticmethod
+    def now_us() -> int:
+        return time.monotonic_ns() // 1000
+
+    def turn(self) -> None:
+        out = self.host.data_to_send()
+        while out:
+            try:
+                out = out[os.write(self.fd, out) :]
+            except BlockingIOError:
+                time.sleep(0.001)
+        events = self.host.receive(read_some(self.fd), self.now_us())
+        for event in events + self.host.tick(self.now_us()):
+            self.events.append(event)
+            if isinstance(event, StateReceived):
+                self.states.append(event.state)
+                if event.state.mode in (BoardState.ARMED, BoardState.HOLD):
+                    self.host.send_setpoint(
+                        wire.Setpoint(0, event.state.t_us, (self.current_mA, 0), (0, 0), 0, 100)
+                    )
+
+    def until(self, done: Callable[[], object]) -> object:
+        def once() -> object:
+            self.turn()
+            return done()
+
+        return wait_for(once)
+
+    def ask(self, message: wire.Message) -> wire.Message:
+        number = self.host.request(message, self.now_us())
+        return self.until(  # type: ignore[return-value]
+            lambda: next(
+                (e.reply for e in self.events if isinstance(e, RequestDone) and e.id == number),
+                None,
+            )
+        )
+
+    def arm(self) -> None:
+        self.until(lambda: any(isinstance(e, Connected) for e in self.events))
+        self.until(lambda: self.states and self.states[-1].mode is BoardState.SAFE)
+        assert self.host.board is not None
+        token = self.ask(wire.ArmRequest(0, self.host.board.param_crc))
+        assert isinstance(token, wire.ArmToken)
+        self.ask(wire.ArmConfirm(0, token.token))
+
+
+@contextmanager
+def opened(name: str, nonce: int = 1) -> Iterator[Client]:
+    fd = os.open(name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        yield Client(fd, nonce)
+    finally:
+        os.close(fd)
+
+
+def test_a_host_arms_over_a_real_tty_vanishes_and_comes_back(tmp_path: Path) -> None:
+    link = tmp_path / "bench"
+    with running("--speed", "5", "--paced-by-host", "--symlink", str(link)) as (process, name):
+        assert name == str(link)
+        with opened(name) as client:
+            client.arm()
+            client.current_mA = 1000
+            client.until(lambda: client.states[-1].i_applied_mA == (1000, 0))
+            assert client.host.state is HostState.RUNNING
+            assert client.states[-1].sp_age_us == 0
+        with opened(name, nonce=2) as client:
+            client.until(lambda: any(isinstance(e, Connected) for e in client.events))
+            client.until(lambda: len(client.states) > 20)
+            assert client.states[-1].mode is not BoardState.ARMED
+            assert client.states[-1].i_applied_mA == (0, 0)
+            assert client.host.state in (HostState.MONITOR, HostState.FAULTED)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(DEADLINE_S) == 0
+        assert not link.is_symlink()
+
+
+def test_garbage_a_second_opener_and_a_reader_that_never_reads_leave_it_running() -> None:
+    with running("--speed", "10") as (process, name):
+        deaf = os.open(name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        junk = os.urandom(4096)
+        sent = 0
+        end = time.monotonic() + DEADLINE_S
+        while sent < 300_000 and time.monotonic() < end:
+            try:
+                sent += os.write(deaf, junk)
+            except BlockingIOError:
+                time.sleep(0.001)
+        assert sent >= 300_000
+        os.close(deaf)
+        with opened(name) as client:
+            client.until(lambda: any(isinstance(e, Connected) for e in client.events))
+            client.until(lambda: len(client.states) > 10)
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        assert process.wait(DEADLINE_S) == 0
+
+
+def test_the_program_serves_one_end_of_a_socket_pair() -> None:
+    ours, theirs = socket.socketpair()
+    ours.setblocking(False)
+    number = theirs.fileno()
+    with running("--transport", f"fd:{number}", "--speed", "10", pass_fds=(number,)):
+        theirs.close()
+        client = Client(ours.fileno())
+        client.arm()
+        client.until(lambda: client.states[-1].mode is BoardState.ARMED)
+    ours.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--params", "nowhere.toml"], "nowhere.toml"),
+        (["--fault", "leek@1"], "no fault is named 'leek'"),
+        (["--speed", "0"], "speed 0 is refused"),
+        (["--effects", "[1]"], "--effects"),
+        (["--effects", '{"no_such": {}}'], "no_such"),
+        (["--transport", "wire"], "transport 'wire' is refused"),
+        (["--symlink", "/no/such/folder/tty"], "cannot make the symlink"),
+    ],
+)
+def test_bad_options_end_with_one_line_and_a_status(options: list[str], says: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "sim_device", "--max-seconds", "1", *options],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_the_faults_can_be_listed() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "sim_device", "--list-faults"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "sensor_open" in done.stdout
+    assert "unplug" in done.stdout
+
+
+def test_the_server_ends_when_told_from_another_thread() -> None:
+    ours, theirs = socket.socketpair()
+    server = Server(SimulatedBench(), lambda: SocketPort(ours), speed=50.0)
+    timer = threading.Thread(target=lambda: (wait_for(lambda: server.stats.samples), server.stop()))
+    timer.start()
+    stats = server.run(DEADLINE_S)
+    timer.join()
+    server.close()
+    theirs.close()
+    assert stats.samples > 0
