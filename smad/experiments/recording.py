@@ -42,11 +42,9 @@ class Recording:
         Raises ExperimentError when a mark is missing or nothing lies between them.
         """
         t = self.t_s
-        inside = np.ones(t.size, bool)
-        if first is not None:
-            inside &= t > self._mark(first)
-        if last is not None:
-            inside &= t <= self._mark(last)
+        begin_s = -np.inf if first is None else self._mark(first)
+        end_s = np.inf if last is None else self._mark(last)
+        inside = (t > begin_s) & (t <= end_s)
         if not inside.any():
             raise ExperimentError(
                 f"the run has no samples between its marks {first!r} and {last!r}",
@@ -54,7 +52,7 @@ class Recording:
             )
         return Recording(
             {name: np.asarray(column)[inside] for name, column in self.columns.items()},
-            {name: at for name, at in self.marks.items() if t[inside][0] <= at <= t[inside][-1]},
+            {name: at for name, at in self.marks.items() if begin_s <= at <= end_s},
         )
 
     def _mark(self, name: str) -> float:

@@ -59,7 +59,6 @@ class VirtualDriver:
 
     def run(self, plan: Plan) -> Recording:
         from sim_device.bench import SimulatedBench
-
         from sim_device.plant.errors import PlantError
 
         seed = (self._seed + zlib.crc32(plan.name.encode())) & 0xFFFF_FFFF

@@ -1,0 +1,132 @@
+"""The client's methods over a simulated bench in this process: no sockets, no clocks."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from sim_device.bench import SimulatedBench
+from sim_device.faults import injection
+from smad import api
+from smad.config import Config, ControlConfig, CoolingConfig, config_to_toml
+from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Idle, MoveStage, Tune
+from smad.control.controller import Controller
+from smad.control.sample import BoardTime, Sample, Scales, sample_of
+from smad.control.setpoint import setpoint_of
+from smad.daemon.measure import row_of
+from smad.runlog.header import RunHeader
+from smad.runlog.schema import Event, Row
+from smad.runlog.writer import write_run
+
+
+class _Recorder:
+    def __init__(self, path: str, recording: bool) -> None:
+        self.path = path
+        self.recording = recording
+
+
+class _Status:
+    def __init__(self, sample: Row | None, recorder: _Recorder) -> None:
+        self.sample = sample
+        self.recorder = recorder
+
+
+class FakeClient:
+    """Answers as `smad.Client` does; time passes only in `let_pass`."""
+
+    def __init__(self, folder: Path, *, fails_at_s: float | None = None, seed: int = 3) -> None:
+        faults = [] if fails_at_s is None else [injection("sensor_open", fails_at_s)]
+        self._config = Config(control=ControlConfig(cooling=CoolingConfig(mode="proportional")))
+        self._bench = SimulatedBench(seed=seed, faults=faults)
+        self._controller = Controller(self._config.control)
+        self._folder = folder
+        self._scales = Scales({})
+        self._time = BoardTime()
+        self._setpoint = None
+        self._row: Row | None = None
+        self._sample: Sample | None = None
+        self._records: list[Row | Event] = []
+        self._path = ""
+        self.recording = False
+        self.tunes: list[Tune] = []
+        self._step()
+
+    def let_pass(self, seconds: float) -> None:
+        """Let board time pass."""
+        for _ in range(max(1, round(seconds * 100))):
+            self._step()
+
+    def _step(self) -> None:
+        state = self._bench.step_typed(self._setpoint)
+        self._sample = sample_of(state, self._time.unwrap(state.t_us), self._scales)
+        output = self._controller.step(self._sample)
+        self._setpoint = setpoint_of(output, t_ref_us=state.t_us)
+        self._row = row_of(
+            self._sample,
+            state,
+            self._setpoint,
+            host_time_s=math.nan,
+            reference_m=self._controller.reference_m,
+            reference_degC=self._controller.target_degC,
+        )
+        if self.recording:
+            self._records.append(self._row)
+
+    def arm(self) -> api.Motion:
+        self._bench.arm()
+        self._step()
+        return self.motion()
+
+    def motion(self) -> api.Motion:
+        assert self._sample is not None
+        return api.Motion(
+            running=self._controller.mode,
+            done=self._controller.done,
+            armed=self._sample.armed,
+            mode="ARMED" if self._sample.armed else "FAULT",
+            reference_mm=None,
+            displacement_mm=self._sample.displacement_m * 1e3,
+            board_time_s=self._sample.t_us * 1e-6,
+        )
+
+    def status(self) -> _Status:
+        return _Status(self._row, _Recorder(self._path, self.recording))
+
+    def config(self) -> str:
+        return config_to_toml(self._config)
+
+    def start_recording(self, name: str = "") -> _Recorder:
+        self.recording, self._records = True, []
+        self._path = str(self._folder / f"{name}.mcap")
+        return _Recorder(self._path, True)
+
+    def stop_recording(self) -> _Recorder:
+        self.recording = False
+        write_run(self._path, RunHeader(name=Path(self._path).stem), self._records)
+        return _Recorder(self._path, False)
+
+    def note(self, text: str) -> None:
+        assert self._sample is not None
+        self._records.append(Event(t_s=self._sample.t_us * 1e-6, kind="note", text=text))
+
+    def move(self, *trajectories: object, queue: bool = False) -> None:
+        self._controller.command(Follow(trajectories=trajectories, queue=queue))
+
+    def heat(self, spring: str, temperature_degC: float, **rest: object) -> None:
+        self._controller.command(
+            HoldTemperature(spring=spring, temperature_degC=temperature_degC, **rest)
+        )
+
+    def current(self, command: DriveCurrent) -> None:
+        self._controller.command(command)
+
+    def stage(self, stage_mm: float, rate_mm_per_s: float) -> None:
+        self._controller.command(MoveStage(stage_mm=stage_mm, rate_mm_per_s=rate_mm_per_s))
+
+    def tune(self, command: Tune) -> None:
+        self.tunes.append(command)
+        self._controller.command(command)
+
+    def idle(self) -> None:
+        self._controller.command(Idle())
+        self._step()

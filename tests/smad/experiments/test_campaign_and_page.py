@@ -1,0 +1,134 @@
+"""Campaigns, their page, and the settings of experiments."""
+
+from __future__ import annotations
+
+import re
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from smad.cli import execute as command
+from smad.experiments.campaign import Bench, CampaignResult, run_campaign
+from smad.experiments.errors import ExperimentError
+from smad.experiments.inverse import feedforward_of
+from smad.experiments.registry import EXPERIMENTS, make_experiment
+from smad.experiments.report import CONTRADICTIONS, campaign_page, recovery_table
+from smad.report.page import render
+
+from .helpers import NOMINAL, given
+
+NAMES = ("resistance", "dsc")
+
+
+def small_campaign(executor: ThreadPoolExecutor | None = None) -> CampaignResult:
+    return run_campaign(
+        [make_experiment(name) for name in NAMES], Bench(given(), seed=1), given(), executor
+    )
+
+
+def test_an_executor_changes_nothing_but_the_time() -> None:
+    with ThreadPoolExecutor(2) as pool:
+        there = small_campaign(pool)
+    here = small_campaign()
+    assert there.estimates == here.estimates
+    page = campaign_page(here, given(), given=given(), facts=[])
+    assert render(page) == render(campaign_page(there, given(), given=given(), facts=[]))
+
+
+def test_the_page_is_self_contained_and_says_what_contradicts() -> None:
+    text = render(campaign_page(small_campaign(), given(), given=given(), facts=[("a", "<b>")]))
+    assert "a: &lt;b&gt;" in text
+    outside = re.findall(r"""(?:src|href)=["'](?!#)[^"']*|url\((?!#)[^)]*|@import""", text)
+    assert outside == []
+    for contradiction in CONTRADICTIONS:
+        assert contradiction.split(":")[0].split(",")[0][:25] in text
+    assert text.count("<svg") == 2
+    assert "<script" not in text
+
+
+def test_the_recovery_table_says_when_a_value_is_not_within_its_tolerance() -> None:
+    result = small_campaign()
+    good = recovery_table(result.estimates, given(), given())
+    assert {row[-1].split()[0] for row in good.rows} == {"within"}
+    wrong = recovery_table(result.estimates, NOMINAL, NOMINAL)
+    assert any(row[-1].startswith("NOT within") for row in wrong.rows)
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_has_its_page_of_documentation(name: str) -> None:
+    page = Path(__file__).resolve().parents[3] / "docs/experiments" / f"{name}.md"
+    text = page.read_text(encoding="utf-8")
+    for setting in make_experiment(name).options.__struct_fields__:
+        assert f"`{setting}`" in text, f"{page.name} does not tell of {setting}"
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"stepmm": "3"}, "stepmm"),
+        ({"step_mm": "99"}, "step_mm"),
+        ({"step_mm": "much"}, "step_mm"),
+        ({"step_mm": "nan"}, "step_mm"),
+    ],
+)
+def test_a_setting_that_is_not_valid_is_refused_by_name(
+    settings: dict[str, str], says: str
+) -> None:
+    with pytest.raises(ExperimentError, match=says):
+        make_experiment("fig9-cycle", settings)
+
+
+def test_an_unknown_experiment_is_refused_with_those_there_are() -> None:
+    with pytest.raises(ExperimentError, match=r"fig99.*fig9-cycle"):
+        make_experiment("fig99")
+
+
+def test_the_inverse_of_the_nominal_set_is_the_default_configuration() -> None:
+    from msgspec.structs import asdict
+
+    from smad.config import FeedforwardConfig
+
+    made, default = asdict(feedforward_of(NOMINAL)), asdict(FeedforwardConfig())
+    for name, value in default.items():
+        assert made[name] == pytest.approx(value, rel=0.05), name
+
+
+def test_the_command_runs_one_experiment_and_writes_page_and_parameters(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, parameters = tmp_path / "page.html", tmp_path / "found.toml"
+    status = command(
+        ["run", "resistance", "--sim", "--jobs", "1", "--set", "dwell_s=0.5",
+         "--report", str(page), "--save-parameters", str(parameters)]
+    )  # fmt: skip
+    assert status == 0
+    printed = capsys.readouterr().out
+    assert "Eq. (27)" in printed
+    assert "within 3%" in printed
+    assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert "resistivity" in parameters.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["run"], "name an experiment"),
+        (["run", "fig99", "--sim"], "no such experiment"),
+        (["run", "fig9-cycle", "--sim", "--lacking", "force_N"], "the force sensor"),
+        (["run", "fig9-cycle", "--sim", "--set", "step_mm=99"], "step_mm"),
+        (["run", "fig9-cycle", "--sim", "--set", "nonsense"], "KEY=VALUE"),
+        (["run", "fig9-cycle", "--sim", "--parameters", "nowhere.toml"], "nowhere.toml"),
+        (["run", "fig9-cycle", "--from", "nowhere.mcap"], "nowhere.mcap"),
+        (["run", "dsc", "--sim", "--set", "file=nowhere.csv"], "nowhere.csv"),
+        (["run", "resistance", "--sim", "--jobs", "1", "--report", "/proc/no/page.html"], "/proc"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_a_status(
+    arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command(arguments) != 0
+    message = capsys.readouterr().err
+    assert says in message
+    assert len(message.strip().splitlines()) == 1
+    assert "internal error" not in message

@@ -1,0 +1,132 @@
+"""Drivers: what a bench lacks is found first; logs and daemons give the same runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Ramp, Tune
+from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
+from smad.experiments.campaign import Bench, run_campaign, run_on
+from smad.experiments.driver import PARTS
+from smad.experiments.errors import BenchLacksError, ExperimentError
+from smad.experiments.live import LiveDriver
+from smad.experiments.logs import LogDriver
+from smad.experiments.registry import EXPERIMENTS, make_experiment
+from smad.experiments.virtual import VirtualDriver
+
+from .fake_client import FakeClient
+from .helpers import NOMINAL, NoDriver, driver, given
+
+PLAN = Plan(
+    "short",
+    (
+        Do(Tune(kp_A_per_mm=10.0)),
+        Mark("begin"),
+        Do(Follow(trajectories=(Ramp(displacement_mm=2.0, rate_mm_per_s=1.0),))),
+        UntilDone(10.0),
+        Mark("moved"),
+        Do(HoldTemperature(spring="x", temperature_degC=32.0, duration_s=0.5)),
+        UntilDone(10.0),
+        Do(DriveCurrent(pump_x_duty=1.0)),
+        Pause(1.0),
+        Mark("end"),
+    ),
+)
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_each_part_an_experiment_needs_is_missed_by_name_before_anything_moves(name: str) -> None:
+    experiment = make_experiment(name)
+    for part in experiment.needs:
+        with pytest.raises(BenchLacksError) as refused:
+            experiment.run(NoDriver(part), NOMINAL)
+        assert PARTS[part] in str(refused.value)
+        assert "nothing was moved" in str(refused.value)
+
+
+def test_a_campaign_is_refused_whole_when_one_experiment_cannot_be_run() -> None:
+    experiments = [make_experiment("resistance"), make_experiment("fig9-cycle")]
+    bench = Bench(NOMINAL, lacking=frozenset({"force_N"}))
+    with pytest.raises(BenchLacksError, match=r"fig9-cycle.*the force sensor"):
+        run_campaign(experiments, bench, NOMINAL)
+    with pytest.raises(BenchLacksError, match="the force sensor"):
+        run_on(experiments, NoDriver("force_N"), NOMINAL)
+
+
+def test_a_virtual_run_repeats_to_the_bit_and_another_seed_differs() -> None:
+    first, again = driver().run(PLAN), driver().run(PLAN)
+    other = VirtualDriver(NOMINAL, seed=4).run(PLAN)
+    assert first.marks == again.marks
+    for name in first.columns:
+        assert np.array_equal(first[name], again[name], equal_nan=True)
+    assert not np.array_equal(first["displacement_mm"], other["displacement_mm"])
+
+
+def test_a_run_read_back_from_its_log_is_the_run(tmp_path: Path) -> None:
+    run = driver(folder=tmp_path).run(PLAN)
+    read = LogDriver([tmp_path / "short.mcap"]).run(PLAN)
+    assert read.marks == pytest.approx(run.marks)
+    for name in ("t_s", "displacement_mm", "rtd_x_degC", "force_N", "reference_mm"):
+        assert np.allclose(read[name], run[name], equal_nan=True, rtol=1e-12)
+
+
+def test_an_experiment_finds_the_same_in_its_log(tmp_path: Path) -> None:
+    experiment = make_experiment("resistance")
+    live = experiment.run(driver(given(), folder=tmp_path), NOMINAL)
+    logged = experiment.run(LogDriver([tmp_path / "resistance.mcap"]), NOMINAL)
+    assert logged.comparisons == live.comparisons
+    assert logged.estimates == live.estimates
+
+
+def test_a_log_of_another_run_is_not_taken_for_this_one(tmp_path: Path) -> None:
+    driver(folder=tmp_path).run(PLAN)
+    with pytest.raises(ExperimentError, match=r"none of the logs.*fig9-cycle"):
+        make_experiment("fig9-cycle").run(LogDriver([tmp_path / "short.mcap"]), NOMINAL)
+
+
+def test_a_daemon_carries_out_the_same_plan_as_virtual_time(tmp_path: Path) -> None:
+    client = FakeClient(tmp_path)
+    live = LiveDriver(client, sleep=client.let_pass).run(PLAN)
+    virtual = driver().run(PLAN)
+    assert list(live.marks) == list(virtual.marks)
+    for first, last in (("begin", "moved"), ("moved", "end")):
+        here, there = live.between(first, last), virtual.between(first, last)
+        assert here.t_s.size == pytest.approx(there.t_s.size, abs=15)
+        assert here["displacement_mm"][-1] == pytest.approx(there["displacement_mm"][-1], abs=0.1)
+    assert not client.recording
+
+
+def test_a_daemon_is_left_idle_and_tuned_as_it_was(tmp_path: Path) -> None:
+    client = FakeClient(tmp_path)
+    LiveDriver(client, sleep=client.let_pass).run(PLAN)
+    assert client.motion().running == "idle"
+    assert client.tunes[-1].kp_A_per_mm == 15.0
+
+
+def test_a_fault_on_the_bench_ends_the_run_and_the_recording(tmp_path: Path) -> None:
+    client = FakeClient(tmp_path, fails_at_s=1.5)
+    with pytest.raises(ExperimentError, match="left ARMED"):
+        LiveDriver(client, sleep=client.let_pass).run(PLAN)
+    assert not client.recording
+
+
+def test_springs_mounted_in_another_way_are_refused_before_anything_moves(tmp_path: Path) -> None:
+    client = FakeClient(tmp_path)
+    live = LiveDriver(client, sleep=client.let_pass)
+    for plan in (
+        Plan("a", PLAN.actions, fixture="stretch"),
+        Plan("b", PLAN.actions, cooling="air"),
+    ):
+        with pytest.raises(BenchLacksError, match="mounted"):
+            live.run(plan)
+    assert not client.motion().armed
+
+
+def test_a_wait_that_takes_too_long_on_a_daemon_is_an_error(tmp_path: Path) -> None:
+    client = FakeClient(tmp_path)
+    hold = Do(HoldTemperature(spring="x", temperature_degC=32.0))
+    with pytest.raises(ExperimentError, match="did not end in time"):
+        LiveDriver(client, sleep=client.let_pass).run(Plan("long", (hold, UntilDone(1.0))))

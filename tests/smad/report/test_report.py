@@ -1,0 +1,101 @@
+"""Pages and plots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smad.errors import SmadError
+from smad.report.page import (
+    Code,
+    Page,
+    Picture,
+    Section,
+    Table,
+    Text,
+    markdown_table,
+    render,
+    text_table,
+    write_page,
+)
+from smad.report.plots import decimated, draw, label, new_figure, svg_of
+
+TABLE = Table(("name", "value"), (("a", "1.0"), ("long name", "12.5")), numeric=frozenset({1}))
+
+
+def figure_svg() -> str:
+    figure, (axes,) = new_figure()
+    draw(axes, np.arange(10.0), np.arange(10.0) ** 2, "a <b> & c", "actual")
+    label(axes, "time, s", "mm")
+    return svg_of(figure, 'title with "quotes" & <tags>')
+
+
+def test_everything_but_figures_is_escaped() -> None:
+    nasty = "<script>alert('x')</script>"
+    page = Page(nasty, [Section(nasty, [Text(nasty), Table((nasty,), ((nasty,),)), Code(nasty)])])
+    assert "<script" not in render(page)
+    assert render(page).count("&lt;script&gt;") == 7
+
+
+def test_a_figure_is_svg_with_text_and_without_anything_from_outside() -> None:
+    svg = figure_svg()
+    assert svg.startswith("<svg")
+    assert "time, s" in svg
+    assert "a &lt;b&gt; &amp; c" in svg
+    assert "<!DOCTYPE" not in svg
+    assert "<metadata" not in svg
+    assert "<image" not in svg
+
+
+def test_the_same_figure_is_the_same_text() -> None:
+    assert figure_svg() == figure_svg()
+
+
+def test_a_page_is_written_whole_and_readable_by_others(tmp_path: Path) -> None:
+    path = tmp_path / "folder" / "page.html"
+    page = Page("t", [Section("s", [Picture(figure_svg(), "caption"), TABLE])])
+    assert write_page(page, path) == path
+    assert path.read_text(encoding="utf-8") == render(page)
+    assert path.stat().st_mode & 0o044 or path.stat().st_mode & 0o600
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_page_that_cannot_be_written_names_its_path(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SmadError, match=r"file/page\.html"):
+        write_page(Page("t", []), tmp_path / "file" / "page.html")
+
+
+def test_tables_for_a_terminal_and_a_document_line_up() -> None:
+    assert text_table(TABLE).splitlines() == [
+        "name       value",
+        "---------  -----",
+        "a            1.0",
+        "long name   12.5",
+    ]
+    assert markdown_table(TABLE).splitlines()[1] == "|---|---:|"
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(st.lists(st.floats(-1e6, 1e6), min_size=50, max_size=400), st.integers(5, 20))
+def test_decimation_keeps_ends_and_extremes_and_is_short(values: list[float], buckets: int) -> None:
+    y = np.array(values)
+    t = np.arange(y.size, dtype=float)
+    short_t, short_y = decimated(t, y, buckets)
+    assert short_t.size <= max(2 * buckets + 2, 2 * buckets)
+    assert (short_t[0], short_t[-1]) == (t[0], t[-1])
+    assert short_y.min() == y.min()
+    assert short_y.max() == y.max()
+    assert np.all(np.diff(short_t) > 0.0)
+    assert np.array_equal(short_y, y[short_t.astype(int)])
+
+
+def test_a_gap_stays_a_gap() -> None:
+    y = np.ones(10_000)
+    y[4000:5000] = np.nan
+    _, short = decimated(np.arange(10_000.0), y, 100)
+    assert np.isnan(short).any()
