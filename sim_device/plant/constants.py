@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from sim_device.plant import kernel as k
 from sim_device.plant.errors import ModelError
 from sim_device.plant.parameters import ParameterSet, initial_detwinned, spring_factors
-from sim_device.plant.water import GRAVITY, at, film_table, printed_water, real_water
+from sim_device.plant.water import GRAVITY, at, film_table, real_water
 
 Array = npt.NDArray[np.float64]
 Variant = Literal["extended", "printed"]
@@ -46,7 +47,7 @@ def kernel_constants(
     length = wire_length(parameters)
     mass = value["density"] * section
     annulus = 0.25 * math.pi * (tube * tube - wire * wire)
-    heat_volume = water_heat_capacity(variant)
+    heat_volume = water_heat_capacity()
     p = np.zeros(k.CONSTANTS_SIZE)
     p[k.P_C1] = c1
     p[k.P_K_M] = c2 * value["modulus_martensite"] / c1
@@ -121,15 +122,15 @@ def wire_length(parameters: ParameterSet) -> float:
     return math.pi * parameters["coil_diameter"] * parameters["coils"]
 
 
-_HEAT_VOLUME: dict[str, float] = {}
+@cache
+def water_heat_capacity() -> float:
+    """ρ C_w of real water at 300 K, J/(m³ K).
 
-
-def water_heat_capacity(variant: str) -> float:
-    """ρ C_w of water at 300 K, J/(m³ K), of that variant's properties."""
-    if variant not in _HEAT_VOLUME:
-        water = at(printed_water() if variant == "printed" else real_water(), 300.0)
-        _HEAT_VOLUME[variant] = float(water.rho[0] * water.cp[0])
-    return _HEAT_VOLUME[variant]
+    Also for the printed variant, which needs it only with effect water_warming: its polynomials
+    would give 66 % more.
+    """
+    water = at(real_water(), 300.0)
+    return float(water.rho[0] * water.cp[0])
 
 
 def initial_state(

@@ -1499,7 +1499,10 @@ def advance(
 @compiled
 def wake(s: Array, p: Array, e: Array, ring: Array) -> None:
     """The sensors' first sample, before anything has been advanced."""
-    sense(s[0:S_SIZE], s[S_SIZE:SHARED], s[SHARED:STATE_SIZE], p, e, ring, 0.0)
+    g = s[SHARED:STATE_SIZE]
+    g[G_T_IN] = g[G_ENV_IN]
+    g[G_T_AIR] = g[G_ENV_AIR]
+    sense(s[0:S_SIZE], s[S_SIZE:SHARED], g, p, e, ring, 0.0)
 
 
 @compiled

@@ -25,6 +25,8 @@ from sim_device.plant.parameters import ParameterSet, initial_detwinned
 from sim_device.plant.water import at, real_water
 
 Array = npt.NDArray[np.float64]
+CURVE_WIDTH = 1e-6
+"""Detwinning sets in over this much of the fraction: a solver needs a rate that is continuous."""
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
@@ -44,8 +46,8 @@ def fraction_left(x: float) -> float:
 
 @compiled
 def relative_slope(x: float) -> float:
-    """f′/f of the cosine law; bounded just before the end, where f′/f has its pole."""
-    top = min(max(x, 0.0), 1.0 - 1e-7)
+    """f′/f of the cosine law; bounded just before the end, where it has a pole and f is 2e-8."""
+    top = min(max(x, 0.0), 1.0 - 1e-4)
     return float(-math.pi * math.tan(0.5 * math.pi * top))
 
 
@@ -96,12 +98,15 @@ def fraction_rates(
         ds += xs * relative_slope(a) * speed
         dt += xt * relative_slope(a) * speed
     elif a >= 1.0:
-        ds -= 1e4 * xs
-        dt -= 1e4 * xt
+        ds -= 100.0 * xs
+        dt -= 100.0 * xt
     hot = T > M_S
     b = (tau - (C_M * (T - M_S) if hot else 0.0) - tau_s) / (tau_f - tau_s)
     speed = (c1 * rF - (C_M * rT if hot else 0.0)) / (tau_f - tau_s)
-    if 0.0 <= b < 1.0 and speed > 0.0 and (hot or 1.0 - xs >= fraction_left(b) - 1e-12):
+    if 0.0 <= b < 1.0 and speed > 0.0:
+        if not hot:
+            above = xs - (1.0 - fraction_left(b))
+            speed *= min(max(1.0 - above / CURVE_WIDTH, 0.0), 1.0)
         ds -= (1.0 - xs) * relative_slope(b) * speed
         dt += xt * relative_slope(b) * speed
     c = (M_S - T) / (M_S - M_F)

@@ -147,8 +147,9 @@ def simulate(
 ) -> dict[str, Array]:
     """Replay `inputs` and return the named `outputs` (see OUTPUTS), one array (n,) each, no noise.
 
-    dt_s: longest substep. feeds: measured series in place of inner signals, so that a sub-model
-    runs alone: "i_A" (n, 2) replaces what the driver makes of the command, "temperature_K" (n, 2)
+    dt_s: longest substep. temperature_K: of wire and water at the start; by default that of the
+    inlet at the first sample (bare wire: of the air).
+    feeds: measured series in place of inner signals, so that a sub-model runs alone: "i_A" (n, 2) replaces what the driver makes of the command, "temperature_K" (n, 2)
     the heat balance, "force_N" (n,) the stress that the kinetics see, "displacement_m" (n,) the
     equilibrium of the pair: the force then follows from Eq. (9). They are interpolated linearly
     between samples; smooth noisy temperatures first, since noise ratchets a hysteresis.
@@ -194,6 +195,9 @@ class Replay:
         if not 0.0 < dt_s < math.inf:
             raise InputError(f"dt_s = {dt_s} s; a substep must be positive and finite")
         setup = Setup.make(parameters, effects=effects, **self._options)
+        env = self.inputs.environment(parameters)
+        if temperature_K is None:
+            temperature_K = float(env[0, 0 if setup.p[k.P_WET] > 0.0 else 1])
         state = setup.state(temperature_K)
         out = np.empty((self.inputs.t_s.size, self._slots.size))
         status, _ = k.replay(
@@ -207,7 +211,7 @@ class Replay:
             self._rows,
             setup.table,
             self.inputs.rows,
-            self.inputs.environment(parameters),
+            env,
             self.inputs.t_s,
             dt_s,
             self._slots,

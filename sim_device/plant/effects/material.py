@@ -106,7 +106,7 @@ MECHANICS: tuple[Effect, ...] = (
                 None,
             ),
         ),
-        _TENDON,
+        _MOVES,
         ("encoder_backlash", "viscous_drag", "minor_loop"),
         "reversals at two preloads: the constant part stays, the proportional part grows",
         _FRICTION,
@@ -122,7 +122,7 @@ MECHANICS: tuple[Effect, ...] = (
                 "coefficient_N_s_m", k.E_DRAG, "N s/m", 0, 500, 40, half(40), "coefficient c"
             ),
         ),
-        _TENDON,
+        _MOVES,
         ("tube_friction", "channel_delay"),
         "the same fast move wet and dry",
         _FRICTION,

@@ -108,9 +108,7 @@ pulse = st.tuples(st.floats(0, 4), st.floats(0, 4), st.floats(0, 1), st.floats(0
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(one_set, st.lists(pulse, min_size=1, max_size=6), st.sampled_from(["water", "air"]),
        st.sampled_from(["antagonistic", "blocked"]), st.sampled_from([1e-3, 1e-2]))  # fmt: skip
-def test_equilibrium_is_found_and_tension_is_never_negative(
-    values, pulses, cooling, fixture, dt_s
-):
+def test_equilibrium_is_found_and_tension_is_never_negative(values, pulses, cooling, fixture, dt_s):
     drives = np.repeat(np.array(pulses), 120, axis=0)
     t = np.arange(len(drives)) * 0.02
     inputs = Inputs(t, drives[:, :2], drives[:, 2:])
@@ -146,9 +144,7 @@ def test_a_stretched_spring_follows_the_two_characteristic_curves():
     for T_C, k, limit in ((25.0, K_M, 58e6), (60.0, K_A, 170e6)):
         warm = np.full((t.size, 2), T_C + 273.15)
         warm[0] = 298.15
-        out = simulate(
-            P, still(t, stage_m=stage), fixture="stretch", feeds={"temperature_K": warm}
-        )
+        out = simulate(P, still(t, stage_m=stage), fixture="stretch", feeds={"temperature_K": warm})
         linear = (C1 * out["force_N"] < 0.98 * limit) & (t > 0.1)
         np.testing.assert_allclose(out["force_N"][linear], k * stage[linear], rtol=1e-6)
         assert out["xi_S_x"][-1] > 0.6

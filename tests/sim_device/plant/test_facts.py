@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim_device.plant import kernel as k
 from sim_device.plant import Drive, Inputs, Plant, load_parameters, simulate
+from sim_device.plant import kernel as k
 from sim_device.plant.constants import kernel_constants
 from sim_device.plant.segment import segment_angle_deg, segment_displacement_m
 from sim_device.plant.water import at, film_table, real_water
@@ -73,7 +73,7 @@ def cooled_from_322(parameters):
     pumping = (t > hot)[:, None] * [1.0, 0.0]
     heating = ((t <= hot) & (t > 0))[:, None] * [1.0, 0.0]
     T = simulate(parameters, Inputs(t, heating, pumping))["T_x_K"]
-    return [t[np.flatnonzero((T <= level) & (t > hot))[0]] - hot for level in (310, 305, 301)]
+    return [t[np.flatnonzero((level >= T) & (t > hot))[0]] - hot for level in (310, 305, 301)]
 
 
 def test_pumping_cools_as_fast_as_documented_without_latent_heat():
@@ -108,8 +108,9 @@ def test_cooling_is_limited_by_the_flow_and_not_by_the_film():
     assert 0.08 < biot / 4 < 0.1 < biot < 0.4
 
 
-def tracked(period_s, cycles, cooling, amplitude_m=2e-3, gain=15e3, integral=3e3):
+def tracked(period_s, cycles, cooling):
     """R² of each cycle under PI on displacement, pump by duty, as the reference's prototype."""
+    amplitude_m, gain, integral = 2e-3, 15e3, 3e3
     quiet = dict.fromkeys(
         ("noise_temperature", "noise_displacement", "noise_force", "noise_current",
          "noise_voltage"), 0.0
@@ -118,9 +119,9 @@ def tracked(period_s, cycles, cooling, amplitude_m=2e-3, gain=15e3, integral=3e3
     total, n = 0.0, int(period_s * 100)
     wanted = amplitude_m * np.sin(2 * np.pi * np.arange(n * cycles) / n)
     got = np.empty_like(wanted)
-    for k, target in enumerate(wanted):
-        got[k] = plant.read().displacement_m
-        miss = target - got[k]
+    for sample, target in enumerate(wanted):
+        got[sample] = plant.read().displacement_m
+        miss = target - got[sample]
         total = min(4.0, max(-4.0, total + integral * miss * 0.01))
         u = min(4.0, max(-4.0, gain * miss + total))
         duty = min(1.0, abs(u) / 4.0)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from tests.sim_device.plant.cases import still
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_device.plant import load_parameters, simulate
 from sim_device.plant.parameters import initial_detwinned, spring_factors
+from tests.sim_device.plant.cases import still
 
 P = load_parameters("A")
 C1, _ = spring_factors(P)
@@ -80,7 +80,7 @@ def test_loading_austenite_above_martensite_start_follows_eq_13(T_C):
 
 
 def test_cooling_austenite_under_stress_follows_eq_13_down_to_martensite_start():
-    xs, xt, T, tau = along([25, 75, 36], [0.0, 2.6, 2.6])
+    xs, _, T, tau = along([25, 75, 36], [0.0, 2.6, 2.6])
     tail = slice(400, None)
     above = T[tail] > P["martensite_start"]
     expected = 1 - left(forward(T, tau)[tail])

@@ -29,12 +29,12 @@ def refused(tmp_path, text):
     return error.value
 
 
-def change(text, name, key, value):
+def changed(text, name, key, value):
     """The text with one key of one entry replaced."""
     pattern = rf"(\[{name}\]\n(?:.*\n)*?){key} = .*\n"
-    changed, count = re.subn(pattern, rf"\g<1>{key} = {value}\n", text, count=1)
+    result, count = re.subn(pattern, rf"\g<1>{key} = {value}\n", text, count=1)
     assert count == 1
-    return changed
+    return result
 
 
 @pytest.mark.parametrize("name", built_in_sets())
@@ -78,41 +78,40 @@ def test_a_file_without_an_entry_is_refused_by_its_name(tmp_path, text, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "key", "value", "words"),
+    ("name", "change", "words"),
     [
-        ("density", "value", "9000", ["9000", "6300", "6600", "range of the file"]),
-        ("density", "value", '"heavy"', ["heavy", "not a number"]),
-        ("density", "value", "nan", ["nan", "finite"]),
-        ("density", "unit", '"mm"', ["'mm'", "kg/m3"]),
-        ("density", "unit", '"stone"', ["'stone'", "kg/m3"]),
-        ("density", "status", '"guessed"', ["guessed", "assumed"]),
-        ("density", "range", "[6600, 6300]", ["backwards"]),
-        ("density", "range", "[1, 1e9]", ["physical limit"]),
-        ("density", "range", "6450", ["[low, high]"]),
-        ("density", "source", '""', ["source"]),
-        ("warming_share", "range", "[0.1, 3.0]", ["physical limit"]),
+        ("density", ("value", "9000"), ["9000", "6300", "6600", "range of the file"]),
+        ("density", ("value", '"heavy"'), ["heavy", "not a number"]),
+        ("density", ("value", "nan"), ["nan", "finite"]),
+        ("density", ("unit", '"mm"'), ["'mm'", "kg/m3"]),
+        ("density", ("unit", '"stone"'), ["'stone'", "kg/m3"]),
+        ("density", ("status", '"guessed"'), ["guessed", "assumed"]),
+        ("density", ("range", "[6600, 6300]"), ["backwards"]),
+        ("density", ("range", "[1, 1e9]"), ["physical limit"]),
+        ("density", ("range", "6450"), ["[low, high]"]),
+        ("density", ("source", '""'), ["source"]),
+        ("warming_share", ("range", "[0.1, 3.0]"), ["physical limit"]),
     ],
 )
-def test_a_wrong_entry_is_refused_with_name_value_and_limit(
-    tmp_path, text, name, key, value, words
-):
-    error = refused(tmp_path, change(text, name, key, value))
+def test_a_wrong_entry_is_refused_with_name_value_and_limit(tmp_path, text, name, change, words):
+    error = refused(tmp_path, changed(text, name, *change))
     assert error.name == name
     for word in words:
         assert word in str(error)
 
 
 @pytest.mark.parametrize(
-    ("small", "value", "wide", "large"),
+    ("small", "values", "large"),
     [
-        ("austenite_start", "46.0", "[20, 50]", "austenite_finish"),
-        ("martensite_finish", "36.0", "[20, 50]", "martensite_start"),
-        ("stress_start", "160.0", "[20, 200]", "stress_finish"),
-        ("wire_diameter", "1.6", "[0.1, 2.0]", "tube_diameter"),
+        ("austenite_start", ("46.0", "[20, 50]"), "austenite_finish"),
+        ("martensite_finish", ("36.0", "[20, 50]"), "martensite_start"),
+        ("stress_start", ("160.0", "[20, 200]"), "stress_finish"),
+        ("wire_diameter", ("1.6", "[0.1, 2.0]"), "tube_diameter"),
     ],
 )
-def test_entries_out_of_order_are_refused_naming_both(tmp_path, text, small, value, wide, large):
-    error = refused(tmp_path, change(change(text, small, "range", wide), small, "value", value))
+def test_entries_out_of_order_are_refused_naming_both(tmp_path, text, small, values, large):
+    value, wide = values
+    error = refused(tmp_path, changed(changed(text, small, "range", wide), small, "value", value))
     assert error.name == small
     assert large in str(error)
 
@@ -124,7 +123,7 @@ def test_equal_start_and_finish_are_refused():
 
 
 def test_a_mounting_that_the_moduli_cannot_hold_is_refused():
-    with pytest.raises(ParameterError, match="initial_force.*Eq. \\(10\\)"):
+    with pytest.raises(ParameterError, match=r"initial_force.*Eq\. \(10\)"):
         load_parameters("A").replace(initial_force=1.6)
 
 

@@ -1,0 +1,45 @@
+"""The compiled kernel and plain Python give the same bits."""
+
+import hashlib
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+from sim_device.plant import Inputs, load_parameters, simulate
+from sim_device.plant.effects import EFFECTS
+from sim_device.plant.replay import OUTPUTS
+
+CASES = (
+    {},
+    {"variant": "printed"},
+    {"cooling": "air"},
+    {"fixture": "blocked"},
+    {"effects": {entry.name: {} for entry in EFFECTS if entry.name != "water_warming"}},
+)
+
+
+def fingerprints():
+    """A hash of every output of a short run that heats, pumps and detwins, for each case."""
+    t = np.arange(250) * 0.02
+    i_A = np.column_stack([np.where((t > 0) & (t < 3.5), 4.0, 0.0), np.where(t > 4.0, 3.0, 0.0)])
+    duty = np.column_stack([np.where(t > 3.5, 0.9, 0.0), 0 * t])
+    inputs = Inputs(t, i_A, duty)
+    found = []
+    for options in CASES:
+        out = simulate(load_parameters("B"), inputs, dt_s=5e-3, **options)
+        found.append(hashlib.sha256(b"".join(out[name].tobytes() for name in OUTPUTS)).hexdigest())
+    return found
+
+
+def test_plain_python_gives_the_same_bits_as_the_compiled_kernel():
+    code = "from tests.sim_device.plant.test_bits import fingerprints; print(*fingerprints())"
+    plain = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert plain.stdout.split() == fingerprints()

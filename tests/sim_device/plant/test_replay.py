@@ -1,0 +1,150 @@
+"""Replay: the same plant in one call, sub-models alone on fed signals, many points in threads."""
+
+import numpy as np
+import pytest
+
+from sim_device.plant import Drive, Inputs, Plant, Replay, load_parameters, simulate
+from sim_device.plant.errors import InputError
+from sim_device.plant.replay import MEASURED, OUTPUTS
+from tests.sim_device.plant.cases import alternating
+
+P = load_parameters("A")
+QUIET = P.replace(**{name: 0.0 for name in P.names if name.startswith("noise_")})
+
+
+@pytest.fixture(scope="module")
+def inputs():
+    return alternating(seconds=30.0)
+
+
+@pytest.fixture(scope="module")
+def whole(inputs):
+    return simulate(P, inputs)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"variant": "printed"}, {"cooling": "air"}, {"fixture": "blocked"}]
+)
+def test_a_replay_is_the_plant_to_the_last_bit_also_at_uneven_times(options):
+    rng = np.random.default_rng(3)
+    t = np.cumsum(rng.uniform(0.002, 0.03, 400))
+    i_A, duty = rng.uniform(0, 4, (400, 2)), rng.uniform(0, 1, (400, 2))
+    stage = np.linspace(0, 2e-3, 400)
+    out = simulate(QUIET, Inputs(t, i_A, duty, stage_m=stage), **options)
+    plant = Plant(QUIET, **options)
+    for n in range(1, 400):
+        drive = Drive(i_A=tuple(i_A[n]), pump_duty=tuple(duty[n]), stage_m=stage[n])
+        plant.advance(drive, t[n] - t[n - 1])
+        seen = plant.read()
+        assert seen.displacement_m == out["displacement_m"][n]
+        assert seen.force_N == out["force_N"][n]
+        assert seen.rtd_degC[0] == out["rtd_x_degC"][n]
+        assert seen.v_V[1] == out["v_y_V"][n]
+        assert plant.truth.xi_S[0] == out["xi_S_x"][n]
+
+
+def test_every_output_is_one_value_a_sample_and_can_be_asked_for_alone(inputs, whole):
+    assert set(whole) == set(OUTPUTS)
+    assert {values.shape for values in whole.values()} == {inputs.t_s.shape}
+    some = simulate(P, inputs, outputs=("force_N", "T_x_K"))
+    assert list(some) == ["force_N", "T_x_K"]
+    np.testing.assert_array_equal(some["force_N"], whole["force_N"])
+    assert set(MEASURED) < set(OUTPUTS)
+
+
+def test_feeding_back_the_plants_own_current_and_temperature_changes_nothing(inputs, whole):
+    current = np.column_stack([whole["true_i_x_A"], whole["true_i_y_A"]])
+    fed = simulate(P, inputs, feeds={"i_A": current})
+    np.testing.assert_array_equal(fed["displacement_m"], whole["displacement_m"])
+    T = np.column_stack([whole["T_x_K"], whole["T_y_K"]])
+    fed = simulate(P, inputs, feeds={"temperature_K": T})
+    np.testing.assert_allclose(fed["T_x_K"], whole["T_x_K"], atol=1e-12)
+    np.testing.assert_allclose(fed["displacement_m"], whole["displacement_m"], atol=2e-5)
+
+
+def test_fed_force_drives_the_kinetics_and_fed_displacement_gives_force_by_eq_9(inputs, whole):
+    T = np.column_stack([whole["T_x_K"], whole["T_y_K"]])
+    feeds = {"temperature_K": T, "force_N": whole["true_force_N"]}
+    phase = simulate(P, inputs, feeds=feeds)
+    np.testing.assert_allclose(phase["xi_S_x"], whole["xi_S_x"], atol=2e-3)
+    np.testing.assert_allclose(phase["displacement_m"], whole["displacement_m"], atol=1e-4)
+    feeds["displacement_m"] = whole["true_displacement_m"]
+    mechanics = simulate(P, inputs, feeds=feeds)
+    np.testing.assert_array_equal(mechanics["true_displacement_m"], whole["true_displacement_m"])
+    np.testing.assert_allclose(mechanics["force_N"], whole["force_N"], atol=5e-3)
+
+
+def test_fed_displacement_alone_holds_both_springs_at_their_lengths(inputs, whole):
+    T = np.column_stack([whole["T_x_K"], whole["T_y_K"]])
+    out = simulate(
+        P,
+        inputs,
+        feeds={"temperature_K": T, "displacement_m": whole["true_displacement_m"]},
+    )
+    np.testing.assert_allclose(
+        out["deflection_x_m"], P["initial_deflection"] - whole["true_displacement_m"], atol=1e-9
+    )
+    np.testing.assert_allclose(out["force_N"], whole["force_N"], atol=5e-3)
+
+
+def test_a_fed_current_ignores_the_driver_but_a_command_does_not(inputs):
+    gained = {"driver_gain": {"gain": 0.1}}
+    commanded = simulate(P, inputs, effects=gained)
+    fed = simulate(P, inputs, effects=gained, feeds={"i_A": inputs.i_A})
+    np.testing.assert_allclose(commanded["i_x_A"][1:], 1.1 * inputs.i_A[1:, 0])
+    np.testing.assert_allclose(fed["i_x_A"][1:], inputs.i_A[1:, 0])
+
+
+def test_recorded_inlet_and_ambient_replace_those_of_the_set(inputs):
+    n = inputs.t_s.size
+    warm = Inputs(
+        inputs.t_s, inputs.i_A, inputs.pump_duty,
+        inlet_K=np.full(n, 303.0), ambient_K=np.linspace(300, 301, n),
+    )  # fmt: skip
+    out = simulate(P, warm)
+    np.testing.assert_allclose(out["rtd_inlet_degC"], 29.85)
+    assert out["rtd_ambient_degC"][-1] == pytest.approx(27.85)
+    assert out["T_y_K"][-1] > simulate(P, inputs)["T_y_K"][-1]
+
+
+def test_many_points_in_threads_are_the_same_as_one_after_the_other(inputs):
+    replay = Replay(inputs, outputs=("displacement_m",))
+    points = [
+        (P.replace(resistivity=(0.7 + 0.01 * n) * 1e-6), {"rtd_lag": {}} if n % 2 else {})
+        for n in range(12)
+    ]
+    together = replay.run_many(points, dt_s=5e-3, workers=3)
+    for point, result in zip(points, together, strict=True):
+        alone = replay.run(*point, dt_s=5e-3)
+        np.testing.assert_array_equal(result["displacement_m"], alone["displacement_m"])
+    ends = replay.run_many(points, dt_s=5e-3, keep=lambda out: out["displacement_m"][-1])
+    assert ends == [out["displacement_m"][-1] for out in together]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"t_s": [0.0, 0.01, 0.01]}, "increase at sample 2"),
+        ({"t_s": []}, "empty"),
+        ({"i_A": [[0, 0], [1, -1], [0, 0]]}, "i_A = -1.0 at sample 1"),
+        ({"i_A": [[0, 0], [1, 1], [0, float("nan")]]}, "i_A = nan at sample 2"),
+        ({"i_A": [[0, 0]]}, "shape"),
+        ({"pump_duty": [[0, 0], [0, 0], [0, 1.5]]}, "pump_duty = 1.5 at sample 2"),
+        ({"stage_m": [0.0, 5.0, 0.0]}, "stage_m"),
+    ],
+)
+def test_wrong_inputs_are_refused_naming_sample_and_value(change, words):
+    given = {"t_s": [0.0, 0.01, 0.02], "i_A": np.zeros((3, 2)), "pump_duty": np.zeros((3, 2))}
+    with pytest.raises(InputError, match=words):
+        Inputs(**{key: np.array(value, float) for key, value in {**given, **change}.items()})
+
+
+def test_wrong_feeds_and_outputs_are_refused(inputs):
+    with pytest.raises(InputError, match="feed 'pressure'"):
+        simulate(P, inputs, feeds={"pressure": np.zeros(3)})
+    with pytest.raises(InputError, match="force_N has shape"):
+        simulate(P, inputs, feeds={"force_N": np.zeros(3)})
+    with pytest.raises(InputError, match="output 'colour'"):
+        simulate(P, inputs, outputs=("colour",))
+    with pytest.raises(InputError, match="dt_s"):
+        simulate(P, inputs, dt_s=0.0)
