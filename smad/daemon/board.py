@@ -143,7 +143,8 @@ def fault_line(fault: api.Fault) -> str:
     """Return a latched fault in one line."""
     seen = "" if fault.measured is None else f": {fault.measured:g} {fault.unit}".rstrip()
     limit = "" if fault.limit is None else f", limit {fault.limit:g} {fault.unit}".rstrip()
-    return f"{fault.name} at {fault.channel}{seen}{limit}"
+    where = f" at {fault.channel}" if fault.channel else ""
+    return f"{fault.name}{where}{seen}{limit}"
 
 
 def board_of(ident: Ident, parameters: Parameters, *, schema_agrees: bool) -> api.Board:

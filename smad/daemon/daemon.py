@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import zmq
-from msgspec import Struct
 
 from firmware_protocol.events import HostState
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Disarm
-from smad.api import Reason
 from smad.config import Config
 from smad.control.commands import Idle
 from smad.control.controller import Controller
+from smad.daemon.answers import Answers
 from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
 from smad.daemon.journal import Journal
@@ -31,21 +30,18 @@ from smad.daemon.port import Transport
 from smad.daemon.realtime import IdleCollector
 from smad.daemon.recorder import Recorder
 from smad.daemon.requests import BoardRequests
-from smad.daemon.rpc import Call, Decoder, error_reply, result_reply
 from smad.daemon.runheader import run_header
-from smad.daemon.server import CommandServer, Send
+from smad.daemon.server import CommandServer
 from smad.daemon.service import Service
 from smad.daemon.status import CommandCounts, StatusReport
 from smad.daemon.telemetry import Publisher
 from smad.daemon.trace import Trace
 from smad.daemon.watch import BoardWatch
-from smad.errors import SmadError
 from smad.runlog.schema import Event, EventKind, LinkSample
 
 HOUSEKEEPING_S = 0.02
 _SECOND_US = 1_000_000
 _AT_ONCE = 8
-_OPEN_ANSWERS = 64
 _SPARE_SHARE = 0.3
 
 
@@ -86,6 +82,7 @@ class Daemon:
         self._second_us = 0
         self._housekeeping: asyncio.TimerHandle | None = None
         self._recorder_error = ""
+        self._strangers = 0
         self._left_hot_us: int | None = None
         self._period_ns = int(1e9 / config.link.rate_hz)
 
@@ -157,13 +154,14 @@ class Daemon:
             say=self.say,
             clock_us=clock_us,
         )
-        self._decoder = Decoder()
-        self._stop_decoder = Decoder("stop")
+        self.answers = Answers(
+            self.service, self.commands, spawn=self.spawn, journal=journal, waiting=self._waiting
+        )
         self.server = CommandServer(
             context,
             loop=loop,
-            on_command=lambda client, data, send: self.answer(self._decoder, client, data, send),
-            on_stop=lambda client, data, send: self.answer(self._stop_decoder, client, data, send),
+            on_command=self.answers.command,
+            on_stop=self.answers.stop,
             look_at_port=self.link.read,
             queue=config.daemon.command_queue,
         )
@@ -172,58 +170,6 @@ class Daemon:
         """Open the port and begin. Raises PortError when it cannot be opened."""
         self.link.open()
         self._housekeep()
-
-    def answer(self, decoder: Decoder, client: bytes, data: bytes, send: Send) -> None:
-        """Answer one message: at once, or when the board has answered."""
-        call = decoder.decode(data)
-        if isinstance(call, bytes):
-            self.commands.refused += 1
-            send(call)
-            return
-
-        def reply(text: bytes) -> None:
-            if call.wants_reply:
-                send(text)
-
-        try:
-            if len(self._tasks) >= _OPEN_ANSWERS and call.method.access != "stop":
-                raise Refusal(
-                    Reason.BUSY,
-                    "too many commands wait for the board",
-                    value=len(self._tasks),
-                    limit=_OPEN_ANSWERS,
-                    action="wait for replies before sending more",
-                )
-            answer = self.service.perform(call.method, call.params, client)
-        except Exception as error:
-            self._refuse(call, error, reply)
-            return
-        if isinstance(answer, Struct):
-            self.commands.done += 1
-            reply(result_reply(call.id, answer))
-            return
-        self.spawn(call.method.name, self._answer_later(call, answer, reply))
-
-    async def _answer_later(self, call: Call, answer: Awaitable[Struct], reply: Send) -> None:
-        try:
-            result = await answer
-        except Exception as error:
-            self._refuse(call, error, reply)
-            return
-        self.commands.done += 1
-        reply(result_reply(call.id, result))
-
-    def _refuse(self, call: Call, error: Exception, reply: Send) -> None:
-        # A mistake of ours in one command is told to who sent it; the run goes on.
-        self.commands.refused += 1
-        if not isinstance(error, SmadError):
-            self.journal.say(f"internal error in {call.method.name}: {error!r}")
-            error = Refusal(
-                Reason.INTERNAL,
-                f"an error in the daemon: {error!r}",
-                action="please report it; smad status shows whether the bench is armed",
-            )
-        reply(error_reply(call.id, error))
 
     def say(self, kind: EventKind, text: str, data: dict[str, Any]) -> None:
         """Put an event into the run log and, unless it is a mere command, into the journal."""
@@ -239,6 +185,9 @@ class Daemon:
                 data=data,
             )
         )
+
+    def _waiting(self) -> int:
+        return len(self._tasks)
 
     def spawn(self, name: str, work: Coroutine[Any, Any, None]) -> None:
         """Run something beside the loop; if it dies, the daemon does."""
@@ -371,15 +320,20 @@ class Daemon:
         self.status.refresh()
         self.status.telemetry_dropped = self.publisher.dropped
         self.recorder.note(
-            LinkSample(
-                host_time_s=self._wall_clock(),
-                counters={k: float(v) for k, v in self.watch.stats.items()},
-            )
+            LinkSample(host_time_s=self._wall_clock(), counters=self.status.link_counters())
         )
+        self._tell_of_strangers()
         error = self.recorder.failure()
         if error and error != self._recorder_error:
             self.journal.say(f"recording failed: {error}")
         self._recorder_error = error
+
+    def _tell_of_strangers(self) -> None:
+        doorkeeper = self.server.doorkeeper
+        if doorkeeper is not None and doorkeeper.refused > self._strangers:
+            count = doorkeeper.refused - self._strangers
+            self._strangers = doorkeeper.refused
+            self.journal.say(f"turned away {count} connections whose key is not on the list")
 
     def _end_automatic_log(self, now_us: int) -> None:
         mode = self.watch.mode

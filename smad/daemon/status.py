@@ -178,15 +178,31 @@ class StatusReport:
             collections=self._collector.collections,
         )
 
-    def _link_status(self) -> api.LinkStatus:
-        link, config, stats = self._link(), self._config.link, self._control.session.stats
-        notes = () if link.transport is None else link.transport.notes
-        frames = {
+    def link_counters(self) -> dict[str, float]:
+        """Return what the run log keeps about the link once a second: host's and board's counts."""
+        timing, counts = self._timing, self._control.counts
+        return {
+            **{f"host_{name}": float(value) for name, value in self._frames().items()},
+            **{f"board_{name}": float(value) for name, value in self._watch.stats.items()},
+            "missed_samples": float(counts.missed),
+            "skipped_samples": float(counts.skipped),
+            "setpoints_dropped": float(counts.setpoints_dropped),
+            "setpoint_age_p99_us": timing.setpoint_age.p99_us,
+            "own_share_p99_us": timing.own_share.p99_us,
+        }
+
+    def _frames(self) -> dict[str, int]:
+        stats = self._control.session.stats
+        return {
             name: value
             for part in (stats.decoder, stats)
             for name in part.__struct_fields__
             if isinstance(value := getattr(part, name), int)
         }
+
+    def _link_status(self) -> api.LinkStatus:
+        link, config = self._link(), self._config.link
+        notes = () if link.transport is None else link.transport.notes
         return api.LinkStatus(
             port=config.port,
             baud=config.baud,
@@ -197,7 +213,7 @@ class StatusReport:
             bytes_out=link.counts.bytes_out,
             short_writes=link.counts.short_writes,
             losses=link.counts.losses,
-            frames=frames,
+            frames=self._frames(),
             board_stats=self._watch.stats,
         )
 

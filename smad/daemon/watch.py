@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from firmware_protocol.enums import BoardState
+from firmware_protocol.enums import BoardState, faults_in
 from firmware_protocol.events import (
     BoardRestarted,
     Connected,
@@ -22,7 +22,7 @@ from firmware_protocol.events import (
     LinkLost,
     StatsReceived,
 )
-from firmware_protocol.messages import Disarm, Ident, State
+from firmware_protocol.messages import Disarm, FaultGet, FaultReport, Ident, State
 from smad import api
 from smad.config import LinkConfig
 from smad.control.sample import Scales
@@ -33,6 +33,7 @@ from smad.runlog.schema import EventKind
 
 _HOT = (BoardState.ARMED, BoardState.HOLD)
 _STOPPED = (BoardState.FAULT, BoardState.ESTOP)
+_REPORTS_KEPT = 16
 
 Say = Callable[[EventKind, str, dict[str, Any]], None]
 Spawn = Callable[[str, Coroutine[Any, Any, None]], None]
@@ -107,6 +108,8 @@ class BoardWatch:
         if before is None:
             if mode in _HOT:
                 self._disarm_found()
+            elif mode in _STOPPED and self.fault is None:
+                self._spawn("fault report", self._read_fault(state))
             return
         self._say("state", f"{before.name} → {self.mode.name}", {})
         if mode not in _STOPPED and before is BoardState.FAULT:
@@ -153,6 +156,21 @@ class BoardWatch:
             await self._requests.ask(Disarm(self._config.axis))
         except Refusal as error:
             self._say("warning", f"it did not disarm: {error}", {})
+
+    async def _read_fault(self, state: State) -> None:
+        """Learn of a fault that the board latched before this session; it tells on being asked."""
+        standing = faults_in(state.faults)
+        for index in range(_REPORTS_KEPT):
+            try:
+                report = await self._requests.ask(FaultGet(self._config.axis, index))
+            except Refusal:
+                break
+            if isinstance(report, FaultReport) and report.fault in standing:
+                self.fault = fault_of(report)
+        if self.fault is None and standing:
+            self.fault = api.Fault(number=int(standing[0]), name=standing[0].name)
+        if self.fault is not None:
+            self._say("fault", f"the board had stopped: {fault_line(self.fault)}", {})
 
     def rescale(self) -> None:
         """Use the parameters as they now are for the readings."""

@@ -23,7 +23,6 @@ from smad.daemon.daemon import Daemon
 from smad.daemon.journal import Journal
 from smad.daemon.notify import Notifier
 from smad.daemon.port import SocketTransport, Transport
-from smad.daemon.rpc import Decoder
 from smad.errors import PortError
 
 T = TypeVar("T")
@@ -40,7 +39,6 @@ class Rig:
         self.journal = Journal(stream=io.StringIO())
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._board_end: socket.socket | None = None
-        self._decoder = Decoder()
         self._last_id = 0
         self.daemon = Daemon(
             config,
@@ -110,7 +108,7 @@ class Rig:
         reply: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         self._last_id += 1
         request = {"jsonrpc": "2.0", "id": self._last_id, "method": method, "params": params}
-        self.daemon.answer(self._decoder, client, msgspec.json.encode(request), reply.set_result)
+        self.daemon.answers.command(client, msgspec.json.encode(request), reply.set_result)
         decoded = msgspec.json.decode(await self.run_until(reply))
         assert decoded["id"] == self._last_id
         if "error" in decoded:

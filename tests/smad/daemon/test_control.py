@@ -161,6 +161,26 @@ async def test_a_fault_is_told_with_channel_value_and_limit_and_can_be_cleared(
         assert (motion["mode"], motion["fault"], motion["armed"]) == ("SAFE", None, False)
 
 
+async def test_a_fault_latched_before_the_connection_is_read_and_can_be_cleared(
+    tmp_path: Path,
+) -> None:
+    bench = SimulatedBench(seed=1, faults=[injection("sensor_open", 3.0, lasts=1.0)])
+    async with rig_in(tmp_path, bench) as rig:
+        await rig.arm()
+        rig.pull_the_plug()
+        await rig.run_for(3.0)
+        rig.plug_in()
+        while rig.daemon.link.transport is None:
+            await asyncio.sleep(0.01)
+        await rig.run_for(2.0)
+        latched = (await rig.ask("motion"))["fault"]
+        assert latched is not None
+        assert latched["measured"] is not None
+        await rig.ask("clear")
+        await rig.run(5)
+        assert (await rig.ask("motion"))["mode"] == "SAFE"
+
+
 async def test_a_board_that_restarts_while_armed_is_only_watched_afterwards(tmp_path: Path) -> None:
     bench = SimulatedBench(seed=1, faults=[injection("reboot", 4.0)])
     async with rig_in(tmp_path, bench) as rig:

@@ -1,5 +1,7 @@
 """What each command does, and how a refusal reads."""
 
+import asyncio
+import random
 from pathlib import Path
 from typing import Any
 
@@ -135,8 +137,6 @@ async def test_arming_records_by_itself_and_the_log_ends_after_cooling(tmp_path:
         await rig.ask("disarm")
 
         async def ended() -> None:
-            import asyncio
-
             while rig.daemon.recorder.recording:
                 await asyncio.sleep(0)
 
@@ -190,8 +190,6 @@ async def test_the_dead_man_option_disarms_when_the_arming_client_is_silent(
         await rig.run_for(1.0)
 
         async def disarmed() -> None:
-            import asyncio
-
             while rig.bench.board.state is BoardState.ARMED:
                 await asyncio.sleep(0.001)
 
@@ -220,3 +218,35 @@ async def test_every_method_of_the_api_is_carried_out_by_the_service(tmp_path: P
     async with rig_in(tmp_path) as rig:
         service: Service = rig.daemon.service
         assert set(service.methods) == {method.params for method in METHODS}
+
+
+def _messages() -> list[bytes]:
+    rng = random.Random(3)
+    pieces = [b'{"jsonrpc":"2.0"', b',"id":', b"1", b',"method":"', b"status", b"arm", b'"', b"}"]
+    pieces += [
+        b',"params":{',
+        b'"trajectories":',
+        b"[[[",
+        b"null",
+        b"\xff",
+        b"\0",
+        b"1e999",
+        b"NaN",
+    ]
+    return [b"".join(rng.choices(pieces, k=rng.randrange(12))) for _ in range(2000)]
+
+
+async def test_thousands_of_mangled_messages_are_answered_and_cost_no_sample(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        replies: list[bytes] = []
+        for message in _messages():
+            rig.daemon.answers.command(b"mangler", message, replies.append)
+            await rig.run(1)
+        counts = rig.daemon.control.counts
+        assert (counts.missed, counts.skipped) == (0, 0)
+        assert not rig.daemon.failure.done()
+        assert (await rig.ask("motion"))["armed"]
+        assert len(replies) > 1900
