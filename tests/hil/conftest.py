@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pytest
@@ -73,7 +73,13 @@ class Hil:
         self._devices.append(device)
         return device
 
-    def daemon(self, port: object, *arguments: str, bench: str = "bench") -> DaemonProcess:
+    def daemon(
+        self,
+        port: object,
+        *arguments: str,
+        bench: str = "bench",
+        environment: Mapping[str, str] | None = None,
+    ) -> DaemonProcess:
         """A daemon on a port; not yet ready."""
         config = Config(
             link=LinkConfig(port=str(port), baud=921_600, reconnect_interval_s=0.05),
@@ -84,7 +90,9 @@ class Hil:
         )
         path = self.folder / f"{bench}.toml"
         path.write_text(config_to_toml(config))
-        daemon = DaemonProcess(["--config", str(path), *arguments], self.folder, bench=bench)
+        daemon = DaemonProcess(
+            ["--config", str(path), *arguments], self.folder, bench=bench, environment=environment
+        )
         self._daemons.append(daemon)
         return daemon
 

@@ -1,6 +1,7 @@
 """The daemon process against a simulated device over a real pseudo-terminal: what should work."""
 
 import itertools
+import socket
 import threading
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from smad.client.wire import Conversation, connect, new_identity, subscribe
 from smad.control.commands import Sine, Step
 from smad.control.metrics import tracking_r2
 from smad.runlog.reader import read_run
-from tests.hil.conftest import Hil, arm
+from tests.hil.conftest import PATIENCE_S, Hil, arm
 
 
 def test_steps_and_a_sinusoid_are_followed_recorded_and_ended(hil: Hil) -> None:
@@ -122,3 +123,22 @@ def test_500_hz_runs_over_a_pseudo_terminal_without_a_missed_sample(hil: Hil) ->
     client.move(Step(displacement_mm=3.0, duration_s=4.0))
     client.wait_until_done()
     assert client.status().counts.missed == 0
+
+
+def test_systemd_is_told_when_the_daemon_is_ready_alive_and_ending(hil: Hil) -> None:
+    address = str(hil.folder / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(address)
+        systemd.settimeout(PATIENCE_S)
+        daemon = hil.daemon(
+            hil.device().port,
+            environment={"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "300000"},
+        )
+        told = [systemd.recv(500)]
+        while b"READY=1" not in told[-1]:
+            told.append(systemd.recv(500))
+        while systemd.recv(500) != b"WATCHDOG=1":
+            pass
+        daemon.process.terminate()
+        while not systemd.recv(500).startswith(b"STOPPING=1"):
+            pass

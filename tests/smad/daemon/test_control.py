@@ -115,6 +115,41 @@ async def test_a_dying_control_task_stops_stepping_and_still_disarms(
         assert rig.bench.board.state in (BoardState.COOL, BoardState.SAFE)
 
 
+@pytest.mark.parametrize(
+    ("part", "broken", "name"),
+    [
+        ("publisher", "publish", "telemetry"),
+        ("recorder", "row", "telemetry"),
+        ("notifier", "alive", "telemetry"),
+        ("server", "wake", "housekeeping"),
+    ],
+)
+async def test_a_part_that_dies_is_named_and_the_board_is_still_disarmed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str, broken: str, name: str
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+
+        def explode(*arguments: object, **options: object) -> None:
+            raise RuntimeError("injected")
+
+        monkeypatch.setattr(getattr(rig.daemon, part), broken, explode)
+        assert (await rig.run_until(rig.daemon.failure))[0] == name
+        text = await rig.run_until(rig.daemon.disarm())
+        assert text == "disarmed, the board cools by itself"
+
+
+async def test_a_coroutine_that_dies_ends_the_daemon_too(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run(10)
+
+        async def explode() -> None:
+            raise RuntimeError("injected")
+
+        rig.daemon.spawn("some task", explode())
+        assert (await rig.run_until(rig.daemon.failure))[0] == "some task"
+
+
 async def test_the_rate_of_the_configuration_is_set_on_the_board(tmp_path: Path) -> None:
     from smad.config import LinkConfig
 
