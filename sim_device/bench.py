@@ -275,16 +275,17 @@ class SimulatedBench:
             self._late_bytes += data[:room]
             return
         at = self.now_us if at_us is None else max(at_us, self.now_us)
-        before = self._drive()
+        before = self.drive()
         self.board.receive(data, self.board_time_us(at))
-        if at - self.now_us >= SPLIT_LEAST_US and self._drive() is not before:
+        if at - self.now_us >= SPLIT_LEAST_US and self.drive() is not before:
             self._move_plant(at, before)
 
-    def _drive(self) -> Drive:
+    def drive(self) -> Drive:
+        """Return what the springs and pumps get at this moment."""
         board = self.board
         return self.hardware.drive(board.outputs, board.drain, board.stage_m)
 
     def _move_plant(self, until_us: int, drive: Drive | None = None) -> None:
         if until_us > self._plant_us:
-            self.plant.advance(drive or self._drive(), (until_us - self._plant_us) * 1e-6)
+            self.plant.advance(drive or self.drive(), (until_us - self._plant_us) * 1e-6)
             self._plant_us = until_us

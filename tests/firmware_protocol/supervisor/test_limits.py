@@ -22,6 +22,7 @@ from firmware_protocol.supervisor import document as safety
 from firmware_protocol.supervisor.errors import DocumentError, TranslationError
 from firmware_protocol.supervisor.generate import generated, stale
 from firmware_protocol.supervisor.host import HOST_ROWS, host_limits
+from smad.config import LimitsConfig
 
 SOFT = [name for name, row in LIMIT_ROWS.items() if row.number]
 
@@ -102,6 +103,12 @@ def test_the_host_is_never_looser_than_the_board(name: str) -> None:
         assert host >= board
     else:
         assert host <= board
+
+
+def test_the_daemons_own_limits_are_within_the_hosts_share() -> None:
+    own, host = LimitsConfig(), host_limits(compiled_limits())
+    assert own.temperature_max_degC * 100 <= host.temperature_cC
+    assert own.on_time_max_s <= host.on_time_s
 
 
 def test_the_host_follows_a_board_that_was_tightened() -> None:
