@@ -15,6 +15,7 @@ from smad.client.errors import (
     Refused,
     Stopped,
 )
+from smad.client.wire import Keys
 
 if TYPE_CHECKING:
     from smad.client.asynchronous import AsyncClient
@@ -23,6 +24,7 @@ __all__ = [
     "AsyncClient",
     "BoardRefused",
     "Client",
+    "Keys",
     "NoAnswer",
     "NoDaemon",
     "NotInControl",

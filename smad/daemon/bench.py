@@ -41,8 +41,8 @@ class Plan:
     """What is measured, how often and for how long."""
 
     repeats: int = 5
-    seconds: float = 4.0
-    memory_minutes: float = 3.0
+    seconds: float = 3.0
+    memory_minutes: float = 2.0
     compared: tuple[Case, ...] = (
         Case("daemon", 500, True),
         Case("C", 500, True),

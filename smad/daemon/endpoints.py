@@ -98,8 +98,12 @@ def candidate_folders(environment: Mapping[str, str] = os.environ) -> tuple[Path
     """Return where a client looks for a daemon, in order: the user's own, then the system's."""
     if environment.get(FOLDER_VARIABLE):
         return (default_folder(environment),)
-    folders = (default_folder(environment), Path(f"/tmp/smad-{os.getuid()}"), SYSTEM_FOLDER)
-    return tuple(dict.fromkeys(folders))
+    shared = Path(f"/tmp/smad-{os.getuid()}")
+    folders = dict.fromkeys((default_folder(environment), shared, SYSTEM_FOLDER))
+    if shared.exists() and shared.stat().st_uid != os.getuid():
+        # Anyone can make a folder of that name in /tmp, and pose as our daemon in it.
+        folders.pop(shared)
+    return tuple(folders)
 
 
 def prepare_folder(folder: Path) -> int:

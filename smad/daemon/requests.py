@@ -100,6 +100,11 @@ class BoardRequests:
         self._flush = flush
         self._waiting: dict[int, asyncio.Future[Message]] = {}
 
+    @property
+    def watch_only(self) -> bool:
+        """Whether the board's messages differ from ours, so that it takes no requests."""
+        return self._session.incompatible is not None
+
     async def ask(self, message: Message) -> Message:
         """Return the board's reply. Raises Refusal when it refuses or does not answer."""
         future = self.start(message)

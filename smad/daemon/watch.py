@@ -177,24 +177,28 @@ class BoardWatch:
         self._on_scales(Scales(self.parameters.values, self._config.axis))
 
     async def _learn(self, ident: Ident) -> None:
-        # An incompatible board says so right after its IDENT; its parameters are not ours to read.
-        await asyncio.sleep(0)
         try:
-            if self.incompatible is not None:
+            if self._requests.watch_only:
                 return
             await self.parameters.read(ident, self._requests.ask)
             self.rescale()
-            await self._set_rate(ident)
         except Refusal as error:
             self._say("warning", f"the board's parameters were not read: {error}", {})
+            return
         finally:
             self.reading = False
+        await self._set_rate(ident)
 
     async def _set_rate(self, ident: Ident) -> None:
         wanted = self._config.rate_hz
         if ident.state_rate_hz == wanted:
             return
-        await self.parameters.set("state_rate_hz", wanted, self._requests.ask)
+        try:
+            await self.parameters.set("state_rate_hz", wanted, self._requests.ask)
+        except Refusal as error:
+            text = f"the board's rate stays at {ident.state_rate_hz} Hz, not {wanted}: {error}"
+            self._say("warning", text, {})
+            return
         self._say("link", f"set the board's rate from {ident.state_rate_hz} to {wanted} Hz", {})
 
 
