@@ -1,12 +1,14 @@
 """Make a bank: cases in parallel from one seed, resumable, with the key kept apart."""
 
+import os
 import secrets
 import shutil
 import sys
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -72,6 +74,18 @@ def planned(order: Order, seed: int) -> tuple[list[Case], Style]:
     return draw(order.bank, seed, counts, differs), Style(75.0, order.suffix)
 
 
+def _end_with_the_parent() -> None:
+    """A worker's first act: a maker that is killed must not leave its workers computing."""
+
+    def wait() -> None:
+        parent = parent_process()
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
 def _make_one(case: Case, folder: Path, style: Style) -> tuple[str, dict[str, Any]]:
     manifest, key = make(case, folder, style)
     return case.name, {"manifest": manifest, "key": key}
@@ -104,7 +118,8 @@ def _run_missing(order: Order, cases: list[Case], style: Style, tell: TextIO) ->
         for case in todo:
             finish(*_make_one(case, order.folder, style))
     else:
-        with ProcessPoolExecutor(order.jobs, mp_context=get_context("spawn")) as pool:
+        spawn = get_context("spawn")
+        with ProcessPoolExecutor(order.jobs, spawn, _end_with_the_parent) as pool:
             waiting = [pool.submit(_make_one, case, order.folder, style) for case in todo]
             for future in as_completed(waiting):
                 finish(*future.result())

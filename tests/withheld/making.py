@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tests.withheld import strength
 from tests.withheld.cases import Case, commissioning, plan
 from tests.withheld.files import write_run
-from tests.withheld.oracle import SIGNALS, Gap
+from tests.withheld.oracle import SIGNALS
 from tests.withheld.plant.effects import BY_NAME, Active
 from tests.withheld.plant.parameters import Bench, another_bench, changed_parameters
 from tests.withheld.quantities import true_quantity
@@ -32,13 +32,6 @@ class Style:
 
 def _rounded(values: Array) -> dict[str, float]:
     return {name: round(float(v), 4) for name, v in zip(SIGNALS, values, strict=True)}
-
-
-def _raw_gap(rig: Rig, runs: list[Run]) -> Gap:
-    from tests.withheld import oracle
-
-    _, held_out = rig.split(runs)
-    return oracle.excess(oracle.unfitted(rig.bench, held_out), rig.floor_squares)
 
 
 def _at_strength(rig: Rig, case: Case, style: Style) -> tuple[tuple[Active, ...], bool]:
@@ -79,7 +72,7 @@ def make(case: Case, folder: Path, style: Style) -> tuple[Entry, Entry]:
         "reached": reached,
         "effects": [_effect_entry(a) for a in active],
         "floor": _rounded(np.sqrt(rig.floor_squares)),
-        "raw_gap": _rounded(_raw_gap(rig, runs).by_signal),
+        "raw_gap": _rounded(strength.raw_gap(rig, runs).by_signal),
         "gap": _rounded(gap.by_signal),
         "gap_worst": round(gap.worst, 4),
         "refit_steps": [round(float(s), 4) for s in refit.steps],

@@ -288,7 +288,7 @@ def tube(
     scratch: Array,
 ) -> None:
     """Advance spring `s` and its water by one tick."""
-    calm = abs(amperes - side[s, AMPERE]) < 0.02
+    calm = abs(amperes - side[s, AMPERE]) < 0.2
     side[s, AMPERE] = amperes
     source = inlet + pair[RESERVOIR]
     wet_shares(s, e, cells, side, source, dt)
