@@ -1,6 +1,7 @@
 """The bench behind a port. Pacing is tested on a clock of its own; a few tests use a real tty."""
 
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from firmware_protocol import messages as wire
@@ -181,6 +183,49 @@ def test_paced_by_host_a_host_that_comes_back_is_waited_for_again(
     stage.host = lambda: None
     stage.turn_until(32)
     assert stage.server.stats.host_timeouts == 2
+
+
+def dawdling_run(monkeypatch: pytest.MonkeyPatch, seed: int) -> list[wire.State]:
+    """Return what a host sees that answers over bytes, each time after another pause."""
+    stage = Stage(monkeypatch, speed=20.0, paced_by_host=True)
+    host, rng = HostSession(nonce=3), random.Random(seed)
+    host.connect(0)
+    states: list[wire.State] = []
+    skipped = [0]
+
+    def think() -> None:
+        port = stage.ports[0]
+        for event in host.receive(bytes(port.out), int(stage.clock.now_s * 1e6)):
+            if isinstance(event, StateReceived):
+                states.append(event.state)
+                i_mA = 500 + event.state.force_counts % 97
+                host.send_setpoint(wire.Setpoint(0, event.state.t_us, (i_mA, 0), (0, 0), 0, 100))
+        port.out.clear()
+        armed = stage.bench.board.state is BoardState.ARMED
+        stage.clock.now_s += rng.random() * 0.02 * armed
+        skipped[0] = (skipped[0] + 1) % 3 if rng.random() < 0.5 else 0
+        if not armed or skipped[0] == 0:
+            stage.bench.receive(host.data_to_send(), stage.server._bench_time_us())
+            port.out += stage.bench.data_to_send()
+
+    stage.host = think
+    stage.turn_until(30)
+    stage.bench.arm()
+    stage.turn_until(400)
+    return states
+
+
+def test_paced_by_host_the_samples_do_not_depend_on_how_long_the_host_thinks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    runs = [dawdling_run(monkeypatch, seed) for seed in (1, 2)]
+    by_time = [{state.t_us: state for state in run} for run in runs]
+    common = sorted(by_time[0].keys() & by_time[1].keys())[40:]
+    assert len(common) > 300
+    for t_us in common:
+        one, two = by_time[0][t_us], by_time[1][t_us]
+        assert msgspec.structs.replace(one, sp_seq=0) == msgspec.structs.replace(two, sp_seq=0)
+        assert one.sp_age_us == 0
 
 
 def test_not_armed_the_board_never_waits(monkeypatch: pytest.MonkeyPatch) -> None:
