@@ -75,7 +75,7 @@ def fed_noise(
 
 def _sensor_noise(evidence: Evidence, floors: Mapping[str, Floor], key: str) -> OutputNoise:
     floor = floors[evidence.rows_of(key)[0].channel]
-    return OutputNoise(floor.sigma, noise_rho=floor.rho)
+    return OutputNoise(floor.total, noise_rho=floor.rho)
 
 
 def _synthetic(

@@ -22,10 +22,15 @@ _HALF_CHI2_95 = 1.92
 
 @dataclass(frozen=True)
 class Start:
-    """Where a joint fit begins: the effects of the model and their values."""
+    """Where a joint fit begins: the effects of the model with their values, and the parameters.
+
+    `from_centre` begins at the middle of the prior: where an effect is strong, the refit without it
+    has run away from the truth.
+    """
 
     effects: tuple[Effect, ...]
     values: Mapping[str, Mapping[str, float]]
+    from_centre: bool = False
 
 
 @dataclass(frozen=True)
@@ -59,15 +64,22 @@ class Interval:
     profile: tuple[tuple[float, float], ...]
 
 
-def joint_fits(base: Fitted, starts: Sequence[Start]) -> dict[tuple[str, ...], JointFit]:
-    """Fits every start, in step, and keeps the best of each set of effects."""
+def joint_fits(
+    base: Fitted, starts: Sequence[Start], finish: int = 3
+) -> dict[tuple[str, ...], JointFit]:
+    """Fits every start, in step, and keeps the best of each set of effects.
+
+    The first round leaves the sensitivities of the model parameters to Broyden's rule; the best
+    `finish` sets then get a second one in which they are renewed.
+    """
     settings = base.problem.evidence.settings
     n_theta = base.space.n_theta
     steps = []
     for start in starts:
         space = base.space.with_effects(start.effects)
         p = space.start(start.values)
-        p[:n_theta] = base.p[:n_theta]
+        if not start.from_centre:
+            p[:n_theta] = base.p[:n_theta]
         steps.append(
             fitting(
                 base.problem,
@@ -80,9 +92,27 @@ def joint_fits(base: Fitted, starts: Sequence[Start]) -> dict[tuple[str, ...], J
     ends: dict[tuple[str, ...], list[Fitted]] = {}
     for fit in drive(base.problem.evidence, steps):
         ends.setdefault(tuple(e.name for e in fit.space.effects), []).append(fit)
+    for fits in ends.values():
+        fits.sort(key=lambda f: f.objective)
+    order = sorted(ends, key=lambda names: (ends[names][0].objective, names))[:finish]
+    finished = drive(
+        base.problem.evidence,
+        [
+            fitting(
+                base.problem,
+                ends[names][0].space,
+                ends[names][0].p,
+                iterations=settings.fit_iterations,
+                refresh_theta=True,
+            )
+            for names in order
+        ],
+    )
+    for names, fit in zip(order, finished, strict=True):
+        if fit.objective < ends[names][0].objective:
+            ends[names].insert(0, fit)
     out = {}
     for names, fits in ends.items():
-        fits.sort(key=lambda f: f.objective)
         near = [f.p for f in fits[1:] if f.objective - fits[0].objective < _HALF_CHI2_95]
         out[names] = JointFit(fits[0], tuple(near))
     return out

@@ -7,6 +7,9 @@ The objective marginalises an unknown scale of each cell (a block of rows of one
 A cell that only the wrong form of the model can explain then weighs (ν + n_c)/(ν + q_c): as much as
 its floor when it fits, little when it does not.
 
+The fit begins with a floor as large as the misfit, which is least squares, and cools down from
+there: begun cold it would stay with the cells that happen to fit.
+
 A fit is a generator: it yields model points and is sent their predictions. `drive` runs many such
 generators in step, so that their replays go to the workers together.
 """
@@ -24,7 +27,8 @@ from smad.gap.replay import Evidence
 from smad.gap.space import Space
 from smad.gap.whiten import Whitening
 
-_RENEWALS = (2, 5)
+_RENEWALS = (2, 4, 7)
+_COOLING = (1.0, 0.5, 0.15)
 
 FitSteps = Generator[list[ModelPoint], Array, "Fitted"]
 
@@ -49,19 +53,26 @@ class Problem:
         """Sum of squares in each cell."""
         return self.evidence.cell_sum(z * z)
 
-    def cell_score(self, z: Array) -> Array:
-        """Log-likelihood of each cell up to a constant, its scale marginalised."""
-        nu, n = self.evidence.settings.cell_dof, self.evidence.cell_size
-        return -0.5 * (nu + n) * np.log1p(self.cell_q(z) / nu) * (n > 0)
+    def cell_score(self, z: Array, heat: float = 1.0) -> Array:
+        """Log-likelihood of each cell up to a constant, its scale marginalised.
 
-    def cell_weight(self, z: Array) -> Array:
+        With `heat` above 1 the floor is taken so many times larger: cells far off still count.
+        """
+        nu, n = self.evidence.settings.cell_dof, self.evidence.cell_size
+        return -0.5 * (nu + n) * np.log1p(self.cell_q(z) / (nu * heat**2)) * (n > 0)
+
+    def cell_weight(self, z: Array, heat: float = 1.0) -> Array:
         """How much each cell weighs in a least-squares step."""
         nu, n = self.evidence.settings.cell_dof, self.evidence.cell_size
-        return (nu + n) / (nu + self.cell_q(z)) * (n > 0)
+        return (nu + n) / (nu * heat**2 + self.cell_q(z)) * (n > 0)
 
-    def row_weight(self, z: Array) -> Array:
+    def row_weight(self, z: Array, heat: float = 1.0) -> Array:
         """`cell_weight` spread over the rows."""
-        return self.cell_weight(z)[self.evidence.row_cell]
+        return self.cell_weight(z, heat)[self.evidence.row_cell]
+
+    def misfit(self, z: Array) -> float:
+        """Root mean square of the white residual."""
+        return float(np.sqrt(np.sum(z * z) / max(float(self.evidence.cell_size.sum()), 1.0)))
 
 
 @dataclass(frozen=True)
@@ -121,10 +132,10 @@ def solve_box(H: Array, g: Array, lo: Array, hi: Array) -> Array:
     return np.clip(x, lo, hi)
 
 
-def objective(problem: Problem, space: Space, p: Array, z: Array) -> float:
+def objective(problem: Problem, space: Space, p: Array, z: Array, heat: float = 1.0) -> float:
     """L(p), up to a constant."""
     mean, precision = space.prior()
-    return float(-problem.cell_score(z).sum() + 0.5 * np.sum(precision * (p - mean) ** 2))
+    return float(-problem.cell_score(z, heat).sum() + 0.5 * np.sum(precision * (p - mean) ** 2))
 
 
 def sensitivities(
@@ -171,7 +182,6 @@ def fitting(
     predicted = (yield [space.point(p)])[0]
     count = 1
     z = problem.white(predicted)
-    best = objective(problem, space, p, z)
     own = list(range(space.n_theta))
     extra = [i for i in range(space.n_theta, space.size) if i not in (pinned or {})]
     A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
@@ -181,14 +191,18 @@ def fitting(
         A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
         count += len(own)
     damping, total = 1e-3, 0.0
-    for iteration in range(iterations):
+    best = objective(problem, space, p, z)
+    for iteration in range(iterations + len(_COOLING)):
+        cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
+        heat = max(1.0, cooling * problem.misfit(z))
+        best = objective(problem, space, p, z, heat)
         if refresh_theta and iteration in _RENEWALS and own:
             A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
             count += len(own)
         if extra:
             A[:, extra] = yield from sensitivities(problem, space, p, predicted, extra)
             count += len(extra)
-        w = problem.row_weight(z)
+        w = problem.row_weight(z, heat)
         weighted = A * w.astype(np.float32)[:, None]
         H = (weighted.T @ A).astype(np.float64) + np.diag(precision)
         g = weighted.T.astype(np.float64) @ z - precision * (p - mean)
@@ -201,7 +215,7 @@ def fitting(
             trial = (yield [space.point(p + step)])[0]
             count += 1
             z_trial = problem.white(trial)
-            value = objective(problem, space, p + step, z_trial)
+            value = objective(problem, space, p + step, z_trial, heat)
             if own:
                 A[:, own] += np.outer(
                     (z - z_trial) - A @ step.astype(np.float32), step[own] / (step @ step)
@@ -213,8 +227,9 @@ def fitting(
                 break
             damping = max(10 * damping, 0.03)
         total += gained
-        if gained < max(tolerance, 0.003 * total):
+        if heat == 1.0 and gained < max(tolerance, 0.003 * total):
             break
+    best = objective(problem, space, p, z)
     edge = 1e-6 * np.maximum(1.0, hi - lo)
     off = np.array([i >= space.n_theta for i in range(space.size)]) & (np.abs(p) < 1e-9)
     at_bound = ((p <= lo + edge) | (p >= hi - edge)) & ~off

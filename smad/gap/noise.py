@@ -26,7 +26,7 @@ class Floor:
     """Noise of one channel on the analysis grid, in channel units.
 
     `source` is "rest", "differences" or "assumed". `rho` is the correlation between neighbouring
-    rows. `spread` is the run-to-run standard deviation beyond the noise, NaN without repeats.
+    rows. `resolution` is what a simulator is not trusted below. `spread` is the run-to-run standard deviation beyond the noise, NaN without repeats.
     """
 
     channel: str
@@ -34,6 +34,12 @@ class Floor:
     rho: float
     source: str
     spread: float = float("nan")
+    resolution: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Noise and resolution in quadrature: what a residual is measured by."""
+        return float(np.hypot(self.sigma, self.resolution))
 
 
 def _stretches(mask: Mask) -> list[slice]:
@@ -79,11 +85,12 @@ def estimate_floors(
     grids = [Grid.of(run, settings.period_s) for run in runs]
     spread = repeat_spread(runs, plant, settings)
     floors = {}
+    excursion = excursions(runs, plant)
     for channel in plant.channels:
         name = channel.name
         if not any(name in run.outputs for run in runs):
             continue
-        least = channel.quantum / np.sqrt(12.0)
+        least = float(channel.quantum / np.sqrt(12.0))
         rest = rest_residuals(runs, grids, plant, channel)
         rows = sum(len(y) for y in rest)
         rho = 0.0
@@ -101,8 +108,29 @@ def estimate_floors(
             rho = 0.0
         if sigma <= 0.0 and least == 0.0:
             sigma, source = channel.noise, "assumed"
-        floors[name] = Floor(name, max(sigma, least), rho, source, spread.get(name, float("nan")))
+        floors[name] = Floor(
+            name,
+            max(sigma, least),
+            rho,
+            source,
+            spread.get(name, float("nan")),
+            settings.resolution * excursion.get(name, 0.0),
+        )
     return floors
+
+
+def excursions(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, float]:
+    """Median over runs of the range that each channel goes through, less its extreme percents."""
+    out = {}
+    for channel in plant.channels:
+        spans = [
+            float(np.ptp(np.quantile(r.outputs[channel.name][r.good], (0.01, 0.99))))
+            for r in runs
+            if channel.name in r.outputs
+        ]
+        if spans:
+            out[channel.name] = float(np.median(spans))
+    return out
 
 
 def repeat_spread(

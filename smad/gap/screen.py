@@ -92,9 +92,7 @@ def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
     """Signatures of every probe of `effects` on top of the model of `fit`."""
     everything = [p for e in effects for p in probes_of(e)]
     base = fit.point
-    points = [
-        ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything
-    ]
+    points = [ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything]
     ev = fit.problem.evidence
     S = np.zeros((ev.n, len(points)), dtype=np.float32)
     for a, b in pairwise([*range(0, len(points), _BATCH), len(points)]):

@@ -161,6 +161,8 @@ class Selector:
                 for values in (s.start, s.second)[: self.settings.starts]
                 if values is not None
             ]
+            if first_level:
+                starts.append(Start(sets, {s.effect.name: s.start}, from_centre=True))
         joints = joint_fits(current.fit, starts)
         return ranked, self._judged(current, list(joints.values()))
 
@@ -206,7 +208,7 @@ class Selector:
     def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:
         values = current.fit.point.effects
         start = Start(effects, {e.name: values[e.name] for e in effects})
-        return next(iter(joint_fits(current.fit, [start]).values()))
+        return next(iter(joint_fits(current.fit, [start], finish=1).values()))
 
     def _backward(self, base: Candidate, current: Candidate) -> Candidate:
         """Drops effects that the others have made superfluous."""

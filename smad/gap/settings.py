@@ -13,11 +13,15 @@ class Settings:
     which the scale of the discrepancy is unknown, `bootstrap` resamples, `starts` of a joint fit,
     `survivors` of the screening, `max_effects` of the selection, `seed`.
 
+    `resolution` is the share of a channel's excursion below which no simulator is trusted: it is part
+    of the floor.
+
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.
     """
 
     period_s: float = 0.1
+    resolution: float = 1e-3
     block_s: float = 5.0
     cell_dof: float = 10.0
     seed: int = 0

@@ -73,7 +73,7 @@ VIEWS = (
 )  # fmt: skip
 """The local views from command to tendon. The phase view holds each spring at the measured
 displacement: either spring then predicts the tendon force by itself, so that its residual belongs to
-one side, and what only acts between the springs (friction, drag, play) does not show in it."""
+one side."""
 
 
 def smooth(y: Array, dt_s: float, tau_s: float) -> Array:

@@ -147,11 +147,11 @@ def _plain(fit: Fitted) -> Fitted:
 class _Plain(Problem):
     """Ordinary least squares: the scale of every cell is known to be the floor."""
 
-    def cell_score(self, z: Array) -> Array:
-        return -0.5 * self.cell_q(z)
+    def cell_score(self, z: Array, heat: float = 1.0) -> Array:
+        return -0.5 * self.cell_q(z) / heat**2
 
-    def cell_weight(self, z: Array) -> Array:
-        return np.asarray((self.evidence.cell_size > 0).astype(float))
+    def cell_weight(self, z: Array, heat: float = 1.0) -> Array:
+        return np.asarray((self.evidence.cell_size > 0) / heat**2)
 
 
 def _threshold(background: Background | None, settings: Settings) -> float:
@@ -191,7 +191,7 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
     bench = prepared.problem if prepared.hold is None else prepared.hold
     runs = bench.evidence.runs
     ev = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
-    noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].sigma) for k in ev.keys}
+    noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
     if prepared.background is not None:
         fit = prepared.background.fit
         runs = fit.problem.evidence.runs
