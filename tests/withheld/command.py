@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tests.withheld import bank, files, openings, page, score
+from tests.withheld import bank, files, openings, page, quiz, score
 from tests.withheld.errors import WithheldError
 from tests.withheld.verdicts import read_verdicts
 
@@ -60,6 +60,15 @@ def _readme(options: argparse.Namespace) -> None:
     page.into_readme(Path(options.readme), files.read_json(Path(options.scores)))
 
 
+def _mystery(options: argparse.Namespace) -> None:
+    link = Path(options.link) if options.link else None
+    quiz.run(options.seed, good=options.good, link=link, note=Path(options.note))
+
+
+def _reveal(options: argparse.Namespace) -> None:
+    print(json.dumps(quiz.reveal(Path(options.note)), indent=1, ensure_ascii=False))
+
+
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.withheld", description=__doc__)
     commands = parser.add_subparsers(required=True)
@@ -82,6 +91,15 @@ def _arguments() -> argparse.ArgumentParser:
     readme.add_argument("scores", help="the JSON file that score wrote")
     readme.add_argument("--readme", default="README.md")
     readme.set_defaults(run=_readme)
+    mystery = commands.add_parser("mystery", help="a bench on a pty with a hidden effect")
+    mystery.add_argument("seed", type=int)
+    mystery.add_argument("--good", action="store_true", help="the same bench before the trouble")
+    mystery.add_argument("--link", help="make a symbolic link to the pty here")
+    mystery.add_argument("--note", default=str(quiz.NOTE), help="where the sealed note goes")
+    mystery.set_defaults(run=_mystery)
+    reveal = commands.add_parser("reveal", help="open the answer of the last mystery")
+    reveal.add_argument("--note", default=str(quiz.NOTE))
+    reveal.set_defaults(run=_reveal)
     return parser
 
 

@@ -1,0 +1,191 @@
+"""The quiz over the wire: a bench with a hidden effect, and what opens the answer afterwards.
+
+The answer follows from the number alone; its hash is told at the start and checked at the end.
+"""
+
+import hashlib
+import json
+import os
+import select
+import sys
+import time
+import tty
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, TextIO
+
+import numpy as np
+
+from tests.withheld import files
+from tests.withheld.errors import QuizError
+from tests.withheld.plant.effects import BY_NAME, SIGNED, Active, names
+from tests.withheld.plant.parameters import Bench, another_bench
+
+SHARE_UNKNOWN = 0.3
+NOTE = Path("mystery.json")
+
+
+class Board(Protocol):
+    """What the quiz serves: bytes in, one sample at a time out."""
+
+    @property
+    def period_us(self) -> int:
+        """Time between samples."""
+
+    def receive(self, data: bytes) -> bytes:
+        """Bytes from the host; what to answer at once."""
+
+    def step(self) -> bytes:
+        """One sample; what the board sends."""
+
+
+@dataclass(frozen=True)
+class Riddle:
+    """A bench and what is wrong with it."""
+
+    seed: int
+    bench: Bench
+    active: tuple[Active, ...]
+
+    def answer(self) -> dict[str, Any]:
+        """What `reveal` tells."""
+        return {
+            "seed": self.seed,
+            "effects": [
+                {
+                    "name": a.name,
+                    "listed": BY_NAME[a.name].kind == "known",
+                    "subsystem": BY_NAME[a.name].subsystem,
+                    "magnitude": a.magnitude,
+                    "unit": BY_NAME[a.name].unit,
+                    "form": BY_NAME[a.name].form,
+                }
+                for a in self.active
+            ],
+        }
+
+    @property
+    def sealed(self) -> str:
+        """SHA-256 of the answer."""
+        text = json.dumps(self.answer(), sort_keys=True, ensure_ascii=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def riddle(seed: int) -> Riddle:
+    """The bench and the effect that belong to a number: about ten floors strong."""
+    rng = np.random.default_rng((seed, 5))
+    bench = another_bench(rng)
+    pool = names("sealed") if rng.uniform() < SHARE_UNKNOWN else names("known")
+    name = str(rng.choice(pool))
+    spec = BY_NAME[name]
+    size = min(spec.usual * float(rng.uniform(3.0, 4.5)), spec.limit)
+    sign = -1.0 if name in SIGNED and rng.integers(2) else 1.0
+    active = Active(name, sign * size, float(rng.uniform(0.6, 1.0)), float(rng.uniform()))
+    return Riddle(seed, bench, (active,))
+
+
+def begin(seed: int, note: Path = NOTE) -> Riddle:
+    """Draw the riddle and leave a note with its hash for `reveal`."""
+    drawn = riddle(seed)
+    files.write_json(note, {"seed": seed, "sealed_sha256": drawn.sealed})
+    return drawn
+
+
+def reveal(note: Path = NOTE) -> dict[str, Any]:
+    """The answer to the riddle of a note; QuizError when it is not the one that was sealed."""
+    if not note.exists():
+        raise QuizError(f"{note} does not exist: start a bench with `mystery SEED` first")
+    said = files.read_json(note)
+    drawn = riddle(int(said["seed"]))
+    if drawn.sealed != said["sealed_sha256"]:
+        raise QuizError(
+            f"the answer's hash is {drawn.sealed[:16]}…, sealed was {said['sealed_sha256'][:16]}…: "
+            "the code or the note has changed since the bench was started"
+        )
+    return drawn.answer()
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Where time comes from, and how to wait for bytes."""
+
+    now_s: Callable[[], float]
+    wait: Callable[[int, float], bool]
+
+
+def _wait(descriptor: int, seconds: float) -> bool:
+    ready, _, _ = select.select([descriptor], [], [], max(seconds, 0.0))
+    return bool(ready)
+
+
+WALL = Clock(time.monotonic, _wait)
+
+
+def open_terminal() -> tuple[int, str, int]:
+    """A raw pseudo-terminal: our end, the path for the host, and the descriptor kept open."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    os.set_blocking(ours, False)
+    return ours, os.ttyname(theirs), theirs
+
+
+def serve(
+    board: Board, descriptor: int, clock: Clock = WALL, going: Callable[[], bool] = lambda: True
+) -> None:
+    """Pace the board by the clock and pass its bytes, until `going` says no.
+
+    A late step is made up for, but never more than a second of them. Bytes that the other side
+    does not take are lost, as on a wire.
+    """
+    due = clock.now_s()
+    while going():
+        while clock.wait(descriptor, due - clock.now_s()):
+            _send(descriptor, board.receive(_receive(descriptor)))
+            if clock.now_s() >= due:
+                break
+        if clock.now_s() < due:
+            continue
+        due = max(due + board.period_us / 1e6, clock.now_s() - 1.0)
+        _send(descriptor, board.step())
+
+
+def _receive(descriptor: int) -> bytes:
+    try:
+        return os.read(descriptor, 4096)
+    except (BlockingIOError, OSError):
+        return b""
+
+
+def _send(descriptor: int, data: bytes) -> None:
+    while data:
+        try:
+            data = data[os.write(descriptor, data) :]
+        except (BlockingIOError, OSError):
+            return
+
+
+def run(seed: int, *, good: bool, link: Path | None, note: Path, tell: TextIO = sys.stdout) -> None:
+    """Serve the bench of a number on a pseudo-terminal until interrupted.
+
+    With `good` it is the same bench before the trouble, for known-good runs.
+    """
+    from tests.withheld.wire_board import WireBoard
+
+    drawn = begin(seed, note)
+    board = WireBoard(drawn.bench, () if good else drawn.active, seed + good)
+    ours, path, theirs = open_terminal()
+    if link is not None:
+        link.unlink(missing_ok=True)
+        link.symlink_to(path)
+    print(f"bench on {link or path}", file=tell)
+    print(f"sealed answer SHA-256 {drawn.sealed}", file=tell, flush=True)
+    try:
+        serve(board, ours)
+    except KeyboardInterrupt:
+        print("stopped", file=tell)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+        if link is not None:
+            link.unlink(missing_ok=True)
