@@ -88,6 +88,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from sim_device.pty import serve
 
     try:
+        # The first step compiles the physics, which may take seconds; no port is open meanwhile.
+        make_bench(options).step()
         stats, counts = serve(
             make_bench(options),
             speed=options.speed,

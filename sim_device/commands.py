@@ -29,6 +29,7 @@ class Commands:
     def __init__(self, board: Board, rng: random.Random) -> None:
         self._board = board
         self._rng = rng
+        self._agreed_crc: int | None = None
         self._actions: dict[type[BoardEvent], Callable[[Any, int], None]] = {
             heard.SetpointReceived: self._setpoint,
             heard.ArmRequested: self._arm_request,
@@ -50,12 +51,17 @@ class Commands:
         return self._rng.randrange(1, 1 << 32)
 
     def link(self) -> Link:
-        """What host and board agree on. The session itself refuses differing parameters."""
+        """What host and board agree on.
+
+        The session compares the parameters when arming is asked for; they must not have changed
+        by the time it is confirmed.
+        """
         board = self._board
         session = board.session
         return Link(
             session=session.session != 0,
             schema=session.schema_agrees,
+            parameters=board.parameters.crc == self._agreed_crc,
             clock=board.outputs.dt_us <= 2 * board.period_us,
         )
 
@@ -64,6 +70,7 @@ class Commands:
 
     def _arm_request(self, event: heard.ArmRequested, now_us: int) -> None:
         token = self.new_token()
+        self._agreed_crc = event.message.param_crc
         outcome = self._board.command(ArmRequested(self.link(), token), now_us)
         if self._granted(event.request, outcome, now_us):
             valid_ms = self._board.supervisor.limits.token_us // 1000

@@ -92,10 +92,11 @@ class _Outlet:
 class PtyPort:
     """The master side of a raw pseudo-terminal, with an optional symlink to its tty.
 
+    `counts` are those to go on with, for a port that comes back under another name.
     Raises PortError when the system gives none or the symlink cannot be made.
     """
 
-    def __init__(self, symlink: Path | None = None) -> None:
+    def __init__(self, symlink: Path | None = None, counts: PortCounts | None = None) -> None:
         try:
             self._master, slave = os.openpty()
         except OSError as error:
@@ -108,7 +109,7 @@ class PtyPort:
         # samples nobody reads do not pile up for the next one.
         os.close(slave)
         os.set_blocking(self._master, False)
-        self.counts = PortCounts()
+        self.counts = PortCounts() if counts is None else counts
         self._outlet = _Outlet(self._master, self.counts)
         self._poll = select.poll()
         self._poll.register(self._master, select.POLLIN)
@@ -163,11 +164,13 @@ class PtyPort:
 class SocketPort:
     """One end of a connected stream socket, such as a socket pair whose other end a test holds."""
 
-    def __init__(self, end: socket.socket, name: str = "socket") -> None:
+    def __init__(
+        self, end: socket.socket, name: str = "socket", counts: PortCounts | None = None
+    ) -> None:
         end.setblocking(False)
         self._end = end
         self.name = name
-        self.counts = PortCounts()
+        self.counts = PortCounts() if counts is None else counts
         self._outlet = _Outlet(end.fileno(), self.counts)
         self._open = True
 
@@ -199,10 +202,10 @@ class SocketPort:
         self._open = False
 
 
-def socket_from_descriptor(number: int) -> SocketPort:
+def socket_from_descriptor(number: int, counts: PortCounts | None = None) -> SocketPort:
     """Return the port on an inherited descriptor. Raises PortError if it is no socket."""
     try:
-        return SocketPort(socket.socket(fileno=number), f"fd:{number}")
+        return SocketPort(socket.socket(fileno=number), f"fd:{number}", counts)
     except OSError as error:
         raise PortError(
             f"descriptor {number} is no open socket ({error.strerror}); "

@@ -95,9 +95,10 @@ class Server:
 
     def close(self) -> None:
         """Give up the port."""
-        if self.port is not None:
-            self.port.close()
-            self.port = None
+        for port in (self.port, self._old_port):
+            if port is not None:
+                port.close()
+        self.port = self._old_port = None
 
     def turn(self) -> None:
         """Wait for bytes or for the next sample, whichever comes first, and do it."""
@@ -166,15 +167,17 @@ class Server:
         return bench.now_us + min(max(passed_us, 0), bench.period_us - 1)
 
     def _unplug(self, renamed: bool) -> None:
-        self._old_port = self.port if renamed else None
-        if not renamed:
+        if renamed:
+            self._old_port, self.port = self.port, None
+        else:
             self.close()
-        self.port = None
 
     def _plug(self) -> None:
         self.port = self._make_port()
+        # Only now: had it been closed before, the new one could have got the same name.
         if self._old_port is not None:
             self._old_port.close()
+            self._old_port = None
 
 
 def serve(
@@ -195,19 +198,21 @@ def serve(
     client can open it. `handle_signals` needs the main thread. Raises PortError.
     """
 
+    counts = PortCounts()
+
     def make_port() -> Port:
         if transport == "pty":
-            return PtyPort(symlink)
+            return PtyPort(symlink, counts)
         kind, _, number = transport.partition(":")
         if kind == "fd" and number.isdigit():
-            return socket_from_descriptor(int(number))
+            return socket_from_descriptor(int(number), counts)
         raise PortError(f"transport {transport!r} is refused: give pty, or fd:N with a number")
 
     server = Server(
         bench, make_port, speed=speed, paced_by_host=paced_by_host, host_timeout_s=host_timeout_s
     )
     assert server.port is not None
-    counts = server.port.counts
+    name = server.port.name
 
     def on_signal(number: int, frame: FrameType | None) -> None:
         server.stop()
@@ -217,7 +222,7 @@ def serve(
         before = {n: signal.signal(n, on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
     try:
         if on_ready is not None:
-            on_ready(server.port.name)
+            on_ready(name)
         return server.run(max_seconds), counts
     finally:
         server.close()

@@ -9,7 +9,6 @@ from firmware_protocol.supervisor.limits import (
     LIMIT_ROWS,
     Limits,
     compiled_limits,
-    limits_crc,
     soft_range,
     tighten,
 )
@@ -59,7 +58,6 @@ __all__ = [
     "Trigger",
     "compiled_limits",
     "explain",
-    "limits_crc",
     "soft_range",
     "tighten",
 ]

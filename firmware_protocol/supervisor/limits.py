@@ -9,10 +9,8 @@ the wire, so that the generated C computes the same.
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from struct import pack
 from typing import Annotated, get_type_hints
 
 from firmware_protocol.supervisor.errors import LimitError
@@ -36,7 +34,7 @@ class Row:
 
 @dataclass(slots=True)
 class Limits:
-    """The limits in force. Field order is the order of the generated C struct and of the CRC."""
+    """The limits in force. Field order is the order of the generated C struct."""
 
     # What may flow.
     current_limit_mA: Annotated[
@@ -208,8 +206,3 @@ def soft_range(name: str) -> tuple[int, int]:
     if row is None:
         raise LimitError(f"there is no limit named {name!r}; see the limits table in safety.md")
     return min(row.compiled, row.tightest), max(row.compiled, row.tightest)
-
-
-def limits_crc(limits: Limits) -> int:
-    """Return the CRC-32 of all limits in force, as little-endian i32 in table order."""
-    return zlib.crc32(b"".join(pack("<i", getattr(limits, name)) for name in LIMIT_ROWS))

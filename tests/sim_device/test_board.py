@@ -195,6 +195,16 @@ def test_parameters_are_refused_while_armed() -> None:
     assert error.code is ErrorCode.WRONG_STATE
 
 
+def test_parameters_that_change_between_the_two_steps_of_arming_stop_it() -> None:
+    loop = Loop(SimulatedBench()).connected()
+    token = loop.request(wire.ArmRequest(0, loop.bench.board.parameters.crc))
+    assert isinstance(token, wire.ArmToken)
+    loop.request(wire.ParamSet(0, number("current_limit_mA"), 1000))
+    error = loop.request(wire.ArmConfirm(0, token.token))
+    assert isinstance(error, wire.Error)
+    assert error.code is ErrorCode.PARAMETERS_DIFFER
+
+
 def test_saved_parameters_survive_a_reboot_and_others_do_not() -> None:
     for save, expected in ((True, 1000), (False, 4000)):
         loop = Loop(SimulatedBench()).connected()

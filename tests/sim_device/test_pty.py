@@ -302,6 +302,23 @@ def test_a_tty_is_raw_and_its_symlink_comes_and_goes(tmp_path: Path) -> None:
     assert not link.is_symlink()
 
 
+def test_a_tty_that_comes_back_may_have_another_name_and_the_symlink_follows(
+    tmp_path: Path,
+) -> None:
+    link = tmp_path / "bench"
+    bench = SimulatedBench(faults=[injection("unplug", 0.05, seconds=0.1, renamed=1)])
+    server = Server(bench, lambda: PtyPort(link), speed=100.0)
+    before = os.readlink(link)
+    while bench.now_us < 100_000:
+        server.turn()
+    assert server.port is None
+    while bench.now_us < 300_000:
+        server.turn()
+    assert os.readlink(link) != before
+    server.close()
+    assert not link.is_symlink()
+
+
 def test_a_symlink_over_a_file_or_into_nowhere_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("keep me")
