@@ -14,6 +14,7 @@ BENCHES = {
         "the physics kernel against solve_ivp, alone and in parallel",
     ),
     "board": ("sim_device.bench_numbers", "the simulated board and bench"),
+    "control": ("smad.control.bench", "a control step, and virtual time"),
     "log": ("smad.runlog.bench", "recording and reading runs"),
     "daemon": ("smad.daemon.bench", "the control path beside a C program, idle and under load"),
     "gap": ("smad.gap.bench", "the diagnosis"),

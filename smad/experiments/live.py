@@ -33,6 +33,9 @@ POLL_S = 0.02
 REST_K = 1.0
 """At rest means: both springs within this of the water (or the room)."""
 LONGEST_REST_S = 600.0
+RETURN_MM_PER_S = 5.0
+RESET_DEGC = 65.0
+"""Above A_F of an unloaded spring by a wide margin."""
 
 
 class LiveDriver:
@@ -118,13 +121,7 @@ class LiveDriver:
                 case Pause(seconds):
                     self._wait(plan, seconds, lambda motion: False)
                 case UntilDone(timeout_s):
-                    if not self._wait(plan, timeout_s, lambda motion: motion.done):
-                        raise ExperimentError(
-                            f"run {plan.name}: what was commanded did not end in time",
-                            limit=f"{timeout_s:g} s",
-                            action="the bench may be too weak, too warm, or not what the "
-                            "experiment expects",
-                        )
+                    self._until_done(plan, "what was commanded did not end in time", timeout_s)
 
     def _send(self, command: ModeCommand) -> None:
         client = self._client
@@ -148,6 +145,14 @@ class LiveDriver:
             case Idle():
                 client.idle()
 
+    def _until_done(self, plan: Plan, otherwise: str, timeout_s: float) -> None:
+        if not self._wait(plan, timeout_s, lambda motion: motion.done):
+            raise ExperimentError(
+                f"run {plan.name}: {otherwise}",
+                limit=f"{timeout_s:g} s",
+                action="the bench may be too weak, too warm, or not what the experiment expects",
+            )
+
     def _wait(self, plan: Plan, seconds: float, over: Callable[[api.Motion], bool]) -> bool:
         """Wait until `over` or for so many seconds of board time; whether it was over."""
         client = self._client
@@ -169,12 +174,21 @@ class LiveDriver:
         return True
 
     def _rest(self, plan: Plan) -> None:
-        """Cool both springs until they are at rest."""
+        """Bring the springs to where a plan begins: cold, the stage back, no detwinned martensite.
+
+        A single spring that was stretched keeps its length; heating it without load takes that out.
+        """
+        client = self._client
+        if plan.fixture != "antagonistic":
+            client.stage(0.0, RETURN_MM_PER_S)
+            self._until_done(plan, "the stage does not come back", LONGEST_REST_S)
+            client.heat("x", RESET_DEGC, duration_s=3.0, use_water=False)
+            self._until_done(plan, "the spring does not warm up", LONGEST_REST_S)
         duty = 1.0 if self._cooling == "water" else 0.0
-        self._client.current(DriveCurrent(pump_x_duty=duty, pump_y_duty=duty))
+        client.current(DriveCurrent(pump_x_duty=duty, pump_y_duty=duty))
 
         def cold(motion: api.Motion) -> bool:
-            row = self._client.status().sample
+            row = client.status().sample
             if row is None or row.rtd_x_degC is None:
                 return False
             around = row.rtd_inlet_degC if self._cooling == "water" else row.rtd_ambient_degC
@@ -187,4 +201,4 @@ class LiveDriver:
                 limit=f"within {REST_K:g} K of the water in {LONGEST_REST_S:g} s",
                 action="check the pumps and the temperature sensors",
             )
-        self._client.idle()
+        client.idle()
