@@ -23,6 +23,7 @@ from smad.daemon.trace import Trace
 
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
 _TICKS = 0xFFFF
+_WRAP = 0xFFFF_FFFF
 _LARGEST_GAP = 0x8000
 
 
@@ -97,7 +98,7 @@ class ControlTask:
         self._time = BoardTime()
         self._last_tick: int | None = None
         self._last_age_seq = -1
-        self._arrived_ns: int | None = None
+        self._arrived: tuple[int, int] | None = None
 
     @property
     def armed(self) -> bool:
@@ -120,17 +121,15 @@ class ControlTask:
         """Take in bytes that were just read; step for the newest sample in them."""
         began_ns = self._stopwatch_ns()
         events = self.session.receive(data, self._clock_us())
-        newest: State | None = None
+        states: list[State] = []
         others: list[HostEvent] = []
         for event in events:
             if type(event) is not StateReceived:
                 others.append(event)
             elif event.state.axis == self._axis:
-                if newest is not None:
-                    self._pass_over(newest)
-                newest = event.state
-        if newest is not None and self.stepping:
-            self._step(newest, began_ns)
+                states.append(event.state)
+        if states and self.stepping:
+            self._step(states, began_ns)
         for other in others:
             self._on_event(other)
         self.flush()
@@ -151,8 +150,10 @@ class ControlTask:
         data = self.session.data_to_send()
         return self._write(data) if data else True
 
-    def _step(self, state: State, began_ns: int) -> None:
-        sample = self._sample(state)
+    def _step(self, states: list[State], began_ns: int) -> None:
+        # The newest is answered first; the older ones are only worth recording.
+        state = states[-1]
+        sample = self._sample(state, self._time.unwrap(state.t_us))
         output = self.controller.step(sample)
         setpoint = setpoint_of(output, t_ref_us=state.t_us, axis=self._axis, ttl_ms=self._ttl_ms)
         self.session.send_setpoint(setpoint)
@@ -164,16 +165,29 @@ class ControlTask:
         self.own_share.add(took_ns)
         if self._trace is not None:
             self._trace.add(began_ns, took_ns)
+        for older in states[:-1]:
+            self.counts.skipped += 1
+            t_us = sample.t_us - ((state.t_us - older.t_us) & _WRAP)
+            self._finish(self._sample(older, t_us), older, None)
         self._observe(state, sample, began_ns)
         self._finish(sample, state, setpoint)
 
-    def _pass_over(self, state: State) -> None:
-        # Too old to act on, but still worth recording.
-        self.counts.skipped += 1
-        sample = self._sample(state)
-        self._finish(sample, state, None)
+    def _sample(self, state: State, t_us: int) -> Sample:
+        armed = self.session.state is HostState.RUNNING
+        return sample_of(state, t_us, self.scales, armed=armed)
 
-    def _sample(self, state: State) -> Sample:
+    def _observe(self, state: State, sample: Sample, arrived_ns: int) -> None:
+        if self._arrived is not None:
+            before_ns, before_us = self._arrived
+            board_ns = (sample.t_us - before_us) * 1000
+            self.jitter.add(abs(arrived_ns - before_ns - board_ns))
+        self._arrived = (arrived_ns, sample.t_us)
+        # Each setpoint counts once, although the board repeats its age until the next one.
+        if state.valid & _SETPOINT_VALID and state.sp_seq != self._last_age_seq:
+            self._last_age_seq = state.sp_seq
+            self.setpoint_age.add(state.sp_age_us * 1000)
+
+    def _count(self, state: State) -> None:
         counts = self.counts
         counts.samples += 1
         if self._last_tick is not None:
@@ -181,24 +195,9 @@ class ControlTask:
             if gap < _LARGEST_GAP:
                 counts.missed += gap
         self._last_tick = state.tick
-        return sample_of(
-            state,
-            self._time.unwrap(state.t_us),
-            self.scales,
-            armed=self.session.state is HostState.RUNNING,
-        )
-
-    def _observe(self, state: State, sample: Sample, arrived_ns: int) -> None:
-        if self._arrived_ns is not None and self.last is not None:
-            period_ns = (sample.t_us - self.last.sample.t_us) * 1000
-            self.jitter.add(abs(arrived_ns - self._arrived_ns - period_ns))
-        self._arrived_ns = arrived_ns
-        # Each setpoint counts once, although the board repeats its age until the next one.
-        if state.valid & _SETPOINT_VALID and state.sp_seq != self._last_age_seq:
-            self._last_age_seq = state.sp_seq
-            self.setpoint_age.add(state.sp_age_us * 1000)
 
     def _finish(self, sample: Sample, state: State, setpoint: Setpoint | None) -> None:
+        self._count(state)
         controller = self.controller
         finished = Finished(
             sample,
@@ -217,4 +216,4 @@ class ControlTask:
 
     def _forget(self) -> None:
         self._last_tick = None
-        self._arrived_ns = None
+        self._arrived = None

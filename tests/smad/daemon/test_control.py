@@ -230,3 +230,19 @@ async def test_stopping_an_unarmed_bench_says_that_nothing_was_armed(tmp_path: P
     async with rig_in(tmp_path) as rig:
         await rig.run_for(1.0)
         assert await rig.run_until(rig.daemon.disarm()) == "nothing was armed"
+
+
+async def test_passed_over_samples_are_recorded_in_their_order_and_at_their_times(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run(100)
+        burst = b"".join(rig.bench.step() for _ in range(4))
+        seen: list[tuple[int, int]] = []
+        rig.daemon.control.finished.clear()
+        rig.daemon.control.receive(burst)
+        seen = [(item.sample.tick, item.sample.t_us) for item in rig.daemon.control.finished]
+        first_tick, first_us = seen[0]
+        assert seen == [(first_tick + n, first_us + 10_000 * n) for n in range(4)]
+        answered = [item.setpoint is not None for item in rig.daemon.control.finished]
+        assert answered == [False, False, False, True]
