@@ -23,7 +23,7 @@ REAL_TIME_S = 10.0
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 def demo(folder: Path, seed: int) -> None:
-    """Start a simulated bench and its daemon, run steps and a sinusoid, show what was measured.
+    """Run steps and a sinusoid on a simulated bench; show numbers.
 
     The same seed gives the same table, but for the times measured in real time.
     """

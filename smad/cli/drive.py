@@ -24,7 +24,7 @@ def arm(bench: str) -> None:
 @click.command()
 @bench_option
 def disarm(bench: str) -> None:
-    """Switch heating off and cool down. Works for anyone, at any time."""
+    """Switch heating off and cool down; anyone may."""
     with client(bench) as bench_client:
         bench_client.disarm()
     click.echo("disarmed: heating is off, and the board cools by itself")
@@ -43,7 +43,10 @@ def estop(bench: str) -> None:
 @click.argument("fault", type=int, required=False)
 @bench_option
 def clear(bench: str, fault: int | None) -> None:
-    """Acknowledge the latched fault, once its cause is gone and the springs are cold."""
+    """Acknowledge the latched fault.
+
+    Works once its cause is gone and the springs are cold.
+    """
     with client(bench) as bench_client:
         motion = bench_client.clear(fault)
     click.echo(f"cleared: {described(motion)}")
@@ -126,7 +129,7 @@ def current(
 @_wait
 @bench_option
 def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
-    """Run the pump of SPRING (x or y) at a DUTY of 0 to 1, without current."""
+    """Run the pump of SPRING (x or y) at a DUTY of 0 to 1."""
     from smad.control.commands import DriveCurrent
 
     command = DriveCurrent(

@@ -13,9 +13,9 @@ from smad.errors import ConfigError
 @click.command()
 @click.argument("path", type=click.Path(path_type=Path))
 def keys(path: Path) -> None:
-    """Make a CURVE key pair in PATH, for a client that commands over TCP.
+    """Make a key pair for a client on another machine.
 
-    The public key goes into daemon.tcp.allowed_keys of the bench; the file stays with the client.
+    PATH gets both CURVE keys. The public key goes into daemon.tcp.allowed_keys of the bench; the file stays with the client.
     """
     import zmq
 

@@ -53,7 +53,10 @@ def sim(
     transport: str,
     parent: int | None,
 ) -> None:
-    """Run the simulated bench and print the name of its port; ctrl-C ends it."""
+    """Run the simulated bench alone; prints the name of its port.
+
+    Ctrl-C ends it.
+    """
     from sim_device.errors import BenchError
     from sim_device.pty import serve
     from smad.config import Config, load_config

@@ -49,7 +49,7 @@ def start(
     trace_path: Path | None,
     no_realtime: bool,
 ) -> int:
-    """Run the daemon in the foreground until ctrl-C, which disarms.
+    """Run the daemon until ctrl-C, which disarms.
 
     Clients then command it: smad status, smad arm, smad move …, or smad.Client in Python.
     """
