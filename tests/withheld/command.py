@@ -10,6 +10,7 @@ from typing import Any
 
 from tests.withheld import bank, files, openings, page, quiz, score
 from tests.withheld.errors import WithheldError
+from tests.withheld.follow import follow
 from tests.withheld.verdicts import read_verdicts
 
 
@@ -60,6 +61,10 @@ def _readme(options: argparse.Namespace) -> None:
     page.into_readme(Path(options.readme), files.read_json(Path(options.scores)))
 
 
+def _follow(options: argparse.Namespace) -> None:
+    print(follow(Path(options.bank), Path(options.key), options.case, Path(options.program)))
+
+
 def _mystery(options: argparse.Namespace) -> None:
     link = Path(options.link) if options.link else None
     quiz.run(options.seed, good=options.good, link=link, note=Path(options.note))
@@ -91,6 +96,12 @@ def _arguments() -> argparse.ArgumentParser:
     readme.add_argument("scores", help="the JSON file that score wrote")
     readme.add_argument("--readme", default="README.md")
     readme.set_defaults(run=_readme)
+    again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
+    again.add_argument("bank")
+    again.add_argument("key")
+    again.add_argument("case")
+    again.add_argument("program", help="CSV of what to do, see docs/withheld.md")
+    again.set_defaults(run=_follow)
     mystery = commands.add_parser("mystery", help="a bench on a pty with a hidden effect")
     mystery.add_argument("seed", type=int)
     mystery.add_argument("--good", action="store_true", help="the same bench before the trouble")

@@ -96,8 +96,8 @@ def _effect_entry(active: Active) -> Entry:
         "subsystem": spec.subsystem,
         "magnitude": active.magnitude,
         "unit": spec.unit,
-        "y_share": round(active.y_share, 4),
-        "shape": round(active.shape, 4),
+        "y_share": active.y_share,
+        "shape": active.shape,
         "quantity": true_quantity(active),
     }
 

@@ -100,8 +100,21 @@ def record(
 
     The same seed gives the same program, noise and day whatever the effects are.
     """
-    rng = np.random.default_rng((seed, 71))
     program = FAMILIES[family](np.random.default_rng((seed, 72)), seconds)
+    return record_program(bench, active, program, seed, family=family, number=number)
+
+
+def record_program(
+    bench: Bench,
+    active: tuple[Active, ...],
+    program: Array,
+    seed: int,
+    *,
+    family: str = "given",
+    number: int = 1,
+) -> Run:
+    """Record one run of a program (see `excitation`); noise and day follow from `seed`."""
+    rng = np.random.default_rng((seed, 71))
     n = len(program)
     inputs = _surroundings(rng, n)
     noise = _noise(rng, n)

@@ -13,6 +13,7 @@ from tests.withheld import bank, files
 from tests.withheld.cases import DEFAULT, FULL, draw, plan
 from tests.withheld.command import main
 from tests.withheld.errors import BankError
+from tests.withheld.follow import read_program
 from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import EFFECTS
 from tests.withheld.plant.parameters import NAMES
@@ -131,6 +132,38 @@ def test_a_missing_or_foreign_run_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.mat").write_bytes(b"x")
     with pytest.raises(BankError, match="convert it"):
         files.read_run(tmp_path / "run.mat")
+
+
+def test_a_recommended_experiment_runs_on_the_bench_of_a_case(
+    mini: bank.Order, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "program.csv"
+    program.write_text("t_s,i_x_A,duty_x\n0,0,0\n2,3.5,0\n6,0,1\n12,0,0\n")
+    key = mini.key_folder / "KEY.json"
+    folder = tmp_path / "mini"
+    shutil.copytree(mini.folder, folder)
+    main(["follow", str(folder), str(key), "case-001", str(program)])
+    path = Path(capsys.readouterr().out.strip())
+    assert path == folder / "cases" / "case-001" / "next-1.parquet"
+    log = files.read_run(path)
+    assert np.nanmax(log["rtd_x_degC"]) > 36.0
+    assert np.nanmax(log["displacement_mm"]) > 1.0
+    assert log["t_s"][-1] - log["t_s"][0] == pytest.approx(12.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("t_s,i_x_A\n0,0\n1,5\n", "allowed is 0…4"),
+        ("t_s,volts\n0,0\n1,1\n", "volts"),
+        ("t_s,i_x_A\n0,0\n900,1\n", "at most 600 s"),
+    ],
+)
+def test_an_unsafe_or_foreign_program_is_refused(text: str, why: str, tmp_path: Path) -> None:
+    path = tmp_path / "program.csv"
+    path.write_text(text)
+    with pytest.raises(BankError, match=why):
+        read_program(path)
 
 
 def test_the_full_mixtures_are_as_announced() -> None:
