@@ -15,7 +15,8 @@ from smad.errors import ConfigError
 def keys(path: Path) -> None:
     """Make a key pair for a client on another machine.
 
-    PATH gets both CURVE keys. The public key goes into daemon.tcp.allowed_keys of the bench; the file stays with the client.
+    PATH gets both CURVE keys. The public key goes into daemon.tcp.allowed_keys of the bench;
+    the file stays with the client.
     """
     import zmq
 
