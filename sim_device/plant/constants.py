@@ -168,6 +168,7 @@ def initial_state(
         spring[k.S_OHM] = p[k.P_OHM_M] * p[k.P_LENGTH]
         spring[k.S_ELASTIC] = 0.5 * force * force * k.compliance(1.0, p, e)
         tau = p[k.P_C1] * force
+        spring[k.S_TAU] = tau
         spring[k.S_A] = k.progress_a(start, tau, p, e[k.E_SPREAD] * p[k.P_A_INV])
         spring[k.S_B] = k.progress_b(start, tau, p)
         spring[k.S_C] = k.progress_c(start, p)

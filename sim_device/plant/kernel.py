@@ -69,6 +69,7 @@ S_XS_END = 31  # detwinned fraction of the cold ends
 S_R = 32  # R-phase fraction
 S_R_PROGRESS = 33  # its progress on cooling
 S_ELASTIC = 34  # elastic energy, J
+S_TAU = 35  # shear stress that the kinetics last saw, Pa
 S_SIZE = 36
 
 # Slots of the shared state.
@@ -243,7 +244,8 @@ W_SHIFT = 26  # drift of the transformation temperatures, K
 W_WALL_G = 27
 W_GIVE = 28  # compliance
 W_ROUGH = 29  # step of temperature still to be taken, K
-W_SIZE = 30
+W_PART = 30  # share of the substep after which M_S is passed, 0 when it is not
+W_SIZE = 31
 SCRATCH_SIZE = 2 * W_SIZE
 
 # Slots of the feeds: measured series that replace inner signals, at start and end of a sample.
@@ -284,7 +286,8 @@ SIXTH = 1.0 / 6.0
 T_TOLERANCE = 1e-9
 DELTA_TOLERANCE = 1e-12
 ITERATIONS = 200
-JOINT_STEPS = 4
+JOINT_STEPS = 4  # of force and temperatures together
+NEWTON_STEPS = 30  # before a bracket is only halved
 REST_SPEED = 1e-9
 # R-phase: starts this far above M_S, is complete over the width, reverts with the hysteresis, K.
 R_ABOVE, R_WIDTH, R_HYSTERESIS = 8.0, 6.0, 2.0
@@ -397,6 +400,61 @@ def back_to_austenite(
 
 
 @inlined
+def grow(
+    xs: float, xt: float, before: float, left: float, hot: bool, w: Array, e: Array
+) -> tuple[float, float]:
+    """Eq. (13) above M_S, Eq. (12) below: fractions when f(b) falls from `before` to `left`."""
+    ratio = left / before if before > 0.0 else 1.0
+    if e[E_MINOR] != 0.0 and hot and ratio > 0.0:
+        ratio = minor(ratio, w[W_XI_FORTH], e)[1]
+    new = 1.0 - (1.0 - xs) * ratio
+    if not hot and 1.0 - left < new:
+        new = 1.0 - left
+    if new > xs:
+        xt = xt * (1.0 - new) / (1.0 - xs)
+        xs = new
+    return xs, xt
+
+
+@inlined
+def across(
+    tau: float,
+    b: float,
+    xs: float,
+    xt: float,
+    xs_F: float,
+    s: Array,
+    w: Array,
+    p: Array,
+    e: Array,
+) -> tuple[float, float, float]:
+    """Fractions when the substep passes M_S: one rule up to there, the other from there.
+
+    How far into the substep that is has been foreseen, so that the fractions stay monotone in
+    temperature and force. The last value is the slope of ξ_S with the force, good enough for the
+    few substeps concerned.
+    """
+    stress = s[S_TAU] + w[W_PART] * (tau - s[S_TAU])
+    middle = clip01((stress - p[P_TAU_S]) * p[P_TAU_INV])
+    between = remaining(middle)
+    if middle > s[S_B]:
+        before = left_before(s[S_B], w, W_FB, 0.0)
+        grown, xt = grow(xs, xt, before, between, w[W_HOT] > 0.0, w, e)
+        if grown > xs and between > 0.0:
+            steep = remaining_slope(between) * (1.0 - grown) / between
+            xs_F = xs_F - steep * p[P_TAU_INV] * p[P_C1] * w[W_PART]
+        xs = grown
+    if b > middle:
+        left = remaining(b)
+        grown, xt = grow(xs, xt, between, left, w[W_HOT] == 0.0, w, e)
+        if grown > xs and left > 0.0:
+            steep = remaining_slope(left) * (1.0 - grown) / left
+            xs_F = xs_F - steep * p[P_TAU_INV] * p[P_C1] * (1.0 - w[W_PART])
+        xs = grown
+    return xs, xt, xs_F
+
+
+@inlined
 def transform(
     T_wire: float, F: float, s: Array, w: Array, p: Array, e: Array
 ) -> tuple[float, float, float, float, float, float]:
@@ -426,7 +484,9 @@ def transform(
         xs = xs * ratio
         xt = xt * ratio
     b = progress_b(T, tau, p)
-    if b > s[S_B] and xs < 1.0:
+    if w[W_PART] > 0.0:
+        xs, xt, xs_F = across(tau, b, xs, xt, xs_F, s, w, p, e)
+    elif b > s[S_B] and xs < 1.0:
         left = remaining(b)
         before = left_before(s[S_B], w, W_FB, 0.0)
         ratio = left / before
@@ -548,7 +608,7 @@ def settle(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> boo
         T = star
     found = False
     rough = 0.0
-    for _ in range(ITERATIONS):
+    for n in range(ITERATIONS):
         xs, xt, xi_T, xi_F, xs_T, xs_F = transform(T, F, s, w, p, e)
         change = xs + xt - start
         lam = w[W_LAM_H] if change < 0.0 else w[W_LAM_C]
@@ -566,7 +626,7 @@ def settle(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> boo
         else:
             low = T
         T = T - miss / slope
-        if not low < T < high:
+        if n >= NEWTON_STEPS or not low < T < high:
             T = 0.5 * (low + high)
     w[W_ROUGH] = rough
     w[W_T] = star + lam * change
@@ -605,14 +665,15 @@ def tendon(F: float, e: Array) -> tuple[float, float]:
 
 
 @inlined
-def narrow(F: float, miss: float, slope: float, low: float, high: float) -> float:
-    """Newton's next tension inside its bracket, or the middle of the bracket."""
-    F = F - miss / slope
-    if not high > F:
-        return 0.5 * (low + high)
-    if low >= F:
-        return 0.0 if low == 0.0 else 0.5 * (low + high)
-    return F
+def narrow(F: float, miss: float, slope: float, low: float, high: float, n: int) -> float:
+    """Newton's next tension inside its bracket, or the middle of the bracket if that has to be."""
+    if n < NEWTON_STEPS or high > 1e299:
+        F = F - miss / slope
+        if low < F < high:
+            return F
+        if low == 0.0 and F <= 0.0:
+            return 0.0
+    return 0.5 * (low + high)
 
 
 @inlined
@@ -648,7 +709,7 @@ def balance_pair(
             else:
                 low = F
         last = F
-        F = narrow(F, miss, wx[W_SLOPE] + wy[W_SLOPE], low, high)
+        F = narrow(F, miss, wx[W_SLOPE] + wy[W_SLOPE], low, high, n)
         wx[W_GUESS] += (F - last) * wx[W_T_F]
         wy[W_GUESS] += (F - last) * wy[W_T_F]
     return -1.0
@@ -664,7 +725,7 @@ def balance(target: float, guess: float, s: Array, g: Array, w: Array, p: Array,
     high = 1e300
     F = guess if guess > 0.0 else 0.0
     gives = e[E_ROUGH] > 0.0 and p[P_FIXTURE] == 0.0
-    for _ in range(ITERATIONS):
+    for n in range(ITERATIONS):
         found = settle(F, True, s, w, p, e)
         reach = w[W_DELTA]
         slope = w[W_SLOPE]
@@ -685,7 +746,7 @@ def balance(target: float, guess: float, s: Array, g: Array, w: Array, p: Array,
         else:
             low = F
         last = F
-        F = narrow(F, miss, slope, low, high)
+        F = narrow(F, miss, slope, low, high, n)
         w[W_GUESS] += (F - last) * w[W_T_F]
     return -1.0
 
@@ -715,7 +776,7 @@ def slide(
     wet = 0.5 * (x[S_FILL] + y[S_FILL])
     drag = e[E_DRAG] * wet / dt
     mounted = tendon(p[P_F0], e)[0]
-    for _ in range(ITERATIONS):
+    for n in range(ITERATIONS):
         found = settle(F, True, x, wx, p, e)
         stretch, stretch_F = tendon(F, e)
         reach = wx[W_DELTA] + stretch - mounted
@@ -741,7 +802,7 @@ def slide(
             high = F
         else:
             low = F
-        F = narrow(F, miss, slope, low, high)
+        F = narrow(F, miss, slope, low, high, n)
     return -1.0, 0.0, 0.0
 
 
@@ -914,6 +975,11 @@ def prepare(s: Array, w: Array, p: Array, e: Array, dt: float) -> None:
     w[W_GUESS] = w[W_T_STAR]
     if s[S_ACTIVE] > 0.0:
         w[W_GUESS] = s[S_T] + dt * s[S_RATE]
+    w[W_PART] = 0.0
+    start = s[S_T] - w[W_SHIFT] - p[P_M_S]
+    end = w[W_GUESS] - w[W_SHIFT] - p[P_M_S]
+    if start * end < 0.0:
+        w[W_PART] = start / (start - end)
     if e[E_MINOR] != 0.0:
         xi = s[S_XS] + s[S_XT]
         w[W_XI_BACK] = s[S_XI_LEG] if s[S_LEG] < 0.0 else xi
@@ -1040,6 +1106,7 @@ def accept(
     # At the temperature of the last evaluation, so that progress and fractions belong together.
     T = w[W_GUESS] - w[W_SHIFT]
     tau = p[P_C1] * F_phase
+    s[S_TAU] = tau
     s[S_A] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
     s[S_B] = progress_b(T, tau, p)
     s[S_C] = progress_c(T, p)

@@ -149,10 +149,11 @@ def simulate(
 
     dt_s: longest substep. temperature_K: of wire and water at the start; by default that of the
     inlet at the first sample (bare wire: of the air).
-    feeds: measured series in place of inner signals, so that a sub-model runs alone: "i_A" (n, 2) replaces what the driver makes of the command, "temperature_K" (n, 2)
-    the heat balance, "force_N" (n,) the stress that the kinetics see, "displacement_m" (n,) the
-    equilibrium of the pair: the force then follows from Eq. (9). They are interpolated linearly
-    between samples; smooth noisy temperatures first, since noise ratchets a hysteresis.
+    feeds: measured series in place of inner signals, so that a sub-model runs alone. "i_A" (n, 2)
+    replaces what the driver makes of the command, "temperature_K" (n, 2) the heat balance,
+    "force_N" (n,) the stress that the kinetics see, "displacement_m" (n,) the equilibrium of the
+    pair: the force then follows from Eq. (9). They are interpolated linearly between samples;
+    smooth noisy temperatures first, since noise ratchets a hysteresis.
     Without feeds the result is that of `Plant` driven sample by sample, to the last bit.
     Raises InputError, EffectError, ModelError, and SolverError with time and state.
     """

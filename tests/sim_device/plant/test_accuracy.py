@@ -29,8 +29,8 @@ def test_solve_ivp_gives_the_same_run_within_what_the_sensors_resolve(name, amps
     assert reference.displacement(y).max() > 8e-3
     assert reference.displacement(y).min() < -6e-3
     for step_s, (u, F, T, xi) in {
-        1e-3: (3e-6, 2e-4, 2e-3, 2e-4),
-        1e-2: (4e-5, 2e-3, 2e-2, 2e-3),
+        1e-3: (1e-6, 1e-4, 1e-3, 5e-5),
+        1e-2: (5e-6, 3e-4, 1e-2, 2e-4),
     }.items():
         out = simulate(parameters, inputs, dt_s=step_s, outputs=KEPT)
         du, dF, dT, dxi = worst(out, reference, y)
@@ -55,9 +55,9 @@ def test_without_switching_events_the_kernel_and_solve_ivp_agree_to_nanometres()
     assert dxi < 1e-6
 
 
-def orders(inputs, steps=(8e-3, 4e-3, 2e-3, 1e-3), parameters=None):
+def orders(inputs, steps=(8e-3, 4e-3, 2e-3, 1e-3)):
     """Observed order between successive steps, in temperature and in displacement."""
-    parameters = parameters or load_parameters("A")
+    parameters = load_parameters("A")
     exact = simulate(parameters, inputs, dt_s=min(steps) / 32, outputs=KEPT)
     found = []
     for name in ("T_x_K", "displacement_m"):
@@ -78,7 +78,7 @@ def test_a_smooth_run_converges_with_second_order():
     assert in_u > 1.5
 
 
-def test_a_run_with_pumps_switches_and_detwinning_converges_with_first_order_at_least():
-    in_T, in_u = orders(alternating(seconds=30.0, step_s=0.04))
-    assert in_T > 0.9
-    assert in_u > 0.9
+def test_a_run_with_pumps_switches_and_detwinning_converges_with_first_order():
+    in_T, in_u = orders(alternating(seconds=30.0, step_s=0.04), steps=(4e-3, 1e-3, 2.5e-4))
+    assert in_T > 0.85
+    assert in_u > 0.85
