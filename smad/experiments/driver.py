@@ -27,6 +27,11 @@ PARTS: Mapping[str, str] = {
 Progress = Callable[[str], None]
 
 
+def log_name(plan: Plan) -> str:
+    """The name of a plan in run logs and their files, which a slash would not fit."""
+    return plan.name.replace("/", "_")
+
+
 class Driver(Protocol):
     """Carries out plans, each as one recorded run."""
 

@@ -19,7 +19,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.plan import Cooling, Do, Fixture, Mark, Pause, Plan, UntilDone
-from smad.experiments.driver import PARTS, Progress
+from smad.experiments.driver import PARTS, Progress, log_name
 from smad.experiments.errors import BenchLacksError, ExperimentError
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
@@ -91,7 +91,7 @@ class LiveDriver:
             self._rest(plan)
             if client.status().recorder.recording:
                 client.stop_recording()
-            client.start_recording(plan.name.replace("/", "_"))
+            client.start_recording(log_name(plan))
             try:
                 self._carry_out(plan)
             finally:

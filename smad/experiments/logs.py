@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from smad.control.plan import Plan
-from smad.experiments.driver import PARTS
+from smad.experiments.driver import PARTS, log_name
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
@@ -43,10 +43,10 @@ class LogDriver:
         )
 
     def run(self, plan: Plan) -> Recording:
-        run = self._runs.get(plan.name)
+        run = self._runs.get(log_name(plan))
         if run is None:
             raise ExperimentError(
-                f"none of the logs is of the run {plan.name}",
+                f"none of the logs is of the run {log_name(plan)}",
                 limit=", ".join(sorted(self._runs)) or "no logs were given",
                 action="add it with --from, or run the experiment",
             )

@@ -18,7 +18,7 @@ from smad.control.plan import Plan
 from smad.control.runner import run_virtual
 from smad.control.sample import Sample
 from smad.daemon.measure import row_of
-from smad.experiments.driver import PARTS, Progress
+from smad.experiments.driver import PARTS, Progress, log_name
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.runlog.reader import columns_of
@@ -117,11 +117,11 @@ class VirtualDriver:
 
         assert self._folder is not None
         self._folder.mkdir(parents=True, exist_ok=True)
-        path = self._folder / f"{plan.name.replace('/', '_')}.mcap"
+        path = self._folder / f"{log_name(plan)}.mcap"
         path.unlink(missing_ok=True)
         header = RunHeader(
             source="sim",
-            name=plan.name,
+            name=log_name(plan),
             rate_hz=float(self._config.link.rate_hz),
             seed=seed,
             configuration=config_to_toml(self._config),

@@ -34,10 +34,17 @@ class _Status:
 class FakeClient:
     """Answers as `smad.Client` does; time passes only in `let_pass`."""
 
-    def __init__(self, folder: Path, *, fails_at_s: float | None = None, seed: int = 3) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        fails_at_s: float | None = None,
+        fixture: str = "antagonistic",
+        seed: int = 3,
+    ) -> None:
         faults = [] if fails_at_s is None else [injection("sensor_open", fails_at_s)]
         self._config = Config(control=ControlConfig(cooling=CoolingConfig(mode="proportional")))
-        self._bench = SimulatedBench(seed=seed, faults=faults)
+        self._bench = SimulatedBench(seed=seed, faults=faults, fixture=fixture)
         self._controller = Controller(self._config.control)
         self._folder = folder
         self._scales = Scales({})
@@ -47,6 +54,8 @@ class FakeClient:
         self._sample: Sample | None = None
         self._records: list[Row | Event] = []
         self._path = ""
+        self._name = ""
+        self._logs = 0
         self.recording = False
         self.tunes: list[Tune] = []
         self._step()
@@ -97,12 +106,14 @@ class FakeClient:
 
     def start_recording(self, name: str = "") -> _Recorder:
         self.recording, self._records = True, []
-        self._path = str(self._folder / f"{name}.mcap")
+        self._logs += 1
+        self._name = name
+        self._path = str(self._folder / f"{self._logs}-{name}.mcap")
         return _Recorder(self._path, True)
 
     def stop_recording(self) -> _Recorder:
         self.recording = False
-        write_run(self._path, RunHeader(name=Path(self._path).stem), self._records)
+        write_run(self._path, RunHeader(name=self._name), self._records)
         return _Recorder(self._path, False)
 
     def note(self, text: str) -> None:

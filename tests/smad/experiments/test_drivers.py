@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Ramp, Tune
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    HoldTemperature,
+    MoveStage,
+    Ramp,
+    Tune,
+)
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.campaign import Bench, run_campaign, run_on
 from smad.experiments.driver import PARTS
@@ -97,6 +104,21 @@ def test_a_daemon_carries_out_the_same_plan_as_virtual_time(tmp_path: Path) -> N
         assert here.t_s.size == pytest.approx(there.t_s.size, abs=15)
         assert here["displacement_mm"][-1] == pytest.approx(there["displacement_mm"][-1], abs=0.1)
     assert not client.recording
+
+
+def test_a_spring_that_was_stretched_is_brought_back_before_the_next_run(tmp_path: Path) -> None:
+    client = FakeClient(tmp_path, fixture="stretch")
+    live = LiveDriver(client, fixture="stretch", sleep=client.let_pass)
+    stretch = Plan(
+        "stretch",
+        (Mark("begin"), Do(MoveStage(stage_mm=40.0, rate_mm_per_s=10.0)), UntilDone(10.0)),
+        fixture="stretch",
+    )
+    first, second = (live.run(stretch).between("begin", None) for _ in range(2))
+    assert second["displacement_mm"][0] == pytest.approx(0.0, abs=0.2)
+    for mm in (10.0, 20.0, 35.0):
+        forces = [np.interp(mm, run["displacement_mm"], run["force_N"]) for run in (first, second)]
+        assert forces[1] == pytest.approx(forces[0], abs=0.03)
 
 
 def test_a_daemon_is_left_idle_and_tuned_as_it_was(tmp_path: Path) -> None:
