@@ -77,7 +77,7 @@ def _fifo(priority: int) -> Measure:
     if priority == 0:
         return Measure(name, False, False, "ordinary scheduling, as configured")
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError as error:
         return Measure(
             name,
@@ -89,10 +89,18 @@ def _fifo(priority: int) -> Measure:
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and thread.native_id is not None:
             with contextlib.suppress(OSError):
-                os.sched_setscheduler(
-                    thread.native_id, os.SCHED_FIFO, os.sched_param(max(1, priority - 1))
-                )
+                _step_below(thread.native_id, priority)
     return Measure(name, True, True, f"priority {priority}{_throttle()}")
+
+
+def step_below_loop() -> None:
+    """Put the calling thread, if it inherited the loop's real-time priority, one step below it."""
+    if os.sched_getscheduler(0) == os.SCHED_FIFO:
+        _step_below(0, os.sched_getparam(0).sched_priority)
+
+
+def _step_below(thread: int, priority: int) -> None:
+    os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(max(1, priority - 1)))
 
 
 def _switch_interval() -> Measure:

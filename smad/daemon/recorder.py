@@ -11,6 +11,7 @@ from pathlib import Path
 from smad.api import Reason, RecorderStatus
 from smad.config import RecorderConfig
 from smad.daemon.errors import Refusal
+from smad.daemon.realtime import step_below_loop
 from smad.errors import RunLogError
 from smad.runlog.header import RunHeader
 from smad.runlog.paths import new_run_path
@@ -44,7 +45,9 @@ class Recorder:
         self._dropped = 0
         self._error = ""
         # One worker, so that opening and closing stay in order and off the loop.
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="run log")
+        self._worker = ThreadPoolExecutor(
+            1, thread_name_prefix="run log", initializer=step_below_loop
+        )
         self._lock = asyncio.Lock()
 
     @property
