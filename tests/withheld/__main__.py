@@ -1,5 +1,11 @@
 """`python -m tests.withheld make|score|…`: see docs/withheld.md."""
 
+import os
+
+# The matrices are small; threads of the algebra library would only fight the worker processes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 from tests.withheld.command import main
 
 if __name__ == "__main__":
