@@ -1,0 +1,107 @@
+"""The tables of docs/physics.md, made from the parameter files and the effect registry.
+
+`python -m sim_device.plant.docs` rewrites them in place; a test fails when they are stale.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from sim_device.plant.effects.record import EffectParameter
+from sim_device.plant.effects.registry import EFFECTS
+from sim_device.plant.parameters import load_parameters
+from sim_device.plant.units import UNITS
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "physics.md"
+
+
+def parameter_table() -> str:
+    """Every entry of set A: symbol, value, range, status, meaning, source."""
+    lines = [
+        "| entry | symbol | value | range | status | meaning; source |",
+        "|---|---|---|---|---|---|",
+    ]
+    for entry in load_parameters("A").entries:
+        unit = UNITS[entry.file_unit]
+        low, high = (f"{unit.from_si(bound):.6g}" for bound in (entry.low, entry.high))
+        lines.append(
+            f"| `{entry.name}` | {entry.symbol} | {entry.shown()} | {low} to {high} |"
+            f" {entry.status} | {entry.meaning}; {entry.source} |"
+        )
+    return "\n".join(lines)
+
+
+def differences_table() -> str:
+    """What sets B and conserving change of set A."""
+    base = load_parameters("A")
+    lines = ["| set | entry | set A | here | source |", "|---|---|---|---|---|"]
+    for name in ("B", "conserving"):
+        other = load_parameters(name)
+        lines += [
+            f"| {name} | `{entry.name}` | {was.shown()} | {entry.shown()} | {entry.source} |"
+            for was, entry in zip(base.entries, other.entries, strict=True)
+            if was.value != entry.value
+        ]
+    return "\n".join(lines)
+
+
+def _described(parameter: EffectParameter) -> str:
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    role = "" if parameter.is_strength else ", shape"
+    return (
+        f"`{parameter.name}` {parameter.low:g} to {parameter.high:g}{unit},"
+        f" typical {parameter.typical:g}{role}: {parameter.meaning}"
+    )
+
+
+def effects_table() -> str:
+    """Every entry of the effect registry."""
+    lines = [
+        "| effect | subsystem | equation | parameters | shows in | confused with; told apart by |"
+        " reference |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for entry in EFFECTS:
+        needs = "; ".join(f"needs {option} {' or '.join(known)}" for option, known in entry.needs)
+        cells = (
+            f"`{entry.name}`: {entry.title}" + (f" ({needs})" if needs else ""),
+            entry.subsystem,
+            entry.equation.replace("|", "\\|"),
+            "; ".join(_described(parameter) for parameter in entry.parameters),
+            ", ".join(entry.signals),
+            f"{', '.join(entry.confused_with)}; {entry.separated_by}",
+            entry.reference,
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "parameters": parameter_table,
+    "differences": differences_table,
+    "effects": effects_table,
+}
+
+
+def rendered(text: str) -> str:
+    """The page with every generated table made anew. Raises ValueError for a missing marker."""
+    for name, make in TABLES.items():
+        start, end = f"<!-- table: {name} -->\n", "<!-- end of table -->"
+        if start not in text:
+            raise ValueError(f"{PAGE.name} has no marker {start.strip()!r}; put it back")
+        head, _, rest = text.partition(start)
+        _, _, tail = rest.partition(end)
+        text = f"{head}{start}{make()}\n{end}{tail}"
+    return text
+
+
+def main() -> int:
+    PAGE.write_text(rendered(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    print(f"{PAGE.name}: {', '.join(TABLES)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
