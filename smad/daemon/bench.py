@@ -90,7 +90,7 @@ class Result:
                 for label, share in (("p99", 0.99), ("p99.9", 0.999))
             ]
         return rows + [
-            (f"{name}: {what}", statistics.median(values), "us" if "p9" in what else "")
+            (f"{name}: {what}", statistics.median(values), "us" if " p" in what else "")
             for what, values in self.figures.items()
         ]
 
