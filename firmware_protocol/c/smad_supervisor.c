@@ -752,11 +752,11 @@ static int64_t smad_sv_over_temperature(struct smad_sv_memory *s, const struct s
 
 static int64_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
 {
-    int64_t moved_cC;
+    int64_t warmed_cC;
     int64_t net_mJ;
     (void)m;
-    moved_cC = smad_sv_div(smad_sv_abs((s->low_uK[k] - s->stuck_low_uK[k])), SMAD_SV_UK_PER_CC);
-    if ((s->stuck_us[k] >= lim->stuck_us) && (moved_cC >= lim->stuck_model_cC)) {
+    warmed_cC = smad_sv_div((s->low_uK[k] - s->stuck_low_uK[k]), SMAD_SV_UK_PER_CC);
+    if ((s->stuck_us[k] >= lim->stuck_us) && (warmed_cC >= lim->stuck_model_cC)) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
     net_mJ = smad_sv_div(s->anchor_net_nJ[k], SMAD_SV_NJ_PER_MJ);

@@ -76,13 +76,13 @@ def over_temperature(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 
 def sensor_stuck(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
-    """Not one digit of change for seconds in which even the slowest spring moved.
+    """Not one digit of change for seconds of heating in which even the slowest spring warmed.
 
     Under strong heating the spring is known not to respond before that; a reading without any
     noise then is stuck, rather than taken from a place that does not warm.
     """
-    moved_cC = abs(s.low_uK[k] - s.stuck_low_uK[k]) // UK_PER_CC
-    if s.stuck_us[k] >= lim.stuck_us and moved_cC >= lim.stuck_model_cC:
+    warmed_cC = (s.low_uK[k] - s.stuck_low_uK[k]) // UK_PER_CC
+    if s.stuck_us[k] >= lim.stuck_us and warmed_cC >= lim.stuck_model_cC:
         return bad(s, s.stuck_us[k], lim.stuck_us)
     net_mJ = s.anchor_net_nJ[k] // NJ_PER_MJ
     if 4 * s.stuck_us[k] >= lim.stuck_us and net_mJ >= lim.unheated_energy_mJ:

@@ -76,7 +76,7 @@ class Limits:
     stuck_us: Annotated[
         int, Row(5_000_000, 2_000_000, "us", "noise alone moves the last digit", 35)
     ]
-    stuck_model_cC: Annotated[int, Row(300, 300, "cC", "the slowest good spring moved by this")]
+    stuck_model_cC: Annotated[int, Row(300, 300, "cC", "the slowest good spring warmed by this")]
 
     # Heat that goes in must show, and must stop.
     unheated_energy_mJ: Annotated[

@@ -118,7 +118,7 @@ def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
 def observe_stuck(s: Memory, lim: Limits, k: int) -> None:
     """Time how long the reading has been the same to the last digit.
 
-    The slowest good spring at that moment is kept too: only if it moved since does sameness
+    The slowest good spring at that moment is kept too: only if it warmed since does sameness
     mean anything, for a spring in balance may well stay on one digit.
     """
     if s.t_cC[k] != s.stuck_cC[k]:

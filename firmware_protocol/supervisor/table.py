@@ -135,7 +135,7 @@ CHECKS: tuple[Check, ...] = (
     ),
     _row(
         Fault.SENSOR_STUCK, checks.sensor_stuck, SPRINGS, DRIVING,
-        "no digit changes for {stuck_us} while the heaviest spring would move {stuck_model_cC}",
+        "no digit changes for {stuck_us} while the heaviest spring would warm {stuck_model_cC}",
     ),
     _row(
         Fault.SENSORS_SWAPPED, checks.sensors_swapped, SPRINGS, DRIVING,

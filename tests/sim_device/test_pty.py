@@ -499,7 +499,9 @@ def test_the_program_serves_one_end_of_a_socket_pair() -> None:
     ours, theirs = socket.socketpair()
     ours.setblocking(False)
     number = theirs.fileno()
-    with running("--transport", f"fd:{number}", "--speed", "10", pass_fds=(number,)):
+    with running(
+        "--transport", f"fd:{number}", "--speed", "10", "--paced-by-host", pass_fds=(number,)
+    ):
         theirs.close()
         client = Client(ours.fileno())
         client.arm()

@@ -451,3 +451,14 @@ def test_checks_go_on_while_the_bench_cools() -> None:
     rig.event(Disarmed())
     rig.spoil = put("i_mA", 900, 0)
     assert trips(rig, 1.0)[0] is Fault.UNCOMMANDED_CURRENT
+
+
+def test_an_idle_spring_that_stays_at_room_temperature_beside_cold_water_is_not_stuck() -> None:
+    rig = Rig().arm()
+
+    def cold_inlet(m: Measurements) -> None:
+        m.rtd_cC[1], m.rtd_cC[2], m.rtd_cC[3] = 2691, 1874, 2691
+
+    rig.spoil = cold_inlet
+    rig.setpoint_mA = (700, 0)
+    stays(rig, 120.0)
