@@ -156,9 +156,16 @@ class Board:
 
     def receive(self, data: bytes, now_us: int) -> None:
         """Take in bytes from the host and act on them."""
-        self.session.safe = self.outputs.state == BoardState.SAFE
+        self.session.safe = self._may_set_parameters()
         for event in self.session.receive(data, now_us):
             self.act(event, now_us)
+
+    def _may_set_parameters(self) -> bool:
+        """SAFE, or stopped for damaged parameters: else nothing could ever mend those."""
+        s = self.outputs
+        if s.state == BoardState.FAULT:
+            return s.first_fault == Fault.PARAM_CRC
+        return s.state == BoardState.SAFE
 
     def act(self, event: BoardEvent, now_us: int) -> None:
         """Act on one event of the session."""
@@ -227,6 +234,7 @@ class Board:
     def save_parameters(self) -> None:
         """Write the parameters to the memory that survives a power cycle."""
         self.image = self.parameters.image()
+        self.measurements.parameters_ok = 1
 
     def _load(self, image: bytes | None) -> bool:
         """Take over the stored parameters; return False if they are damaged."""

@@ -31,7 +31,7 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
         "",
         True,
         "The parameters in the board's memory do not match their checksum.",
-        "Power-cycle the board, which falls back to the compiled limits; set and save them again.",
+        "The compiled limits hold. Set the parameters again, save them, then clear the fault.",
     ),
     Fault.BROWN_OUT: FaultText(
         "mV",

@@ -228,6 +228,16 @@ def test_damaged_parameters_fall_back_to_the_compiled_ones_and_are_a_fault() -> 
     assert bench.board.supervisor.limits.current_limit_mA == 4000
     assert bench.board.supervisor.first_fault is not None
     assert bench.board.supervisor.first_fault.fault is Fault.PARAM_CRC
+    refused = loop.request(wire.ClearFault(0, Fault.PARAM_CRC))
+    assert isinstance(refused, wire.Error)
+    assert refused.code is ErrorCode.CAUSE_REMAINS
+    loop.request(wire.ParamSet(0, number("current_limit_mA"), 2000))
+    assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+    loop.step()
+    assert isinstance(loop.request(wire.ClearFault(0, Fault.PARAM_CRC)), wire.Done)
+    bench.reboot(ResetCause.POWER_ON)
+    loop.until(lambda: loop.restarts and loop.mode is BoardState.SAFE)
+    assert bench.board.supervisor.limits.current_limit_mA == 2000
 
 
 def test_the_rate_is_a_parameter() -> None:

@@ -26,7 +26,7 @@ from sim_device.faults import injection
 from sim_device.ports import PENDING_MOST, PortCounts, PtyPort, SocketPort, socket_from_descriptor
 from sim_device.pty import Server
 
-DEADLINE_S = 60.0
+DEADLINE_S = 120.0
 
 
 class FakeClock:
@@ -373,7 +373,7 @@ def wait_for(found: Callable[[], object]) -> object:
 def running(*options: str, **popen: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """Run `python -m sim_device`; give the process and the port's name."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "sim_device", "--max-seconds", "240", *options],
+        [sys.executable, "-m", "sim_device", "--max-seconds", "280", *options],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **popen,
     )  # fmt: skip
     try:
