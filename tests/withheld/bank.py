@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from tests.withheld import files
-from tests.withheld.cases import DEFAULT, DIFFERS_ELSE, FULL, MINI, Case, draw, scaled
+from tests.withheld.cases import DEFAULT, DIFFERS, FULL, MINI, Case, draw, scaled
 from tests.withheld.errors import BankError
 from tests.withheld.making import Style, make, sisters
 from tests.withheld.plant.effects import names
@@ -70,7 +70,7 @@ def planned(order: Order, seed: int) -> tuple[list[Case], Style]:
     counts = FULL if order.full else DEFAULT
     if order.cases:
         counts = scaled(counts, order.cases)
-    differs = DIFFERS_ELSE if not order.cases else 1
+    differs = DIFFERS if not order.cases else 1
     return draw(order.bank, seed, counts, differs), Style(75.0, order.suffix)
 
 

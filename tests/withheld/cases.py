@@ -15,8 +15,8 @@ STRENGTHS = (1.0, 3.0, 10.0)
 DEFAULT = {"single": 60, "none": 15, "parameters": 15, "unknown": 36, "pair": 18, "triple": 6}
 FULL = {"single": 186, "none": 45, "parameters": 45, "unknown": 100, "pair": 48, "triple": 16}
 MINI = {"single": 1, "none": 1, "parameters": 1, "unknown": 1, "pair": 1, "triple": 0}
-DIFFERS = {"mini": 0}
-DIFFERS_ELSE = 4
+
+DIFFERS = 4
 
 APART = {
     frozenset(("tube_friction", "viscous_drag")),

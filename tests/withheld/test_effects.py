@@ -11,12 +11,11 @@ from tests.withheld.plant.parameters import Bench
 from tests.withheld.recorder import Run, record
 
 Array = NDArray[np.float64]
-INLET_SIGNALS = ("rtd_inlet_degC", "rtd_ambient_degC")
 
 
 @pytest.fixture(scope="module")
 def runs() -> list[Run]:
-    return [record(Bench(), (), family, 5, seconds=40.0) for family in ("steps", "open_loop")]
+    return [record(Bench(), (), family, 5, seconds=32.0) for family in ("steps", "open_loop")]
 
 
 def _answers(runs: list[Run], active: tuple[Active, ...]) -> Array:

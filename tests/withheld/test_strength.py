@@ -7,7 +7,7 @@ import pytest
 
 from tests.withheld import strength
 from tests.withheld.plant.effects import Active
-from tests.withheld.plant.parameters import Bench, another_bench, changed_parameters
+from tests.withheld.plant.parameters import another_bench, changed_parameters
 from tests.withheld.strength import Plan, Rig
 
 PLAN = Plan(
@@ -69,7 +69,3 @@ def test_a_strength_out_of_reach_is_said_to_be_so(rig: Rig) -> None:
     found = strength.find(rig, Active("rtd_offset", 0.01), 1e4)
     assert not found.reaches(1e4)
     assert found.active.magnitude == pytest.approx(6.0)
-
-
-def test_the_nominal_bench_is_the_published_one() -> None:
-    assert Bench().span_m == pytest.approx(0.05)

@@ -51,7 +51,7 @@ from tests.withheld.plant.layout import (
     X,
 )
 from tests.withheld.plant.mechanics import equilibrium, wire_stress
-from tests.withheld.plant.parameters import Bench, index
+from tests.withheld.plant.parameters import Bench
 from tests.withheld.plant.sensors import read, truth
 from tests.withheld.plant.thermal import ROW_WIDTH
 from tests.withheld.plant.tube import tube
@@ -59,8 +59,6 @@ from tests.withheld.plant.tube import tube
 Array = NDArray[np.float64]
 
 AMBIENT_DRIFT = slot("ambient_drift")
-RESISTANCE = index("resistance_ohm")
-Y_RESISTANCE = index("y_resistance")
 DRAUGHT_S = 90.0
 
 
