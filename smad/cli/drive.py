@@ -48,8 +48,8 @@ def clear(bench: str, fault: int | None) -> None:
     Works once its cause is gone and the springs are cold.
     """
     with client(bench) as bench_client:
-        motion = bench_client.clear(fault)
-    click.echo(f"cleared: {described(motion)}")
+        bench_client.clear(fault)
+    click.echo("cleared: the board is watched again; arming is up to you")
 
 
 @click.command()

@@ -40,6 +40,9 @@ from smad.daemon.watch import BoardWatch
 from smad.runlog.schema import Event, EventKind, LinkSample
 
 HOUSEKEEPING_S = 0.02
+STALL_S = 0.1
+"""As long as the board waits for a setpoint before it takes the current away."""
+
 _SECOND_US = 1_000_000
 _AT_ONCE = 8
 _SPARE_SHARE = 0.3
@@ -83,6 +86,7 @@ class Daemon:
         self._housekeeping: asyncio.TimerHandle | None = None
         self._recorder_error = ""
         self._strangers = 0
+        self._housekept_s = time.monotonic()
         self._left_hot_us: int | None = None
         self._period_ns = int(1e9 / config.link.rate_hz)
 
@@ -169,6 +173,7 @@ class Daemon:
     def start(self) -> None:
         """Open the port and begin. Raises PortError when it cannot be opened."""
         self.link.open()
+        self._housekept_s = time.monotonic()
         self._housekeep()
 
     def say(self, kind: EventKind, text: str, data: dict[str, Any]) -> None:
@@ -296,6 +301,9 @@ class Daemon:
 
     def _housekeep_once(self) -> None:
         now_us = self._clock_us()
+        self._notice_stall()
+        # What waits in the port must count before the session is asked whether anything came.
+        self.link.read()
         self.control.tick()
         self.server.wake()
         if self.session.state in (HostState.DISCONNECTED, HostState.SYNC):
@@ -308,6 +316,14 @@ class Daemon:
         if now_us - self._second_us >= _SECOND_US:
             self._second_us = now_us
             self._each_second()
+
+    def _notice_stall(self) -> None:
+        now_s = time.monotonic()
+        away_s = now_s - self._housekept_s - HOUSEKEEPING_S
+        self._housekept_s = now_s
+        if away_s > STALL_S:
+            text = f"this computer kept the daemon from running for {away_s * 1000:.0f} ms"
+            self.say("warning", text, {"away_s": away_s})
 
     async def _disarm_for_dead_man(self) -> None:
         self.control.controller.command(Idle())

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -166,3 +167,19 @@ def test_the_log_of_a_killed_daemon_keeps_its_flushed_rows(hil: Hil) -> None:
     run = read_run(path)
     assert run.cut_short
     assert len(run) > 100
+
+
+def test_a_stopped_daemon_says_that_it_was_kept_from_running_and_the_board_has_stopped(
+    hil: Hil,
+) -> None:
+    daemon = hil.ready_daemon(hil.device("--speed", "1").port)
+    client = hil.client()
+    arm(client)
+    os.kill(daemon.process.pid, signal.SIGSTOP)
+    time.sleep(1.0)
+    os.kill(daemon.process.pid, signal.SIGCONT)
+    status = wait_for(client, lambda s: s.motion.fault is not None)
+    assert status.motion.fault is not None
+    assert status.motion.fault.name == "SETPOINT_LOST"
+    assert not status.motion.armed
+    assert "kept the daemon from running" in daemon.log.read_text()
