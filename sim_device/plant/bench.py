@@ -22,8 +22,9 @@ from sim_device.plant.reference import Reference
 from sim_device.plant.replay import Inputs, Replay, simulate
 
 Array = npt.NDArray[np.float64]
-# What a controller can see of a difference: a step of RTD and encoder, and of the force sensor.
-VISIBLE_K, VISIBLE_M, VISIBLE_N = 0.01, 2e-6, 2e-3
+# What a controller can see of a difference: one standard deviation of a sensor's noise and one step
+# of its converter, of RTD, encoder and force sensor.
+VISIBLE_K, VISIBLE_M, VISIBLE_N = 0.02 + 0.01, 2e-6 + 1e-6, 2e-3 + 1e-3
 RUN_S = 60.0
 SETS = 1000
 
