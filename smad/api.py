@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal
 
-import msgspec
 from msgspec import Meta, Struct
 
 from smad.control.commands import (
@@ -400,34 +399,3 @@ METHODS: tuple[Method, ...] = (
 )
 
 BY_PARAMS: dict[type[Struct], Method] = {method.params: method for method in METHODS}
-
-
-def _request_type(method: Method) -> type[Struct]:
-    required = any(field.required for field in msgspec.structs.fields(method.params))
-    return msgspec.defstruct(
-        f"{method.params.__name__}Request",
-        [
-            ("params", method.params) if required else ("params", method.params, method.params()),
-            ("id", int | str | None, None),
-            ("jsonrpc", Literal["2.0"], "2.0"),
-        ],
-        tag_field="method",
-        tag=method.name,
-        frozen=True,
-        forbid_unknown_fields=True,
-        kw_only=True,
-    )
-
-
-def request_union(*access: Access) -> Any:
-    """Return the tagged union of the requests of the methods with that access; all by default."""
-    chosen = [m for m in METHODS if not access or m.access in access]
-    union: Any = _request_type(chosen[0])
-    for method in chosen[1:]:
-        union = union | _request_type(method)
-    return union
-
-
-def annotations_of(struct: type[Struct]) -> dict[str, Any]:
-    """Return the field types of a struct with their descriptions, for generated documents."""
-    return get_type_hints(struct, include_extras=True)

@@ -5,7 +5,7 @@ Any bytes give a call or a reply, never an exception.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 from msgspec import Struct
@@ -19,12 +19,37 @@ from smad.api import (
     ErrorData,
     Method,
     Reason,
-    request_union,
 )
 from smad.daemon.errors import Refusal
 from smad.errors import SmadError
 
 Id = int | str | None
+
+
+def _request_type(method: Method) -> type[Struct]:
+    required = any(field.required for field in msgspec.structs.fields(method.params))
+    return msgspec.defstruct(
+        f"{method.params.__name__}Request",
+        [
+            ("params", method.params) if required else ("params", method.params, method.params()),
+            ("id", int | str | None, None),
+            ("jsonrpc", Literal["2.0"], "2.0"),
+        ],
+        tag_field="method",
+        tag=method.name,
+        frozen=True,
+        forbid_unknown_fields=True,
+        kw_only=True,
+    )
+
+
+def _request_union(*access: Access) -> Any:
+    """Return the tagged union of the requests of the methods with that access; all by default."""
+    chosen = [m for m in METHODS if not access or m.access in access]
+    union: Any = _request_type(chosen[0])
+    for method in chosen[1:]:
+        union = union | _request_type(method)
+    return union
 
 
 class Call(Struct, frozen=True):
@@ -61,7 +86,9 @@ class Decoder:
     """Decodes requests for methods of the given access; all methods by default."""
 
     def __init__(self, *access: Access) -> None:
-        self._decoder: msgspec.json.Decoder[_Request] = msgspec.json.Decoder(request_union(*access))
+        self._decoder: msgspec.json.Decoder[_Request] = msgspec.json.Decoder(
+            _request_union(*access)
+        )
         self._known = {m.name for m in METHODS if not access or m.access in access}
 
     def decode(self, data: bytes) -> Call | bytes:
