@@ -9,7 +9,7 @@ import sys
 GENERATORS = (
     "firmware_protocol.generate",
     "firmware_protocol.supervisor.generate",
-    "sim_device.plant.generate",
+    "sim_device.plant.docs",
     "smad.docs",
 )
 

@@ -97,11 +97,17 @@ def rendered(text: str) -> str:
     return text
 
 
-def main() -> int:
-    PAGE.write_text(rendered(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
-    print(f"{PAGE.name}: {', '.join(TABLES)}")
+def main(arguments: list[str]) -> int:
+    """Write the page's tables anew; with `--check`, only say whether they are stale (status 1)."""
+    text = PAGE.read_text(encoding="utf-8")
+    fresh = rendered(text)
+    if "--check" in arguments:
+        if fresh != text:
+            print(f"{PAGE.name} is stale: run make generate", file=sys.stderr)
+        return int(fresh != text)
+    PAGE.write_text(fresh, encoding="utf-8")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))
