@@ -29,7 +29,6 @@ LARGEST_MESSAGE = 65_536
 TELEMETRY_TOPIC = "smad"
 
 Name = Annotated[str, Meta(min_length=1, max_length=64)]
-LeaseTime = Annotated[float, Meta(ge=0.5, le=3600.0)]
 
 
 class Reason(enum.StrEnum):
