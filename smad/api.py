@@ -56,9 +56,8 @@ ERROR_CODES: dict[Reason, int] = {
     Reason.INVALID: -32602,
     Reason.INTERNAL: -32603,
 }
-"""Codes that JSON-RPC 2.0 fixes; every other reason has `REFUSED`."""
-
 REFUSED = -32000
+"""Code of every reason for which JSON-RPC 2.0 does not fix one (`ERROR_CODES`)."""
 
 
 class ErrorData(Struct, frozen=True, kw_only=True):
@@ -157,7 +156,9 @@ class TakeControl(Params, frozen=True, kw_only=True):
     """Take, or renew, exclusive control: until it ends, only this client's commands count."""
 
     name: Annotated[Name, Meta(description="who you are, for the messages others get")]
-    lease_s: Annotated[LeaseTime, Meta(description="ends by itself when silent for so long")] = 10.0
+    lease_s: Annotated[
+        float, Meta(ge=0.5, le=3600.0, description="ends by itself when silent for so long")
+    ] = 10.0
 
 
 class ReleaseControl(Params, frozen=True, kw_only=True):
