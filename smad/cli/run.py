@@ -126,7 +126,9 @@ def _listing() -> str:
     rows = []
     for name in EXPERIMENTS:
         experiment = make_experiment(name)
-        needs = ", ".join(PARTS[part] for part in sorted(experiment.needs)) or "a data file"
+        needs = (
+            ", ".join(PARTS[part] for part in sorted(experiment.requirements())) or "a data file"
+        )
         rows.append((name, experiment.title, needs))
     return text_table(Table(("name", "what", "needs"), rows))
 

@@ -13,7 +13,7 @@ from msgspec import Struct
 from sim_device.plant.parameters import ParameterSet
 from smad.control.commands import Tune
 from smad.control.plan import Do
-from smad.experiments.driver import Driver, require
+from smad.experiments.driver import Driver, Mounting, require
 from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate
 from smad.report.page import Block
@@ -73,6 +73,14 @@ class Experiment(ABC, Generic[O]):
     def __init__(self, options: O) -> None:
         self.options = options
 
+    def requirements(self) -> frozenset[str]:
+        """Parts that it needs with its present options; `needs` at least."""
+        return self.needs
+
+    def mountings(self) -> frozenset[Mounting]:
+        """All mountings that its runs use."""
+        return frozenset({Mounting()})
+
     def trials(self) -> tuple[str, ...]:
         """Names of the independent pieces."""
         return (self.name,)
@@ -85,9 +93,13 @@ class Experiment(ABC, Generic[O]):
     def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
         """Analyse the outcomes of all trials."""
 
+    def check(self, driver: Driver) -> None:
+        """Raise BenchLacksError unless the bench can do all of it."""
+        require(driver, self.requirements(), self.mountings(), self.name)
+
     def run(self, driver: Driver, model: ParameterSet) -> Findings:
         """Everything, one trial after the other. Raises BenchLacksError before anything moves."""
-        require(driver, self.needs, self.name)
+        self.check(driver)
         outcomes = {trial: self.conduct(trial, driver) for trial in self.trials()}
         return self.conclude(outcomes, model)
 

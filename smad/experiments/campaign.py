@@ -11,7 +11,7 @@ from typing import Any
 from sim_device.plant.parameters import ParameterSet
 from smad.config import Config
 from smad.experiments.base import Experiment, Findings
-from smad.experiments.driver import Driver, require
+from smad.experiments.driver import Driver
 from smad.experiments.estimate import Estimate, with_estimates
 from smad.experiments.virtual import VirtualDriver
 
@@ -74,7 +74,7 @@ def run_campaign(
     here. What is lacking is found before anything runs. Raises BenchLacksError and ExperimentError.
     """
     for experiment in experiments:
-        require(bench.driver(), experiment.needs, experiment.name)
+        experiment.check(bench.driver())
     outcomes = (
         _conduct_here(experiments, bench, progress)
         if executor is None
@@ -91,7 +91,7 @@ def run_on(
 ) -> CampaignResult:
     """The same, one after the other on one driver, such as a real bench."""
     for experiment in experiments:
-        require(driver, experiment.needs, experiment.name)
+        experiment.check(driver)
     outcomes: dict[str, dict[str, Any]] = {}
     for experiment in experiments:
         done = outcomes.setdefault(experiment.name, {})

@@ -6,9 +6,10 @@ An experiment sees only `Driver`, so it cannot tell them apart.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
-from smad.control.plan import Plan
+from smad.control.plan import Cooling, Fixture, Plan
 from smad.experiments.errors import BenchLacksError
 from smad.experiments.recording import Recording
 
@@ -32,11 +33,25 @@ def log_name(plan: Plan) -> str:
     return plan.name.replace("/", "_")
 
 
+@dataclass(frozen=True, order=True)
+class Mounting:
+    """How the springs are mounted."""
+
+    fixture: Fixture = "antagonistic"
+    cooling: Cooling = "water"
+
+    def __str__(self) -> str:
+        return f"{self.fixture}, in {self.cooling}"
+
+
 class Driver(Protocol):
     """Carries out plans, each as one recorded run."""
 
     def parts(self) -> frozenset[str]:
         """Which of `PARTS` this bench has."""
+
+    def mounting(self) -> Mounting | None:
+        """How the springs are mounted; None when any mounting can be had."""
 
     def run(self, plan: Plan) -> Recording:
         """Carry out the plan from rest and return what was recorded.
@@ -45,8 +60,23 @@ class Driver(Protocol):
         """
 
 
-def require(driver: Driver, needs: Iterable[str], experiment: str) -> None:
-    """Raise BenchLacksError, naming what is missing, unless the bench has all of `needs`."""
+def require(
+    driver: Driver, needs: Iterable[str], mountings: Iterable[Mounting], experiment: str
+) -> None:
+    """Raise BenchLacksError, naming what is missing, unless the bench has all that is needed.
+
+    `mountings` are all that the experiment's runs use.
+    """
+    mounted = driver.mounting()
+    others = [] if mounted is None else sorted(set(mountings) - {mounted})
+    if others:
+        raise BenchLacksError(
+            f"experiment {experiment} needs springs mounted otherwise",
+            value=str(mounted),
+            limit="; ".join(map(str, others)),
+            action="nothing was moved; mount them so and say so with --fixture and --air, or "
+            "leave those runs out with --set",
+        )
     lacking = sorted(set(needs) - driver.parts())
     if lacking:
         raise BenchLacksError(

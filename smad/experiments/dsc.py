@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
 from smad.experiments.base import Comparison, Experiment, Findings, Options
-from smad.experiments.driver import Driver
+from smad.experiments.driver import Driver, Mounting
 from smad.experiments.dsc_file import DscData, read_dsc, synthetic_dsc
 from smad.experiments.errors import DataFileError
 from smad.experiments.estimate import Estimate, Tolerance
@@ -57,6 +57,9 @@ class Dsc(Experiment[DscOptions]):
     title: ClassVar[str] = "Fig. 2: differential scanning calorimetry"
     needs: ClassVar[frozenset[str]] = frozenset()
     options_type: ClassVar[type[Options]] = DscOptions
+
+    def mountings(self) -> frozenset[Mounting]:
+        return frozenset()
 
     def conduct(self, trial: str, driver: Driver) -> DscData | None:
         """Read the file; nothing moves on the bench. None asks for a synthetic one."""

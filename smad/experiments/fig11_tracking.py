@@ -11,7 +11,7 @@ from msgspec import Meta
 from sim_device.plant.parameters import ParameterSet
 from smad.control.metrics import tracking_r2
 from smad.experiments.base import Comparison, Experiment, Findings, Options
-from smad.experiments.driver import Driver
+from smad.experiments.driver import Driver, Mounting
 from smad.experiments.recording import Recording
 from smad.experiments.tracking import CONTROLS, score_of, sine_plan
 from smad.report.page import Picture, Table, Text
@@ -40,6 +40,13 @@ class Fig11Tracking(Experiment[TrackingOptions]):
     title: ClassVar[str] = "Fig. 11: tracking 2 mm, 7 s"
     needs: ClassVar[frozenset[str]] = frozenset({"displacement_mm", "rtd_x_degC", "rtd_y_degC"})
     options_type: ClassVar[type[Options]] = TrackingOptions
+
+    def requirements(self) -> frozenset[str]:
+        return self.needs | ({"drain"} if self.options.beyond else set())
+
+    def mountings(self) -> frozenset[Mounting]:
+        air = {Mounting(cooling="air")} if self.options.air else set()
+        return frozenset({Mounting(), *air})
 
     def trials(self) -> tuple[str, ...]:
         options = self.options

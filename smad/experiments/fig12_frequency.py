@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from sim_device.plant.parameters import ParameterSet
 from smad.experiments.base import Comparison, Experiment, Findings, Options
-from smad.experiments.driver import Driver
+from smad.experiments.driver import Driver, Mounting
 from smad.experiments.tracking import CONTROLS, Score, score_of, sine_plan
 from smad.report.page import Picture, Table, Text
 from smad.report.plots import COLOURS, label, new_figure, svg_of
@@ -72,6 +72,13 @@ class Fig12Frequency(Experiment[FrequencyOptions]):
             *(("air",) if options.air else ()),
             *(("feedforward", "drain", "both") if options.beyond else ()),
         )
+
+    def requirements(self) -> frozenset[str]:
+        return self.needs | ({"drain"} if self.options.beyond else set())
+
+    def mountings(self) -> frozenset[Mounting]:
+        air = {Mounting(cooling="air")} if self.options.air else set()
+        return frozenset({Mounting(), *air})
 
     def trials(self) -> tuple[str, ...]:
         # The slowest first, so that no process is left with them at the end.

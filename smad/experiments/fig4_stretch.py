@@ -14,7 +14,7 @@ from sim_device.plant.parameters import ParameterSet, spring_factors
 from smad.control.commands import HoldTemperature, MoveStage
 from smad.control.plan import Do, Mark, Pause, Plan
 from smad.experiments.base import Comparison, Experiment, Findings, Options
-from smad.experiments.driver import Driver
+from smad.experiments.driver import Driver, Mounting
 from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, Tolerance, bootstrap
 from smad.experiments.recording import Recording
@@ -55,6 +55,9 @@ class Fig4Stretch(Experiment[StretchOptions]):
         {"force_N", "displacement_mm", "rtd_x_degC", "stage"}
     )
     options_type: ClassVar[type[Options]] = StretchOptions
+
+    def mountings(self) -> frozenset[Mounting]:
+        return frozenset({Mounting("stretch")})
 
     def trials(self) -> tuple[str, ...]:
         return ("fig4-stretch/cold", "fig4-stretch/warm")

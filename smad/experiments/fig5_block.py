@@ -15,7 +15,7 @@ from sim_device.plant.parameters import ParameterSet, spring_factors
 from smad.control.commands import DriveCurrent, HoldTemperature, MoveStage
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.base import Comparison, Experiment, Findings, Options
-from smad.experiments.driver import Driver
+from smad.experiments.driver import Driver, Mounting
 from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, Tolerance, bootstrap
 from smad.experiments.recording import Recording
@@ -64,6 +64,9 @@ class Fig5Block(Experiment[BlockOptions]):
     title: ClassVar[str] = "Fig. 5: block tests at two prestresses"
     needs: ClassVar[frozenset[str]] = frozenset({"force_N", "rtd_x_degC", "stage"})
     options_type: ClassVar[type[Options]] = BlockOptions
+
+    def mountings(self) -> frozenset[Mounting]:
+        return frozenset({Mounting("blocked")})
 
     def trials(self) -> tuple[str, ...]:
         return ("fig5-block/low", "fig5-block/high")

@@ -19,7 +19,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.plan import Cooling, Do, Fixture, Mark, Pause, Plan, UntilDone
-from smad.experiments.driver import PARTS, Progress, log_name
+from smad.experiments.driver import PARTS, Mounting, Progress, log_name
 from smad.experiments.errors import BenchLacksError, ExperimentError
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
@@ -76,11 +76,14 @@ class LiveDriver:
             or getattr(sample, part, None) is not None
         )
 
+    def mounting(self) -> Mounting | None:
+        return Mounting(self._fixture, self._cooling)
+
     def run(self, plan: Plan) -> Recording:
-        if (plan.fixture, plan.cooling) != (self._fixture, self._cooling):
+        if Mounting(plan.fixture, plan.cooling) != self.mounting():
             raise BenchLacksError(
                 f"run {plan.name} needs springs mounted for {plan.fixture}, in {plan.cooling}",
-                value=f"{self._fixture}, in {self._cooling}",
+                value=str(self.mounting()),
                 action="nothing was moved; mount them so and say so with --fixture and --air",
             )
         client = self._client

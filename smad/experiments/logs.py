@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from smad.control.plan import Plan
-from smad.experiments.driver import PARTS, log_name
+from smad.experiments.driver import PARTS, Mounting, log_name
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
@@ -41,6 +41,9 @@ class LogDriver:
             if part in actuators
             or all(recorded(run.columns[part]).any() for run in self._runs.values())
         )
+
+    def mounting(self) -> Mounting | None:
+        return None
 
     def run(self, plan: Plan) -> Recording:
         run = self._runs.get(log_name(plan))

@@ -18,7 +18,7 @@ from smad.control.plan import Plan
 from smad.control.runner import run_virtual
 from smad.control.sample import Sample
 from smad.daemon.measure import row_of
-from smad.experiments.driver import PARTS, Progress, log_name
+from smad.experiments.driver import PARTS, Mounting, Progress, log_name
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.runlog.reader import columns_of
@@ -56,6 +56,9 @@ class VirtualDriver:
 
     def parts(self) -> frozenset[str]:
         return frozenset(PARTS) - self._lacking
+
+    def mounting(self) -> Mounting | None:
+        return None
 
     def run(self, plan: Plan) -> Recording:
         from sim_device.bench import SimulatedBench

@@ -6,7 +6,7 @@ from functools import cache
 
 from sim_device.plant.parameters import ParameterSet, load_parameters
 from smad.control.plan import Plan
-from smad.experiments.driver import PARTS
+from smad.experiments.driver import PARTS, Mounting
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import VirtualDriver
 
@@ -40,11 +40,15 @@ def driver(parameters: ParameterSet = NOMINAL, **options: object) -> VirtualDriv
 class NoDriver:
     """Has all parts but the lacking ones, and fails the test when anything is to move."""
 
-    def __init__(self, *lacking: str) -> None:
+    def __init__(self, *lacking: str, mounting: Mounting | None = None) -> None:
         self._lacking = frozenset(lacking)
+        self._mounting = mounting
 
     def parts(self) -> frozenset[str]:
         return frozenset(PARTS) - self._lacking
+
+    def mounting(self) -> Mounting | None:
+        return self._mounting
 
     def run(self, plan: Plan) -> Recording:
         raise AssertionError(f"{plan.name} moved the bench")

@@ -17,7 +17,7 @@ from smad.control.commands import (
 )
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.campaign import Bench, run_campaign, run_on
-from smad.experiments.driver import PARTS
+from smad.experiments.driver import PARTS, Mounting
 from smad.experiments.errors import BenchLacksError, ExperimentError
 from smad.experiments.live import LiveDriver
 from smad.experiments.logs import LogDriver
@@ -47,11 +47,40 @@ PLAN = Plan(
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_each_part_an_experiment_needs_is_missed_by_name_before_anything_moves(name: str) -> None:
     experiment = make_experiment(name)
-    for part in experiment.needs:
+    for part in experiment.requirements():
         with pytest.raises(BenchLacksError) as refused:
             experiment.run(NoDriver(part), NOMINAL)
         assert PARTS[part] in str(refused.value)
         assert "nothing was moved" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "mounting", "fits"),
+    [
+        ("fig4-stretch", {}, Mounting(), False),
+        ("fig5-block", {}, Mounting("stretch"), False),
+        ("fig11-tracking", {}, Mounting(), False),
+        ("fig11-tracking", {"air": False}, Mounting(), True),
+        ("fig12-frequency", {"air": False}, Mounting(cooling="air"), False),
+        ("fig9-cycle", {}, Mounting(), True),
+        ("dsc", {}, Mounting("blocked"), True),
+    ],
+)
+def test_a_mounting_that_does_not_fit_is_refused_before_anything_moves(
+    name: str, settings: dict[str, bool], mounting: Mounting, fits: bool
+) -> None:
+    experiment = make_experiment(name, settings)
+    if fits:
+        experiment.check(NoDriver(mounting=mounting))
+    else:
+        with pytest.raises(BenchLacksError, match="mounted otherwise"):
+            experiment.run(NoDriver(mounting=mounting), NOMINAL)
+
+
+def test_draining_is_needed_only_where_it_is_tried() -> None:
+    with pytest.raises(BenchLacksError, match="the drain valves"):
+        make_experiment("fig12-frequency").check(NoDriver("drain"))
+    make_experiment("fig12-frequency", {"beyond": False}).check(NoDriver("drain"))
 
 
 def test_a_campaign_is_refused_whole_when_one_experiment_cannot_be_run() -> None:
