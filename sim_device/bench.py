@@ -201,16 +201,17 @@ class SimulatedBench:
             self._plug_in()
         if self._hung_until_us and self._hangs(period_us):
             return None
-        if self._late_bytes:
-            late = bytes(self._late_bytes)
-            self._late_bytes.clear()
-            self._deliver(late, None)
         board_us = board.now_us + period_us + self._skipped_us
         self._skipped_us = 0
         if self.clock_ppm:
             # Whole microseconds of the drift, spread evenly over the samples.
             board_us += self.now_us * self.clock_ppm // 1_000_000
             board_us -= (self.now_us - period_us) * self.clock_ppm // 1_000_000
+        if self._late_bytes:
+            # By now they are as old as the loop hung; the board must see that.
+            late = bytes(self._late_bytes)
+            self._late_bytes.clear()
+            board.receive(late, board_us)
         return board.sample(self.plant.read(), board_us, talk=not self._quiet)
 
     def reboot(self, cause: ResetCause, *, start_us: int = 0) -> None:

@@ -166,6 +166,18 @@ def test_a_board_that_hangs_for_long_is_restarted_by_its_watchdog() -> None:
     assert loop.mode is BoardState.SAFE
 
 
+def test_a_setpoint_that_waited_while_the_loop_hung_is_as_old_as_the_hang() -> None:
+    for hang_s, stale in ((0.03, 0), (0.07, 1)):
+        bench = SimulatedBench()
+        loop = Loop(bench).armed()
+        loop.answer = hold(0)
+        loop.step(10)
+        bench.hang(hang_s)
+        before = bench.board.session.stats.stale_setpoints
+        loop.step(12)
+        assert bench.board.session.stats.stale_setpoints - before == stale
+
+
 def test_a_clock_that_drifts_shows_against_the_benchs_time() -> None:
     bench = SimulatedBench(faults=[injection("clock_drift", 0.0, ppm=200)])
     bench.arm()
