@@ -26,6 +26,8 @@ from smad.control.commands import (
     Step,
     Tune,
 )
+from smad.control.plan import Action, Do, Pause, Plan
+from smad.gap.errors import GapError
 
 REST_S = 4.0
 
@@ -105,7 +107,9 @@ def _stairs(rng: np.random.Generator) -> Sequence[At]:
 
 
 def _mixed(rng: np.random.Generator) -> Sequence[At]:
-    parts = [(22.0, _follow(Sine(amplitude_mm=3.0, period_s=7.0, cycles=3)))]
+    parts: list[tuple[float, ModeCommand]] = [
+        (22.0, _follow(Sine(amplitude_mm=3.0, period_s=7.0, cycles=3)))
+    ]
     return [*_sequence(*parts)[:-1], At(26.0, Idle()), *_sequence(
         (3.0, _current(x=float(rng.uniform(2, 3.5)))), (4.0, Idle()), (4.0, _current(px=1.0)),
         (3.0, _current(y=float(rng.uniform(2, 3.5)))), (4.0, _current(py=0.6)), (5.0, Idle()),
@@ -132,7 +136,7 @@ def _current_stairs(rng: np.random.Generator) -> Sequence[At]:
 
 def _edges(rng: np.random.Generator) -> Sequence[At]:
     """The same short edges at the start and at the end."""
-    burst = [(0.5, _current(x=3.5)), (0.5, _current(y=3.5))] * 4
+    burst: list[tuple[float, ModeCommand]] = [(0.5, _current(x=3.5)), (0.5, _current(y=3.5))] * 4
     return [*_sequence(*burst)[:-1], At(8.0, _current(px=1.0, py=1.0)), At(20.0, Idle()),
             *_sequence(*burst, start=60.0)[:-1], At(64.0, _current(px=1.0, py=1.0))]  # fmt: skip
 
@@ -153,8 +157,11 @@ def _slow_sweep(rng: np.random.Generator) -> Sequence[At]:
 def _preloads(rng: np.random.Generator) -> Sequence[At]:
     """Small reversals, then the same with both springs warm (a higher preload)."""
     small = _follow(Sine(amplitude_mm=1.5, period_s=8.0, cycles=3))
-    warm = [(4.0, _current(x=2.6, y=2.6)), (3.0, Idle())]
-    waves = [(3.0, _current(x=3.0, py=0.6)), (3.0, _current(y=3.0, px=0.6))] * 3
+    warm: list[tuple[float, ModeCommand]] = [(4.0, _current(x=2.6, y=2.6)), (3.0, Idle())]
+    waves: list[tuple[float, ModeCommand]] = [
+        (3.0, _current(x=3.0, py=0.6)),
+        (3.0, _current(y=3.0, px=0.6)),
+    ] * 3
     return _sequence((25.0, small), (6.0, _current(px=1.0, py=1.0)), *warm, *waves,
                      (6.0, _current(px=1.0, py=1.0)))  # fmt: skip
 
@@ -176,7 +183,12 @@ def _isotherm(rng: np.random.Generator) -> Sequence[At]:
 
 def _one_side(rng: np.random.Generator) -> Sequence[At]:
     """Only X is driven; Y must not notice more than the tendon."""
-    return _sequence(*([(3.0, _current(x=3.2)), (3.0, _current(px=1.0)), (3.0, Idle())] * 6))
+    cycle: list[tuple[float, ModeCommand]] = [
+        (3.0, _current(x=3.2)),
+        (3.0, _current(px=1.0)),
+        (3.0, Idle()),
+    ]
+    return _sequence(*(cycle * 6))
 
 
 def _repeats(rng: np.random.Generator) -> Sequence[At]:
@@ -187,7 +199,8 @@ def _repeats(rng: np.random.Generator) -> Sequence[At]:
 def _dry_and_wet(rng: np.random.Generator) -> Sequence[At]:
     """The same motion without and with water."""
     wave = _follow(Sine(amplitude_mm=2.0, period_s=8.0, cycles=3))
-    return [At(0.5, Tune(cooling="off")), *_sequence((25.0, wave)), At(30.0, _current(px=1.0, py=1.0)),
+    return [At(0.5, Tune(cooling="off")), *_sequence((25.0, wave)),
+            At(30.0, _current(px=1.0, py=1.0)),
             At(38.0, Tune(cooling="switch")), *_sequence((25.0, wave), start=39.0)]  # fmt: skip
 
 
@@ -225,3 +238,35 @@ CATALOGUE: tuple[Timeline, ...] = (
 """Experiments to tell confused causes apart."""
 
 BY_NAME = {t.name: t for t in (*ROUTINE, *CATALOGUE)}
+
+
+def plan_of(timeline: Timeline, seed: int) -> Plan:
+    """The timeline as a plan, which a bench or a simulated one carries out."""
+    rng = np.random.default_rng([seed, *timeline.name.encode()])
+    actions: list[Action] = []
+    now = 0.0
+    for at in sorted(timeline.make(rng), key=lambda a: a.t_s):
+        if at.t_s > now:
+            actions.append(Pause(at.t_s - now))
+            now = at.t_s
+        actions.append(Do(at.command))
+    if timeline.duration_s > now:
+        actions.append(Pause(timeline.duration_s - now))
+    return Plan(f"gap {timeline.name}", tuple(actions))
+
+
+def plan_named(name: str, seed: int) -> Plan:
+    """The plan of an experiment. Raises GapError for a name that is not in the catalogue."""
+    return plan_of(timeline_named(name), seed)
+
+
+def timeline_named(name: str) -> Timeline:
+    """The experiment of that name. Raises GapError for one that is not in the catalogue."""
+    if name not in BY_NAME:
+        raise GapError(
+            "no such experiment in the catalogue",
+            value=name,
+            limit=", ".join(BY_NAME),
+            action="choose one of these",
+        )
+    return BY_NAME[name]

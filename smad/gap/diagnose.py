@@ -242,7 +242,9 @@ class _Closing:
             if named
             else best
         )
-        values = value_records(intervals(final.joint, settings.seed)) if named else []
+        values = (
+            value_records(intervals(final.joint, settings.seed), prepared.fixed) if named else []
+        )
         refit_heat = heat_of(base.judged)
         by_key = excess_by_key(base.judged.bench, base.judged.squares())
         outputs = dominant_outputs(by_key)
@@ -301,9 +303,7 @@ class _Closing:
             traces=shown,
             model={
                 "theta": dict(final.fit.point.theta),
-                "effects": {k: dict(v) for k, v in final.fit.point.effects.items()}
-                if named
-                else {},
+                "effects": {k: dict(v) for k, v in final.fit.point.effects.items()},
             },
         )
 
@@ -330,9 +330,10 @@ class _Closing:
         full = best.fit.point
         cost = {}
         for name in best.names:
-            less = dataclasses.replace(
-                full, effects={k: v for k, v in full.effects.items() if k != name}
-            )
+            rest = {k: v for k, v in full.effects.items() if k != name}
+            if name in self.prepared.fixed:
+                rest[name] = self.prepared.fixed[name]
+            less = dataclasses.replace(full, effects=rest)
             change = ev.predict([less])[0] - best.fit.predicted
             cost[name] = float(np.sum(np.square(best.fit.problem.whitening.scale(change))))
         return tuple(sorted(cost, key=lambda n: (-cost[n], n)))
@@ -354,7 +355,9 @@ class _Closing:
         predictions = [ev.predict([prepared.fit.space.point(prepared.fit.space.start())])[0]]
         for c in (s.base, *chain):
             if prepared.hold is None:
-                predictions.append(predict_by_run(opened.problem, leave_out_points(c.fit)))
+                predictions.append(
+                    predict_by_run(opened.problem, leave_out_points(c.fit), c.fit.point)
+                )
             else:
                 predictions.append(ev.predict([c.fit.point])[0])
         rows = waterfall("open loop", opened.problem, predictions, prepared.plant)

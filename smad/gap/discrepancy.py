@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smad.gap.flexible import Correction, Designs, fit_correction
-from smad.gap.judge import leave_out_points, predict_by_run
 from smad.gap.lsq import Fitted
 from smad.gap.noise import Floor
 from smad.gap.plant import Array, ModelPoint
@@ -28,12 +27,15 @@ _WORTH_A_TEMPLATE = 0.2
 
 @dataclass(frozen=True)
 class Background:
-    """What good runs taught: noise of every output, templates where they hold, the good fit."""
+    """What good runs taught: noise of every output, templates where they hold, the good fit.
+
+    `white` is the white residual of the good fit, as large as it would be on other runs.
+    """
 
     noise: Mapping[str, OutputNoise]
     templates: Mapping[str, Correction]
     fit: Fitted
-    left_out_white: Array
+    white: Array
 
     def expected(self, evidence: Evidence) -> Array:
         """The template's part of the residual of other runs, in rows of `evidence`."""
@@ -152,13 +154,12 @@ def correlation_time(evidence: Evidence, residual: Array, key: str) -> float:
 def learn_background(fit: Fitted, base: Mapping[str, OutputNoise]) -> Background:
     """Templates and K_δ from the fit of known-good runs.
 
-    Residuals are those of runs left out in turn, so that K_δ is how wrong a *prediction* is. With
-    one good run nothing can be left out: its own residual is used, twice as large.
+    Residuals of the fit itself, made larger for having been fitted: those of good runs left out
+    would measure how badly few runs fix the parameters, which is not the model's fault.
     """
     problem = fit.problem
     ev = problem.evidence
-    alone = len(ev.runs) == 1
-    residual = ev.residual(predict_by_run(problem, leave_out_points(fit)))
+    residual = ev.residual(fit.predicted)
     templates: dict[str, Correction] = {}
     remainder = residual.copy()
     made = Designs.of(ev)
@@ -167,7 +168,7 @@ def learn_background(fit: Fitted, base: Mapping[str, OutputNoise]) -> Background
         if correction.explained >= _WORTH_A_TEMPLATE:
             templates[key] = correction
             remainder -= np.where(ev.valid, predicted, 0.0)
-    inflate = 4.0 if alone else 1.0 + 1.0 / len(ev.runs)
+    inflate = 1.0 + 2.0 / len(ev.runs)
     noise = {k: _with_regimes(ev, remainder, k, base[k], inflate) for k in ev.keys}
-    white = Whitening(ev, noise).white(remainder)
+    white = Whitening(ev, noise).white(np.sqrt(inflate) * remainder)
     return Background(noise, templates, fit, white)

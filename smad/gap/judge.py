@@ -120,18 +120,40 @@ def judge(fits: Sequence[Fitted], hold: Problem | None) -> list[Judged]:
     held_points = [fit.point for fit in fits]
     held = np.zeros((len(fits), 0)) if hold is None else hold.evidence.predict(held_points)
     for i, fit in enumerate(fits):
-        left = predict_by_run(fit.problem, leave_out_points(fit))
+        left = predict_by_run(fit.problem, leave_out_points(fit), fit.point)
         out.append(Judged(fit.problem, hold, left, held[i]))
     return out
 
 
-def predict_by_run(problem: Problem, points: Sequence[ModelPoint]) -> Array:
-    """Predictions with a point of its own for each run."""
+def predict_by_run(
+    problem: Problem, points: Sequence[ModelPoint], fallback: ModelPoint | None = None
+) -> Array:
+    """Predictions with a point of its own for each run.
+
+    A point that the plant cannot simulate is drawn half way to `fallback`, up to three times, and
+    then replaced by it.
+    """
     ev = problem.evidence
-    return np.asarray(
-        sum(ev.predict([point], runs=[run])[0] for run, point in enumerate(points)),
-        dtype=np.float64,
-    )
+    out = np.zeros(ev.n)
+    for run, wanted in enumerate(points):
+        point = wanted
+        for attempt in range(5):
+            values = ev.predict([point], runs=[run])[0]
+            if fallback is None or attempt == 4 or not ev.failed(values, run):
+                break
+            point = fallback if attempt == 3 else between(point, fallback)
+        out += values
+    return out
+
+
+def between(a: ModelPoint, b: ModelPoint) -> ModelPoint:
+    """The point half way from `a` to `b`, which have the same coordinates."""
+    theta = {k: 0.5 * (v + b.theta[k]) for k, v in a.theta.items()}
+    effects = {
+        name: {k: 0.5 * (v + b.effects[name][k]) for k, v in values.items()}
+        for name, values in a.effects.items()
+    }
+    return ModelPoint(theta, effects)
 
 
 def regime_gains(before: Fitted, after: Fitted, masks: dict[str, Mask]) -> dict[str, float]:

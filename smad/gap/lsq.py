@@ -172,7 +172,8 @@ def fitting(
 
     `theta_A` are sensitivities of the model parameters to begin with; without them, or with
     `refresh_theta`, they are computed, and renewed after some iterations. In between they follow by
-    Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values given (a profile).
+    Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values
+    given (a profile).
     """
     lo, hi = space.bounds()
     for i, value in (pinned or {}).items():

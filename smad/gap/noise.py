@@ -26,7 +26,8 @@ class Floor:
     """Noise of one channel on the analysis grid, in channel units.
 
     `source` is "rest", "differences" or "assumed". `rho` is the correlation between neighbouring
-    rows. `resolution` is what a simulator is not trusted below. `spread` is the run-to-run standard deviation beyond the noise, NaN without repeats.
+    rows. `resolution` is what a simulator is not trusted below. `spread` is the run-to-run standard
+    deviation beyond the noise, NaN without repeats.
     """
 
     channel: str

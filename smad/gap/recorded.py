@@ -10,8 +10,7 @@ from sim_device.plant import Drive, Plant
 from smad.config import ControlConfig, LimitsConfig
 from smad.control.controller import Controller
 from smad.control.sample import Sample
-from smad.gap.catalogue import BY_NAME
-from smad.gap.errors import GapError
+from smad.gap.catalogue import timeline_named
 from smad.gap.plant import ModelPoint
 from smad.gap.runs import GapRun
 from smad.gap.sma_signals import CHANNELS, run_from_columns
@@ -43,14 +42,7 @@ def recorded(
     `seed` draws the experiment's random levels and, with `noise`, the sensors' noise; without it
     the channels are not rounded either. Raises GapError for a name that is not in the catalogue.
     """
-    timeline = BY_NAME.get(experiment)
-    if timeline is None:
-        raise GapError(
-            "no such experiment in the catalogue",
-            value=experiment,
-            limit=", ".join(BY_NAME),
-            action="choose one of these",
-        )
+    timeline = timeline_named(experiment)
     rng = np.random.default_rng([seed, *experiment.encode()])
     pending = sorted(timeline.make(rng), key=lambda at: at.t_s)
     parameters = model.set_of(point.theta)
@@ -91,5 +83,4 @@ def recorded(
     if noise:
         for name, quantum in _QUANTUM.items():
             columns[name] = np.round(columns[name] / quantum) * quantum
-    run = run_from_columns(f"{experiment} {seed}", columns)
-    return run
+    return run_from_columns(f"{experiment} {seed}", columns)

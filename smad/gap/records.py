@@ -47,12 +47,13 @@ class FloorRecord(msgspec.Struct, frozen=True):
 
 
 class ValueRecord(msgspec.Struct, frozen=True):
-    """A fitted parameter of an effect, with its 95 % interval."""
+    """A fitted parameter of an effect, with its 95 % interval; `before` in known-good runs."""
 
     effect: str
     name: str
     unit: str
     value: float
+    before: float
     low: float
     high: float
     at_bound: bool

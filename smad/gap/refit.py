@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from smad.gap.lsq import Fitted, Problem, drive, fitting
-from smad.gap.plant import Parameter
+from smad.gap.plant import EffectValues, Parameter
 from smad.gap.space import Space
 
 
 def refit(
     problem: Problem,
     parameters: Sequence[Parameter],
-    centre: dict[str, float] | None = None,
+    centre: Mapping[str, float] | None = None,
+    fixed: EffectValues | None = None,
 ) -> Fitted:
     """Fit of the model parameters within their bounds, from the prior's centre.
 
+    `fixed` are effects that belong to the model.
+
     Afterwards the evidence is calibrated for its coarse step, and the fit is finished with that.
     """
-    space = Space(tuple(parameters), (), centre)
+    space = Space(tuple(parameters), (), centre, fixed or {})
     iterations = problem.evidence.settings.refit_iterations
     steps = fitting(
         problem, space, space.start(), iterations=iterations, refresh_theta=True, tolerance=2.0

@@ -224,8 +224,16 @@ class Evidence:
             out[chunk, spans[r]] = values + self.coarseness[spans[r]]
         return out
 
+    def failed(self, values: Array, run: int) -> bool:
+        """Whether the plant could not simulate a run: its first output lies at the upper limit."""
+        segment = next((s for s in self.segments if s.run == run), None)
+        if segment is None:
+            return False
+        high = self._keys_of_run[run][0][2]
+        return bool(np.all(values[segment.rows] - self.coarseness[segment.rows] >= high))
+
     def calibrate(self, point: ModelPoint) -> None:
-        """Learns at `point` what the coarse step of fast replays costs, and takes it off from now on.
+        """Learns at `point` what the coarse step of fast replays costs, and takes it off later on.
 
         The error of the step hardly changes between neighbouring models, so that fits can use the
         coarse step and still end at the model of the fine one.
@@ -239,7 +247,8 @@ class Evidence:
             fine = self.predict([point])[0]
         finally:
             self.fast = True
-        self.coarseness = fine - coarse
+        if not any(self.failed(fine, r) or self.failed(coarse, r) for r in range(len(self.runs))):
+            self.coarseness = fine - coarse
 
     def _job(self, r: int, points: Sequence[ModelPoint]) -> Callable[[], Array]:
         return partial(

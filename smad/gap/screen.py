@@ -8,7 +8,7 @@ algebra, without another replay.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,16 +20,30 @@ from smad.gap.plant import Array, Effect, ModelPoint
 
 _REWEIGHTINGS = 4
 _BATCH = 16
+_LEVELS = (0.25, 1.0)
 
 
 @dataclass(frozen=True)
 class Probe:
-    """One effect at one point of its range."""
+    """One effect at one point of its range; `base` is where the model has it now.
+
+    Amplitudes scale the way from `base` to `values`; the bounds keep it in the effect's range.
+    """
 
     effect: Effect
+    base: dict[str, float]
     values: dict[str, float]
-    max_amplitude: float
     min_amplitude: float
+    max_amplitude: float
+
+    def at(self, amplitude: float) -> dict[str, float]:
+        """Values at an amplitude, within the effect's range."""
+        out = {}
+        for q in self.effect.parameters:
+            way = self.values[q.name] - self.base[q.name] if q.strength else 0.0
+            start = self.base[q.name] if q.strength else self.values[q.name]
+            out[q.name] = float(np.clip(start + amplitude * way, q.low, q.high))
+        return out
 
 
 @dataclass(frozen=True)
@@ -66,12 +80,17 @@ class Screened:
     second: dict[str, float] | None
 
 
-def probes_of(effect: Effect) -> list[Probe]:
-    """Probes of an effect: each strength alone at two levels, each shape also low and high."""
+def probes_of(effect: Effect, now: Mapping[str, float] | None = None) -> list[Probe]:
+    """Probes of an effect: each strength alone at two levels, each shape also low and high.
+
+    `now` are the effect's values in the model, when it is part of it already: the probes are then
+    changes of it, its shapes as they are.
+    """
     strengths = [p for p in effect.parameters if p.strength]
     shapes = [p for p in effect.parameters if not p.strength]
-    settings: list[dict[str, float]] = [{q.name: q.typical for q in shapes}]
-    for q in shapes:
+    base = dict(now) if now is not None else effect.at(0.0)
+    settings: list[dict[str, float]] = [{q.name: base[q.name] for q in shapes}]
+    for q in shapes if now is None else []:
         for edge in (q.low, q.high):
             other = dict(settings[0])
             other[q.name] = q.typical + 0.6 * (edge - q.typical)
@@ -79,19 +98,21 @@ def probes_of(effect: Effect) -> list[Probe]:
     out = []
     for p in strengths:
         for shape in settings:
-            for level in (0.25, 1.0):
-                value = float(np.clip(level * p.typical, p.low, p.high))
-                values = {q.name: 0.0 for q in strengths} | shape | {p.name: value}
-                high = p.high / value if value > 0 else p.low / value
-                low = p.low / value if value > 0 else p.high / value
-                out.append(Probe(effect, values, high, min(low, 0.0)))
+            for level in _LEVELS:
+                value = float(np.clip(base[p.name] + level * p.typical, p.low, p.high))
+                way = value - base[p.name]
+                if way == 0.0:
+                    continue
+                low, high = sorted(((p.low - base[p.name]) / way, (p.high - base[p.name]) / way))
+                values = {q.name: base[q.name] for q in strengths} | shape | {p.name: value}
+                out.append(Probe(effect, base, values, low, high))
     return out
 
 
 def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
     """Signatures of every probe of `effects` on top of the model of `fit`."""
-    everything = [p for e in effects for p in probes_of(e)]
     base = fit.point
+    everything = [p for e in effects for p in probes_of(e, base.effects.get(e.name))]
     points = [ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything]
     ev = fit.problem.evidence
     S = np.zeros((ev.n, len(points)), dtype=np.float32)
@@ -135,7 +156,7 @@ def project(probes: Probes, z: Array, cell_weight: Array) -> Projected:
     follow, step = solved[:, :-1], solved[:, -1]
     d = full - np.einsum("ij,ij->j", B, follow)
     b = (wz @ probes.S).astype(float) - B.T @ step
-    return Projected(b, np.maximum(d, 1e-9), full, step, follow)
+    return Projected(b, np.maximum(d, 1e-9), full, np.asarray(step), np.asarray(follow))
 
 
 def screen(probes: Probes) -> list[Screened]:
@@ -180,17 +201,17 @@ def _other_shape(probes: Probes, a: int, b: int) -> bool:
     effect = probes.probes[a].effect
     if any(va[p.name] != vb[p.name] for p in effect.parameters if not p.strength):
         return True
-    on = [{p.name for p in effect.parameters if p.strength and v[p.name] != 0} for v in (va, vb)]
+    base = probes.probes[a].base
+    on = [
+        {p.name for p in effect.parameters if p.strength and v[p.name] != base[p.name]}
+        for v in (va, vb)
+    ]
     return on[0] != on[1]
 
 
 def _scaled(p: Probe, amplitude: float) -> dict[str, float]:
-    """Starting values: strengths times the amplitude, or a small part of the probe if it is off."""
-    a = amplitude if abs(amplitude) > 0.02 else 0.2
-    return {
-        q.name: float(np.clip(p.values[q.name] * (a if q.strength else 1.0), q.low, q.high))
-        for q in p.effect.parameters
-    }
+    """Starting values at an amplitude, or at a small part of the probe if it is off."""
+    return p.at(amplitude if abs(amplitude) > 0.02 else 0.2)
 
 
 def _refined(probes: Probes, problem: Problem, i: int | None, base: float) -> tuple[float, float]:

@@ -26,7 +26,8 @@ class Candidate:
     `gain` is the rise of the held-out log-likelihood over the model it was added to, `gain_se` its
     standard error over runs and blocks, `p_value` that of the whole selection's null, `touched` the
     outputs that carry the effect's signature, `shrink_gain` the rise of S over them (or over all
-    outputs, if larger), `excess_before` the gap over them without it, `regime_gain` the sum of gains on regimes left out.
+    outputs, if larger), `excess_before` the gap over them without it, `regime_gain` the sum of
+    gains on regimes left out.
     """
 
     joint: JointFit

@@ -13,8 +13,8 @@ class Settings:
     which the scale of the discrepancy is unknown, `bootstrap` resamples, `starts` of a joint fit,
     `survivors` of the screening, `max_effects` of the selection, `seed`.
 
-    `resolution` is the share of a channel's excursion below which no simulator is trusted: it is part
-    of the floor.
+    `resolution` is the share of a channel's excursion below which no simulator is trusted: it is
+    part of the floor.
 
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.
@@ -29,6 +29,9 @@ class Settings:
     starts: int = 2
     survivors: int = 8
     max_effects: int = 3
+    baseline_effects: int = 5
+    baseline_tried: int = 4
+    baseline_gain: float = 25.0
     refit_iterations: int = 8
     fit_iterations: int = 8
 

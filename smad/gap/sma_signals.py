@@ -72,8 +72,8 @@ VIEWS = (
     ),
 )  # fmt: skip
 """The local views from command to tendon. The phase view holds each spring at the measured
-displacement: either spring then predicts the tendon force by itself, so that its residual belongs to
-one side."""
+displacement: either spring then predicts the tendon force by itself, so that its residual belongs
+to one side."""
 
 
 def smooth(y: Array, dt_s: float, tau_s: float) -> Array:

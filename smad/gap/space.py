@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from smad.gap.plant import Array, Effect, ModelPoint, Parameter
+from smad.gap.plant import Array, Effect, EffectValues, ModelPoint, Parameter
 
 
 @dataclass(frozen=True)
@@ -15,12 +15,14 @@ class Space:
     """Scaled coordinates p of model parameters `theta` followed by those of `effects`.
 
     A model parameter is scaled as (value − centre)/prior_sd, an effect parameter as
-    value/|typical|. `centre` replaces nominal values as the middle of the prior.
+    value/|typical|. `centre` replaces nominal values as the middle of the prior. `fixed` are
+    effects that belong to the model as it is; a free effect of the same name starts from there.
     """
 
     theta: tuple[Parameter, ...]
     effects: tuple[Effect, ...] = ()
     centre: Mapping[str, float] | None = None
+    fixed: EffectValues = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -51,13 +53,18 @@ class Space:
     def prior(self) -> tuple[Array, Array]:
         """Mean and precision of the normal prior of each coordinate.
 
-        An effect's prior only keeps a flat direction from wandering: half its range wide.
+        An effect's prior only keeps a flat direction from wandering: half its range wide, around
+        where the effect is now.
         """
         mean = [0.0] * self.n_theta
         precision = [1.0] * self.n_theta
         for e in self.effects:
             for q in e.parameters:
-                mean.append(0.0 if q.strength else float(np.sign(q.typical)))
+                known = self.fixed.get(e.name)
+                if known is not None:
+                    mean.append(known[q.name] / abs(q.typical))
+                else:
+                    mean.append(0.0 if q.strength else float(np.sign(q.typical)))
                 precision.append((2 * abs(q.typical) / (q.high - q.low)) ** 2)
         return np.array(mean), np.array(precision)
 
@@ -71,7 +78,7 @@ class Space:
         p = np.zeros(self.size)
         i = self.n_theta
         for e in self.effects:
-            given = (effects or {}).get(e.name, e.at(0.0))
+            given = (effects or {}).get(e.name) or self.fixed.get(e.name) or e.at(0.0)
             for q in e.parameters:
                 p[i] = given[q.name] / abs(q.typical)
                 i += 1
@@ -83,7 +90,7 @@ class Space:
             q.name: self._centre(q) + q.prior_sd * float(v)
             for q, v in zip(self.theta, p, strict=False)
         }
-        effects: dict[str, dict[str, float]] = {}
+        effects = {name: dict(values) for name, values in self.fixed.items()}
         i = self.n_theta
         for e in self.effects:
             effects[e.name] = {}
@@ -102,4 +109,4 @@ class Space:
 
     def with_effects(self, effects: Sequence[Effect]) -> Space:
         """The same model parameters with other effects."""
-        return Space(self.theta, tuple(effects), self.centre)
+        return Space(self.theta, tuple(effects), self.centre, self.fixed)

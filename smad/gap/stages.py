@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smad.gap.baseline import learn_baseline
 from smad.gap.discrepancy import Background, fed_noise, learn_background
 from smad.gap.judge import Judged, excess_of, judge, leave_out_points, predict_by_run
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.noise import Floor, estimate_floors
-from smad.gap.plant import Array, ModelPoint, Parameter, PlantModel
+from smad.gap.plant import Array, EffectValues, ModelPoint, Parameter, PlantModel
 from smad.gap.refit import refit
 from smad.gap.replay import Evidence, local_views, open_views
 from smad.gap.runs import GapRun
@@ -29,8 +30,8 @@ class Prepared:
     """Everything the selection needs.
 
     `centre` are the parameter values the question starts from: the nominal ones, or those of the
-    known-good runs. `gentle` is the refit by plain least squares. `threshold` is the gap over the
-    floor that counts as significant.
+    known-good runs; `fixed` the effects that those ask for already. `gentle` is the refit by plain
+    least squares. `threshold` is the gap over the floor that counts as significant.
     """
 
     plant: PlantModel
@@ -44,6 +45,7 @@ class Prepared:
     raw: Judged
     background: Background | None
     centre: Mapping[str, float]
+    fixed: EffectValues
     threshold: float
 
     def null(self, probes: Probes) -> Array:
@@ -51,7 +53,7 @@ class Prepared:
         if self.background is None:
             source, z = self.problem, self.fit.z
         else:
-            source, z = self.background.fit.problem, self.background.left_out_white
+            source, z = self.background.fit.problem, self.background.white
         draws = null_gains(probes, source, z, _NULL_DRAWS, self.settings.seed)
         return top_null(draws)
 
@@ -79,14 +81,17 @@ def prepare(
     centre = {p.name: p.nominal for p in parameters}
     nominal = ModelPoint(centre)
     background = None
+    fixed: EffectValues = {}
     if good:
         progress(f"fitting {len(good)} known-good runs")
         ev = evidence(good)
         base = fed_noise(ev, floors, nominal, settings.seed)
         fit = refit(Problem(ev, Whitening(ev, base), np.zeros(ev.n)), parameters)
+        fit = learn_baseline(fit, plant.effects, progress)
         background = learn_background(fit, base)
         noise = dict(background.noise)
         centre = dict(fit.point.theta)
+        fixed = fit.point.effects
     ev = evidence(runs)
     if background is None:
         noise = fed_noise(ev, floors, nominal, settings.seed)
@@ -98,12 +103,12 @@ def prepare(
 
     problem = problem_of(ev)
     progress(f"refitting {len(parameters)} parameters")
-    fit = refit(problem, parameters, centre)
+    fit = refit(problem, parameters, centre, fixed)
     hold = problem_of(evidence(hold_out)) if hold_out else None
     if hold is not None:
         hold.evidence.calibrate(fit.point)
     gentle = _plain(fit)
-    start = ModelPoint(centre)
+    start = ModelPoint(centre, fixed)
     raw = Judged(
         problem,
         hold,
@@ -122,6 +127,7 @@ def prepare(
         raw,
         background,
         centre,
+        fixed,
         _threshold(background, settings),
     )
 
@@ -163,7 +169,9 @@ def _threshold(background: Background | None, settings: Settings) -> float:
         return settings.min_excess
     problem = background.fit.problem
     ev = problem.evidence
-    residual = ev.residual(predict_by_run(problem, leave_out_points(background.fit)))
+    residual = ev.residual(
+        predict_by_run(problem, leave_out_points(background.fit), background.fit.point)
+    )
     whitening = Whitening(ev, background.noise)
     squares = np.square(whitening.scale(residual - background.expected(ev)))
     own = Problem(ev, whitening, background.expected(ev))
@@ -197,7 +205,7 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
         runs = fit.problem.evidence.runs
         good = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
         problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
-        residual = good.residual(predict_by_run(problem, leave_out_points(fit)))
+        residual = good.residual(predict_by_run(problem, leave_out_points(fit), fit.point))
         for key in list(noise):
             rows = [residual[s.rows][good.valid[s.rows]] for s in good.rows_of(key)]
             power = float(np.mean(np.square(np.concatenate(rows)))) if rows else 0.0

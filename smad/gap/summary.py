@@ -11,7 +11,7 @@ from smad.gap.fit import Interval
 from smad.gap.judge import Judged, excess_by_key
 from smad.gap.localise import HeatMap, localise
 from smad.gap.lsq import Problem
-from smad.gap.plant import Array, PlantModel
+from smad.gap.plant import Array, EffectValues, PlantModel
 from smad.gap.records import (
     CandidateRecord,
     CellRecord,
@@ -145,14 +145,15 @@ def candidate_records(selection: Selection, rate: float) -> list[CandidateRecord
     return out
 
 
-def value_records(found: Sequence[Interval]) -> list[ValueRecord]:
-    """Intervals of the effects' parameters."""
+def value_records(found: Sequence[Interval], before: EffectValues) -> list[ValueRecord]:
+    """Intervals of the effects' parameters, and what they were in the known-good runs."""
     return [
         ValueRecord(
             v.effect,
             v.name,
             v.unit,
             v.value,
+            before.get(v.effect, {}).get(v.name, 0.0),
             v.low,
             v.high,
             v.at_bound,

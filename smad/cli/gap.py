@@ -1,0 +1,285 @@
+"""`smad gap`: where simulator and bench disagree, because of what, and how much of it goes."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.output import bench_option, progress
+
+if TYPE_CHECKING:
+    from smad.gap.records import Diagnosis, ExperimentRecord
+    from smad.gap.runs import GapRun
+    from smad.gap.sma import SmaPlant
+
+_RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
+_OUT = click.Path(dir_okay=False, path_type=Path)
+
+_params = click.option(
+    "--params", default="A", show_default=True, help="Parameter file, or A, B, conserving."
+)
+_variant = click.option(
+    "--variant",
+    type=click.Choice(["extended", "printed"]),
+    default="extended",
+    show_default=True,
+    help="The thermal model; printed is the paper's, whose water stays cold.",
+)
+_seed = click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+
+
+@click.group()
+def gap() -> None:
+    """Diagnose the gap between the simulator and recorded runs."""
+
+
+@gap.command()
+@click.argument("runs", nargs=-1, required=True, type=_RUN, metavar="RUN…")
+@click.option("--hold-out", multiple=True, type=_RUN, help="Runs to judge on, never fitted to.")
+@click.option("--good", multiple=True, type=_RUN, help="Runs known to be good.")
+@_params
+@_variant
+@_seed
+@click.option("--json", "json_path", type=_OUT, help="Write the whole diagnosis here.")
+@click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
+@click.option("--apply", "model_path", type=_OUT, help="Write the improved model here.")
+def diagnose(
+    *,
+    runs: tuple[Path, ...],
+    hold_out: tuple[Path, ...],
+    good: tuple[Path, ...],
+    params: str,
+    variant: str,
+    seed: int,
+    json_path: Path | None,
+    html_path: Path | None,
+    model_path: Path | None,
+) -> None:
+    """Say where model and RUNs disagree, because of what, and how much of the gap goes.
+
+    With --good the question is what has changed since those runs; without, every difference between
+    model and bench counts. Without --hold-out each run is left out in turn.
+    """
+    plant = _plant(params, variant)
+    with _clean_errors():
+        result = _diagnosed(plant, runs, good, hold_out, seed)
+        _print_verdict(result)
+        if json_path is not None:
+            json_path.write_bytes(result.to_json())
+        if html_path is not None:
+            from smad.gap.report import page_of
+            from smad.report.page import write_page
+
+            write_page(page_of(result), html_path)
+        if model_path is not None:
+            from smad.gap.apply import apply
+
+            apply(result, plant, model_path)
+    for path in (json_path, html_path, model_path):
+        if path is not None:
+            click.echo(f"written: {path}", err=True)
+
+
+@gap.command()
+@_variant
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+def effects(*, variant: str, as_json: bool) -> None:
+    """List the candidate effects, from the registry."""
+    import msgspec
+
+    from smad.gap.sma import SmaPlant
+
+    library = SmaPlant(variant=variant).effects
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(list(library)), indent=1).decode())
+        return
+    for e in library:
+        click.echo(f"{e.name}  ({e.sub_model}: {', '.join(e.signals)})")
+        click.echo(f"    {e.title}: {e.equation}")
+        for q in e.parameters:
+            kind = "" if q.strength else ", shape"
+            unit = "" if q.unit == "1" else f" {q.unit}"
+            click.echo(
+                f"    {q.name}: {q.low:g} to {q.high:g}{unit}, typically {q.typical:g}{kind}"
+            )
+        click.echo(f"    confused with: {', '.join(e.confused_with) or 'nothing known'}")
+        click.echo(f"    told apart by: {e.separates}")
+        click.echo(f"    source: {e.reference}")
+
+
+@gap.command()
+@click.argument("runs", nargs=-1, required=True, type=_RUN, metavar="RUN…")
+@click.option("--model", "model_path", required=True, type=_RUN, help="Model file of --apply.")
+@_params
+@_variant
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+def verify(
+    *, runs: tuple[Path, ...], model_path: Path, params: str, variant: str, as_json: bool
+) -> None:
+    """Show the gap of RUNs, which the model has not seen, before and after it."""
+    import msgspec
+
+    plant = _plant(params, variant)
+    with _clean_errors():
+        from smad.gap.verify import verified
+
+        rows = verified(plant, _read(runs), plant.load_model(model_path))
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=1).decode())
+        return
+    width = max(len(r.channel) for r in rows)
+    click.echo(f"{'channel':<{width}}  {'floor':>14}  {'before':>9}  {'after':>9}  {'shrink':>6}")
+    for r in rows:
+        floor = f"{r.floor:.3g} {r.unit}" if r.unit else ""
+        click.echo(
+            f"{r.channel:<{width}}  {floor:>14}  {r.before:>8.2f}×  {r.after:>8.2f}×  "
+            f"{r.shrink:>6.2f}"
+        )
+
+
+@gap.command(name="next")
+@click.argument("runs", nargs=-1, type=_RUN, metavar="[RUN…]")
+@click.option("--good", multiple=True, type=_RUN, help="Runs known to be good.")
+@click.option("--run", "chosen", help="Run this experiment of the catalogue now, on the bench.")
+@click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
+@click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
+@click.option("--folder", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
+@bench_option
+@_params
+@_variant
+@_seed
+def next_experiment(
+    *,
+    runs: tuple[Path, ...],
+    good: tuple[Path, ...],
+    chosen: str | None,
+    sim: bool,
+    model_path: Path | None,
+    folder: Path,
+    bench: str,
+    params: str,
+    variant: str,
+    seed: int,
+) -> None:
+    """Recommend the experiment that would best separate what RUNs leave confused; or run one.
+
+    Without RUNs the catalogue is listed. --run takes a name from it, and writes a run log.
+    """
+    plant = _plant(params, variant)
+    with _clean_errors():
+        if chosen is not None:
+            _perform(plant, chosen, seed, folder, sim=sim, model_path=model_path, bench=bench)
+            return
+        if not runs:
+            for x in plant.catalogue():
+                click.echo(f"{x.name:<16} {x.duration_s:>4.0f} s  {x.title}")
+            return
+        result = _diagnosed(plant, runs, good, (), seed)
+    _print_verdict(result)
+    _print_experiments(result.experiments)
+
+
+def _plant(params: str, variant: str) -> SmaPlant:
+    from sim_device.plant import load_parameters
+    from smad.gap.sma import SmaPlant
+
+    with _clean_errors():
+        return SmaPlant(load_parameters(params), variant)
+
+
+@contextlib.contextmanager
+def _clean_errors() -> Iterator[None]:
+    """Errors of the plant become one line, as all others."""
+    from sim_device.plant.errors import PlantError
+    from smad.gap.errors import GapError
+
+    try:
+        yield
+    except PlantError as error:
+        raise GapError(str(error)) from error
+
+
+def _read(paths: Sequence[Path]) -> list[GapRun]:
+    from smad.gap.sma_signals import read_gap_run
+
+    return [read_gap_run(path) for path in paths]
+
+
+def _diagnosed(
+    plant: SmaPlant,
+    runs: Sequence[Path],
+    good: Sequence[Path],
+    hold_out: Sequence[Path],
+    seed: int,
+) -> Diagnosis:
+    from smad.gap import Settings, diagnose
+
+    with progress() as line:
+        say: Callable[[str], None] = line.say
+        say("reading")
+        return diagnose(
+            _read(runs),
+            plant=plant,
+            good=_read(good),
+            hold_out=_read(hold_out),
+            settings=Settings(seed=seed),
+            progress=say,
+        )
+
+
+def _print_verdict(result: Diagnosis) -> None:
+    from smad.gap.report import summary_lines
+
+    headline, *rest = summary_lines(result)
+    click.secho(headline, bold=True)
+    for text in rest:
+        click.echo(click.wrap_text(text, width=100))
+
+
+def _print_experiments(found: Sequence[ExperimentRecord]) -> None:
+    if not found:
+        click.echo("Nothing is confused: no further experiment is needed to name the cause.")
+        return
+    for x in found:
+        click.echo(f"d² {x.separation:>7.0f}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
+
+
+def _perform(
+    plant: SmaPlant,
+    name: str,
+    seed: int,
+    folder: Path,
+    *,
+    sim: bool,
+    model_path: Path | None,
+    bench: str,
+) -> None:
+    """Carries an experiment out; says where its run log is."""
+    from smad.gap.catalogue import plan_named
+    from smad.gap.plant import ModelPoint
+
+    plan = plan_named(name, seed)
+    with progress() as line:
+        if not sim:
+            from smad.cli.output import client
+            from smad.experiments.live import LiveDriver
+
+            LiveDriver(client(bench), progress=line.say).run(plan)
+            click.echo(f"done: {name}; the daemon has recorded it as {plan.name}")
+            return
+        from smad.experiments.virtual import VirtualDriver
+
+        point = ModelPoint({}) if model_path is None else plant.load_model(model_path)
+        VirtualDriver(
+            plant.set_of(point.theta),
+            variant=plant.variant,
+            effects=point.effects,
+            seed=seed,
+            folder=folder,
+            progress=line.say,
+        ).run(plan)
+    click.echo(f"done: {folder / (plan.name + '.mcap')}")

@@ -1,0 +1,72 @@
+"""The gap of new runs before and after an improved model, in the open loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+import msgspec
+import numpy as np
+
+from smad.gap.admission import admit
+from smad.gap.errors import RunRefused
+from smad.gap.judge import excess_by_key, shrink
+from smad.gap.lsq import Problem
+from smad.gap.noise import estimate_floors
+from smad.gap.plant import ModelPoint, PlantModel
+from smad.gap.replay import Evidence, open_views
+from smad.gap.runs import GapRun
+from smad.gap.settings import Settings
+from smad.gap.whiten import OutputNoise, Whitening
+
+
+class Verified(msgspec.Struct, frozen=True):
+    """Excess gap of one channel over its floor; channel "all" is all together."""
+
+    channel: str
+    unit: str
+    floor: float
+    before: float
+    after: float
+    shrink: float
+
+
+def verified(
+    plant: PlantModel,
+    runs: Sequence[GapRun],
+    model: ModelPoint,
+    settings: Settings | None = None,
+    executor: Executor | None = None,
+) -> list[Verified]:
+    """Gap of every channel with the nominal model and with `model`, and of all.
+
+    Raises RunRefused when no run is admitted.
+    """
+    settings = settings or Settings()
+    admission = admit(runs, plant, settings)
+    if not admission.admitted:
+        raise RunRefused(
+            "no run can be used",
+            value="; ".join(f"{f.run}: {f.text}" for f in admission.findings if f.refuses),
+            action="record runs that drive the bench, and give those",
+        )
+    floors = estimate_floors(admission.admitted, plant, settings)
+    views = open_views(plant)
+    ev = Evidence(plant, admission.admitted, views, settings, executor, fast=False)
+    noise = {k: OutputNoise(floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
+    problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
+    nominal = ModelPoint({p.name: p.nominal for p in plant.parameters})
+    gaps = [
+        excess_by_key(problem, np.square(problem.scaled(y))) for y in ev.predict([nominal, model])
+    ]
+    unit = {c.name: c.unit for c in plant.channels}
+    rows = []
+    for key in ev.keys:
+        channel = ev.rows_of(key)[0].channel
+        before, after = (float(np.sqrt(g.get(key, 0.0))) for g in gaps)
+        rows.append(
+            Verified(channel, unit[channel], noise[key].sigma, before, after, shrink(after, before))
+        )
+    before, after = (float(np.sqrt(np.mean(list(g.values())))) for g in gaps)
+    rows.append(Verified("all", "", 1.0, before, after, shrink(after, before)))
+    return rows
