@@ -73,14 +73,8 @@ class Hil:
         self._devices.append(device)
         return device
 
-    def daemon(
-        self,
-        port: object,
-        *arguments: str,
-        bench: str = "bench",
-        environment: Mapping[str, str] | None = None,
-    ) -> DaemonProcess:
-        """A daemon on a port; not yet ready."""
+    def write_config(self, port: object, bench: str = "bench") -> Path:
+        """Write the configuration of a daemon on a port; return its path."""
         config = Config(
             link=LinkConfig(port=str(port), baud=921_600, reconnect_interval_s=0.05),
             recorder=RecorderConfig(folder=str(self.runs), automatic=False),
@@ -90,6 +84,17 @@ class Hil:
         )
         path = self.folder / f"{bench}.toml"
         path.write_text(config_to_toml(config))
+        return path
+
+    def daemon(
+        self,
+        port: object,
+        *arguments: str,
+        bench: str = "bench",
+        environment: Mapping[str, str] | None = None,
+    ) -> DaemonProcess:
+        """A daemon on a port; not yet ready."""
+        path = self.write_config(port, bench)
         daemon = DaemonProcess(
             ["--config", str(path), *arguments], self.folder, bench=bench, environment=environment
         )

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -183,3 +185,40 @@ def test_a_stopped_daemon_says_that_it_was_kept_from_running_and_the_board_has_s
     assert status.motion.fault.name == "SETPOINT_LOST"
     assert not status.motion.armed
     assert "kept the daemon from running" in daemon.log.read_text()
+
+
+DYING = """
+import sys
+from smad.control.controller import Controller
+step = Controller.step
+def explode(self, sample):
+    if sample.armed:
+        raise ZeroDivisionError("injected")
+    return step(self, sample)
+Controller.step = explode
+from smad.cli import main
+main(sys.argv[1:])
+"""
+
+
+def test_a_dying_control_task_disarms_and_ends_with_status_70_and_the_truth(hil: Hil) -> None:
+    device = hil.device("--speed", "2")
+    config = hil.write_config(device.port)
+    daemon = subprocess.Popen(
+        [sys.executable, "-c", DYING, "start", "--config", str(config)],
+        env={**os.environ, "SMAD_RUNTIME_DIR": str(hil.folder)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while read_connection(hil.folder / "bench.json") is None:
+        assert daemon.poll() is None
+        time.sleep(0.02)
+    arm(hil.client())
+    _, said = daemon.communicate(timeout=PATIENCE_S)
+    assert daemon.returncode == 70
+    last = said.strip().splitlines()[-1]
+    assert last.startswith("smad: the control task died (ZeroDivisionError: injected): disarmed")
+    assert "ZeroDivisionError" in (hil.folder / "bench.crash.txt").read_text()
+    hil.ready_daemon(device.port)
+    status = wait_for(hil.client(), lambda s: s.motion.mode in NOT_HEATING)
+    assert not status.motion.armed
