@@ -15,7 +15,7 @@ from firmware_protocol.enums import ValidBit
 from firmware_protocol.events import HostEvent, HostState, StateReceived
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Setpoint, State
-from smad.control.controller import Controller
+from smad.control.controller import Controller, Output
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.daemon.histogram import Histogram
@@ -25,6 +25,7 @@ _SETPOINT_VALID = int(ValidBit.SETPOINT)
 _TICKS = 0xFFFF
 _WRAP = 0xFFFF_FFFF
 _LARGEST_GAP = 0x8000
+_AT_REST = Output()
 
 
 @dataclass
@@ -155,6 +156,9 @@ class ControlTask:
         state = states[-1]
         sample = self._sample(state, self._time.unwrap(state.t_us))
         output = self.controller.step(sample)
+        if not sample.armed:
+            # Whatever the controller last wanted: a board that is not armed by us is asked nothing.
+            output = _AT_REST
         setpoint = setpoint_of(output, t_ref_us=state.t_us, axis=self._axis, ttl_ms=self._ttl_ms)
         self.session.send_setpoint(setpoint)
         if self.flush():

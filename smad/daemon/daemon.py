@@ -13,7 +13,7 @@ from typing import Any
 
 import zmq
 
-from firmware_protocol.events import HostState
+from firmware_protocol.events import BoardRestarted, HostEvent, HostState, LinkLost
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Disarm
 from smad.config import Config
@@ -263,11 +263,17 @@ class Daemon:
 
     def _on_lost(self, reason: str) -> None:
         self.control.lost()
-        self._dead_man.forget()
+        self._end_motion()
         self.watch.port_lost(reason)
 
-    def _on_event(self, event: Any) -> None:
+    def _on_event(self, event: HostEvent) -> None:
+        if isinstance(event, BoardRestarted | LinkLost):
+            self._end_motion()
         self.watch.on_event(event)
+
+    def _end_motion(self) -> None:
+        self._dead_man.forget()
+        self.control.controller.command(Idle())
 
     def _set_scales(self, scales: Any) -> None:
         self.control.scales = scales

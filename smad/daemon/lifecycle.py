@@ -123,7 +123,8 @@ class _Life:
             await daemon.close()
             if self._trace is not None:
                 self._trace.save()
-            context.destroy(linger=0)
+            # Every socket is closed by now; this waits for their last words.
+            context.term()
             if measures is not None:
                 measures.close()
             lock.release()

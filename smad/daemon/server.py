@@ -24,6 +24,9 @@ from smad.errors import DaemonError
 
 COMMAND_SHARE = 0.5
 COMMAND_BURST_NS = 5_000_000
+LAST_WORDS_MS = 200
+"""How long a reply may take to leave when the daemon ends; clients that do not read lose it."""
+
 _ZAP_DOMAIN = b"smad"
 _HANDSHAKE_MS = 2000
 
@@ -126,11 +129,11 @@ class CommandServer:
             self._loop.call_soon(self._turn)
 
     def close(self) -> None:
-        """Close every socket; replies not yet sent are lost."""
+        """Close every socket; replies on their way get a moment to leave."""
         for served in self._served:
             with contextlib.suppress(ValueError, OSError):
                 self._loop.remove_reader(served.descriptor)
-            served.socket.close(linger=0)
+            served.socket.close(linger=LAST_WORDS_MS)
         self._served.clear()
 
     def _router(self, handler: Handler) -> Socket:

@@ -220,8 +220,18 @@ async def test_a_board_that_restarts_while_armed_is_only_watched_afterwards(tmp_
     bench = SimulatedBench(seed=1, faults=[injection("reboot", 4.0)])
     async with rig_in(tmp_path, bench) as rig:
         await rig.arm()
-        await rig.run_for(6.0)
+        await rig.ask(
+            "move", trajectories=[{"kind": "step", "displacement_mm": 5.0, "duration_s": 60.0}]
+        )
+        while rig.daemon.session.state is HostState.RUNNING:
+            await rig.run(1)
+        assert (await rig.ask("motion"))["running"] == "idle"
+        await rig.run_for(3.0)
         assert rig.daemon.session.state is HostState.MONITOR
+        last = rig.daemon.control.last
+        assert last is not None
+        assert last.setpoint is not None
+        assert last.setpoint.i_mA == (0, 0)
         assert rig.bench.board.state is BoardState.SAFE
         assert "restarted" in rig.said
 
