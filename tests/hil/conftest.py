@@ -119,6 +119,8 @@ class Hil:
             client.close()
         for daemon in self._daemons:
             daemon.end()
+            # Shown by pytest when the test fails.
+            print(daemon.log.read_text(errors="replace"))
         for device in self._devices:
             device.kill()
 
