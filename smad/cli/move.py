@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.output import bench_option, client, wait_for_motion
+from smad.control.segment import millimetres
 from smad.errors import CommandError
 
 if TYPE_CHECKING:
@@ -17,9 +18,24 @@ if TYPE_CHECKING:
 
 TIME_COLUMN = "t_s"
 DISPLACEMENT_COLUMN = "displacement_mm"
+ANGLE_COLUMN = "angle_deg"
 
 _NEGATIVE = {"ignore_unknown_options": True}
 """Without it, the -5 of `smad move step -5` would be taken for an option."""
+
+
+def _unit_mm(context: click.Context, parameter: click.Parameter, degrees: bool) -> float:
+    """Millimetres to one unit of the lengths on the command line."""
+    return millimetres(1.0) if degrees else 1.0
+
+
+_degrees = click.option(
+    "--deg",
+    "unit_mm",
+    is_flag=True,
+    callback=_unit_mm,
+    help="Lengths are angles of the MINIR-II segment: degrees for MM (25 degrees are 4 mm).",
+)
 
 
 def _options(command: Any) -> Any:
@@ -40,14 +56,15 @@ def move() -> None:
 
 
 @move.command(context_settings=_NEGATIVE)
-@click.argument("displacement_mm", type=float, metavar="MM")
+@click.argument("place", type=float, metavar="MM")
 @click.option("--for", "duration_s", type=float, default=10.0, show_default=True, metavar="S")
+@_degrees
 @_options
-def step(displacement_mm: float, duration_s: float, **options: Any) -> None:
+def step(place: float, duration_s: float, unit_mm: float, **options: Any) -> None:
     """Jump to MM and stay there."""
     from smad.control.commands import Step
 
-    _send(Step(displacement_mm=displacement_mm, duration_s=duration_s), **options)
+    _send(Step(displacement_mm=place * unit_mm, duration_s=duration_s), **options)
 
 
 @move.command(context_settings=_NEGATIVE)
@@ -61,45 +78,62 @@ def hold(duration_s: float, **options: Any) -> None:
 
 
 @move.command(context_settings=_NEGATIVE)
-@click.argument("displacement_mm", type=float, metavar="MM")
+@click.argument("place", type=float, metavar="MM")
 @click.option("--rate", type=float, default=2.0, show_default=True, metavar="MM/S")
+@_degrees
 @_options
-def ramp(displacement_mm: float, rate: float, **options: Any) -> None:
+def ramp(place: float, rate: float, unit_mm: float, **options: Any) -> None:
     """Go to MM at a constant speed."""
     from smad.control.commands import Ramp
 
-    _send(Ramp(displacement_mm=displacement_mm, rate_mm_per_s=rate), **options)
+    _send(Ramp(displacement_mm=place * unit_mm, rate_mm_per_s=rate * unit_mm), **options)
 
 
 @move.command(context_settings=_NEGATIVE)
-@click.argument("amplitude_mm", type=float, metavar="MM")
+@click.argument("amplitude", type=float, metavar="MM")
 @click.argument("period_s", type=float, metavar="S")
 @click.option("--cycles", type=int, default=3, show_default=True)
 @click.option("--offset", type=float, default=0.0, show_default=True, metavar="MM")
+@_degrees
 @_options
-def sine(amplitude_mm: float, period_s: float, cycles: int, offset: float, **options: Any) -> None:
+def sine(
+    amplitude: float,
+    period_s: float,
+    cycles: int,
+    offset: float,
+    unit_mm: float,
+    **options: Any,
+) -> None:
     """A sinusoid of amplitude MM and period S."""
     from smad.control.commands import Sine
 
     _send(
-        Sine(amplitude_mm=amplitude_mm, period_s=period_s, cycles=cycles, offset_mm=offset),
+        Sine(
+            amplitude_mm=amplitude * unit_mm,
+            period_s=period_s,
+            cycles=cycles,
+            offset_mm=offset * unit_mm,
+        ),
         **options,
     )
 
 
 @move.command(context_settings=_NEGATIVE)
-@click.argument("amplitude_mm", type=float, metavar="MM")
+@click.argument("amplitude", type=float, metavar="MM")
 @click.argument("start_hz", type=float, metavar="HZ")
 @click.argument("end_hz", type=float, metavar="HZ")
 @click.option("--for", "duration_s", type=float, default=60.0, show_default=True, metavar="S")
 @click.option("--offset", type=float, default=0.0, show_default=True, metavar="MM")
+@_degrees
 @_options
 def chirp(
-    amplitude_mm: float,
+    amplitude: float,
     start_hz: float,
     end_hz: float,
     duration_s: float,
     offset: float,
+    *,
+    unit_mm: float,
     **options: Any,
 ) -> None:
     """A sinusoid of amplitude MM whose frequency goes from HZ to HZ."""
@@ -107,41 +141,51 @@ def chirp(
 
     _send(
         Chirp(
-            amplitude_mm=amplitude_mm,
+            amplitude_mm=amplitude * unit_mm,
             start_Hz=start_hz,
             end_Hz=end_hz,
             duration_s=duration_s,
-            offset_mm=offset,
+            offset_mm=offset * unit_mm,
         ),
         **options,
     )
 
 
 @move.command(context_settings=_NEGATIVE)
-@click.argument("step_mm", type=float, metavar="MM")
+@click.argument("height", type=float, metavar="MM")
 @click.argument("steps", type=int)
 @click.option("--dwell", type=float, default=10.0, show_default=True, metavar="S")
 @click.option("--back", is_flag=True, help="Return the same way.")
+@_degrees
 @_options
-def staircase(step_mm: float, steps: int, dwell: float, back: bool, **options: Any) -> None:
+def staircase(
+    height: float, steps: int, dwell: float, back: bool, unit_mm: float, **options: Any
+) -> None:
     """STEPS equal steps of MM each."""
     from smad.control.commands import Staircase
 
-    _send(Staircase(step_mm=step_mm, steps=steps, dwell_s=dwell, there_and_back=back), **options)
+    _send(
+        Staircase(step_mm=height * unit_mm, steps=steps, dwell_s=dwell, there_and_back=back),
+        **options,
+    )
 
 
 @move.command(context_settings=_NEGATIVE)
-@click.argument("amplitude_mm", type=float, metavar="MM")
+@click.argument("amplitude", type=float, metavar="MM")
 @click.argument("levels", type=int)
 @click.option("--dwell", type=float, default=10.0, show_default=True, metavar="S")
 @click.option("--seed", type=int, default=0, show_default=True)
+@_degrees
 @_options
-def random(amplitude_mm: float, levels: int, dwell: float, seed: int, **options: Any) -> None:
+def random(
+    amplitude: float, levels: int, dwell: float, seed: int, unit_mm: float, **options: Any
+) -> None:
     """LEVELS random levels within ±MM; the same seed gives the same levels."""
     from smad.control.commands import RandomLevels
 
     _send(
-        RandomLevels(amplitude_mm=amplitude_mm, levels=levels, dwell_s=dwell, seed=seed), **options
+        RandomLevels(amplitude_mm=amplitude * unit_mm, levels=levels, dwell_s=dwell, seed=seed),
+        **options,
     )
 
 
@@ -149,7 +193,10 @@ def random(amplitude_mm: float, levels: int, dwell: float, seed: int, **options:
 @click.argument("path", type=click.Path(path_type=Path))
 @_options
 def follow(path: Path, **options: Any) -> None:
-    """Follow the points of a CSV file with the columns t_s and displacement_mm."""
+    """Follow the points of a CSV file with the columns t_s and displacement_mm.
+
+    A file with angle_deg in place of displacement_mm is followed as angles of the segment.
+    """
     _send(read_samples(path), **options)
 
 
@@ -162,17 +209,20 @@ def read_samples(path: Path) -> Samples:
     try:
         with path.open(newline="") as file:
             rows = csv.DictReader(file)
-            missing = {TIME_COLUMN, DISPLACEMENT_COLUMN} - set(rows.fieldnames or ())
-            if missing:
+            columns = set(rows.fieldnames or ())
+            angles = ANGLE_COLUMN in columns and DISPLACEMENT_COLUMN not in columns
+            place = ANGLE_COLUMN if angles else DISPLACEMENT_COLUMN
+            if not {TIME_COLUMN, place} <= columns:
                 raise CommandError(
                     f"{path}: a column is missing",
                     value=", ".join(rows.fieldnames or ()) or "an empty file",
-                    limit=f"{TIME_COLUMN} and {DISPLACEMENT_COLUMN}",
+                    limit=f"{TIME_COLUMN}, and {DISPLACEMENT_COLUMN} or {ANGLE_COLUMN}",
                     action="name the columns so, in the first line",
                 )
             for row in rows:
                 times.append(_number(path, rows.line_num, TIME_COLUMN, row))
-                places.append(_number(path, rows.line_num, DISPLACEMENT_COLUMN, row))
+                value = _number(path, rows.line_num, place, row)
+                places.append(millimetres(value) if angles else value)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise CommandError(f"cannot read {path}: {reason}", action="give a CSV file") from error

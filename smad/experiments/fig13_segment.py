@@ -14,6 +14,7 @@ from sim_device.plant.segment import segment_angle_deg, segment_displacement_m
 from smad.control.commands import Follow, Step
 from smad.control.metrics import step_response
 from smad.control.plan import Action, Do, Mark, Plan, UntilDone
+from smad.control.segment import DEGREES_PER_MM
 from smad.experiments.base import PAPER_CONTROL, Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
@@ -24,12 +25,12 @@ Array = NDArray[np.float64]
 
 
 class SegmentOptions(Options, frozen=True, kw_only=True):
-    """Settings of fig13-segment. The angle is converted with the robot's gain of the model."""
+    """Settings of fig13-segment. The gain makes displacements of the angles asked for."""
 
     angle_deg: Annotated[float, Meta(gt=0.0, le=60.0)] = 25.0
     hold_s: Annotated[float, Meta(ge=0.5, le=300.0)] = 8.0
     cycles: Annotated[int, Meta(ge=1, le=100)] = 2
-    gain_deg_per_mm: Annotated[float, Meta(gt=0.0, le=100.0)] = 6.25
+    gain_deg_per_mm: Annotated[float, Meta(gt=0.0, le=100.0)] = DEGREES_PER_MM
 
 
 class Fig13Segment(Experiment[SegmentOptions]):
@@ -73,7 +74,7 @@ class Fig13Segment(Experiment[SegmentOptions]):
         return Findings(
             (
                 Comparison(
-                    "Fig. 13: angle for ±4 mm",
+                    f"Fig. 13: angle for ±{self.amplitude_mm:g} mm",
                     "about ±25°",
                     f"{float(np.nanmin(angle)):+.1f}° to {float(np.nanmax(angle)):+.1f}° for "
                     f"{float(np.nanmin(mm)):+.2f} to {float(np.nanmax(mm)):+.2f} mm",
@@ -81,7 +82,7 @@ class Fig13Segment(Experiment[SegmentOptions]):
                     f"{self.options.angle_deg:g}° need {wanted_mm:.2f} mm",
                 ),
                 Comparison(
-                    "Fig. 13: time to turn by 25°",
+                    f"Fig. 13: time to turn by {self.options.angle_deg:g}°",
                     "not printed",
                     f"rise {response.rise_time_s:.2f} s, settling {response.settling_time_s:.2f} s",
                 ),

@@ -197,6 +197,21 @@ def test_status_as_json_is_the_whole_status(
         (["random", "4", "6", "--seed", "3"],
          {"kind": "random_levels", "amplitude_mm": 4.0, "levels": 6, "dwell_s": 10.0, "seed": 3,
           "offset_mm": 0.0}),
+        (["step", "-25", "--deg"],
+         {"kind": "step", "displacement_mm": -4.0, "duration_s": 10.0}),
+        (["ramp", "25", "--rate", "12.5", "--deg"],
+         {"kind": "ramp", "displacement_mm": 4.0, "rate_mm_per_s": 2.0}),
+        (["sine", "12.5", "7", "--offset", "6.25", "--deg"],
+         {"kind": "sine", "amplitude_mm": 2.0, "period_s": 7.0, "cycles": 3, "offset_mm": 1.0}),
+        (["chirp", "12.5", "0.1", "1", "--offset", "6.25", "--deg"],
+         {"kind": "chirp", "amplitude_mm": 2.0, "start_Hz": 0.1, "end_Hz": 1.0,
+          "duration_s": 60.0, "offset_mm": 1.0}),
+        (["staircase", "6.25", "5", "--deg"],
+         {"kind": "staircase", "step_mm": 1.0, "steps": 5, "dwell_s": 10.0,
+          "there_and_back": False}),
+        (["random", "25", "6", "--deg"],
+         {"kind": "random_levels", "amplitude_mm": 4.0, "levels": 6, "dwell_s": 10.0, "seed": 0,
+          "offset_mm": 0.0}),
     ],
 )  # fmt: skip
 def test_each_motion_is_sent_as_its_piece(
@@ -217,10 +232,21 @@ def test_a_csv_file_is_followed_from_its_first_time(daemon: FakeDaemon, tmp_path
     assert piece["displacement_mm"] == [0.0, 2.0, -1.0]
 
 
+def test_a_csv_file_of_angles_is_followed_as_displacements(
+    daemon: FakeDaemon, tmp_path: Path
+) -> None:
+    path = tmp_path / "angles.csv"
+    path.write_text("t_s,angle_deg\n0,0\n1,25\n3,-12.5\n")
+    assert execute(["move", "follow", str(path), "--no-wait"]) == 0
+    piece = daemon.asked[0]["params"]["trajectories"][0]
+    assert piece["displacement_mm"] == [0.0, 4.0, -2.0]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("t,displacement_mm\n0,1\n", "t_s and displacement_mm"),
+        ("t,displacement_mm\n0,1\n", "t_s, and displacement_mm or angle_deg"),
+        ("t_s,angle\n0,1\n", "t_s, and displacement_mm or angle_deg"),
         ("t_s,displacement_mm\n0,1\n", "too few points"),
         ("t_s,displacement_mm\n0,1\n1,nan\n", "line 3: displacement_mm is not a number"),
         ("", "an empty file"),

@@ -1,0 +1,23 @@
+"""Degrees of the MINIR-II segment as a unit of displacement."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_device.plant import load_parameters
+from sim_device.plant.segment import segment_displacement_m
+from smad.control.segment import DEGREES_PER_MM, millimetres
+from smad.daemon import measure
+
+
+def test_25_degrees_are_4_mm() -> None:
+    assert millimetres(25.0) == 4.0
+    assert millimetres(-25.0) == -4.0
+
+
+@pytest.mark.parametrize("name", ["A", "B", "conserving"])
+def test_commands_telemetry_and_parameter_files_have_one_gain(name: str) -> None:
+    parameters = load_parameters(name)
+    assert parameters["robot_gain"] == pytest.approx(DEGREES_PER_MM * 1e3)
+    assert measure.DEGREES_PER_MM == DEGREES_PER_MM
+    assert segment_displacement_m(10.0, parameters) == pytest.approx(millimetres(10.0) * 1e-3)
