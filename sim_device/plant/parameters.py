@@ -18,7 +18,8 @@ DATA = Path(__file__).parent / "data"
 BUILT_IN = {"A": "set_a.toml", "B": "set_b.toml", "conserving": "conserving.toml"}
 STATUSES = ("published", "derived", "assumed")
 _FIELDS = {field.name: field for field in FIELDS}
-_KEYS = {"value", "unit", "status", "range", "source"}
+_KEYS = ("value", "unit", "status", "range", "source")
+_LISTED = ", ".join(_KEYS)
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,7 @@ class Entry:
 
     def shown(self, value: float | None = None) -> str:
         """The value (or another one, SI) in the file's unit, with the unit."""
-        number = UNITS[self.file_unit].from_si(self.value if value is None else value)
-        return f"{number:.6g}" if self.file_unit == "1" else f"{number:.6g} {self.file_unit}"
+        return _shown(self.value if value is None else value, self.file_unit)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,8 @@ class ParameterSet:
             entry = self.entry(name)
             number = _finite(name, value)
             field = _FIELDS[name]
-            _within(name, number, field.low, field.high, unit=field.unit, limit="physical limit")
+            limits = field.low, field.high
+            _within(name, number, limits, unit=entry.file_unit, limit="physical limit")
             entries[_POSITION[name]] = replace(entry, value=number)
         changed = ParameterSet(self.title, tuple(entries))
         _check_together(changed)
@@ -112,9 +113,7 @@ def load_parameters(source: str | Path) -> ParameterSet:
     title, raw = _read(path, seen=())
     missing = [name for name in NAMES if name not in raw]
     if missing:
-        raise ParameterError(
-            missing[0], f"missing in {path.name}; add a table with {', '.join(sorted(_KEYS))}"
-        )
+        raise ParameterError(missing[0], f"missing in {path.name}; add a table with {_LISTED}")
     parameters = ParameterSet(title, tuple(_entry(_FIELDS[name], raw[name]) for name in NAMES))
     _check_together(parameters)
     return parameters
@@ -168,7 +167,9 @@ def _read(path: Path, seen: tuple[Path, ...]) -> tuple[str, dict[str, Any]]:
     base = raw.pop("extends", None)
     unknown = [name for name in raw if name not in _FIELDS]
     if unknown:
-        raise ParameterError(unknown[0], f"unknown entry in {path.name}; known are {NAMES}")
+        raise ParameterError(
+            unknown[0], f"unknown entry in {path.name}; known are {', '.join(NAMES)}"
+        )
     if base is not None:
         beside = path.parent / str(base)
         parent = beside if beside.exists() else DATA / str(base)
@@ -180,19 +181,20 @@ def _read(path: Path, seen: tuple[Path, ...]) -> tuple[str, dict[str, Any]]:
 def _entry(field: Field, raw: object) -> Entry:
     name = field.name
     if not isinstance(raw, Mapping):
-        raise ParameterError(name, f"is {raw!r}, not a table; write [{name}] with {_KEYS}")
-    for key in sorted(_KEYS - set(raw)):
-        raise ParameterError(name, f"has no '{key}'; an entry needs {sorted(_KEYS)}")
-    for key in sorted(set(raw) - _KEYS):
-        raise ParameterError(name, f"has an unknown key '{key}'; an entry has {sorted(_KEYS)}")
+        raise ParameterError(name, f"is {raw!r}, not a table; write [{name}] with {_LISTED}")
+    for key in [key for key in _KEYS if key not in raw]:
+        raise ParameterError(name, f"has no '{key}'; an entry needs {_LISTED}")
+    for key in sorted(set(raw) - set(_KEYS)):
+        raise ParameterError(name, f"has an unknown key '{key}'; an entry has {_LISTED}")
     unit = UNITS.get(str(raw["unit"]))
     if unit is None or unit.si != field.unit:
         fitting = sorted(key for key, known in UNITS.items() if known.si == field.unit)
         raise ParameterError(
-            name, f"unit {raw['unit']!r} is not a unit of {field.symbol}; use one of {fitting}"
+            name,
+            f"unit {raw['unit']!r} is not a unit of {field.symbol}; use {' or '.join(fitting)}",
         )
     if raw["status"] not in STATUSES:
-        raise ParameterError(name, f"status {raw['status']!r} is not one of {STATUSES}")
+        raise ParameterError(name, f"status {raw['status']!r} is not one of {', '.join(STATUSES)}")
     if not isinstance(raw["source"], str) or not raw["source"].strip():
         raise ParameterError(name, f"source {raw['source']!r} is empty; say where it is from")
     bounds = raw["range"]
@@ -202,9 +204,10 @@ def _entry(field: Field, raw: object) -> Entry:
     low, high = (unit.to_si(_finite(name, bound)) for bound in bounds)
     if low > high:
         raise ParameterError(name, f"range {bounds} runs backwards; write [low, high]")
-    _within(name, low, field.low, field.high, unit=field.unit, limit="physical limit (range)")
-    _within(name, high, field.low, field.high, unit=field.unit, limit="physical limit (range)")
-    _within(name, value, low, high, unit=field.unit, limit="range of the file")
+    file_unit, limits = str(raw["unit"]), (field.low, field.high)
+    _within(name, low, limits, unit=file_unit, limit="physical limit (range)")
+    _within(name, high, limits, unit=file_unit, limit="physical limit (range)")
+    _within(name, value, (low, high), unit=file_unit, limit="range of the file")
     return Entry(
         name,
         field.symbol,
@@ -214,7 +217,7 @@ def _entry(field: Field, raw: object) -> Entry:
         high,
         str(raw["status"]),
         raw["source"],
-        str(raw["unit"]),
+        file_unit,
         field.meaning,
     )
 
@@ -227,11 +230,21 @@ def _finite(name: str, value: object) -> float:
     return float(value)
 
 
-def _within(name: str, value: float, low: float, high: float, *, unit: str, limit: str) -> None:
+def _shown(value: float, unit: str) -> str:
+    """A value (SI) in `unit`, with the unit."""
+    number = UNITS[unit].from_si(value)
+    return f"{number:.6g}" if unit == "1" else f"{number:.6g} {unit}"
+
+
+def _within(name: str, value: float, limits: tuple[float, float], *, unit: str, limit: str) -> None:
+    """Raise ParameterError, in the file's unit, unless `value` is within `limits` (all SI)."""
+    low, high = limits
     slack = 1e-12 * max(abs(low), abs(high))
     if not low - slack <= value <= high + slack:
         raise ParameterError(
-            name, f"{value:.6g} {unit} is outside the {limit}, {low:.6g} to {high:.6g} {unit}"
+            name,
+            f"{_shown(value, unit)} is outside the {limit}, "
+            f"{_shown(low, unit)} to {_shown(high, unit)}",
         )
 
 

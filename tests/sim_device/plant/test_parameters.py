@@ -81,6 +81,10 @@ def test_a_file_without_an_entry_is_refused_by_its_name(tmp_path, text, name):
     ("name", "change", "words"),
     [
         ("density", ("value", "9000"), ["9000", "6300", "6600", "range of the file"]),
+        ("austenite_start", ("value", "50"), ["50 degC", "27 degC to 31 degC"]),
+        ("coils", ("value", "30"), ["30 is outside the range of the file, 16 to 21"]),
+        ("coil_diameter", ("unit", '"m"'), ["physical limit", "0.05 m"]),
+        ("austenite_start", ("unit", '"K"'), ["physical limit", "K"]),
         ("density", ("value", '"heavy"'), ["heavy", "not a number"]),
         ("density", ("value", "nan"), ["nan", "finite"]),
         ("density", ("unit", '"mm"'), ["'mm'", "kg/m3"]),
