@@ -49,6 +49,11 @@ class Setup:
         apply_warming(p, e)
         return cls(parameters, resolved, p, e, table_of(variant))
 
+    def film_W_per_m_K(self, wire_K: float, water_K: float, duty: float) -> float:
+        """Conductance from a metre of wire to its water, Eqs (19)-(25), at a duty of the pump."""
+        speed = duty * float(self.p[k.P_FLOW_MAX] * self.p[k.P_AREA_INV])
+        return float(k.film(wire_K, water_K, speed, self.p, self.table))
+
     def state(self, temperature_K: float | None = None) -> Array:
         """A fresh state at rest, sensors included."""
         s = initial_state(self.parameters, self.p, self.e, temperature_K)

@@ -22,6 +22,7 @@ ALL = "all"
 @click.command()
 @click.argument("names", nargs=-1, metavar="NAME…|all")
 @click.option("--list", "listing", is_flag=True, help="Show the experiments and what each needs.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 @click.option("--sim", is_flag=True, help="In virtual time, on a simulated bench.")
 @click.option(
     "--parameters",
@@ -102,7 +103,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     running, which arms the bench.
     """
     if options["listing"]:
-        click.echo(_listing())
+        _print_list(as_json=options["as_json"])
         return
     model, variant, effects = _model(options["parameters"], options["model"])
     if options["feedforward"]:
@@ -118,19 +119,28 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     _finish(result, model, facts, options)
 
 
-def _listing() -> str:
+def _print_list(*, as_json: bool) -> None:
     from smad.experiments.driver import PARTS
     from smad.experiments.registry import EXPERIMENTS, make_experiment
     from smad.report.page import Table, text_table
 
-    rows = []
-    for name in EXPERIMENTS:
-        experiment = make_experiment(name)
-        needs = (
-            ", ".join(PARTS[part] for part in sorted(experiment.requirements())) or "a data file"
+    experiments = [make_experiment(name) for name in EXPERIMENTS]
+    if as_json:
+        _print_json(
+            [{"name": e.name, "title": e.title, "needs": e.requirements()} for e in experiments]
         )
-        rows.append((name, experiment.title, needs))
-    return text_table(Table(("name", "what", "needs"), rows))
+        return
+    rows = []
+    for experiment in experiments:
+        needs = [PARTS[part] for part in sorted(experiment.requirements())]
+        rows.append((experiment.name, experiment.title, ", ".join(needs) or "a data file"))
+    click.echo(text_table(Table(("name", "what", "needs"), rows)))
+
+
+def _print_json(value: object) -> None:
+    import msgspec
+
+    click.echo(msgspec.json.format(msgspec.json.encode(value, order="sorted"), indent=2))
 
 
 def _model(
@@ -262,20 +272,32 @@ def _from_logs(
 def _finish(
     result: CampaignResult, model: ParameterSet, facts: Facts, options: dict[str, Any]
 ) -> None:
-    from smad.experiments.report import campaign_page, comparison_table, recovery_table
-    from smad.report.page import text_table, write_page
+    from sim_device.plant.parameters import parameters_text
+    from smad.experiments.report import campaign_page, campaign_records
+    from smad.report.page import write_page
 
     given = model if options["sim"] and not options["logs"] else None
+    if not options["as_json"]:
+        _print_tables(result, model, given)
+    page = write_page(campaign_page(result, model, given=given, facts=facts), options["report"])
+    files = {"page": str(page)}
+    if options["save_parameters"] is not None:
+        _write_text(options["save_parameters"], parameters_text(result.recovered))
+        files["parameters"] = str(options["save_parameters"])
+    if options["as_json"]:
+        _print_json({**campaign_records(result, given), **files})
+    else:
+        for name, path in files.items():
+            click.echo(f"{name}  {path}")
+
+
+def _print_tables(result: CampaignResult, model: ParameterSet, given: ParameterSet | None) -> None:
+    from smad.experiments.report import comparison_table, recovery_table
+    from smad.report.page import text_table
+
     click.echo(text_table(comparison_table(result)))
     if result.estimates:
         click.echo(text_table(recovery_table(result.estimates, model, given)))
-    path = write_page(campaign_page(result, model, given=given, facts=facts), options["report"])
-    click.echo(f"page  {path}")
-    if options["save_parameters"] is not None:
-        from sim_device.plant.parameters import parameters_text
-
-        _write_text(options["save_parameters"], parameters_text(result.recovered))
-        click.echo(f"parameters  {options['save_parameters']}")
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -13,6 +13,7 @@ from msgspec import Struct
 from sim_device.plant.parameters import ParameterSet
 from smad.control.commands import Tune
 from smad.control.plan import Do
+from smad.experiments.contradictions import reference
 from smad.experiments.driver import Driver, Mounting, require
 from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate
@@ -37,12 +38,21 @@ class Options(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Comparison:
-    """One row of the table "paper against here"."""
+    """One row of the table "paper against here".
+
+    `contradiction` is a key of `smad.experiments.contradictions.CONTRADICTIONS`, or empty; another
+    one raises KeyError.
+    """
 
     fact: str
     paper: str
     here: str
     note: str = ""
+    contradiction: str = ""
+
+    def __post_init__(self) -> None:
+        if self.contradiction:
+            reference(self.contradiction)
 
 
 @dataclass(frozen=True)

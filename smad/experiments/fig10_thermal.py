@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
@@ -22,6 +23,7 @@ from smad.report.plots import draw, label, new_figure, svg_of
 Array = NDArray[np.float64]
 ZERO_C = 273.15
 COOLED_K = (310.0, 305.0, 301.0)
+WARM_K = 310.0
 
 
 class ThermalOptions(Options, frozen=True, kw_only=True):
@@ -80,6 +82,7 @@ class Fig10Thermal(Experiment[ThermalOptions]):
                     "reached; duration not printed",
                     f"{heating_time(slow):.0f} s",
                     f"4 A: {heating_time(fast):.1f} s",
+                    "water",
                 ),
                 Comparison(
                     "Fig. 10: pump on, from 322 K to 310, 305, 301 K",
@@ -92,6 +95,14 @@ class Fig10Thermal(Experiment[ThermalOptions]):
                     f"{r2['extended']:.4f} (water warms up)",
                     f"the printed model, whose water stays at 300 K, gets {r2['printed']:.2f}: at "
                     f"this current it stops at {top_K:.1f} K",
+                    "water",
+                ),
+                Comparison(
+                    "Eq. (14): Bi, still water and full flow",
+                    "0.05 to 0.1",
+                    " and ".join(f"{biot_number(model, duty):.2f}" for duty in (0.0, 1.0)),
+                    f"wire at {WARM_K:g} K in water at 300 K, real water properties",
+                    "Biot",
                 ),
             ),
             (
@@ -122,6 +133,17 @@ def replay(recording: Recording, model: ParameterSet, variant: str) -> Array:
     start_K = float(np.mean(recording["rtd_x_degC"][:10])) + ZERO_C
     out = simulate(model, inputs, variant=variant, temperature_K=start_K, outputs=("T_x_K",))
     return out["T_x_K"]
+
+
+def biot_number(model: ParameterSet, duty: float) -> float:
+    """Bi = h d_s/k_s of Eq. (14), the wire at WARM_K in water at 300 K, at a duty of the pump."""
+    from sim_device.plant.setup import Setup
+
+    setup = Setup.make(
+        model, variant="extended", fixture="antagonistic", cooling="water", effects={}
+    )
+    film = setup.film_W_per_m_K(WARM_K, 300.0, duty)
+    return film / (math.pi * model["conductivity"])
 
 
 def heating_time(recording: Recording) -> float:

@@ -73,6 +73,7 @@ class Fig11Tracking(Experiment[TrackingOptions]):
                 "0.9927",
                 f"{water.r2:.4f} after the first cycle, {water.r2_all:.4f} with it",
                 "the paper does not say whether the start from rest counts",
+                "resistivity",
             )
         ]
         if "air" in scores:
@@ -86,7 +87,7 @@ class Fig11Tracking(Experiment[TrackingOptions]):
                     f"Fig. 11: {what} in air",
                     "5 good periods (R² 0.9585), then lost",
                     f"{good} good periods (R² {r2:.4f}), then "
-                    + ", ".join(f"{r2:.2f}" for r2 in by_period[good : good + 3]),
+                    + ", ".join(map(_two_digits, by_period[good : good + 3])),
                     "a ratchet with a threshold: the count hangs on small differences",
                 )
             )
@@ -105,7 +106,7 @@ class Fig11Tracking(Experiment[TrackingOptions]):
                 CONTROLS[name].name,
                 f"{score.r2:.4f}",
                 f"{score.r2_all:.4f}",
-                " ".join(f"{r2:.2f}" for r2 in score.by_period),
+                " ".join(map(_two_digits, score.by_period)),
                 f"{score.peak_degC:.1f}",
                 f"{score.peak_A:.2f}",
             )
@@ -123,6 +124,11 @@ class Fig11Tracking(Experiment[TrackingOptions]):
                 ),
             ),
         )
+
+
+def _two_digits(r2: float) -> str:
+    """Without the sign of a zero."""
+    return f"{round(r2, 2) + 0.0:.2f}"
 
 
 def _again(run: Recording) -> Recording:

@@ -129,6 +129,7 @@ class Fig12Frequency(Experiment[FrequencyOptions]):
                 "0.143 Hz at 2 mm, falling with the amplitude",
                 _shown(water),
                 "reference prototype of this model: " + _shown(list(PROTOTYPE_HZ.values())),
+                "stroke",
             )
         ]
         if "air" in found:

@@ -88,6 +88,7 @@ class Fig9Cycle(Experiment[CycleOptions]):
                     "0.27",
                     f"{theory.xi_at_curve:.3f} ({theory.curve_force_N:.3f} N)",
                     "from Eq. (32); a bench has no sensor for ξ",
+                    "moduli",
                 ),
                 Comparison(
                     "Fig. 9: stroke of X, and force there",
@@ -95,6 +96,7 @@ class Fig9Cycle(Experiment[CycleOptions]):
                     f"{full_mm:+.2f} mm, {full_N:.3f} N",
                     f"Eq. (35) at ξ_X = 0: {theory.full_deflection_m * 1e3 - mounted_mm:+.2f} mm, "
                     f"{theory.full_force_N:.3f} N",
+                    "stroke",
                 ),
                 Comparison(
                     "Fig. 9: after X cools, deflection of Y",
@@ -154,6 +156,7 @@ def closure(run: Recording, cycles: int) -> list[Comparison]:
             "one cycle shown",
             f"{drift_mm * 1e3:.0f} µm apart",
             "the first cycle starts from the mounted state, the later ones close",
+            "step 4",
         )
     ]
 

@@ -26,15 +26,14 @@ def feedforward_of(parameters: ParameterSet, variant: str = "extended") -> Feedf
     p = setup.p
     full_flow = float(p[k.P_FLOW_MAX])
 
-    def film(flow: float) -> float:
-        speed = flow * float(p[k.P_AREA_INV])
-        return float(k.film(WIRE_K, WIRE_K - ABOVE_WATER_K, speed, p, setup.table))
+    def film(duty: float) -> float:
+        return setup.film_W_per_m_K(WIRE_K, WIRE_K - ABOVE_WATER_K, duty)
 
     return FeedforwardConfig(
         wire_capacity_J_per_m_K=_rounded(p[k.P_MC_H]),
         water_capacity_J_per_m_K=_rounded(p[k.P_CW] * p[k.P_SHARE]),
         film_still_W_per_m_K=_rounded(film(0.0)),
-        film_flow_W_per_m_K=_rounded(film(full_flow)),
+        film_flow_W_per_m_K=_rounded(film(1.0)),
         flow_W_per_m_K=_rounded(p[k.P_FLOW_G] * full_flow),
         loss_W_per_m_K=_rounded(p[k.P_UA]),
         heat_W_per_m_A2=_rounded(p[k.P_OHM_M]),

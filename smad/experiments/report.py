@@ -3,28 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
 
 import smad
 from sim_device.plant.parameters import ParameterSet, parameters_text
+from smad.experiments.base import Comparison
 from smad.experiments.campaign import CampaignResult
+from smad.experiments.contradictions import numbered, reference
 from smad.experiments.estimate import Estimate
 from smad.report.page import Code, Page, Section, Table, Text
-
-CONTRADICTIONS: Sequence[str] = (
-    "The printed thermal model with water at 300 K, and motion at ≤ 4 A: with it 1 A ends at 301 K "
-    "and 4 A at 309 K, below every transformation temperature (Fig. 10).",
-    "A resistivity of 0.44 µΩ·m with all the tube water warming, and the 7 s tracking of Fig. 11: "
-    "the heat does not suffice. Set B therefore lets a quarter of the water warm.",
-    "An amplitude of 12 mm in Fig. 12 and a full stroke of ±10 mm in Fig. 9. A sinusoid cut at "
-    "10 mm still scores R² = 0.989.",
-    "G_A/G_M = 2.55 of Brinson's table, and ξ_X = 0.27 at 10 mm in Fig. 9, which needs 1.99.",
-    "Eq. (13a) below M_S, and step 4 of the cycle: the condition T > M_S is missing in print.",
-    "Bi ≤ 0.1 as stated, and Eq. (14) with the paper's own numbers, which gives 0.34 to 0.39; the "
-    "stated values need the length d_s/4.",
-    "Conservation of energy, and C_s 466/260 J/kgK with L 12 188/4 138 J/kg for heating and "
-    "cooling: switching between them makes or destroys heat. The plant books that apart.",
-)
-"""Facts of the paper that cannot hold together."""
 
 
 def comparison_table(result: CampaignResult) -> Table:
@@ -32,11 +20,16 @@ def comparison_table(result: CampaignResult) -> Table:
     return Table(
         ("fact", "paper", "here", "note"),
         [
-            (row.fact, row.paper, row.here, row.note)
+            (row.fact, row.paper, row.here, _note(row))
             for one in result.results
             for row in one.findings.comparisons
         ],
     )
+
+
+def _note(row: Comparison) -> str:
+    parts = [row.note, reference(row.contradiction) if row.contradiction else ""]
+    return "; ".join(part for part in parts if part)
 
 
 def recovery_table(
@@ -67,6 +60,30 @@ def recovery_table(
     return Table(header, rows)
 
 
+def campaign_records(result: CampaignResult, given: ParameterSet | None) -> dict[str, Any]:
+    """Both tables for a program: rows of texts, and estimates as numbers in SI."""
+    return {
+        "comparisons": [
+            {"experiment": one.experiment.name, **asdict(row)}
+            for one in result.results
+            for row in one.findings.comparisons
+        ],
+        "estimates": [
+            {
+                "name": estimate.name,
+                "unit": result.recovered.entry(estimate.name).unit,
+                "value": estimate.value,
+                "low": estimate.low,
+                "high": estimate.high,
+                "source": estimate.source,
+                "given": None if given is None else given[estimate.name],
+                "within_tolerance": None if given is None else estimate.holds(given[estimate.name]),
+            }
+            for estimate in result.estimates
+        ],
+    }
+
+
 def campaign_page(
     result: CampaignResult,
     model: ParameterSet,
@@ -79,7 +96,7 @@ def campaign_page(
         Section("Paper against here", (comparison_table(result),), "paper"),
         Section(
             "What cannot hold together in the paper",
-            tuple(Text(f"{k}. {text}") for k, text in enumerate(CONTRADICTIONS, 1)),
+            tuple(Text(line) for line in numbered()),
             "contradictions",
         ),
     ]

@@ -29,8 +29,9 @@ class VirtualDriver:
     """A simulated bench for each plan, fresh and at rest.
 
     `seed` and the name of the plan decide the noise, so that runs differ and repeat. `lacking`
-    takes parts away, as on a bench without them. With `folder` each run is also written there as a
-    run log. `variant` and `effects` are those of the plant.
+    takes parts away, as on a bench without them (ExperimentError for one that is not in `PARTS`).
+    With `folder` each run is also written there as a run log. `variant` and `effects` are those of
+    the plant.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class VirtualDriver:
         self._seed = seed
         self._variant = variant
         self._effects = effects or {}
-        self._lacking = lacking
+        self._lacking = _known_parts(lacking)
         self._folder = folder
         self._progress = progress
 
@@ -135,6 +136,18 @@ class VirtualDriver:
         events = [mark_event(name, at_s) for name, at_s in marks.items()]
         records: list[Record] = [*rows, *events]
         write_run(path, header, records)
+
+
+def _known_parts(lacking: frozenset[str]) -> frozenset[str]:
+    unknown = sorted(lacking - set(PARTS))
+    if unknown:
+        raise ExperimentError(
+            "the simulated bench has no such part to take away",
+            value=", ".join(unknown),
+            limit=", ".join(PARTS),
+            action="name one of them",
+        )
+    return lacking
 
 
 MARK = "mark "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -9,11 +10,13 @@ from pathlib import Path
 import pytest
 
 from smad.cli import execute as command
+from smad.experiments.base import Comparison
 from smad.experiments.campaign import Bench, CampaignResult, run_campaign
+from smad.experiments.contradictions import CONTRADICTIONS
 from smad.experiments.errors import ExperimentError
 from smad.experiments.inverse import feedforward_of
 from smad.experiments.registry import EXPERIMENTS, make_experiment
-from smad.experiments.report import CONTRADICTIONS, campaign_page, recovery_table
+from smad.experiments.report import campaign_page, comparison_table, recovery_table
 from smad.report.page import render
 
 from .helpers import NOMINAL, given
@@ -41,10 +44,39 @@ def test_the_page_is_self_contained_and_says_what_contradicts() -> None:
     assert "a: &lt;b&gt;" in text
     outside = re.findall(r"""(?:src|href)=["'](?!#)[^"']*|url\((?!#)[^)]*|@import""", text)
     assert outside == []
-    for contradiction in CONTRADICTIONS:
+    for contradiction in CONTRADICTIONS.values():
         assert contradiction.split(":")[0].split(",")[0][:25] in text
     assert text.count("<svg") == 2
     assert "<script" not in text
+
+
+def test_a_number_that_contradicts_another_points_to_the_contradiction() -> None:
+    with pytest.raises(KeyError):
+        Comparison("fact", "paper", "here", contradiction="weather")
+    rows = comparison_table(small_campaign()).rows
+    latent = next(row for row in rows if "latent heats" in row[0])
+    assert latent[-1] == "see contradiction 7"
+
+
+def test_the_tables_are_there_for_programs_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.html"
+    arguments = ["run", "resistance", "--sim", "--jobs", "1", "--report", str(page), "--json"]
+    assert command(arguments) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["page"] == str(page)
+    assert {row["experiment"] for row in found["comparisons"]} == {"resistance"}
+    (estimate,) = found["estimates"]
+    assert estimate["name"] == "resistivity"
+    assert estimate["unit"] == "Ohm m"
+    assert estimate["low"] <= estimate["value"] <= estimate["high"]
+    assert estimate["given"] == pytest.approx(NOMINAL["resistivity"])
+    assert estimate["within_tolerance"] is True
+    assert command(["run", "--list", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [one["name"] for one in listed] == list(EXPERIMENTS)
+    assert "force_N" in next(one for one in listed if one["name"] == "fig9-cycle")["needs"]
 
 
 def test_the_recovery_table_says_when_a_value_is_not_within_its_tolerance() -> None:
@@ -116,6 +148,7 @@ def test_the_command_runs_one_experiment_and_writes_page_and_parameters(
         (["run"], "name an experiment"),
         (["run", "fig99", "--sim"], "no such experiment"),
         (["run", "fig9-cycle", "--sim", "--lacking", "force_N"], "the force sensor"),
+        (["run", "fig9-cycle", "--sim", "--lacking", "froce_N"], "froce_N; allowed: displacement"),
         (["run", "fig9-cycle", "--sim", "--set", "step_mm=99"], "step_mm"),
         (["run", "fig9-cycle", "--sim", "--set", "nonsense"], "KEY=VALUE"),
         (["run", "fig9-cycle", "--sim", "--parameters", "nowhere.toml"], "nowhere.toml"),
