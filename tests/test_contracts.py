@@ -1,6 +1,7 @@
 """The contracts of the house: who may import whom, and what a wheel must carry."""
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -105,3 +106,11 @@ def test_every_data_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None
         if path.is_file() and "__pycache__" not in path.parts
     }
     assert wanted <= inside
+
+
+def test_every_room_that_the_architecture_page_names_is_there() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    rows = re.findall(r"^\| (`[^|]*) \|", page, flags=re.MULTILINE)
+    named = [name for row in rows for name in re.findall(r"`([\w./*-]+)`", row) if "/" in name]
+    assert len(named) > 15
+    assert [name for name in named if not any(ROOT.glob(name.rstrip("/")))] == []
