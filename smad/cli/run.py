@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import signal
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -239,6 +241,24 @@ def _simulated(
             return run_campaign(experiments, bench, model, pool, line.say), facts
 
 
+@contextlib.contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP (a terminal that goes away) unwind the block, as ctrl-C does.
+
+    Without it they would end the process on the spot, and leave the bench armed.
+    """
+
+    def leave(number: int, frame: object) -> None:
+        raise SystemExit(128 + number)
+
+    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def _live(
     experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
 ) -> tuple[CampaignResult, Facts]:
@@ -246,7 +266,7 @@ def _live(
     from smad.experiments.campaign import run_on
     from smad.experiments.live import LiveDriver
 
-    with client(options["bench"]) as connected, progress() as line:
+    with ended_by_signals(), client(options["bench"]) as connected, progress() as line:
         driver = LiveDriver(
             connected,
             fixture=options["fixture"],

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from smad.cli import execute as command
+from smad.cli.run import ended_by_signals
 from smad.experiments.base import Comparison
 from smad.experiments.campaign import Bench, CampaignResult, run_campaign
 from smad.experiments.contradictions import CONTRADICTIONS
@@ -140,6 +143,18 @@ def test_the_command_runs_one_experiment_and_writes_page_and_parameters(
     assert "within 3%" in printed
     assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
     assert "resistivity" in parameters.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_ends_the_command_still_disarms(number: int) -> None:
+    before = signal.getsignal(number)
+    did = []
+    with pytest.raises(SystemExit) as end, ended_by_signals(), ExitStack() as ending:
+        ending.callback(did.append, "disarm")
+        signal.raise_signal(number)
+    assert did == ["disarm"]
+    assert end.value.code == 128 + number
+    assert signal.getsignal(number) == before
 
 
 @pytest.mark.parametrize(
