@@ -148,10 +148,15 @@ def test_the_command_runs_one_experiment_and_writes_page_and_parameters(
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_ends_the_command_still_disarms(number: int) -> None:
     before = signal.getsignal(number)
-    did = []
-    with pytest.raises(SystemExit) as end, ended_by_signals(), ExitStack() as ending:
-        ending.callback(did.append, "disarm")
-        signal.raise_signal(number)
+    did: list[str] = []
+
+    def run_and_disarm() -> None:
+        with ended_by_signals(), ExitStack() as ending:
+            ending.callback(did.append, "disarm")
+            signal.raise_signal(number)
+
+    with pytest.raises(SystemExit) as end:
+        run_and_disarm()
     assert did == ["disarm"]
     assert end.value.code == 128 + number
     assert signal.getsignal(number) == before
