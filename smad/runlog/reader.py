@@ -15,6 +15,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from smad.errors import RunLogError
+from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.scan import Damage, NotMcapError, scan
 from smad.runlog.schema import (
@@ -40,8 +41,9 @@ class Run:
     """A run that was read back.
 
     `columns` holds every channel of the schema, all of one length n: float64 with NaN, or int64
-    with -1, where nothing was recorded. `cut_short` says that recording did not end in order (a
-    crash, a full disk); `notes` says in words what is wrong or missing, empty for a whole log.
+    with -1, where nothing was recorded. `being_written` says that a program still writes it;
+    `cut_short`, that none does and that recording did not end in order (a crash, a full disk).
+    `notes` says in words what is wrong or missing, empty for a whole log.
     """
 
     path: Path
@@ -49,6 +51,7 @@ class Run:
     columns: dict[str, Column]
     events: list[Event] = field(default_factory=list)
     link: list[LinkSample] = field(default_factory=list)
+    being_written: bool = False
     cut_short: bool = False
     dropped: int = 0
     damaged: int = 0
@@ -90,6 +93,7 @@ def read_run(path: str | Path, *, progress: Progress = no_progress) -> Run:
     damage = Damage()
     intake = _Intake()
     try:
+        damage.being_written = open_logs.being_written(path)
         size = path.stat().st_size
         with path.open("rb") as file:
             for count, item in enumerate(scan(file, size, damage)):
@@ -195,7 +199,8 @@ class _Intake:
             columns=self._columns(),
             events=events.decode(self._events),
             link=link.decode(self._link),
-            cut_short=not damage.ended_in_order,
+            being_written=damage.being_written and not damage.ended_in_order,
+            cut_short=not (damage.ended_in_order or damage.being_written),
             dropped=dropped,
             damaged=damage.lost_messages,
             notes=notes,

@@ -11,6 +11,7 @@ from typing import BinaryIO
 from mcap import records
 
 from smad.errors import RunLogError
+from smad.runlog import open_logs
 from smad.runlog.mcap_file import CHANNEL_IDS, McapFile, Packed, pack
 from smad.runlog.reader import Progress, no_progress
 from smad.runlog.scan import Damage, Message, NotMcapError, scan
@@ -47,13 +48,18 @@ def recover(
 ) -> Recovery:
     """Write what is readable of the log at `path` to a new file; the old one is left as it is.
 
-    Raises RunLogError when there is nothing to recover: the log is whole, it is no run log, or no
-    message is left. Nothing is written then.
+    Raises RunLogError when there is nothing to recover: the log is whole or still being written, it
+    is no run log, or no message is left. Nothing is written then.
     """
     path = Path(path)
     target = Path(output) if output is not None else recovered_path(path)
     damage = Damage()
     try:
+        if open_logs.being_written(path):
+            raise RunLogError(
+                f"{path} is still being written",
+                action="end the recording first (smad record stop)",
+            )
         size = path.stat().st_size
         source = path.open("rb")
     except OSError as error:

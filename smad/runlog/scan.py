@@ -51,6 +51,8 @@ class Message(NamedTuple):
 class Damage:
     """What was wrong with a file, filled while it is scanned."""
 
+    being_written: bool = False
+    """Set by whoever opens the file; then it is no damage that it has no end."""
     ended_in_order: bool = False
     notes: list[str] = field(default_factory=list)
     lost_messages: int = 0
@@ -102,7 +104,10 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
                 damage.notes.append(f"the record at byte {at} is damaged ({error})")
         at += _RECORD_HEAD.size + length
     damage.unread_bytes = size - at
-    damage.notes.append(f"recording did not end in order: the file breaks off at byte {at}")
+    if damage.being_written:
+        damage.notes.append("still being written; what is shown here is what it holds so far")
+    else:
+        damage.notes.append(f"recording did not end in order: the file breaks off at byte {at}")
 
 
 class _DamagedError(Exception):

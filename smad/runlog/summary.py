@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from msgspec import Struct
 
 from smad.errors import RunLogError
+from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import CHANNEL_IDS
 from smad.runlog.paths import SUFFIX
@@ -45,6 +46,7 @@ class RunSummary(Struct, frozen=True, kw_only=True):
     rows: int
     duration_s: float
     rate_hz: float | None
+    being_written: bool
     cut_short: bool
     dropped: int
     notes: list[str]
@@ -57,7 +59,7 @@ class RunSummary(Struct, frozen=True, kw_only=True):
 
 
 class Overview(Struct, frozen=True, kw_only=True):
-    """One line of a list of runs. `rows` and `duration_s` are None when the log was cut."""
+    """One line of a list of runs. `rows` and `duration_s` are None when it has no end."""
 
     path: str
     size_bytes: int
@@ -83,6 +85,7 @@ def summarise(run: Run) -> RunSummary:
         rows=len(run),
         duration_s=run.duration_s,
         rate_hz=round(float(1 / np.median(steps_s)), 3) if len(steps_s) and steps_s.any() else None,
+        being_written=run.being_written,
         cut_short=run.cut_short,
         dropped=run.dropped,
         notes=run.notes,
@@ -125,6 +128,7 @@ def list_runs(folder: str | Path) -> list[Overview]:
 
 def _overview(path: Path) -> Overview:
     try:
+        open_still = open_logs.being_written(path)
         size_bytes = path.stat().st_size
         header = _header(path, size_bytes)
     except OSError as error:
@@ -133,8 +137,10 @@ def _overview(path: Path) -> Overview:
         return Overview(path=str(path), size_bytes=size_bytes, problem="no MCAP file")
     statistics = _statistics(path)
     rows = duration_s = None
+    problem = "being written" if open_still else "cut short"
     if statistics is not None:
         rows = statistics.channel_message_counts.get(CHANNEL_IDS[Row], 0)
+        problem = ""
         duration_s = (statistics.message_end_time - statistics.message_start_time) / _NS
     return Overview(
         path=str(path),
@@ -144,7 +150,7 @@ def _overview(path: Path) -> Overview:
         started_unix_s=header.started_unix_s,
         rows=rows,
         duration_s=duration_s,
-        problem="" if statistics is not None else "cut short",
+        problem=problem,
     )
 
 

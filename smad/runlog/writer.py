@@ -21,6 +21,7 @@ from types import TracebackType
 import msgspec
 
 from smad.errors import RunLogError
+from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import McapFile, Packed
 from smad.runlog.pack import RecordPacker
@@ -261,6 +262,7 @@ def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
             action="check the folder ([recorder] folder in the configuration)",
         ) from error
     try:
+        open_logs.mark(file)
         mcap = McapFile(file)
         mcap.write_metadata(METADATA_NAME, header.to_metadata())
     except OSError as error:

@@ -15,7 +15,9 @@ from mcap.reader import NonSeekingReader, make_reader
 from smad.errors import RunLogError
 from smad.runlog.paths import free_path, new_run_path, newest_run
 from smad.runlog.reader import read_run
+from smad.runlog.recover import recover
 from smad.runlog.schema import ROW_TOPIC, Event, Row
+from smad.runlog.summary import list_runs
 from smad.runlog.writer import RunWriter, write_run
 
 from .helpers import HEADER, row_numbers, rows, write_small_run
@@ -132,6 +134,24 @@ def test_a_long_run_goes_on_in_further_files(tmp_path: Path) -> None:
     assert len(runs) > 1
     assert [n for run in runs for n in row_numbers(run.columns)] == list(range(1000))
     assert not any(run.cut_short for run in runs)
+
+
+def test_a_log_that_is_being_written_is_not_called_cut(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with RunWriter(path, HEADER, flush_interval_s=0.001) as writer:
+        for row in rows(10):
+            writer.append(row)
+        while not writer.written:
+            time.sleep(0.001)
+        run = read_run(path)
+        assert (len(run), run.being_written, run.cut_short) == (10, True, False)
+        assert run.notes == ["still being written; what is shown here is what it holds so far"]
+        assert [run.problem for run in list_runs(tmp_path)] == ["being written"]
+        with pytest.raises(RunLogError, match=r"still being written.*smad record stop"):
+            recover(path)
+    run = read_run(path)
+    assert (len(run), run.being_written, run.cut_short, run.notes) == (10, False, False, [])
+    assert [run.problem for run in list_runs(tmp_path)] == [""]
 
 
 def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
