@@ -44,14 +44,14 @@ $(VENV)/.python:
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.python
 	@echo "installing smad into $(VENV) (a minute or two the first time)"
-	@$(PY) -m pip install --quiet --disable-pip-version-check -e .
+	@$(PY) -m pip install -qq --disable-pip-version-check -e .
 	@echo "compiling the physics kernel (once)"
 	@$(PY) -m sim_device.plant.warm
 	@touch $@
 
 $(VENV)/.test-installed: pyproject.toml $(VENV)/.installed
 	@echo "installing what the tests need"
-	@$(PY) -m pip install --quiet --disable-pip-version-check -e '.[test]'
+	@$(PY) -m pip install -qq --disable-pip-version-check -e '.[test]'
 	@touch $@
 
 clean:  ## remove what the build made (not your runs)
