@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,8 +58,12 @@ class Conversation:
         self._last_id = 0
 
     def request(self, params: Struct) -> tuple[int, bytes]:
-        """Return the id and the bytes of a request. Raises Refused when it is too long to send."""
+        """Return the id and the bytes of a request.
+
+        Raises Refused for a number that is not finite, and when it is too long to send.
+        """
         method = BY_PARAMS[type(params)]
+        _refuse_infinite(method.name, "", msgspec.to_builtins(params))
         self._last_id += 1
         data = _ENCODER.encode(
             {"jsonrpc": "2.0", "id": self._last_id, "method": method.name, "params": params}
@@ -93,6 +98,23 @@ class Conversation:
         if envelope.error.data is not None:
             raise refused(envelope.error.data)
         raise Refused(envelope.error.message)
+
+
+def _refuse_infinite(where: str, path: str, value: Any) -> None:
+    """JSON writes nan and infinity as null, which in an optional field means "no limit"."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _refuse_infinite(where, f"{path}.{name}" if path else name, item)
+    elif isinstance(value, list | tuple):
+        for index, item in enumerate(value):
+            _refuse_infinite(where, f"{path}[{index}]", item)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise Refused(
+            f"{where}: {path} is not a finite number",
+            value=value,
+            limit="finite numbers",
+            action="nothing was changed; leave an optional field out instead",
+        )
 
 
 def telemetry_of(data: bytes) -> Telemetry:
