@@ -58,9 +58,25 @@ class LazyGroup(click.Group):
         if place is None:
             return None
         module, _, attribute = place.partition(":")
-        command = getattr(importlib.import_module(module), attribute)
+        try:
+            command = getattr(importlib.import_module(module), attribute)
+        except Exception as error:
+            # One damaged part must not take the help, or the way to stop the bench, with it.
+            return _Broken(cmd_name, error)
         assert isinstance(command, click.Command)
         return command
+
+
+class _Broken(click.Command):
+    """Stands for a command that cannot be imported: listed as such, and says why when called."""
+
+    def __init__(self, name: str, error: Exception) -> None:
+        super().__init__(name, help="Cannot be used here; call it to see why.")
+        self._error = error
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Raise what the import raised: no argument would help."""
+        raise self._error
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -89,7 +105,8 @@ def execute(arguments: Sequence[str]) -> int:
         return error.exit_code
     except click.UsageError as error:
         path = error.ctx.command_path if error.ctx is not None else "smad"
-        return _complain(f"{error.format_message()} See {path} --help.", error.exit_code)
+        what = error.format_message().rstrip(".")
+        return _complain(f"{what}. See {path} --help.", error.exit_code)
     except click.ClickException as error:
         return _complain(error.format_message(), error.exit_code)
     except (click.Abort, KeyboardInterrupt):

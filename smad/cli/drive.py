@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from smad.cli.output import bench_option, client, described, wait_for_motion
+from smad.cli.output import NEGATIVE, bench_option, client, described, wait_for_motion
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 _wait = click.option(
@@ -52,8 +52,8 @@ def clear(bench: str, fault: int | None) -> None:
     click.echo("cleared: the board is watched again; arming is up to you")
 
 
-@click.command()
-@click.argument("spring", type=_SPRING)
+@click.command(context_settings=NEGATIVE)
+@click.argument("spring", type=_SPRING, metavar="SPRING")
 @click.argument("temperature_degC", type=float, metavar="DEGC")
 @click.option("--rate", type=float, metavar="K/S", help="Ramp to it instead of going at once.")
 @click.option("--for", "duration_s", type=float, metavar="S", help="Hold for so long.")
@@ -87,8 +87,8 @@ def heat(
         )
 
 
-@click.command()
-@click.argument("spring", type=_SPRING)
+@click.command(context_settings=NEGATIVE)
+@click.argument("spring", type=_SPRING, metavar="SPRING")
 @click.argument("current_a", type=float, metavar="A")
 @click.option("--for", "duration_s", type=float, metavar="S", help="End after so long.")
 @click.option("--until", "until_degc", type=float, metavar="DEGC", help="End when it is so warm.")
@@ -122,8 +122,8 @@ def current(
         )
 
 
-@click.command()
-@click.argument("spring", type=_SPRING)
+@click.command(context_settings=NEGATIVE)
+@click.argument("spring", type=_SPRING, metavar="SPRING")
 @click.argument("duty", type=float)
 @click.option("--for", "duration_s", type=float, metavar="S", help="End after so long.")
 @_wait

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import bench_option, client, wait_for_motion
+from smad.cli.output import NEGATIVE, bench_option, client, wait_for_motion
 from smad.control.segment import millimetres
 from smad.errors import CommandError
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 TIME_COLUMN = "t_s"
 DISPLACEMENT_COLUMN = "displacement_mm"
 ANGLE_COLUMN = "angle_deg"
-
-_NEGATIVE = {"ignore_unknown_options": True}
-"""Without it, the -5 of `smad move step -5` would be taken for an option."""
 
 
 def _unit_mm(context: click.Context, parameter: click.Parameter, degrees: bool) -> float:
@@ -55,7 +52,7 @@ def move() -> None:
     """Move the pair along a trajectory. Positive displacement: spring X pulls."""
 
 
-@move.command(context_settings=_NEGATIVE)
+@move.command(context_settings=NEGATIVE)
 @click.argument("place", type=float, metavar="MM")
 @click.option("--for", "duration_s", type=float, default=10.0, show_default=True, metavar="S")
 @_degrees
@@ -67,7 +64,7 @@ def step(place: float, duration_s: float, unit_mm: float, **options: Any) -> Non
     _send(Step(displacement_mm=place * unit_mm, duration_s=duration_s), **options)
 
 
-@move.command(context_settings=_NEGATIVE)
+@move.command(context_settings=NEGATIVE)
 @click.argument("duration_s", type=float, metavar="S")
 @_options
 def hold(duration_s: float, **options: Any) -> None:
@@ -77,7 +74,7 @@ def hold(duration_s: float, **options: Any) -> None:
     _send(Hold(duration_s=duration_s), **options)
 
 
-@move.command(context_settings=_NEGATIVE)
+@move.command(context_settings=NEGATIVE)
 @click.argument("place", type=float, metavar="MM")
 @click.option("--rate", type=float, default=2.0, show_default=True, metavar="MM/S")
 @_degrees
@@ -89,7 +86,7 @@ def ramp(place: float, rate: float, unit_mm: float, **options: Any) -> None:
     _send(Ramp(displacement_mm=place * unit_mm, rate_mm_per_s=rate * unit_mm), **options)
 
 
-@move.command(context_settings=_NEGATIVE)
+@move.command(context_settings=NEGATIVE)
 @click.argument("amplitude", type=float, metavar="MM")
 @click.argument("period_s", type=float, metavar="S")
 @click.option("--cycles", type=int, default=3, show_default=True)
@@ -118,7 +115,7 @@ def sine(
     )
 
 
-@move.command(context_settings=_NEGATIVE)
+@move.command(context_settings=NEGATIVE)
 @click.argument("amplitude", type=float, metavar="MM")
 @click.argument("start_hz", type=float, metavar="HZ")
 @click.argument("end_hz", type=float, metavar="HZ")
@@ -151,7 +148,7 @@ def chirp(
     )
 
 
-@move.command(context_settings=_NEGATIVE)
+@move.command(context_settings=NEGATIVE)
 @click.argument("height", type=float, metavar="MM")
 @click.argument("steps", type=int)
 @click.option("--dwell", type=float, default=10.0, show_default=True, metavar="S")
@@ -170,7 +167,7 @@ def staircase(
     )
 
 
-@move.command(context_settings=_NEGATIVE)
+@move.command(context_settings=NEGATIVE)
 @click.argument("amplitude", type=float, metavar="MM")
 @click.argument("levels", type=int)
 @click.option("--dwell", type=float, default=10.0, show_default=True, metavar="S")
@@ -189,7 +186,7 @@ def random(
     )
 
 
-@move.command(context_settings=_NEGATIVE)
+@move.command(context_settings=NEGATIVE)
 @click.argument("path", type=click.Path(path_type=Path))
 @_options
 def follow(path: Path, **options: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +19,23 @@ FIRST_PROGRESS_S = 2.0
 _LINE_EVERY_S = 5.0
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+NEGATIVE = {"ignore_unknown_options": True}
+"""Context of a command with numbers: without it, a -5 would be taken for an option."""
+
+
+class Finite(click.FloatRange):
+    """A number in a range; click itself lets nan through any."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number. Fails as a usage error."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
 
 bench_option = click.option(
     "--bench",
@@ -38,13 +56,15 @@ def client(bench: str) -> Client:
 class Progress:
     """One line that says what is going on, from two seconds on.
 
-    On a terminal it is overwritten in place; elsewhere a new line comes every five seconds.
+    On a terminal it is overwritten in place; elsewhere a new line comes every five seconds, if it
+    says something new.
     """
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._clock_s = clock_s
         self._began_s = clock_s()
         self._last_s = self._began_s
+        self._last = ""
         self._terminal = sys.stderr.isatty()
         self._shown = False
 
@@ -56,9 +76,9 @@ class Progress:
         if self._terminal:
             click.echo(f"\r\x1b[K{text}", nl=False, err=True)
             self._shown = True
-        elif not self._shown or now_s - self._last_s >= _LINE_EVERY_S:
+        elif text != self._last and (not self._last or now_s - self._last_s >= _LINE_EVERY_S):
             click.echo(text, err=True)
-            self._shown = True
+            self._last = text
             self._last_s = now_s
 
     def done(self) -> None:

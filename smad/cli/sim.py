@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from smad.cli.output import Finite
 from smad.errors import SmadError
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class SimulatorError(SmadError):
 @click.option(
     "--fault", "faults", multiple=True, metavar="NAME@S[:KEY=VALUE,…]", help="Something to break."
 )
-@click.option("--for", "seconds", type=float, metavar="S", help="End after so long.")
+@click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after so long.")
 @click.option("--transport", default="pty", show_default=True, help="pty, or fd:N (a socket).")
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
 def sim(

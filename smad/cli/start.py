@@ -69,6 +69,12 @@ def start(
             value=port,
             action="choose the board or the simulated bench",
         )
+    if baud is not None:
+        raise ConfigError(
+            "--baud and --sim exclude each other: a pseudo-terminal takes any",
+            value=baud,
+            action="leave --baud out",
+        )
     plant = config.plant
     config = replaced(
         config,

@@ -334,6 +334,7 @@ def test_options_that_contradict_each_other_are_refused(
 ) -> None:
     assert "need --sim" in failed(capfd, "start", "--port", "/dev/null", "--speed", "3")
     assert "exclude each other" in failed(capfd, "start", "--sim", "--port", "/dev/null")
+    assert "leave --baud out" in failed(capfd, "start", "--sim", "--baud", "115200")
     assert "--port DEVICE" in failed(capfd, "start")
     assert "fault" in failed(capfd, "sim", "--fault", "wibble@1")
 
@@ -350,6 +351,54 @@ def test_progress_is_silent_for_two_seconds_and_then_says_something_now_and_then
     told = capfd.readouterr().err.split("\n")
     assert told[0] == "at 2 s"
     assert len(told) == 4
+
+
+def test_progress_that_says_nothing_new_is_told_once(capfd: pytest.CaptureFixture[str]) -> None:
+    now = 0.0
+    line = Progress(lambda: now)
+    for tenth in range(300):
+        now = tenth / 10
+        line.say("measuring")
+    line.done()
+    assert capfd.readouterr().err == "measuring\n"
+
+
+def test_help_and_other_commands_work_when_one_cannot_be_imported(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(COMMANDS, "gap", "smad.cli.nowhere:gap")  # type: ignore[arg-type]
+    assert execute(["--help"]) == 0
+    listed = capfd.readouterr().out
+    assert "Cannot be used here" in listed
+    assert "disarm" in listed
+    assert "No module named" in failed(capfd, "gap", "diagnose", "--help")
+    assert execute(["config", "show"]) == 0
+
+
+@pytest.mark.parametrize(
+    "words", [("current", "x", "1", "--for", "inf"), ("heat", "x", "45", "--for", "nan")]
+)
+def test_a_limit_that_is_no_number_is_refused_and_never_means_no_limit(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon, words: tuple[str, ...]
+) -> None:
+    message = failed(capfd, *words)
+    assert "duration_s is not a finite number" in message
+    assert words[-1] in message
+    assert daemon.asked == []
+
+
+def test_negative_numbers_are_numbers_not_options(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
+) -> None:
+    assert execute(["current", "x", "-1", "--no-wait"]) == 0
+    assert daemon.asked[-1]["params"]["i_x_A"] == -1.0
+
+
+@pytest.mark.parametrize("seconds", ["nan", "-1", "inf"])
+def test_the_link_is_tested_for_a_time_that_makes_sense(
+    capfd: pytest.CaptureFixture[str], seconds: str
+) -> None:
+    assert "--for" in failed(capfd, "link", "test", "--for", seconds)
 
 
 def test_the_reference_of_commands_is_not_stale() -> None:
