@@ -156,7 +156,6 @@ class _Life:
                 daemon.publisher.bind_extra(config.telemetry.endpoint)
             if daemon.publisher.note:
                 daemon.status.notes.append(daemon.publisher.note)
-                self._journal.say(daemon.publisher.note)
         return Connection(
             bench=endpoints.bench,
             pid=os.getpid(),
@@ -228,7 +227,8 @@ class _Life:
 
     def _announce(self, daemon: Daemon) -> None:
         transport = daemon.link.transport
-        for note in () if transport is None else transport.notes:
+        # Told when all is well: a refusal to start stays the one line there is.
+        for note in (*daemon.status.notes, *(() if transport is None else transport.notes)):
             self._journal.say(f"note: {note}")
         text = f"ready: bench {self._endpoints.bench!r} on {self._config.link.port}, not armed"
         self._journal.say(text)

@@ -134,12 +134,16 @@ def _device_number(path: str) -> int:
     except OSError as error:
         raise _refused(path, 0, error) from error
     if found.st_rdev == 0:
-        raise PortError(
-            "this is not a serial port",
-            value=path,
-            action="name a device, best from /dev/serial/by-id, or use --sim",
-        )
+        raise _no_serial_port(path)
     return found.st_rdev
+
+
+def _no_serial_port(path: str) -> PortError:
+    return PortError(
+        "this is not a serial port",
+        value=path,
+        action="name a device, best from /dev/serial/by-id, or use --sim",
+    )
 
 
 def _busy(path: str, holder: str) -> PortError:
@@ -152,7 +156,7 @@ def _busy(path: str, holder: str) -> PortError:
 
 
 def _refused(path: str, baud: int, error: Exception) -> PortError:
-    number = getattr(error, "errno", None)
+    number = _number(error)
     if number in (errno.EBUSY, errno.EWOULDBLOCK):
         return _busy(path, "another program")
     if number in (errno.EACCES, errno.EPERM):
@@ -161,6 +165,8 @@ def _refused(path: str, baud: int, error: Exception) -> PortError:
             value=path,
             action="add yourself to the group dialout and log in again, or install the udev rule",
         )
+    if number == errno.ENOTTY:
+        return _no_serial_port(path)
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
         return PortError(
             "there is no such port",
@@ -179,8 +185,16 @@ def _refused(path: str, baud: int, error: Exception) -> PortError:
 
 
 def _reason(error: Exception) -> str:
+    number = _number(error)
+    return str(error) if number is None else os.strerror(number)
+
+
+def _number(error: BaseException) -> int | None:
     number = getattr(error, "errno", None) or (error.args[0] if error.args else None)
-    return os.strerror(number) if isinstance(number, int) else str(error)
+    if isinstance(number, int):
+        return number
+    # pyserial puts the number of what the driver said into its text.
+    return None if error.__context__ is None else _number(error.__context__)
 
 
 def _set_line(fd: int) -> None:

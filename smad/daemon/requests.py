@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from firmware_protocol.enums import ErrorCode
+from firmware_protocol.enums import BoardState, ErrorCode
 from firmware_protocol.errors import ProtocolError
 from firmware_protocol.events import FailureReason, HostEvent, RequestDone, RequestFailed
 from firmware_protocol.host import HostSession
@@ -156,10 +156,15 @@ def refusal(error: Error, request: Message | None = None) -> Refusal:
         error.code, (f"the board refused with code {int(error.code)}", _UPDATE)
     )
     told = error.value != 0 or error.limit != 0
+    worded = _state_name if error.code is ErrorCode.WRONG_STATE else int
     return Refusal(
         Reason.BOARD_REFUSED,
         cause,
-        value=error.value if told else None,
-        limit=error.limit if told else None,
+        value=worded(error.value) if told else None,
+        limit=worded(error.limit) if told else None,
         action=action,
     )
+
+
+def _state_name(number: int) -> str | int:
+    return BoardState(number).name if number in set(BoardState) else number

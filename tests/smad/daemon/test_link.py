@@ -168,7 +168,7 @@ def test_what_a_pseudo_terminal_does_not_grant_is_noted(tty: tuple[int, str]) ->
 
 @pytest.mark.parametrize(
     ("path", "words"),
-    [("/dev/no-such-port", "no such port"), ("/dev/null", "cannot open the port"), ("", "no such")],
+    [("/dev/no-such-port", "no such port"), ("/dev/null", "not a serial port"), ("", "no such")],
 )
 def test_a_wrong_port_is_refused_with_its_name(path: str, words: str) -> None:
     with pytest.raises(PortError, match=words) as refused:

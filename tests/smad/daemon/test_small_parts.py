@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from firmware_protocol.enums import BoardState, ErrorCode
+from firmware_protocol.messages import NO_FIELD, Error
 from firmware_protocol.rates import USUAL_BAUDS, USUAL_RATES_HZ
 from smad.daemon.budget import TimeBudget
 from smad.daemon.errors import Refusal
@@ -14,6 +16,7 @@ from smad.daemon.histogram import Histogram
 from smad.daemon.journal import Journal
 from smad.daemon.lease import DeadMan, Lease
 from smad.daemon.notify import Notifier
+from smad.daemon.requests import refusal
 from smad.daemon.wirerate import check_rate, line_share
 from smad.errors import ConfigError
 
@@ -114,6 +117,18 @@ def test_the_pair_that_a_refusal_names_fits(rate_hz: int) -> None:
             check_rate(rate_hz, named)
         else:
             assert line_share(rate_hz, baud) <= 0.7
+
+
+def test_a_refusal_because_of_the_boards_state_names_the_states() -> None:
+    error = Error(
+        request_type=1,
+        request_seq=1,
+        code=ErrorCode.WRONG_STATE,
+        field=NO_FIELD,
+        value=BoardState.ARMED,
+        limit=BoardState.FAULT,
+    )
+    assert "got ARMED; allowed: FAULT" in str(refusal(error))
 
 
 def test_the_journal_prints_in_order_and_keeps_the_last_lines() -> None:
