@@ -194,7 +194,13 @@ def _line(**fields: str | float) -> Action:
 
     def begin(bench: SimulatedBench, p: Parameters) -> None:
         for line in _lines(bench, p):
-            line.spoil(**{n: p[v] if isinstance(v, str) else v for n, v in fields.items()})
+            # Parameters are floats; a number of bytes has to be whole again.
+            line.spoil(
+                **{
+                    name: type(getattr(line, name))(p[value] if isinstance(value, str) else value)
+                    for name, value in fields.items()
+                }
+            )
 
     return begin
 

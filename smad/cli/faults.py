@@ -1,11 +1,21 @@
-"""`smad faults`: what a fault means, in plain words."""
+"""`smad faults`: what a fault means, in plain words, and the campaign that tries them all."""
 
 from __future__ import annotations
 
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import click
 
-from smad.cli.output import bench_option, client
+from smad.cli.output import bench_option, client, progress
 from smad.errors import CommandError
+
+if TYPE_CHECKING:
+    from smad.faults.report import CampaignRun, Judged
+
+_PAIRS_A_COUNT = 5
 
 
 @click.group()
@@ -40,6 +50,151 @@ def list_command() -> None:
 
     for fault in Fault:
         click.echo(f"{int(fault):>3}  {fault.name:<24}  {FAULT_TEXTS[fault].cause}")
+
+
+@faults.command("run")
+@click.option("--only", multiple=True, metavar="NAME", help="Only this fault; repeat for more.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
+@click.option(
+    "--count",
+    type=click.IntRange(1),
+    default=1000,
+    show_default=True,
+    help="Injections in lockstep; the faults take turns.",
+)
+@click.option(
+    "--pairs",
+    type=click.IntRange(0),
+    help="Pairs of faults besides; a fifth of the count unless --only is given.",
+)
+@click.option("--lockstep", is_flag=True, help="Only on virtual time, without processes.")
+@click.option("--process", is_flag=True, help="Only with a real daemon process.")
+@click.option("--jobs", type=click.IntRange(1), help="Processes to run on; one a core.")
+@click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--html", "html_path", type=click.Path(path_type=Path), metavar="FILE")
+def run_command(
+    *,
+    only: tuple[str, ...],
+    seed: int,
+    count: int,
+    pairs: int | None,
+    lockstep: bool,
+    process: bool,
+    jobs: int | None,
+    json_path: Path | None,
+    html_path: Path | None,
+) -> int:
+    """Break a simulated bench in every known way and judge what comes of it.
+
+    In lockstep the board and the daemon's control task run on virtual time; faults of the host
+    are tried on a real daemon process. Exit status 1 if anything breaks the oracle.
+    """
+    from smad.faults import report
+    from smad.report.page import text_table, write_page
+
+    began_s = time.monotonic()
+    results: list[Judged] = []
+    both = lockstep == process
+    host_faults, rows = _chosen(only, with_lockstep=both or lockstep, with_process=both or process)
+    if rows:
+        wanted = pairs if pairs is not None else 0 if only else count // _PAIRS_A_COUNT
+        results += _lockstep(seed, count, wanted, rows, jobs)
+    results += _process(seed, host_faults)
+    asked = click.get_current_context()
+    run = report.CampaignRun(
+        seed=seed,
+        when=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        took_s=time.monotonic() - began_s,
+        command=_described(asked.params),
+        results=tuple(results),
+    )
+    click.echo(text_table(report.table_of(report.by_fault(run.results))))
+    click.echo(text_table(report.table_of(report.by_group(run.results))))
+    _write(run, json_path)
+    if html_path is not None:
+        write_page(report.page_of(run), html_path)
+    for line in report.failure_lines(run):
+        click.echo(f"FAILED {line}")
+    click.echo(report.verdict(run))
+    return 1 if run.failures else 0
+
+
+def _chosen(
+    only: tuple[str, ...], *, with_lockstep: bool, with_process: bool
+) -> tuple[list[str], list[str]]:
+    """Names for the process campaign and for the lockstep campaign. Raises CommandError."""
+    from smad.faults.catalogue import ROWS
+    from smad.faults.process import HOST_FAULTS
+
+    host = list(HOST_FAULTS) if with_process else []
+    device = {row.name: row.kind.name for row in ROWS.values()} if with_lockstep else {}
+    known = {*host, *device, *device.values()}
+    for name in only:
+        if name not in known:
+            raise CommandError(
+                "there is no such fault in the campaign asked for", value=name,
+                limit=", ".join(sorted(known)), action="smad sim --help says how to inject by hand",
+            )  # fmt: skip
+    wanted = known if not only else set(only)
+    return (
+        [name for name in host if name in wanted],
+        [name for name, kind in device.items() if name in wanted or kind in wanted],
+    )
+
+
+def _lockstep(
+    seed: int, count: int, pairs: int, names: list[str], jobs: int | None
+) -> list[Judged]:
+    from smad.faults.campaign import chosen_rows, outcomes, pair_cases, single_cases
+    from smad.faults.report import judged
+
+    cases = single_cases(seed, count, chosen_rows(names)) + pair_cases(seed, pairs)
+    results = []
+    with progress() as line:
+        for outcome in outcomes(cases, jobs):
+            results.append(judged(outcome))
+            bad = sum(1 for result in results if result.violations)
+            line.say(f"lockstep: {len(results)} of {len(cases)}, {bad} broke the oracle")
+        line.done()
+    return results
+
+
+def _process(seed: int, names: list[str]) -> list[Judged]:
+    from smad.faults.process import HOST_FAULTS, run_host_fault
+    from smad.faults.report import judged
+
+    results = []
+    with progress() as line:
+        for n, name in enumerate(names):
+            line.say(f"process: {name}, {n + 1} of {len(names)}")
+            results.append(judged(run_host_fault(HOST_FAULTS[name], seed)))
+        line.done()
+    return results
+
+
+def _described(params: dict[str, object]) -> str:
+    """The options that say what was run, as they are typed."""
+    words = ["smad faults run", f"--seed {params['seed']}", f"--count {params['count']}"]
+    if params["pairs"] is not None:
+        words.append(f"--pairs {params['pairs']}")
+    only = params["only"]
+    words += [f"--only {name}" for name in only] if isinstance(only, tuple) else []
+    words += [f"--{flag}" for flag in ("lockstep", "process") if params[flag]]
+    return " ".join(words)
+
+
+def _write(run: CampaignRun, path: Path | None) -> None:
+    from smad.faults.report import json_of
+
+    if path is None:
+        return
+    try:
+        path.write_text(json_of(run))
+    except OSError as error:
+        raise CommandError(
+            f"the results cannot be written ({error.strerror})", value=str(path),
+            action="choose another file with --json",
+        ) from None  # fmt: skip
 
 
 def _fault(name: str) -> object:

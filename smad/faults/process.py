@@ -1,0 +1,238 @@
+"""The process campaign: the real daemon on a pseudo-terminal in wall time; the host's faults."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import zmq
+
+from smad.client import Client, Refused
+from smad.control.commands import DriveCurrent
+from smad.daemon.errors import TaskDied
+from smad.errors import RunLogError, SmadError
+from smad.faults.catalogue import HOLD_BUDGET_J
+from smad.faults.lockstep import gate_open_after, states_after
+from smad.faults.oracle import Ending, Expectation, LogFound, Outcome, Then
+from smad.faults.rig import PATIENCE_S, Rig, rig_in
+from smad.faults.victim import DAEMON_PARTS, WALL_CLOCK_PART, WRITER_PART
+from smad.runlog.paths import newest_run
+from smad.runlog.reader import read_run
+
+FULL_W = 13.0
+"""A little more than a spring takes at 4 A."""
+
+DEATH_BUDGET_J = 20.0
+"""A second until the part that breaks is used, and half a second to disarm or to be missed."""
+
+_AFTER_STOP_S = 1.5
+_STOPPED_FOR_S = 2.0
+_DAEMON_STAYS = ("ended by SIGTERM",)
+
+
+@dataclass(frozen=True)
+class HostFault:
+    """One fault of the process campaign. `begin` breaks; its answer is what was not refused."""
+
+    name: str
+    text: str
+    begin: Callable[[Rig, Client], str]
+    then: Then
+    faults: tuple[str, ...] = ()
+    budget_J: float = HOLD_BUDGET_J
+    watch_s: float = 5.0
+    after_stop_s: float = _AFTER_STOP_S
+    part: str = ""
+    status: int = 0
+    words: tuple[str, ...] = _DAEMON_STAYS
+
+
+def _kill(rig: Rig, client: Client) -> str:
+    rig.signal(signal.SIGKILL)
+    return ""
+
+
+def _stop_and_go_on(rig: Rig, client: Client) -> str:
+    rig.signal(signal.SIGSTOP)
+    time.sleep(_STOPPED_FOR_S)
+    rig.signal(signal.SIGCONT)
+    return ""
+
+
+def _break_part(rig: Rig, client: Client) -> str:
+    rig.signal(signal.SIGUSR1)
+    return ""
+
+
+def _device(name: str, **parameters: float) -> Callable[[Rig, Client], str]:
+    def begin(rig: Rig, client: Client) -> str:
+        rig.inject(name, **parameters)
+        return ""
+
+    return begin
+
+
+def _disk_full(rig: Rig, client: Client) -> str:
+    size = Path(client.status().recorder.path).stat().st_size
+    resource.prlimit(rig.daemon.process.pid, resource.RLIMIT_FSIZE, (size, size))
+    rig.wait("the daemon says that recording failed", lambda: bool(_recorder_error(client)))
+    return ""
+
+
+def _recorder_error(client: Client) -> str:
+    return client.status().recorder.error
+
+
+def _second_commander(rig: Rig, client: Client) -> str:
+    client.take_control("first", lease_s=30.0)
+    other = Client(folder=rig.folder, timeout_s=PATIENCE_S)
+    try:
+        other.current(DriveCurrent(i_y_A=4.0))
+    except Refused:
+        return ""
+    else:
+        return "a second client commanded a bench that another one holds"
+    finally:
+        other.close()
+
+
+def _deaf_subscribers(rig: Rig, client: Client) -> str:
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    for _ in range(3):
+        deaf = context.socket(zmq.SUB)
+        deaf.setsockopt(zmq.RCVHWM, 1)
+        deaf.setsockopt(zmq.SUBSCRIBE, b"")
+        deaf.connect(client.connection.telemetry)
+    time.sleep(3.0)
+    context.destroy(linger=0)
+    return ""
+
+
+_LOST = ("SETPOINT_LOST",)
+
+_ROWS: tuple[HostFault, ...] = (
+    HostFault("sigkill", "the daemon is killed while armed", _kill, Then.STOPS, _LOST,
+              status=-signal.SIGKILL, words=()),
+    HostFault("sigstop", "the daemon is stopped for 2 s while armed", _stop_and_go_on, Then.STOPS,
+              _LOST, words=(*_DAEMON_STAYS, "the board has stopped already")),
+    HostFault("unplug", "the cable is out for 2 s", _device("unplug", seconds=2.0), Then.STOPS,
+              _LOST, after_stop_s=4.0, words=(*_DAEMON_STAYS, "the board has stopped already")),
+    HostFault("stall", "nothing passes for 3 s, then all at once", _device("stall", lasts=3.0),
+              Then.STOPS, _LOST, after_stop_s=5.0,
+              words=(*_DAEMON_STAYS, "the board has stopped already")),
+    HostFault("disk_full", "the run log may not grow any more", _disk_full, Then.GOES_ON,
+              watch_s=2.0,
+              words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("second_commander", "another client commands a held bench", _second_commander,
+              Then.GOES_ON, watch_s=1.0,
+              words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("deaf_subscribers", "three subscribers never read, then die", _deaf_subscribers,
+              Then.GOES_ON, watch_s=1.0,
+              words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("wall_clock_jump", "the wall clock jumps back by an hour", _break_part, Then.GOES_ON,
+              watch_s=2.0, part=WALL_CLOCK_PART,
+              words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("dies_writer", "the thread of the run log raises", _break_part, Then.GOES_ON,
+              watch_s=2.0, part=WRITER_PART,
+              words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    *(
+        HostFault(f"dies_{part}", f"the daemon's {part} raises", _break_part, Then.DISARMS,
+                  budget_J=DEATH_BUDGET_J, part=part, status=TaskDied.exit_status,
+                  words=("task died", "RuntimeError: injected", "disarmed"))
+        for part in DAEMON_PARTS
+    ),
+)  # fmt: skip
+
+HOST_FAULTS: dict[str, HostFault] = {row.name: row for row in _ROWS}
+
+
+def run_host_fault(fault: HostFault, seed: int) -> Outcome:
+    """Run one with a daemon, a bench and a client of its own; a few seconds of wall time.
+
+    Raises SmadError when the healthy bench could not be brought to heat.
+    """
+    # Socket paths are short.
+    with (
+        tempfile.TemporaryDirectory(prefix="smad-fault-") as folder,
+        rig_in(Path(folder), seed, fault.part) as rig,
+    ):
+        client = rig.heat()
+        onset_us = rig.bench.now_us
+        not_refused = _begun(fault, rig, client)
+        rig.watch(fault.watch_s, fault.after_stop_s)
+        observed_us = rig.bench.now_us
+        alive = rig.daemon.process.poll() is None and fault.then is not Then.DISARMS
+        running = alive and client.status().motion.armed
+        status = rig.daemon.end(signal.SIGTERM)
+        rig.stop_bench()
+        ending = Ending(status, rig.daemon.last_line, fault.status, fault.words)
+        seen = _Seen(onset_us, observed_us, running, not_refused, ending)
+        return _outcome(fault, rig, seen)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What was noted while a fault was tried; times of the bench in us."""
+
+    onset_us: int
+    observed_us: int
+    running: bool
+    not_refused: str
+    ending: Ending
+
+
+def _begun(fault: HostFault, rig: Rig, client: Client) -> str:
+    try:
+        return fault.begin(rig, client)
+    except SmadError as error:
+        return f"it did not go as it should: {error}"
+
+
+def _outcome(fault: HostFault, rig: Rig, seen: _Seen) -> Outcome:
+    onset_us, observed_us = seen.onset_us, seen.observed_us
+    trace = rig.bench.trace
+    safe_us = trace.safe_at(onset_us)
+    if safe_us is not None and safe_us > observed_us:
+        # Our own disarm at the end is not what the fault led to.
+        safe_us = None
+    until_us = observed_us if safe_us is None else safe_us
+    first = rig.bench.board.supervisor.first_fault
+    watched_s = (until_us - onset_us) * 1e-6
+    goes_on = fault.then is Then.GOES_ON
+    states = states_after(trace, onset_us)
+    return Outcome(
+        name=fault.name,
+        group="process",
+        scene="heating",
+        injected=fault.text,
+        expected=Expectation(
+            fault.then, fault.faults, FULL_W * watched_s + 1.0 if goes_on else fault.budget_J
+        ),
+        first_fault="" if first is None else first.fault.name,
+        told_fault="",
+        safe_after_s=None if safe_us is None else watched_s,
+        energy_J=trace.heat_at(until_us) - trace.heat_at(onset_us),
+        energy_after_safe_J=0.0 if safe_us is None else trace.heat_J[-1] - trace.heat_at(safe_us),
+        states=tuple(s for s in states if s[0] * 1e6 + onset_us <= observed_us),
+        gate_open_later=safe_us is not None and gate_open_after(trace, safe_us),
+        host_running_later=safe_us is not None and seen.running,
+        log=_log(rig),
+        ending=seen.ending,
+        not_refused=seen.not_refused,
+    )
+
+
+def _log(rig: Rig) -> LogFound:
+    path = newest_run(rig.runs)
+    if path is None:
+        return LogFound(0, rig.flushed_rows, "there is none")
+    try:
+        run = read_run(path)
+    except RunLogError as error:
+        return LogFound(0, rig.flushed_rows, str(error))
+    return LogFound(len(run), rig.flushed_rows)
