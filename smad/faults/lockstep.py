@@ -200,6 +200,11 @@ class Case:
         return SCENES[self.scene_name]
 
     @property
+    def apart_s(self) -> float:
+        """Time from the first onset to the last."""
+        return max(self.onsets_s) - min(self.onsets_s)
+
+    @property
     def observe_s(self) -> float:
         """How long to watch after the last onset if nothing stops."""
         return max(row.observe_s for row in self.rows)
@@ -358,18 +363,23 @@ def expectation(case: Case, onset_s: float, until_s: float) -> Expectation:
         budget_J = stop_J if bounded else allowed_J + (stop_J if math.isfinite(stop_J) else 0.0)
         told = then is Then.STOPS and row.kind.group in ("sensor", "actuator")
         return Expectation(then, row.faults, budget_J, told)
-    return _pair_expectation(case, allowed_J)
+    between_J = healthy_J(case.scene, case.bench_seed, onset_s, onset_s + case.apart_s)
+    return _pair_expectation(case, allowed_J, between_J * _TWIN_SLACK)
 
 
-def _pair_expectation(case: Case, allowed_J: float) -> Expectation:
-    thens = [row.then_in(case.scene.name) for row in case.rows]
+def _pair_expectation(case: Case, allowed_J: float, between_J: float) -> Expectation:
+    """Of two faults: each may use its budget, and until the second the first may be harmless."""
+    thens = {row.then_in(case.scene.name) for row in case.rows}
     faults = {name for row in case.rows for name in row.faults}
-    if all(row.kind.group in _NOISE_GROUPS for row in case.rows):
+    noise = all(row.kind.group in _NOISE_GROUPS for row in case.rows)
+    if noise:
         # Two disturbances of the line, each harmless, may together cost enough setpoints.
         faults.add("SETPOINT_LOST")
     budgets = [row.stop_budget_J for row in case.rows]
-    extra_J = sum(budget for budget in budgets if math.isfinite(budget))
-    restarts = Then.RESTARTS in thens
-    stops = Then.STOPS in thens or Then.ENDS_OFF in thens or restarts
-    then = Then.ENDS_OFF if stops else Then.GOES_ON if not faults else Then.MAY_STOP
-    return Expectation(then, tuple(sorted(faults)), allowed_J + extra_J)
+    stop_J = sum(budget for budget in budgets if math.isfinite(budget))
+    if thens & {Then.RESTARTS, Then.ENDS_OFF} or (noise and Then.STOPS in thens):
+        return Expectation(Then.ENDS_OFF, tuple(sorted(faults)), between_J + stop_J)
+    if Then.STOPS in thens:
+        return Expectation(Then.STOPS, tuple(sorted(faults)), between_J + stop_J)
+    then = Then.MAY_STOP if faults else Then.GOES_ON
+    return Expectation(then, tuple(sorted(faults)), allowed_J + stop_J)
