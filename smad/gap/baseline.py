@@ -14,7 +14,7 @@ from smad.gap.fit import Start, joint_fits
 from smad.gap.judge import judge
 from smad.gap.lsq import Fitted, drive, fitting
 from smad.gap.plant import Effect
-from smad.gap.screen import probe, screen
+from smad.gap.screen import probe, reprobe, screen
 from smad.gap.select import cluster_gain
 
 
@@ -28,9 +28,10 @@ def learn_baseline(
     settings = fit.problem.evidence.settings
     library = sorted(effects, key=lambda e: e.name)
     current = fit
+    probes = probe(current, library)
     for _ in range(settings.baseline_effects):
-        known = {e.name for e in current.space.effects}
-        ranked = screen(probe(current, [e for e in library if e.name not in known]))
+        probes = reprobe(probes, current)
+        ranked = screen(probes)
         chosen = [s for s in ranked if s.gain > settings.baseline_gain][: settings.baseline_tried]
         if not chosen:
             break
@@ -41,7 +42,8 @@ def learn_baseline(
                 Start((*current.space.effects, s.effect), {**values, s.effect.name: s.start})
                 for s in chosen
             ],
-            finish=2,
+            finish=1,
+            iterations=4,
         )
         before, *after = judge([current, *(j.fit for j in joints.values())], None)
         best, best_gain = None, 0.0

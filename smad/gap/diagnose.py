@@ -228,6 +228,7 @@ class _Closing:
             threshold=prepared.threshold,
             touched=touched,
             whole=whole,
+            since_good=self.shell.since_good,
             moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
             chance=min((c.p_value for c in selection.tried if len(c.names) == 1), default=1.0),
             visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))

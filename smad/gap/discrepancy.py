@@ -21,7 +21,7 @@ from smad.gap.replay import Evidence
 from smad.gap.runs import GapRun
 from smad.gap.whiten import OutputNoise, Whitening
 
-_MIN_ROWS = 40
+_MIN_ROWS = 12
 _WORTH_A_TEMPLATE = 0.2
 
 
@@ -151,7 +151,20 @@ def correlation_time(evidence: Evidence, residual: Array, key: str) -> float:
     return float((below[0] + 1 if len(below) else longest) * evidence.settings.period_s)
 
 
-def learn_background(fit: Fitted, base: Mapping[str, OutputNoise]) -> Background:
+def _enlargement(evidence: Evidence, residual: Array, key: str) -> float:
+    """How much larger a variance may be than a few runs, or a few slow swings, have shown.
+
+    The second term counts stretches of the correlation time as one observation each.
+    """
+    rows = sum(s.stop - s.start for s in evidence.rows_of(key))
+    tau = correlation_time(evidence, residual, key)
+    swings = rows * evidence.settings.period_s / max(2.0 * tau, evidence.settings.period_s)
+    return 1.0 + 2.0 / len(evidence.runs) + 8.0 / max(swings, 1.0)
+
+
+def learn_background(
+    fit: Fitted, base: Mapping[str, OutputNoise], *, templates: bool = True
+) -> Background:
     """Templates and K_δ from the fit of known-good runs.
 
     Residuals of the fit itself, made larger for having been fitted: those of good runs left out
@@ -160,15 +173,17 @@ def learn_background(fit: Fitted, base: Mapping[str, OutputNoise]) -> Background
     problem = fit.problem
     ev = problem.evidence
     residual = ev.residual(fit.predicted)
-    templates: dict[str, Correction] = {}
+    found: dict[str, Correction] = {}
     remainder = residual.copy()
     made = Designs.of(ev)
-    for key in ev.keys:
+    for key in ev.keys if templates else []:
         correction, predicted = fit_correction(made, residual, problem.whitening.s, key)
         if correction.explained >= _WORTH_A_TEMPLATE:
-            templates[key] = correction
+            found[key] = correction
             remainder -= np.where(ev.valid, predicted, 0.0)
-    inflate = 1.0 + 2.0 / len(ev.runs)
-    noise = {k: _with_regimes(ev, remainder, k, base[k], inflate) for k in ev.keys}
-    white = Whitening(ev, noise).white(np.sqrt(inflate) * remainder)
-    return Background(noise, templates, fit, white)
+    inflate = {k: _enlargement(ev, remainder, k) for k in ev.keys}
+    noise = {k: _with_regimes(ev, remainder, k, base[k], inflate[k]) for k in ev.keys}
+    for seg in ev.segments:
+        remainder[seg.rows] *= np.sqrt(inflate[seg.key])
+    white = Whitening(ev, noise).white(remainder)
+    return Background(noise, found, fit, white)

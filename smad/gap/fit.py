@@ -65,7 +65,7 @@ class Interval:
 
 
 def joint_fits(
-    base: Fitted, starts: Sequence[Start], finish: int = 3
+    base: Fitted, starts: Sequence[Start], finish: int = 3, iterations: int | None = None
 ) -> dict[tuple[str, ...], JointFit]:
     """Fits every start, in step, and keeps the best of each set of effects.
 
@@ -73,6 +73,7 @@ def joint_fits(
     `finish` sets then get a second one in which they are renewed.
     """
     settings = base.problem.evidence.settings
+    iterations = settings.fit_iterations if iterations is None else iterations
     n_theta = base.space.n_theta
     steps = []
     for start in starts:
@@ -86,7 +87,7 @@ def joint_fits(
                 space,
                 p,
                 theta_A=base.A[:, :n_theta],
-                iterations=settings.fit_iterations,
+                iterations=iterations,
             )
         )
     ends: dict[tuple[str, ...], list[Fitted]] = {}
@@ -102,7 +103,7 @@ def joint_fits(
                 base.problem,
                 ends[names][0].space,
                 ends[names][0].p,
-                iterations=settings.fit_iterations,
+                iterations=iterations,
                 refresh_theta=True,
             )
             for names in order

@@ -167,13 +167,14 @@ def fitting(
     refresh_theta: bool = False,
     tolerance: float = 0.5,
     pinned: Mapping[int, float] | None = None,
+    squares: bool = False,
 ) -> FitSteps:
     """Steps of a fit from `start`; returns a `Fitted`.
 
     `theta_A` are sensitivities of the model parameters to begin with; without them, or with
     `refresh_theta`, they are computed, and renewed after some iterations. In between they follow by
     Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values
-    given (a profile).
+    given (a profile). `squares` keeps the floor as large as the misfit: least squares to the end.
     """
     lo, hi = space.bounds()
     for i, value in (pinned or {}).items():
@@ -195,7 +196,7 @@ def fitting(
     best = objective(problem, space, p, z)
     for iteration in range(iterations + len(_COOLING)):
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
-        heat = max(1.0, cooling * problem.misfit(z))
+        heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(z))
         best = objective(problem, space, p, z, heat)
         if refresh_theta and iteration in _RENEWALS and own:
             A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
@@ -228,7 +229,7 @@ def fitting(
                 break
             damping = max(10 * damping, 0.03)
         total += gained
-        if heat == 1.0 and gained < max(tolerance, 0.003 * total):
+        if (heat == 1.0 or squares) and gained < max(tolerance, 0.003 * total):
             break
     best = objective(problem, space, p, z)
     edge = 1e-6 * np.maximum(1.0, hi - lo)

@@ -97,10 +97,13 @@ def estimate_floors(
         rho = 0.0
         if rows >= _MIN_REST_ROWS:
             # Three coefficients were fitted to each stretch.
-            freedom = max(rows - 3 * len(rest), 1)
-            sigma = float(np.sqrt(sum(float(y @ y) for y in rest) / freedom))
-            power = sum(float(y @ y) for y in rest)
-            lagged = sum(float(y[1:] @ y[:-1]) for y in rest)
+            freedom = max(rows - 3 * len(rest), 1) / rows
+            # By the median, since a lost contact or a late edge is not noise.
+            middle = float(np.median(np.abs(np.concatenate(rest))))
+            sigma = middle / 0.6745 / float(np.sqrt(freedom))
+            cut = [np.clip(y, -4 * sigma, 4 * sigma) for y in rest]
+            power = sum(float(y @ y) for y in cut)
+            lagged = sum(float(y[1:] @ y[:-1]) for y in cut)
             rho = float(np.clip(lagged / power, 0.0, 0.95)) if power > 0 else 0.0
             source = "rest"
         else:

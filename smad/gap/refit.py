@@ -14,19 +14,31 @@ def refit(
     parameters: Sequence[Parameter],
     centre: Mapping[str, float] | None = None,
     fixed: EffectValues | None = None,
+    *,
+    squares: bool = False,
+    start: Fitted | None = None,
 ) -> Fitted:
     """Fit of the model parameters within their bounds, from the prior's centre.
 
-    `fixed` are effects that belong to the model.
+    `fixed` are effects that belong to the model, `start` an earlier fit to begin from, `squares`
+    asks for plain least squares.
 
     Afterwards the evidence is calibrated for its coarse step, and the fit is finished with that.
     """
     space = Space(tuple(parameters), (), centre, fixed or {})
     iterations = problem.evidence.settings.refit_iterations
     steps = fitting(
-        problem, space, space.start(), iterations=iterations, refresh_theta=True, tolerance=2.0
+        problem,
+        space,
+        space.start() if start is None else start.p[: space.size],
+        iterations=iterations,
+        refresh_theta=True,
+        tolerance=2.0,
+        squares=squares,
     )
     fit = drive(problem.evidence, [steps])[0]
     problem.evidence.calibrate(fit.point)
-    again = fitting(problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=2.0)
+    again = fitting(
+        problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=2.0, squares=squares
+    )
     return drive(problem.evidence, [again])[0]

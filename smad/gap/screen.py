@@ -119,13 +119,28 @@ def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
     for a, b in pairwise([*range(0, len(points), _BATCH), len(points)]):
         change = ev.predict(points[a:b]) - fit.predicted[None, :]
         S[:, a:b] = fit.problem.whitening.white(np.ascontiguousarray(change.T))
-    k, m, cells = fit.space.size, len(points), len(ev.cell_starts)
+    return _assembled(fit, tuple(everything), S)
+
+
+def reprobe(known: Probes, fit: Fitted) -> Probes:
+    """The probes of an earlier model on top of a later one, without those of its own effects.
+
+    Signatures are taken over: they change little, and the joint fits that follow do not use them.
+    """
+    own = {e.name for e in fit.space.effects}
+    keep = [i for i, p in enumerate(known.probes) if p.effect.name not in own]
+    return _assembled(fit, tuple(known.probes[i] for i in keep), known.S[:, keep])
+
+
+def _assembled(fit: Fitted, probes: tuple[Probe, ...], S: NDArray[np.float32]) -> Probes:
+    ev = fit.problem.evidence
+    k, m, cells = fit.space.size, S.shape[1], len(ev.cell_starts)
     AA, AS, SS = np.empty((cells, k, k)), np.empty((cells, k, m)), np.empty((cells, m))
     for c, (i, j) in enumerate(zip(ev.cell_starts, ev.cell_stops, strict=True)):
         A_c, S_c = fit.A[i:j], S[i:j]
         AA[c], AS[c] = A_c.T @ A_c, A_c.T @ S_c
         SS[c] = np.einsum("ij,ij->j", S_c, S_c)
-    return Probes(fit, tuple(everything), S, AA, AS, SS)
+    return Probes(fit, probes, S, AA, AS, SS)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from smad.gap.judge import Judged, judge, regime_gains, shrink
 from smad.gap.lsq import Fitted, Problem
 from smad.gap.plant import Array, Effect
 from smad.gap.replay import Index
-from smad.gap.screen import Probes, Screened, probe, screen
+from smad.gap.screen import Probes, Screened, probe, reprobe, screen
 from smad.gap.settings import Settings
 from smad.gap.significance import resample_weights, tail_p
 
@@ -145,11 +145,10 @@ class Selector:
     def _level(
         self, current: Candidate, *, first_level: bool
     ) -> tuple[list[Screened], list[Candidate]]:
-        remaining = [e for e in self.effects if e.name not in current.names]
-        probes = probe(current.fit, remaining)
-        ranked = screen(probes)
         if first_level:
-            self._null = self._null_of(probes)
+            self._probes = probe(current.fit, self.effects)
+            self._null = self._null_of(self._probes)
+        ranked = screen(reprobe(self._probes, current.fit))
         count = self.settings.survivors if first_level else max(3, self.settings.survivors - 3)
         survivors = _short_list(ranked, count)
         self.progress(f"fitting {len(survivors)} candidates")
@@ -250,8 +249,8 @@ class Selector:
                 keep = tuple(e for e in best.fit.space.effects if e.name != name)
                 joint = self._refitted(best, keep)
                 reduced = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
-                others = [e for e in self.effects if e.name not in best.names]
-                ranked = screen(probe(reduced.fit, others))[:4]
+                ranked = screen(reprobe(self._probes, reduced.fit))
+                ranked = [s for s in ranked if s.effect.name not in best.names][:4]
                 values = reduced.fit.point.effects
                 starts = [
                     Start((*keep, s.effect), {**values, s.effect.name: s.start}) for s in ranked

@@ -29,7 +29,7 @@ class Settings:
     starts: int = 2
     survivors: int = 8
     max_effects: int = 3
-    baseline_effects: int = 5
+    baseline_effects: int = 4
     baseline_tried: int = 4
     baseline_gain: float = 25.0
     refit_iterations: int = 8
@@ -44,6 +44,8 @@ class Settings:
     min_excess: float = 0.35
     gain_standard_errors: float = 1.0
     min_shrink_gain: float = 0.05
+    blind_excess: float = 3.0
+    found_share: float = 0.1
     unknown_shrink: float = 0.3
     unknown_ratio: float = 0.6
     rest_margin: float = 0.15

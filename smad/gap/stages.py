@@ -86,9 +86,8 @@ def prepare(
         progress(f"fitting {len(good)} known-good runs")
         ev = evidence(good)
         base = fed_noise(ev, floors, nominal, settings.seed)
-        fit = refit(Problem(ev, Whitening(ev, base), np.zeros(ev.n)), parameters)
-        fit = learn_baseline(fit, plant.effects, progress)
-        background = learn_background(fit, base)
+        background = _background_of(ev, base, parameters, progress)
+        fit = background.fit
         noise = dict(background.noise)
         centre = dict(fit.point.theta)
         fixed = fit.point.effects
@@ -130,6 +129,26 @@ def prepare(
         fixed,
         _threshold(background, settings),
     )
+
+
+def _background_of(
+    ev: Evidence,
+    base: Mapping[str, OutputNoise],
+    parameters: Sequence[Parameter],
+    progress: Callable[[str], None],
+) -> Background:
+    """Baseline and K_δ of known-good runs.
+
+    First by least squares, which shares the misfit out; its size by output and regime is then the
+    weight with which the baseline is sought and the fit repeated.
+    """
+    plain = Problem(ev, Whitening(ev, base), np.zeros(ev.n))
+    rough = refit(plain, parameters, squares=True)
+    noise = learn_background(rough, base, templates=False).noise
+    weighed = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
+    fit = refit(weighed, parameters, start=rough)
+    fit = learn_baseline(fit, ev.plant.effects, progress)
+    return learn_background(fit, base)
 
 
 def _plain(fit: Fitted) -> Fitted:

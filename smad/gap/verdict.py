@@ -33,11 +33,12 @@ class Evidenced:
     moved: bool
     visible: float
     chance: float
+    since_good: bool = False
 
 
 def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
     """The outcome and its probability."""
-    significant = e.whole.gap_refit > e.threshold or bool(e.effects)
+    significant = bool(e.effects) or _structural(e, settings)
     if not significant:
         if e.visible < 0.2:
             return Outcome.NO_EXCITATION, 1.0 - e.visible
@@ -60,6 +61,19 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
     if rest > settings.rest_margin and e.whole.gap_final > max(1.0, e.threshold):
         return Outcome.PLUS_REST, p
     return Outcome.EFFECT, p
+
+
+def _structural(e: Evidenced, settings: Settings) -> bool:
+    """Whether the refitted gap is more than background that these runs happen to have more of.
+
+    A cause makes an error that depends on state, which a flexible correction finds on other runs;
+    beside a background learnt from good runs, a gap of which it finds nothing must be far beyond
+    the threshold.
+    """
+    over = e.whole.gap_refit / max(e.threshold, 1e-9)
+    if not e.since_good:
+        return over > 1.0
+    return over > settings.blind_excess or (over > 1.0 and e.whole.ceiling > settings.found_share)
 
 
 def _present(e: Evidenced) -> float:

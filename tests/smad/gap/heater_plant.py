@@ -169,7 +169,8 @@ class HeaterPlant:
             out["thermal:l"], out["thermal:r"] = state[2], state[3]
         if "rod" in views:
             fed = [
-                state[i] + _smooth(run.outputs[f"temp_{s}_degC"] - np.nan_to_num(state[2 + i]), run.dt_s)
+                state[i]
+                + _smooth(run.outputs[f"temp_{s}_degC"] - np.nan_to_num(state[2 + i]), run.dt_s)
                 for i, s in enumerate("lr")
             ]
             out["rod:rod"] = _rod(theta, point.effects, run.dt_s, fed[0], fed[1])

@@ -78,7 +78,7 @@ def test_a_near_twin_of_a_missing_effect_is_never_called_the_whole_cause() -> No
 
 
 def test_an_effect_that_no_library_holds_is_unknown() -> None:
-    verdict = ask(bank(OTHER, {"melt": {"J_K": 55.0}})).verdict
+    verdict = ask(bank(OTHER, {"melt": {"J_K": 140.0}})).verdict
     assert verdict.outcome is Outcome.UNKNOWN, verdict.text
     assert verdict.sub_model == "thermal"
 

@@ -1,0 +1,161 @@
+"""The spring pair as a plant of the diagnosis."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from sim_device.plant.effects.registry import EFFECTS
+from smad.gap import Settings
+from smad.gap.discrepancy import fed_noise
+from smad.gap.fit import dispersion
+from smad.gap.lsq import Problem, drive, fitting
+from smad.gap.noise import estimate_floors
+from smad.gap.plant import ModelPoint
+from smad.gap.recorded import recorded
+from smad.gap.replay import Evidence, local_views
+from smad.gap.runs import GapRun
+from smad.gap.sma import SmaPlant
+from smad.gap.sma_signals import CHANNELS, run_from_columns
+from smad.gap.space import Space
+from smad.gap.whiten import Whitening
+
+PLANT, PRINTED = SmaPlant(), SmaPlant(variant="printed")
+EXTENDED_EFFECTS = [e.name for e in PLANT.effects]
+
+
+@cache
+def clean() -> GapRun:
+    """A run without noise or quanta."""
+    return recorded("mixed", PLANT, ModelPoint({}), 3, noise=False, duration_s=40.0)
+
+
+def test_every_view_run_on_the_models_own_output_gives_that_output() -> None:
+    run = clean()
+    found = PLANT.simulate(ModelPoint({}), run, [v.name for v in PLANT.views])
+    for view in PLANT.views:
+        for out in view.outputs:
+            span = float(np.ptp(run.outputs[out.channel]))
+            error = float(np.max(np.abs(found[out.key] - run.outputs[out.channel])))
+            assert error <= 2e-3 * span + 1e-9, out.key
+
+
+@pytest.mark.parametrize("name", ["rtd_lag", "tube_friction", "driver_lag", "minor_loop"])
+def test_an_effect_at_zero_strength_changes_no_bit_of_any_view(name: str) -> None:
+    effect = next(e for e in PLANT.effects if e.name == name)
+    run, views = clean().part(0, 1500), [v.name for v in PLANT.views]
+    without = PLANT.simulate(ModelPoint({}), run, views)
+    with_zero = PLANT.simulate(ModelPoint({}, {name: effect.at(0.0)}), run, views)
+    assert all(np.array_equal(without[k], with_zero[k]) for k in without)
+
+
+def test_a_local_view_hides_what_is_upstream_of_it() -> None:
+    """A driver that gives 6 % more is seen by the actuator view and by no other."""
+    bench = ModelPoint({}, {"driver_gain": {"gain": 0.06}})
+    run = recorded("mixed", PLANT, bench, 3, noise=False, duration_s=40.0)
+    found = PLANT.simulate(ModelPoint({}), run, [v.name for v in PLANT.views])
+
+    def error(key: str, channel: str) -> float:
+        y = run.outputs[channel]
+        return float(np.sqrt(np.mean((found[key] - y) ** 2)) / max(float(np.ptp(y)), 1e-9))
+
+    assert error("actuator:i_meas_x_A", "i_meas_x_A") > 0.005
+    assert error("open:rtd_x_degC", "rtd_x_degC") > 0.01
+    for view in PLANT.views:
+        if view.name not in ("open", "actuator"):
+            assert all(error(o.key, o.channel) < 2e-3 for o in view.outputs)
+
+
+def test_a_sensor_fault_is_taken_off_before_the_reading_is_fed_on() -> None:
+    """With the slow thermometer in the model, the mechanics is fed the true temperature."""
+    bench = ModelPoint({}, {"rtd_lag": {"tau_s": 0.8}})
+    run = recorded("mixed", PLANT, bench, 3, noise=False, duration_s=40.0)
+    right = PLANT.simulate(bench, run, ["mechanics"])["mechanics:displacement_mm"]
+    wrong = PLANT.simulate(ModelPoint({}), run, ["mechanics"])["mechanics:displacement_mm"]
+    truth = run.outputs["displacement_mm"]
+    assert np.std(right - truth) < 0.02 * np.std(wrong - truth)
+
+
+def test_the_library_depends_on_the_variant() -> None:
+    assert "water_warming" in {e.name for e in PRINTED.effects}
+    assert "water_warming" not in set(EXTENDED_EFFECTS)
+    assert len(PLANT.effects) >= 25
+
+
+def test_refit_bounds_reach_a_quarter_and_five_kelvin() -> None:
+    for p in PLANT.parameters:
+        assert p.low < p.nominal <= p.high
+        if p.nominal == 0.0:
+            continue
+        if p.unit == "K":
+            assert p.nominal - p.low >= 5.0 - 1e-9 <= p.high - p.nominal
+        else:
+            assert p.low <= 0.75 * p.nominal + 1e-12
+        assert p.prior_sd < 0.5 * (p.high - p.low)
+
+
+def test_a_point_that_is_not_physical_gives_nan_and_no_error() -> None:
+    hot = PLANT.parameter_set["martensite_start"]
+    found = PLANT.simulate(ModelPoint({"martensite_finish": hot + 1.0}), clean(), ["open"])
+    assert all(np.isnan(v).all() for v in found.values())
+
+
+def test_the_start_of_a_run_is_rest_and_regimes_are_found_by_side() -> None:
+    run = clean()
+    whole, x = PLANT.regimes(run, ""), PLANT.regimes(run, "X")
+    assert whole["rest"][run.t_s < 3.5].all()
+    assert not (whole["rest"] & whole["heating"]).any()
+    assert 0.02 < x["heating"].mean() < whole["heating"].mean()
+    assert whole["reversal"].any()
+    assert whole["pump on"].any()
+
+
+def test_columns_of_a_log_become_a_run_with_gaps_marked() -> None:
+    n = 50
+    columns = {c.name: np.ones(n) for c in CHANNELS if c.name != "force_N"}
+    columns |= {"t_s": np.arange(n) * 0.01, "duty_x": np.zeros(n), "duty_y": np.zeros(n)}
+    columns |= {"i_cmd_x_A": np.zeros(n), "i_cmd_y_A": np.zeros(n)}
+    columns["i_applied_x_A"] = np.full(n, np.nan)
+    columns["v_x_V"][10:13] = np.nan
+    columns["force_N"] = np.full(n, np.nan)
+    run = run_from_columns("a", columns)
+    assert set(run.inputs) == {"i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y"}
+    assert "force_N" not in run.outputs
+    assert run.good.sum() == n - 3
+    assert np.isfinite(run.outputs["v_x_V"]).all()
+
+
+@cache
+def _bench_runs(name: str) -> tuple[GapRun, ...]:
+    effect = next(e for e in EFFECTS if e.name == name)
+    plant = PRINTED if name == "water_warming" else PLANT
+    bench = ModelPoint({}, {name: effect.at(0.7)})
+    return tuple(recorded(f, plant, bench, 5, duration_s=45.0) for f in ("mixed", "repeats"))
+
+
+@pytest.mark.parametrize("name", [e.name for e in EFFECTS])
+def test_each_effect_is_recovered_from_runs_made_with_it(name: str) -> None:
+    """Through sensors, noise and quanta, from a third of the strength; parameters known."""
+    plant = PRINTED if name == "water_warming" else PLANT
+    runs, settings = _bench_runs(name), Settings()
+    effect = next(e for e in plant.effects if e.name == name)
+    floors = estimate_floors(runs, plant, settings)
+    ev = Evidence(plant, runs, local_views(plant), settings)
+    nominal = ModelPoint({p.name: p.nominal for p in plant.parameters})
+    ev.calibrate(nominal)
+    noise = fed_noise(ev, floors, nominal, 0)
+    problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
+    space = Space((), (effect,))
+    start = space.start({name: effect.at(0.25)})
+    end = drive(ev, [fitting(problem, space, start, iterations=12)])[0]
+    truth = effect.at(0.7)
+    reached = {
+        q.name: abs(end.point.effects[name][q.name] - truth[q.name]) / abs(q.typical)
+        for q in effect.parameters
+        if q.strength
+    }
+    # Slack and the force that takes it up act as one; either alone is only known to a third.
+    assert max(reached.values()) < (0.35 if name == "tendon_slack" else 0.2), end.point
+    assert min(dispersion(problem, end.z).values()) > 0.0
