@@ -10,10 +10,16 @@ from msgspec import Meta
 
 from sim_device.plant.parameters import ParameterSet
 from smad.control.metrics import tracking_r2
-from smad.experiments.base import Comparison, Experiment, Findings, Options
-from smad.experiments.driver import Driver, Mounting
+from smad.experiments.base import Comparison, Findings, Options
+from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
-from smad.experiments.tracking import CONTROLS, score_of, sine_plan
+from smad.experiments.tracking import (
+    CONTROLS,
+    SineExperiment,
+    SineOptions,
+    score_of,
+    sine_plan,
+)
 from smad.report.page import Picture, Table, Text
 from smad.report.plots import draw, label, new_figure, svg_of
 
@@ -21,38 +27,23 @@ LOST = 0.9
 """A period with a smaller R² is not followed any more."""
 
 
-class TrackingOptions(Options, frozen=True, kw_only=True):
+class TrackingOptions(SineOptions, frozen=True, kw_only=True):
     """Settings of fig11-tracking."""
 
     amplitude_mm: Annotated[float, Meta(gt=0.0, le=15.0)] = 2.0
     period_s: Annotated[float, Meta(ge=0.5, le=600.0)] = 7.0
     cycles: Annotated[int, Meta(ge=2, le=1000)] = 12
-    air: Annotated[bool, Meta(description="also in air; needs springs without cooling module")] = (
-        True
-    )
-    beyond: Annotated[bool, Meta(description="also with feed-forward and draining")] = True
 
 
-class Fig11Tracking(Experiment[TrackingOptions]):
+class Fig11Tracking(SineExperiment[TrackingOptions]):
     """The same sinusoid with each control."""
 
     name: ClassVar[str] = "fig11-tracking"
     title: ClassVar[str] = "Fig. 11: tracking 2 mm, 7 s"
-    needs: ClassVar[frozenset[str]] = frozenset({"displacement_mm", "rtd_x_degC", "rtd_y_degC"})
     options_type: ClassVar[type[Options]] = TrackingOptions
 
-    def requirements(self) -> frozenset[str]:
-        return self.needs | ({"drain"} if self.options.beyond else set())
-
-    def mountings(self) -> frozenset[Mounting]:
-        air = {Mounting(cooling="air")} if self.options.air else set()
-        return frozenset({Mounting(), *air})
-
     def trials(self) -> tuple[str, ...]:
-        options = self.options
-        chosen = ["water", *(["air"] if options.air else [])]
-        chosen += ["feedforward", "drain", "both"] if options.beyond else []
-        return tuple(f"{self.name}/{control}" for control in chosen)
+        return tuple(f"{self.name}/{control}" for control in self.controls())
 
     def conduct(self, trial: str, driver: Driver) -> Recording:
         options = self.options

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, ClassVar, TypeVar
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from smad.control.commands import Follow, Sine, Tune
 from smad.control.metrics import peak, r2_by_period, tracking_r2
 from smad.control.plan import Cooling, Do, Mark, Plan, UntilDone
-from smad.experiments.base import PAPER_CONTROL
+from smad.experiments.base import PAPER_CONTROL, Experiment, Options
+from smad.experiments.driver import Mounting
 from smad.experiments.recording import Recording
 
 Array = NDArray[np.float64]
@@ -42,6 +45,38 @@ CONTROLS: Mapping[str, Control] = {
     ),
 }
 """The paper's two, and what goes beyond it."""
+
+
+class SineOptions(Options, frozen=True, kw_only=True):
+    """Settings that all experiments with sinusoids share."""
+
+    air: Annotated[bool, Meta(description="also in air; needs springs without cooling module")] = (
+        True
+    )
+    beyond: Annotated[bool, Meta(description="also with feed-forward and draining")] = True
+
+
+S = TypeVar("S", bound=SineOptions)
+
+
+class SineExperiment(Experiment[S]):
+    """Follows sinusoids with each of `CONTROLS` that the settings do not leave out."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"displacement_mm", "rtd_x_degC", "rtd_y_degC"})
+
+    def controls(self) -> tuple[str, ...]:
+        """Names of the controls that are compared."""
+        return (
+            "water",
+            *(("air",) if self.options.air else ()),
+            *(("feedforward", "drain", "both") if self.options.beyond else ()),
+        )
+
+    def requirements(self) -> frozenset[str]:
+        return self.needs | ({"drain"} if self.options.beyond else set())
+
+    def mountings(self) -> frozenset[Mounting]:
+        return frozenset(Mounting(cooling=CONTROLS[name].cooling) for name in self.controls())
 
 
 def sine_plan(
