@@ -1,8 +1,8 @@
 """The bench as it was: effects that even known-good runs ask for.
 
 A model that lacks a law shows the lack in good runs too. What the library can say of it is fitted
-to the good runs and stays in the model, fixed; the question is then what has changed on top of it, and
-what remains is K_δ. An effect of the baseline may change as well: it stays a candidate.
+to the good runs and stays in the model, fixed; the question is then what has changed on top of it,
+and what remains is K_δ. An effect of the baseline may change as well: it stays a candidate.
 """
 
 from __future__ import annotations
