@@ -201,6 +201,13 @@ class Fault(Struct, frozen=True, kw_only=True):
     limit: Annotated[float | None, Meta(description="the limit it went beyond")] = None
     unit: Annotated[str, Meta(description="unit of both")] = ""
 
+    def in_words(self) -> str:
+        """Return it in one line: name, place, value, limit."""
+        seen = "" if self.measured is None else f": {self.measured:g} {self.unit}".rstrip()
+        limit = "" if self.limit is None else f", limit {self.limit:g} {self.unit}".rstrip()
+        where = f" at {self.channel}" if self.channel else ""
+        return f"{self.name}{where}{seen}{limit}"
+
 
 class Board(Struct, frozen=True, kw_only=True):
     """Who answers at the other end of the cable."""

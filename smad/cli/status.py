@@ -52,10 +52,7 @@ def _bench(now: Status) -> Iterator[str]:
     armed = warned("ARMED") if motion.armed else good("not armed")
     yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, link {now.link.state}")
     if motion.fault is not None:
-        fault = motion.fault
-        seen = "" if fault.measured is None else f": {fault.measured:g} {fault.unit}"
-        limit = "" if fault.limit is None else f", limit {fault.limit:g} {fault.unit}"
-        yield _line("fault", bad(f"{fault.name} at {fault.channel}{seen}{limit}"))
+        yield _line("fault", bad(motion.fault.in_words()))
         yield _line("", "smad faults explain says what to do")
     if now.warnings:
         yield _line("warnings", warned(", ".join(now.warnings)))

@@ -129,22 +129,16 @@ def _with_range(refusal: Refusal, parameter: Parameter) -> Refusal:
 
 def fault_of(report: FaultReport) -> api.Fault:
     """Return a fault report as a client is told it."""
+    # The wire always carries both numbers; a button that was pressed has neither.
+    told = report.measured != 0 or report.limit != 0
     return api.Fault(
         number=int(report.fault),
         name=report.fault.name,
         channel=report.channel.name,
-        measured=float(report.measured),
-        limit=float(report.limit),
+        measured=float(report.measured) if told else None,
+        limit=float(report.limit) if told else None,
         unit=FAULT_TEXTS[report.fault].unit,
     )
-
-
-def fault_line(fault: api.Fault) -> str:
-    """Return a latched fault in one line."""
-    seen = "" if fault.measured is None else f": {fault.measured:g} {fault.unit}".rstrip()
-    limit = "" if fault.limit is None else f", limit {fault.limit:g} {fault.unit}".rstrip()
-    where = f" at {fault.channel}" if fault.channel else ""
-    return f"{fault.name}{where}{seen}{limit}"
 
 
 def board_of(ident: Ident, parameters: Parameters, *, schema_agrees: bool) -> api.Board:

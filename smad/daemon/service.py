@@ -35,7 +35,6 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.controller import Controller
-from smad.daemon.board import fault_line
 from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
 from smad.daemon.lease import DeadMan, Lease
@@ -320,7 +319,7 @@ class Service:
         raise Refusal(
             Reason.FAULTED,
             f"the board is in {'ESTOP' if stopped else 'FAULT'}",
-            value=None if fault is None else fault_line(fault),
+            value=None if fault is None else fault.in_words(),
             action="power-cycle the board: nothing else ends ESTOP"
             if stopped
             else "smad faults explain says what to do; then smad clear",

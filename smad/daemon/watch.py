@@ -26,7 +26,7 @@ from firmware_protocol.messages import Disarm, FaultGet, FaultReport, Ident, Sta
 from smad import api
 from smad.config import LinkConfig
 from smad.control.sample import Scales
-from smad.daemon.board import Parameters, fault_line, fault_of
+from smad.daemon.board import Parameters, fault_of
 from smad.daemon.errors import Refusal
 from smad.daemon.requests import BoardRequests, refusal
 from smad.runlog.schema import EventKind
@@ -81,7 +81,7 @@ class BoardWatch:
             case FaultReported(report):
                 self.fault = fault_of(report)
                 self._say(
-                    "fault", f"the board stopped: {fault_line(self.fault)}", _plain(self.fault)
+                    "fault", f"the board stopped: {self.fault.in_words()}", _plain(self.fault)
                 )
             case BoardRestarted(ident):
                 cause = "" if ident is None else f" ({ident.reset_cause.name.lower()})"
@@ -170,7 +170,7 @@ class BoardWatch:
         if self.fault is None and standing:
             self.fault = api.Fault(number=int(standing[0]), name=standing[0].name)
         if self.fault is not None:
-            self._say("fault", f"the board had stopped: {fault_line(self.fault)}", {})
+            self._say("fault", f"the board had stopped: {self.fault.in_words()}", {})
 
     def rescale(self) -> None:
         """Use the parameters as they now are for the readings."""

@@ -77,6 +77,11 @@ async def test_estop_stays_until_the_power_is_cycled(tmp_path: Path) -> None:
         with pytest.raises(Refused) as refused:
             await rig.ask("arm")
         assert "power-cycle" in refused.value.data["action"]
+        assert refused.value.data["value"] == "ESTOP_PRESSED at BOARD"
+        with pytest.raises(Refused) as refused:
+            await rig.ask("clear")
+        assert refused.value.data["value"] == "ESTOP"
+        assert "power-cycle" in refused.value.data["action"]
 
 
 async def test_arming_twice_is_refused(tmp_path: Path) -> None:
