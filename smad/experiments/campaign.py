@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sim_device.plant.errors import PlantError
 from sim_device.plant.parameters import ParameterSet
 from smad.config import Config
 from smad.experiments.base import Experiment, Findings
 from smad.experiments.driver import Driver
+from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, with_estimates
 from smad.experiments.virtual import VirtualDriver
 
@@ -108,19 +110,26 @@ def conclude_all(
 ) -> CampaignResult:
     """Analyse the outcomes, each experiment with what the ones before it have recovered.
 
-    A later estimate of the same parameter replaces an earlier one.
+    A later estimate of the same parameter replaces an earlier one. Raises ExperimentError, naming
+    the experiment, when the model cannot replay a run or the estimates make no parameter set.
     """
     estimates: dict[str, Estimate] = {}
     results = []
     current = model
     for experiment in experiments:
-        findings = experiment.conclude(outcomes[experiment.name], current)
-        results.append(Result(experiment, findings))
-        if findings.estimates:
+        try:
+            findings = experiment.conclude(outcomes[experiment.name], current)
             estimates.update({estimate.name: estimate for estimate in findings.estimates})
-            current = with_estimates(
-                model, list(estimates.values()), f"Recovered, starting from: {model.title}"
-            )
+            if findings.estimates:
+                current = with_estimates(
+                    model, list(estimates.values()), f"Recovered, starting from: {model.title}"
+                )
+        except PlantError as error:
+            raise ExperimentError(
+                f"{experiment.name} cannot be analysed with this model: {error}",
+                action="check the run, the data file and the parameter file",
+            ) from None
+        results.append(Result(experiment, findings))
     return CampaignResult(tuple(results), tuple(estimates.values()), current)
 
 

@@ -11,12 +11,16 @@ from pathlib import Path
 
 import pytest
 
+from sim_device.plant import Plant
+from sim_device.plant.errors import SolverError
 from smad.cli import execute as command
 from smad.cli.run import ended_by_signals
-from smad.experiments.base import Comparison
+from smad.experiments.base import Comparison, Findings
 from smad.experiments.campaign import Bench, CampaignResult, run_campaign
 from smad.experiments.contradictions import CONTRADICTIONS
+from smad.experiments.dsc import Dsc, DscOptions
 from smad.experiments.errors import ExperimentError
+from smad.experiments.estimate import Estimate, Tolerance
 from smad.experiments.inverse import feedforward_of
 from smad.experiments.registry import EXPERIMENTS, make_experiment
 from smad.experiments.report import campaign_page, comparison_table, recovery_table
@@ -40,6 +44,28 @@ def test_an_executor_changes_nothing_but_the_time() -> None:
     assert there.estimates == here.estimates
     page = campaign_page(here, given(), given=given(), facts=[])
     assert render(page) == render(campaign_page(there, given(), given=given(), facts=[]))
+
+
+def test_estimates_that_make_no_parameter_set_are_refused_with_the_experiments_name() -> None:
+    class Swapped(Dsc):
+        def conclude(self, outcomes: object, model: object) -> Findings:
+            wrong = Estimate("austenite_start", 320.0, 319.0, 321.0, "dsc", Tolerance(share=0.1))
+            return Findings((), (), (wrong,))
+
+    with pytest.raises(ExperimentError, match=r"dsc cannot be analysed.*A_S = .*below A_F"):
+        run_campaign([Swapped(DscOptions())], Bench(NOMINAL), NOMINAL)
+
+
+def test_a_solver_that_gives_up_names_the_run_the_time_and_the_state(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def advance(self: Plant, drive: object, dt_s: float) -> None:
+        raise SolverError("not found", time_s=1.5, state={"T_x_K": 310.25})
+
+    monkeypatch.setattr(Plant, "advance", advance)
+    said = r"run resistance: .*not found at t = 1\.5 s with T_x_K = 310\.25"
+    with pytest.raises(ExperimentError, match=said):
+        run_campaign([make_experiment("resistance")], Bench(NOMINAL), NOMINAL)
 
 
 def test_the_page_is_self_contained_and_says_what_contradicts() -> None:
