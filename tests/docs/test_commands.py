@@ -22,6 +22,7 @@ REASONS = {
     "needs root": "systemd and udev are installed by hand on a bench",
     "takes long": "a campaign with a command of its own; a small one runs in its own tests",
     "another program": "PlotJuggler, MATLAB and the like are not here",
+    "needs runs of a bench": "the same questions are asked of made runs in tests/smad/gap",
 }
 
 
