@@ -34,6 +34,12 @@ class SimulatorError(SmadError):
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of all noise.")
 @click.option("--symlink", type=click.Path(path_type=Path), help="A lasting name for the port.")
+@click.option(
+    "--model",
+    "model_path",
+    type=click.Path(path_type=Path),
+    help="Model file of smad gap diagnose --apply, in place of the configured plant.",
+)
 @click.option("--paced-by-host", is_flag=True, help="Wait, within bounds, for each setpoint.")
 @click.option(
     "--fault", "faults", multiple=True, metavar="NAME@S[:KEY=VALUE,…]", help="Something to break."
@@ -48,6 +54,7 @@ def sim(
     rate: str | None,
     seed: int | None,
     symlink: Path | None,
+    model_path: Path | None,
     paced_by_host: bool,
     faults: tuple[str, ...],
     seconds: float | None,
@@ -59,6 +66,7 @@ def sim(
     Ctrl-C ends it.
     """
     from sim_device.errors import BenchError
+    from sim_device.plant.errors import PlantError
     from sim_device.pty import serve
     from smad.config import Config, load_config
 
@@ -74,6 +82,7 @@ def sim(
             rate_hz=config.link.rate_hz if rate is None else int(rate),
             seed=config.plant.seed if seed is None else seed,
             faults=faults,
+            model_path=model_path,
         )
         stats, counts = serve(
             bench,
@@ -84,7 +93,7 @@ def sim(
             max_seconds=seconds,
             on_ready=_announce,
         )
-    except BenchError as error:
+    except (BenchError, PlantError) as error:
         raise SimulatorError(str(error), action="see smad sim --help") from error
     click.echo(
         f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, "
@@ -94,18 +103,33 @@ def sim(
 
 
 def build(
-    config: Config, *, rate_hz: int, seed: int, faults: tuple[str, ...] = ()
+    config: Config,
+    *,
+    rate_hz: int,
+    seed: int,
+    faults: tuple[str, ...] = (),
+    model_path: Path | None = None,
 ) -> SimulatedBench:
-    """Return the bench that the configuration describes. Raises BenchError."""
+    """Return the bench that the configuration describes, with the plant of a model file if given.
+
+    Raises BenchError and PlantError.
+    """
     from sim_device.bench import SimulatedBench
     from sim_device.faults import parse_injection
     from sim_device.plant import load_parameters
+    from sim_device.plant.models import load_model
 
     plant = config.plant
+    if model_path is not None:
+        parameters, variant, effects = load_model(model_path)
+    else:
+        file = plant.parameter_file
+        parameters = load_parameters(Path(file) if file else "A")
+        variant, effects = plant.variant, plant.effects
     return SimulatedBench(
-        parameters=load_parameters(Path(plant.parameter_file)) if plant.parameter_file else None,
-        variant=plant.variant,
-        effects=plant.effects,
+        parameters=parameters,
+        variant=variant,
+        effects=effects,
         fixture=plant.fixture,
         rate_hz=rate_hz,
         seed=seed,

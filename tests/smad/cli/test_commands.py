@@ -9,10 +9,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from sim_device.plant.models import save_model
 from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, root
 from smad.cli.output import Progress
+from smad.cli.sim import build
 from smad.cli.status import lines
+from smad.config import Config
 from smad.runlog.schema import Row
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
@@ -353,6 +356,24 @@ def test_progress_is_silent_for_two_seconds_and_then_says_something_now_and_then
     assert len(told) == 4
 
 
+def test_a_plant_that_cannot_be_simulated_is_refused_with_the_reason(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(f'[plant]\nparameter_file = "{tmp_path}/nowhere.toml"\n')
+    assert "nowhere.toml" in failed(capfd, "sim", "--config", str(path))
+    path.write_text('format = "smad-model-2"\n')
+    assert "'smad-model-2'" in failed(capfd, "sim", "--model", str(path))
+
+
+def test_the_simulated_bench_is_that_of_a_model_file(tmp_path: Path) -> None:
+    path = tmp_path / "better.toml"
+    save_model(path, variant="printed", overrides={"austenite_start": 320.0})
+    bench = build(Config(), rate_hz=100, seed=0, model_path=path)
+    assert bench.plant.parameters["austenite_start"] == 320.0
+    assert bench.plant.variant == "printed"
+
+
 def test_progress_that_says_nothing_new_is_told_once(capfd: pytest.CaptureFixture[str]) -> None:
     now = 0.0
     line = Progress(lambda: now)
@@ -366,7 +387,7 @@ def test_progress_that_says_nothing_new_is_told_once(capfd: pytest.CaptureFixtur
 def test_help_and_other_commands_work_when_one_cannot_be_imported(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(COMMANDS, "gap", "smad.cli.nowhere:gap")  # type: ignore[arg-type]
+    monkeypatch.setitem(COMMANDS, "gap", "smad.cli.nowhere:gap")
     assert execute(["--help"]) == 0
     listed = capfd.readouterr().out
     assert "Cannot be used here" in listed
