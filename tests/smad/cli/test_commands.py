@@ -368,9 +368,9 @@ def test_a_plant_that_cannot_be_simulated_is_refused_with_the_reason(
 
 def test_the_simulated_bench_is_that_of_a_model_file(tmp_path: Path) -> None:
     path = tmp_path / "better.toml"
-    save_model(path, variant="printed", overrides={"austenite_start": 320.0})
+    save_model(path, variant="printed", overrides={"modulus_austenite": 20e9})
     bench = build(Config(), rate_hz=100, seed=0, model_path=path)
-    assert bench.plant.parameters["austenite_start"] == 320.0
+    assert bench.plant.parameters["modulus_austenite"] == 20e9
     assert bench.plant.variant == "printed"
 
 
