@@ -16,7 +16,10 @@ def record() -> None:
 @click.argument("name", default="")
 @bench_option
 def start(name: str, bench: str) -> None:
-    """Begin a run log; NAME goes into the file's name."""
+    """Begin a run log; NAME goes into the file's name.
+
+    Without NAME, the log that arming began becomes this one; with it, that log ends.
+    """
     with client(bench) as bench_client:
         status = bench_client.start_recording(name)
     click.echo(f"recording to {status.path}")

@@ -20,6 +20,7 @@ from smad.runlog.writer import RunWriter
 
 _BYTES_PER_MB = 1e6
 _S_PER_MIN = 60.0
+_PLAIN_NAME = "run"
 
 
 class Recorder:
@@ -79,25 +80,30 @@ class Recorder:
         return "" if self._writer is None else self._writer.error or ""
 
     async def start(self, name: str, *, by_command: bool) -> None:
-        """Begin a log. Raises Refusal when one is open, or none can be created."""
+        """Begin a log. Raises Refusal when one is open, or none can be created.
+
+        A log that arming began makes way for one that is asked for by name, without losing a
+        sample between them; without a name it goes on as the one that was asked for.
+        """
         async with self._lock:
-            if self._writer is not None:
-                if by_command and not self._by_command:
+            before = self._writer
+            if before is not None:
+                if by_command and not self._by_command and not name:
                     self._by_command = True
                     return
-                raise Refusal(
-                    Reason.RECORDER,
-                    "a run is being recorded already",
-                    value=self._path,
-                    action="stop it first (smad record stop)",
-                )
+                if not by_command or self._by_command:
+                    raise _is_open(self._path)
             loop = asyncio.get_running_loop()
-            self._writer = await loop.run_in_executor(self._worker, self._create, name)
+            self._writer = await loop.run_in_executor(
+                self._worker, self._create, name or _PLAIN_NAME
+            )
             self._by_command = by_command
             self._path = str(self._writer.paths[0])
             self._rows = 0
             self._dropped = 0
             self._error = ""
+            if before is not None:
+                await loop.run_in_executor(self._worker, before.close)
 
     async def stop(self) -> None:
         """Close the log, if one is open; what is queued is written first."""
@@ -147,3 +153,12 @@ class Recorder:
                 limit=error.limit,
                 action=error.action,
             ) from error
+
+
+def _is_open(path: str) -> Refusal:
+    return Refusal(
+        Reason.RECORDER,
+        "a run is being recorded already",
+        value=path,
+        action="stop it first (smad record stop)",
+    )

@@ -146,7 +146,7 @@ class Service:
         token = await self._requests.ask(ArmRequest(axis, self._watch.parameters.crc))
         assert isinstance(token, ArmToken)
         if self._config.recorder.automatic and not self._recorder.recording:
-            await self._recorder.start("run", by_command=False)
+            await self._recorder.start("", by_command=False)
         self._say("arm", "arming", {})
         await self._requests.ask(ArmConfirm(axis, token.token))
         self._dead_man.watch(client, self._clock_us())
@@ -233,7 +233,7 @@ class Service:
         self, params: api.StartRecording, client: Client
     ) -> api.RecorderStatus:
         """Begin a run log."""
-        await self._recorder.start(params.name or "run", by_command=True)
+        await self._recorder.start(params.name, by_command=True)
         return self._recorder.status()
 
     async def stop_recording(self, params: api.StopRecording, client: Client) -> api.RecorderStatus:

@@ -149,6 +149,31 @@ async def test_arming_records_by_itself_and_the_log_ends_after_cooling(tmp_path:
         assert len(list((tmp_path / "runs").glob("*.mcap"))) == 1
 
 
+async def test_a_log_asked_for_by_name_takes_over_from_that_of_arming_without_a_gap(
+    tmp_path: Path,
+) -> None:
+    recorder = RecorderConfig(folder=str(tmp_path / "runs"), automatic=True)
+    async with rig_in(tmp_path, recorder=recorder) as rig:
+        await rig.arm()
+        first = Path((await rig.ask("status"))["recorder"]["path"])
+        await rig.run_for(0.5)
+        assert Path((await rig.ask("record.start"))["path"]) == first
+        await rig.ask("record.stop")
+        await rig.ask("disarm")
+    async with rig_in(tmp_path, recorder=recorder) as rig:
+        await rig.arm()
+        first = Path((await rig.ask("status"))["recorder"]["path"])
+        await rig.run_for(0.5)
+        named = Path((await rig.ask("record.start", name="my run"))["path"])
+        assert named.stem.endswith("my-run")
+        await rig.run_for(0.5)
+        await rig.ask("record.stop")
+        ticks = [read_run(path).columns["tick"] for path in (first, named)]
+        assert ticks[1][0] == ticks[0][-1] + 1
+        with pytest.raises(Refused, match="nothing is being recorded"):
+            await rig.ask("record.stop")
+
+
 async def test_a_folder_that_cannot_be_written_refuses_arming_and_names_it(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
