@@ -217,6 +217,9 @@ class Board(Struct, frozen=True, kw_only=True):
     protocol: Annotated[str, Meta(description="version of the wire protocol")]
     reset_cause: Annotated[str, Meta(description="why it last started")]
     boot_count: Annotated[int, Meta(description="how often it has started")]
+    capabilities: Annotated[
+        tuple[str, ...], Meta(description="sensors and parts it has, as in docs/protocol.md")
+    ]
     schema_agrees: Annotated[bool, Meta(description="same messages as ours; needed to arm")]
     params_agree: Annotated[
         bool | None, Meta(description="same parameters as ours; empty: not read yet")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
+from firmware_protocol.enums import Capability
 from firmware_protocol.messages import FaultReport, Ident, Message, ParamGet, ParamSet, ParamValue
 from firmware_protocol.parameters import BY_NAME, PARAMETERS, Parameter, crc_of
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
@@ -149,6 +150,9 @@ def board_of(ident: Ident, parameters: Parameters, *, schema_agrees: bool) -> ap
         protocol=f"{ident.major}.{ident.minor}",
         reset_cause=ident.reset_cause.name.lower().replace("_", " "),
         boot_count=ident.boot_count,
+        capabilities=tuple(
+            part.name.lower() for part in Capability(ident.capabilities) if part.name
+        ),
         schema_agrees=schema_agrees,
         params_agree=parameters.agree,
     )

@@ -7,10 +7,8 @@ import math
 from firmware_protocol.enums import SetpointFlag
 from firmware_protocol.messages import Setpoint, State
 from smad.control.sample import Sample
+from smad.control.segment import DEGREES_PER_MM
 from smad.runlog.schema import Row
-
-DEGREES_PER_MM = 6.25
-"""A MINIR-II segment turns ±25° for ±4 mm."""
 
 _NAN = math.nan
 _OLDEST_AGE_us = 0xFFFF

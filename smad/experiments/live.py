@@ -61,8 +61,9 @@ class LiveDriver:
         self._sleep = sleep
 
     def parts(self) -> frozenset[str]:
-        sample = self._client.status().sample
-        if sample is None:
+        status = self._client.status()
+        sample = status.sample
+        if sample is None or status.board is None:
             raise ExperimentError(
                 "the daemon has no sample of the bench yet",
                 action="see `smad status` for the link",
@@ -71,7 +72,7 @@ class LiveDriver:
         return frozenset(
             part
             for part in PARTS
-            if (part == "drain" and self._cooling == "water")
+            if (part == "drain" and self._cooling == "water" and part in status.board.capabilities)
             or (part == "stage" and staged)
             or getattr(sample, part, None) is not None
         )

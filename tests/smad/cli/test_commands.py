@@ -45,6 +45,7 @@ STATUS = api.Status(
         protocol="1.0",
         reset_cause="power on",
         boot_count=1,
+        capabilities=("encoder", "force_sensor"),
         schema_agrees=True,
         params_agree=True,
     ),

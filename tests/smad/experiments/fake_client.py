@@ -25,9 +25,17 @@ class _Recorder:
         self.recording = recording
 
 
+class _Board:
+    def __init__(self, capabilities: tuple[str, ...]) -> None:
+        self.capabilities = capabilities
+
+
 class _Status:
-    def __init__(self, sample: Row | None, recorder: _Recorder) -> None:
+    def __init__(
+        self, sample: Row | None, recorder: _Recorder, capabilities: tuple[str, ...]
+    ) -> None:
         self.sample = sample
+        self.board = _Board(capabilities)
         self.recorder = recorder
 
 
@@ -41,7 +49,9 @@ class FakeClient:
         fails_at_s: float | None = None,
         fixture: str = "antagonistic",
         seed: int = 3,
+        capabilities: tuple[str, ...] = ("drain",),
     ) -> None:
+        self._capabilities = capabilities
         faults = [] if fails_at_s is None else [injection("sensor_open", fails_at_s)]
         self._config = Config(control=ControlConfig(cooling=CoolingConfig(mode="proportional")))
         self._bench = SimulatedBench(seed=seed, faults=faults, fixture=fixture)
@@ -99,7 +109,7 @@ class FakeClient:
         )
 
     def status(self) -> _Status:
-        return _Status(self._row, _Recorder(self._path, self.recording))
+        return _Status(self._row, _Recorder(self._path, self.recording), self._capabilities)
 
     def config(self) -> str:
         return config_to_toml(self._config)

@@ -181,3 +181,11 @@ def test_a_wait_that_takes_too_long_on_a_daemon_is_an_error(tmp_path: Path) -> N
     hold = Do(HoldTemperature(spring="x", temperature_degC=32.0))
     with pytest.raises(ExperimentError, match="did not end in time"):
         LiveDriver(client, sleep=client.let_pass).run(Plan("long", (hold, UntilDone(1.0))))
+
+
+@pytest.mark.parametrize(("capabilities", "drains"), [(("drain",), True), ((), False)])
+def test_a_bench_drains_only_if_its_board_says_it_has_the_valves(
+    tmp_path: Path, capabilities: tuple[str, ...], drains: bool
+) -> None:
+    client = FakeClient(tmp_path, capabilities=capabilities)
+    assert ("drain" in LiveDriver(client, sleep=client.let_pass).parts()) is drains
