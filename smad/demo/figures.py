@@ -84,7 +84,7 @@ def table(run: Run, paced: Status, real: Status) -> Rows:
         (f"rise time, +{STEP_MM:g} → −{STEP_MM:g} mm", _seconds(down.rise_time_s)),
         (f"settling time (5 %), +{STEP_MM:g} → −{STEP_MM:g} mm", _seconds(down.settling_time_s)),
         ("peak temperature of a spring", f"{degrees:.1f} °C"),
-        ("peak current", f"{amperes:.2f} A"),
+        ("peak current, measured", f"{amperes:.2f} A"),
         ("setpoint age at the board, in real time", _spread(real.timing.setpoint_age)),
         ("the daemon's share, in real time", _spread(real.timing.own_share)),
         ("missed samples", f"{missed} of {samples}"),
