@@ -46,7 +46,8 @@ def pair_cases(seed: int, count: int) -> list[Case]:
     """`count` cases of two faults within two seconds, of different parts."""
     rng = random.Random(f"{seed} pairs")
     cases: list[Case] = []
-    rows = list(ROWS.values())
+    # A row with a time of its own could not be the second.
+    rows = [row for row in ROWS.values() if row.onset_s is None]
     while len(cases) < count:
         first, second = rng.sample(rows, 2)
         # Two faults of one part overwrite each other: that is one fault, under a wrong name.

@@ -113,6 +113,11 @@ def _deaf_subscribers(rig: Rig, client: Client) -> str:
     return ""
 
 
+def _disarm_words(part: str) -> str:
+    """What the last line must say of the disarm: a dead session cannot hear its confirmation."""
+    return "did not confirm the disarm" if part == "session" else "disarmed, the board cools"
+
+
 _LOST = ("SETPOINT_LOST",)
 
 _ROWS: tuple[HostFault, ...] = (
@@ -143,7 +148,7 @@ _ROWS: tuple[HostFault, ...] = (
     *(
         HostFault(f"dies_{part}", f"the daemon's {part} raises", _break_part, Then.DISARMS,
                   budget_J=DEATH_BUDGET_J, part=part, status=TaskDied.exit_status,
-                  words=("task died", "RuntimeError: injected", "disarmed"))
+                  words=("task died", "RuntimeError: injected", _disarm_words(part)))
         for part in DAEMON_PARTS
     ),
 )  # fmt: skip

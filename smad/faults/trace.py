@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from firmware_protocol import messages as wire
@@ -63,7 +63,8 @@ class WatchedBench(SimulatedBench):
     def advance(self) -> wire.State | None:
         """Advance by one sample and note what came of it."""
         while self.arriving:
-            self.faults.add(self.arriving.popleft())
+            # Its time is now, so that what lasts a while lasts that long from now on.
+            self.faults.add(replace(self.arriving.popleft(), at_us=self.now_us))
         state = super().advance()
         outputs = self.board.outputs
         self.trace.add(self.now_us, self.heater_J, outputs.state, bool(outputs.gate))
