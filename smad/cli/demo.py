@@ -25,7 +25,8 @@ REAL_TIME_S = 10.0
 def demo(folder: Path, seed: int) -> None:
     """Run steps and a sinusoid on a simulated bench; show numbers.
 
-    The same seed gives the same table, but for the times measured in real time.
+    The same seed gives the same bench. The table's last digits still differ from run to run: the
+    noise that a motion meets depends on when the bench was armed.
     """
     from smad.cli.daemonprocess import running_daemon
     from smad.client import Client
