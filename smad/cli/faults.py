@@ -36,7 +36,7 @@ def explain(name: str | None, bench: str) -> None:
         if latched is None:
             click.echo("no fault is latched")
             return
-        click.echo(_seen(latched.channel, latched.measured, latched.limit, latched.unit))
+        click.echo(f"latched: {latched.in_words()}")
         _print(Fault(latched.number))
         return
     _print(_fault(name))
@@ -219,12 +219,3 @@ def _print(fault: object) -> None:
     click.echo(f"  cause:  {text.cause}")
     click.echo(f"  remedy: {text.remedy}")
     click.echo("  then:   smad clear, once the springs are cold; arming again is up to you")
-
-
-def _seen(channel: str, measured: float | None, limit: float | None, unit: str) -> str:
-    parts = [f"latched at {channel}"]
-    if measured is not None:
-        parts.append(f"measured {measured:g} {unit}".rstrip())
-    if limit is not None:
-        parts.append(f"limit {limit:g} {unit}".rstrip())
-    return ", ".join(parts)

@@ -262,5 +262,14 @@ class _Life:
 
 def _callback_died(daemon: Daemon, details: dict[str, Any]) -> None:
     error = details.get("exception")
-    name = str(details.get("task") or details.get("handle") or details.get("message", "loop"))
-    daemon.fail(name, error if error is not None else RuntimeError(str(details)))
+    daemon.fail(part_of(details), error if error is not None else RuntimeError(str(details)))
+
+
+def part_of(details: dict[str, Any]) -> str:
+    """Return the name of what died: its task's, or that of the function the loop called."""
+    task = details.get("task")
+    if task is not None:
+        return str(task.get_name())
+    # A handle says only "<Handle Reader.ready() at …>"; the function is in an attribute.
+    call = getattr(details.get("handle"), "_callback", None)
+    return str(getattr(call, "__qualname__", details.get("message", "loop")))

@@ -306,7 +306,7 @@ def test_faults_are_explained_by_name_by_number_and_as_latched(
     fault = api.Fault(number=6, name="OVER_TEMPERATURE", channel="SPRING_X", measured=9050)
     daemon.answers["motion"] = msgspec.structs.replace(MOTION, fault=fault)
     assert execute(["faults", "explain"]) == 0
-    assert "latched at SPRING_X, measured 9050" in capfd.readouterr().out
+    assert "latched: OVER_TEMPERATURE at SPRING_X: 9050" in capfd.readouterr().out
     assert "smad faults list" in failed(capfd, "faults", "explain", "wibble")
     assert execute(["faults", "list"]) == 0
 

@@ -1,5 +1,6 @@
 """The daemon's small parts: lease, dead man, budget, histogram, rates, journal, notify."""
 
+import asyncio
 import io
 import random
 import socket
@@ -15,6 +16,7 @@ from smad.daemon.errors import Refusal
 from smad.daemon.histogram import Histogram
 from smad.daemon.journal import Journal
 from smad.daemon.lease import DeadMan, Lease
+from smad.daemon.lifecycle import part_of
 from smad.daemon.notify import Notifier
 from smad.daemon.requests import refusal
 from smad.daemon.wirerate import check_rate, line_share
@@ -168,3 +170,17 @@ def test_without_systemd_nothing_is_sent() -> None:
     notifier.ready("x")
     notifier.alive(1)
     assert notifier.watchdog_us == 0
+
+
+async def test_a_call_of_the_loop_that_dies_is_named_by_its_function() -> None:
+    told: list[str] = []
+    loop = asyncio.get_running_loop()
+    loop.set_exception_handler(lambda _, details: told.append(part_of(details)))
+
+    def serve_a_command() -> None:
+        raise OSError("the socket is gone")
+
+    loop.call_soon(serve_a_command)
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    assert [name.rsplit(".", 1)[-1] for name in told] == ["serve_a_command"]
