@@ -43,7 +43,6 @@ def learn_baseline(
                 for s in chosen
             ],
             finish=1,
-            iterations=4,
         )
         before, *after = judge([current, *(j.fit for j in joints.values())], None)
         best, best_gain = None, 0.0

@@ -12,9 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from smad.gap.lsq import Fitted, Problem, drive, fitting, solve_box
+from smad.gap.lsq import FitSteps, Fitted, Problem, drive, fitting, solve_box
 from smad.gap.plant import Array, Effect
 from smad.gap.significance import resample_weights
+from smad.gap.space import Space
 
 _PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
 _HALF_CHI2_95 = 1.92
@@ -65,58 +66,59 @@ class Interval:
 
 
 def joint_fits(
-    base: Fitted, starts: Sequence[Start], finish: int = 3, iterations: int | None = None
+    base: Fitted, starts: Sequence[Start], finish: int = 2
 ) -> dict[tuple[str, ...], JointFit]:
     """Fits every start, in step, and keeps the best of each set of effects.
 
-    The first round leaves the sensitivities of the model parameters to Broyden's rule; the best
-    `finish` sets then get a second one in which they are renewed.
+    In three rounds, each for fewer: a short one for every start; a longer one for the best start of
+    the better sets; and, for the best `finish` sets, one in which the sensitivities of the model
+    parameters are renewed instead of following Broyden's rule.
     """
     settings = base.problem.evidence.settings
-    iterations = settings.fit_iterations if iterations is None else iterations
     n_theta = base.space.n_theta
-    steps = []
+
+    def go(space: Space, p: Array, *, iterations: int, renew: bool = False) -> FitSteps:
+        known = None if renew else base.A[:, :n_theta]
+        return fitting(
+            base.problem, space, p, theta_A=known, iterations=iterations, refresh_theta=renew
+        )
+
+    first = []
     for start in starts:
         space = base.space.with_effects(start.effects)
         p = space.start(start.values)
         if not start.from_centre:
             p[:n_theta] = base.p[:n_theta]
-        steps.append(
-            fitting(
-                base.problem,
-                space,
-                p,
-                theta_A=base.A[:, :n_theta],
-                iterations=iterations,
-            )
-        )
+        first.append(go(space, p, iterations=settings.short_iterations))
     ends: dict[tuple[str, ...], list[Fitted]] = {}
-    for fit in drive(base.problem.evidence, steps):
+    for fit in drive(base.problem.evidence, first):
         ends.setdefault(tuple(e.name for e in fit.space.effects), []).append(fit)
-    for fits in ends.values():
-        fits.sort(key=lambda f: f.objective)
-    order = sorted(ends, key=lambda names: (ends[names][0].objective, names))[:finish]
-    finished = drive(
-        base.problem.evidence,
-        [
-            fitting(
-                base.problem,
+    for renew, count in ((False, settings.longer_fits), (True, finish)):
+        order = _best_first(ends)[:count]
+        again = [
+            go(
                 ends[names][0].space,
                 ends[names][0].p,
-                iterations=iterations,
-                refresh_theta=True,
+                iterations=settings.fit_iterations,
+                renew=renew,
             )
             for names in order
-        ],
-    )
-    for names, fit in zip(order, finished, strict=True):
-        if fit.objective < ends[names][0].objective:
-            ends[names].insert(0, fit)
+        ]
+        for names, fit in zip(order, drive(base.problem.evidence, again), strict=True):
+            ends[names].append(fit)
+    _best_first(ends)
     out = {}
     for names, fits in ends.items():
         near = [f.p for f in fits[1:] if f.objective - fits[0].objective < _HALF_CHI2_95]
         out[names] = JointFit(fits[0], tuple(near))
     return out
+
+
+def _best_first(ends: dict[tuple[str, ...], list[Fitted]]) -> list[tuple[str, ...]]:
+    """Sets of effects by their best fit, whose fits are sorted as well."""
+    for fits in ends.values():
+        fits.sort(key=lambda f: f.objective)
+    return sorted(ends, key=lambda names: (ends[names][0].objective, names))
 
 
 def polished(fit: Fitted, iterations: int = 3) -> Fitted:

@@ -27,7 +27,7 @@ from smad.gap.replay import Evidence
 from smad.gap.space import Space
 from smad.gap.whiten import Whitening
 
-_RENEWALS = (2, 4, 7)
+_RENEWALS = (2, 5)
 _COOLING = (1.0, 0.5, 0.15)
 
 FitSteps = Generator[list[ModelPoint], Array, "Fitted"]

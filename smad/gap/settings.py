@@ -33,7 +33,9 @@ class Settings:
     baseline_tried: int = 4
     baseline_gain: float = 25.0
     refit_iterations: int = 8
-    fit_iterations: int = 8
+    fit_iterations: int = 6
+    short_iterations: int = 1
+    longer_fits: int = 4
 
     min_duration_s: float = 8.0
     max_lost_share: float = 0.2

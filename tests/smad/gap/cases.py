@@ -1,4 +1,4 @@
-"""Cases on the tiny plant: its effects at strengths that show, and the runs that are made of them."""
+"""Cases on the tiny plant: effects at strengths that show, and the runs made of them."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def ask(
     )
 
 
-def renamed(plant: HeaterPlant, names: Mapping[str, str]) -> "RenamedPlant":
+def renamed(plant: HeaterPlant, names: Mapping[str, str]) -> RenamedPlant:
     """The same plant, whose library calls its effects by other names."""
     return RenamedPlant(
         tuple(replace(e, name=names.get(e.name, e.name)) for e in reversed(plant.library)),

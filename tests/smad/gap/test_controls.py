@@ -1,4 +1,4 @@
-"""Negative controls: what is wrong with a file is named for what it is, never explained by a cause."""
+"""Negative controls: what is wrong with a file is named for what it is, with no cause."""
 
 from __future__ import annotations
 

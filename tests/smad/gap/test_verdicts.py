@@ -57,7 +57,7 @@ def test_the_gap_is_put_into_the_sub_model_of_the_effect(single: tuple[str, Diag
     name, diagnosis = single
     home = {"driver_gain": "power", "backlash": "rod", "dial_delay": "rod"}.get(name, "thermal")
     assert diagnosis.verdict.sub_model == home
-    share = {m: 0.0 for m in ("power", "thermal", "rod")}
+    share = dict.fromkeys(("power", "thermal", "rod"), 0.0)
     for cell in diagnosis.heat:
         share[cell.sub_model] = max(share[cell.sub_model], cell.refit)
     assert max(share, key=lambda m: share[m]) == home
