@@ -25,7 +25,7 @@ from smad.gap.records import (
     Verdict,
 )
 from smad.gap.runs import GapRun
-from smad.gap.select import Selection, Selector
+from smad.gap.select import Candidate, Selection, Selector
 from smad.gap.settings import Settings
 from smad.gap.stages import OpenLoop, Prepared, open_loop, prepare
 from smad.gap.summary import (
@@ -151,8 +151,8 @@ class _Shell:
         empty: dict[str, object] = {
             name: []
             for name in (
-                "missing", "floors", "waterfall", "heat", "windows", "candidates", "values",
-                "parameters", "pairs", "residual_tests", "experiments", "traces",
+                "missing", "floors", "steps", "waterfall", "heat", "windows", "candidates",
+                "values", "parameters", "pairs", "residual_tests", "experiments", "traces",
             )
         }  # fmt: skip
         return Diagnosis(
@@ -290,6 +290,7 @@ class _Closing:
             verdict,
             missing=sorted(set(prepared.problem.evidence.missing)),
             floors=floor_records(prepared),
+            steps=[list(c.names) for c in self._chain()],
             waterfall=waterfall("local", best.judged.bench, steps, plant) + open_rows,
             heat=heat_records(heat_of(prepared.raw), refit_heat, heat_of(best.judged)),
             windows=window_records(refit_heat),
@@ -340,19 +341,24 @@ class _Closing:
         return tuple(sorted(cost, key=lambda n: (-cost[n], n)))
 
     def _steps(self) -> list[Array]:
-        s = self.selection
-        chain = [*s.steps[:-1], s.best] if s.best.names else []
         return [
             self.prepared.raw.predicted,
-            s.base.judged.predicted,
-            *[c.judged.predicted for c in chain],
+            self.selection.base.judged.predicted,
+            *[c.judged.predicted for c in self._chain()],
         ]
+
+    def _chain(self) -> list[Candidate]:
+        """The way to the best model: accepted steps that are part of it, then itself."""
+        s = self.selection
+        if not s.best.names:
+            return []
+        return [c for c in s.steps if set(c.names) < set(s.best.names)] + [s.best]
 
     def _open_loop(self, named: bool) -> tuple[list[float], list[object], list[object]]:
         s, prepared = self.selection, self.prepared
         opened: OpenLoop = open_loop(prepared, self.executor)
         ev = opened.problem.evidence
-        chain = [*s.steps[:-1], s.best] if named else []
+        chain = self._chain() if named else []
         predictions = [ev.predict([prepared.fit.space.point(prepared.fit.space.start())])[0]]
         for c in (s.base, *chain):
             if prepared.hold is None:

@@ -27,7 +27,7 @@ def waterfall(d: Diagnosis) -> str:
             continue
         values = [total.raw, total.refit, *total.effects]
         names = ["raw", "refit"]
-        names += [f"+ {n}" for n in d.verdict.effects] or ["best candidate"]
+        names += ["+ " + "\n+ ".join(step) for step in d.steps]
         colours = ["#8b949e", "#d9822b", *["#0b5cad"] * len(total.effects)]
         at = np.arange(len(values))
         ax.bar(at, values, color=colours[: len(values)], width=0.6)

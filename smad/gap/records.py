@@ -204,6 +204,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
     findings: list[FindingRecord]
     missing: list[str]
     floors: list[FloorRecord]
+    steps: list[list[str]]
     waterfall: list[WaterfallRow]
     heat: list[CellRecord]
     windows: list[WindowRecord]

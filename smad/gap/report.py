@@ -101,14 +101,13 @@ def _waterfall(d: Diagnosis) -> list[Block]:
             "All signals together: as configured, after the refit, after each effect.",
         ),
     ]
-    steps = d.verdict.effects
     for view, text in (
         ("open loop", "The whole simulator, open loop: recorded inputs only"),
         ("local", "Each sub-model alone, fed with measured neighbours: what was fitted and judged"),
     ):
         rows = [r for r in d.waterfall if r.view == view]
         width = max((len(r.effects) for r in rows), default=0)
-        labels = [f"after {n}" for n in steps[:width]] or ["after the best candidate"] * width
+        labels = [f"with {' + '.join(names)}" for names in d.steps]
         out.append(
             Table(
                 ("signal", "floor", "raw", "after refit", *labels[:width]),
