@@ -67,7 +67,7 @@ def heat_map(d: Diagnosis) -> str:
     return svg_of(figure, "Excess error by sub-model, side and regime")
 
 
-def overlays(d: Diagnosis, most: int = 6) -> list[tuple[str, str]]:
+def overlays(d: Diagnosis, most: int = 5) -> list[tuple[str, str]]:
     """Measured, refitted and final course of the signals with the largest gap: (SVG, caption)."""
     chosen: list[Trace] = []
     for _, group in groupby(sorted(d.traces, key=lambda t: t.channel), key=lambda t: t.channel):
@@ -77,15 +77,17 @@ def overlays(d: Diagnosis, most: int = 6) -> list[tuple[str, str]]:
     with_effect = "with the effect" if d.verdict.effects else "best model"
     out = []
     for t in chosen[:most]:
-        figure, axes = new_figure(2, 1, width_in=8.0, height_in=3.4, share_x=True)
+        figure, axes = new_figure(2, 1, width_in=9.5, height_in=3.4, share_x=True)
         draw(axes[0], t.t_s, t.measured, "measured", "#1b1f24", width=1.6)
         draw(axes[0], t.t_s, t.refit, "simulated, refitted", "#d9822b")
         draw(axes[1], t.t_s, np.subtract(t.measured, t.refit), "refitted", "#d9822b")
         if d.verdict.effects:
             draw(axes[0], t.t_s, t.final, f"simulated, {with_effect}", "#0b5cad")
             draw(axes[1], t.t_s, np.subtract(t.measured, t.final), with_effect, "#0b5cad")
-        label(axes[0], "", f"{t.channel}", legend=True)
-        label(axes[1], "time in s", f"residual in {t.unit}", legend=True)
+        label(axes[0], "", t.channel, legend=False)
+        label(axes[1], "time in s", f"residual in {t.unit}", legend=False)
+        for ax in axes:
+            ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         out.append((svg_of(figure, f"{t.channel} of {t.run}"), f"{t.channel}, run {t.run}"))
     return out
 

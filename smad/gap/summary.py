@@ -113,8 +113,10 @@ def window_records(heat: HeatMap) -> list[WindowRecord]:
 def candidate_records(selection: Selection, rate: float) -> list[CandidateRecord]:
     """Every effect of the library with what screening and fitting said of it."""
     fitted: dict[str, Candidate] = {}
+    # Later fits stand on an effect already named, and say nothing of their own.
     for c in selection.tried:
-        fitted.setdefault(c.names[-1], c)
+        if len(c.names) == 1:
+            fitted[c.names[0]] = c
     found = set(benjamini_hochberg({n: c.p_value for n, c in fitted.items()}, rate))
     first = next(iter(selection.probability.values()), {})
     base = selection.base.judged
