@@ -19,6 +19,7 @@ from smad.gap.space import Space
 
 _PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
 _HALF_CHI2_95 = 1.92
+_TOGETHER = 8
 
 
 @dataclass(frozen=True)
@@ -90,35 +91,42 @@ def joint_fits(
         if not start.from_centre:
             p[:n_theta] = base.p[:n_theta]
         first.append(go(space, p, iterations=settings.short_iterations))
-    ends: dict[tuple[str, ...], list[Fitted]] = {}
-    for fit in drive(base.problem.evidence, first):
-        ends.setdefault(tuple(e.name for e in fit.space.effects), []).append(fit)
+    ends: dict[tuple[str, ...], JointFit] = {}
+    for i in range(0, len(first), _TOGETHER):
+        for fit in drive(base.problem.evidence, first[i : i + _TOGETHER]):
+            _enter(ends, fit)
     for renew, count in ((False, settings.longer_fits), (True, finish)):
-        order = _best_first(ends)[:count]
+        order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))[:count]
         again = [
             go(
-                ends[names][0].space,
-                ends[names][0].p,
+                ends[names].fit.space,
+                ends[names].fit.p,
                 iterations=settings.fit_iterations,
                 renew=renew,
             )
             for names in order
         ]
-        for names, fit in zip(order, drive(base.problem.evidence, again), strict=True):
-            ends[names].append(fit)
-    _best_first(ends)
-    out = {}
-    for names, fits in ends.items():
-        near = [f.p for f in fits[1:] if f.objective - fits[0].objective < _HALF_CHI2_95]
-        out[names] = JointFit(fits[0], tuple(near))
-    return out
+        for fit in drive(base.problem.evidence, again):
+            _enter(ends, fit)
+    return ends
 
 
-def _best_first(ends: dict[tuple[str, ...], list[Fitted]]) -> list[tuple[str, ...]]:
-    """Sets of effects by their best fit, whose fits are sorted as well."""
-    for fits in ends.values():
-        fits.sort(key=lambda f: f.objective)
-    return sorted(ends, key=lambda names: (ends[names][0].objective, names))
+def _enter(ends: dict[tuple[str, ...], JointFit], fit: Fitted) -> None:
+    """Keeps the better fit whole, and of the other only where it ended."""
+    names = tuple(e.name for e in fit.space.effects)
+    known = ends.get(names)
+    if known is None:
+        ends[names] = JointFit(fit, ())
+        return
+    best, other = sorted((known.fit, fit), key=lambda f: f.objective)
+    rivals = known.rivals if best is known.fit or _near(best, other) else ()
+    if _near(best, other):
+        rivals = (*rivals, other.p)
+    ends[names] = JointFit(best, rivals)
+
+
+def _near(best: Fitted, other: Fitted) -> bool:
+    return other.objective - best.objective < _HALF_CHI2_95
 
 
 def polished(fit: Fitted, iterations: int = 3) -> Fitted:
