@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from smad.cli.gap_check import check
 from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
@@ -35,6 +36,9 @@ _seed = click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, sho
 @click.group()
 def gap() -> None:
     """Diagnose the gap between the simulator and recorded runs."""
+
+
+gap.add_command(check)
 
 
 @gap.command()

@@ -31,6 +31,7 @@ from smad.gap.stages import OpenLoop, Prepared, open_loop, prepare
 from smad.gap.summary import (
     candidate_records,
     dominant_outputs,
+    fitted_records,
     floor_records,
     heat_of,
     heat_records,
@@ -303,6 +304,8 @@ class _Closing:
             residual_tests=residual_test_records(prepared, best),
             experiments=experiments,
             traces=shown,
+            fitted=fitted_records(self.selection),
+            places=self.selection.probability,
             model={
                 "theta": dict(final.fit.point.theta),
                 "effects": {k: dict(v) for k, v in final.fit.point.effects.items()},

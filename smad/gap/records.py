@@ -123,6 +123,32 @@ class CandidateRecord(msgspec.Struct, frozen=True):
     probability: float | None = None
 
 
+class FittedRecord(msgspec.Struct, frozen=True):
+    """One model that was fitted jointly: the effects in it (none: the refit alone).
+
+    `parameters` and `rows` count what was fitted, and to how much. `objective` is minus the
+    logarithm of the posterior on the fit runs, `chi2` the sum of their squared white residuals.
+    `held_out` is the RMS over the held-out rows, each in floors, and `score` their log-likelihood.
+    """
+
+    names: list[str]
+    parameters: int
+    rows: int
+    objective: float
+    chi2: float
+    held_out: float
+    score: float
+
+
+class LeftOutRecord(msgspec.Struct, frozen=True):
+    """The verdict when `effect` is taken out of the library: it ought to become unknown."""
+
+    effect: str
+    outcome: Outcome
+    names: list[str]
+    probability: float
+
+
 class Pair(msgspec.Struct, frozen=True):
     """How well two effects can be told apart with these data: d² after the refit of the other."""
 
@@ -191,7 +217,12 @@ class Verdict(msgspec.Struct, frozen=True):
 
 
 class Diagnosis(msgspec.Struct, frozen=True):
-    """Everything a diagnosis found."""
+    """Everything a diagnosis found.
+
+    `fitted` are all models that were fitted jointly, the refit first. `places` holds for each
+    effect of the best model the probability of every effect in its place, "" being none; with no
+    effect in the best model it has one place "". `left_out` is filled when it was asked for.
+    """
 
     plant: str
     plant_version: str
@@ -218,6 +249,9 @@ class Diagnosis(msgspec.Struct, frozen=True):
     limits: list[str]
     model: dict[str, Any]
     seconds: float
+    fitted: list[FittedRecord] = []
+    places: dict[str, dict[str, float]] = {}
+    left_out: list[LeftOutRecord] = []
 
     def to_json(self) -> bytes:
         """JSON with the same content; NaN and infinities become null."""

@@ -15,6 +15,7 @@ from smad.gap.plant import Array, EffectValues, PlantModel
 from smad.gap.records import (
     CandidateRecord,
     CellRecord,
+    FittedRecord,
     FloorRecord,
     Pair,
     ParameterRecord,
@@ -145,6 +146,33 @@ def candidate_records(selection: Selection, rate: float) -> list[CandidateRecord
             )
         out.append(record)
     return out
+
+
+def fitted_records(selection: Selection) -> list[FittedRecord]:
+    """Every model of the selection that was fitted jointly, the refit without effects first.
+
+    Effects that only the screening saw are not among them: it never fits them to held-out data.
+    """
+    known: dict[tuple[str, ...], Candidate] = {}
+    everyone = [selection.base, *selection.tried]
+    everyone += [c for rivals in selection.rivals.values() for c in rivals]
+    for c in [*everyone, *selection.steps, selection.best]:
+        known[tuple(sorted(c.names))] = c
+    return [_fitted_record(c) for c in known.values()]
+
+
+def _fitted_record(c: Candidate) -> FittedRecord:
+    fit, judged = c.fit, c.judged
+    valid, held = fit.problem.evidence.valid, judged.bench.evidence.valid
+    return FittedRecord(
+        names=list(c.names),
+        parameters=fit.space.size,
+        rows=int(np.sum(valid)),
+        objective=float(fit.objective),
+        chi2=float(np.sum(np.square(fit.z[valid]))),
+        held_out=float(np.sqrt(np.mean(judged.squares()[held]))),
+        score=float(np.sum(judged.scores())),
+    )
 
 
 def value_records(found: Sequence[Interval], before: EffectValues) -> list[ValueRecord]:

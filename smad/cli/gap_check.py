@@ -1,0 +1,139 @@
+"""`smad gap check` and `smad gap score`: is the diagnosis right on data it was not told about?"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.output import bad
+
+if TYPE_CHECKING:
+    from smad.gap.check.running import Order, Progress
+    from smad.gap.check.verdicts import CaseVerdict, VerdictFile
+
+_OUT = click.Path(dir_okay=False, path_type=Path)
+_FOLDER = click.Path(file_okay=False, path_type=Path)
+_FILE = click.Path(dir_okay=False, path_type=Path)
+
+
+@click.command()
+@click.argument("bank", type=_FOLDER, metavar="BANK_FOLDER")
+@click.option("--cases", type=click.IntRange(min=1), help="Only so many, spread over the bank.")
+@click.option("--only", default="", help="Only these cases, with commas between them.")
+@click.option("--out", type=_OUT, help="The verdict file  [default: BANK_FOLDER-verdicts.json]")
+@click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True,
+              help="Cases at the same time, each in a process of one thread.")  # fmt: skip
+@click.option("--dask", "address", help="Address of a dask scheduler to use instead.")
+@click.option("--leave-out/--no-leave-out", default=False, show_default=True,
+              help="Judge once more without the first cause in the library.")  # fmt: skip
+@click.option("--baselines/--no-baselines", default=True, show_default=True,
+              help="Also say what simpler rules would have said.")  # fmt: skip
+@click.option("--keep", type=_FOLDER, help="Write each whole diagnosis into this folder.")
+@click.option("--params", default="A", show_default=True,
+              help="Parameter file, or A, B, conserving.")  # fmt: skip
+@click.option("--variant", type=click.Choice(["extended", "printed"]), default="extended",
+              show_default=True, help="The thermal model.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+              help="Of the diagnosis, and of the spread of --cases.")  # fmt: skip
+def check(
+    *,
+    bank: Path,
+    cases: int | None,
+    only: str,
+    out: Path | None,
+    jobs: int,
+    address: str | None,
+    leave_out: bool,
+    baselines: bool,
+    keep: Path | None,
+    params: str,
+    variant: str,
+    seed: int,
+) -> int:
+    """Diagnose every case of a bank of recorded runs, and write the verdicts to a file.
+
+    An interrupted check goes on where it stopped when the same command is given again.
+    """
+    from smad.gap.check.bank import chosen, open_bank, require_files
+    from smad.gap.check.case import How
+    from smad.gap.check.running import Order, dask_executor, pool
+    from smad.gap.check.running import check as run
+    from smad.gap.check.verdicts import write_verdicts
+    from smad.gap.settings import Settings
+
+    opened = open_bank(bank)
+    names = [n.strip() for n in only.split(",") if n.strip()]
+    taken = chosen(opened, count=cases, only=names, seed=seed)
+    require_files(opened, taken)
+    path = out or bank.with_name(f"{bank.resolve().name}-verdicts.json")
+    how = How(params, variant, Settings(seed=seed), leave_out, baselines)
+    order = Order(opened, taken, how, path.with_name(path.name + ".parts"), keep)
+    if keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
+    make: Callable[[], contextlib.AbstractContextManager[Executor]] = (
+        (lambda: pool(jobs)) if address is None else (lambda: dask_executor(address))
+    )
+    _announce(order, jobs)
+    try:
+        file = run(order, make, jobs=jobs, report=_tell)
+    except KeyboardInterrupt:
+        click.echo(f"finished cases are kept in {order.folder}; the same command goes on", err=True)
+        raise
+    write_verdicts(path, file)
+    click.echo(f"{len(file.verdicts)} of {len(taken)} cases judged: {path}")
+    return _failed(order, file)
+
+
+def _announce(order: Order, jobs: int) -> None:
+    from smad.gap.check.running import read_part
+
+    known = sum(read_part(order.folder, c.id) is not None for c in order.cases)
+    kept = f", {known} of them judged before" if known else ""
+    click.echo(
+        f"bank {order.bank.manifest.bank}: {len(order.cases)} of "
+        f"{len(order.bank.manifest.cases)} cases{kept}, {jobs} at a time",
+        err=True,
+    )
+
+
+def _tell(progress: Progress) -> None:
+    part = progress.part
+    said = bad(f"failed: {part.error}") if part.verdict is None else _in_short(part.verdict)
+    left = _clock(progress.left_s)
+    click.echo(
+        f"{part.case}  {said}  {part.seconds:.0f} s  "
+        f"[{progress.done}/{progress.total}, {left} left]",
+        err=True,
+    )
+
+
+def _in_short(verdict: CaseVerdict) -> str:
+    if not verdict.causes:
+        return verdict.outcome
+    first = verdict.causes[0]
+    names = " or ".join(verdict.group) if verdict.group else " + ".join(first.names)
+    return f"{verdict.outcome}: {names} ({first.probability:.2f})"
+
+
+def _clock(seconds: float) -> str:
+    minutes = round(seconds / 60.0)
+    return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
+
+
+def _failed(order: Order, file: VerdictFile) -> int:
+    without = [c.id for c in order.cases if c.id not in file.verdicts]
+    if not without:
+        return 0
+    for case in without[:5]:
+        click.echo(f"{case}: {file.notes[case]}", err=True)
+    more = f" and {len(without) - 5} more" if len(without) > 5 else ""
+    click.echo(
+        f"without verdict: {', '.join(without[:5])}{more}; the same command tries them again",
+        err=True,
+    )
+    return 1

@@ -1,0 +1,124 @@
+"""A diagnosis in the form of a verdict file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+from smad.gap.check.baselines import baselines
+from smad.gap.check.names import OUTCOMES
+from smad.gap.check.quantities import quantities
+from smad.gap.check.verdicts import CaseVerdict, HeldOut, Hypothesis, NextExperiment, Short
+from smad.gap.records import Diagnosis, Outcome, Verdict
+
+_NAMED = frozenset((Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST))
+_QUIET = {Outcome.NO_GAP: "none", Outcome.PARAMETERS: "parameters"}
+_MOST_CAUSES = 12
+_LEAST = 1e-4
+
+
+def answer(
+    diagnosis: Diagnosis, case: str, library: Sequence[str], *, with_baselines: bool = True
+) -> CaseVerdict:
+    """What the diagnosis says of a case, in names of the library."""
+    verdict = diagnosis.verdict
+    named = verdict.outcome in _NAMED
+    causes = hypotheses(verdict, diagnosis.places)
+    group = [verdict.effects[0], *verdict.group] if named and verdict.group else []
+    experiment = None
+    if diagnosis.experiments:
+        between = group or [n for h in causes[:2] for n in h.names]
+        experiment = NextExperiment(diagnosis.experiments[0].name, between)
+    return CaseVerdict(
+        outcome=OUTCOMES[verdict.outcome],
+        causes=causes,
+        group=group if verdict.outcome is Outcome.AMBIGUOUS else [],
+        subsystem=verdict.sub_model,
+        regime=", ".join(verdict.regimes),
+        held_out=held_out(diagnosis),
+        shrink=verdict.shrink if named else None,
+        quantities=quantities(diagnosis.values) if named else {},
+        next_experiment=experiment,
+        left_out={r.effect: Short(OUTCOMES[r.outcome], r.names) for r in diagnosis.left_out},
+        baselines=baselines(diagnosis.fitted, library, case) if with_baselines else {},
+        seconds=round(diagnosis.seconds, 2),
+    )
+
+
+def held_out(diagnosis: Diagnosis) -> dict[str, HeldOut]:
+    """RMS residual of each channel on the held-out runs, in its unit, from the local views.
+
+    A gap is the excess over the floor; with the floor it makes the RMS again. Where two views
+    predict one channel, the first counts.
+    """
+    out: dict[str, HeldOut] = {}
+    for row in diagnosis.waterfall:
+        if row.view != "local" or not row.channel or row.channel in out:
+            continue
+        after = row.effects[-1] if row.effects else row.refit
+        raw, refit, effect = (row.floor * (1.0 + g * g) ** 0.5 for g in (row.raw, row.refit, after))
+        out[row.channel] = HeldOut(raw, refit, effect, row.floor)
+    return out
+
+
+def hypotheses(verdict: Verdict, places: Mapping[str, Mapping[str, float]]) -> list[Hypothesis]:
+    """Ranked sets of effects with their probabilities, summing to at most 1.
+
+    The effects' places are taken as independent: a set has the product of its members' shares. What
+    the diagnosis gives to *unknown* is taken off all of them in proportion.
+    """
+    outcome = verdict.outcome
+    if outcome in (Outcome.NO_EXCITATION, Outcome.REFUSED):
+        return []
+    sets = _sets(places)
+    if outcome in _QUIET:
+        # The probability of the verdict is that of nothing being there; the sets share the rest.
+        quiet = frozenset((_QUIET[outcome],))
+        weight = {quiet: verdict.probability} | _scaled(sets, 1.0 - verdict.probability)
+    else:
+        unknown = _unknown(verdict, places)
+        none = sets.pop(frozenset(), 0.0)
+        weight = {s: p * (1.0 - unknown) for s, p in sets.items()}
+        weight[frozenset(("parameters",))] = none * (1.0 - unknown)
+        weight[frozenset(("unknown",))] = unknown
+    own = frozenset(verdict.effects)
+    ranked = sorted(weight.items(), key=lambda pair: (-pair[1], pair[0] != own, sorted(pair[0])))
+    kept = [(s, p) for s, p in ranked if p >= _LEAST][:_MOST_CAUSES]
+    total = max(1.0, sum(p for _, p in kept))
+    return [Hypothesis(_ordered(s, verdict), p / total) for s, p in kept]
+
+
+def _ordered(names: frozenset[str], verdict: Verdict) -> list[str]:
+    """The verdict's own order of importance first."""
+    known = {n: i for i, n in enumerate(verdict.effects)}
+    return sorted(names, key=lambda n: (known.get(n, len(known)), n))
+
+
+def _sets(places: Mapping[str, Mapping[str, float]]) -> dict[frozenset[str], float]:
+    out: dict[frozenset[str], float] = {}
+    tables = [list(table.items()) for table in places.values()]
+    for choice in product(*tables) if tables else ():
+        names = frozenset(n for n, _ in choice if n)
+        share = 1.0
+        for _, p in choice:
+            share *= p
+        out[names] = out.get(names, 0.0) + share
+    return out
+
+
+def _scaled(sets: Mapping[frozenset[str], float], total: float) -> dict[frozenset[str], float]:
+    some = {s: p for s, p in sets.items() if s}
+    have = sum(some.values())
+    return {s: p * total / have for s, p in some.items()} if have > 0 else {}
+
+
+def _unknown(verdict: Verdict, places: Mapping[str, Mapping[str, float]]) -> float:
+    """Probability that the cause is not in the library.
+
+    A verdict that names causes carries P(named) · (1 − P(unknown)).
+    """
+    if verdict.outcome is Outcome.UNKNOWN:
+        return verdict.probability
+    shares = {n: p for table in places.values() for n, p in table.items()}
+    named = min(1.0, sum(shares.get(n, 0.0) for n in [*verdict.effects[:1], *verdict.group]))
+    return min(1.0, max(0.0, 1.0 - verdict.probability / named)) if named > 0 else 1.0

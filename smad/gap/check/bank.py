@@ -1,0 +1,275 @@
+"""Reading a bank: the manifest, which cases to take, and the runs of a case.
+
+The form is described in docs/withheld.md. Nothing here opens a key.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from smad.gap.check.errors import BankError
+from smad.gap.runs import Array, GapRun
+from smad.gap.sma_signals import CHANNELS, INPUTS, run_from_columns
+
+FORMAT = "smad-bank-1"
+_GOLDEN = 0.6180339887498949
+_SEE = "see “A bank” in docs/withheld.md"
+
+
+class BankRun(msgspec.Struct, frozen=True):
+    """A run file of a case. `file` is relative to the bank's folder, with forward slashes."""
+
+    file: str
+    role: Literal["fit", "hold_out", "good"]
+    family: str = ""
+
+
+class Case(msgspec.Struct, frozen=True):
+    """One case. `changed` asks what is new since the good runs, `differs` has none."""
+
+    id: str
+    question: Literal["changed", "differs"]
+    runs: list[BankRun]
+
+
+class Manifest(msgspec.Struct, frozen=True):
+    """What `manifest.json` says. A bank without a key has an empty `key_sha256`."""
+
+    format: Literal["smad-bank-1"]
+    bank: str
+    cases: list[Case]
+    key_sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Bank:
+    """A bank that has been looked over: its folder, its manifest, and the manifest's SHA-256."""
+
+    folder: Path
+    manifest: Manifest
+    digest: str
+
+    def case(self, name: str) -> Case:
+        """The case of this name. Raises BankError when there is none."""
+        for case in self.manifest.cases:
+            if case.id == name:
+                return case
+        known = [c.id for c in self.manifest.cases]
+        raise BankError(
+            f"bank {self.manifest.bank} has no such case",
+            value=name,
+            limit=f"{known[0]} … {known[-1]}, {len(known)} in all",
+            action="name cases as the manifest does",
+        )
+
+
+@dataclass(frozen=True)
+class CaseRuns:
+    """The runs of a case by what they may be used for."""
+
+    fit: list[GapRun]
+    hold_out: list[GapRun]
+    good: list[GapRun]
+
+
+def open_bank(folder: Path) -> Bank:
+    """The bank in a folder. Raises BankError when its manifest is absent, broken or contradictory.
+
+    Run files are not opened here; `require_files` looks whether they are there.
+    """
+    path = folder / "manifest.json"
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise BankError(
+            f"{path} cannot be read",
+            value=error.strerror or str(error),
+            action=f"give the folder that holds a manifest.json; {_SEE}",
+        ) from error
+    try:
+        manifest = msgspec.json.decode(data, type=Manifest)
+    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+        raise BankError(
+            f"{path} is not the manifest of a bank",
+            value=str(error),
+            limit=FORMAT,
+            action=f"correct the manifest; {_SEE}",
+        ) from error
+    _look_over(path, manifest)
+    return Bank(folder, manifest, hashlib.sha256(data).hexdigest())
+
+
+def _look_over(path: Path, manifest: Manifest) -> None:
+    if not manifest.cases:
+        raise BankError(f"{path} lists no cases", value=0, limit="at least 1", action=_SEE)
+    repeated = [n for n, k in Counter(c.id for c in manifest.cases).items() if k > 1]
+    if repeated:
+        raise BankError(
+            f"{path} has two cases of one name", value=repeated[0], action="rename one of them"
+        )
+    for case in manifest.cases:
+        if not case.id or not case.id.replace("-", "").replace("_", "").isalnum():
+            raise BankError(
+                f"{path} has a case whose id cannot name a file",
+                value=case.id,
+                limit="letters, digits, - and _",
+                action="rename it",
+            )
+        if not any(r.role == "fit" for r in case.runs):
+            raise BankError(
+                f"{path}: {case.id} has no run to fit on",
+                value=", ".join(r.role for r in case.runs) or "no runs",
+                limit="at least one of role fit",
+                action="add a run or take the case out",
+            )
+        for run in case.runs:
+            parts = PurePosixPath(run.file)
+            if parts.is_absolute() or ".." in parts.parts or not run.file:
+                raise BankError(
+                    f"{path}: a run file of {case.id} lies outside the bank",
+                    value=run.file,
+                    limit="a path below the bank's folder",
+                    action="put the file into the bank",
+                )
+
+
+def require_files(bank: Bank, cases: Sequence[Case]) -> None:
+    """Raises BankError when a run file of these cases is absent: before the work, not after."""
+    absent = [
+        (c.id, r.file) for c in cases for r in used(c) if not (bank.folder / r.file).is_file()
+    ]
+    if absent:
+        case, file = absent[0]
+        more = f" and {len(absent) - 1} other files" if len(absent) > 1 else ""
+        raise BankError(
+            f"{case}: run file {file}{more} of bank {bank.manifest.bank} is missing",
+            value=str(bank.folder / file),
+            action="restore it, or leave the case out with --only",
+        )
+
+
+def used(case: Case) -> list[BankRun]:
+    """The runs that may be used: a case that asks what *differs* has no good runs."""
+    return [r for r in case.runs if r.role != "good" or case.question == "changed"]
+
+
+def chosen(bank: Bank, *, count: int | None = None, only: Sequence[str] = (), seed: int = 0
+           ) -> list[Case]:  # fmt: skip
+    """The cases to take, in the manifest's order.
+
+    `only` names them. `count` takes that many, spread evenly over the manifest from a seeded start
+    (case i has rank frac(u + i·0.618…), the lowest ranks are taken), so that what a manifest
+    groups, by question or by whatever its maker sorted it by, is met in proportion; a larger count
+    holds the smaller one. Raises BankError for a name that the bank does not have.
+    """
+    cases = bank.manifest.cases
+    if only:
+        wanted = {bank.case(name).id for name in only}
+        cases = [c for c in cases if c.id in wanted]
+    if count is None or count >= len(cases):
+        return list(cases)
+    start = np.random.default_rng(seed).random()
+    rank = np.mod(start + _GOLDEN * np.arange(len(cases)), 1.0)
+    taken = np.sort(np.argsort(rank, kind="stable")[:count])
+    return [cases[i] for i in taken]
+
+
+def read_case(bank: Bank, case: Case) -> CaseRuns:
+    """The runs of a case. Raises BankError, naming the file, when one cannot be read."""
+    stems = Counter(PurePosixPath(r.file).name.split(".")[0] for r in used(case))
+    groups: dict[str, list[GapRun]] = {"fit": [], "hold_out": [], "good": []}
+    for run in used(case):
+        stem = PurePosixPath(run.file).name.split(".")[0]
+        name = stem if stems[stem] == 1 else run.file
+        groups[run.role].append(_run(name, bank.folder / run.file))
+    return CaseRuns(**groups)
+
+
+def _run(name: str, path: Path) -> GapRun:
+    columns = read_columns(path)
+    _require_columns(path, columns)
+    run = run_from_columns(name, columns)
+    flagged = columns.get("valid")
+    if flagged is not None and run.valid is not None:
+        run.valid[:] &= np.nan_to_num(flagged) > 0.5
+    return run
+
+
+def _require_columns(path: Path, columns: Mapping[str, Array]) -> None:
+    def has(name: str) -> bool:
+        return name in columns and bool(np.isfinite(columns[name]).any())
+
+    absent = [] if has("t_s") else ["t_s"]
+    absent += [
+        s.name for s in INPUTS if not has(s.name) and not has(s.name.replace("applied", "cmd"))
+    ]
+    if not any(has(c.name) for c in CHANNELS):
+        absent.append(f"any measured channel ({', '.join(c.name for c in CHANNELS)})")
+    if absent:
+        raise BankError(
+            f"run file {path} lacks a column, or nothing was recorded in it",
+            value=", ".join(absent),
+            limit=f"columns as in the run log; {_SEE}",
+            action="add the column, in the unit its name ends with",
+        )
+    t_s = columns["t_s"]
+    if not np.isfinite(t_s).all() or np.any(np.diff(t_s) <= 0.0):
+        raise BankError(
+            f"run file {path}: column t_s is not a rising time",
+            value=f"{int(np.sum(~(np.diff(t_s) > 0.0)))} steps that do not rise",
+            action="sort the rows by time and take lost rows out",
+        )
+
+
+def read_columns(path: Path) -> dict[str, Array]:
+    """Columns of a Parquet, CSV or gzipped CSV file as float64, missing samples as NaN.
+
+    Raises BankError when the file is missing, of another kind, or holds text in a column.
+    """
+    kinds = (".parquet", ".csv", ".csv.gz")
+    if not path.name.endswith(kinds):
+        raise BankError(
+            f"run file {path} is of another kind",
+            value=path.suffix,
+            limit=", ".join(kinds),
+            action="convert it",
+        )
+    try:
+        table = _table(path)
+        return {
+            name: np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=np.float64)
+            for name in table.column_names
+            if not _is_text(table[name])
+        }
+    except (OSError, ValueError, TypeError) as error:
+        raise BankError(
+            f"run file {path} cannot be read",
+            value=str(error).splitlines()[0] if str(error) else type(error).__name__,
+            action="restore the file, or leave the case out with --only",
+        ) from error
+
+
+def _table(path: Path) -> Any:
+    if path.suffix == ".parquet":
+        import pyarrow.parquet as pq
+
+        return pq.read_table(path)
+    from pyarrow import csv
+
+    missing = csv.ConvertOptions(null_values=["", "nan", "NaN", "NAN"])
+    return csv.read_csv(path, convert_options=missing)
+
+
+def _is_text(column: Any) -> bool:
+    from pyarrow import types
+
+    kind = column.type
+    return bool(types.is_string(kind) or types.is_large_string(kind) or types.is_dictionary(kind))

@@ -1,0 +1,60 @@
+"""What simpler rules would have said, from the models that one diagnosis fitted anyway.
+
+They choose among the refit alone ("none") and every set of effects that was fitted jointly: single
+effects of the short list, and the sets that the selection tried. Effects that only the screening
+saw have no joint fit and are left out, which favours the baselines. None of them can say unknown.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from smad.gap.check.verdicts import Short
+from smad.gap.records import FittedRecord
+
+_PASSES = 0.95
+
+
+def baselines(fitted: Sequence[FittedRecord], library: Sequence[str], case: str
+              ) -> dict[str, Short]:  # fmt: skip
+    """Baseline verdicts by name; none but the random one without a fit."""
+    out = {"random": _random(library, case)}
+    if not fitted:
+        return out
+    return out | {
+        "smallest_rmse": _said(min(fitted, key=lambda f: f.held_out)),
+        "bic_only": _said(min(fitted, key=_bic)),
+        "chi2_only": _said(_chi2(fitted)),
+    }
+
+
+def _said(f: FittedRecord) -> Short:
+    return Short("effect", list(f.names)) if f.names else Short("no_gap")
+
+
+def _bic(f: FittedRecord) -> float:
+    """Schwarz's criterion with the robust likelihood of the fit runs (Schwarz 1978)."""
+    return 2.0 * f.objective + f.parameters * math.log(f.rows)
+
+
+def _chi2(fitted: Sequence[FittedRecord]) -> FittedRecord:
+    """The refit alone if its χ² is one that the floor explains; else the smallest χ²."""
+    from scipy.stats import chi2
+
+    refit = next(f for f in fitted if not f.names)
+    if refit.chi2 <= chi2.ppf(_PASSES, max(1, refit.rows - refit.parameters)):
+        return refit
+    return min(fitted, key=lambda f: f.chi2)
+
+
+def _random(library: Sequence[str], case: str) -> Short:
+    """One of none, unknown and every effect, all as likely; the case's name is the seed."""
+    seed = int.from_bytes(hashlib.sha256(case.encode()).digest()[:8], "big")
+    pick = int(np.random.default_rng(seed).integers(len(library) + 2))
+    if pick < len(library):
+        return Short("effect", [sorted(library)[pick]])
+    return Short("no_gap" if pick == len(library) else "unknown")

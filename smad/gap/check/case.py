@@ -1,0 +1,131 @@
+"""One case of a bank, from its files to its verdict: what a worker process does."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import inspect
+import os
+import time
+import traceback
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import msgspec
+
+import sim_device.plant
+import smad.gap
+from smad.errors import SmadError
+from smad.gap.check.answer import answer
+from smad.gap.check.bank import Bank, Case, CaseRuns, read_case
+from smad.gap.check.verdicts import CaseVerdict
+from smad.gap.diagnose import diagnose
+from smad.gap.records import Diagnosis, Outcome
+from smad.gap.settings import Settings
+from smad.gap.sma import SmaPlant
+
+
+@dataclasses.dataclass(frozen=True)
+class How:
+    """How every case of a check is diagnosed. `effects` restricts the library, by name."""
+
+    params: str = "A"
+    variant: str = "extended"
+    settings: Settings = dataclasses.field(default_factory=Settings)
+    leave_out: bool = False
+    baselines: bool = True
+    effects: tuple[str, ...] | None = None
+
+    def plant(self) -> SmaPlant:
+        """The plant model that the bank is compared with."""
+        from sim_device.plant import load_parameters
+
+        return SmaPlant(load_parameters(self.params), self.variant, self.effects)
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """One case for a worker. `source` is the code that the check began with."""
+
+    bank: Bank
+    case: Case
+    how: How
+    source: str
+    keep: Path | None = None
+
+
+class Part(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What became of one case: a verdict, or the error that prevented one."""
+
+    case: str
+    seconds: float
+    verdict: CaseVerdict | None = None
+    error: str = ""
+    note: str = ""
+
+
+@functools.cache
+def source_digest() -> str:
+    """SHA-256 over the code that a verdict depends on: the engine, the check and the plant."""
+    h = hashlib.sha256()
+    gap, plant = Path(smad.gap.__file__).parent, Path(sim_device.plant.__file__).parent
+    files = [*gap.glob("*.py"), *(gap / "check" / n for n in _DECISIVE), *plant.rglob("*.py")]
+    for path in sorted([*files, *plant.rglob("*.toml")]):
+        h.update(path.name.encode() + b"\0" + path.read_bytes())
+    return h.hexdigest()
+
+
+_DECISIVE = ("answer.py", "bank.py", "baselines.py", "case.py", "quantities.py")
+
+
+def judge(task: Task) -> Part:
+    """The verdict on one case. An error in it becomes part of the answer, and stops nothing else.
+
+    Runs in a process of its own, with one thread: two cases then use two cores.
+    """
+    began = time.perf_counter()
+    if source_digest() != task.source:
+        return Part(
+            task.case.id,
+            0.0,
+            error="the worker has other code than the check began with: start the check again",
+        )
+    try:
+        with ThreadPoolExecutor(max_workers=1) as one:
+            found = _diagnosed(task.how, read_case(task.bank, task.case), one)
+        verdict = answer(
+            found,
+            task.case.id,
+            [e.name for e in task.how.plant().effects],
+            with_baselines=task.how.baselines,
+        )
+    except SmadError as error:
+        return Part(task.case.id, time.perf_counter() - began, error=str(error))
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"internal error: {type(error).__name__}: {error}"
+        place = f"{os.path.basename(where.filename)}:{where.lineno}"
+        return Part(task.case.id, time.perf_counter() - began, error=f"{text} ({place})")
+    if task.keep is not None:
+        (task.keep / f"{task.case.id}.json").write_bytes(found.to_json())
+    note = found.verdict.text if found.verdict.outcome is Outcome.REFUSED else ""
+    return Part(task.case.id, time.perf_counter() - began, verdict, note=note)
+
+
+def _diagnosed(how: How, runs: CaseRuns, executor: ThreadPoolExecutor) -> Diagnosis:
+    extra = {"leave_out": True} if how.leave_out and can_leave_out() else {}
+    return diagnose(
+        runs.fit,
+        plant=how.plant(),
+        good=runs.good,
+        hold_out=runs.hold_out,
+        settings=how.settings,
+        executor=executor,
+        **extra,  # type: ignore[arg-type]
+    )
+
+
+def can_leave_out() -> bool:
+    """Whether the engine can judge once more without the first cause."""
+    return "leave_out" in inspect.signature(diagnose).parameters

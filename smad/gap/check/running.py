@@ -1,0 +1,238 @@
+"""Diagnosing the cases of a bank on an executor: in any order, resumable, past failed cases."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures.process import ProcessPoolExecutor
+from importlib.metadata import version
+from multiprocessing import active_children, get_context
+from pathlib import Path
+
+import msgspec
+
+import smad
+from smad.gap.check.bank import Bank, Case
+from smad.gap.check.case import How, Part, Task, judge, source_digest
+from smad.gap.check.errors import CheckError
+from smad.gap.check.verdicts import CaseVerdict, VerdictFile
+
+_TRIES = 2
+_MEMORY = "its worker process ended twice, as it does when memory runs out: use fewer --jobs"
+
+
+@dataclasses.dataclass(frozen=True)
+class Progress:
+    """How far a check is, after one more case."""
+
+    part: Part
+    done: int
+    total: int
+    left_s: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Order:
+    """A check that was asked for: the cases of a bank, how, and where parts are kept."""
+
+    bank: Bank
+    cases: Sequence[Case]
+    how: How
+    parts: Path
+    keep: Path | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Where parts of just this bank, code and way of diagnosing are kept."""
+        return self.parts / self.fingerprint[:16]
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of everything that a verdict depends on."""
+        said = {
+            "manifest": self.bank.digest,
+            "key": self.bank.manifest.key_sha256,
+            "version": version("smad"),
+            "source": source_digest(),
+            "how": dataclasses.asdict(self.how),
+        }
+        return hashlib.sha256(msgspec.json.encode(said, order="deterministic")).hexdigest()
+
+
+@contextlib.contextmanager
+def pool(jobs: int) -> Iterator[Executor]:
+    """Worker processes for `check`: fresh interpreters, since a fork would copy threads' locks.
+
+    Whatever ends the block early ends them too, so that an interruption need not wait for the
+    cases under way.
+    """
+    before = set(active_children())
+    workers = ProcessPoolExecutor(jobs, get_context("spawn"), _leave_interrupts_to_the_parent)
+    try:
+        yield workers
+    except BaseException:
+        for process in set(active_children()) - before:
+            process.terminate()
+        workers.shutdown(wait=False, cancel_futures=True)
+        raise
+    workers.shutdown()
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def check(
+    order: Order,
+    executor: Callable[[], contextlib.AbstractContextManager[Executor]],
+    *,
+    jobs: int,
+    report: Callable[[Progress], None] = lambda progress: None,
+    clock_s: Callable[[], float] = time.monotonic,
+    work: Callable[[Task], Part] = judge,
+) -> VerdictFile:
+    """The verdicts on all cases of the order; cases with a part from an earlier run are not redone.
+
+    `executor` makes the executor, anew if its workers die; `jobs` cases are handed to it at a time.
+    A case that fails is named in the notes, and tried again by the next check. An interruption
+    loses only the cases under way.
+    """
+    order.folder.mkdir(parents=True, exist_ok=True)
+    known = {c.id: p for c in order.cases if (p := read_part(order.folder, c.id)) is not None}
+    todo = [c for c in order.cases if c.id not in known]
+    parts = dict(known)
+    began_s = clock_s()
+    for finished, part in enumerate(_worked(order, todo, executor, jobs, work), start=1):
+        parts[part.case] = part
+        if part.verdict is not None:
+            _write_part(order.folder, part)
+        rest = len(todo) - finished
+        left_s = rest * (clock_s() - began_s) / finished
+        report(Progress(part, len(parts), len(order.cases), left_s))
+    return _file(order, [parts[c.id] for c in order.cases])
+
+
+def _worked(
+    order: Order,
+    todo: Sequence[Case],
+    executor: Callable[[], contextlib.AbstractContextManager[Executor]],
+    jobs: int,
+    work: Callable[[Task], Part],
+) -> Iterator[Part]:
+    """Parts as they come. When workers die, the cases they had are tried once more, one by one."""
+    waiting = [(case, 1) for case in todo]
+    width = jobs
+    while waiting:
+        suspects: list[tuple[Case, int]] = []
+        with executor() as workers:
+            under_way: dict[Future[Part], tuple[Case, int]] = {}
+            while (waiting or under_way) and not suspects:
+                while waiting and len(under_way) < width:
+                    case, attempt = waiting.pop(0)
+                    task = Task(order.bank, case, order.how, source_digest(), order.keep)
+                    under_way[workers.submit(work, task)] = case, attempt
+                done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+                for future in done:
+                    case, attempt = under_way.pop(future)
+                    try:
+                        yield future.result()
+                    except BrokenExecutor:
+                        suspects.append((case, attempt))
+            suspects += under_way.values()
+        width = 1 if suspects else jobs
+        for case, attempt in suspects:
+            if attempt >= _TRIES:
+                yield Part(case.id, 0.0, error=_MEMORY)
+            else:
+                waiting.insert(0, (case, attempt + 1))
+
+
+def part_path(folder: Path, case: str) -> Path:
+    """Where the part of a case is kept."""
+    return folder / f"{case}.json"
+
+
+def read_part(folder: Path, case: str) -> Part | None:
+    """The finished part of a case; None when there is none, or only half of one."""
+    try:
+        return msgspec.json.decode(part_path(folder, case).read_bytes(), type=Part)
+    except (OSError, msgspec.DecodeError, msgspec.ValidationError):
+        return None
+
+
+def _write_part(folder: Path, part: Part) -> None:
+    path = part_path(folder, part.case)
+    partial = path.with_suffix(".part")
+    partial.write_bytes(msgspec.json.encode(part))
+    partial.replace(path)
+
+
+def _file(order: Order, parts: Sequence[Part]) -> VerdictFile:
+    verdicts: dict[str, CaseVerdict] = {p.case: p.verdict for p in parts if p.verdict is not None}
+    notes = {p.case: p.error or p.note for p in parts if p.error or p.note}
+    return VerdictFile(
+        format="smad-verdicts-1",
+        bank=order.bank.manifest.bank,
+        key_sha256=order.bank.manifest.key_sha256,
+        verdicts=verdicts,
+        tool={
+            "name": "smad",
+            "version": version("smad"),
+            "commit": commit(),
+            "source_sha256": source_digest(),
+            "how": dataclasses.asdict(order.how),
+        },
+        notes=notes,
+    )
+
+
+def commit() -> str:
+    """Commit of the checkout that smad runs from, with "+" when files have been changed since.
+
+    Empty where smad was installed without its repository.
+    """
+    root = str(Path(smad.__file__).resolve().parents[1])
+    try:
+        said = [
+            subprocess.run(["git", "-C", root, *words], capture_output=True, text=True, check=True)
+            for words in (
+                ["rev-parse", "--short=12", "HEAD"],
+                ["status", "--porcelain", "--untracked-files=no"],
+            )
+        ]
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    head, changed = (s.stdout.strip() for s in said)
+    return head + ("+" if changed else "")
+
+
+@contextlib.contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """An executor on a dask cluster. Raises CheckError when dask is absent or does not answer.
+
+    Its workers need the same smad, and the bank's folder under the same path.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise CheckError(
+            "dask is not installed",
+            value=str(error),
+            action="pip install 'smad[cluster]', or leave --dask out",
+        ) from error
+    try:
+        client = Client(address, timeout="15s")
+    except (OSError, ValueError) as error:
+        raise CheckError(
+            "the dask scheduler cannot be reached",
+            value=f"{address}: {error}",
+            action="check that it runs, and its address",
+        ) from error
+    with client:
+        yield client.get_executor()

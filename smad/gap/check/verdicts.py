@@ -1,0 +1,189 @@
+"""Verdict files: what a diagnosis hands in for each case (docs/withheld.md describes the form)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from smad.gap.check.errors import VerdictError
+from smad.gap.check.names import OUTCOMES, canonical, canonical_subsystem, subsystem_of
+
+FORMAT = "smad-verdicts-1"
+NOT_CAUSES = frozenset(("none", "parameters", "unknown"))
+
+
+class Hypothesis(msgspec.Struct, frozen=True):
+    """One ranked answer: effects that act together, or ["none"], ["parameters"], ["unknown"]."""
+
+    names: list[str]
+    probability: float
+
+
+class Estimate(msgspec.Struct, frozen=True):
+    """A comparable quantity of an effect with its 95 % interval (docs/withheld.md lists them)."""
+
+    value: float
+    low: float
+    high: float
+
+
+class HeldOut(msgspec.Struct, frozen=True):
+    """RMS of one signal's residual on the held-out runs, in the signal's unit."""
+
+    raw: float
+    refit: float
+    effect: float
+    floor: float
+
+
+class NextExperiment(msgspec.Struct, frozen=True):
+    """The recommended experiment, and what the verdict was after it was run (if it was)."""
+
+    name: str
+    separates: list[str] = []
+    names_after: list[str] | None = None
+
+
+class Short(msgspec.Struct, frozen=True):
+    """A verdict reduced to outcome and names: baselines, and with one effect left out."""
+
+    outcome: str
+    names: list[str] = []
+
+
+class CaseVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """All that is said about one case."""
+
+    outcome: str
+    causes: list[Hypothesis] = []
+    group: list[str] = []
+    subsystem: str = ""
+    regime: str = ""
+    held_out: dict[str, HeldOut] = {}
+    shrink: float | None = None
+    shrink_best_entry: float | None = None
+    quantities: dict[str, Estimate] = {}
+    next_experiment: NextExperiment | None = None
+    left_out: dict[str, Short] = {}
+    baselines: dict[str, Short] = {}
+    seconds: float | None = None
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """Names of the first hypothesis, without the answers that name no cause."""
+        names = self.causes[0].names if self.causes else []
+        return tuple(sorted(n for n in names if n not in NOT_CAUSES))
+
+
+class VerdictFile(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A whole verdict file. `notes` says of a case why it has no verdict, or what to know of it."""
+
+    format: Literal["smad-verdicts-1"]
+    bank: str
+    key_sha256: str
+    verdicts: dict[str, CaseVerdict]
+    tool: dict[str, Any] = {}
+    aliases: dict[str, str] = {}
+    notes: dict[str, str] = {}
+
+
+def _checked(case: str, verdict: CaseVerdict) -> None:
+    allowed = sorted(set(OUTCOMES.values()))
+    if verdict.outcome not in allowed:
+        raise VerdictError(
+            f"{case} has an unknown outcome",
+            value=verdict.outcome,
+            limit=", ".join(allowed),
+            action="correct it",
+        )
+    order = [h.probability for h in verdict.causes]
+    if any(not 0.0 <= p <= 1.0 for p in order) or sum(order) > 1.0 + 1e-6:
+        raise VerdictError(
+            f"{case}: probabilities of the causes",
+            value=order,
+            limit="each in 0…1, together at most 1",
+            action="normalise them",
+        )
+    if order != sorted(order, reverse=True):
+        raise VerdictError(
+            f"{case}: causes must be ranked, most probable first", value=order, action="sort them"
+        )
+
+
+def _merged(causes: Sequence[Hypothesis], extra: Mapping[str, str]) -> list[Hypothesis]:
+    """Hypotheses in the bank's names; several that then say the same become one."""
+    together: dict[tuple[str, ...], float] = {}
+    for h in causes:
+        names = tuple(dict.fromkeys(canonical(n, extra) for n in h.names))
+        known = next((k for k in together if set(k) == set(names)), names)
+        together[known] = together.get(known, 0.0) + h.probability
+    ranked = sorted(together.items(), key=lambda pair: -pair[1])
+    return [Hypothesis(list(names), p) for names, p in ranked]
+
+
+def _short(short: Short, extra: Mapping[str, str]) -> Short:
+    return Short(short.outcome, [canonical(n, extra) for n in short.names])
+
+
+def in_bank_names(verdict: CaseVerdict, extra: Mapping[str, str]) -> CaseVerdict:
+    """The verdict in the bank's names; without a subsystem, that of the first cause."""
+    causes = _merged(verdict.causes, extra)
+    subsystem = canonical_subsystem(verdict.subsystem)
+    if not subsystem and causes and causes[0].names:
+        subsystem = subsystem_of(causes[0].names[0])
+    after = verdict.next_experiment
+    if after is not None:
+        seen = after.names_after
+        after = NextExperiment(
+            after.name,
+            [canonical(n, extra) for n in after.separates],
+            None if seen is None else [canonical(n, extra) for n in seen],
+        )
+    return msgspec.structs.replace(
+        verdict,
+        causes=causes,
+        group=[canonical(n, extra) for n in verdict.group],
+        subsystem=subsystem,
+        quantities={canonical(n, extra): q for n, q in verdict.quantities.items()},
+        left_out={canonical(n, extra): _short(s, extra) for n, s in verdict.left_out.items()},
+        baselines={n: _short(s, extra) for n, s in verdict.baselines.items()},
+        next_experiment=after,
+    )
+
+
+def read_verdict_file(path: Path) -> VerdictFile:
+    """A checked verdict file as it stands. Raises VerdictError, which says what is wrong where."""
+    try:
+        file = msgspec.json.decode(path.read_bytes(), type=VerdictFile)
+    except OSError as error:
+        raise VerdictError(
+            f"{path} cannot be read", value=error.strerror, action="check the path"
+        ) from error
+    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+        raise VerdictError(
+            f"{path} is not a verdict file",
+            value=str(error),
+            limit=FORMAT,
+            action="see “Verdicts” in docs/withheld.md for the form",
+        ) from error
+    for case, verdict in file.verdicts.items():
+        _checked(case, verdict)
+    return file
+
+
+def read_verdicts(path: Path) -> VerdictFile:
+    """A checked verdict file in the bank's names. Raises VerdictError as `read_verdict_file`."""
+    file = read_verdict_file(path)
+    extra = {k.lower(): v for k, v in file.aliases.items()}
+    named = {case: in_bank_names(v, extra) for case, v in file.verdicts.items()}
+    return msgspec.structs.replace(file, verdicts=named)
+
+
+def write_verdicts(path: Path, file: VerdictFile) -> None:
+    """Writes a verdict file as indented JSON; a reader never sees half of one."""
+    partial = path.with_name(path.name + ".part")
+    partial.write_bytes(msgspec.json.format(msgspec.json.encode(file), indent=1) + b"\n")
+    partial.replace(path)
