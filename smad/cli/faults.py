@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import bench_option, client, progress
+from smad.cli.output import Finite, bench_option, client, progress
 from smad.errors import CommandError
 
 if TYPE_CHECKING:
-    from smad.faults.report import CampaignRun, Judged
+    from smad.faults.report import Judged
 
 _PAIRS_A_COUNT = 5
+_SHOWN = 5
 
 
 @click.group()
@@ -110,13 +111,60 @@ def run_command(
     )
     click.echo(text_table(report.table_of(report.by_fault(run.results))))
     click.echo(text_table(report.table_of(report.by_group(run.results))))
-    _write(run, json_path)
+    _write(report.json_of(run), json_path)
     if html_path is not None:
         write_page(report.page_of(run), html_path)
     for line in report.failure_lines(run):
         click.echo(f"FAILED {line}")
     click.echo(report.verdict(run))
     return 1 if run.failures else 0
+
+
+@faults.command()
+@click.option("--seconds", type=Finite(min=20.0), metavar="S", help="Board time of each stage.")
+@click.option("--rate", type=click.Choice(["100", "500"]), help="Only the stage at this rate.")
+@click.option("--every", type=Finite(min=5.0), metavar="S", help="Board time between reconnects.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
+@click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
+def soak(
+    *,
+    seconds: float | None,
+    rate: str | None,
+    every: float | None,
+    seed: int,
+    json_path: Path | None,
+) -> int:
+    """Run a daemon for an hour of board time at 100 Hz and ten minutes at 500 Hz.
+
+    Random commands, a reconnect every minute, a slow subscriber, floods of commands; as fast as
+    the machine allows. Exit status 1 if a sample is lost, something grows, or a command is not
+    logged.
+    """
+    from dataclasses import replace
+
+    from smad.cli.run import ended_by_signals
+    from smad.faults.soak import report
+    from smad.faults.soak.found import FULL
+    from smad.faults.soak.run import run_stage
+    from smad.report.page import text_table
+
+    chosen = [stage for stage in FULL if rate is None or stage.rate_hz == int(rate)]
+    if seconds is not None:
+        chosen = [replace(stage, seconds=seconds) for stage in chosen]
+    if every is not None:
+        chosen = [replace(s, reconnect_every_s=every, flood_every_s=every) for s in chosen]
+    with ended_by_signals(), progress() as line:
+        results = [run_stage(stage, seed, line.say) for stage in chosen]
+        line.done()
+    for found in results:
+        click.echo(report.facts(found))
+        click.echo(text_table(report.table_of(found)))
+        for command in found.not_logged[:_SHOWN]:
+            click.echo(f"NOT LOGGED {command}")
+    _write(report.json_of(results), json_path)
+    ok = all(check.ok for found in results for check in report.checks(found))
+    click.echo("every check holds" if ok else "a check FAILED")
+    return 0 if ok else 1
 
 
 def _chosen(
@@ -183,13 +231,11 @@ def _described(params: dict[str, object]) -> str:
     return " ".join(words)
 
 
-def _write(run: CampaignRun, path: Path | None) -> None:
-    from smad.faults.report import json_of
-
+def _write(text: str, path: Path | None) -> None:
     if path is None:
         return
     try:
-        path.write_text(json_of(run))
+        path.write_text(text)
     except OSError as error:
         raise CommandError(
             f"the results cannot be written ({error.strerror})", value=str(path),

@@ -46,6 +46,12 @@ from smad.daemon.watch import BoardWatch, Say, disagreement
 _PARAMETER_POLLS = 100
 _PARAMETER_POLL_S = 0.02
 
+_LOGGED_BESIDES = (api.AddNote, api.TakeControl, api.ReleaseControl)
+"""Open to those who only watch, and yet worth a line in the run log."""
+
+_BEGIN_A_LOG = (api.Arm, api.StartRecording)
+"""Told to the run log once it is open, which may be this command's doing."""
+
 Client = bytes
 Answer = Struct | Awaitable[Struct]
 
@@ -116,7 +122,8 @@ class Service:
                     Reason.BUSY, "the daemon is ending", action="start it again (smad start)"
                 )
         answer = self.methods[type(params)](params, client)
-        if method.access != "watch" or isinstance(params, api.AddNote):
+        logged = method.access != "watch" or type(params) in _LOGGED_BESIDES
+        if logged and type(params) not in _BEGIN_A_LOG:
             self._say("command", method.name, _details(params))
         return answer
 
@@ -147,6 +154,7 @@ class Service:
         assert isinstance(token, ArmToken)
         if self._config.recorder.automatic and not self._recorder.recording:
             await self._recorder.start("", by_command=False)
+        self._say("command", "arm", _details(params))
         self._say("arm", "arming", {})
         await self._requests.ask(ArmConfirm(axis, token.token))
         self._dead_man.watch(client, self._clock_us())
@@ -234,6 +242,7 @@ class Service:
     ) -> api.RecorderStatus:
         """Begin a run log."""
         await self._recorder.start(params.name, by_command=True)
+        self._say("command", "record.start", _details(params))
         return self._recorder.status()
 
     async def stop_recording(self, params: api.StopRecording, client: Client) -> api.RecorderStatus:
@@ -260,7 +269,6 @@ class Service:
         """Take or renew exclusive control."""
         now_us = self._clock_us()
         self._lease.take(client, params.name, int(params.lease_s * 1e6), now_us)
-        self._say("command", f"{params.name} has exclusive control", {})
         return self._status.lease(client)
 
     def release_control(self, params: api.ReleaseControl, client: Client) -> api.Control:
