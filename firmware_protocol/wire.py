@@ -11,6 +11,7 @@ description, the C header, the tables of the document) is made from those.
 from __future__ import annotations
 
 import enum
+import functools
 import struct
 from dataclasses import dataclass
 from typing import Any, get_type_hints
@@ -103,6 +104,12 @@ def fields_of(cls: type[msgspec.Struct]) -> tuple[Field, ...]:
 
     Raises SchemaError for a field without a `Wire` annotation or with an unknown kind.
     """
+    return _fields_of(cls)
+
+
+# Each new session asks for all of them, and reading annotations takes ten milliseconds.
+@functools.cache
+def _fields_of(cls: type[msgspec.Struct]) -> tuple[Field, ...]:
     hints = get_type_hints(cls, include_extras=True)
     return tuple(_field(cls, name, hints[name]) for name in cls.__struct_fields__)
 

@@ -1,0 +1,57 @@
+"""One atheris run in a process of its own: `python -m tests.fuzz.child TARGET FOLDER [FLAG…]`.
+
+libFuzzer ends its process when it is done, so nothing can be returned: what was found is written
+into FOLDER/findings, an input and a text each, and libFuzzer's own words go to standard error.
+A finding does not end the run; the same one is kept once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import traceback
+from pathlib import Path
+
+import atheris
+
+from tests.fuzz.limits import FINDINGS, kind_of, within_limits
+from tests.fuzz.targets import TARGETS, Harness, Target
+
+_COMPILED = ["sim_device.plant.kernel"]
+"""numba compiles these from their bytecode, which has to stay as it is."""
+
+
+def main(arguments: list[str]) -> None:
+    """Fuzz one target with libFuzzer's flags."""
+    target, folder = TARGETS[arguments[0]], Path(arguments[1])
+    with atheris.instrument_imports(include=list(target.instrumented), exclude=_COMPILED):
+        harness = target.harness()
+    # The next counter that would be given out is how many there are.
+    sys.stderr.write(f"counters: {atheris._reserve_counter()}\n")
+    again = f"{sys.executable} -m tests.fuzz.child {target.name} {folder}"
+    atheris.Setup([again, *arguments[2:]], _collecting(target, harness, folder / FINDINGS))
+    atheris.Fuzz()
+
+
+def _collecting(target: Target, harness: Harness, findings: Path) -> Harness:
+    findings.mkdir(parents=True, exist_ok=True)
+    limited = within_limits(harness, target.allowed_s)
+    seen: set[str] = set()
+
+    def one(data: bytes) -> None:
+        try:
+            limited(data)
+        except Exception as error:
+            kind = kind_of(error)
+            if kind not in seen:
+                seen.add(kind)
+                name = hashlib.sha256(data).hexdigest()[:12]
+                (findings / f"{name}.input").write_bytes(data)
+                text = "".join(traceback.format_exception(error))
+                (findings / f"{name}.txt").write_text(f"{kind}\n{text}")
+
+    return one
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

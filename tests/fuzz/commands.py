@@ -1,0 +1,134 @@
+"""The command server without its sockets: every message gets one reply, none an internal error."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+from typing import Any
+
+import msgspec
+
+from firmware_protocol.events import HostState
+from smad.api import LARGEST_MESSAGE, Reason
+from smad.daemon.auth import Doorkeeper
+from smad.daemon.rpc import Call, Decoder
+from tests.fuzz.desk import Desk
+from tests.fuzz.program import require
+
+_CLIENTS = (b"one", b"two")
+_SAMPLES_A_MESSAGE = 3
+_MOST_SAMPLES = 60
+_THREAD_S = 0.0005
+_MOST_MESSAGES = 12
+
+
+class _Reply(msgspec.Struct, forbid_unknown_fields=True):
+    jsonrpc: str
+    id: int | str | None
+    result: dict[str, Any] | None = None
+    error: dict[str, Any] | None = None
+
+
+_REPLY = msgspec.json.Decoder(_Reply)
+_DECODERS = (Decoder(), Decoder("stop"))
+
+
+def run(data: bytes) -> None:
+    """The first byte says whether the bench is armed, then come messages, a line each."""
+    _doorkeeper(data)
+    armed, lines = bool(data[:1] and data[0] & 1), data[1:].split(b"\n")[:_MOST_MESSAGES]
+    for line in lines:
+        for decoder in _DECODERS:
+            _decoded(decoder.decode(line), line)
+    _loop().run_until_complete(_perform(lines, armed))
+
+
+def _decoded(decoded: Call | bytes, line: bytes) -> None:
+    if isinstance(decoded, bytes):
+        reply = _checked(decoded)
+        require(reply.error is not None, "a message that was not understood was not refused")
+        require(
+            len(decoded) <= 8 * len(line) + 4096, lambda: f"{len(decoded)} bytes of refusal"
+        )
+        return
+    # Converting checks every range once more, on values instead of text.
+    plain = msgspec.to_builtins(decoded.params)
+    again = msgspec.convert(plain, type(decoded.params))
+    require(again == decoded.params, "parameters do not survive a check of their ranges")
+
+
+def _checked(text: bytes) -> _Reply:
+    require(len(text) <= LARGEST_MESSAGE, lambda: f"a reply of {len(text)} bytes")
+    reply = _REPLY.decode(text)
+    require(reply.jsonrpc == "2.0", "not JSON-RPC 2.0")
+    require((reply.result is None) != (reply.error is None), "neither or both of result and error")
+    if reply.error is not None:
+        data = reply.error["data"]
+        require(data["reason"] != Reason.INTERNAL, lambda: f"internal error: {data['cause']}")
+        require(reply.error["message"].strip(), "a refusal without words")
+    return reply
+
+
+async def _perform(lines: list[bytes], armed: bool) -> None:
+    desk = await _desk()
+    answers = desk.clerk()
+    state = desk.control.session.state
+    if armed != (state is HostState.RUNNING):
+        method = b"arm" if armed else b"disarm"
+        answers.command(b"me", b'{"method":"%s","id":1}' % method, _ignored)
+        await _settle(desk)
+    replies: list[bytes] = []
+    wanted = 0
+    for number, line in enumerate(lines):
+        channel = answers.stop if line[:1] == b" " else answers.command
+        decoder = _DECODERS[line[:1] == b" "]
+        call = decoder.decode(line)
+        wanted += isinstance(call, bytes) or call.wants_reply
+        channel(_CLIENTS[number % 2], line, replies.append)
+        for _ in range(_SAMPLES_A_MESSAGE):
+            await desk.sample()
+    await _settle(desk)
+    require(len(replies) == wanted, lambda: f"{len(replies)} replies to {wanted} requests")
+    for reply in replies:
+        _checked(reply)
+    if not desk.fresh:
+        _desks.clear()
+
+
+async def _settle(desk: Desk) -> None:
+    for _ in range(_MOST_SAMPLES):
+        await desk.sample()
+        if not desk.tasks:
+            return
+        # A run log is opened by a thread; leave it the processor.
+        await asyncio.sleep(_THREAD_S)
+    require(not desk.tasks, lambda: f"never answered: {[task.get_name() for task in desk.tasks]}")
+
+
+def _ignored(reply: bytes) -> None:
+    """Take the reply to what the harness itself asked."""
+
+
+_desks: list[Desk] = []
+
+
+async def _desk() -> Desk:
+    if not _desks:
+        desk = Desk(_loop())
+        await desk.connect()
+        _desks.append(desk)
+    return _desks[0]
+
+
+@functools.cache
+def _loop() -> asyncio.AbstractEventLoop:
+    return asyncio.new_event_loop()
+
+
+def _doorkeeper(data: bytes) -> None:
+    """A ZAP request comes from the library, but its key and its texts come from a stranger."""
+    keeper = Doorkeeper(["x" * 40])
+    frames = data.split(b"\n")
+    for request in (frames, [b"1.0", b"1", b"smad", b"", b"", b"CURVE", data[:32]]):
+        reply = keeper.answer(request)
+        require(reply is None or reply[2] == b"400", "a stranger's key was let in")

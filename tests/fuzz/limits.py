@@ -1,0 +1,62 @@
+"""What one input may take: CPU time and memory. More is a finding, as an exception is."""
+
+from __future__ import annotations
+
+import resource
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.fuzz.program import Defect, require
+from tests.fuzz.targets import Harness
+
+FINDINGS = "findings"
+"""Folder, within that of a run, of the inputs that broke a promise."""
+
+ALLOWED_MIB = 192
+"""By which one input may raise the highest memory of its process; a log's chunk may take much."""
+
+_OWN = Path(__file__).parent
+
+
+def within_limits(run: Harness, allowed_s: float) -> Harness:
+    """Return `run` with a Defect for an input that takes too much time or memory."""
+
+    def limited(data: bytes) -> None:
+        before_s, before_KiB = time.process_time(), _peak_KiB()
+        run(data)
+        took_s = time.process_time() - before_s
+        grew_MiB = (_peak_KiB() - before_KiB) / 1024
+        require(took_s <= allowed_s, lambda: f"took {took_s:.1f} s of {allowed_s} s allowed")
+        require(
+            grew_MiB <= ALLOWED_MIB,
+            lambda: f"took {grew_MiB:.0f} MiB of {ALLOWED_MIB} MiB allowed",
+        )
+
+    return limited
+
+
+def _peak_KiB() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def kind_of(error: BaseException) -> str:
+    """Return what tells one defect from another: its type and where it was raised.
+
+    For a broken promise that is the harness's sentence, for an exception the innermost line that
+    is not the harness's.
+    """
+    frames = traceback.extract_tb(error.__traceback__)
+    if isinstance(error, Defect):
+        line = next(frame for frame in reversed(frames) if frame.name != "require")
+    else:
+        line = next((f for f in reversed(frames) if _is_ours(f.filename)), frames[-1])
+    return f"{type(error).__name__} at {Path(line.filename).name}:{line.lineno}"
+
+
+def _is_ours(filename: str) -> bool:
+    path = Path(filename)
+    return "site-packages" not in path.parts and _OWN.parents[1] in path.parents
+
+

@@ -1,0 +1,47 @@
+"""Model files, TOML and JSON: refused in words, or parameters and effects within their ranges."""
+
+from __future__ import annotations
+
+from sim_device.plant.constants import VARIANTS
+from sim_device.plant.effects.registry import effect
+from sim_device.plant.errors import PlantError
+from sim_device.plant.models import read_model, save_model
+from tests.fuzz.files import file_with, no_file
+from tests.fuzz.parameters import within_limits
+from tests.fuzz.program import require
+
+_KINDS = ("model.toml", "model.json")
+
+
+def run(data: bytes) -> None:
+    """The first byte chooses TOML or JSON, the rest is the file."""
+    name = _KINDS[data[0] & 1] if data else _KINDS[0]
+    try:
+        model = read_model(file_with(name, data[1:]))
+    except PlantError as error:
+        require(str(error).strip(), "a refusal without words")
+        return
+    require(model.variant in VARIANTS, lambda: f"{model.variant!r} is no variant")
+    within_limits(model.parameters)
+    for key, values in model.effects.items():
+        for parameter in effect(key).parameters:
+            require(
+                parameter.low <= values[parameter.name] <= parameter.high,
+                lambda: f"{key}.{parameter.name} is out of range",  # noqa: B023
+            )
+    for other in _KINDS:
+        path = no_file(f"again-{other}")
+        save_model(
+            path,
+            base=model.base,
+            variant=model.variant,
+            overrides=model.overrides,
+            effects=model.effects,
+            note=model.note,
+        )
+        again = read_model(path)
+        require(
+            (again.parameters, again.variant, again.effects, again.note)
+            == (model.parameters, model.variant, model.effects, model.note),
+            lambda: f"saved as {other} it reads otherwise",  # noqa: B023
+        )

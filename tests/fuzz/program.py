@@ -1,0 +1,55 @@
+"""Bytes read as a small program, and what a harness may find wrong.
+
+A checksum stops a mutated frame at the door, and a token of 32 bits is not guessed. So the
+harnesses of the sessions do not take their input as a stream: it says which frames to make, and
+the harness adds what must be right for the frame to get any further.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+
+LONGEST_INPUT_BYTES = 4096
+
+
+class Defect(AssertionError):
+    """The code under test did what it says that it never does."""
+
+
+def require(holds: object, message: str | Callable[[], str]) -> None:
+    """Raise Defect with the message unless `holds`."""
+    if not holds:
+        raise Defect(message if isinstance(message, str) else message())
+
+
+class Program:
+    """Takes values off the front of the input; an input that has ended gives zeros."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._at = 0
+
+    def __bool__(self) -> bool:
+        return self._at < len(self._data)
+
+    def u8(self) -> int:
+        """Return the next byte."""
+        return int.from_bytes(self.bytes(1))
+
+    def u16(self) -> int:
+        """Return the next two bytes, little-endian."""
+        number: int = struct.unpack("<H", self.bytes(2))[0]
+        return number
+
+    def bytes(self, count: int) -> bytes:
+        """Return the next `count` bytes, filled up with zeros."""
+        piece = self._data[self._at : self._at + count]
+        self._at += count
+        return piece.ljust(count, b"\0")
+
+    def rest(self) -> bytes:
+        """Return what is left."""
+        piece = self._data[self._at :]
+        self._at = len(self._data)
+        return piece

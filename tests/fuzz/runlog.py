@@ -1,0 +1,59 @@
+"""The reader of run logs: whole rows only, whatever a crash or a disk left of the file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smad.errors import RunLogError
+from smad.runlog.reader import Run, read_run
+from smad.runlog.recover import recover
+from smad.runlog.schema import CHANNELS, ROW_TOPIC
+from smad.runlog.summary import list_runs, summarise
+from tests.fuzz.files import file_with, folder, no_file
+from tests.fuzz.program import require
+
+_LEAST_ROW = b'{"t_s":0}'
+
+
+def run(data: bytes) -> None:
+    """The input is the file."""
+    path = file_with("run.mcap", data)
+    overview = [line for line in list_runs(folder()) if line.path == str(path)]
+    require(len(overview) == 1, "the file is not in the list of its folder")
+    try:
+        read = read_run(path)
+    except RunLogError as error:
+        require(str(error).strip(), "a refusal without words")
+        read = None
+    if read is not None:
+        _whole_rows_only(read)
+        summarise(read)
+    target = no_file("recovered.mcap")
+    try:
+        recover(path, target)
+    except RunLogError as error:
+        require(str(error).strip(), "a refusal without words")
+        require(not target.exists(), "a recovery that was refused left a file")
+        return
+    if read is None:
+        return
+    again = read_run(target)
+    require(not again.cut_short and again.damaged == 0, "a recovered log is not whole")
+    for name in CHANNELS:
+        require(
+            np.array_equal(again.columns[name], read.columns[name], equal_nan=True),
+            lambda: f"recovery changed {name}",  # noqa: B023
+        )
+    require(again.events == read.events and again.link == read.link, "recovery changed events")
+
+
+def _whole_rows_only(read: Run) -> None:
+    rows = len(read)
+    require(list(read.columns) == list(CHANNELS), "a channel is missing")
+    for name, column in read.columns.items():
+        require(column.shape == (rows,), f"{name} has {column.shape}, not {rows} rows")
+        require(column.dtype == CHANNELS[name].dtype, f"{name} is {column.dtype}")
+        if column.dtype.kind == "f":
+            require(not np.isinf(column).any(), f"{name} holds an infinite number")
+    require(np.isfinite(read.columns["t_s"]).all(), f"a row of {ROW_TOPIC} has no time")
+    require(read.dropped >= 0 and read.damaged >= 0, "a count below zero")
