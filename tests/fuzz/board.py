@@ -75,15 +75,15 @@ class _Bench:
     # What the input can ask for
 
     def _raw(self, program: Program) -> None:
-        self._send(program.bytes(program.u8()))
+        self._send(program.take(program.u8()))
 
     def _frame(self, program: Program) -> None:
         number, size = program.u8(), program.u8() % (MAX_PAYLOAD + 1)
-        self._say(number, program, program.bytes(size))
+        self._say(number, program, program.take(size))
 
     def _message(self, program: Program) -> None:
         layout = _FROM_HOST[program.u8() % len(_FROM_HOST)]
-        self._say(layout.number, program, program.bytes(layout.size))
+        self._say(layout.number, program, program.take(layout.size))
 
     def _say(self, number: int, program: Program, payload: bytes) -> None:
         selector = program.u8()
@@ -149,7 +149,9 @@ class _Bench:
             state = self.board.sample(self._readings, self.now_us)
             require(
                 state.mode is BoardState.ARMED or state.i_applied_mA == (0, 0),
-                lambda: f"{state.i_applied_mA} mA applied in {state.mode.name}",
+                "{} mA applied in {}",
+                state.i_applied_mA,
+                state.mode.name,
             )
             self._check()
 
@@ -164,9 +166,9 @@ class _Bench:
             self._confirmed.clear()
         self._was = now
         gate = board.outputs.gate
-        require(not gate or now in _HOT, lambda: f"the gate is on in {now.name}")
+        require(not gate or now in _HOT, "the gate is on in {}", now.name)
         out = board.session.data_to_send()
-        require(len(out) <= MOST_OUTPUT_BYTES, lambda: f"{len(out)} bytes wait to be sent")
+        require(len(out) <= MOST_OUTPUT_BYTES, "{} bytes wait to be sent", len(out))
         for frame in self._said.feed(out):
             message = CODEC.unpack(frame.type, frame.payload)
             if isinstance(message, m.ArmToken):
@@ -177,5 +179,7 @@ class _Bench:
             value = self.board.parameters.values[0, row.number]
             require(
                 row.minimum <= value <= row.maximum,
-                lambda: f"{row.name} = {value} is out of its range",  # noqa: B023
+                "{} = {} is out of its range",
+                row.name,
+                value,
             )

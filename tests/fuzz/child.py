@@ -8,13 +8,16 @@ A finding does not end the run; the same one is kept once.
 from __future__ import annotations
 
 import hashlib
+import random
 import sys
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 import atheris
 
 from tests.fuzz.limits import FINDINGS, kind_of, within_limits
+from tests.fuzz.mutate import Mutator
 from tests.fuzz.targets import TARGETS, Harness, Target
 
 _COMPILED = ["sim_device.plant.kernel"]
@@ -28,9 +31,28 @@ def main(arguments: list[str]) -> None:
         harness = target.harness()
     # The next counter that would be given out is how many there are.
     sys.stderr.write(f"counters: {atheris._reserve_counter()}\n")
+    rng = random.Random(0)
+    mutator = Mutator(target, [path.read_bytes() for path in sorted(target.corpus.iterdir())], rng)
     again = f"{sys.executable} -m tests.fuzz.child {target.name} {folder}"
-    atheris.Setup([again, *arguments[2:]], _collecting(target, harness, folder / FINDINGS))
+    atheris.Setup(
+        [again, *arguments[2:]],
+        _collecting(target, harness, folder / FINDINGS),
+        custom_mutator=_mixed(mutator, rng),
+    )
     atheris.Fuzz()
+
+
+def _mixed(mutator: Mutator, rng: random.Random) -> Callable[[bytes, int, int], bytes]:
+    """Half of the mutations are libFuzzer's, half those that know lines and words."""
+
+    def mutate(data: bytes, most: int, seed: int) -> bytes:
+        rng.seed(seed)
+        if seed & 1:
+            mutated: bytes = atheris.Mutate(data, most)
+            return mutated
+        return mutator.change(data)[:most]
+
+    return mutate
 
 
 def _collecting(target: Target, harness: Harness, findings: Path) -> Harness:

@@ -10,15 +10,13 @@ import msgspec
 
 from firmware_protocol.events import HostState
 from smad.api import LARGEST_MESSAGE, Reason
+from smad.control.commands import Tune
 from smad.daemon.auth import Doorkeeper
 from smad.daemon.rpc import Call, Decoder
-from tests.fuzz.desk import Desk
+from tests.fuzz.desk import CLIENTS, desk, discard
 from tests.fuzz.program import require
 
-_CLIENTS = (b"one", b"two")
-_SAMPLES_A_MESSAGE = 3
-_MOST_SAMPLES = 60
-_THREAD_S = 0.0005
+_SAMPLES_A_MESSAGE = 2
 _MOST_MESSAGES = 12
 
 
@@ -47,9 +45,7 @@ def _decoded(decoded: Call | bytes, line: bytes) -> None:
     if isinstance(decoded, bytes):
         reply = _checked(decoded)
         require(reply.error is not None, "a message that was not understood was not refused")
-        require(
-            len(decoded) <= 8 * len(line) + 4096, lambda: f"{len(decoded)} bytes of refusal"
-        )
+        require(len(decoded) <= 8 * len(line) + 4096, "{} bytes of refusal", len(decoded))
         return
     # Converting checks every range once more, on values instead of text.
     plain = msgspec.to_builtins(decoded.params)
@@ -58,66 +54,37 @@ def _decoded(decoded: Call | bytes, line: bytes) -> None:
 
 
 def _checked(text: bytes) -> _Reply:
-    require(len(text) <= LARGEST_MESSAGE, lambda: f"a reply of {len(text)} bytes")
+    require(len(text) <= LARGEST_MESSAGE, "a reply of {} bytes", len(text))
     reply = _REPLY.decode(text)
     require(reply.jsonrpc == "2.0", "not JSON-RPC 2.0")
     require((reply.result is None) != (reply.error is None), "neither or both of result and error")
     if reply.error is not None:
         data = reply.error["data"]
-        require(data["reason"] != Reason.INTERNAL, lambda: f"internal error: {data['cause']}")
+        require(data["reason"] != Reason.INTERNAL, "internal error: {}", data["cause"])
         require(reply.error["message"].strip(), "a refusal without words")
     return reply
 
 
 async def _perform(lines: list[bytes], armed: bool) -> None:
-    desk = await _desk()
-    answers = desk.clerk()
-    state = desk.control.session.state
-    if armed != (state is HostState.RUNNING):
-        method = b"arm" if armed else b"disarm"
-        answers.command(b"me", b'{"method":"%s","id":1}' % method, _ignored)
-        await _settle(desk)
+    bench = await desk()
+    if armed != (bench.state is HostState.RUNNING):
+        await bench.ask(CLIENTS[0], "arm" if armed else "disarm")
     replies: list[bytes] = []
     wanted = 0
+    tuned = False
     for number, line in enumerate(lines):
-        channel = answers.stop if line[:1] == b" " else answers.command
-        decoder = _DECODERS[line[:1] == b" "]
-        call = decoder.decode(line)
+        stop = line[:1] == b" "
+        call = _DECODERS[stop].decode(line)
         wanted += isinstance(call, bytes) or call.wants_reply
-        channel(_CLIENTS[number % 2], line, replies.append)
-        for _ in range(_SAMPLES_A_MESSAGE):
-            await desk.sample()
-    await _settle(desk)
-    require(len(replies) == wanted, lambda: f"{len(replies)} replies to {wanted} requests")
+        tuned |= isinstance(call, Call) and call.method.params is Tune
+        bench.say(CLIENTS[number % 2], line, replies.append, stop=stop)
+        await bench.run(_SAMPLES_A_MESSAGE)
+    await bench.until(lambda: len(replies) >= wanted)
+    require(len(replies) == wanted, "{} replies to {} requests", len(replies), wanted)
     for reply in replies:
         _checked(reply)
-    if not desk.fresh:
-        _desks.clear()
-
-
-async def _settle(desk: Desk) -> None:
-    for _ in range(_MOST_SAMPLES):
-        await desk.sample()
-        if not desk.tasks:
-            return
-        # A run log is opened by a thread; leave it the processor.
-        await asyncio.sleep(_THREAD_S)
-    require(not desk.tasks, lambda: f"never answered: {[task.get_name() for task in desk.tasks]}")
-
-
-def _ignored(reply: bytes) -> None:
-    """Take the reply to what the harness itself asked."""
-
-
-_desks: list[Desk] = []
-
-
-async def _desk() -> Desk:
-    if not _desks:
-        desk = Desk(_loop())
-        await desk.connect()
-        _desks.append(desk)
-    return _desks[0]
+    if tuned or not await bench.tidy():
+        await discard()
 
 
 @functools.cache

@@ -22,4 +22,4 @@ def run(data: bytes) -> None:
     checked = msgspec.convert(msgspec.to_builtins(config), Config)
     require(checked == config, "the configuration does not survive a check of its ranges")
     text = config_to_toml(config)
-    require(parse_config(text) == config, lambda: f"written out it reads otherwise:\n{text}")
+    require(parse_config(text) == config, "written out it reads otherwise:\n{}", text)

@@ -1,185 +1,135 @@
-"""The daemon's command side without sockets: real service and control task, a board, no plant.
+"""The daemon's command side: the real daemon without its sockets for commands, on virtual time.
 
-Made once and used for many inputs, because a handshake takes longer than most of them; an input
-that leaves the board changed costs the next one a new desk. What a client can set (lease, gains,
-motion) is new for each.
+Made once and used for many inputs, because a handshake takes longer than most of them. What a
+client can set is put back by the client's own commands; an input that leaves anything else changed
+costs the next one a new desk.
 """
 
 from __future__ import annotations
 
 import asyncio
-import io
-from collections.abc import Coroutine
-from typing import Any
+from collections.abc import Callable
+
+import msgspec
 
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import HostState
 from firmware_protocol.framing import FrameDecoder
-from firmware_protocol.host import HostSession
-from sim_device.board import Board
-from sim_device.plant import Readings
-from smad.config import Config, RecorderConfig
-from smad.control.controller import Controller
-from smad.daemon.answers import Answers
-from smad.daemon.control import ControlTask
-from smad.daemon.journal import Journal
-from smad.daemon.lease import DeadMan, Lease
-from smad.daemon.link import Link
-from smad.daemon.port import Transport
-from smad.daemon.realtime import IdleCollector
-from smad.daemon.recorder import Recorder
-from smad.daemon.requests import BoardRequests
-from smad.daemon.runheader import run_header
-from smad.daemon.service import Service
-from smad.daemon.status import CommandCounts, StatusReport
-from smad.daemon.watch import BoardWatch
-from smad.errors import PortError
+from sim_device.bench import SimulatedBench
+from smad.config import Config, DaemonConfig, LinkConfig, RecorderConfig, TelemetryConfig
+from tests.fuzz.files import folder
 from tests.fuzz.setpoints import check_setpoints
+from tests.smad.daemon.rig import Rig
 
-_PERIOD_US = 10_000
-_LONGEST_HANDSHAKE_SAMPLES = 400
+CLIENTS = (b"one", b"two")
+_HANDSHAKE_SAMPLES = 150
+_MOST_SAMPLES = 60
+_THREAD_S = 0.0005
 _NOWHERE = "/dev/null/runs"
+
+Send = Callable[[bytes], None]
 
 
 class Desk:
-    """A connected bench; `fresh` says whether the next input finds it as the first one did."""
+    """A connected bench and a daemon; only within a running loop."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self.loop = loop
-        self.now_us = 1_000_000
-        self.board = Board(seed=3)
-        self.config = Config(recorder=RecorderConfig(folder=_NOWHERE, automatic=False))
-        self.journal = Journal(stream=io.StringIO())
-        self.tasks: set[asyncio.Task[Any]] = set()
+    def __init__(self) -> None:
+        bench = SimulatedBench(seed=1)
+        self._rig = Rig(
+            Config(
+                link=LinkConfig(reconnect_interval_s=0.05),
+                recorder=RecorderConfig(folder=_NOWHERE, automatic=False),
+                telemetry=TelemetryConfig(enabled=False),
+                daemon=DaemonConfig(ipc_dir=str(folder())),
+            ),
+            bench,
+        )
         self._tap = FrameDecoder()
-        self.control = ControlTask(
-            HostSession(nonce=9),
-            Controller(self.config.control, self.config.limits),
-            axis=0,
-            ttl_ms=100,
-            write=self._written,
-            on_event=lambda event: self.watch.on_event(event),
-            on_finished=lambda: None,
-            clock_us=lambda: self.now_us,
-            wall_clock=lambda: 0.0,
-            stopwatch_ns=lambda: self.now_us * 1000,
-        )
-        self.requests = BoardRequests(
-            self.control.session, lambda: self.now_us, self.control.flush
-        )
-        self.watch = BoardWatch(
-            self.config.link,
-            self.requests,
-            say=lambda kind, text, data: None,
-            spawn=self.spawn,
-            on_scales=lambda scales: None,
-        )
-        self._link = Link(
-            _no_port,
-            loop=loop,
-            retry_s=1.0,
-            on_bytes=lambda data: None,
-            on_open=lambda: None,
-            on_lost=lambda reason: None,
-        )
-        self._parameters_crc = 0
+        self._receive = bench.receive
+        bench.receive = self._heard  # type: ignore[method-assign]
+        self._was = HostState.SYNC
+        self._begun: tuple[int, bytes] | None = None
 
     async def connect(self) -> None:
         """Shake hands and read the parameters, as the daemon does."""
-        self.control.opened()
-        for _ in range(_LONGEST_HANDSHAKE_SAMPLES):
-            await self.sample()
-            if self.watch.parameters.agree and not self.tasks:
-                break
-        self._parameters_crc = self.board.parameters.crc
+        self._rig.daemon.start()
+        await self.run(_HANDSHAKE_SAMPLES)
+        self._begun = await self._settings()
 
-    def clerk(self) -> Answers:
-        """Return what answers commands, with a lease and a controller that nobody used yet."""
-        self.control.controller = Controller(self.config.control, self.config.limits)
-        lease, dead_man = Lease(), DeadMan(0)
-        counts = CommandCounts()
-        recorder = Recorder(
-            self.config.recorder,
-            lambda name: run_header(
-                self.config, name, self.watch.ident, parameter_text="", now_s=0.0
-            ),
-            lambda: 0.0,
-        )
-        status = StatusReport(
-            self.config,
-            control=self.control,
-            watch=self.watch,
-            link=lambda: self._link,
-            recorder=recorder,
-            lease=lease,
-            journal=self.journal,
-            collector=IdleCollector(enabled=False),
-            commands=counts,
-            clock_us=lambda: self.now_us,
-        )
-        service = Service(
-            self.config,
-            control=self.control,
-            requests=self.requests,
-            watch=self.watch,
-            recorder=recorder,
-            status=status,
-            lease=lease,
-            dead_man=dead_man,
-            say=lambda kind, text, data: None,
-            clock_us=lambda: self.now_us,
-        )
-        return Answers(
-            service,
-            counts,
-            spawn=self.spawn,
-            journal=self.journal,
-            waiting=lambda: len(self.tasks),
-        )
+    async def close(self) -> None:
+        """End the daemon."""
+        await self._rig.daemon.close()
+        self._rig.context.destroy(linger=0)
+        self._rig.journal.close()
 
     @property
-    def fresh(self) -> bool:
-        """Whether the board is as it was after the handshake."""
+    def state(self) -> HostState:
+        """Where the host stands with the board."""
+        return self._rig.daemon.session.state
+
+    def say(self, client: bytes, line: bytes, send: Send, *, stop: bool = False) -> None:
+        """Give the daemon a message on one of its two channels."""
+        answers = self._rig.daemon.answers
+        (answers.stop if stop else answers.command)(client, line, send)
+
+    async def run(self, samples: int) -> None:
+        """Let samples pass."""
+        for _ in range(samples):
+            self._was = self.state
+            await self._rig.run(1)
+
+    async def ask(self, client: bytes, method: str) -> bytes:
+        """Return the reply to a command without parameters; empty when there is none in time."""
+        replies: list[bytes] = []
+        self.say(client, msgspec.json.encode({"method": method, "id": 1}), replies.append)
+        await self.until(lambda: bool(replies))
+        return replies[0] if replies else b""
+
+    async def until(self, done: Callable[[], bool]) -> None:
+        """Let samples pass until something is done, or for long enough that it never will be."""
+        for _ in range(_MOST_SAMPLES):
+            if done():
+                return
+            await self.run(1)
+            # A run log is opened by a thread; leave it the processor.
+            await asyncio.sleep(_THREAD_S)
+
+    async def tidy(self) -> bool:
+        """Put back what clients can set; return whether everything is as it was at first."""
+        for client in CLIENTS:
+            await self.ask(client, "control.release")
+        await self.ask(CLIENTS[0], "idle")
         return (
-            self.board.state in (BoardState.SAFE, BoardState.ARMED)
-            and self.control.session.state in (HostState.MONITOR, HostState.RUNNING)
-            and self.board.parameters.crc == self._parameters_crc
-            and not self.tasks
+            self._rig.bench.board.state in (BoardState.SAFE, BoardState.ARMED)
+            and self.state in (HostState.MONITOR, HostState.RUNNING)
+            and await self._settings() == self._begun
         )
 
-    def spawn(self, name: str, work: Coroutine[Any, Any, None]) -> None:
-        """Run something beside; its error is raised where the sample is taken."""
-        task = self.loop.create_task(work, name=name)
-        self.tasks.add(task)
+    async def _settings(self) -> tuple[int, bytes]:
+        return self._rig.bench.board.parameters.crc, await self.ask(CLIENTS[0], "params.list")
 
-    async def sample(self) -> None:
-        """Let one sample pass: the board measures what it drives, and the host answers."""
-        self.now_us += _PERIOD_US
-        currents = self.board.outputs.applied_mA
-        readings = Readings(
-            i_A=(currents[0] / 1000, currents[1] / 1000),
-            v_V=(currents[0] * 1.2e-3, currents[1] * 1.2e-3),
-            rtd_degC=(21.0, 21.5, 20.0, 20.1),
-            displacement_m=0.0,
-            force_N=1.0,
-            supply_V=12.0,
-        )
-        state = self.board.sample(readings, self.now_us)
-        for _ in range(3):
-            self.control.receive(self.board.session.data_to_send())
-            self.control.tick()
-            await asyncio.sleep(0)
-        self.watch.on_state(state)
-        self.control.finished.clear()
-        for task in [task for task in self.tasks if task.done()]:
-            self.tasks.discard(task)
-            task.result()
-
-    def _written(self, data: bytes) -> bool:
-        check_setpoints(self._tap.feed(data), self.control.session)
-        self.board.receive(data, self.now_us)
-        return True
+    def _heard(self, data: bytes, at_us: int | None = None) -> None:
+        # What was sent while armed may arrive when the host is not any more.
+        if HostState.RUNNING not in (self._was, self.state):
+            check_setpoints(self._tap.feed(data), self._rig.daemon.session)
+        else:
+            self._tap.feed(data)
+        self._receive(data, at_us)
 
 
-def _no_port() -> Transport:
-    raise PortError("there is no port")
+_desks: list[Desk] = []
+
+
+async def desk() -> Desk:
+    """Return the desk of this process, a new one if there is none."""
+    if not _desks:
+        made = Desk()
+        await made.connect()
+        _desks.append(made)
+    return _desks[0]
+
+
+async def discard() -> None:
+    """Let the next input have a desk of its own."""
+    while _desks:
+        await _desks.pop().close()

@@ -47,14 +47,12 @@ def _same_however_cut(stream: bytes, frames: list[Frame], whole: FrameDecoder, s
         found: list[Frame] = []
         for at in range(0, len(stream), width):
             found += cut.feed(stream[at : at + width])
-        require(found == frames, f"other frames in pieces of {width} bytes")
+        require(found == frames, "other frames in pieces of {} bytes", width)
         # Bytes of a frame not yet ended may be held; that is all that may differ.
         require(cut.stats.frames == whole.stats.frames, "frames counted differently")
         require(cut.stats.errors == whole.stats.errors, "errors counted differently")
         cut.reset()
-        require(
-            cut.stats.dropped_bytes <= len(stream), "more bytes were dropped than there were"
-        )
+        require(cut.stats.dropped_bytes <= len(stream), "more bytes were dropped than there were")
         held = FrameDecoder()
         held.feed(stream)
         before = held.stats.dropped_bytes

@@ -91,15 +91,15 @@ class _Line:
     # What the input can ask for
 
     def _raw(self, program: Program) -> None:
-        self.control.receive(program.bytes(program.u8()))
+        self.control.receive(program.take(program.u8()))
 
     def _frame(self, program: Program) -> None:
         number, size = program.u8(), program.u8() % (MAX_PAYLOAD + 1)
-        self._say(number, program, program.bytes(size))
+        self._say(number, program, program.take(size))
 
     def _message(self, program: Program) -> None:
         layout = _FROM_BOARD[program.u8() % len(_FROM_BOARD)]
-        self._say(layout.number, program, program.bytes(layout.size))
+        self._say(layout.number, program, program.take(layout.size))
 
     def _say(self, number: int, program: Program, payload: bytes) -> None:
         selector = program.u8()
@@ -164,7 +164,7 @@ class _Line:
         self.control.controller.command(WANTED)
 
     def _written(self, data: bytes) -> bool:
-        require(len(data) <= MOST_OUTPUT_BYTES, lambda: f"{len(data)} bytes wait to be sent")
+        require(len(data) <= MOST_OUTPUT_BYTES, "{} bytes wait to be sent", len(data))
         frames = self._tap.feed(data)
         if frames:
             self._last_seq = frames[-1].seq
@@ -173,7 +173,7 @@ class _Line:
         return True
 
     def _on_event(self, event: HostEvent) -> None:
-        require(isinstance(event, HostEvent), lambda: f"{event!r} is no event")
+        require(isinstance(event, HostEvent), "{!r} is no event", event)
         if isinstance(event, Connected):
             self._confirmed = False
         elif isinstance(event, RequestDone) and isinstance(event.request, m.ArmConfirm):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import resource
 import time
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 
 from tests.fuzz.program import Defect, require
@@ -28,10 +27,12 @@ def within_limits(run: Harness, allowed_s: float) -> Harness:
         run(data)
         took_s = time.process_time() - before_s
         grew_MiB = (_peak_KiB() - before_KiB) / 1024
-        require(took_s <= allowed_s, lambda: f"took {took_s:.1f} s of {allowed_s} s allowed")
+        require(took_s <= allowed_s, "took {:.1f} s of {} s allowed", took_s, allowed_s)
         require(
             grew_MiB <= ALLOWED_MIB,
-            lambda: f"took {grew_MiB:.0f} MiB of {ALLOWED_MIB} MiB allowed",
+            "took {:.0f} MiB of {} MiB allowed",
+            grew_MiB,
+            ALLOWED_MIB,
         )
 
     return limited
@@ -58,5 +59,3 @@ def kind_of(error: BaseException) -> str:
 def _is_ours(filename: str) -> bool:
     path = Path(filename)
     return "site-packages" not in path.parts and _OWN.parents[1] in path.parents
-
-

@@ -31,15 +31,15 @@ def run(data: bytes) -> None:
         require(not target.exists(), "an import that was refused left a file")
         return
     read = read_run(target)
-    require(len(read) == done.rows, lambda: f"{done.rows} rows went in, {len(read)} came out")
+    require(len(read) == done.rows, "{} rows went in, {} came out", done.rows, len(read))
     require(done.rows > 0, "an import without rows was not refused")
-    require(not read.cut_short and not read.notes, lambda: f"not a whole log: {read.notes}")
+    require(not read.cut_short and not read.notes, "not a whole log: {}", read.notes)
     t_s = read.columns["t_s"]
     require(np.isfinite(t_s).all() and (np.diff(t_s) > 0).all(), "time does not increase")
     require(read.header.source == "import", "the header does not say that it was imported")
     for name in done.channel_of.values():
         column = read.columns[name]
-        require(not np.isinf(column).any(), lambda: f"{name} holds an infinite number")  # noqa: B023
+        require(not np.isinf(column).any(), "{} holds an infinite number", name)
     require(
         set(done.missing) | set(done.channel_of.values()) == set(read.columns),
         "a channel is neither imported nor missing",

@@ -21,13 +21,15 @@ def run(data: bytes) -> None:
     except PlantError as error:
         require(str(error).strip(), "a refusal without words")
         return
-    require(model.variant in VARIANTS, lambda: f"{model.variant!r} is no variant")
+    require(model.variant in VARIANTS, "{!r} is no variant", model.variant)
     within_limits(model.parameters)
     for key, values in model.effects.items():
         for parameter in effect(key).parameters:
             require(
                 parameter.low <= values[parameter.name] <= parameter.high,
-                lambda: f"{key}.{parameter.name} is out of range",  # noqa: B023
+                "{}.{} is out of range",
+                key,
+                parameter.name,
             )
     for other in _KINDS:
         path = no_file(f"again-{other}")
@@ -43,5 +45,6 @@ def run(data: bytes) -> None:
         require(
             (again.parameters, again.variant, again.effects, again.note)
             == (model.parameters, model.variant, model.effects, model.note),
-            lambda: f"saved as {other} it reads otherwise",  # noqa: B023
+            "saved as {} it reads otherwise",
+            other,
         )

@@ -22,15 +22,15 @@ def run(data: bytes) -> None:
         return
     within_limits(parameters)
     for entry in parameters.entries:
-        require(
-            _in(entry.value, entry.low, entry.high), lambda: f"{entry} is out of the file's range"
-        )
+        require(_in(entry.value, entry.low, entry.high), "{} is out of the file's range", entry)
     again = load_parameters(file_with("again.toml", parameters_text(parameters).encode()))
     for entry, other in zip(parameters.entries, again.entries, strict=True):
         require(
             math.isclose(entry.value, other.value, rel_tol=_SLACK, abs_tol=1e-300)
             and entry.source == other.source,
-            lambda: f"written out, {entry} reads as {other}",
+            "written out, {} reads as {}",
+            entry,
+            other,
         )
 
 
@@ -39,10 +39,11 @@ def within_limits(parameters: ParameterSet) -> None:
     for field, entry in zip(FIELDS, parameters.entries, strict=True):
         require(
             math.isfinite(entry.value) and _in(entry.value, field.low, field.high),
-            lambda: f"{entry} is out of its physical limits",
+            "{} is out of its physical limits",
+            entry,
         )
     for small, large in ORDERINGS:
-        require(parameters[small] < parameters[large], f"{small} is not below {large}")
+        require(parameters[small] < parameters[large], "{} is not below {}", small, large)
 
 
 def _in(value: float, low: float, high: float) -> bool:

@@ -8,19 +8,16 @@ the harness adds what must be right for the frame to get any further.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
-
-LONGEST_INPUT_BYTES = 4096
 
 
 class Defect(AssertionError):
     """The code under test did what it says that it never does."""
 
 
-def require(holds: object, message: str | Callable[[], str]) -> None:
-    """Raise Defect with the message unless `holds`."""
+def require(holds: object, message: str, *values: object) -> None:
+    """Raise Defect with the message, its `{}` filled with the values, unless `holds`."""
     if not holds:
-        raise Defect(message if isinstance(message, str) else message())
+        raise Defect(message.format(*values))
 
 
 class Program:
@@ -35,14 +32,14 @@ class Program:
 
     def u8(self) -> int:
         """Return the next byte."""
-        return int.from_bytes(self.bytes(1))
+        return int.from_bytes(self.take(1))
 
     def u16(self) -> int:
         """Return the next two bytes, little-endian."""
-        number: int = struct.unpack("<H", self.bytes(2))[0]
+        number: int = struct.unpack("<H", self.take(2))[0]
         return number
 
-    def bytes(self, count: int) -> bytes:
+    def take(self, count: int) -> bytes:
         """Return the next `count` bytes, filled up with zeros."""
         piece = self._data[self._at : self._at + count]
         self._at += count

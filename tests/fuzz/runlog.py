@@ -42,7 +42,8 @@ def run(data: bytes) -> None:
     for name in CHANNELS:
         require(
             np.array_equal(again.columns[name], read.columns[name], equal_nan=True),
-            lambda: f"recovery changed {name}",  # noqa: B023
+            "recovery changed {}",
+            name,
         )
     require(again.events == read.events and again.link == read.link, "recovery changed events")
 
@@ -51,9 +52,9 @@ def _whole_rows_only(read: Run) -> None:
     rows = len(read)
     require(list(read.columns) == list(CHANNELS), "a channel is missing")
     for name, column in read.columns.items():
-        require(column.shape == (rows,), f"{name} has {column.shape}, not {rows} rows")
-        require(column.dtype == CHANNELS[name].dtype, f"{name} is {column.dtype}")
+        require(column.shape == (rows,), "{} has {}, not {} rows", name, column.shape, rows)
+        require(column.dtype == CHANNELS[name].dtype, "{} is {}", name, column.dtype)
         if column.dtype.kind == "f":
-            require(not np.isinf(column).any(), f"{name} holds an infinite number")
-    require(np.isfinite(read.columns["t_s"]).all(), f"a row of {ROW_TOPIC} has no time")
+            require(not np.isinf(column).any(), "{} holds an infinite number", name)
+    require(np.isfinite(read.columns["t_s"]).all(), "a row of {} has no time", ROW_TOPIC)
     require(read.dropped >= 0 and read.damaged >= 0, "a count below zero")

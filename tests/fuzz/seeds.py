@@ -63,8 +63,9 @@ _GREET, _ARM, _SETPOINT, _MEASURE, _SAMPLES = 4, 5, 6, 7, 3
 
 
 def _board() -> Seeds:
-    yield "armed-and-driven", bytes(
-        [_GREET, 9, _SAMPLES, 5, _ARM, *(_SETPOINT, 100, 50, 0, 100) * 4, _SAMPLES, 30]
+    yield (
+        "armed-and-driven",
+        bytes([_GREET, 9, _SAMPLES, 5, _ARM, *(_SETPOINT, 100, 50, 0, 100) * 4, _SAMPLES, 30]),
     )
     yield "hot", bytes([_GREET, 9, _ARM, _SETPOINT, 250, 0, 0, 100, _MEASURE, 1, 1, 250, 70, 0, 9])
     for number in sorted(CODEC.layouts):
@@ -88,7 +89,10 @@ def _host() -> Seeds:
     to_host = [n for n in sorted(CODEC.layouts) if n >= m.FIRST_BOARD_NUMBER]
     for at, number in enumerate(to_host):
         body = bytes(range(CODEC.layouts[number].size))
-        yield f"message-{number:02x}", bytes([*connect, _HOST_MESSAGE, at]) + body + bytes([1, 4, 1])
+        yield (
+            f"message-{number:02x}",
+            bytes([*connect, _HOST_MESSAGE, at]) + body + bytes([1, 4, 1]),
+        )
 
 
 _PARAMS: Mapping[str, dict[str, object]] = {
@@ -111,7 +115,10 @@ def _commands() -> Seeds:
             request["params"] = _PARAMS[method.name]
         text = json.dumps(request, separators=(",", ":")).encode()
         yield method.name.replace(".", "-"), b"\x01" + text
-    yield "several", b'\x00{"method":"arm","id":"a"}\n{"method":"disarm","id":2}\n{"method":"estop"}'
+    yield (
+        "several",
+        b'\x00{"method":"arm","id":"a"}\n{"method":"disarm","id":2}\n{"method":"estop"}',
+    )
     pieces = [
         {"kind": "sine", "amplitude_mm": 3.0, "period_s": 2.0, "cycles": 2},
         {"kind": "chirp", "amplitude_mm": 1.0, "start_Hz": 0.1, "end_Hz": 1.0, "duration_s": 5.0},
@@ -137,9 +144,11 @@ def _runlog() -> Seeds:
                 (EVENT_TOPIC, b'{"t_s":1,"kind":"arm","text":"armed","data":{"a":1}}'),
                 (LINK_TOPIC, b'{"t_s":1,"counters":{"crc_errors":3}}'),
             ):
-                channel = writer.register_channel(topic, "json", writer.register_schema("", "", b""))
+                channel = writer.register_channel(
+                    topic, "json", writer.register_schema("", "", b"")
+                )
                 writer.add_message(channel, 1, body, 1)
-            writer.finish()
+            writer.finish()  # type: ignore[no-untyped-call]
             file.seek(0)
             yield label, file.read()
 
@@ -149,7 +158,10 @@ def _config() -> Seeds:
     yield "default", text
     bare = b"\n".join(line for line in text.splitlines() if line and not line.startswith(b"#"))
     yield "bare", bare
-    yield "few", b'[link]\nport = "/dev/ttyUSB0"\nrate_hz = 250\n\n[daemon.tcp]\ncommand_port = 5600\n'
+    yield (
+        "few",
+        b'[link]\nport = "/dev/ttyUSB0"\nrate_hz = 250\n\n[daemon.tcp]\ncommand_port = 5600\n',
+    )
     yield "effects", b'[plant]\nseed = 7\n\n[plant.effects."x y"]\n"a\\nb" = 1e-3\n'
 
 
@@ -157,9 +169,12 @@ def _parameters() -> Seeds:
     data = resources.files("sim_device.plant") / "data"
     yield "set-a", (data / "set_a.toml").read_bytes()
     yield "set-b", (data / "set_b.toml").read_bytes()
-    yield "extends", (
-        b'extends = "set_a.toml"\n\n[coils]\nvalue = 12\nunit = "1"\nstatus = "assumed"\n'
-        b'range = [10, 14]\nsource = "counted"\n'
+    yield (
+        "extends",
+        (
+            b'extends = "set_a.toml"\n\n[coils]\nvalue = 12\nunit = "1"\nstatus = "assumed"\n'
+            b'range = [10, 14]\nsource = "counted"\n'
+        ),
     )
 
 
@@ -178,19 +193,25 @@ def _models() -> Seeds:
     yield "json", b"\x01" + json.dumps(model, indent=1).encode()
     effect = EFFECTS[1]
     parameter = effect.parameters[0]
-    yield "toml", (
-        b'\x00format = "smad-model-1"\nbase = "A"\nnote = "n"\n\n[overrides]\ncoils = 12\n\n'
-        + f"[effects.{effect.name}]\n{parameter.name} = {parameter.typical}\n".encode()
+    yield (
+        "toml",
+        (
+            b'\x00format = "smad-model-1"\nbase = "A"\nnote = "n"\n\n[overrides]\ncoils = 12\n\n'
+            + f"[effects.{effect.name}]\n{parameter.name} = {parameter.typical}\n".encode()
+        ),
     )
 
 
 def _import() -> Seeds:
     plain = b"time_s,displacement_mm,T_x_K,current_x (mA),mode\n0,1.5,300,20,2\n0.01,1.6,301,21,2\n"
     yield "plain", plain
-    yield "german", (
-        b"# a comment\nZeit;Weg\n0,0;1,5\n0,01;1,6\n" + SEPARATOR + b'[csv]\ndecimal = ","\n'
-        b'[columns."Zeit"]\nchannel = "t_s"\n[columns."Weg"]\nchannel = "displacement_mm"\n'
-        b'unit = "m"\nscale = 2.0\noffset = 1.0\n'
+    yield (
+        "german",
+        (
+            b"# a comment\nZeit;Weg\n0,0;1,5\n0,01;1,6\n" + SEPARATOR + b'[csv]\ndecimal = ","\n'
+            b'[columns."Zeit"]\nchannel = "t_s"\n[columns."Weg"]\nchannel = "displacement_mm"\n'
+            b'unit = "m"\nscale = 2.0\noffset = 1.0\n'
+        ),
     )
     with tempfile.TemporaryDirectory() as folder:
         run = read_run(write_small_run(Path(folder) / "run.mcap", 3))

@@ -24,7 +24,9 @@ def check_setpoints(frames: Iterable[Frame], session: HostSession) -> None:
         driven = any(setpoint.i_mA) or any(setpoint.pump_duty)
         require(
             not driven or session.state is HostState.RUNNING,
-            f"{setpoint} was sent in {session.state}",
+            "{} was sent in {}",
+            setpoint,
+            session.state,
         )
-        require(max(setpoint.i_mA) <= MOST_mA, f"{setpoint} is over {MOST_mA} mA")
+        require(max(setpoint.i_mA) <= MOST_mA, "{} is over {} mA", setpoint, MOST_mA)
         require(frame.session == session.session, "a setpoint of another session was sent")

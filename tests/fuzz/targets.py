@@ -41,8 +41,9 @@ class Target:
 _PROTOCOL = ("firmware_protocol",)
 _DAEMON = ("firmware_protocol", "smad")
 _BOARD = ("firmware_protocol", "sim_device")
-_SMAD = ("smad",)
-_PLANT = ("sim_device",)
+_LOGS = ("smad", "mcap")
+_FILES = ("smad", "tomllib")
+_PLANT = ("sim_device", "tomllib")
 
 TARGETS: Mapping[str, Target] = {
     target.name: target
@@ -51,10 +52,10 @@ TARGETS: Mapping[str, Target] = {
         Target("host", "host", "host session with the control task", _DAEMON, 1024),
         Target("board", "board", "board session with the supervisor", _BOARD, 1024),
         Target("commands", "commands", "command server: decoding and service", _DAEMON, 2048),
-        Target("runlog", "runlog", "run-log reader and recovery", _SMAD, 8192),
-        Target("config", "config", "configuration loader", _SMAD, 16_384),
+        Target("runlog", "runlog", "run-log reader and recovery", _LOGS, 8192),
+        Target("config", "config", "configuration loader", _FILES, 16_384),
         Target("parameters", "parameters", "parameter files", _PLANT, 16_384),
         Target("models", "models", "model files", _PLANT, 4096),
-        Target("import", "log_import", "`smad log import`", _SMAD, 4096),
+        Target("import", "log_import", "`smad log import`", _FILES, 4096),
     )
 }

@@ -1,0 +1,167 @@
+"""The corpus through every harness, mutations of it, and proof that the harnesses can fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from firmware_protocol.framing import FrameDecoder
+from sim_device.board import Board
+from sim_device.plant import parameters
+from sim_device.plant.models import save_model
+from smad.config import default_toml
+from smad.control.sample import sample_of
+from smad.daemon.control import ControlTask
+from smad.daemon.service import Service
+from smad.runlog import importer, scan
+from tests.fuzz import config
+from tests.fuzz.limits import kind_of, within_limits
+from tests.fuzz.mutate import mutations
+from tests.fuzz.seeds import SEEDS
+from tests.fuzz.targets import CORPUS, TARGETS, Target
+
+MUTATIONS = 250
+CORPUS_LIMIT_BYTES = 500_000
+
+every_target = pytest.mark.parametrize("target", TARGETS.values(), ids=list(TARGETS))
+
+
+def corpus_of(target: Target) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(target.corpus.iterdir())}
+
+
+@every_target
+def test_every_input_of_the_corpus_is_taken_without_a_defect(target: Target) -> None:
+    run = within_limits(target.harness(), target.allowed_s)
+    for data in corpus_of(target).values():
+        run(data)
+
+
+@every_target
+def test_mutations_of_the_corpus_are_taken_without_a_defect(target: Target) -> None:
+    run = within_limits(target.harness(), target.allowed_s)
+    for data in mutations(target, list(corpus_of(target).values()), MUTATIONS, seed=1):
+        run(data)
+
+
+def test_the_same_seed_gives_the_same_mutations() -> None:
+    target = TARGETS["config"]
+    corpus = list(corpus_of(target).values())
+    once, again, other = (list(mutations(target, corpus, 20, seed)) for seed in (1, 1, 2))
+    assert once == again != other
+
+
+@every_target
+def test_the_seeds_are_in_the_corpus_and_small_enough_to_be_mutated(target: Target) -> None:
+    kept = corpus_of(target)
+    made = dict(SEEDS[target.name]())
+    assert made
+    assert {f"seed-{label}" for label in made} == {n for n in kept if n.startswith("seed-")}
+    assert max(map(len, kept.values())) <= target.longest
+
+
+def test_the_corpus_stays_small() -> None:
+    folders = {path.name for path in CORPUS.iterdir()}
+    assert folders == set(TARGETS)
+    total = sum(path.stat().st_size for path in CORPUS.rglob("*") if path.is_file())
+    assert total < CORPUS_LIMIT_BYTES
+
+
+def forget_partial_frames(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(FrameDecoder, "_keep", lambda self, chunk: None)
+
+
+def believe_to_be_armed(patch: pytest.MonkeyPatch) -> None:
+    def armed(self: ControlTask, state: Any, t_us: int) -> Any:
+        return sample_of(state, t_us, self.scales, armed=True)
+
+    patch.setattr(ControlTask, "_sample", armed)
+
+
+def leak_current(patch: pytest.MonkeyPatch) -> None:
+    honest = Board._state
+    patch.setattr(
+        Board,
+        "_state",
+        lambda self: msgspec.structs.replace(honest(self), i_applied_mA=(100, 0)),
+    )
+
+
+def raise_in_a_command(patch: pytest.MonkeyPatch) -> None:
+    def broken(self: Service, params: Any, client: bytes) -> Any:
+        raise KeyError(params)
+
+    patch.setattr(Service, "list_params", broken)
+
+
+def let_parse_errors_through(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(scan, "_PARSE_ERRORS", ())
+
+
+def write_another_configuration(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(config, "config_to_toml", lambda config: default_toml())
+
+
+def check_no_ranges(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(parameters, "_within", lambda *arguments, **names: None)
+
+
+def forget_the_note(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(
+        "tests.fuzz.models.save_model",
+        lambda path, *, note, **names: save_model(path, note="", **names),
+    )
+
+
+def check_no_times(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(importer, "_check_time", lambda *arguments: None)
+
+
+PLANTED: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
+    "frames": forget_partial_frames,
+    "host": believe_to_be_armed,
+    "board": leak_current,
+    "commands": raise_in_a_command,
+    "runlog": let_parse_errors_through,
+    "config": write_another_configuration,
+    "parameters": check_no_ranges,
+    "models": forget_the_note,
+    "import": check_no_times,
+}
+
+
+@every_target
+def test_a_planted_defect_is_found_by_the_corpus(
+    target: Target, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    PLANTED[target.name](monkeypatch)
+    assert list(defects(target))
+
+
+def defects(target: Target) -> Iterator[str]:
+    run = target.harness()
+    for data in corpus_of(target).values():
+        try:
+            run(data)
+        except Exception as error:
+            yield kind_of(error)
+
+
+def test_an_input_that_takes_too_long_is_a_defect() -> None:
+    def slow(data: bytes) -> None:
+        sum(range(10_000))
+
+    with pytest.raises(AssertionError, match="allowed"):
+        within_limits(slow, allowed_s=0.0)(b"")
+
+
+def test_an_input_that_takes_too_much_memory_is_a_defect(tmp_path: Path) -> None:
+    def greedy(data: bytes) -> None:
+        bytearray(b"\1") * (2 << 30 >> 1)
+
+    with pytest.raises(AssertionError, match="MiB"):
+        within_limits(greedy, allowed_s=60.0)(b"")

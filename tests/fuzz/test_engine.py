@@ -1,0 +1,79 @@
+"""A bounded run of atheris itself on every target, and what its command makes of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz import __main__ as command
+from tests.fuzz.engine import Finding, available, fuzz
+from tests.fuzz.limits import kind_of
+from tests.fuzz.program import Defect, Program, require
+from tests.fuzz.targets import TARGETS, Target
+
+needs_atheris = pytest.mark.skipif(
+    not available(), reason="atheris has wheels for Linux on x86-64 only; the corpus was replayed"
+)
+
+MORE_RUNS = 150
+"""Beyond those that load the corpus."""
+
+
+@needs_atheris
+@pytest.mark.parametrize("target", TARGETS.values(), ids=list(TARGETS))
+def test_atheris_finds_nothing_new_in_a_bounded_run(target: Target) -> None:
+    inputs = len(list(target.corpus.iterdir()))
+    outcome = fuzz(target, seconds=None, runs=inputs + MORE_RUNS, seed=1)
+    assert [finding.kind for finding in outcome.findings] == []
+    assert outcome.executions >= inputs + MORE_RUNS
+    assert 0 < outcome.edges_before <= outcome.edges < outcome.counters
+    assert 0 < outcome.features_before <= outcome.features
+
+
+@needs_atheris
+def test_the_command_prints_a_row_for_each_target_and_writes_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "out.json"
+    status = command.main(["frames", "--runs", "200", "--seed", "3", "--json", str(path)])
+    assert status == 0
+    head, row = capsys.readouterr().out.splitlines()
+    assert head.split()[:2] == ["target", "executions"]
+    [result] = json.loads(path.read_text())
+    assert row.split()[:2] == ["frames", str(result["executions"])]
+    assert result["findings"] == []
+
+
+def test_a_finding_is_told_with_a_file_that_holds_the_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command._tell(Finding("ValueError at codec.py:3", "a traceback", b"\1\2"), "frames", tmp_path)
+    (path,) = (path for path in tmp_path.iterdir() if path.suffix != ".txt")
+    assert path.read_bytes() == b"\1\2"
+    assert path.with_suffix(".txt").read_text() == "a traceback"
+    assert str(path) in capsys.readouterr().out
+
+
+def test_a_target_that_does_not_exist_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        command.main(["nothing"])
+    assert "frames" in capsys.readouterr().err
+
+
+def test_two_defects_of_different_places_are_told_apart() -> None:
+    kinds = set()
+    for act in (lambda: require(False, "one"), lambda: require(0, "other"), lambda: 1 / 0):
+        try:
+            act()
+        except (Defect, ZeroDivisionError) as error:
+            kinds.add(kind_of(error).partition(" ")[0])
+    assert kinds == {"Defect", "ZeroDivisionError"}
+
+
+def test_a_program_that_has_ended_gives_zeros() -> None:
+    program = Program(b"\1\2\3")
+    assert (program.u8(), program.u16()) == (1, 0x0302)
+    assert not program
+    assert (program.u8(), program.take(2), program.rest()) == (0, b"\0\0", b"")
