@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.gap_check import check
+from smad.cli.gap_check import check, score
 from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def gap() -> None:
 
 
 gap.add_command(check)
+gap.add_command(score)
 
 
 @gap.command()

@@ -137,3 +137,56 @@ def _failed(order: Order, file: VerdictFile) -> int:
         err=True,
     )
     return 1
+
+
+@click.command()
+@click.argument("verdicts", type=_FILE)
+@click.argument("key", type=_FILE)
+@click.option("--json", "json_path", type=_OUT, help="Write all scores here.")
+@click.option("--html", "html_path", type=_OUT, help="Write the page here.")
+@click.option("--readme", type=_OUT, help="Put the table between the markers of this file.")
+def score(
+    *,
+    verdicts: Path,
+    key: Path,
+    json_path: Path | None,
+    html_path: Path | None,
+    readme: Path | None,
+) -> None:
+    """Compare VERDICTS with the KEY of their bank.
+
+    A sealed key is refused unless its hash was committed before, and its use is entered in
+    docs/withheld-openings.md.
+    """
+    import datetime
+
+    from smad.gap.check import page
+    from smad.gap.check.key import file_digest, read_key
+    from smad.gap.check.openings import SEALED, Ledger, checkout
+    from smad.gap.check.running import commit
+    from smad.gap.check.score import matched
+    from smad.gap.check.scores import scores
+    from smad.gap.check.verdicts import read_verdicts
+    from smad.report.page import write_page
+
+    file = read_verdicts(verdicts)
+    truth, key_sha256 = read_key(key)
+    pairs = matched(file, truth, key_sha256)
+    ledger = Ledger.of(checkout())
+    if truth.bank == SEALED:
+        ledger.require_sealed(key_sha256)
+    result = scores(pairs, truth.bank)
+    if truth.bank == SEALED:
+        now = datetime.datetime.now(datetime.UTC)
+        ledger.enter(key_sha256, file_digest(verdicts), result, commit=commit(), now=now)
+    click.echo(page.text(result))
+    if json_path is not None:
+        json_path.write_bytes(result.to_json())
+    if html_path is not None:
+        facts = [(n, str(file.tool[n])) for n in ("version", "commit") if file.tool.get(n)]
+        write_page(page.page(result, facts), html_path)
+    if readme is not None:
+        page.into_readme(readme, result)
+    for path in (json_path, html_path, readme):
+        if path is not None:
+            click.echo(f"written: {path}", err=True)

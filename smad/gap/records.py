@@ -128,7 +128,8 @@ class FittedRecord(msgspec.Struct, frozen=True):
 
     `parameters` and `rows` count what was fitted, and to how much. `objective` is minus the
     logarithm of the posterior on the fit runs, `chi2` the sum of their squared white residuals.
-    `held_out` is the RMS over the held-out rows, each in floors, and `score` their log-likelihood.
+    `held_out` is the RMS over the held-out rows, each in floors, `gap` their excess G over the
+    floor, and `score` their log-likelihood.
     """
 
     names: list[str]
@@ -137,6 +138,7 @@ class FittedRecord(msgspec.Struct, frozen=True):
     objective: float
     chi2: float
     held_out: float
+    gap: float
     score: float
 
 

@@ -171,6 +171,7 @@ def _fitted_record(c: Candidate) -> FittedRecord:
         objective=float(fit.objective),
         chi2=float(np.sum(np.square(fit.z[valid]))),
         held_out=float(np.sqrt(np.mean(judged.squares()[held]))),
+        gap=judged.excess(),
         score=float(np.sum(judged.scores())),
     )
 

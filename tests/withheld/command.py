@@ -1,17 +1,13 @@
 """The command line of the withheld check; every error ends in one sentence, not a traceback."""
 
 import argparse
-import datetime
 import json
-import math
 import sys
 from pathlib import Path
-from typing import Any
 
-from tests.withheld import bank, files, openings, page, quiz, score
+from tests.withheld import bank, quiz
 from tests.withheld.errors import WithheldError
 from tests.withheld.follow import follow
-from tests.withheld.verdicts import read_verdicts
 
 
 def _make(options: argparse.Namespace) -> None:
@@ -30,35 +26,16 @@ def _make(options: argparse.Namespace) -> None:
     print(f"SHA-256 of the key  {sha256}")
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_plain(v) for v in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
+def _best_entry(options: argparse.Namespace) -> None:
+    from tests.withheld.best_entry import run
 
-
-def _score(options: argparse.Namespace) -> None:
-    key_path = Path(options.key)
-    key = files.read_json(key_path)
-    sha256 = files.digest(key_path)
-    verdicts = read_verdicts(Path(options.verdicts))
-    pairs = score.matched(verdicts, key, sha256)
-    if key["bank"] == "sealed":
-        openings.require_sealed(sha256)
-    report = score.report(pairs)
-    if key["bank"] == "sealed":
-        now = datetime.datetime.now(datetime.UTC)
-        openings.enter(sha256, files.digest(Path(options.verdicts)), report, now)
-    print(page.text(report))
-    if options.json:
-        Path(options.json).write_text(json.dumps(_plain(report), indent=1, ensure_ascii=False))
-    if options.html:
-        Path(options.html).write_text(page.page(report, f"Withheld check: {key['bank']} bank"))
-
-
-def _readme(options: argparse.Namespace) -> None:
-    page.into_readme(Path(options.readme), files.read_json(Path(options.scores)))
+    run(
+        Path(options.verdicts),
+        Path(options.key),
+        Path(options.bank),
+        Path(options.out),
+        jobs=options.jobs,
+    )
 
 
 def _follow(options: argparse.Namespace) -> None:
@@ -86,16 +63,13 @@ def _arguments() -> argparse.ArgumentParser:
     make.add_argument("--jobs", type=int, default=2)
     make.add_argument("--csv", action="store_true", help="gzipped CSV instead of Parquet")
     make.set_defaults(run=_make)
-    scoring = commands.add_parser("score", help="score verdicts against a key")
-    scoring.add_argument("verdicts")
-    scoring.add_argument("key")
-    scoring.add_argument("--json", help="write everything to this file")
-    scoring.add_argument("--html", help="write the page to this file")
-    scoring.set_defaults(run=_score)
-    readme = commands.add_parser("readme", help="put the table of scores into the README")
-    readme.add_argument("scores", help="the JSON file that score wrote")
-    readme.add_argument("--readme", default="README.md")
-    readme.set_defaults(run=_readme)
+    entry = commands.add_parser("best-entry", help="oracle O2: fit the right entry of the library")
+    entry.add_argument("verdicts", help="frozen verdicts of `smad gap check`")
+    entry.add_argument("key")
+    entry.add_argument("bank")
+    entry.add_argument("--out", required=True, help="the verdicts with shrink_best_entry added")
+    entry.add_argument("--jobs", type=int, default=2)
+    entry.set_defaults(run=_best_entry)
     again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
     again.add_argument("bank")
     again.add_argument("key")

@@ -13,9 +13,5 @@ class KeyMismatchError(WithheldError):
     """A key that does not belong to the bank, or is not the one that was sealed."""
 
 
-class VerdictError(WithheldError):
-    """A verdict file that does not follow docs/withheld.md."""
-
-
 class QuizError(WithheldError):
     """A quiz that cannot be started or revealed."""

@@ -1,4 +1,4 @@
-"""The withheld plant shares nothing with the product; only the quiz speaks its protocol."""
+"""The withheld plant and its banks share nothing with the product; the quiz speaks its protocol."""
 
 import ast
 from pathlib import Path
@@ -7,29 +7,54 @@ import pytest
 
 HERE = Path(__file__).parent
 WRAPPER = "wire_board.py"
+ORACLE = "best_entry.py"
 SOURCES = sorted(HERE.rglob("*.py"))
+MAKERS = [p for p in SOURCES if not p.name.startswith("test_") and p.name != ORACLE]
 
 
 def _imported(path: Path) -> set[str]:
-    roots: set[str] = set()
+    """Full names of the modules that a file imports."""
+    names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            roots |= {alias.name.split(".")[0] for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            roots.add("." if node.level else (node.module or "").split(".")[0])
-    return roots
+            names.add("." if node.level else (node.module or ""))
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def _roots(path: Path) -> set[str]:
+    return {name.split(".")[0] for name in _imported(path)}
 
 
 def test_there_are_sources_to_check() -> None:
-    assert {p.name for p in SOURCES} >= {"kernel.py", "bank.py", "score.py"}
+    assert {p.name for p in MAKERS} >= {"kernel.py", "bank.py", "quantities.py", "quiz.py"}
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(HERE)))
-def test_no_source_imports_the_product(path: Path) -> None:
+@pytest.mark.parametrize("path", MAKERS, ids=lambda p: str(p.relative_to(HERE)))
+def test_no_maker_of_a_bank_imports_the_product(path: Path) -> None:
     forbidden = {"smad", "sim_device"}
-    if path.name != WRAPPER and not path.name.startswith("test_"):
+    if path.name != WRAPPER:
         forbidden.add("firmware_protocol")
-    assert not _imported(path) & forbidden
+    assert not _roots(path) & forbidden
+
+
+@pytest.mark.parametrize("path", MAKERS, ids=lambda p: str(p.relative_to(HERE)))
+def test_only_the_command_line_reaches_the_oracle_that_uses_the_product(path: Path) -> None:
+    reached = any(name.startswith("tests.withheld.best_entry") for name in _imported(path))
+    assert reached == (path.name == "command.py")
+
+
+def test_the_oracle_imports_nothing_of_the_plant() -> None:
+    own = {n for n in _imported(HERE / ORACLE) if n.startswith("tests.")}
+    assert own == {"tests.withheld.errors", "tests.withheld.errors.WithheldError"}
+
+
+def test_the_product_imports_nothing_of_the_withheld_check() -> None:
+    product = sorted((HERE.parents[1] / "smad").rglob("*.py"))
+    assert len(product) > 50
+    assert [p for p in product if "tests" in _roots(p)] == []
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(HERE)))

@@ -42,13 +42,15 @@ def _bic(f: FittedRecord) -> float:
 
 
 def _chi2(fitted: Sequence[FittedRecord]) -> FittedRecord:
-    """The refit alone if its χ² is one that the floor explains; else the smallest χ²."""
+    """The smallest χ², if it is smaller by more than its extra parameters explain at 95 %."""
     from scipy.stats import chi2
 
     refit = next(f for f in fitted if not f.names)
-    if refit.chi2 <= chi2.ppf(_PASSES, max(1, refit.rows - refit.parameters)):
+    best = min(fitted, key=lambda f: f.chi2)
+    extra = best.parameters - refit.parameters
+    if extra < 1 or refit.chi2 - best.chi2 <= chi2.ppf(_PASSES, extra):
         return refit
-    return min(fitted, key=lambda f: f.chi2)
+    return best
 
 
 def _random(library: Sequence[str], case: str) -> Short:

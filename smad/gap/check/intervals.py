@@ -1,13 +1,18 @@
 """Intervals for shares and medians: Wilson's score interval and a bootstrap over cases."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Z95 = 1.959963984540054
 RESAMPLES = 2000
+
+T = TypeVar("T")
 
 
 def wilson(hits: float, total: int) -> tuple[float, float]:
@@ -25,7 +30,7 @@ def wilson(hits: float, total: int) -> tuple[float, float]:
 
 
 def bootstrap(
-    values: Sequence[object], statistic: Callable[[list[object]], float], seed: int = 0
+    values: Sequence[T], statistic: Callable[[list[T]], float], seed: int = 0
 ) -> tuple[float, float]:
     """95 % percentile interval of a statistic, resampling cases. (nan, nan) without cases."""
     if not values:

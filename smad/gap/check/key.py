@@ -1,0 +1,86 @@
+"""Reading a key: what is true of each case of a bank. Only scoring opens one."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from smad.gap.check.errors import KeyMismatchError
+
+FORMAT = "smad-key-1"
+STRENGTHS = (1.0, 3.0, 10.0)
+Kind = Literal["none", "parameters", "single", "unknown", "pair", "triple", "differs"]
+
+
+class TrueEffect(msgspec.Struct, frozen=True):
+    """An effect that was at work; `quantity` is its comparable magnitude where it has one."""
+
+    name: str
+    subsystem: str
+    quantity: float | None = None
+
+
+class CaseKey(msgspec.Struct, frozen=True):
+    """What is true of one case. `gap_worst` is the largest gap of a signal, in floors."""
+
+    kind: Kind
+    effects: list[TrueEffect] = []
+    gap_worst: float = 0.0
+    shrink_exact_law: float | None = None
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The effects at work."""
+        return frozenset(e.name for e in self.effects)
+
+    @property
+    def subsystems(self) -> frozenset[str]:
+        """The subsystems they sit in."""
+        return frozenset(e.subsystem for e in self.effects)
+
+    @property
+    def strength(self) -> float:
+        """The nearest of 1, 3, 10 floors to the gap really reached; 0 without an effect."""
+        if not self.effects:
+            return 0.0
+        return min(STRENGTHS, key=lambda s: abs(math.log(max(self.gap_worst, 1e-3) / s)))
+
+    @property
+    def right_answer(self) -> frozenset[str]:
+        """What the first hypothesis should say, the answers that name no cause included."""
+        if self.kind in ("none", "parameters", "unknown"):
+            return frozenset((self.kind,))
+        return self.names
+
+
+class Key(msgspec.Struct, frozen=True):
+    """A whole key."""
+
+    bank: str
+    cases: dict[str, CaseKey]
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def read_key(path: Path) -> tuple[Key, str]:
+    """A key and its SHA-256. Raises KeyMismatchError when the file is not a key."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Key), file_digest(path)
+    except OSError as error:
+        raise KeyMismatchError(
+            f"{path} cannot be read", value=error.strerror, action="give the key of the bank"
+        ) from error
+    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+        raise KeyMismatchError(
+            f"{path} is not a key",
+            value=str(error),
+            limit=FORMAT,
+            action="see “A key” in docs/withheld.md",
+        ) from error

@@ -1,0 +1,185 @@
+"""Scores to read: a text for the terminal, a table for the README, and one HTML page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from smad.gap.check import figures
+from smad.gap.check.errors import CheckError
+from smad.gap.check.names import CAUSES
+from smad.gap.check.score import Row
+from smad.gap.check.scores import Scores
+from smad.report.page import Block, Page, Picture, Section, Table, Text, markdown_table, text_table
+
+BEGIN = "<!-- withheld scores: made by `smad gap score … --readme` -->"
+END = "<!-- end of withheld scores -->"
+_MET = {True: "yes", False: "no", None: ""}
+_QUIET = {"none": "no_gap", "parameters": "parameters_only"}
+_MOST_MISTAKES = 40
+
+CAVEAT = (
+    "Every figure is about the family of benches that this bank was made with, until a real bench "
+    "says otherwise."
+)
+
+
+def number(row: Row) -> str:
+    """Value and interval, or a dash without cases."""
+    if row.value is None:
+        return "–"
+    low, high = (f"{v:.3f}" if v is not None else "–" for v in (row.low, row.high))
+    return f"{row.value:.3f} [{low}, {high}]"
+
+
+def table(scores: Scores) -> Table:
+    """The table of scores with its goals."""
+    return Table(
+        ("score", "value [95 %]", "cases", "goal", "met"),
+        [(r.name, number(r), str(r.count), r.goal, _MET[r.met]) for r in scores.table],
+        numeric=frozenset({1, 2}),
+    )
+
+
+def beside(scores: Scores) -> Table | None:
+    """The diagnosis and the baselines side by side; None when no baseline was handed in."""
+    if not scores.baselines:
+        return None
+    names = list(scores.baselines)
+    first = scores.baselines[names[0]]
+    rows = [
+        (row.name, *(number(scores.baselines[n][i]) for n in names)) for i, row in enumerate(first)
+    ]
+    columns = frozenset(range(1, 1 + len(names)))
+    return Table(("score", *names), rows, numeric=columns)
+
+
+def text(scores: Scores) -> str:
+    """The scores for a terminal."""
+    parts = [f"{scores.answered} of {scores.cases} cases answered\n", text_table(table(scores))]
+    others = beside(scores)
+    if others is not None:
+        parts += ["\nbaselines on the same data\n", text_table(others)]
+    return "\n".join(p.rstrip("\n") for p in parts)
+
+
+def into_readme(path: Path, scores: Scores) -> None:
+    """Replace the table between the two markers. Raises CheckError when the file has no markers."""
+    try:
+        before = path.read_text()
+    except OSError as error:
+        raise CheckError(
+            f"{path} cannot be read", value=error.strerror, action="check the path"
+        ) from error
+    head, begin, rest = before.partition(BEGIN)
+    _, end, tail = rest.partition(END)
+    if not begin or not end:
+        raise CheckError(
+            f"{path} has no place for the scores",
+            limit="two markers",
+            action=f"put the lines {BEGIN} and {END} into it",
+        )
+    said = f"Bank `{scores.bank}`, {scores.answered} of {scores.cases} cases answered.\n\n"
+    path.write_text(f"{head}{BEGIN}\n{said}{markdown_table(table(scores))}{END}{tail}")
+
+
+def page(scores: Scores, facts: list[tuple[str, str]]) -> Page:
+    """Everything that is scored, as one page."""
+    others = beside(scores)
+    sections = [
+        Section("Scores", [Text(CAVEAT, "note"), table(scores)], "scores"),
+        Section("By strength", _strengths(scores), "strength"),
+        Section(
+            "Baselines on the same data",
+            [others] if others else [Text("The verdicts carry none.")],
+            "baselines",
+        ),
+        Section("Calibration", _calibration(scores), "calibration"),
+        Section("Confusion", _confusion(scores), "confusion"),
+        Section("Mistakes, the most confident first", _mistakes(scores), "mistakes"),
+    ]
+    if scores.model_against_bench:
+        sections.append(Section("Model against bench", _compared(scores), "differs"))
+    answered = ("cases answered", f"{scores.answered} of {scores.cases}")
+    return Page(f"Withheld check: bank {scores.bank}", sections, "", [answered, *facts])
+
+
+def _strengths(scores: Scores) -> list[Block]:
+    return [
+        Picture(
+            figures.strengths(scores.by_strength),
+            "Wilson's 95 % intervals; green marks are goals. The strength is the largest gap of a "
+            "signal over the floor that the withheld plant itself leaves after a refit.",
+        )
+    ]
+
+
+def _calibration(scores: Scores) -> list[Block]:
+    if not scores.calibration:
+        return [Text("No verdict carries probabilities.")]
+    return [
+        Picture(
+            figures.reliability(scores.calibration),
+            "How often the first answer was right, against the probability it was given. "
+            "Numbers are cases; on the dashed line the probabilities are true.",
+        )
+    ]
+
+
+def _confusion(scores: Scores) -> list[Block]:
+    several = {t: said for t, said in scores.confusion.items() if " + " in t}
+    single = {t: s for t, s in scores.confusion.items() if t not in several}
+    order = sorted(single, key=_place)
+    blocks: list[Block] = []
+    if order:
+        merged = {t: _merged(single[t]) for t in order}
+        title = "One effect, an unknown one, or none"
+        svg = figures.confusion(merged, {t: _right(t) for t in order}, title)
+        blocks.append(Picture(svg, "Green: the right answer. Cells count cases."))
+    if several:
+        rows = [
+            (t, ", ".join(f"{s} ({n})" if n > 1 else s for s, n in said.items()))
+            for t, said in several.items()
+        ]
+        blocks.append(Table(("effects at work together", "said"), rows))
+    return blocks
+
+
+def _merged(said: dict[str, int]) -> dict[str, int]:
+    out: dict[str, int] = {}
+    for name, count in said.items():
+        shown = "two or more" if " + " in name else name
+        out[shown] = out.get(shown, 0) + count
+    return out
+
+
+def _place(truth: str) -> tuple[int, int, str]:
+    if truth in CAUSES:
+        return 1, CAUSES.index(truth), truth
+    return (0, 0, truth) if truth in _QUIET else (2, 0, truth)
+
+
+def _right(truth: str) -> str:
+    return "unknown" if truth.startswith("unknown: ") else _QUIET.get(truth, truth)
+
+
+def _mistakes(scores: Scores) -> list[Block]:
+    if not scores.mistakes:
+        return [Text("None.")]
+    shown = scores.mistakes[:_MOST_MISTAKES]
+    rest = len(scores.mistakes) - len(shown)
+    table = Table(
+        ("case", "kind", "truth", "floors", "outcome", "said", "probability"),
+        [
+            (m.case, m.kind, " + ".join(m.truth), f"{m.floors:.1f}", m.outcome,
+             " + ".join(m.said), f"{m.probability:.2f}")
+            for m in shown
+        ],
+        numeric=frozenset({3, 6}),
+    )  # fmt: skip
+    return [table, Text(f"{rest} more are in the JSON file.")] if rest else [table]
+
+
+def _compared(scores: Scores) -> list[Block]:
+    rows = [(c.case, c.outcome, c.subsystem, c.said) for c in scores.model_against_bench]
+    text = "Cases of the question what differs between model and bench: reported, not counted."
+    return [Text(text), Table(("case", "outcome", "subsystem", "said"), rows)]
