@@ -13,6 +13,7 @@ from sim_device.plant.constants import VARIANTS
 from sim_device.plant.effects.registry import Resolved, resolve
 from sim_device.plant.errors import ModelError
 from sim_device.plant.parameters import ParameterSet, built_in_sets, load_parameters
+from sim_device.plant.textfile import TextFileError, beside, parsed, quoted
 
 _KEYS = {"format", "base", "variant", "overrides", "effects", "note"}
 FORMAT = "smad-model-1"
@@ -62,8 +63,7 @@ def read_model(path: str | Path) -> Model:
     for name, values in effects.items():
         if not isinstance(values, Mapping):
             raise ModelError(f"{path.name}: effects.{name} is {values!r}, not a table of values")
-    beside = path.parent / base
-    source = beside if base not in built_in_sets() and beside.exists() else base
+    source = base if base in built_in_sets() else beside(path, base) or base
     return Model(
         load_parameters(source).replace(**overrides),
         variant,
@@ -104,9 +104,7 @@ def save_model(
 
 
 def _toml(raw: Mapping[str, Any]) -> str:
-    lines = [
-        f"{key} = {json.dumps(raw[key])}" for key in raw if key not in ("overrides", "effects")
-    ]
+    lines = [f"{key} = {quoted(raw[key])}" for key in raw if key not in ("overrides", "effects")]
     lines += ["", "[overrides]"]
     lines += [f"{name} = {value!r}" for name, value in raw["overrides"].items()]
     for name, values in raw["effects"].items():
@@ -117,15 +115,21 @@ def _toml(raw: Mapping[str, Any]) -> str:
 
 def _decode(path: Path) -> dict[str, Any]:
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path} cannot be read: {error}") from None
-    try:
-        raw = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except ValueError as error:
-        raise ModelError(f"{path.name} is not valid: {error}") from None
+        if path.suffix == ".json":
+            raw = parsed(path, "JSON", _json)
+        else:
+            raw = parsed(path, "TOML", tomllib.loads)
+    except TextFileError as error:
+        raise ModelError(f"{path} {error}") from None
     if not isinstance(raw, dict):
         raise ModelError(f"{path.name} holds {type(raw).__name__}, not a table")
+    return raw
+
+
+def _json(text: str) -> Any:
+    raw = json.loads(text)
+    # JSON can name half a character, which no file, terminal or log can hold. Raises ValueError.
+    json.dumps(raw, ensure_ascii=False).encode("utf-8")
     return raw
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from sim_device.plant.errors import ParameterError
 from sim_device.plant.fields import FIELDS, ORDERINGS, Field
+from sim_device.plant.textfile import TextFileError, beside, parsed, quoted
 from sim_device.plant.units import UNITS
 
 DATA = Path(__file__).parent / "data"
@@ -78,7 +79,7 @@ class ParameterSet:
             return [entry.value for entry in self.entries]
         return [self.entry(name).value for name in names]
 
-    def replace(self, **values: float) -> ParameterSet:
+    def replace(self, /, **values: float) -> ParameterSet:
         """Another set with these values (SI).
 
         Only hard physical limits and orderings are checked, not the file's ranges: a refit may
@@ -126,7 +127,7 @@ def built_in_sets() -> Iterable[str]:
 
 def parameters_text(parameters: ParameterSet, title: str | None = None) -> str:
     """A complete parameter file in the units of the set; `load_parameters` reads it back."""
-    lines = [f"title = {_quoted(parameters.title if title is None else title)}"]
+    lines = [f"title = {quoted(parameters.title if title is None else title)}"]
     for entry in parameters.entries:
         unit = UNITS[entry.file_unit]
         low = min(entry.low, entry.value)
@@ -135,10 +136,10 @@ def parameters_text(parameters: ParameterSet, title: str | None = None) -> str:
             "",
             f"[{entry.name}]",
             f"value = {unit.from_si(entry.value)!r}",
-            f"unit = {_quoted(entry.file_unit)}",
-            f"status = {_quoted(entry.status)}",
+            f"unit = {quoted(entry.file_unit)}",
+            f"status = {quoted(entry.status)}",
             f"range = [{unit.from_si(low)!r}, {unit.from_si(high)!r}]",
-            f"source = {_quoted(entry.source)}",
+            f"source = {quoted(entry.source)}",
         ]
     return "\n".join(lines) + "\n"
 
@@ -147,22 +148,15 @@ NAMES: tuple[str, ...] = tuple(field.name for field in FIELDS)
 _POSITION = {name: index for index, name in enumerate(NAMES)}
 
 
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
 def _read(path: Path, seen: tuple[Path, ...]) -> tuple[str, dict[str, Any]]:
-    if path.resolve() in seen:
-        raise ParameterError("extends", f"{path.name} extends itself; break the circle")
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
+        raw = parsed(path, "TOML", tomllib.loads)
+    except TextFileError as error:
         known = ", ".join(BUILT_IN)
-        raise ParameterError(
-            "file", f"{path} cannot be read ({error.strerror}); give a file or one of {known}"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParameterError("file", f"{path.name} is not TOML: {error}") from None
+        raise ParameterError("file", f"{path} {error}; give a file or one of {known}") from None
+    here = path.resolve()
+    if here in seen:
+        raise ParameterError("extends", f"{path.name} extends itself; break the circle")
     title = raw.pop("title", path.stem)
     base = raw.pop("extends", None)
     unknown = [name for name in raw if name not in _FIELDS]
@@ -171,9 +165,8 @@ def _read(path: Path, seen: tuple[Path, ...]) -> tuple[str, dict[str, Any]]:
             unknown[0], f"unknown entry in {path.name}; known are {', '.join(NAMES)}"
         )
     if base is not None:
-        beside = path.parent / str(base)
-        parent = beside if beside.exists() else DATA / str(base)
-        _, inherited = _read(parent, (*seen, path.resolve()))
+        parent = beside(path, str(base)) or DATA / str(base)
+        _, inherited = _read(parent, (*seen, here))
         raw = {**inherited, **raw}
     return str(title), raw
 
@@ -225,9 +218,13 @@ def _entry(field: Field, raw: object) -> Entry:
 def _finite(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ParameterError(name, f"{value!r} is not a number")
-    if not math.isfinite(value):
-        raise ParameterError(name, f"{value!r} is not finite; give a finite number")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ParameterError(name, f"{number!r} is not finite; give a finite number")
+    return number
 
 
 def _shown(value: float, unit: str) -> str:

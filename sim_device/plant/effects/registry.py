@@ -60,7 +60,7 @@ def _complete(entry: Effect, values: Mapping[str, float]) -> dict[str, float]:
             value = parameter.typical
             if some_strength and parameter.zero is not None:
                 value = parameter.zero
-        number = float(value)
+        number = _number(entry.name, parameter.name, value)
         if not math.isfinite(number) or not parameter.low <= number <= parameter.high:
             raise EffectError(
                 f"effect {entry.name}: {parameter.name} = {number:g} {parameter.unit} is outside"
@@ -68,6 +68,15 @@ def _complete(entry: Effect, values: Mapping[str, float]) -> dict[str, float]:
             )
         chosen[parameter.name] = number
     return chosen
+
+
+def _number(name: str, key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise EffectError(f"effect {name}: {key} is {value!r}, not a number; give one")
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def check_needs(effects: EffectValues, options: Mapping[str, str]) -> None:
