@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -54,13 +55,15 @@ class CsvTable:
 
     def line_of(self, row: int) -> int:
         """The line of the file on which that row (from 0) ends."""
-        with self.path.open(encoding="utf-8-sig", newline="") as file:
+        # Columns that nobody wants are not looked at before, so anything may stand in them.
+        with self.path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             reader = csv.reader(_after(file, self.names_line), delimiter=self.delimiter)
             filled = (reader.line_num for cells in reader if cells)
-            for number, line in enumerate(filled):
-                if number == row:
-                    return self.names_line + line
-        return self.names_line
+            with contextlib.suppress(csv.Error):
+                for number, line in enumerate(filled):
+                    if number == row:
+                        return self.names_line + line
+            return self.names_line + reader.line_num
 
     def _texts(self, wanted: list[str]) -> pyarrow.Table:
         import pyarrow as pa
