@@ -20,7 +20,9 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-_RECORD_HEAD = struct.Struct("<BQ")
+RECORD_HEAD = struct.Struct("<BQ")
+"""Opcode and length, before the body of every record."""
+
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _INDEX_ENTRY_BYTES = 16
@@ -32,7 +34,8 @@ _PARSERS: dict[int, Parser] = {
     Opcode.CHANNEL: records.Channel.read,
     Opcode.METADATA: records.Metadata.read,
 }
-_PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError)
+PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError)
+"""What the parsers of the `mcap` package raise for a record that does not follow the format."""
 
 
 class NotMcapError(Exception):
@@ -74,11 +77,11 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
     at = len(MCAP0_MAGIC)
     index_tells_loss = False
     while at < size:
-        head = file.read(_RECORD_HEAD.size)
-        if len(head) < _RECORD_HEAD.size:
+        head = file.read(RECORD_HEAD.size)
+        if len(head) < RECORD_HEAD.size:
             break
-        opcode, length = _RECORD_HEAD.unpack(head)
-        if opcode == 0 or length > size - at - _RECORD_HEAD.size:
+        opcode, length = RECORD_HEAD.unpack(head)
+        if opcode == 0 or length > size - at - RECORD_HEAD.size:
             break
         body = file.read(length)
         if opcode == Opcode.DATA_END:
@@ -102,7 +105,7 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
                 yield from _records_in(head + body)
             except _DamagedError as error:
                 damage.notes.append(f"the record at byte {at} is damaged ({error})")
-        at += _RECORD_HEAD.size + length
+        at += RECORD_HEAD.size + length
     damage.unread_bytes = size - at
     if damage.being_written:
         damage.notes.append("still being written; what is shown here is what it holds so far")
@@ -157,8 +160,8 @@ def _records_in(data: bytes) -> Iterator[Item]:
     end = len(data)
     while at < end:
         try:
-            opcode, length = _RECORD_HEAD.unpack_from(data, at)
-            at += _RECORD_HEAD.size
+            opcode, length = RECORD_HEAD.unpack_from(data, at)
+            at += RECORD_HEAD.size
             if opcode == Opcode.MESSAGE:
                 channel_id, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(data, at)
                 yield Message(channel_id, time_ns, data[at + _MESSAGE_HEAD.size : at + length])
@@ -166,6 +169,6 @@ def _records_in(data: bytes) -> Iterator[Item]:
                 item = _PARSERS[opcode](ReadDataStream(BytesIO(data[at : at + length])))
                 if not isinstance(item, records.Schema):
                     yield item
-        except _PARSE_ERRORS:
+        except PARSE_ERRORS:
             raise _DamagedError("it does not follow the format") from None
         at += length

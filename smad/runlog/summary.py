@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 
 import numpy as np
 from mcap import records
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from msgspec import Struct
 
 from smad.errors import RunLogError
@@ -19,6 +16,7 @@ from smad.runlog.paths import SUFFIX
 from smad.runlog.reader import Run, recorded
 from smad.runlog.scan import Damage, NotMcapError, scan
 from smad.runlog.schema import CHANNELS, Event, Row
+from smad.runlog.statistics import read_statistics
 
 _NS = 1e9
 
@@ -131,11 +129,11 @@ def _overview(path: Path) -> Overview:
         open_still = open_logs.being_written(path)
         size_bytes = path.stat().st_size
         header = _header(path, size_bytes)
+        statistics = read_statistics(path)
     except OSError as error:
         return Overview(path=str(path), size_bytes=0, problem=error.strerror or "unreadable")
     except NotMcapError:
         return Overview(path=str(path), size_bytes=size_bytes, problem="no MCAP file")
-    statistics = _statistics(path)
     rows = duration_s = None
     problem = "being written" if open_still else "cut short"
     if statistics is not None:
@@ -162,12 +160,3 @@ def _header(path: Path, size_bytes: int) -> RunHeader:
             if isinstance(item, tuple):
                 break
     return RunHeader()
-
-
-def _statistics(path: Path) -> records.Statistics | None:
-    try:
-        with path.open("rb") as file:
-            summary = make_reader(file).get_summary()
-    except (McapError, OSError, struct.error, ValueError, OverflowError, MemoryError):
-        return None
-    return summary.statistics if summary is not None else None
