@@ -34,6 +34,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option("--baselines/--no-baselines", default=True, show_default=True,
               help="Also say what simpler rules would have said.")  # fmt: skip
 @click.option("--keep", type=_FOLDER, help="Write each whole diagnosis into this folder.")
+@click.option("--effects", default="", help="Only these of the library, with commas between.")
 @click.option("--params", default="A", show_default=True,
               help="Parameter file, or A, B, conserving.")  # fmt: skip
 @click.option("--variant", type=click.Choice(["extended", "printed"]), default="extended",
@@ -51,6 +52,7 @@ def check(
     leave_out: bool,
     baselines: bool,
     keep: Path | None,
+    effects: str,
     params: str,
     variant: str,
     seed: int,
@@ -67,11 +69,13 @@ def check(
     from smad.gap.settings import Settings
 
     opened = open_bank(bank)
-    names = [n.strip() for n in only.split(",") if n.strip()]
-    taken = chosen(opened, count=cases, only=names, seed=seed)
+    taken = chosen(opened, count=cases, only=_listed(only), seed=seed)
     require_files(opened, taken)
     path = out or bank.with_name(f"{bank.resolve().name}-verdicts.json")
-    how = How(params, variant, Settings(seed=seed), leave_out, baselines)
+    how = How(
+        params, variant, Settings(seed=seed), leave_out, baselines, tuple(_listed(effects)) or None
+    )
+    how.require_effects()
     order = Order(opened, taken, how, path.with_name(path.name + ".parts"), keep)
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
@@ -87,6 +91,10 @@ def check(
     write_verdicts(path, file)
     click.echo(f"{len(file.verdicts)} of {len(taken)} cases judged: {path}")
     return _failed(order, file)
+
+
+def _listed(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _announce(order: Order, jobs: int) -> None:

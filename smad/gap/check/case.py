@@ -19,6 +19,7 @@ import smad.gap
 from smad.errors import SmadError
 from smad.gap.check.answer import answer
 from smad.gap.check.bank import Bank, Case, CaseRuns, read_case
+from smad.gap.check.errors import CheckError
 from smad.gap.check.verdicts import CaseVerdict
 from smad.gap.diagnose import diagnose
 from smad.gap.records import Diagnosis, Outcome
@@ -42,6 +43,18 @@ class How:
         from sim_device.plant import load_parameters
 
         return SmaPlant(load_parameters(self.params), self.variant, self.effects)
+
+    def require_effects(self) -> None:
+        """Raises CheckError when an effect is asked for that the plant's library does not have."""
+        library = [e.name for e in dataclasses.replace(self, effects=None).plant().effects]
+        foreign = [n for n in self.effects or () if n not in library]
+        if foreign:
+            raise CheckError(
+                "the library has no such effect",
+                value=foreign[0],
+                limit=", ".join(library),
+                action="see smad gap effects",
+            )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -165,7 +165,7 @@ def scores(pairs: Sequence[Pair], bank: str) -> Scores:
         table=table(pairs),
         by_strength=by_strength(pairs),
         calibration=calibration([p for p in pairs if p.truth.kind != "differs"])[1],
-        confusion=confusion(pairs),
+        confusion=confusion([p for p in pairs if p.truth.kind != "differs"]),
         baselines=baselines(pairs),
         mistakes=mistakes(pairs),
         model_against_bench=[

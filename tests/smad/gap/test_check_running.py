@@ -1,0 +1,187 @@
+"""Running a check: resumed where it stopped, past failed cases, on any executor."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import os
+import sys
+import types
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from smad.gap.check.bank import open_bank
+from smad.gap.check.case import How, Part, Task, judge, source_digest
+from smad.gap.check.errors import CheckError
+from smad.gap.check.running import Order, Progress, check, dask_executor, pool
+from smad.gap.check.verdicts import CaseVerdict, read_verdicts, write_verdicts
+from smad.gap.settings import Settings
+from tests.smad.gap.test_check_bank import columns, make, write
+
+QUIET = CaseVerdict(outcome="no_gap")
+
+
+@pytest.fixture
+def order(tmp_path: Path) -> Order:
+    bank = open_bank(make(tmp_path / "bank", 4))
+    return Order(bank, bank.manifest.cases, How(), tmp_path / "parts")
+
+
+@contextlib.contextmanager
+def threads() -> Iterator[Executor]:
+    with ThreadPoolExecutor(max_workers=1) as workers:
+        yield workers
+
+
+def counting(seen: list[str], failing: tuple[str, ...] = ()) -> Callable[[Task], Part]:
+    """A worker that notes what it was given, and fails where it is told to."""
+
+    def work(task: Task) -> Part:
+        seen.append(task.case.id)
+        if task.case.id in failing:
+            return Part(task.case.id, 1.0, error="the run is made of cheese")
+        return Part(task.case.id, 1.0, QUIET)
+
+    return work
+
+
+def test_an_interrupted_check_goes_on_where_it_stopped(order: Order) -> None:
+    seen: list[str] = []
+
+    def interrupt(progress: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        check(order, threads, jobs=1, report=interrupt, work=counting(seen))
+    assert (order.folder / f"{seen[0]}.json").exists()
+    again: list[str] = []
+    file = check(order, threads, jobs=1, work=counting(again))
+    assert list(file.verdicts) == ["case-1", "case-2", "case-3", "case-4"]
+    assert seen[0] not in again
+    assert check(order, threads, jobs=1, work=counting(once := [])) == file
+    assert once == []
+
+
+def test_half_a_part_is_done_again(order: Order) -> None:
+    check(order, threads, jobs=1, work=counting([]))
+    (order.folder / "case-3.json").write_text('{"case": "case-3", "sec')
+    again: list[str] = []
+    check(order, threads, jobs=1, work=counting(again))
+    assert again == ["case-3"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"settings": Settings(seed=1)}, {"leave_out": True}, {"effects": ("rtd_lag",)}],
+    ids=["settings", "leave out", "library"],
+)
+def test_parts_made_in_another_way_are_not_taken_up(
+    order: Order, change: dict[str, object]
+) -> None:
+    check(order, threads, jobs=1, work=counting([]))
+    other = dataclasses.replace(order, how=dataclasses.replace(order.how, **change))
+    again: list[str] = []
+    check(other, threads, jobs=1, work=counting(again))
+    assert len(again) == 4
+
+
+def test_parts_of_another_bank_are_not_taken_up(order: Order) -> None:
+    check(order, threads, jobs=1, work=counting([]))
+    other = dataclasses.replace(order, bank=dataclasses.replace(order.bank, digest="other"))
+    again: list[str] = []
+    check(other, threads, jobs=1, work=counting(again))
+    assert len(again) == 4
+
+
+def test_a_failed_case_is_named_and_only_it_is_tried_again(order: Order, tmp_path: Path) -> None:
+    file = check(order, threads, jobs=2, work=counting([], ("case-2",)))
+    assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
+    assert file.notes == {"case-2": "the run is made of cheese"}
+    path = tmp_path / "verdicts.json"
+    write_verdicts(path, file)
+    assert read_verdicts(path).notes == file.notes
+    again: list[str] = []
+    assert len(check(order, threads, jobs=2, work=counting(again)).verdicts) == 4
+    assert again == ["case-2"]
+
+
+def test_progress_tells_the_time_left_from_the_cases_of_this_run(order: Order) -> None:
+    check(dataclasses.replace(order, cases=order.cases[:1]), threads, jobs=1, work=counting([]))
+    told: list[Progress] = []
+    ticks = iter([100.0, 110.0, 120.0, 130.0])
+    check(order, threads, jobs=1, report=told.append, clock_s=lambda: next(ticks),
+          work=counting([]))  # fmt: skip
+    assert [(p.done, p.total, p.left_s) for p in told] == [(2, 4, 20.0), (3, 4, 10.0), (4, 4, 0.0)]
+
+
+def die_on(task: Task, cases: tuple[str, ...]) -> Part:
+    """A worker that ends as one does that ran out of memory."""
+    if task.case.id in cases:
+        os._exit(9)
+    return Part(task.case.id, 0.0, QUIET)
+
+
+def test_a_worker_that_dies_costs_its_own_case_only(order: Order) -> None:
+    work = functools.partial(die_on, cases=("case-2",))
+    file = check(order, lambda: pool(2), jobs=2, work=work)
+    assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
+    assert "fewer --jobs" in file.notes["case-2"]
+
+
+def test_a_run_that_cannot_be_read_is_part_of_the_answer(order: Order) -> None:
+    table = columns()
+    del table["duty_y"]
+    write(order.bank.folder, "case-1/fit.parquet", table)
+    part = judge(Task(order.bank, order.cases[0], order.how, source_digest()))
+    assert part.verdict is None
+    assert "duty_y" in part.error
+
+
+def test_runs_without_excitation_give_a_verdict_that_says_why(order: Order) -> None:
+    part = judge(Task(order.bank, order.cases[0], order.how, source_digest()))
+    assert part.verdict is not None
+    assert part.verdict.outcome == "not_enough_excitation"
+    assert part.verdict.causes == []
+
+
+def test_a_worker_with_other_code_refuses(order: Order) -> None:
+    part = judge(Task(order.bank, order.cases[0], order.how, "0" * 64))
+    assert part.verdict is None
+    assert "other code" in part.error
+
+
+def test_a_dask_client_lends_its_executor_unchanged(
+    order: Order, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    class Client:
+        def __init__(self, address: str, timeout: str) -> None:
+            asked.append(address)
+            self.workers = ThreadPoolExecutor(max_workers=2)
+
+        def __enter__(self) -> Client:
+            return self
+
+        def __exit__(self, *error: object) -> None:
+            self.workers.shutdown()
+
+        def get_executor(self) -> Executor:
+            return self.workers
+
+    module = types.ModuleType("distributed")
+    module.Client = Client  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "distributed", module)
+    file = check(order, lambda: dask_executor("tcp://there:1"), jobs=2, work=counting([]))
+    assert len(file.verdicts) == 4
+    assert asked == ["tcp://there:1"]
+
+
+def test_without_dask_the_way_to_install_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(CheckError, match=r"smad\[cluster\]"), dask_executor("tcp://there:1"):
+        pass
