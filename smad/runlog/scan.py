@@ -147,10 +147,13 @@ def _decompress(compression: str, data: bytes, plain_size: int) -> bytes:
     if compression == "lz4":
         import lz4.frame
 
+        decompressor = lz4.frame.LZ4FrameDecompressor()
         try:
-            plain: bytes = lz4.frame.decompress(data)
-        except RuntimeError:
+            plain: bytes = decompressor.decompress(data, max_length=max(plain_size, 1))
+        except (RuntimeError, EOFError):
             raise _DamagedError("lz4 cannot decompress it") from None
+        if not decompressor.eof:
+            raise _DamagedError(f"it holds more than the {plain_size} bytes it claims, or less")
         return plain
     raise _DamagedError(f"its compression {compression!r} is not known")
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+
+import msgspec
 import numpy as np
+from mcap import records
 
 from smad.errors import RunLogError
 from smad.runlog.reader import Run, read_run
 from smad.runlog.recover import recover
-from smad.runlog.schema import CHANNELS, ROW_TOPIC
+from smad.runlog.scan import Damage, Message, scan
+from smad.runlog.schema import CHANNELS, ROW_TOPIC, TOPICS, Row
 from smad.runlog.summary import list_runs, summarise
 from tests.fuzz.files import file_with, folder, no_file
 from tests.fuzz.program import require
 
-_LEAST_ROW = b'{"t_s":0}'
+_ROW = msgspec.json.Decoder(Row)
 
 
 def run(data: bytes) -> None:
@@ -26,7 +31,7 @@ def run(data: bytes) -> None:
         require(str(error).strip(), "a refusal without words")
         read = None
     if read is not None:
-        _whole_rows_only(read)
+        _whole_rows_only(read, data)
         summarise(read)
     target = no_file("recovered.mcap")
     try:
@@ -48,8 +53,10 @@ def run(data: bytes) -> None:
     require(again.events == read.events and again.link == read.link, "recovery changed events")
 
 
-def _whole_rows_only(read: Run) -> None:
+def _whole_rows_only(read: Run, data: bytes) -> None:
     rows = len(read)
+    written = _rows_written(data)
+    require(rows == written, "{} rows from {} whole messages", rows, written)
     require(list(read.columns) == list(CHANNELS), "a channel is missing")
     for name, column in read.columns.items():
         require(column.shape == (rows,), "{} has {}, not {} rows", name, column.shape, rows)
@@ -58,3 +65,20 @@ def _whole_rows_only(read: Run) -> None:
             require(not np.isinf(column).any(), "{} holds an infinite number", name)
     require(np.isfinite(read.columns["t_s"]).all(), "a row of {} has no time", ROW_TOPIC)
     require(read.dropped >= 0 and read.damaged >= 0, "a count below zero")
+
+
+def _rows_written(data: bytes) -> int:
+    """Count the messages that are rows by themselves, without what the reader makes of them."""
+    topics: dict[int, str] = {}
+    whole = 0
+    for item in scan(BytesIO(data), len(data), Damage()):
+        if isinstance(item, records.Channel):
+            if item.topic in TOPICS.values():
+                topics[item.id] = item.topic
+        elif isinstance(item, Message) and topics.get(item.channel_id) == ROW_TOPIC:
+            try:
+                _ROW.decode(item.body)
+            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+                continue
+            whole += 1
+    return whole

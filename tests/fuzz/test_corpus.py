@@ -99,7 +99,7 @@ def raise_in_a_command(patch: pytest.MonkeyPatch) -> None:
 
 
 def let_parse_errors_through(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(scan, "_PARSE_ERRORS", ())
+    patch.setattr(scan, "PARSE_ERRORS", ())
 
 
 def write_another_configuration(patch: pytest.MonkeyPatch) -> None:
