@@ -52,7 +52,7 @@ TARGETS: Mapping[str, Target] = {
         Target("host", "host", "host session with the control task", _DAEMON, 1024),
         Target("board", "board", "board session with the supervisor", _BOARD, 1024),
         Target("commands", "commands", "command server: decoding and service", _DAEMON, 2048),
-        Target("runlog", "runlog", "run-log reader and recovery", _LOGS, 8192),
+        Target("runlog", "runlog", "run-log reader and recovery", _LOGS, 16_384),
         Target("config", "config", "configuration loader", _FILES, 16_384),
         Target("parameters", "parameters", "parameter files", _PLANT, 16_384),
         Target("models", "models", "model files", _PLANT, 4096),
