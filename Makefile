@@ -7,7 +7,7 @@ PY := $(BIN)/python
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bench generate setup setup-test format clean
+.PHONY: help demo test check bench fuzz generate setup setup-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -27,6 +27,9 @@ check: $(VENV)/.test-installed  ## lint, format, types, generated files, import 
 
 bench: $(VENV)/.test-installed  ## the numbers: speed as ratios within one run
 	@$(PY) tools/bench.py $(BENCH)
+
+fuzz: $(VENV)/.test-installed  ## fuzz what reads bytes from outside: make fuzz FUZZ="frames --seconds 600"
+	@$(PY) -m tests.fuzz $(FUZZ)
 
 generate: $(VENV)/.test-installed  ## write every generated file anew
 	@$(PY) tools/generate.py

@@ -12,7 +12,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tests.fuzz.engine import EngineError, Finding, Outcome, available, fuzz, least
+from tests.fuzz.blind import fuzz_blindly
+from tests.fuzz.engine import EngineError, available, fuzz, least
+from tests.fuzz.outcome import Finding, Outcome
 from tests.fuzz.targets import TARGETS, Target
 
 _SECONDS = 60
@@ -23,9 +25,9 @@ _LARGEST_KEPT_BYTES = 8192
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fuzz the targets named, or all, one after the other."""
     options = _options(arguments)
-    if not available():
-        sys.stderr.write("atheris is not installed: pip install -e '.[fuzz]' (Linux on x86-64)\n")
-        return 2
+    guided = available() and not options.blind
+    if not guided:
+        sys.stderr.write("without atheris: mutations are not guided by coverage\n")
     runs = options.runs
     seconds = None if runs is not None and options.seconds is None else options.seconds or _SECONDS
     outcomes = []
@@ -33,7 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in options.targets or TARGETS:
         target = TARGETS[name]
         try:
-            outcome = fuzz(target, seconds=seconds, runs=runs, seed=options.seed)
+            run = fuzz if guided else fuzz_blindly
+            outcome = run(target, seconds=seconds, runs=runs, seed=options.seed)
         except EngineError as error:
             sys.stderr.write(f"{error}\n")
             return 2
@@ -41,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _print(_cells(outcome))
         for finding in outcome.findings:
             _tell(finding, name, options.findings)
-        if options.keep:
+        if options.keep and guided:
             _keep(target, outcome.grown)
     if options.json:
         options.json.write_text(json.dumps([_plain(outcome) for outcome in outcomes], indent=1))
@@ -56,6 +59,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seconds", type=int, help=f"for each target; {_SECONDS} by default")
     parser.add_argument("--runs", type=int, help="inputs for each target")
     parser.add_argument("--seed", type=int, default=1, help="of the mutations")
+    parser.add_argument("--blind", action="store_true", help="do without atheris")
     parser.add_argument("--json", type=Path, help="write the results to this file")
     parser.add_argument("--keep", action="store_true", help="add what is new to the corpus")
     parser.add_argument(
@@ -69,7 +73,7 @@ def _cells(outcome: Outcome) -> tuple[object, ...]:
     return (
         outcome.target,
         outcome.executions,
-        outcome.seconds,
+        f"{outcome.seconds:.0f}",
         f"{rate:.0f}",
         outcome.edges,
         outcome.counters,

@@ -8,10 +8,10 @@ import re
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 from tests.fuzz.limits import FINDINGS
+from tests.fuzz.outcome import Finding, Outcome
 from tests.fuzz.targets import Target
 from tests.fuzz.words import dictionary
 
@@ -26,40 +26,6 @@ _STATUS = re.compile(
 _STATISTIC = re.compile(r"^stat::(\w+):\s+(\d+)$", re.MULTILINE)
 _DONE = re.compile(r"^Done \d+ runs in (\d+) second", re.MULTILINE)
 _COUNTERS = re.compile(r"^counters: (\d+)$", re.MULTILINE)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """An input on which the target broke a promise, and how."""
-
-    kind: str
-    text: str
-    data: bytes
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a run of one target came to.
-
-    `edges` of the `counters` in the instrumented packages were reached, most of them by the corpus
-    alone (`edges_before`); `features` tells how often, too. `grown` holds the inputs that reached
-    something new.
-    """
-
-    target: str
-    executions: int
-    seconds: int
-    edges_before: int
-    edges: int
-    counters: int
-    features_before: int
-    features: int
-    inputs_before: int
-    inputs: int
-    slowest_s: int
-    peak_MiB: int
-    findings: tuple[Finding, ...]
-    grown: tuple[bytes, ...] = ()
 
 
 class EngineError(Exception):

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from tests.fuzz import __main__ as command
-from tests.fuzz.engine import Finding, available, fuzz
+from tests.fuzz.blind import fuzz_blindly
+from tests.fuzz.engine import available, fuzz
 from tests.fuzz.limits import kind_of
+from tests.fuzz.outcome import Finding
 from tests.fuzz.program import Defect, Program, require
 from tests.fuzz.targets import TARGETS, Target
 
@@ -54,6 +56,35 @@ def test_a_finding_is_told_with_a_file_that_holds_the_input(
     assert path.read_bytes() == b"\1\2"
     assert path.with_suffix(".txt").read_text() == "a traceback"
     assert str(path) in capsys.readouterr().out
+
+
+def test_without_atheris_the_command_tries_the_corpus_and_mutations(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "out.json"
+    runs = ["--runs", "300", "--json", str(path)]
+    assert command.main(["config", "parameters", "--blind", *runs]) == 0
+    said = capsys.readouterr()
+    assert "not guided" in said.err
+    assert [line.split()[:2] for line in said.out.splitlines()[1:]] == [
+        ["config", "300"],
+        ["parameters", "300"],
+    ]
+    assert [result["executions"] for result in json.loads(path.read_text())] == [300, 300]
+
+
+def test_a_finding_without_atheris_is_kept_once_and_ends_the_command_with_status_1(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(data: bytes) -> None:
+        raise KeyError(data)
+
+    monkeypatch.setattr(Target, "harness", lambda target: broken)
+    outcome = fuzz_blindly(TARGETS["frames"], seconds=None, runs=20, seed=1)
+    assert [finding.kind.partition(" ")[0] for finding in outcome.findings] == ["KeyError"]
+    findings = ["--findings", str(tmp_path / "found")]
+    assert command.main(["frames", "--blind", "--runs", "20", *findings]) == 1
+    assert len(list((tmp_path / "found").iterdir())) == 2
 
 
 def test_a_target_that_does_not_exist_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
