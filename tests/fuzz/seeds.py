@@ -12,10 +12,12 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 
+import msgspec
 from mcap.writer import CompressionType, Writer
 
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC
+from firmware_protocol.enums import BoardState
 from firmware_protocol.schema import own_crc
 from sim_device.bench import SimulatedBench
 from smad.api import METHODS
@@ -24,6 +26,7 @@ from smad.runlog.export import export_run
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.reader import read_run
 from smad.runlog.schema import EVENT_TOPIC, LINK_TOPIC, ROW_TOPIC
+from tests.firmware_protocol.pair import SAMPLE
 from tests.fuzz.log_import import SEPARATOR
 from tests.fuzz.targets import TARGETS
 from tests.smad.runlog.helpers import write_small_run
@@ -80,12 +83,21 @@ def _board() -> Seeds:
 _HOST_MESSAGE, _HOST_WAIT, _HOST_SAMPLE, _HOST_ASK, _HOST_ARM, _HOST_PORT = 2, 3, 4, 5, 6, 7
 
 
+_FIRST_FROM_BOARD = sum(number < m.FIRST_BOARD_NUMBER for number in CODEC.layouts)
+
+
 def _host() -> Seeds:
     connect = [_HOST_SAMPLE, 7]
     yield "armed", bytes([*connect, _HOST_ARM, *connect, _HOST_ASK, 0, *connect])
     yield "lost", bytes([*connect, _HOST_ARM, _HOST_WAIT, 200, *connect, _HOST_PORT, 0])
     yield "reopened", bytes([*connect, _HOST_PORT, 0, _HOST_PORT, 1, *connect, _HOST_PORT, 3])
     yield "estop", bytes([*connect, _HOST_ARM, _HOST_PORT, 2, *connect])
+    sample = msgspec.structs.replace(SAMPLE, t_us=1_090_000, mode=BoardState.ARMED)
+    state = sorted(CODEC.layouts).index(m.State.info.number) - _FIRST_FROM_BOARD
+    yield (
+        "armed-by-another",
+        bytes([*connect, _HOST_MESSAGE, state]) + CODEC.pack(sample) + bytes([1]),
+    )
     to_host = [n for n in sorted(CODEC.layouts) if n >= m.FIRST_BOARD_NUMBER]
     for at, number in enumerate(to_host):
         body = bytes(range(CODEC.layouts[number].size))
