@@ -260,4 +260,8 @@ def _print_summary(run: RunSummary) -> None:
 def _date(unix_s: float) -> str:
     if not unix_s:
         return ""
-    return datetime.fromtimestamp(unix_s).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+    try:
+        return datetime.fromtimestamp(unix_s).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+    except (OverflowError, ValueError, OSError):
+        # A damaged header, or another program's, may hold what no calendar does.
+        return f"{unix_s:g} s"

@@ -34,7 +34,7 @@ class RecordPacker:
         self._encode = msgspec.json.Encoder(enc_hook=_plain_number).encode
         self._sequences = dict.fromkeys(CHANNEL_IDS.values(), 0)
         self._offset_ns: int | None = None
-        self._last_ns = _to_ns(started_unix_s) or 0
+        self._last_ns = _clip(_to_ns(started_unix_s) or 0)
         self.packed = 0
 
     def pack(self, record: Record) -> Packed:
@@ -62,7 +62,8 @@ class RecordPacker:
 def _to_ns(time_s: float | None) -> int | None:
     if time_s is None or not math.isfinite(time_s):
         return None
-    return round(time_s * _NS)
+    # Before rounding: a time beyond all clocks, times 1e9, may be beyond all floats.
+    return round(max(-_LARGEST_TIME_NS, min(time_s * _NS, _LARGEST_TIME_NS)))
 
 
 def _clip(time_ns: int) -> int:

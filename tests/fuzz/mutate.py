@@ -16,7 +16,7 @@ _WORD = re.compile(r'^"(.*)"$', re.MULTILINE)
 _MOST_CHANGES = 6
 _VALUE = re.compile(rb"^([^=\n]*[=:])([^\n]*)$", re.MULTILINE)
 _VALUES = (
-    *(b"0", b"-1", b"1e999", b"nan", b"-inf", b"1e-320", b"9" * 400, b"1" + b"0" * 5000),
+    *(b"0", b"-1", b"1e999", b"1e300", b"nan", b"-inf", b"1e-320", b"9" * 400, b"1" + b"0" * 5000),
     *(
         b'""',
         b'"\\u0000"',
@@ -30,7 +30,18 @@ _VALUES = (
     *(b"[]", b"{}", b"[[1]]", b"{a = {}}", b'{"a": {}}', b"[" * 900, b"2026-01-01", b"[1, 0]"),
     *(b'"/"', b'"."', b'"A"', b'"set_a.toml"'),
 )
-_NUMBERS = (b"\0", b"\xff", b"\x7f", b"\x80", b"\0\0\0\0", b"\xff" * 8, b"-1", b"1e999", b"0")
+_NUMBERS = (
+    b"\0",
+    b"\xff",
+    b"\x7f",
+    b"\x80",
+    b"\0\0\0\0",
+    b"\xff" * 8,
+    b"-1",
+    b"1e999",
+    b"1e300",
+    b"0",
+)
 
 
 class Mutator:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from io import BytesIO
+from pathlib import Path
 
 import msgspec
 import numpy as np
+from click.testing import CliRunner
 from mcap import records
 
+from smad.cli.log import log
 from smad.errors import RunLogError
 from smad.runlog.reader import Run, read_run
 from smad.runlog.recover import recover
 from smad.runlog.scan import Damage, Message, scan
 from smad.runlog.schema import CHANNELS, ROW_TOPIC, TOPICS, Row
-from smad.runlog.summary import list_runs, summarise
+from smad.runlog.summary import list_runs
 from tests.fuzz.files import file_with, folder, no_file
 from tests.fuzz.program import require
 
+_COMMAND_LINE = CliRunner()
 _ROW = msgspec.json.Decoder(Row)
 
 
@@ -32,7 +36,7 @@ def run(data: bytes) -> None:
         read = None
     if read is not None:
         _whole_rows_only(read, data)
-        summarise(read)
+        _shown(path)
     target = no_file("recovered.mcap")
     try:
         recover(path, target)
@@ -51,6 +55,14 @@ def run(data: bytes) -> None:
             name,
         )
     require(again.events == read.events and again.link == read.link, "recovery changed events")
+
+
+def _shown(path: Path) -> None:
+    for arguments in (["show", str(path)], ["list", "--folder", str(path.parent)]):
+        told = _COMMAND_LINE.invoke(log, arguments)
+        if told.exception is not None:
+            raise told.exception
+        require(path.name in told.output, "{} does not name the file", arguments[0])
 
 
 def _whole_rows_only(read: Run, data: bytes) -> None:

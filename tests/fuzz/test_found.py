@@ -8,6 +8,7 @@ from pathlib import Path
 
 import lz4.frame
 import pytest
+from click.testing import CliRunner
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
@@ -16,13 +17,16 @@ from firmware_protocol.wire import fields_of
 from sim_device.plant.errors import EffectError, ModelError, ParameterError
 from sim_device.plant.models import read_model, save_model
 from sim_device.plant.parameters import load_parameters, parameters_text
+from smad.cli.log import log
 from smad.errors import LogImportError
+from smad.runlog.header import RunHeader
 from smad.runlog.importer import import_csv
 from smad.runlog.mcap_file import CHANNEL_IDS, pack
 from smad.runlog.reader import read_run
 from smad.runlog.scan import Damage, scan
 from smad.runlog.schema import ROW_TOPIC, Row
 from smad.runlog.summary import list_runs
+from smad.runlog.writer import write_run
 from tests.fuzz.targets import CORPUS
 
 DEEP = "[" * 3000
@@ -129,6 +133,22 @@ def test_a_folder_is_listed_without_unpacking_what_a_damaged_footer_points_at(
     (line,) = list_runs(tmp_path)
     assert line.rows is None
     assert line.problem == "cut short"
+
+
+def test_a_log_whose_start_no_calendar_holds_is_still_shown_and_listed(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_run(path, RunHeader(started_unix_s=1e300), [Row(t_s=0.0)])
+    for arguments in (["show", str(path)], ["list", "--folder", str(tmp_path)]):
+        told = CliRunner().invoke(log, arguments)
+        assert told.exit_code == 0
+        assert "1e+300 s" in told.output
+
+
+def test_a_time_beyond_all_clocks_is_imported_as_it_is(tmp_path: Path) -> None:
+    source = tmp_path / "run.csv"
+    source.write_text("time_s,displacement_mm\n-1e300,1\n0,2\n1e300,3\n")
+    run = read_run(import_csv(source, tmp_path / "run.mcap").path)
+    assert run.columns["t_s"].tolist() == [-1e300, 0.0, 1e300]
 
 
 def log_of(bodies: list[bytes], chunk: bytes = b"") -> bytes:
