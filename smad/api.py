@@ -157,7 +157,8 @@ class TakeControl(Params, frozen=True, kw_only=True):
 
     name: Annotated[Name, Meta(description="who you are, for the messages others get")]
     lease_s: Annotated[
-        float, Meta(ge=0.5, le=3600.0, description="ends by itself when silent for so long")
+        float,
+        Meta(ge=0.5, le=3600.0, description="silence that ends it, and disarms an armed bench"),
     ] = 10.0
 
 
@@ -192,10 +193,11 @@ class Entry(Struct, frozen=True):
 
 
 class Fault(Struct, frozen=True, kw_only=True):
-    """The fault that the board latched first."""
+    """What stopped the bench: the fault that the board latched first, or a limit of the host."""
 
     number: Annotated[int, Meta(description="its number, for `clear`")]
     name: Annotated[str, Meta(description="its name, for `smad faults explain`")]
+    by: Annotated[Literal["board", "host"], Meta(description="who stopped the bench")] = "board"
     channel: Annotated[str, Meta(description="where it was measured")] = ""
     measured: Annotated[float | None, Meta(description="what was measured")] = None
     limit: Annotated[float | None, Meta(description="the limit it went beyond")] = None

@@ -97,6 +97,14 @@ ALL = "all"
     is_flag=True,
     help="Only print the section [control.feedforward] for --parameters, and end.",
 )
+@click.option(
+    "--lease",
+    type=click.FloatRange(0.5, 3600.0),
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="On a real bench: the daemon disarms when this program was silent for so long.",
+)
 @bench_option
 def run(names: tuple[str, ...], **options: Any) -> None:
     """Run experiments of the paper, analyse them, and write one page.
@@ -262,6 +270,7 @@ def ended_by_signals() -> Iterator[None]:
 def _live(
     experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
 ) -> tuple[CampaignResult, Facts]:
+    from smad.cli.leased import LeasedDriver
     from smad.cli.output import client
     from smad.experiments.campaign import run_on
     from smad.experiments.live import LiveDriver
@@ -273,8 +282,9 @@ def _live(
             cooling="air" if options["air"] else "water",
             progress=line.say,
         )
+        leased = LeasedDriver(connected, driver, lease_s=options["lease"], progress=line.say)
         try:
-            result = run_on(experiments, driver, model, line.say)
+            result = run_on(experiments, leased, model, line.say)
         finally:
             connected.disarm()
     return result, [("bench", options["bench"])]

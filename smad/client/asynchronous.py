@@ -217,12 +217,27 @@ class AsyncClient:
         return await self._call(api.AddNote(text=text), api.RecorderStatus)
 
     async def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
-        """Take, or renew, exclusive control; every command of yours renews it too."""
+        """Take, or renew, exclusive control; every call of yours renews it too.
+
+        When you fall silent for `lease_s` while the bench is armed, it is disarmed.
+        """
         return await self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
 
     async def release_control(self) -> api.Control:
         """Give exclusive control back."""
         return await self._call(api.ReleaseControl(), api.Control)
+
+    @contextlib.asynccontextmanager
+    async def in_control(self, name: str, lease_s: float = 10.0) -> AsyncIterator[None]:
+        """Have exclusive control for as long as the block lasts; raises NotInControl.
+
+        A program that dies inside it leaves a bench that is disarmed after `lease_s` of silence.
+        """
+        await self.take_control(name, lease_s)
+        try:
+            yield
+        finally:
+            await self.release_control()
 
     @contextlib.asynccontextmanager
     async def record(self, name: str = "") -> AsyncIterator[api.RecorderStatus]:

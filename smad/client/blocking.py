@@ -212,12 +212,27 @@ class Client:
         return self._call(api.AddNote(text=text), api.RecorderStatus)
 
     def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
-        """Take, or renew, exclusive control; every command of yours renews it too."""
+        """Take, or renew, exclusive control; every call of yours renews it too.
+
+        When you fall silent for `lease_s` while the bench is armed, it is disarmed.
+        """
         return self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
 
     def release_control(self) -> api.Control:
         """Give exclusive control back."""
         return self._call(api.ReleaseControl(), api.Control)
+
+    @contextlib.contextmanager
+    def in_control(self, name: str, lease_s: float = 10.0) -> Iterator[None]:
+        """Have exclusive control for as long as the block lasts; raises NotInControl.
+
+        A program that dies inside it leaves a bench that is disarmed after `lease_s` of silence.
+        """
+        self.take_control(name, lease_s)
+        try:
+            yield
+        finally:
+            self.release_control()
 
     @contextlib.contextmanager
     def record(self, name: str = "") -> Iterator[api.RecorderStatus]:

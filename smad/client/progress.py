@@ -18,11 +18,15 @@ class Wait:
 
         Raises Stopped when the board is not armed any more, NoAnswer when the time is over.
         """
-        if not motion.armed:
-            fault = motion.fault
+        fault = motion.fault
+        if not motion.armed or fault is not None:
             raise Stopped(
                 "the motion ended early: "
-                + (f"the board stopped with {fault.name}" if fault else "the bench is not armed"),
+                + (
+                    f"the {fault.by} stopped with {fault.name}"
+                    if fault
+                    else "the bench is not armed"
+                ),
                 value=f"board in {motion.mode}",
                 action="smad faults explain says what to do"
                 if fault

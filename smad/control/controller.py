@@ -15,7 +15,7 @@ from smad.control.commands import (
     Tune,
     checked,
 )
-from smad.control.limits import HostLimit, HostLimits
+from smad.control.limits import HostLimit, HostLimits, Trip
 from smad.control.modes import (
     LONGEST_STEP_S,
     CurrentMode,
@@ -42,7 +42,8 @@ class Controller:
 
     `command` may be called at any time between two steps and takes effect with the next; a refused
     command changes nothing. While the board is not armed nothing is driven; when it leaves ARMED
-    the mode ends, so that nothing moves by itself after the next arming.
+    the mode ends, so that nothing moves by itself after the next arming. A limit that stays
+    (`trip`) ends the mode too, and nothing is driven until the next arming.
     """
 
     def __init__(
@@ -87,6 +88,11 @@ class Controller:
         """Which host limits held the last output back."""
         return self._limits.acting
 
+    @property
+    def trip(self) -> Trip | None:
+        """The host limit that ended the motion, until the next arming; None if none did."""
+        return self._limits.trip
+
     def command(self, command: ModeCommand) -> None:
         """Take a command. Raises CommandError, naming field, value and limit, and changing nothing.
 
@@ -130,6 +136,8 @@ class Controller:
             min(dt_s, LONGEST_STEP_S),
             staged=self._stage.in_use,
         )
+        if self._limits.trip is not None:
+            return self._stop()
         self._output = Output(
             i_A,
             (demand.pump_x_duty, demand.pump_y_duty),
@@ -146,6 +154,13 @@ class Controller:
         if missed > 0:
             self.missed_samples += missed
         return (sample.t_us - previous.t_us) * 1e-6
+
+    def _stop(self) -> Output:
+        # Held at zero without a word, a motion would seem to go on.
+        self._mode = IdleMode()
+        self._stage.stop()
+        self._output = Output(stage_m=self._stage.step(0.0))
+        return self._output
 
     def _disarm(self) -> None:
         if self._armed:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from dataclasses import dataclass
 
 from smad.config import LimitsConfig
 from smad.control.sample import Sample
@@ -32,6 +33,20 @@ class HostLimit(enum.IntFlag):
     CURRENT_RATE = 128
 
 
+@dataclass(frozen=True)
+class Trip:
+    """A limit that ended a motion until the next arming.
+
+    `measured` and `allowed` are in s for ON_TIME and in K/s for a sensor, whose reading at that
+    moment is `rtd_degC`.
+    """
+
+    limit: HostLimit
+    measured: float
+    allowed: float
+    rtd_degC: float = math.nan
+
+
 _TEMPERATURE = (HostLimit.TEMPERATURE_X, HostLimit.TEMPERATURE_Y)
 _SENSOR = (HostLimit.SENSOR_X, HostLimit.SENSOR_Y)
 
@@ -39,10 +54,11 @@ _SENSOR = (HostLimit.SENSOR_X, HostLimit.SENSOR_Y)
 class _SensorWatch:
     """Trips on a temperature that changes faster than a spring can."""
 
-    __slots__ = ("_for_s", "_from_degC", "tripped")
+    __slots__ = ("_for_s", "_from_degC", "_limit", "trip")
 
-    def __init__(self) -> None:
-        self.tripped = False
+    def __init__(self, limit: HostLimit) -> None:
+        self.trip: Trip | None = None
+        self._limit = limit
         self._from_degC = math.nan
         self._for_s = 0.0
 
@@ -53,8 +69,10 @@ class _SensorWatch:
         # A comparison with nan is false: the first window after an invalid reading cannot trip.
         change_K = rtd_degC - self._from_degC
         most_K = rate_max_K_per_s * self._for_s
-        if change_K > most_K or change_K < -QUENCH * most_K:
-            self.tripped = True
+        allowed = rate_max_K_per_s if change_K > 0.0 else -QUENCH * rate_max_K_per_s
+        tripped = change_K > most_K or change_K < -QUENCH * most_K
+        if tripped and self.trip is None:
+            self.trip = Trip(self._limit, change_K / self._for_s, allowed, rtd_degC)
         self._from_degC = rtd_degC
         self._for_s = 0.0
 
@@ -62,7 +80,8 @@ class _SensorWatch:
 class HostLimits:
     """Takes the wanted currents and gives the allowed ones; `acting` says what held them back.
 
-    A tripped sensor and an elapsed on-time stay until `rearm`.
+    A tripped sensor and an elapsed on-time stay until `rearm`. The first of them that held a
+    current back, or would have, is `trip`: what was commanded must not go on without it.
     """
 
     def __init__(self, config: LimitsConfig) -> None:
@@ -77,8 +96,9 @@ class HostLimits:
 
     def rearm(self) -> None:
         """Start anew, as after an arming: the on-time at zero, no sensor tripped."""
+        self.trip: Trip | None = None
         self._on_time_s = 0.0
-        self._watch = (_SensorWatch(), _SensorWatch())
+        self._watch = (_SensorWatch(_SENSOR[0]), _SensorWatch(_SENSOR[1]))
         self._previous_A = [0.0, 0.0]
 
     def apply(
@@ -95,6 +115,8 @@ class HostLimits:
         if self._on_time_s > config.on_time_max_s:
             acting |= HostLimit.ON_TIME
             wanted[0] = wanted[1] = 0.0
+            if self.trip is None:
+                self.trip = Trip(HostLimit.ON_TIME, self._on_time_s, config.on_time_max_s)
         # A bench without a force sensor reads nan, which no comparison stops.
         if sample.force_N > config.force_max_N:
             acting |= HostLimit.FORCE
@@ -107,6 +129,8 @@ class HostLimits:
                 wanted[pulling] = 0.0
         for k in (0, 1):
             acting |= self._spring(k, sample.rtd_degC[k], wanted, dt_s)
+        if self.trip is not None:
+            acting |= self.trip.limit.value
         self._previous_A = wanted
         self._acting = acting
         return wanted[0], wanted[1]
@@ -118,8 +142,10 @@ class HostLimits:
         i_A = wanted[k]
         if i_A <= 0.0:
             return 0
-        if watch.tripped or math.isnan(rtd_degC):
+        if watch.trip is not None or math.isnan(rtd_degC):
             wanted[k] = 0.0
+            if self.trip is None:
+                self.trip = watch.trip
             return _SENSOR[k].value
         acting = 0
         room_K = config.temperature_max_degC - rtd_degC

@@ -15,6 +15,7 @@ from firmware_protocol.enums import BoardState, faults_in
 from firmware_protocol.messages import Setpoint, State
 from smad.control.controller import Controller
 from smad.control.errors import PlanError
+from smad.control.limits import Trip
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
@@ -85,6 +86,8 @@ class _Stepper:
             self._progress(run.board_time_s)
         if not sample.armed:
             raise _stopped(state, run.board_time_s)
+        if controller.trip is not None:
+            raise _tripped(controller.trip, run.board_time_s)
         return sample
 
 
@@ -100,7 +103,8 @@ def run_virtual(
     """Arm the bench and carry out the plan; `recorder` gets every sample.
 
     `scales` default to those of a board with default parameters. Raises CommandError for a command
-    that the controller refuses, and PlanError when the board leaves ARMED or a wait takes too long.
+    that the controller refuses, and PlanError when the board leaves ARMED, a limit of the
+    host ends the motion, or a wait takes too long.
     """
     bench.arm()
     stepper = _Stepper(bench, controller, scales or Scales({}), recorder, progress)
@@ -130,6 +134,15 @@ def run_virtual(
                         )
                     sample = stepper.step()
     return run
+
+
+def _tripped(trip: Trip, board_time_s: float) -> PlanError:
+    return PlanError(
+        f"a limit of the host ended the motion after {board_time_s:.2f} s",
+        value=f"{str(trip.limit.name).lower()}, {trip.measured:.4g}",
+        limit=f"{trip.allowed:g}",
+        action="see [limits] in docs/guide/configuration.md",
+    )
 
 
 def _stopped(state: State, board_time_s: float) -> PlanError:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from firmware_protocol.enums import ValidBit
-from firmware_protocol.events import HostEvent, HostState, StateReceived
+from firmware_protocol.events import BoardRestarted, HostEvent, HostState, StateReceived
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Setpoint, State
 from smad.control.controller import Controller, Output
@@ -129,9 +129,18 @@ class ControlTask:
                 others.append(event)
             elif event.state.axis == self._axis:
                 states.append(event.state)
-        if states and self.stepping:
-            self._step(states, began_ns)
+        try:
+            if states and self.stepping:
+                self._step(states, began_ns)
+        finally:
+            # Also when the step dies: somebody may be waiting for the reply that came with it.
+            self._pass_on(others)
+
+    def _pass_on(self, others: list[HostEvent]) -> None:
         for other in others:
+            if isinstance(other, BoardRestarted):
+                # Its counter begins anew: the samples between are none that were missed.
+                self._forget()
             self._on_event(other)
         self.flush()
 

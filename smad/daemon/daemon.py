@@ -22,6 +22,7 @@ from smad.control.controller import Controller
 from smad.daemon.answers import Answers
 from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
+from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.journal import Journal
 from smad.daemon.lease import DeadMan, Lease
 from smad.daemon.link import Link
@@ -133,6 +134,7 @@ class Daemon:
         self.publisher = Publisher(context, config.telemetry)
         self.collector = IdleCollector(enabled=False)
         self._lease = Lease()
+        self._host_stop = HostStop(self.control.controller)
         self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
         self.status = StatusReport(
             config,
@@ -141,6 +143,7 @@ class Daemon:
             link=lambda: self.link,
             recorder=self.recorder,
             lease=self._lease,
+            host_stop=self._host_stop,
             journal=journal,
             collector=self.collector,
             commands=self.commands,
@@ -154,6 +157,7 @@ class Daemon:
             recorder=self.recorder,
             status=self.status,
             lease=self._lease,
+            host_stop=self._host_stop,
             dead_man=self._dead_man,
             say=self.say,
             clock_us=clock_us,
@@ -294,6 +298,7 @@ class Daemon:
             self.publisher.publish(row, self._anchor_s + row.t_s)
             self.recorder.row(row)
             self.watch.on_state(item.state)
+        self._tell_of_host_stop()
         self.notifier.alive(self._clock_us())
         if finished:
             self._on_finished()
@@ -317,7 +322,8 @@ class Daemon:
         if self._dead_man.expired(now_us):
             self._dead_man.forget()
             self.say("disarm", "the client that armed has fallen silent; disarming", {})
-            self.spawn("dead man", self._disarm_for_dead_man())
+            self.spawn("dead man", self._disarm_by_ourselves())
+        self._end_what_was_left(now_us)
         self._end_automatic_log(now_us)
         if now_us - self._second_us >= _SECOND_US:
             self._second_us = now_us
@@ -331,7 +337,24 @@ class Daemon:
             text = f"this computer kept the daemon from running for {away_s * 1000:.0f} ms"
             self.say("warning", text, {"away_s": away_s})
 
-    async def _disarm_for_dead_man(self) -> None:
+    def _end_what_was_left(self, now_us: int) -> None:
+        gone = self._lease.lapsed(now_us)
+        if gone is None or self.session.state is not HostState.RUNNING:
+            return
+        self._dead_man.forget()
+        silent_s = gone.duration_us * 1e-6
+        text = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s; disarming"
+        self.say("disarm", text, {"holder": gone.name, "silent_s": silent_s})
+        self.spawn("lease", self._disarm_by_ourselves())
+
+    def _tell_of_host_stop(self) -> None:
+        fault = self._host_stop.news()
+        if fault is not None:
+            data = {name: getattr(fault, name) for name in fault.__struct_fields__}
+            self.say("fault", f"the host stopped: {in_full(fault)}", data)
+            self.spawn("host stop", self._disarm_by_ourselves())
+
+    async def _disarm_by_ourselves(self) -> None:
         self.control.controller.command(Idle())
         try:
             await self.requests.ask(Disarm(self.config.link.axis))

@@ -21,16 +21,32 @@ class Holder(Struct, frozen=True):
 
 
 class Lease:
-    """At most one holder. Every command of the holder renews it; it ends by itself."""
+    """At most one holder. Whatever the holder says renews it; silence ends it.
+
+    Who lets a lease lapse, instead of giving it back, has vanished: `lapsed` says so once.
+    """
 
     def __init__(self) -> None:
         self._holder: Holder | None = None
 
     def holder(self, now_us: int) -> Holder | None:
         """Return who has control now."""
-        if self._holder is not None and now_us >= self._holder.until_us:
-            self._holder = None
-        return self._holder
+        holder = self._holder
+        return None if holder is None or now_us >= holder.until_us else holder
+
+    def lapsed(self, now_us: int) -> Holder | None:
+        """Return who fell silent since the last call, if somebody did."""
+        holder = self._holder
+        if holder is None or now_us < holder.until_us:
+            return None
+        self._holder = None
+        return holder
+
+    def heard(self, client: bytes, now_us: int) -> None:
+        """Renew the lease of its holder, whatever it said."""
+        holder = self.holder(now_us)
+        if holder is not None and holder.client == client:
+            self._renew(holder, now_us)
 
     def take(self, client: bytes, name: str, duration_us: int, now_us: int) -> Holder:
         """Give control to `client`, or renew it. Raises Refusal while another one has it."""
@@ -39,7 +55,7 @@ class Lease:
         return self._holder
 
     def check(self, client: bytes, now_us: int) -> None:
-        """Renew the lease of its holder; raise Refusal for anyone else while there is one."""
+        """Raise Refusal for anyone but the holder while there is one."""
         holder = self.holder(now_us)
         if holder is None:
             return
@@ -51,7 +67,10 @@ class Lease:
                 value=f"{left_s:.1f} s left of its lease",
                 action="wait, or ask them to release it; disarm and estop work for anyone",
             )
-        self._holder = Holder(client, holder.name, holder.duration_us, now_us + holder.duration_us)
+
+    def _renew(self, holder: Holder, now_us: int) -> None:
+        until_us = now_us + holder.duration_us
+        self._holder = Holder(holder.client, holder.name, holder.duration_us, until_us)
 
     def release(self, client: bytes, now_us: int) -> bool:
         """Give control back; return whether `client` had it."""

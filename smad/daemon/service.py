@@ -37,6 +37,7 @@ from smad.control.commands import (
 from smad.control.controller import Controller
 from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
+from smad.daemon.hoststop import HostStop
 from smad.daemon.lease import DeadMan, Lease
 from smad.daemon.recorder import Recorder
 from smad.daemon.requests import BoardRequests
@@ -69,6 +70,7 @@ class Service:
         recorder: Recorder,
         status: StatusReport,
         lease: Lease,
+        host_stop: HostStop,
         dead_man: DeadMan,
         say: Say,
         clock_us: Callable[[], int],
@@ -82,6 +84,7 @@ class Service:
         self._recorder = recorder
         self._status = status
         self._lease = lease
+        self._host_stop = host_stop
         self._dead_man = dead_man
         self._say = say
         self._clock_us = clock_us
@@ -115,6 +118,7 @@ class Service:
         """Carry a command out, or begin to. Raises Refusal, or CommandError from the controller."""
         now_us = self._clock_us()
         self._dead_man.heard(client, now_us)
+        self._lease.heard(client, now_us)
         if method.access == "control":
             self._lease.check(client, now_us)
             if self.stopping:
@@ -179,10 +183,16 @@ class Service:
         return self._status.motion()
 
     async def clear(self, params: api.Clear, client: Client) -> api.Motion:
-        """Acknowledge the latched fault."""
+        """Acknowledge the latched fault, and a stop of the host."""
         self._require_connected()
+        by_host = self._host_stop.fault
         latched = self._watch.fault
         number = params.fault
+        if by_host is not None and number in (None, by_host.number):
+            if latched is None:
+                self._host_stop.clear()
+                return self._status.motion()
+            number = latched.number
         if number is None:
             if latched is None:
                 raise Refusal(
@@ -198,6 +208,7 @@ class Service:
             )
         await self._requests.ask(ClearFault(self._config.link.axis, Fault(number)))
         self._watch.fault = None
+        self._host_stop.clear()
         return self._status.motion()
 
     def drive(
@@ -320,6 +331,14 @@ class Service:
             )
 
     def _require_not_faulted(self) -> None:
+        by_host = self._host_stop.fault
+        if by_host is not None:
+            raise Refusal(
+                Reason.FAULTED,
+                "a limit of the host stopped the bench",
+                value=by_host.in_words(),
+                action="smad faults explain says what to do; then smad clear",
+            )
         if self._control.session.state is not HostState.FAULTED:
             return
         fault = self._watch.fault

@@ -14,6 +14,7 @@ from smad.config import Config
 from smad.control.limits import HostLimit
 from smad.daemon.board import board_of
 from smad.daemon.control import ControlTask, Finished
+from smad.daemon.hoststop import HostStop
 from smad.daemon.journal import Journal
 from smad.daemon.lease import Lease
 from smad.daemon.link import Link
@@ -47,6 +48,7 @@ class StatusReport:
         link: Callable[[], Link],
         recorder: Recorder,
         lease: Lease,
+        host_stop: HostStop,
         journal: Journal,
         collector: IdleCollector,
         commands: CommandCounts,
@@ -61,6 +63,7 @@ class StatusReport:
         self._link = link
         self._recorder = recorder
         self._lease = lease
+        self._host_stop = host_stop
         self._journal = journal
         self._collector = collector
         self._commands = commands
@@ -77,15 +80,17 @@ class StatusReport:
         """Return what the controller is doing."""
         controller = self._control.controller
         last = self._control.last
+        # The host stops first: what the board finds afterwards follows from it.
+        fault = self._host_stop.fault or self._watch.fault
         return api.Motion(
             running=controller.mode,
-            done=controller.done,
+            done=controller.done and fault is None,
             armed=self._control.session.state is HostState.RUNNING,
             mode=self._watch.mode.name if self._watch.mode is not None else "UNKNOWN",
             reference_mm=_mm(controller.reference_m),
             displacement_mm=None if last is None else _mm(last.sample.displacement_m),
             board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
-            fault=self._watch.fault,
+            fault=fault,
         )
 
     def lease(self, client: bytes) -> api.Control:

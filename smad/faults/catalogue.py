@@ -133,11 +133,15 @@ _ROWS: tuple[Row, ...] = (
     _of("sensor_short", Then.STOPS, _RTD),
     _of("sensor_invalid", Then.STOPS, _RTD),
     _of("sensor_stuck", Then.STOPS, _X, must=_HEATS_HARD, observe_s=25.0),
+    # Warming up at full power it shows; a spring that is held, or whose current is folded back
+    # already, gives it nothing to lag behind.
+    _of("sensor_detached", Then.STOPS, {**_X, "value": between(9.0, 20.0)}, observe_s=25.0,
+        scenes=_HEATS_HARD, onset_s=(0.0, 2.5)),
     _of("sensor_detached", Then.STOPS, {**_X, "value": between(9.0, 20.0)}, must=frozenset(),
-        observe_s=25.0),
-    # Plugs change places between two runs. Later, the jump makes the host take the current away.
+        observe_s=25.0, alias="detached_late"),
+    # Plugs change places between two runs. Later, the jump makes the host end the motion.
     _of("sensors_swapped", Then.STOPS, must=_HEATS_HARD, observe_s=25.0, onset_s=(0.0, 0.3)),
-    _of("sensors_swapped", Then.STOPS, must=frozenset(), observe_s=25.0, alias="swapped_late"),
+    _of("sensors_swapped", Then.STOPS, observe_s=25.0, alias="swapped_late"),
     _of("sensor_spikes", Then.STOPS,
         {**_RTD, "value": either(between(10.0, 60.0), between(-40.0, -10.0)),
          "every": whole(5, 40)}),
@@ -158,7 +162,9 @@ _ROWS: tuple[Row, ...] = (
     _of("pump_dry", Then.STOPS, _X, must=frozenset({"water"}), observe_s=20.0),
     _of("pump_stalled", Then.STOPS, _X, must=frozenset({"water"}), observe_s=20.0),
     _of("pump_stuck_on", Then.STOPS, _SIDE, must=frozenset({"heating", "air"}), observe_s=20.0),
-    _of("pump_no_flow", Then.STOPS, _X, must=frozenset({"flushing"}), observe_s=45.0),
+    # Only a spring without current tells whether its water cools it.
+    _of("pump_no_flow", Then.STOPS, _X, observe_s=45.0, scenes=frozenset({"flushing"})),
+    _of("pump_no_flow", Then.STOPS, _X, must=frozenset(), observe_s=45.0, alias="no_flow_heating"),
     _of("leak", Then.STOPS),
     _restart("reboot"),
     _of("hang", Then.STOPS, {"seconds": between(0.06, 0.095)}),

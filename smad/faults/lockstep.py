@@ -1,8 +1,9 @@
 """The lockstep campaign: the daemon's control task and the board, over bytes, on virtual time.
 
 What the daemon does around its control task is repeated here in the few rules that concern
-faults: a restart or a lost link ends the motion, a reconnection only watches, and a board found
-armed is told to disarm. The daemon itself is tried by `smad.faults.process`.
+faults: a restart or a lost link ends the motion, a reconnection only watches, a board found armed
+is told to disarm, and so is one whose motion a limit of the host has ended. The daemon itself is
+tried by `smad.faults.process`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from smad.config import ControlConfig, LimitsConfig
 from smad.control.commands import Idle
 from smad.control.controller import Controller
 from smad.daemon.control import ControlTask
+from smad.daemon.hoststop import HostStop
 from smad.errors import SmadError
 from smad.faults.catalogue import ROWS, Row
 from smad.faults.oracle import Expectation, Outcome, Then
@@ -57,6 +59,8 @@ class Host:
         self.session = HostSession(nonce=nonce)
         self.controller = Controller(ControlConfig(), LimitsConfig())
         self.told_fault = ""
+        self.stopped_by_itself = ""
+        """Name under which a limit of the host ended the motion, if one did first."""
         self.connected = False
         self.done: list[wire.Message] = []
         self._plugged = True
@@ -65,6 +69,7 @@ class Host:
         self._waiting = bytearray()
         self._wall_offset_s = 0.0
         self._mode_known = False
+        self._stop = HostStop(self.controller)
         self.control = ControlTask(
             self.session,
             self.controller,
@@ -96,6 +101,7 @@ class Host:
             self._waiting.clear()
             self.control.receive(data)
         self._look_at_samples()
+        self._look_at_limits()
         self.control.tick()
 
     def arm(self) -> None:
@@ -164,6 +170,16 @@ class Host:
                 self._mode_known = True
                 if state.mode in HOT:
                     self.session.request(wire.Disarm(0), self.bench.now_us)
+
+    def _look_at_limits(self) -> None:
+        fault = self._stop.news()
+        if fault is None:
+            return
+        if not self.told_fault:
+            self.told_fault = self.stopped_by_itself = fault.name
+        if self.session.state is HostState.RUNNING:
+            self.session.request(wire.Disarm(0), self.bench.now_us)
+            self.control.flush()
 
     def _end_motion(self) -> None:
         self.connected = False
@@ -306,7 +322,7 @@ def _outcome(case: Case, host: Host, start_us: int, injections: list[Injection])
     until_us = bench.now_us if safe_us is None else safe_us
     energy_J = trace.heat_at(until_us) - heat_at_onset_J
     off = safe_us is not None
-    first = bench.board.supervisor.first_fault
+    latched = bench.board.supervisor.first_fault
     return Outcome(
         name=" + ".join(case.row_names),
         group="pair" if len(case.rows) > 1 else case.rows[0].kind.group,
@@ -317,7 +333,7 @@ def _outcome(case: Case, host: Host, start_us: int, injections: list[Injection])
             (onset_us - start_us) * 1e-6,
             (until_us - start_us) * 1e-6,
         ),
-        first_fault="" if first is None else first.fault.name,
+        first_fault=host.stopped_by_itself or ("" if latched is None else latched.fault.name),
         told_fault=host.told_fault,
         safe_after_s=None if safe_us is None else (safe_us - onset_us) * 1e-6,
         energy_J=energy_J,

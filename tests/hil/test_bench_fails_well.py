@@ -11,7 +11,7 @@ import pytest
 
 from smad.client import Client, NoDaemon, Refused, Stopped
 from smad.control.commands import Step
-from smad.daemon.endpoints import read_connection
+from smad.daemon.endpoints import FOLDER_VARIABLE, read_connection
 from tests.hil.conftest import PATIENCE_S, Hil, arm, wait_for
 
 STEP = Step(displacement_mm=5.0, duration_s=3000.0)
@@ -222,3 +222,35 @@ def test_a_dying_control_task_disarms_and_ends_with_status_70_and_the_truth(hil:
     hil.ready_daemon(device.port)
     status = wait_for(hil.client(), lambda s: s.motion.mode in NOT_HEATING)
     assert not status.motion.armed
+
+
+def test_an_experiment_that_is_killed_leaves_a_disarmed_bench_within_its_lease(hil: Hil) -> None:
+    hil.ready_daemon(hil.device().port)
+    run = subprocess.Popen(
+        [sys.executable, "-m", "smad", "run", "fig10-thermal", "--lease", "1"],
+        cwd=hil.folder,
+        env={**os.environ, FOLDER_VARIABLE: str(hil.folder)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        client = hil.client()
+        heats = wait_for(
+            client, lambda s: s.sample is not None and (s.sample.i_applied_x_A or 0.0) > 0.5
+        )
+        assert heats.control.holder == "smad run"
+    finally:
+        run.kill()
+        run.wait()
+    status = wait_for(client, lambda s: not s.motion.armed)
+    assert status.motion.running == "idle"
+    assert status.motion.fault is None
+    assert status.motion.mode in NOT_HEATING
+    assert any(
+        "smad run, who had exclusive control, fell silent for 1 s; disarming" in event.text
+        for event in status.events
+    )
+    assert status.control.holder == ""
+    # Anyone may arm it again, and nobody did.
+    arm(client)
+    assert client.motion().armed

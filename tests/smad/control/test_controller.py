@@ -284,3 +284,29 @@ def test_the_current_rises_no_faster_than_allowed_and_falls_at_once() -> None:
     assert rising == pytest.approx([1.0, 2.0, 3.0, 3.0])
     controller.command(Idle())
     assert controller.step(sample(5)).i_A == (0.0, 0.0)
+
+
+def test_a_limit_that_stays_ends_the_motion_and_says_which_it_was() -> None:
+    controller = started(STEP_UP)
+    drive(controller, range(1, 20))
+    assert controller.trip is None
+    drive(controller, range(20, 40), rtd_degC=(75.0, 25.0, 27.0, 27.0))
+    trip = controller.trip
+    assert trip is not None
+    assert (trip.limit, trip.rtd_degC) == (HostLimit.SENSOR_X, 75.0)
+    assert trip.measured > trip.allowed > 0.0
+    assert controller.mode == "idle"
+    controller.command(DriveCurrent(i_x_A=1.0, pump_x_duty=1.0))
+    last = drive(controller, range(40, 60))[-1]
+    assert (last.i_A, last.pump_duty) == ((0.0, 0.0), (0.0, 0.0))
+    controller.step(sample(60, armed=False))
+    controller.step(sample(61))
+    assert controller.trip is None
+
+
+def test_a_sensor_that_jumps_on_a_spring_that_is_not_heated_ends_nothing() -> None:
+    controller = started(DriveCurrent(i_x_A=1.0))
+    drive(controller, range(1, 20))
+    outputs = drive(controller, range(20, 40), rtd_degC=(25.0, 75.0, 27.0, 27.0))
+    assert controller.trip is None
+    assert outputs[-1].i_A == (1.0, 0.0)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_protocol.enums import BoardState
+from firmware_protocol.enums import BoardState, ResetCause
 from firmware_protocol.events import HostState
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
@@ -256,3 +256,30 @@ async def test_passed_over_samples_are_recorded_in_their_order_and_at_their_time
         assert seen == [(first_tick + n, first_us + 10_000 * n) for n in range(4)]
         answered = [item.setpoint is not None for item in rig.daemon.control.finished]
         assert answered == [False, False, False, True]
+
+
+async def test_a_reply_that_comes_with_the_sample_that_kills_the_step_is_passed_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+
+        def explode(sample: object) -> None:
+            raise ZeroDivisionError("injected")
+
+        # The board answers in the same bytes as its next sample.
+        monkeypatch.setattr(rig.daemon.control.controller, "step", explode)
+        await rig.ask("params.set", name="on_time_limit_s", value=21_000.0)
+        assert rig.daemon.failure.done()
+
+
+async def test_a_restart_of_the_board_is_not_counted_as_missed_samples(tmp_path: Path) -> None:
+    # Past the middle of the board's counter: from there a restart looks like a leap ahead.
+    bench = SimulatedBench(seed=1)
+    bench.board.tick = 40_000
+    async with rig_in(tmp_path, bench) as rig:
+        await rig.run(200)
+        bench.reboot(ResetCause.PIN)
+        await rig.run(200)
+        assert bench.board.tick < 300
+        assert rig.daemon.control.counts.missed == 0

@@ -7,13 +7,15 @@ from typing import Any
 
 import pytest
 
-from firmware_protocol.enums import BoardState
+from firmware_protocol.enums import BoardState, Fault
+from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from sim_device.bench import SimulatedBench
+from sim_device.faults import injection
 from smad.api import METHODS
-from smad.config import DaemonConfig, RecorderConfig
+from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
 from smad.daemon.service import Service
 from smad.runlog.reader import read_run
-from tests.smad.daemon.rig import Refused, rig_in
+from tests.smad.daemon.rig import Refused, Rig, rig_in
 
 STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}
 
@@ -208,6 +210,41 @@ async def test_a_lease_ends_by_itself(tmp_path: Path) -> None:
         await rig.ask("idle", client=b"bob")
 
 
+async def test_who_has_control_and_vanishes_leaves_a_disarmed_bench(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=2.0)
+        await rig.ask("move", client=b"ada", trajectories=[STEP])
+        for _ in range(3):
+            await rig.run_for(1.5)
+            # Looking is enough to be heard.
+            assert (await rig.ask("motion", client=b"ada"))["armed"]
+        assert (await rig.ask("status", client=b"bob"))["control"]["holder"] == "Ada"
+        await rig.run_for(2.2)
+        await rig.run_until(not_armed(rig))
+        motion = await rig.ask("motion", client=b"bob")
+        assert (motion["armed"], motion["running"]) == (False, "idle")
+        assert rig.bench.board.state in (BoardState.COOL, BoardState.SAFE)
+        assert "Ada, who had exclusive control, fell silent for 2 s; disarming" in rig.said
+        await rig.run_for(5.0)
+        assert rig.said.count("fell silent") == 1
+
+
+async def not_armed(rig: Rig) -> None:
+    """Housekeeping, which looks at leases, is paced by the wall clock."""
+    while rig.bench.board.state is BoardState.ARMED:
+        await asyncio.sleep(0.001)
+
+
+async def test_giving_control_back_leaves_the_bench_as_it_is(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=1.0)
+        await rig.ask("control.release", client=b"ada")
+        await rig.run_for(3.0)
+        assert (await rig.ask("motion"))["armed"]
+
+
 async def test_the_dead_man_option_disarms_when_the_arming_client_is_silent(
     tmp_path: Path,
 ) -> None:
@@ -219,11 +256,7 @@ async def test_the_dead_man_option_disarms_when_the_arming_client_is_silent(
             assert (await rig.ask("motion"))["armed"]
         await rig.run_for(1.0)
 
-        async def disarmed() -> None:
-            while rig.bench.board.state is BoardState.ARMED:
-                await asyncio.sleep(0.001)
-
-        await rig.run_until(disarmed())
+        await rig.run_until(not_armed(rig))
         assert "fallen silent" in rig.said
 
 
@@ -280,3 +313,57 @@ async def test_thousands_of_mangled_messages_are_answered_and_cost_no_sample(
         assert not rig.daemon.failure.done()
         assert (await rig.ask("motion"))["armed"]
         assert len(replies) > 1900
+
+
+async def test_sensors_that_swap_in_a_run_end_the_motion_and_the_user_is_told(
+    tmp_path: Path,
+) -> None:
+    bench = SimulatedBench(seed=1, faults=[injection("sensors_swapped", 8.0, lasts=5.0)])
+    recorder = RecorderConfig(folder=str(tmp_path / "runs"))
+    async with rig_in(tmp_path, bench, recorder=recorder) as rig:
+        await rig.arm()
+        await rig.ask("current", i_x_A=4.0)
+        while not rig.daemon.control.controller.trip:
+            await rig.run(1)
+        # From the very sample on, before the board is disarmed.
+        motion = await rig.ask("motion")
+        assert motion["running"] == "idle"
+        assert not motion["done"]
+        fault = motion["fault"]
+        assert (fault["name"], fault["by"]) == ("SENSOR_IMPLAUSIBLE", "host")
+        assert fault["channel"] in ("SPRING_X", "SPRING_Y")
+        assert abs(fault["measured"]) > abs(fault["limit"]) >= 50.0
+        await rig.run_for(1.0)
+        assert rig.bench.board.state in (BoardState.COOL, BoardState.SAFE)
+        assert FAULT_TEXTS[Fault.SENSOR_IMPLAUSIBLE].remedy in rig.said
+        for method, params in (("arm", {}), ("current", {"i_x_A": 1.0})):
+            with pytest.raises(Refused, match="a limit of the host stopped the bench") as refused:
+                await rig.ask(method, **params)
+            assert refused.value.reason == "faulted"
+            assert "SENSOR_IMPLAUSIBLE" in refused.value.data["value"]
+        await rig.run_for(60.0)
+        await rig.ask("clear")
+        assert (await rig.ask("motion"))["fault"] is None
+        await rig.ask("arm")
+        await rig.ask("current", i_x_A=2.0)
+        await rig.run_for(1.0)
+        assert rig.bench.board.outputs.applied_mA[0] == 2000
+        path = Path((await rig.ask("status"))["recorder"]["path"])
+        await rig.run_until(rig.daemon.recorder.stop())
+    stops = [e for p in path.parent.iterdir() for e in read_run(p).events if e.kind == "fault"]
+    assert [event.data["by"] for event in stops] == ["host"]
+    assert stops[0].text.startswith("the host stopped: SENSOR_IMPLAUSIBLE at SPRING_")
+
+
+async def test_the_longest_time_armed_ends_the_motion_under_the_name_of_the_boards_fault(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path, limits=LimitsConfig(on_time_max_s=2.0)) as rig:
+        await rig.arm()
+        await rig.ask("heat", spring="x", temperature_degC=40.0)
+        await rig.run_for(3.0)
+        motion = await rig.ask("motion")
+        assert not motion["armed"]
+        assert motion["fault"]["name"] == "ARMED_TOO_LONG"
+        assert motion["fault"]["limit"] == 2.0
+        assert "Disarm, look at the bench, arm again." in rig.said

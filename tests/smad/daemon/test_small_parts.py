@@ -33,12 +33,27 @@ def test_a_lease_keeps_others_out_until_it_ends() -> None:
     lease.check(b"bob", 6 * SECOND)
 
 
-def test_each_command_of_the_holder_renews_its_lease() -> None:
+def test_whatever_the_holder_says_renews_its_lease_and_what_others_say_does_not() -> None:
     lease = Lease()
     lease.take(b"ada", "Ada", 5 * SECOND, 0)
-    lease.check(b"ada", 4 * SECOND)
+    lease.heard(b"bob", 3 * SECOND)
+    lease.heard(b"ada", 4 * SECOND)
+    lease.heard(b"bob", 5 * SECOND)
     assert lease.holder(8 * SECOND) is not None
     assert lease.holder(10 * SECOND) is None
+
+
+def test_a_lease_that_lapses_is_told_once_and_one_that_is_given_back_never() -> None:
+    lease = Lease()
+    lease.take(b"ada", "Ada", 5 * SECOND, 0)
+    assert lease.lapsed(4 * SECOND) is None
+    gone = lease.lapsed(5 * SECOND)
+    assert gone is not None
+    assert gone.name == "Ada"
+    assert lease.lapsed(6 * SECOND) is None
+    lease.take(b"bob", "Bob", 5 * SECOND, 6 * SECOND)
+    lease.release(b"bob", 7 * SECOND)
+    assert lease.lapsed(60 * SECOND) is None
 
 
 def test_only_the_holder_can_give_control_back() -> None:

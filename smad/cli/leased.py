@@ -1,0 +1,79 @@
+"""A driver whose bench is never armed without somebody who can be missed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from smad.client import BoardRefused
+from smad.experiments.driver import Driver, Mounting, Progress
+from smad.experiments.recording import Recording
+
+if TYPE_CHECKING:
+    from smad.client import Client
+    from smad.control.plan import Plan
+
+_COOLING_S = 600.0
+_POLL_S = 0.1
+
+
+class LeasedDriver:
+    """Runs the plans of `driver` under exclusive control, and disarms after each.
+
+    Between two runs the program may compute for longer than a lease lasts, so the bench is not
+    armed then. A program that is killed in a run is silent, and the daemon disarms after `lease_s`.
+    `sleep` and `clock_s` are those of the wall.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        driver: Driver,
+        *,
+        lease_s: float,
+        progress: Progress,
+        sleep: Callable[[float], None] = time.sleep,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._client = client
+        self._driver = driver
+        self._lease_s = lease_s
+        self._progress = progress
+        self._sleep = sleep
+        self._clock_s = clock_s
+        self._disarmed = False
+
+    def parts(self) -> frozenset[str]:
+        """Which parts the bench has."""
+        return self._driver.parts()
+
+    def mounting(self) -> Mounting | None:
+        """How its springs are mounted."""
+        return self._driver.mounting()
+
+    def run(self, plan: Plan) -> Recording:
+        """Carry out a plan. Raises NotInControl while somebody else has control."""
+        with self._client.in_control("smad run", self._lease_s):
+            try:
+                self._arm(plan)
+                return self._driver.run(plan)
+            finally:
+                self._client.disarm()
+                self._disarmed = True
+
+    def _arm(self, plan: Plan) -> None:
+        if self._client.motion().armed:
+            return
+        deadline_s = self._clock_s() + _COOLING_S
+        while True:
+            try:
+                self._client.arm()
+            except BoardRefused:
+                # After our own disarm the springs are still cooling; else it is worth telling.
+                if not self._disarmed or self._clock_s() > deadline_s:
+                    raise
+                self._progress(f"{plan.name}: waiting until the springs are cold enough to arm")
+                self._sleep(_POLL_S)
+            else:
+                return
