@@ -20,6 +20,7 @@ from tests.fuzz.targets import TARGETS, Target
 _SECONDS = 60
 _COLUMNS = ("target", "executions", "s", "per s", "edges", "of", "new", "inputs", "MiB", "findings")
 _LARGEST_KEPT_BYTES = 8192
+_MOST_KEPT_BYTES = 40_000
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -103,7 +104,10 @@ def _tell(finding: Finding, target: str, folder: Path) -> None:
 
 
 def _keep(target: Target, grown: tuple[bytes, ...]) -> None:
-    """Keep the least that reaches everything; what was seeded or once found always stays."""
+    """Keep the least that reaches everything, the shortest first while there is room.
+
+    What was seeded or once found always stays.
+    """
     files = {path: path.read_bytes() for path in sorted(target.corpus.iterdir())}
     always = [data for path, data in files.items() if _is_named(path)]
     small = [data for data in grown if len(data) <= _LARGEST_KEPT_BYTES]
@@ -111,8 +115,10 @@ def _keep(target: Target, grown: tuple[bytes, ...]) -> None:
     for path in files:
         if not _is_named(path):
             path.unlink()
-    for data in chosen:
-        if data not in always:
+    room = _MOST_KEPT_BYTES
+    for data in sorted(chosen, key=lambda data: (len(data), data)):
+        room -= len(data)
+        if room >= 0 and data not in always:
             (target.corpus / hashlib.sha256(data).hexdigest()[:16]).write_bytes(data)
 
 
