@@ -57,7 +57,7 @@ def judge_entry(task: Task, wanted: dict[str, tuple[str, ...]]) -> Part:
                 plant=how.plant(),
                 good=runs.good,
                 hold_out=runs.hold_out,
-                settings=how.settings,
+                settings=how.settings_used(),
                 executor=one,
             )
     except SmadError as error:

@@ -36,7 +36,7 @@ def answer(
         subsystem=verdict.sub_model,
         regime=", ".join(verdict.regimes),
         held_out=held_out(diagnosis),
-        shrink=verdict.shrink if named else None,
+        shrink=None if verdict.outcome is Outcome.REFUSED else verdict.shrink,
         quantities=quantities(diagnosis.values) if named else {},
         next_experiment=experiment,
         left_out={r.effect: Short(OUTCOMES[r.outcome], r.names) for r in diagnosis.left_out},

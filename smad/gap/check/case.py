@@ -44,6 +44,13 @@ class How:
 
         return SmaPlant(load_parameters(self.params), self.variant, self.effects)
 
+    def settings_used(self) -> Settings:
+        """The settings, with no more steps than the library has effects."""
+        most = self.settings.max_effects
+        if self.effects is not None:
+            most = min(most, len(self.effects))
+        return dataclasses.replace(self.settings, max_effects=most)
+
     def require_effects(self) -> None:
         """Raises CheckError when an effect is asked for that the plant's library does not have."""
         library = [e.name for e in dataclasses.replace(self, effects=None).plant().effects]
@@ -133,7 +140,7 @@ def _diagnosed(how: How, runs: CaseRuns, executor: ThreadPoolExecutor) -> Diagno
         plant=how.plant(),
         good=runs.good,
         hold_out=runs.hold_out,
-        settings=how.settings,
+        settings=how.settings_used(),
         executor=executor,
         **extra,  # type: ignore[arg-type]
     )

@@ -155,6 +155,9 @@ def _worked(
                         yield future.result()
                     except BrokenExecutor:
                         suspects.append((case, attempt))
+                    except Exception as error:
+                        # Whatever an executor of another kind hands back: one case, not the check.
+                        yield Part(case.id, 0.0, error=f"{type(error).__name__}: {error}")
             suspects += under_way.values()
         width = 1 if suspects else jobs
         for case, attempt in suspects:

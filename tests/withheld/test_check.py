@@ -1,0 +1,160 @@
+"""A small bank through the whole check: made, diagnosed, interrupted, scored, and its oracle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from smad.cli import execute
+from smad.gap.check.bank import open_bank
+from smad.gap.check.case import How
+from smad.gap.check.names import ALIASES, CAUSES, subsystem_of
+from smad.gap.check.running import Order, Progress, check, pool
+from smad.gap.check.scores import read_scores
+from smad.gap.check.verdicts import read_verdict_file, read_verdicts, write_verdicts
+from smad.gap.settings import Settings
+from smad.gap.sma import SmaPlant
+from tests.withheld import files
+from tests.withheld.best_entry import entries
+from tests.withheld.cases import Case
+from tests.withheld.command import main
+from tests.withheld.making import Style, make
+from tests.withheld.plant.effects import BY_NAME, Active, names
+
+RUN_S = 24.0
+QUICK = How(
+    settings=Settings(bootstrap=100, survivors=3, baseline_effects=0),
+    effects=("rtd_offset", "flow_shortfall"),
+)
+CASES = (
+    Case(1, "single", ((Active("rtd_offset", BY_NAME["rtd_offset"].usual, 1.0, 0.5),),), 20.0, 41),
+    Case(2, "none", ((),), 0.0, 42),
+)
+
+
+@pytest.fixture(scope="module")
+def bank(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bank of two short cases; its key lies beside it."""
+    folder = tmp_path_factory.mktemp("banks") / "small"
+    made = {case.name: make(case, folder, Style(RUN_S, search=False)) for case in CASES}
+    key_folder = folder.with_name("small-key")
+    key_folder.mkdir()
+    key = {"format": "smad-key-1", "bank": "small", "cases": {n: k for n, (_, k) in made.items()}}
+    files.write_json(key_folder / "KEY.json", key)
+    manifest = {
+        "format": files.FORMAT,
+        "bank": "small",
+        "key_sha256": files.digest(key_folder / "KEY.json"),
+        "columns": files.UNITS,
+        "good": [],
+        "cases": [m for m, _ in made.values()],
+    }
+    files.write_json(folder / "manifest.json", manifest)
+    return folder
+
+
+def test_a_bank_is_judged_interrupted_taken_up_again_and_scored(
+    bank: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened = open_bank(bank)
+    order = Order(opened, opened.manifest.cases, QUICK, tmp_path / "parts")
+
+    def stop(progress: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        check(order, lambda: pool(1), jobs=1, report=stop)
+    told: list[str] = []
+    file = check(order, lambda: pool(1), jobs=1, report=lambda p: told.append(p.part.case))
+    assert told == ["case-002"]
+    assert set(file.verdicts) == {"case-001", "case-002"}
+    verdicts, key = tmp_path / "verdicts.json", bank.with_name("small-key") / "KEY.json"
+    write_verdicts(verdicts, file)
+
+    found = read_verdicts(verdicts).verdicts["case-001"]
+    assert set(found.held_out) >= {"rtd_x_degC", "displacement_mm", "force_N", "v_x_V"}
+    assert all(h.floor <= h.refit for h in found.held_out.values())
+    assert set(found.baselines) == {"smallest_rmse", "bic_only", "chi2_only", "random"}
+    assert found.first == ("rtd_offset",)
+    assert found.subsystem == "sensors"
+    assert found.quantities["rtd_offset"].low < found.quantities["rtd_offset"].high
+    assert found.seconds is not None
+    assert found.seconds > 0.0
+
+    scores = tmp_path / "scores.json"
+    assert execute(["gap", "score", str(verdicts), str(key), "--json", str(scores)]) == 0
+    assert "2 of 2 cases answered" in capsys.readouterr().out
+    rows = {r.name: r for r in read_scores(scores).table}
+    assert rows["right name first, of the detected"].value == 1.0
+    assert rows["false alarms on none"].count == 1
+
+    out = tmp_path / "with-oracle.json"
+    main(["best-entry", str(verdicts), str(key), str(bank), "--out", str(out), "--jobs", "1"])
+    after = read_verdict_file(out)
+    best = after.verdicts["case-001"].shrink_best_entry
+    assert best is not None
+    assert found.shrink is not None
+    assert -0.5 < best <= 1.0
+    assert found.shrink == pytest.approx(best, abs=0.2)
+    assert after.verdicts["case-002"] == file.verdicts["case-002"]
+
+
+def test_the_command_judges_a_bank_of_ones_own_without_a_key(
+    bank: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest = json.loads((bank / "manifest.json").read_text())
+    case = manifest["cases"][1] | {"question": "differs"}
+    mine = {"format": "smad-bank-1", "bank": "mine", "cases": [case]}
+    (tmp_path / "manifest.json").write_text(json.dumps(mine))
+    (tmp_path / "cases").symlink_to(bank / "cases")
+    out = tmp_path / "out.json"
+    options = ["--effects", "flow_shortfall", "--jobs", "1", "--out", str(out), "--no-baselines"]
+    assert execute(["gap", "check", str(tmp_path), *options]) == 0
+    said = capsys.readouterr()
+    assert "bank mine: 1 of 1 cases" in said.err
+    assert "[1/1, 0 min left]" in said.err
+    file = read_verdict_file(out)
+    assert file.key_sha256 == ""
+    assert file.verdicts["case-002"].baselines == {}
+    assert execute(["gap", "check", str(tmp_path), *options]) == 0
+    assert "1 of them judged before" in capsys.readouterr().err
+
+
+def test_a_sealed_bank_has_no_oracle_before_its_verdicts_are_logged(
+    bank: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = json.loads((bank.with_name("small-key") / "KEY.json").read_text()) | {"bank": "sealed"}
+    (tmp_path / "KEY.json").write_text(json.dumps(key))
+    body = {"format": "smad-verdicts-1", "bank": "sealed", "key_sha256": "0" * 64, "verdicts": {}}
+    (tmp_path / "v.json").write_text(json.dumps(body))
+    with pytest.raises(SystemExit):
+        main(["best-entry", str(tmp_path / "v.json"), str(tmp_path / "KEY.json"), str(bank),
+              "--out", str(tmp_path / "out.json")])  # fmt: skip
+    assert "commit its hash before the first verdict" in capsys.readouterr().err
+    assert not (tmp_path / "out.json").exists()
+
+
+def test_the_product_and_the_bank_name_the_listed_causes_alike() -> None:
+    assert set(CAUSES) == set(names("known"))
+    assert {n: subsystem_of(n) for n in CAUSES} == {n: BY_NAME[n].subsystem for n in CAUSES}
+
+
+def test_every_listed_cause_has_an_entry_in_the_library() -> None:
+    library = [e.name for e in SmaPlant().effects]
+    assert [n for n in CAUSES if not entries(library, n)] == []
+    assert set(entries(library, "cold_ends")) == {"cold_ends", "temperature_spread"}
+    assert ALIASES["water_drainage"] == "water_drain"
+
+
+def test_a_key_in_full_reads_as_the_scorer_wants_it(bank: Path) -> None:
+    from smad.gap.check.key import read_key
+
+    key, sha256 = read_key(bank.with_name("small-key") / "KEY.json")
+    assert sha256 == open_bank(bank).manifest.key_sha256
+    assert key.cases["case-001"].names == {"rtd_offset"}
+    assert key.cases["case-001"].effects[0].quantity is not None
+    assert key.cases["case-002"].right_answer == {"none"}
+    assert msgspec.to_builtins(key.cases["case-002"].effects) == []
