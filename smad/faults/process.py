@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import resource
+import contextlib
 import signal
 import tempfile
 import time
@@ -20,6 +20,7 @@ from smad.faults.catalogue import HOLD_BUDGET_J
 from smad.faults.lockstep import gate_open_after, states_after
 from smad.faults.oracle import Ending, Expectation, LogFound, Outcome, Then
 from smad.faults.rig import PATIENCE_S, Rig, rig_in
+from smad.faults.smalldisk import small_disk
 from smad.faults.victim import DAEMON_PARTS, WALL_CLOCK_PART, WRITER_PART
 from smad.runlog.paths import newest_run
 from smad.runlog.reader import read_run
@@ -48,6 +49,7 @@ class HostFault:
     watch_s: float = 5.0
     after_stop_s: float = _AFTER_STOP_S
     part: str = ""
+    small_disk: bool = False
     status: int = 0
     words: tuple[str, ...] = _DAEMON_STAYS
 
@@ -78,14 +80,17 @@ def _device(name: str, **parameters: float) -> Callable[[Rig, Client], str]:
 
 
 def _disk_full(rig: Rig, client: Client) -> str:
-    size = Path(client.status().recorder.path).stat().st_size
-    resource.prlimit(rig.daemon.process.pid, resource.RLIMIT_FSIZE, (size, size))
-    rig.wait("the daemon says that recording failed", lambda: bool(_recorder_error(client)))
+    disk = rig.disk
+    assert disk is not None
+    disk.fill(rig.daemon.process.pid, Path(client.status().recorder.path))
+    rig.wait(
+        f"the daemon says: {disk.words}",
+        lambda: (
+            disk.words in client.status().recorder.error
+            and any("recording failed" in event.text for event in client.status().events)
+        ),
+    )
     return ""
-
-
-def _recorder_error(client: Client) -> str:
-    return client.status().recorder.error
 
 
 def _second_commander(rig: Rig, client: Client) -> str:
@@ -130,8 +135,8 @@ _ROWS: tuple[HostFault, ...] = (
     HostFault("stall", "nothing passes for 3 s, then all at once", _device("stall", lasts=3.0),
               Then.STOPS, _LOST, after_stop_s=5.0,
               words=(*_DAEMON_STAYS, "the board has stopped already")),
-    HostFault("disk_full", "the run log may not grow any more", _disk_full, Then.GOES_ON,
-              watch_s=2.0,
+    HostFault("disk_full", "the run log's disk is full", _disk_full, Then.GOES_ON,
+              watch_s=2.0, small_disk=True,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
     HostFault("second_commander", "another client commands a held bench", _second_commander,
               Then.GOES_ON, watch_s=1.0,
@@ -164,7 +169,8 @@ def run_host_fault(fault: HostFault, seed: int) -> Outcome:
     # Socket paths are short.
     with (
         tempfile.TemporaryDirectory(prefix="smad-fault-") as folder,
-        rig_in(Path(folder), seed, fault.part) as rig,
+        small_disk(Path(folder) / "disk") if fault.small_disk else contextlib.nullcontext() as disk,
+        rig_in(Path(folder), seed, fault.part, disk) as rig,
     ):
         client = rig.heat()
         onset_us = rig.bench.now_us
@@ -214,7 +220,7 @@ def _outcome(fault: HostFault, rig: Rig, seen: _Seen) -> Outcome:
         name=fault.name,
         group="process",
         scene="heating",
-        injected=fault.text,
+        injected=fault.text if rig.disk is None else rig.disk.text,
         expected=Expectation(
             fault.then, fault.faults, FULL_W * watched_s + 1.0 if goes_on else fault.budget_J
         ),

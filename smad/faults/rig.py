@@ -21,6 +21,7 @@ from smad.config import Config, LinkConfig, RealtimeConfig, RecorderConfig, conf
 from smad.control.commands import DriveCurrent
 from smad.daemon.endpoints import FOLDER_VARIABLE
 from smad.errors import SmadError
+from smad.faults.smalldisk import SmallDisk
 from smad.faults.trace import HOT, WatchedBench
 
 PATIENCE_S = 60.0
@@ -55,10 +56,11 @@ class VictimProcess(DaemonProcess):
 class Rig:
     """The bench heats spring X with 4 A under the daemon's command once `heat` returns."""
 
-    def __init__(self, folder: Path, seed: int, part: str) -> None:
+    def __init__(self, folder: Path, seed: int, part: str, disk: SmallDisk | None) -> None:
         self.folder = folder
         self.bench = WatchedBench(seed=seed)
-        self.runs = folder / "runs"
+        self.disk = disk
+        self.runs = folder / "runs" if disk is None else disk.folder
         self._port = folder / "device.tty"
         counts = PortCounts()
         self._server = Server(self.bench, lambda: PtyPort(self._port, counts))
@@ -143,9 +145,9 @@ class Rig:
 
 
 @contextlib.contextmanager
-def rig_in(folder: Path, seed: int, part: str) -> Iterator[Rig]:
-    """A rig for as long as the block lasts."""
-    rig = Rig(folder, seed, part)
+def rig_in(folder: Path, seed: int, part: str = "", disk: SmallDisk | None = None) -> Iterator[Rig]:
+    """A rig for as long as the block lasts; its run logs go to `disk`, if one is given."""
+    rig = Rig(folder, seed, part, disk)
     try:
         yield rig
     finally:

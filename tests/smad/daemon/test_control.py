@@ -9,6 +9,8 @@ from firmware_protocol.enums import BoardState, ResetCause
 from firmware_protocol.events import HostState
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
+from smad.control.controller import Output
+from smad.control.sample import Sample
 from smad.daemon.measure import row_of
 from tests.smad.daemon.rig import Refused, rig_in
 
@@ -264,11 +266,16 @@ async def test_a_reply_that_comes_with_the_sample_that_kills_the_step_is_passed_
     async with rig_in(tmp_path) as rig:
         await rig.run_for(2.0)
 
-        def explode(sample: object) -> None:
-            raise ZeroDivisionError("injected")
+        controller = rig.daemon.control.controller
+        whole = controller.step
 
-        # The board answers in the same bytes as its next sample.
-        monkeypatch.setattr(rig.daemon.control.controller, "step", explode)
+        def explode(sample: Sample) -> Output:
+            # The board, once it has the new value, says so in the bytes of its next sample.
+            if rig.bench.board.parameters.get("on_time_limit_s") == 21_000:
+                raise ZeroDivisionError("injected")
+            return whole(sample)
+
+        monkeypatch.setattr(controller, "step", explode)
         await rig.ask("params.set", name="on_time_limit_s", value=21_000.0)
         assert rig.daemon.failure.done()
 

@@ -336,9 +336,9 @@ async def test_sensors_that_swap_in_a_run_end_the_motion_and_the_user_is_told(
         await rig.run_for(1.0)
         assert rig.bench.board.state in (BoardState.COOL, BoardState.SAFE)
         assert FAULT_TEXTS[Fault.SENSOR_IMPLAUSIBLE].remedy in rig.said
-        for method, params in (("arm", {}), ("current", {"i_x_A": 1.0})):
+        for ask in (rig.ask("arm"), rig.ask("current", i_x_A=1.0)):
             with pytest.raises(Refused, match="a limit of the host stopped the bench") as refused:
-                await rig.ask(method, **params)
+                await ask
             assert refused.value.reason == "faulted"
             assert "SENSOR_IMPLAUSIBLE" in refused.value.data["value"]
         await rig.run_for(60.0)

@@ -1,10 +1,18 @@
 """The process campaign: two of its faults, whole, and that its table fits the daemon."""
 
 import importlib
+import tempfile
+from pathlib import Path
 
+import pytest
+
+from smad.client import Refused
 from smad.faults.oracle import judge
 from smad.faults.process import HOST_FAULTS, run_host_fault
+from smad.faults.rig import rig_in
+from smad.faults.smalldisk import small_disk
 from smad.faults.victim import DAEMON_PARTS
+from smad.runlog.reader import read_run
 
 
 def test_a_daemon_killed_while_armed_leaves_a_safe_bench_and_a_readable_log() -> None:
@@ -27,3 +35,40 @@ def test_every_part_that_is_to_break_exists() -> None:
         module, _, path = place.partition(":")
         owner, _, method = path.partition(".")
         assert callable(getattr(getattr(importlib.import_module(module), owner), method))
+
+
+def test_a_disk_that_is_full_ends_the_recording_and_nothing_else() -> None:
+    outcome = run_host_fault(HOST_FAULTS["disk_full"], seed=1)
+    assert judge(outcome) == []
+    assert outcome.first_fault == ""
+    assert outcome.log is not None
+    assert outcome.log.rows >= outcome.log.flushed > 0
+    # Where mounting is refused, a limit on file size stands in and says so.
+    assert "file system is full" in outcome.injected or "mounting is refused" in outcome.injected
+
+
+def test_a_bench_with_a_full_disk_is_not_armed_without_a_log_and_records_again_with_room(
+    tmp_path: Path,
+) -> None:
+    with small_disk(tmp_path / "disk") as disk:
+        if disk.refused:
+            pytest.skip(disk.refused)
+        with (
+            tempfile.TemporaryDirectory(prefix="smad-disk-") as folder,
+            rig_in(Path(folder), 1, disk=disk) as rig,
+        ):
+            client = rig.heat()
+            disk.fill(rig.daemon.process.pid, disk.folder)
+            rig.wait("recording failed", lambda: bool(client.status().recorder.error))
+            assert client.motion().armed
+            assert client.motion().running == "current"
+            client.disarm()
+            client.stop_recording()
+            with pytest.raises(Refused, match="No space left on device; free some space"):
+                client.start_recording("again")
+            disk.empty()
+            path = Path(client.start_recording("again").path)
+            rows = client.status().recorder.rows
+            rig.wait("rows", lambda: client.status().recorder.rows > rows + 20)
+            client.stop_recording()
+            assert len(read_run(path)) > 20
