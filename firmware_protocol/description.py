@@ -22,6 +22,7 @@ from firmware_protocol.wire import (
     BLOCK_KINDS,
     NUMBER_CODES,
     RECORD_KIND,
+    Direction,
     Field,
     fields_of,
     has_unknown,
@@ -118,11 +119,15 @@ class ForeignCodec:
                 self._records[message["name"]] = message["fields"]
             numbers = {message["name"]: message["number"] for message in description["messages"]}
             for cls in own.messages:
+                name = wire_name(cls)
+                # Whatever number it claims, a message to the board is none that a host hears.
+                heard = cls.info.direction is Direction.TO_HOST and not cls.info.frozen
+                if heard and name in numbers:
+                    self._unpackers[numbers[name]] = self._unpacker(cls, name)
+            # Last, for no other table can take the numbers of these.
+            for cls in own.messages:
                 if cls.info.frozen:
                     self._unpackers[cls.info.number] = own.layouts[cls.info.number].unpack
-                elif wire_name(cls) in numbers:
-                    number = numbers[wire_name(cls)]
-                    self._unpackers[number] = self._unpacker(cls, wire_name(cls))
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise SchemaError(f"the board's description is damaged: {error!r}") from None
 

@@ -98,7 +98,7 @@ def decompress(blob: bytes) -> dict[str, Any]:
     try:
         text = inflater.decompress(blob, MAX_DESCRIPTION)
         description = msgspec.json.decode(text)
-    except (zlib.error, msgspec.DecodeError) as error:
+    except (zlib.error, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SchemaError(f"the board's description cannot be read: {error}") from None
     if not isinstance(description, dict):
         raise SchemaError("the board's description is no table of messages")

@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import BoardState
-from firmware_protocol.schema import own_crc
+from firmware_protocol.schema import canonical_json, compress, describe, own_crc
 from sim_device.bench import SimulatedBench
 from smad.api import METHODS
 from smad.config import default_toml
@@ -105,6 +105,20 @@ def _host() -> Seeds:
             f"message-{number:02x}",
             bytes([*connect, _HOST_MESSAGE, at]) + body + bytes([1, 4, 1]),
         )
+
+
+def _description() -> Seeds:
+    sample = bytes([m.State.info.number, len(CODEC.pack(SAMPLE))]) + CODEC.pack(SAMPLE)
+    yield "own", canonical_json(describe()) + b"\f" + sample
+    axis = {"name": "axis", "kind": "u8"}
+    fields = [axis, {"name": "tick", "kind": "u16"}, {"name": "rtd_cC", "kind": "i32", "count": 2}]
+    other = [{"name": "STATE", "number": m.State.info.number, "fields": fields}]
+    small = {"version": [1, 9], "messages": other, "enums": {"Fault": {"NONE": 0}}}
+    yield "other", canonical_json(small) + b"\f" + bytes([m.State.info.number, 11, *range(11)])
+    record = [{"name": "snapshot", "kind": "record", "record": "STATE"}]
+    report = {"name": "FAULT", "number": m.FaultReport.info.number, "fields": record}
+    yield "record", canonical_json({"messages": [*other, report]}) + b"\f" + bytes(20)
+    yield "raw", b"!" + compress(small)
 
 
 _PARAMS: Mapping[str, dict[str, object]] = {
@@ -234,6 +248,7 @@ def _import() -> Seeds:
 SEEDS: Mapping[str, Callable[[], Seeds]] = {
     "frames": _frames,
     "host": _host,
+    "description": _description,
     "board": _board,
     "commands": _commands,
     "runlog": _runlog,

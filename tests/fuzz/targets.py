@@ -50,6 +50,7 @@ TARGETS: Mapping[str, Target] = {
     for target in (
         Target("frames", "frames", "frame decoder and codec", _PROTOCOL, 1024),
         Target("host", "host", "host session with the control task", _DAEMON, 1024),
+        Target("description", "description", "another board's messages", _PROTOCOL, 16_384),
         Target("board", "board", "board session with the supervisor", _BOARD, 1024),
         Target("commands", "commands", "command server: decoding and service", _DAEMON, 2048),
         Target("runlog", "runlog", "run-log reader and recovery", _LOGS, 16_384),

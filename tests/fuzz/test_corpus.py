@@ -9,7 +9,9 @@ from typing import Any
 import msgspec
 import pytest
 
+from firmware_protocol.description import ForeignCodec, Reader
 from firmware_protocol.framing import FrameDecoder
+from firmware_protocol.messages import Description
 from sim_device.board import Board
 from sim_device.plant import parameters
 from sim_device.plant.models import save_model
@@ -82,6 +84,17 @@ def believe_to_be_armed(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(ControlTask, "_sample", armed)
 
 
+def trust_any_description(patch: pytest.MonkeyPatch) -> None:
+    def trusting(self: Reader, piece: Description) -> tuple[str, ...]:
+        assert self._download is not None
+        description = self._download.add(piece)
+        assert description is not None
+        self.codec = ForeignCodec(description, self._own)
+        return ()
+
+    patch.setattr(Reader, "add", trusting)
+
+
 def leak_current(patch: pytest.MonkeyPatch) -> None:
     honest = Board._state
     patch.setattr(
@@ -124,6 +137,7 @@ def check_no_times(patch: pytest.MonkeyPatch) -> None:
 PLANTED: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
     "frames": forget_partial_frames,
     "host": believe_to_be_armed,
+    "description": trust_any_description,
     "board": leak_current,
     "commands": raise_in_a_command,
     "runlog": let_parse_errors_through,

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.fuzz import __main__ as command
+from tests.fuzz import targets
 from tests.fuzz.blind import fuzz_blindly
 from tests.fuzz.engine import available, fuzz
 from tests.fuzz.limits import kind_of
@@ -108,3 +109,23 @@ def test_a_program_that_has_ended_gives_zeros() -> None:
     assert (program.u8(), program.u16()) == (1, 0x0302)
     assert not program
     assert (program.u8(), program.take(2), program.rest()) == (0, b"\0\0", b"")
+
+
+@needs_atheris
+def test_keeping_adds_what_is_new_within_bounds_and_loses_no_seed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = tmp_path / "frames"
+    kept.mkdir()
+    seeds = {path.name for path in TARGETS["frames"].corpus.glob("seed-*")}
+    for name in seeds:
+        (kept / name).write_bytes((TARGETS["frames"].corpus / name).read_bytes())
+    monkeypatch.setattr(targets, "CORPUS", tmp_path)
+    assert command.main(["frames", "--runs", "600", "--keep"]) == 0
+    names = {path.name for path in kept.iterdir()}
+    assert seeds < names
+    before = fuzz(TARGETS["frames"], seconds=None, runs=len(names) + 1, seed=1)
+    assert before.edges_before > 0
+    monkeypatch.setattr(command, "_MOST_KEPT_BYTES", 0)
+    assert command.main(["frames", "--runs", "100", "--keep"]) == 0
+    assert {path.name for path in kept.iterdir()} == seeds

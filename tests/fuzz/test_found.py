@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+import zlib
 from pathlib import Path
 
 import lz4.frame
@@ -12,7 +13,11 @@ from click.testing import CliRunner
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from firmware_protocol.messages import State
+from firmware_protocol.codec import CODEC
+from firmware_protocol.description import ForeignCodec
+from firmware_protocol.errors import SchemaError
+from firmware_protocol.messages import Ident, State
+from firmware_protocol.schema import decompress
 from firmware_protocol.wire import fields_of
 from sim_device.plant.errors import EffectError, ModelError, ParameterError
 from sim_device.plant.models import read_model, save_model
@@ -27,9 +32,25 @@ from smad.runlog.scan import Damage, scan
 from smad.runlog.schema import ROW_TOPIC, Row
 from smad.runlog.summary import list_runs
 from smad.runlog.writer import write_run
+from tests.firmware_protocol.pair import IDENT
 from tests.fuzz.targets import CORPUS
 
 DEEP = "[" * 3000
+
+
+@pytest.mark.parametrize("text", [b"[" * 5000, b'{"messages":"\xce"}'])
+def test_a_description_that_its_parser_gives_up_on_is_refused(text: bytes) -> None:
+    with pytest.raises(SchemaError, match="cannot be read"):
+        decompress(zlib.compress(text))
+
+
+def test_a_board_cannot_make_its_host_hear_a_message_that_is_for_boards() -> None:
+    setpoint = {"name": "SETPOINT", "number": State.info.number, "fields": []}
+    ident = {"name": "STATE", "number": Ident.info.number, "fields": []}
+    codec = ForeignCodec({"messages": [setpoint, ident]})
+    assert not codec.knows(State.info.number)
+    payload = CODEC.pack(IDENT)
+    assert codec.unpack(Ident.info.number, payload) == IDENT
 
 
 def model(tmp_path: Path, **keys: object) -> Path:

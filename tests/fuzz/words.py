@@ -79,6 +79,20 @@ def _import() -> Iterable[str]:
     yield from ("\f", "\f\f", "\ufeff", "#", "NaN", '"', ";", "\t", "\r\n", "[columns.", "decimal")
 
 
+def _description() -> Iterable[str]:
+    from firmware_protocol.codec import CODEC
+    from firmware_protocol.schema import wire_name
+    from firmware_protocol.wire import BLOCK_KINDS, NUMBER_CODES, RECORD_KIND, fields_of
+
+    yield from (*_JSON, *BLOCK_KINDS, *NUMBER_CODES, RECORD_KIND)
+    yield from ('"messages":', '"enums":', '"parameters":', '"version":', '"name":', '"number":')
+    yield from ('"fields":', '"kind":', '"count":', '"record":')
+    for cls in CODEC.messages:
+        yield f'"{wire_name(cls)}"'
+        yield f'"number":{cls.info.number}'
+        yield from (f'"{field.name}"' for field in fields_of(cls))
+
+
 def _runlog() -> Iterable[str]:
     from smad.runlog.header import METADATA_NAME, RunHeader
     from smad.runlog.schema import CHANNELS, TOPICS
@@ -93,6 +107,7 @@ _WORDS: Mapping[str, Callable[[], Iterable[str]]] = {
     "parameters": _parameters,
     "models": _models,
     "commands": _commands,
+    "description": _description,
     "import": _import,
     "runlog": _runlog,
 }
