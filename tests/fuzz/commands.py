@@ -41,6 +41,11 @@ def run(data: bytes) -> None:
     _loop().run_until_complete(_perform(lines, armed))
 
 
+def forget() -> None:
+    """End the daemon that earlier inputs used, if there is one."""
+    _loop().run_until_complete(discard())
+
+
 def _decoded(decoded: Call | bytes, line: bytes) -> None:
     if isinstance(decoded, bytes):
         reply = _checked(decoded)

@@ -20,7 +20,7 @@ from smad.control.sample import sample_of
 from smad.daemon.control import ControlTask
 from smad.daemon.service import Service
 from smad.runlog import importer, scan
-from tests.fuzz import config
+from tests.fuzz import commands, config
 from tests.fuzz.limits import kind_of, within_limits
 from tests.fuzz.mutate import mutations
 from tests.fuzz.seeds import SEEDS
@@ -148,7 +148,16 @@ PLANTED: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 }
 
 
+@pytest.fixture
+def new_daemon() -> Iterator[None]:
+    """A daemon made while a defect is planted keeps it, and one made before does not get it."""
+    commands.forget()
+    yield
+    commands.forget()
+
+
 @every_target
+@pytest.mark.usefixtures("new_daemon")
 def test_a_planted_defect_is_found_by_the_corpus(
     target: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
