@@ -38,6 +38,17 @@ def _best_entry(options: argparse.Namespace) -> None:
     )
 
 
+def _after_next(options: argparse.Namespace) -> None:
+    from tests.withheld.after_next import run
+
+    bank, key = Path(options.bank), Path(options.key)
+
+    def record(case: str, program: Path, out: Path) -> None:
+        follow(bank, key, case, program, out)
+
+    run(Path(options.verdicts), key, bank, Path(options.out), jobs=options.jobs, follow=record)
+
+
 def _follow(options: argparse.Namespace) -> None:
     print(follow(Path(options.bank), Path(options.key), options.case, Path(options.program)))
 
@@ -63,13 +74,17 @@ def _arguments() -> argparse.ArgumentParser:
     make.add_argument("--jobs", type=int, default=2)
     make.add_argument("--csv", action="store_true", help="gzipped CSV instead of Parquet")
     make.set_defaults(run=_make)
-    entry = commands.add_parser("best-entry", help="oracle O2: fit the right entry of the library")
-    entry.add_argument("verdicts", help="frozen verdicts of `smad gap check`")
-    entry.add_argument("key")
-    entry.add_argument("bank")
-    entry.add_argument("--out", required=True, help="the verdicts with shrink_best_entry added")
-    entry.add_argument("--jobs", type=int, default=2)
-    entry.set_defaults(run=_best_entry)
+    for name, run, told in (
+        ("best-entry", _best_entry, "oracle O2: fit the right entry of the library"),
+        ("after-next", _after_next, "carry out the recommended experiments and ask again"),
+    ):
+        later = commands.add_parser(name, help=told)
+        later.add_argument("verdicts", help="frozen verdicts of `smad gap check`")
+        later.add_argument("key")
+        later.add_argument("bank")
+        later.add_argument("--out", required=True, help="the verdicts with the answer added")
+        later.add_argument("--jobs", type=int, default=2)
+        later.set_defaults(run=run)
     again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
     again.add_argument("bank")
     again.add_argument("key")

