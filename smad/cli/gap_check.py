@@ -75,7 +75,7 @@ def check(
     how = How(
         params, variant, Settings(seed=seed), leave_out, baselines, tuple(_listed(effects)) or None
     )
-    how.require_effects()
+    how.require()
     order = Order(opened, taken, how, path.with_name(path.name + ".parts"), keep)
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)

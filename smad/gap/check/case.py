@@ -51,8 +51,14 @@ class How:
             most = min(most, len(self.effects))
         return dataclasses.replace(self.settings, max_effects=most)
 
-    def require_effects(self) -> None:
-        """Raises CheckError when an effect is asked for that the plant's library does not have."""
+    def require(self) -> None:
+        """Raises CheckError when an effect or a judgement is asked for that smad does not have."""
+        if self.leave_out and not can_leave_out():
+            raise CheckError(
+                "this version of the diagnosis cannot judge again without the first cause",
+                value="--leave-out",
+                action="leave the option out",
+            )
         library = [e.name for e in dataclasses.replace(self, effects=None).plant().effects]
         foreign = [n for n in self.effects or () if n not in library]
         if foreign:
@@ -134,7 +140,7 @@ def judge(task: Task) -> Part:
 
 
 def _diagnosed(how: How, runs: CaseRuns, executor: ThreadPoolExecutor) -> Diagnosis:
-    extra = {"leave_out": True} if how.leave_out and can_leave_out() else {}
+    extra = {"leave_out": True} if how.leave_out else {}
     return diagnose(
         runs.fit,
         plant=how.plant(),
