@@ -173,7 +173,7 @@ def score(
     from smad.gap.check.openings import SEALED, Ledger, checkout
     from smad.gap.check.running import commit
     from smad.gap.check.score import matched
-    from smad.gap.check.scores import scores
+    from smad.gap.check.scores import scores, write_scores
     from smad.gap.check.verdicts import read_verdicts
     from smad.report.page import write_page
 
@@ -189,7 +189,7 @@ def score(
         ledger.enter(key_sha256, file_digest(verdicts), result, commit=commit(), now=now)
     click.echo(page.text(result))
     if json_path is not None:
-        json_path.write_bytes(result.to_json())
+        write_scores(json_path, result)
     if html_path is not None:
         facts = [(n, str(file.tool[n])) for n in ("version", "commit") if file.tool.get(n)]
         write_page(page.page(result, facts), html_path)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from smad.gap.check.errors import VerdictError
+from smad.gap.check.errors import CheckError, VerdictError
 from smad.gap.check.names import NAMING
 from smad.gap.check.score import (
     ABSENT,
@@ -69,6 +69,19 @@ class Scores(msgspec.Struct, frozen=True):
     def to_json(self) -> bytes:
         """Indented JSON."""
         return msgspec.json.format(msgspec.json.encode(self), indent=1) + b"\n"
+
+
+def write_scores(path: Path, found: Scores) -> None:
+    """Writes the scores as JSON. Raises CheckError when the file cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(found.to_json())
+    except OSError as error:
+        raise CheckError(
+            f"{path} cannot be written",
+            value=error.strerror,
+            action="choose another file with --json",
+        ) from error
 
 
 def read_scores(path: Path) -> Scores:

@@ -362,6 +362,15 @@ def test_the_command_scores_and_writes_json_page_and_readme(
     assert readme.read_text().endswith("after\n")
 
 
+def test_a_place_that_cannot_be_written_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verdicts, key = _scored(tmp_path, "dev")
+    place = verdicts / "scores.json"
+    assert execute(["gap", "score", str(verdicts), str(key), "--json", str(place)]) == 1
+    assert "choose another file with --json" in capsys.readouterr().err
+
+
 def test_a_readme_without_markers_is_refused(tmp_path: Path) -> None:
     _, found = _read(*_scored(tmp_path, "dev"))
     (tmp_path / "README.md").write_text("nothing")
