@@ -40,7 +40,7 @@ const struct smad_sv_limits smad_sv_limits_compiled = {
     .jumps = 4,
     .stuck_us = 5000000,
     .stuck_model_cC = 300,
-    .unheated_energy_mJ = 20000,
+    .unheated_energy_mJ = 12000,
     .unheated_rise_cC = 200,
     .swapped_rise_cC = 400,
     .sensor_offset_cC = 200,
@@ -760,7 +760,7 @@ static int64_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
     net_mJ = smad_sv_div(s->anchor_net_nJ[k], SMAD_SV_NJ_PER_MJ);
-    if (((4 * s->stuck_us[k]) >= lim->stuck_us) && (net_mJ >= lim->unheated_energy_mJ)) {
+    if (((16 * s->stuck_us[k]) >= lim->stuck_us) && (net_mJ >= lim->unheated_energy_mJ)) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
     return SMAD_SV_GOOD;
@@ -806,10 +806,15 @@ static int64_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct sm
 static int64_t smad_sv_not_heating(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
 {
     int64_t net_mJ;
+    int64_t limit_mJ;
     (void)m;
     net_mJ = smad_sv_div(s->anchor_net_nJ[k], SMAD_SV_NJ_PER_MJ);
-    if (net_mJ >= lim->unheated_energy_mJ) {
-        return smad_sv_bad(s, net_mJ, lim->unheated_energy_mJ);
+    limit_mJ = lim->unheated_energy_mJ;
+    if ((4 * (s->t_cC[(1 - k)] - s->anchor_other_cC[k])) >= lim->swapped_rise_cC) {
+        limit_mJ *= 2;
+    }
+    if (net_mJ >= limit_mJ) {
+        return smad_sv_bad(s, net_mJ, limit_mJ);
     }
     return SMAD_SV_GOOD;
 }

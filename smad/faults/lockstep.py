@@ -338,6 +338,7 @@ def _outcome(case: Case, host: Host, start_us: int, injections: list[Injection])
         safe_after_s=None if safe_us is None else (safe_us - onset_us) * 1e-6,
         energy_J=energy_J,
         energy_after_safe_J=trace.heat_J[-1] - trace.heat_at(until_us),
+        hottest_degC=trace.hottest_since(onset_us),
         states=states_after(trace, onset_us),
         gate_open_later=off and gate_open_after(trace, until_us),
         host_running_later=off and host.session.state is HostState.RUNNING,

@@ -1,6 +1,6 @@
 """The oracle: whether what followed a fault is what must follow one.
 
-Six clauses, each with a reason in words when it fails. Pure: an outcome in, violations out.
+Seven clauses, each with a reason in words when it fails. Pure: an outcome in, violations out.
 """
 
 from __future__ import annotations
@@ -14,6 +14,9 @@ HOLD_S = 0.5
 
 _HOLD_SLACK_S = 0.05
 _AFTER_SAFE_J = 0.2
+WIRE_MOST_DEGC = 150.0
+"""What silicone tube and cement stand."""
+
 _HOT = ("ARMED", "HOLD")
 
 
@@ -73,6 +76,8 @@ class Outcome:
     energy_J: float
     """Heat from the onset until safe; until the end of observation if it never was."""
     energy_after_safe_J: float
+    hottest_degC: float
+    """The hottest that a wire was after the onset, whatever its sensor said."""
     states: tuple[tuple[float, str], ...]
     """States with the time they began; the first is that at the onset, at 0."""
     gate_open_later: bool
@@ -110,6 +115,12 @@ def _energy(outcome: Outcome) -> str:
         return f"{outcome.energy_J:.1f} J went in after the onset; the budget is {budget_J:.1f} J"
     if not outcome.energy_after_safe_J <= _AFTER_SAFE_J:
         return f"{outcome.energy_after_safe_J:.2f} J went in after the gate was off"
+    return ""
+
+
+def _wire(outcome: Outcome) -> str:
+    if not outcome.hottest_degC <= WIRE_MOST_DEGC:
+        return f"a wire reached {outcome.hottest_degC:.0f} °C; it stands {WIRE_MOST_DEGC:g} °C"
     return ""
 
 
@@ -181,6 +192,7 @@ def _refusal(outcome: Outcome) -> str:
 
 CLAUSES: dict[str, Callable[[Outcome], str]] = {
     "energy": _energy,
+    "wire": _wire,
     "cause": _cause,
     "rearm": _rearm,
     "log": _log,

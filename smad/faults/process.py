@@ -229,6 +229,7 @@ def _outcome(fault: HostFault, rig: Rig, seen: _Seen) -> Outcome:
         safe_after_s=None if safe_us is None else watched_s,
         energy_J=trace.heat_at(until_us) - trace.heat_at(onset_us),
         energy_after_safe_J=0.0 if safe_us is None else trace.heat_J[-1] - trace.heat_at(safe_us),
+        hottest_degC=trace.hottest_since(onset_us),
         states=tuple(s for s in states if s[0] * 1e6 + onset_us <= observed_us),
         gate_open_later=safe_us is not None and gate_open_after(trace, safe_us),
         host_running_later=safe_us is not None and seen.running,

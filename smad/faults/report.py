@@ -16,7 +16,7 @@ from smad.report.page import Page, Section, Table, Text
 
 _HEADER = (
     "fault", "group", "injections", "passed", "stopped",
-    "safe p50 s", "safe p99 s", "safe max s", "heat max J", "budget J", "closest",
+    "safe p50 s", "safe p99 s", "safe max s", "heat max J", "budget J", "closest", "wire max °C",
 )  # fmt: skip
 _NUMERIC = frozenset(range(2, len(_HEADER)))
 _PAIR = "pair"
@@ -47,6 +47,8 @@ class Summary:
     """Budget of the injection that came closest to its own."""
     heat_over_budget: float
     """Largest share of its budget that an injection used."""
+    hottest_degC: float
+    """The hottest that a wire was."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,7 @@ def summary_of(name: str, group: str, results: Sequence[Judged]) -> Summary:
         heat_max_J=max(o.energy_J for o in outcomes),
         budget_J=closest.expected.budget_J,
         heat_over_budget=closest.energy_J / closest.expected.budget_J,
+        hottest_degC=max(o.hottest_degC for o in outcomes),
     )
 
 
@@ -176,7 +179,8 @@ _CAPTION = (
     "Closest: the largest share of its budget that an injection used; the budget is that one's."
 )
 _ORACLE = (
-    "Heat after the onset stays below the budget; the first fault names the cause, or there is "
+    "Heat after the onset stays below the budget; no wire gets hotter than tube and cement stand; "
+    "the first fault names the cause, or there is "
     "none where none is due; nothing heats again by itself, but out of HOLD within half a second; "
     "the run log can be read with every flushed sample; exit status and last line of the daemon "
     "tell the truth; who must be refused is."
@@ -188,6 +192,7 @@ def _cells(row: Summary) -> tuple[str, ...]:
         row.name, row.group, str(row.count), str(row.passed), str(row.stopped),
         _number(row.safe_p50_s, 2), _number(row.safe_p99_s, 2), _number(row.safe_max_s, 2),
         _number(row.heat_max_J, 1), _number(row.budget_J, 1), f"{row.heat_over_budget:.0%}",
+        _number(row.hottest_degC, 0),
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +13,7 @@ from firmware_protocol.enums import BoardState
 from sim_device.bench import SimulatedBench
 from sim_device.faults import Injection
 
+_ZERO_DEGC_K = 273.15
 HOT = (BoardState.ARMED, BoardState.HOLD)
 
 
@@ -21,13 +23,16 @@ class Trace:
 
     t_us: list[int] = field(default_factory=list)
     heat_J: list[float] = field(default_factory=list)
+    hottest_degC: list[float] = field(default_factory=list)
+    """The hotter wire itself, whatever its sensor says."""
     changes: list[tuple[int, BoardState, bool]] = field(default_factory=list)
     """(time, state, gate open) whenever one of the two changed."""
 
-    def add(self, t_us: int, heat_J: float, state: int, gate: bool) -> None:
+    def add(self, t_us: int, heat_J: float, hottest_degC: float, state: int, gate: bool) -> None:
         """Take one sample."""
         self.t_us.append(t_us)
         self.heat_J.append(heat_J)
+        self.hottest_degC.append(hottest_degC)
         if not self.changes or self.changes[-1][1:] != (state, gate):
             self.changes.append((t_us, BoardState(state), gate))
 
@@ -35,6 +40,10 @@ class Trace:
         """Heat until the last sample at or before `t_us`, in J; 0 before the first."""
         index = bisect.bisect_right(self.t_us, t_us)
         return self.heat_J[index - 1] if index else 0.0
+
+    def hottest_since(self, t_us: int) -> float:
+        """The hottest that a wire was from `t_us` on, in °C."""
+        return max(self.hottest_degC[bisect.bisect_left(self.t_us, t_us) :], default=math.nan)
 
     def safe_at(self, onset_us: int) -> int | None:
         """When the bench first was safe after `onset_us`: gate off and neither ARMED nor HOLD."""
@@ -67,5 +76,6 @@ class WatchedBench(SimulatedBench):
             self.faults.add(replace(self.arriving.popleft(), at_us=self.now_us))
         state = super().advance()
         outputs = self.board.outputs
-        self.trace.add(self.now_us, self.heater_J, outputs.state, bool(outputs.gate))
+        hottest_degC = max(self.plant.truth.T_K) - _ZERO_DEGC_K
+        self.trace.add(self.now_us, self.heater_J, hottest_degC, outputs.state, bool(outputs.gate))
         return state
