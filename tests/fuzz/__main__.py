@@ -21,6 +21,7 @@ _SECONDS = 60
 _COLUMNS = ("target", "executions", "s", "per s", "edges", "of", "new", "inputs", "MiB", "findings")
 _LARGEST_KEPT_BYTES = 8192
 _MOST_KEPT_BYTES = 40_000
+_MOST_KEPT_INPUTS = 120
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -116,9 +117,10 @@ def _keep(target: Target, grown: tuple[bytes, ...]) -> None:
         if not _is_named(path):
             path.unlink()
     room = _MOST_KEPT_BYTES
-    for data in sorted(chosen, key=lambda data: (len(data), data)):
+    shortest_first = sorted(set(chosen) - set(always), key=lambda data: (len(data), data))
+    for data in shortest_first[:_MOST_KEPT_INPUTS]:
         room -= len(data)
-        if room >= 0 and data not in always:
+        if room >= 0:
             (target.corpus / hashlib.sha256(data).hexdigest()[:16]).write_bytes(data)
 
 

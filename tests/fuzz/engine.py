@@ -32,8 +32,18 @@ class EngineError(Exception):
     """atheris did not run to its end, and not because of a finding."""
 
 
-def fuzz(target: Target, *, seconds: int | None, runs: int | None, seed: int) -> Outcome:
-    """Fuzz one target for so long, or so many inputs. Raises EngineError."""
+def fuzz(
+    target: Target,
+    *,
+    seconds: int | None,
+    runs: int | None,
+    seed: int,
+    corpus: Path | None = None,
+) -> Outcome:
+    """Fuzz one target for so long, or so many inputs, from its corpus or another folder's.
+
+    Raises EngineError.
+    """
     with tempfile.TemporaryDirectory(prefix="smad-fuzz-") as name:
         folder = Path(name)
         work = folder / "corpus"
@@ -51,7 +61,7 @@ def fuzz(target: Target, *, seconds: int | None, runs: int | None, seed: int) ->
             flags.append(f"-dict={folder / 'words'}")
         flags += [] if seconds is None else [f"-max_total_time={seconds}"]
         flags += [] if runs is None else [f"-runs={runs}"]
-        said = _run(target, folder, [*flags, str(work), str(target.corpus)])
+        said = _run(target, folder, [*flags, str(work), str(corpus or target.corpus)])
         findings = _findings(folder)
         return _outcome(target, said, findings, tuple(f.read_bytes() for f in work.iterdir()))
 

@@ -26,7 +26,7 @@ from tests.fuzz.mutate import mutations
 from tests.fuzz.seeds import SEEDS
 from tests.fuzz.targets import CORPUS, TARGETS, Target
 
-MUTATIONS = 250
+MUTATIONS = 100
 CORPUS_LIMIT_BYTES = 500_000
 
 every_target = pytest.mark.parametrize("target", TARGETS.values(), ids=list(TARGETS))
@@ -162,7 +162,7 @@ def test_a_planted_defect_is_found_by_the_corpus(
     target: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     PLANTED[target.name](monkeypatch)
-    assert list(defects(target))
+    assert any(defects(target))
 
 
 def defects(target: Target) -> Iterator[str]:
