@@ -147,7 +147,7 @@ def confusability(fits: Sequence[Fitted]) -> Array:
             A = b.A.astype(np.float64)
             _, precision = b.space.prior()
             WA = A * w[:, None]
-            H = WA.T @ A + np.diag(precision + 1e-9)
+            H = WA.T @ A + precision
             m = WA.T @ s
             out[i, j] = max(0.0, share * float((w * s) @ s - m @ np.linalg.solve(H, m)))
     return out

@@ -42,6 +42,7 @@ def learn_baseline(
                 Start((*current.space.effects, s.effect), {**values, s.effect.name: s.start})
                 for s in chosen
             ],
+            longer=2,
             finish=1,
         )
         before, *after = judge([current, *(j.fit for j in joints.values())], None)

@@ -17,7 +17,7 @@ from smad.gap.flexible import Correction, Designs, fit_correction
 from smad.gap.lsq import Fitted
 from smad.gap.noise import Floor
 from smad.gap.plant import Array, ModelPoint
-from smad.gap.replay import Evidence
+from smad.gap.replay import Detail, Evidence
 from smad.gap.runs import GapRun
 from smad.gap.whiten import OutputNoise, Whitening
 
@@ -67,7 +67,7 @@ def fed_noise(
         evidence.views,
         evidence.settings,
         evidence.executor,
-        fast=evidence.fast,
+        fast=evidence.detail is not Detail.FINE,
     )
     residual = other.residual(other.predict([point])[0])
     return {
@@ -89,7 +89,9 @@ def _synthetic(
 ) -> GapRun:
     run, plant = evidence.runs[r], evidence.plant
     views = [v for v in plant.views if v.open_loop]
-    predicted = plant.simulate(point, run, [v.name for v in views], fast=evidence.fast)
+    predicted = plant.simulate(
+        point, run, [v.name for v in views], fast=evidence.detail is not Detail.FINE
+    )
     per_bin = max(1.0, evidence.settings.period_s / run.dt_s)
     outputs = {}
     for view in views:

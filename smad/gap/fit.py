@@ -20,6 +20,7 @@ from smad.gap.space import Space
 _PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
 _HALF_CHI2_95 = 1.92
 _TOGETHER = 8
+_TRUSTED = 2
 
 
 @dataclass(frozen=True)
@@ -67,44 +68,56 @@ class Interval:
 
 
 def joint_fits(
-    base: Fitted, starts: Sequence[Start], finish: int = 2
+    base: Fitted, starts: Sequence[Start], *, longer: int | None = None, finish: int = 2
 ) -> dict[tuple[str, ...], JointFit]:
     """Fits every start, in step, and keeps the best of each set of effects.
 
-    In three rounds, each for fewer: a short one for every start; a longer one for the best start of
-    the better sets; and, for the best `finish` sets, one in which the sensitivities of the model
-    parameters are renewed instead of following Broyden's rule.
+    In three rounds, each for fewer: a short and rough one for every start; a longer one in detail
+    for the best start of the `longer` better sets, the first two given among them, since what is quick is
+    hidden from rough replays; and, for the best `finish` sets, one in which the sensitivities of
+    the model parameters are renewed instead of following Broyden's rule.
     """
     settings = base.problem.evidence.settings
     n_theta = base.space.n_theta
 
-    def go(space: Space, p: Array, *, iterations: int, renew: bool = False) -> FitSteps:
+    def go(space: Space, p: Array, *, iterations: int, renew: bool, rough: bool) -> FitSteps:
         known = None if renew else base.A[:, :n_theta]
         return fitting(
-            base.problem, space, p, theta_A=known, iterations=iterations, refresh_theta=renew
+            base.problem,
+            space,
+            p,
+            theta_A=known,
+            iterations=iterations,
+            refresh_theta=renew,
+            rough=rough,
         )
 
+    base.problem.evidence.match_rough(base.point, base.predicted)
     first = []
     for start in starts:
         space = base.space.with_effects(start.effects)
         p = space.start(start.values)
         if not start.from_centre:
             p[:n_theta] = base.p[:n_theta]
-        first.append(go(space, p, iterations=settings.short_iterations))
+        first.append(go(space, p, iterations=settings.short_iterations, renew=False, rough=True))
     ends: dict[tuple[str, ...], JointFit] = {}
     for i in range(0, len(first), _TOGETHER):
         for fit in drive(base.problem.evidence, first[i : i + _TOGETHER]):
             _enter(ends, fit)
-    for renew, count in ((False, settings.longer_fits), (True, finish)):
-        order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))[:count]
+    given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
+    for renew, count in ((False, longer or settings.longer_fits), (True, finish)):
+        order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
+        if not renew:
+            order = list(dict.fromkeys([*given[:_TRUSTED], *order]))
         again = [
             go(
                 ends[names].fit.space,
                 ends[names].fit.p,
                 iterations=settings.fit_iterations,
                 renew=renew,
+                rough=False,
             )
-            for names in order
+            for names in order[:count]
         ]
         for fit in drive(base.problem.evidence, again):
             _enter(ends, fit)
@@ -146,7 +159,7 @@ def bootstrap(fit: Fitted, draws: int, seed: int) -> Array:
     lo, hi = fit.space.bounds()
     _, precision = fit.space.prior()
     k = fit.space.size
-    Hs = (weights @ H.reshape(len(H), -1)).reshape(draws, k, k) + np.diag(precision + 1e-9)
+    Hs = (weights @ H.reshape(len(H), -1)).reshape(draws, k, k) + precision
     gs = (weights - 1.0) @ g
     return np.array(
         [fit.p + solve_box(a, b, lo - fit.p, hi - fit.p) for a, b in zip(Hs, gs, strict=True)]
@@ -229,7 +242,10 @@ def _profiles(
         p = fit.p.copy()
         p[i] = v
         A = fit.A[:, : fit.space.n_theta]
-        steps.append(fitting(fit.problem, fit.space, p, theta_A=A, iterations=2, pinned={i: v}))
+        steps.append(
+            fitting(fit.problem, fit.space, p, theta_A=A, iterations=2, pinned={i: v}, rough=True)
+        )
+    fit.problem.evidence.match_rough(fit.point, fit.predicted)
     ends = drive(fit.problem.evidence, steps)
     out: dict[int, list[tuple[float, float]]] = {i: [(float(fit.p[i]), 0.0)] for i in columns}
     for (i, v), end in zip(jobs, ends, strict=True):

@@ -105,7 +105,7 @@ def leave_out_points(fit: Fitted) -> list[ModelPoint]:
         # At the minimum the gradients of all runs and of the prior cancel, so that what is left
         # without this run is its own, reversed. Using that keeps an unfinished fit from counting.
         step = solve_box(
-            H[others].sum(axis=0) + np.diag(precision + 1e-9),
+            H[others].sum(axis=0) + precision,
             -g[~others].sum(axis=0),
             lo - fit.p,
             hi - fit.p,
@@ -180,7 +180,7 @@ def _scored_without(fit: Fitted, mask: Mask) -> float | None:
     w = np.sqrt(fit.problem.row_weight(fit.z)).astype(np.float32)
     inside, outside = fit.A[mask] * w[mask, None], fit.A[~mask] * w[~mask, None]
     own = (inside.T @ inside).astype(float)
-    H = (outside.T @ outside).astype(float) + np.diag(precision + 1e-9)
+    H = (outside.T @ outside).astype(float) + precision
     n = fit.space.n_theta
     if np.any(_information(H, n) < _DETERMINED * _information(H + own, n)):
         return None

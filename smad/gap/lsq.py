@@ -2,7 +2,7 @@
 
 The objective marginalises an unknown scale of each cell (a block of rows of one output):
 
-    L(p) = Σ_c (ν + n_c)/2 · log(1 + q_c/ν) + ½ Σ_i λ_i (p_i − m_i)²,   q_c = Σ_{rows of c} z²
+    L(p) = Σ_c (ν + n_c)/2 · log(1 + q_c/ν) + ½ (p − m)ᵀ Λ (p − m),   q_c = Σ_{rows of c} z²
 
 A cell that only the wrong form of the model can explain then weighs (ν + n_c)/(ν + q_c): as much as
 its floor when it fits, little when it does not.
@@ -23,14 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.gap.plant import Array, ModelPoint
-from smad.gap.replay import Evidence
+from smad.gap.replay import Detail, Evidence
 from smad.gap.space import Space
 from smad.gap.whiten import Whitening
 
 _RENEWALS = (2, 5)
 _COOLING = (1.0, 0.5, 0.15)
 
-FitSteps = Generator[list[ModelPoint], Array, "Fitted"]
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """Points that a fit wants replayed, and how finely (None: as the evidence is)."""
+
+    points: list[ModelPoint]
+    detail: Detail | None = None
+
+
+FitSteps = Generator[Ask, Array, "Fitted"]
 
 
 @dataclass(frozen=True)
@@ -135,13 +144,23 @@ def solve_box(H: Array, g: Array, lo: Array, hi: Array) -> Array:
 def objective(problem: Problem, space: Space, p: Array, z: Array, heat: float = 1.0) -> float:
     """L(p), up to a constant."""
     mean, precision = space.prior()
-    return float(-problem.cell_score(z, heat).sum() + 0.5 * np.sum(precision * (p - mean) ** 2))
+    off = p - mean
+    return float(-problem.cell_score(z, heat).sum() + 0.5 * off @ precision @ off)
 
 
 def sensitivities(
-    problem: Problem, space: Space, p: Array, predicted: Array, columns: Sequence[int]
-) -> Generator[list[ModelPoint], Array, NDArray[np.float32]]:
-    """White finite-difference sensitivities of `columns`; shape (rows, columns)."""
+    problem: Problem,
+    space: Space,
+    p: Array,
+    columns: Sequence[int],
+    *,
+    detail: Detail | None = None,
+    predicted: Array | None = None,
+) -> Generator[Ask, Array, NDArray[np.float32]]:
+    """White finite-difference sensitivities of `columns`; shape (rows, columns).
+
+    `predicted` is the prediction at `p` in the same detail, if it is known.
+    """
     lo, hi = space.bounds()
     steps = space.steps()
     points, signed = [], []
@@ -151,8 +170,11 @@ def sensitivities(
         q[i] += h
         points.append(space.point(q))
         signed.append(h)
-    values = yield points
-    diff = (values - predicted[None, :]) / np.array(signed)[:, None]
+    if predicted is None:
+        points.append(space.point(p))
+    values = yield Ask(points, detail)
+    here = values[-1] if predicted is None else predicted
+    diff = (values[: len(signed)] - here[None, :]) / np.array(signed)[:, None]
     white = problem.whitening.white(np.ascontiguousarray(diff.T))
     return white.astype(np.float32)
 
@@ -168,6 +190,7 @@ def fitting(
     tolerance: float = 0.5,
     pinned: Mapping[int, float] | None = None,
     squares: bool = False,
+    rough: bool = False,
 ) -> FitSteps:
     """Steps of a fit from `start`; returns a `Fitted`.
 
@@ -175,13 +198,17 @@ def fitting(
     `refresh_theta`, they are computed, and renewed after some iterations. In between they follow by
     Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values
     given (a profile). `squares` keeps the floor as large as the misfit: least squares to the end.
+
+    Sensitivities of the model parameters come from rough replays. With `rough` the whole fit does;
+    its end is replayed in detail.
     """
     lo, hi = space.bounds()
     for i, value in (pinned or {}).items():
         lo[i] = hi[i] = value
     mean, precision = space.prior()
     p = np.clip(start, lo, hi)
-    predicted = (yield [space.point(p)])[0]
+    detail = Detail.ROUGH if rough else None
+    predicted = (yield Ask([space.point(p)], detail))[0]
     count = 1
     z = problem.white(predicted)
     own = list(range(space.n_theta))
@@ -190,7 +217,7 @@ def fitting(
     if theta_A is not None:
         A[:, : space.n_theta] = theta_A
     elif own:
-        A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
+        A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
         count += len(own)
     damping, total = 1e-3, 0.0
     best = objective(problem, space, p, z)
@@ -199,22 +226,24 @@ def fitting(
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(z))
         best = objective(problem, space, p, z, heat)
         if refresh_theta and iteration in _RENEWALS and own:
-            A[:, own] = yield from sensitivities(problem, space, p, predicted, own)
+            A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
             count += len(own)
         if extra:
-            A[:, extra] = yield from sensitivities(problem, space, p, predicted, extra)
+            A[:, extra] = yield from sensitivities(
+                problem, space, p, extra, detail=detail, predicted=predicted
+            )
             count += len(extra)
         w = problem.row_weight(z, heat)
         weighted = A * w.astype(np.float32)[:, None]
-        H = (weighted.T @ A).astype(np.float64) + np.diag(precision)
-        g = weighted.T.astype(np.float64) @ z - precision * (p - mean)
+        H = (weighted.T @ A).astype(np.float64) + precision
+        g = weighted.T.astype(np.float64) @ z - precision @ (p - mean)
         gained = 0.0
         for _ in range(4):
             damped = H + damping * np.diag(np.diag(H))
             step = solve_box(damped, g, lo - p, hi - p)
             if not np.any(np.abs(step) > 1e-7):
                 break
-            trial = (yield [space.point(p + step)])[0]
+            trial = (yield Ask([space.point(p + step)], detail))[0]
             count += 1
             z_trial = problem.white(trial)
             value = objective(problem, space, p + step, z_trial, heat)
@@ -231,6 +260,10 @@ def fitting(
         total += gained
         if (heat == 1.0 or squares) and gained < max(tolerance, 0.003 * total):
             break
+    if rough:
+        predicted = (yield Ask([space.point(p)]))[0]
+        count += 1
+        z = problem.white(predicted)
     best = objective(problem, space, p, z)
     edge = 1e-6 * np.maximum(1.0, hi - lo)
     off = np.array([i >= space.n_theta for i in range(space.size)]) & (np.abs(p) < 1e-9)
@@ -241,18 +274,20 @@ def fitting(
 def drive(evidence: Evidence, fits: Sequence[FitSteps]) -> list[Fitted]:
     """Runs fits in step and returns their ends, in order."""
     done: list[Fitted | None] = [None] * len(fits)
-    asks: dict[int, list[ModelPoint]] = {i: next(fit) for i, fit in enumerate(fits)}
+    asks: dict[int, Ask] = {i: next(fit) for i, fit in enumerate(fits)}
     while asks:
-        order = sorted(asks)
-        points = [point for i in order for point in asks[i]]
-        values = evidence.predict(points)
-        at, following = 0, {}
-        for i in order:
-            mine = values[at : at + len(asks[i])]
-            at += len(asks[i])
-            try:
-                following[i] = fits[i].send(mine)
-            except StopIteration as end:
-                done[i] = end.value
+        following = {}
+        for detail in sorted({a.detail for a in asks.values()}, key=str):
+            order = [i for i in sorted(asks) if asks[i].detail is detail]
+            points = [point for i in order for point in asks[i].points]
+            values = evidence.predict(points, detail=detail)
+            at = 0
+            for i in order:
+                mine = values[at : at + len(asks[i].points)]
+                at += len(asks[i].points)
+                try:
+                    following[i] = fits[i].send(mine)
+                except StopIteration as end:
+                    done[i] = end.value
         asks = following
     return [fit for fit in done if fit is not None]

@@ -15,7 +15,7 @@ import numpy as np
 from smad.gap.fit import dispersion
 from smad.gap.lsq import Fitted
 from smad.gap.plant import Array, Experiment, ModelPoint
-from smad.gap.replay import Evidence
+from smad.gap.replay import Detail, Evidence
 from smad.gap.whiten import OutputNoise, Whitening
 
 _STEP = 0.2
@@ -48,7 +48,14 @@ def separation(
     first = fits[0].problem.evidence
     plant = first.plant
     run = plant.perform(experiment.name, fits[0].point, first.settings.seed)
-    ev = Evidence(plant, [run], first.views, first.settings, first.executor, fast=first.fast)
+    ev = Evidence(
+        plant,
+        [run],
+        first.views,
+        first.settings,
+        first.executor,
+        fast=first.detail is not Detail.FINE,
+    )
     whitening = Whitening(ev, noise)
     points: list[ModelPoint] = []
     for fit in fits:
@@ -94,7 +101,7 @@ def _information(fit: Fitted) -> Array:
     H, _ = fit.normal_equations()
     _, precision = fit.space.prior()
     share = float(np.mean(list(dispersion(fit.problem, fit.z).values())))
-    return np.asarray(share * H.sum(axis=0) + np.diag(precision + 1e-9))
+    return np.asarray(share * H.sum(axis=0) + precision)
 
 
 def propose(

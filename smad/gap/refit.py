@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from smad.gap.lsq import Fitted, Problem, drive, fitting
-from smad.gap.plant import EffectValues, Parameter
+from smad.gap.plant import Array, EffectValues, Parameter
 from smad.gap.space import Space
 
 
@@ -17,24 +17,28 @@ def refit(
     *,
     squares: bool = False,
     start: Fitted | None = None,
+    tie: Array | None = None,
 ) -> Fitted:
     """Fit of the model parameters within their bounds, from the prior's centre.
 
     `fixed` are effects that belong to the model, `start` an earlier fit to begin from, `squares`
-    asks for plain least squares.
+    asks for plain least squares, `tie` holds the parameters near the centre (see `Space`).
 
     Afterwards the evidence is calibrated for its coarse step, and the fit is finished with that.
     """
-    space = Space(tuple(parameters), (), centre, fixed or {})
+    space = Space(tuple(parameters), (), centre, fixed or {}, tie)
     iterations = problem.evidence.settings.refit_iterations
+    begin = space.start() if start is None else start.p[: space.size]
+    problem.evidence.calibrate(space.point(begin))
     steps = fitting(
         problem,
         space,
-        space.start() if start is None else start.p[: space.size],
+        begin,
         iterations=iterations,
         refresh_theta=True,
         tolerance=2.0,
         squares=squares,
+        rough=True,
     )
     fit = drive(problem.evidence, [steps])[0]
     problem.evidence.calibrate(fit.point)

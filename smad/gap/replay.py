@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from enum import Enum
 from functools import partial
 from itertools import pairwise
 
@@ -22,6 +23,22 @@ from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 
 Index = NDArray[np.intp]
+
+
+class Detail(Enum):
+    """How finely a replay is made.
+
+    FINE: every sample, the plant's own step. FAST: every sample, its coarser step. ROUGH: samples
+    averaged over half a bin; a quarter of the time, and slopes within a few per cent, so that it
+    serves for sensitivities and for first rounds, never for a judgement.
+    """
+
+    FINE = "fine"
+    FAST = "fast"
+    ROUGH = "rough"
+
+
+_PIECES = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +72,37 @@ class Grid:
         size = np.add.reduceat(np.ones(len(mask)), self.starts)
         out: Mask = np.add.reduceat(mask.astype(np.float64), self.starts) >= 0.5 * size
         return out
+
+
+def thinned(run: GapRun, grid: Grid, pieces: int, period_s: float) -> tuple[GapRun, Grid]:
+    """The run with its samples averaged over a `pieces`-th of a bin, and the same bins over them.
+
+    A sample lies at the end of the time it stands for, so that what was applied during that time is
+    in force up to it. Falls back to the run itself where it is sampled no finer than that.
+    """
+    step = period_s / pieces
+    if run.dt_s > 0.7 * step or len(run.t_s) < 2:
+        return run, grid
+    piece = np.floor((run.t_s - run.t_s[0]) / step + 1e-6).astype(np.intp)
+    starts = np.flatnonzero(np.r_[True, np.diff(piece) > 0])
+    size = np.diff(np.r_[starts, len(piece)]).astype(np.float64)
+
+    def mean(column: Array) -> Array:
+        return np.asarray(np.add.reduceat(np.asarray(column, np.float64), starts) / size)
+
+    thin = GapRun(
+        run.name,
+        run.t_s[np.r_[starts[1:], len(piece)] - 1],
+        {k: mean(v) for k, v in run.inputs.items()},
+        {k: mean(v) for k, v in run.outputs.items()},
+        None if run.valid is None else np.logical_and.reduceat(run.valid, starts),
+        run.cut_short,
+        run.notes,
+        run.header,
+    )
+    bins = np.searchsorted(grid.starts, starts, side="right")
+    firsts = np.flatnonzero(np.r_[True, np.diff(bins) > 0])
+    return thin, Grid(firsts, size, grid.valid, grid.t_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +171,13 @@ class Evidence:
         if not runs:
             raise GapError("there is no run to replay", action="give at least one admitted run")
         self.plant, self.runs, self.settings = plant, tuple(runs), settings
-        self.views, self.executor, self.fast = tuple(views), executor, fast
+        self.views, self.executor = tuple(views), executor
+        self.detail = Detail.FAST if fast else Detail.FINE
         self.grids = [Grid.of(run, settings.period_s) for run in runs]
+        self._thin = [
+            thinned(run, grid, _PIECES, settings.period_s)
+            for run, grid in zip(self.runs, self.grids, strict=True)
+        ]
         self.missing: list[str] = []
         self.segments: list[Segment] = []
         self._views_of_run: list[list[str]] = []
@@ -159,7 +212,7 @@ class Evidence:
                     start = stop
             self._keys_of_run.append(keys)
         self.n = start
-        self.coarseness = np.zeros(self.n)
+        self.coarseness = {detail: np.zeros(self.n) for detail in Detail}
         self.measured = np.zeros(self.n)
         self.valid = np.zeros(self.n, dtype=bool)
         self.t_s = np.zeros(self.n)
@@ -207,59 +260,74 @@ class Evidence:
         """Sum of a row quantity over each cell."""
         return np.add.reduceat(rows, self.cell_starts)
 
-    def predict(self, points: Sequence[ModelPoint], runs: Iterable[int] | None = None) -> Array:
+    def predict(
+        self,
+        points: Sequence[ModelPoint],
+        runs: Iterable[int] | None = None,
+        detail: Detail | None = None,
+    ) -> Array:
         """Predictions on the grid; shape (points, rows). Rows of runs not asked for are 0."""
         wanted = sorted(set(range(len(self.runs)) if runs is None else runs))
         out = np.zeros((len(points), self.n))
         if not points:
             return out
+        detail = detail or self.detail
         jobs = [(r, chunk) for r in wanted for chunk in self._chunks(len(points), len(wanted))]
         spans = {r: self._span(r) for r in wanted}
         if self.executor is None:
-            results = [self._job(r, points[c])() for r, c in jobs]
+            results = [self._job(r, points[c], detail)() for r, c in jobs]
         else:
-            futures = [self.executor.submit(self._job(r, points[c])) for r, c in jobs]
+            futures = [self.executor.submit(self._job(r, points[c], detail)) for r, c in jobs]
             results = [f.result() for f in futures]
+        correction = self.coarseness[detail]
         for (r, chunk), values in zip(jobs, results, strict=True):
-            out[chunk, spans[r]] = values + self.coarseness[spans[r]]
+            out[chunk, spans[r]] = values + correction[spans[r]]
         return out
 
     def failed(self, values: Array, run: int) -> bool:
         """Whether the plant could not simulate a run: its first output lies at the upper limit."""
+        return self._at_limit(values - self.coarseness[self.detail], run)
+
+    def _at_limit(self, uncorrected: Array, run: int) -> bool:
         segment = next((s for s in self.segments if s.run == run), None)
         if segment is None:
             return False
-        high = self._keys_of_run[run][0][2]
-        return bool(np.all(values[segment.rows] - self.coarseness[segment.rows] >= high))
+        return bool(np.all(uncorrected[segment.rows] >= self._keys_of_run[run][0][2]))
 
     def calibrate(self, point: ModelPoint) -> None:
-        """Learns at `point` what the coarse step of fast replays costs, and takes it off later on.
+        """Learns at `point` what coarser replays cost, and takes it off later on.
 
-        The error of the step hardly changes between neighbouring models, so that fits can use the
+        The error of a step hardly changes between neighbouring models, so that fits can use the
         coarse step and still end at the model of the fine one.
         """
-        if not self.fast:
+        if self.detail is Detail.FINE:
             return
-        self.coarseness = np.zeros(self.n)
-        coarse = self.predict([point])[0]
-        self.fast = False
-        try:
-            fine = self.predict([point])[0]
-        finally:
-            self.fast = True
-        if not any(self.failed(fine, r) or self.failed(coarse, r) for r in range(len(self.runs))):
-            self.coarseness = fine - coarse
+        fine = self.predict([point], detail=Detail.FINE)[0]
+        for detail in (Detail.FAST, Detail.ROUGH):
+            self._calibrate(detail, point, fine)
 
-    def _job(self, r: int, points: Sequence[ModelPoint]) -> Callable[[], Array]:
+    def match_rough(self, point: ModelPoint, predicted: Array) -> None:
+        """Makes rough replays agree at `point` with `predicted`, which was replayed in detail."""
+        self._calibrate(Detail.ROUGH, point, predicted)
+
+    def _calibrate(self, detail: Detail, point: ModelPoint, truth: Array) -> None:
+        self.coarseness[detail] = np.zeros(self.n)
+        coarse = self.predict([point], detail=detail)[0]
+        runs = range(len(self.runs))
+        if not any(self._at_limit(y, r) for r in runs for y in (truth, coarse)):
+            self.coarseness[detail] = truth - coarse
+
+    def _job(self, r: int, points: Sequence[ModelPoint], detail: Detail) -> Callable[[], Array]:
+        run, grid = self._thin[r] if detail is Detail.ROUGH else (self.runs[r], self.grids[r])
         return partial(
             simulate_binned,
             self.plant,
-            self.runs[r],
-            self.grids[r],
+            run,
+            grid,
             views=self._views_of_run[r],
             keys=self._keys_of_run[r],
             points=points,
-            fast=self.fast,
+            fast=detail is not Detail.FINE,
         )
 
     def _span(self, r: int) -> slice:

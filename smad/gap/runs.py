@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ class GapRun:
         """Time from the first to the last sample; 0 for an empty run."""
         return float(self.t_s[-1] - self.t_s[0]) if len(self.t_s) > 1 else 0.0
 
-    @property
+    @cached_property
     def dt_s(self) -> float:
         """Median sample interval."""
         return float(np.median(np.diff(self.t_s))) if len(self.t_s) > 1 else 0.0

@@ -158,15 +158,22 @@ class Projected:
     follow: Array
 
 
-def project(probes: Probes, z: Array, cell_weight: Array) -> Projected:
-    """b = sᵀP⊥z, d = sᵀP⊥s, and sᵀs, with cells weighted; priors act as further rows."""
+def project(
+    probes: Probes, z: Array, cell_weight: Array, *, at_rest: bool = False
+) -> Projected:
+    """b = sᵀP⊥z, d = sᵀP⊥s, and sᵀs, with cells weighted; priors act as further rows.
+
+    `at_rest`: the residual is not that of the fit, so that the prior does not pull at it.
+    """
     fit = probes.fit
     mean, precision = fit.space.prior()
-    H = np.tensordot(cell_weight, probes.AA, 1) + np.diag(precision + 1e-9)
+    H = np.tensordot(cell_weight, probes.AA, 1) + precision
     B = np.tensordot(cell_weight, probes.AS, 1)
     full = cell_weight @ probes.SS
     wz = (cell_weight[fit.problem.evidence.row_cell] * z).astype(np.float32)
-    g = (wz @ fit.A).astype(float) - precision * (fit.p - mean)
+    g = (wz @ fit.A).astype(float)
+    if not at_rest:
+        g -= precision @ (fit.p - mean)
     solved = np.linalg.solve(H, np.column_stack([B, g]))
     follow, step = solved[:, :-1], solved[:, -1]
     d = full - np.einsum("ij,ij->j", B, follow)
@@ -256,7 +263,7 @@ def _refined(probes: Probes, problem: Problem, i: int | None, base: float) -> tu
             a = float(np.clip(pr.b[0] / pr.d[0], p.min_amplitude, p.max_amplitude))
         step = pr.step - pr.follow[:, 0] * a
         z = fit.z - a * s - fit.A @ step.astype(np.float32)
-        penalty = 0.5 * float(np.sum(precision * ((shift + step) ** 2 - shift**2)))
+        penalty = float(step @ precision @ (shift + 0.5 * step))
         gain = float(problem.cell_score(z).sum() - base - penalty)
         if gain <= best + 0.1:
             break

@@ -16,6 +16,9 @@ class Settings:
     `resolution` is the share of a channel's excursion below which no simulator is trusted: it is
     part of the floor.
 
+    `day_share` is how far a parameter may have moved since the known-good runs, in its prior's
+    standard deviations, without that counting as a change.
+
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.
     """
@@ -29,8 +32,9 @@ class Settings:
     starts: int = 2
     survivors: int = 8
     max_effects: int = 3
+    day_share: float = 0.01
     baseline_effects: int = 4
-    baseline_tried: int = 4
+    baseline_tried: int = 3
     baseline_gain: float = 25.0
     refit_iterations: int = 8
     fit_iterations: int = 6

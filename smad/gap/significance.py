@@ -70,7 +70,7 @@ def null_gains(
     out: dict[str, list[float]] = {name: [] for name in dict.fromkeys(names)}
     for _ in range(draws):
         drawn = resampled(problem, source, z, rng)
-        pr = project(probes, drawn, problem.cell_weight(drawn))
+        pr = project(probes, drawn, problem.cell_weight(drawn), at_rest=True)
         a = np.clip(pr.b / pr.d, low, high)
         gain = np.maximum(a * pr.b - 0.5 * a * a * pr.d, 0.0)
         best: dict[str, float] = dict.fromkeys(out, 0.0)

@@ -33,7 +33,7 @@ from smad.gap.runs import GapRun
 _ZERO_C = 273.15
 _STEP_S = 1e-3
 _FAST_STEP_S = 1e-2
-_MOST_KEPT = 60
+_MOST_KEPT = 120
 _RETRIES = ((0.0, 1.0), (3e-3, 1.0), (-3e-3, 1.0), (1e-2, 0.5), (0.0, 0.2))
 _MOVES_CURRENT = frozenset(e.name for e in EFFECTS if "current" in e.signals)
 _DRIVER = ("i_x_A", "i_y_A", "true_i_x_A", "true_i_y_A")
@@ -279,7 +279,8 @@ class _Passes:
 
     def __init__(self, plant: SmaPlant, point: ModelPoint, run: GapRun, fast: bool) -> None:
         self.run, self.variant = run, plant.variant
-        self.dt_s = _FAST_STEP_S if fast else _STEP_S
+        # A jittered sample must not cost a second step.
+        self.dt_s = max(_FAST_STEP_S, 1.5 * run.dt_s) if fast else _STEP_S
         self.kept = plant.kept
         self.parameters = plant.set_of(point.theta)
         self.effects = plant.acting(point)

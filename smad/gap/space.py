@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,12 +17,15 @@ class Space:
     A model parameter is scaled as (value − centre)/prior_sd, an effect parameter as
     value/|typical|. `centre` replaces nominal values as the middle of the prior. `fixed` are
     effects that belong to the model as it is; a free effect of the same name starts from there.
+    `tie` (parameters, parameters) is the precision with which the model parameters are known to be
+    at the centre, from known-good runs; without it each has its own prior.
     """
 
     theta: tuple[Parameter, ...]
     effects: tuple[Effect, ...] = ()
     centre: Mapping[str, float] | None = None
     fixed: EffectValues = field(default_factory=dict)
+    tie: Array | None = None
 
     @property
     def size(self) -> int:
@@ -51,13 +54,13 @@ class Space:
         return np.array(lo), np.array(hi)
 
     def prior(self) -> tuple[Array, Array]:
-        """Mean and precision of the normal prior of each coordinate.
+        """Mean and precision matrix of the normal prior; shapes (k,) and (k, k).
 
         An effect's prior only keeps a flat direction from wandering: half its range wide, around
         where the effect is now.
         """
         mean = [0.0] * self.n_theta
-        precision = [1.0] * self.n_theta
+        precision: list[float] = []
         for e in self.effects:
             for q in e.parameters:
                 known = self.fixed.get(e.name)
@@ -66,7 +69,11 @@ class Space:
                 else:
                     mean.append(0.0 if q.strength else float(np.sign(q.typical)))
                 precision.append((2 * abs(q.typical) / (q.high - q.low)) ** 2)
-        return np.array(mean), np.array(precision)
+        own = self.n_theta
+        whole = np.diag(np.r_[np.ones(own), precision] + 1e-9)
+        if self.tie is not None:
+            whole[:own, :own] = self.tie
+        return np.array(mean), whole
 
     def steps(self) -> Array:
         """Finite-difference steps: wide, since a hysteretic replay is rough on a small scale."""
@@ -109,4 +116,4 @@ class Space:
 
     def with_effects(self, effects: Sequence[Effect]) -> Space:
         """The same model parameters with other effects."""
-        return Space(self.theta, tuple(effects), self.centre, self.fixed)
+        return replace(self, effects=tuple(effects))

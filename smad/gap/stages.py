@@ -30,8 +30,9 @@ class Prepared:
     """Everything the selection needs.
 
     `centre` are the parameter values the question starts from: the nominal ones, or those of the
-    known-good runs; `fixed` the effects that those ask for already. `gentle` is the refit by plain
-    least squares. `threshold` is the gap over the floor that counts as significant.
+    known-good runs; `fixed` the effects that those ask for already. `fit` is the refit with every
+    parameter free, `tied` the one with the parameters as well known as the good runs make them
+    (only with good runs), `gentle` the free refit by plain least squares. `threshold` is the gap over the floor that counts as significant.
     """
 
     plant: PlantModel
@@ -41,6 +42,7 @@ class Prepared:
     problem: Problem
     hold: Problem | None
     fit: Fitted
+    tied: Fitted | None
     gentle: Judged
     raw: Judged
     background: Background | None
@@ -102,7 +104,10 @@ def prepare(
 
     problem = problem_of(ev)
     progress(f"refitting {len(parameters)} parameters")
-    fit = refit(problem, parameters, centre, fixed)
+    tied = None
+    if background is not None:
+        tied = refit(problem, parameters, centre, fixed, tie=_tie(background, settings))
+    fit = refit(problem, parameters, centre, fixed, start=tied)
     hold = problem_of(evidence(hold_out)) if hold_out else None
     if hold is not None:
         hold.evidence.calibrate(fit.point)
@@ -122,6 +127,7 @@ def prepare(
         problem,
         hold,
         fit,
+        tied,
         judge([gentle], hold)[0],
         raw,
         background,
@@ -149,6 +155,18 @@ def _background_of(
     fit = refit(weighed, parameters, start=rough)
     fit = learn_baseline(fit, ev.plant.effects, progress)
     return learn_background(fit, base)
+
+
+def _tie(background: Background, settings: Settings) -> Array:
+    """Precision of the parameters after the good runs, loosened by what a day changes.
+
+    The good runs count as fully as the runs under test do: a fit with this tie is the fit of both
+    together, the effects acting on the latter only. Shape (parameters, parameters).
+    """
+    fit = background.fit
+    H, _ = fit.normal_equations()
+    known = np.linalg.inv(H.sum(axis=0) + np.eye(fit.space.n_theta))
+    return np.asarray(np.linalg.inv(known + np.eye(len(known)) * settings.day_share**2))
 
 
 def _plain(fit: Fitted) -> Fitted:
