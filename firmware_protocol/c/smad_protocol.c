@@ -810,7 +810,7 @@ const struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {
     {33, 0, false, 400, 200, 400, "jump_cC"},
     {34, 0, false, 4, 2, 4, "jumps"},
     {35, 0, false, 5000000, 2000000, 5000000, "stuck_us"},
-    {36, 0, false, 12000, 5000, 12000, "unheated_energy_mJ"},
+    {36, 0, false, 20000, 5000, 20000, "unheated_energy_mJ"},
     {37, 0, false, 400, 200, 400, "off_rise_cC"},
     {38, 0, false, 1500, 800, 1500, "residual_cC"},
     {39, 0, false, 5000000, 1000000, 5000000, "residual_us"},

@@ -40,7 +40,7 @@ const struct smad_sv_limits smad_sv_limits_compiled = {
     .jumps = 4,
     .stuck_us = 5000000,
     .stuck_model_cC = 300,
-    .unheated_energy_mJ = 12000,
+    .unheated_energy_mJ = 20000,
     .unheated_rise_cC = 200,
     .swapped_rise_cC = 400,
     .sensor_offset_cC = 200,
@@ -529,13 +529,17 @@ static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_s
 {
     int64_t t_cC;
     int64_t other;
+    int64_t fell;
     int64_t excess_cC;
     int64_t loss_mW;
     int64_t net_nJ;
     t_cC = s->t_cC[k];
     other = (1 - k);
-    if (t_cC >= (s->anchor_cC[k] + lim->unheated_rise_cC)) {
+    s->anchor_peak_cC[k] = smad_sv_max(s->anchor_peak_cC[k], t_cC);
+    fell = (2 * (s->anchor_peak_cC[k] - t_cC)) >= lim->unheated_rise_cC;
+    if ((t_cC >= (s->anchor_cC[k] + lim->unheated_rise_cC)) || (fell)) {
         s->anchor_cC[k] = t_cC;
+        s->anchor_peak_cC[k] = t_cC;
         s->anchor_net_nJ[k] = 0;
         s->anchor_other_cC[k] = s->t_cC[other];
         s->anchor_other_nJ[k] = 0;
@@ -659,6 +663,7 @@ static void smad_sv_reset_spring(struct smad_sv_memory *s, int64_t k)
     int64_t t_cC;
     t_cC = s->t_cC[k];
     s->anchor_cC[k] = t_cC;
+    s->anchor_peak_cC[k] = t_cC;
     s->anchor_other_cC[k] = s->t_cC[(1 - k)];
     s->anchor_net_nJ[k] = 0;
     s->anchor_other_nJ[k] = 0;
@@ -760,7 +765,7 @@ static int64_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
     net_mJ = smad_sv_div(s->anchor_net_nJ[k], SMAD_SV_NJ_PER_MJ);
-    if (((16 * s->stuck_us[k]) >= lim->stuck_us) && (net_mJ >= lim->unheated_energy_mJ)) {
+    if (((4 * s->stuck_us[k]) >= lim->stuck_us) && (net_mJ >= lim->unheated_energy_mJ)) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
     return SMAD_SV_GOOD;
@@ -806,15 +811,10 @@ static int64_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct sm
 static int64_t smad_sv_not_heating(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
 {
     int64_t net_mJ;
-    int64_t limit_mJ;
     (void)m;
     net_mJ = smad_sv_div(s->anchor_net_nJ[k], SMAD_SV_NJ_PER_MJ);
-    limit_mJ = lim->unheated_energy_mJ;
-    if ((4 * (s->t_cC[(1 - k)] - s->anchor_other_cC[k])) >= lim->swapped_rise_cC) {
-        limit_mJ *= 2;
-    }
-    if (net_mJ >= limit_mJ) {
-        return smad_sv_bad(s, net_mJ, limit_mJ);
+    if (net_mJ >= lim->unheated_energy_mJ) {
+        return smad_sv_bad(s, net_mJ, lim->unheated_energy_mJ);
     }
     return SMAD_SV_GOOD;
 }

@@ -180,6 +180,7 @@ struct smad_sv_memory {
     int64_t band_low_uA[2];
     int64_t band_high_uA[2];
     int64_t anchor_cC[2];
+    int64_t anchor_peak_cC[2];
     int64_t anchor_other_cC[2];
     int64_t anchor_net_nJ[2];
     int64_t anchor_other_nJ[2];

@@ -91,13 +91,17 @@ def observe_electrical(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
 def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
     """Sum the energy a spring got since it last warmed by the least rise, losses taken off.
 
+    A fall by half of that shows the spring as well as a rise does, and begins a new sum.
     The losses are the largest a good bench has, a sensor offset is granted, and the sum never
     goes below zero: so a spring in balance, with the pump on or off, sums to nothing.
     """
     t_cC = s.t_cC[k]
     other = 1 - k
-    if t_cC >= s.anchor_cC[k] + lim.unheated_rise_cC:
+    s.anchor_peak_cC[k] = max(s.anchor_peak_cC[k], t_cC)
+    fell = 2 * (s.anchor_peak_cC[k] - t_cC) >= lim.unheated_rise_cC
+    if t_cC >= s.anchor_cC[k] + lim.unheated_rise_cC or fell:
         s.anchor_cC[k] = t_cC
+        s.anchor_peak_cC[k] = t_cC
         s.anchor_net_nJ[k] = 0
         s.anchor_other_cC[k] = s.t_cC[other]
         s.anchor_other_nJ[k] = 0
@@ -210,6 +214,7 @@ def reset_spring(s: Memory, k: int) -> None:
     """Begin the observers of spring k at its present temperature, as on arming."""
     t_cC = s.t_cC[k]
     s.anchor_cC[k] = t_cC
+    s.anchor_peak_cC[k] = t_cC
     s.anchor_other_cC[k] = s.t_cC[1 - k]
     s.anchor_net_nJ[k] = 0
     s.anchor_other_nJ[k] = 0

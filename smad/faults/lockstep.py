@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import math
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState
@@ -40,6 +40,9 @@ from smad.faults.trace import HOT, Trace, WatchedBench
 
 AFTER_STOP_S = 2.0
 BENCHES = 4
+TIGHTENED_UNHEATED_mJ = {"A": 20_000, "B": 8_000}
+"""`unheated_energy_mJ` by parameter set: half more than its harshest legitimate motion needs."""
+
 _TTL_MS = 100
 _REOPEN_US = 200_000
 _ARM_PATIENCE_SAMPLES = 500
@@ -241,6 +244,8 @@ def run_case(case: Case) -> Outcome:
     """Run a case and return what came of it."""
     host = _armed(case.scene, case.bench_seed)
     bench = host.bench
+    if any(row.tightened for row in case.rows):
+        _tighten(bench, case.bench_seed)
     start_us = bench.now_us
     rng = random.Random(f"{case.seed} parameters")
     injections = [
@@ -262,6 +267,12 @@ def _armed(scene: Scene, bench_seed: int) -> Host:
     host = Host(bench, nonce=1000 + bench_seed)
     host.arm()
     return host
+
+
+def _tighten(bench: WatchedBench, bench_seed: int) -> None:
+    supervisor = bench.board.supervisor
+    energy_mJ = TIGHTENED_UNHEATED_mJ["AB"[bench_seed % 2]]
+    supervisor.set_limits(replace(supervisor.limits, unheated_energy_mJ=energy_mJ))
 
 
 def _run(host: Host, scene: Scene, start_us: int, end_us: int, stop_after: int = 0) -> None:

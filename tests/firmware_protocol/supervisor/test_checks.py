@@ -193,7 +193,7 @@ def test_a_spring_that_gets_energy_and_does_not_warm_is_found_by_energy_not_by_t
         rig.heat(current_mA, seconds=0.0)
         assert trips(rig, 60.0)[0] is Fault.NOT_HEATING
         energies.append(rig.supervisor.first_fault.measured)  # type: ignore[union-attr]
-        assert rig.supervisor.first_fault.limit == 12_000  # type: ignore[union-attr]
+        assert rig.supervisor.first_fault.limit == 20_000  # type: ignore[union-attr]
     assert energies[0] == pytest.approx(energies[1], rel=0.02)
 
 
