@@ -9,7 +9,7 @@ import argparse
 import hashlib
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tests.fuzz.blind import fuzz_blindly
@@ -20,8 +20,8 @@ from tests.fuzz.targets import TARGETS, Target
 _SECONDS = 60
 _COLUMNS = ("target", "executions", "s", "per s", "edges", "of", "new", "inputs", "MiB", "findings")
 _LARGEST_KEPT_BYTES = 8192
-_MOST_KEPT_BYTES = 40_000
-_MOST_KEPT_INPUTS = 120
+_MOST_KEPT_BYTES = 35_000
+_MOST_KEPT_INPUTS = 150
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -105,7 +105,7 @@ def _tell(finding: Finding, target: str, folder: Path) -> None:
 
 
 def _keep(target: Target, grown: tuple[bytes, ...]) -> None:
-    """Keep the least that reaches everything, the shortest first while there is room.
+    """Keep the least that reaches everything, or what there is room for of it.
 
     What was seeded or once found always stays.
     """
@@ -116,12 +116,16 @@ def _keep(target: Target, grown: tuple[bytes, ...]) -> None:
     for path in files:
         if not _is_named(path):
             path.unlink()
-    room = _MOST_KEPT_BYTES
-    shortest_first = sorted(set(chosen) - set(always), key=lambda data: (len(data), data))
-    for data in shortest_first[:_MOST_KEPT_INPUTS]:
-        room -= len(data)
-        if room >= 0:
-            (target.corpus / hashlib.sha256(data).hexdigest()[:16]).write_bytes(data)
+    added = sorted(set(chosen) - set(always), key=lambda data: (len(data), data))
+    for data in _spread(added):
+        (target.corpus / hashlib.sha256(data).hexdigest()[:16]).write_bytes(data)
+
+
+def _spread(inputs: Sequence[bytes]) -> Iterator[bytes]:
+    """Yield as many as there is room for, from the short to the long ones: both reach their own."""
+    step = max(1.0, len(inputs) / _MOST_KEPT_INPUTS, sum(map(len, inputs)) / _MOST_KEPT_BYTES)
+    for number in range(int(len(inputs) / step)):
+        yield inputs[int(number * step)]
 
 
 def _is_named(path: Path) -> bool:
