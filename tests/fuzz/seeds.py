@@ -13,7 +13,8 @@ from importlib import resources
 from pathlib import Path
 
 import msgspec
-from mcap.writer import CompressionType, Writer
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC
@@ -160,6 +161,7 @@ def _runlog() -> Seeds:
         whole = path.read_bytes()
     yield "whole", whole
     yield "cut", whole[: len(whole) * 2 // 3]
+    yield "damaged", MCAP0_MAGIC + bytes([Opcode.CHANNEL]) + (3).to_bytes(8, "little") + b"abc"
     for label, compression in (("plain", CompressionType.NONE), ("lz4", CompressionType.LZ4)):
         with tempfile.TemporaryFile() as file:
             writer = Writer(file, compression=compression, enable_crcs=False, use_statistics=False)
@@ -195,13 +197,10 @@ def _parameters() -> Seeds:
     data = resources.files("sim_device.plant") / "data"
     yield "set-a", (data / "set_a.toml").read_bytes()
     yield "set-b", (data / "set_b.toml").read_bytes()
-    yield (
-        "extends",
-        (
-            b'extends = "set_a.toml"\n\n[coils]\nvalue = 12\nunit = "1"\nstatus = "assumed"\n'
-            b'range = [10, 14]\nsource = "counted"\n'
-        ),
-    )
+    for label, value in (("extends", 12), ("out-of-range", 15)):
+        entry = f'value = {value}\nunit = "1"\nstatus = "assumed"\nrange = [10, 14]\n'
+        text = f'extends = "set_a.toml"\n\n[coils]\n{entry}source = "counted"\n'
+        yield label, text.encode()
 
 
 def _models() -> Seeds:
@@ -231,6 +230,7 @@ def _models() -> Seeds:
 def _import() -> Seeds:
     plain = b"time_s,displacement_mm,T_x_K,current_x (mA),mode\n0,1.5,300,20,2\n0.01,1.6,301,21,2\n"
     yield "plain", plain
+    yield "backwards", b"time_s,displacement_mm\n1,1.5\n0,1.6\n"
     yield (
         "german",
         (
