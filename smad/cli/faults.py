@@ -167,6 +167,38 @@ def soak(
     return 0 if ok else 1
 
 
+@faults.command()
+@click.option(
+    "--connections",
+    type=click.IntRange(1, 60_000),
+    default=10_000,
+    show_default=True,
+    help="How many are opened at once in the last attack.",
+)
+@click.option("--messages", type=click.IntRange(1), default=10_000, show_default=True)
+@click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
+def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
+    """Attack a daemon that moves a simulated bench in real time.
+
+    Strangers' keys, replayed, malformed and huge messages, a crowd of connections. Exit status 1
+    if one is carried out or not told, costs a sample, or leaves something behind.
+    """
+    from smad.cli.run import ended_by_signals
+    from smad.faults.fort import Scale
+    from smad.faults.hostile import json_of, run_attacks, table_of
+    from smad.report.page import text_table
+
+    scale = Scale(messages=messages, connections=connections)
+    with ended_by_signals(), progress() as line:
+        held = run_attacks(scale, line.say)
+        line.done()
+    click.echo(text_table(table_of(held)))
+    _write(json_of(held), json_path)
+    ok = not any(one.failures for one in held)
+    click.echo("the daemon stood every attack" if ok else "an attack did harm")
+    return 0 if ok else 1
+
+
 def _chosen(
     only: tuple[str, ...], *, with_lockstep: bool, with_process: bool
 ) -> tuple[list[str], list[str]]:

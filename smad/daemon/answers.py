@@ -54,6 +54,7 @@ class Answers:
         call = decoder.decode(data)
         if isinstance(call, bytes):
             self._counts.refused += 1
+            self._counts.malformed += 1
             send(call)
             return
 

@@ -37,6 +37,7 @@ from smad.daemon.service import Service
 from smad.daemon.status import CommandCounts, StatusReport
 from smad.daemon.telemetry import Publisher
 from smad.daemon.trace import Trace
+from smad.daemon.unwelcome import Unwelcome
 from smad.daemon.watch import BoardWatch
 from smad.runlog.schema import Event, EventKind, LinkSample
 
@@ -86,7 +87,6 @@ class Daemon:
         self._second_us = 0
         self._housekeeping: asyncio.TimerHandle | None = None
         self._recorder_error = ""
-        self._strangers = 0
         self._housekept_s = time.monotonic()
         self._left_hot_us: int | None = None
         self._period_ns = int(1e9 / config.link.rate_hz)
@@ -173,6 +173,7 @@ class Daemon:
             look_at_port=self.link.read,
             queue=config.daemon.command_queue,
         )
+        self._unwelcome = Unwelcome(self.server, self.commands, self.say)
 
     def start(self) -> None:
         """Open the port and begin. Raises PortError when it cannot be opened."""
@@ -367,18 +368,11 @@ class Daemon:
         self.recorder.note(
             LinkSample(host_time_s=self._wall_clock(), counters=self.status.link_counters())
         )
-        self._tell_of_strangers()
+        self._unwelcome.tell()
         error = self.recorder.failure()
         if error and error != self._recorder_error:
             self.journal.say(f"recording failed: {error}")
         self._recorder_error = error
-
-    def _tell_of_strangers(self) -> None:
-        doorkeeper = self.server.doorkeeper
-        if doorkeeper is not None and doorkeeper.refused > self._strangers:
-            count = doorkeeper.refused - self._strangers
-            self._strangers = doorkeeper.refused
-            self.journal.say(f"turned away {count} connections whose key is not on the list")
 
     def _end_automatic_log(self, now_us: int) -> None:
         mode = self.watch.mode

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
+import operator
 import os
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -30,6 +33,15 @@ LAST_WORDS_MS = 200
 _ZAP_DOMAIN = b"smad"
 _HANDSHAKE_MS = 2000
 
+_COUNTED: dict[int, str] = {
+    zmq.EVENT_ACCEPTED: "connections",
+    zmq.EVENT_DISCONNECTED: "ended",
+    zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL: "bad_handshakes",
+    zmq.EVENT_ACCEPT_FAILED: "not_accepted",
+}
+"""Not the other two failures of a handshake: ZeroMQ 4.3.5 that has to tell of a message it cannot
+decrypt forgets to end the connection, which then stays half open for good."""
+
 Socket = zmq.Socket[bytes]
 Send = Callable[[bytes], None]
 Handler = Callable[[bytes, bytes, Send], None]
@@ -43,12 +55,20 @@ class ServerCounts:
     messages: int = 0
     dropped_replies: int = 0
     dropped_messages: int = 0
+    connections: int = 0
+    """Over TCP, as the next three."""
+    ended: int = 0
+    bad_handshakes: int = 0
+    """Connections that did not greet in time."""
+    not_accepted: int = 0
+    """Connections that the system did not let in, usually for want of descriptors."""
 
 
 @dataclass
 class _Served:
     socket: Socket
     handle: Callable[[list[bytes]], None]
+    monitored: bool = False
     descriptor: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -133,6 +153,8 @@ class CommandServer:
         for served in self._served:
             with contextlib.suppress(ValueError, OSError):
                 self._loop.remove_reader(served.descriptor)
+            if served.monitored:
+                served.socket.disable_monitor()
             served.socket.close(linger=LAST_WORDS_MS)
         self._served.clear()
 
@@ -156,9 +178,28 @@ class CommandServer:
                 f"cannot listen on {address}: {error.strerror}",
                 action="stop what uses the address, or choose another in the configuration",
             ) from error
+        tcp = address.startswith("tcp:")
+        if tcp:
+            self._monitor(socket)
         self._watch(
-            _Served(socket, lambda frames: self._route(socket, frames, handler)), first=first
+            _Served(socket, lambda frames: self._route(socket, frames, handler), monitored=tcp),
+            first=first,
         )
+
+    def _monitor(self, socket: Socket) -> None:
+        events = self._context.socket(zmq.PAIR)
+        events.setsockopt(zmq.LINGER, 0)
+        # A full queue would hold up ZeroMQ's own thread, and every client with it.
+        events.setsockopt(zmq.RCVHWM, 0)
+        address = f"inproc://smad.events.{len(self._served)}"
+        socket.monitor(address, functools.reduce(operator.or_, _COUNTED))
+        events.connect(address)
+        self._watch(_Served(events, self._count_event), first=False)
+
+    def _count_event(self, frames: list[bytes]) -> None:
+        name = _COUNTED.get(int.from_bytes(frames[0][:2], sys.byteorder))
+        if name is not None:
+            setattr(self.counts, name, getattr(self.counts, name) + 1)
 
     def _serve_doorkeeper(self, doorkeeper: Doorkeeper) -> None:
         socket = self._context.socket(zmq.REP)

@@ -34,6 +34,8 @@ class CommandCounts:
     def __init__(self) -> None:
         self.done = 0
         self.refused = 0
+        self.malformed = 0
+        """Of those refused, messages that were no command at all."""
 
 
 class StatusReport:
@@ -192,6 +194,7 @@ class StatusReport:
             "missed_samples": float(counts.missed),
             "skipped_samples": float(counts.skipped),
             "setpoints_dropped": float(counts.setpoints_dropped),
+            "commands_refused": float(self._commands.refused),
             "setpoint_age_p99_us": timing.setpoint_age.p99_us,
             "own_share_p99_us": timing.own_share.p99_us,
         }

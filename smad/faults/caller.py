@@ -83,6 +83,13 @@ class Caller:
             self._socket.recv()
             self.answered += 1
 
+    def drain_one(self) -> None:
+        """Wait for one answer, and count it. Raises DaemonError when none comes."""
+        if not self._socket.poll(int(_PATIENCE_S * 1000)):
+            raise DaemonError("the daemon did not answer", limit=f"{_PATIENCE_S:g} s")
+        self._socket.recv()
+        self.answered += 1
+
     def drain_all(self) -> None:
         """Count the answers until every command has one, or none comes any more."""
         while self.answered < self.sent and self._socket.poll(int(_PATIENCE_S * 1000)):

@@ -1,0 +1,48 @@
+"""Hostile clients against a real daemon: a small run whole, and what counts as harm."""
+
+from dataclasses import replace
+
+import pytest
+
+from smad.faults.fort import Scale
+from smad.faults.hostile import ATTACKS, Held, json_of, run_attacks, table_of
+from smad.report.page import text_table
+
+STOOD = Held(
+    name="stranger's key",
+    tried="20 disarms",
+    told=True,
+    carried_out=0,
+    missed=0,
+    still_armed=True,
+    age_p99_us=900.0,
+    age_max_us=2000.0,
+    answer_max_ms=5.0,
+    rss_growth_MiB=0.5,
+    descriptors_left=0,
+)
+
+
+def test_a_daemon_in_motion_stands_every_attack() -> None:
+    # Paced by its host, so that a busy machine cannot pass for an attack that succeeded.
+    held = run_attacks(Scale(strangers=5, messages=500, connections=300, speed=8.0), print)
+    assert [one.name for one in held] == [attack.name for attack in ATTACKS]
+    assert {one.name: one.failures for one in held if one.failures} == {}
+
+
+@pytest.mark.parametrize(
+    ("harmed", "says"),
+    [
+        (replace(STOOD, told=False), "it was not told"),
+        (replace(STOOD, carried_out=1), "it was carried out"),
+        (replace(STOOD, missed=1), "samples were missed"),
+        (replace(STOOD, still_armed=False), "the bench was disarmed"),
+        (replace(STOOD, rss_growth_MiB=95.0), "memory grew"),
+        (replace(STOOD, descriptors_left=1), "descriptors stayed open"),
+    ],
+)
+def test_each_kind_of_harm_is_named(harmed: Held, says: str) -> None:
+    assert STOOD.failures == []
+    assert harmed.failures == [says]
+    assert says in text_table(table_of([harmed]))
+    assert says in json_of([harmed])
