@@ -52,11 +52,11 @@ def _bench(now: Status) -> Iterator[str]:
     armed = warned("ARMED") if motion.armed else good("not armed")
     yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, link {now.link.state}")
     if motion.fault is not None:
-        yield _line("fault", bad(motion.fault.in_words()))
-        yield _line("", "smad faults explain says what to do")
+        yield _line("fault", bad(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})"))
+        yield from (_line("", text) for text in _explained(motion.fault.number))
     if now.warnings:
         yield _line("warnings", warned(", ".join(now.warnings)))
-    done = "done" if motion.done else "under way"
+    done = "stopped" if motion.fault else "done" if motion.done else "under way"
     reference = "" if motion.reference_mm is None else f", reference {motion.reference_mm:.2f} mm"
     yield _line("motion", f"{motion.running}, {done}{reference}")
     if now.limiter != "none":
@@ -64,6 +64,14 @@ def _bench(now: Status) -> Iterator[str]:
     if now.control.holder:
         whose = "you" if now.control.yours else now.control.holder
         yield _line("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
+
+
+def _explained(number: int) -> tuple[str, str]:
+    from firmware_protocol.enums import Fault
+    from firmware_protocol.supervisor.faults import FAULT_TEXTS
+
+    text = FAULT_TEXTS[Fault(number)]
+    return text.cause, f"{text.remedy} Then smad clear."
 
 
 def _readings(now: Status) -> Iterator[str]:

@@ -188,7 +188,13 @@ def _crowd(fort: Fort) -> str:
     return f"{len(lines)} connections"
 
 
+def _nobody(fort: Fort) -> str:
+    fort.breathe(5.0)
+    return "nothing, for comparison"
+
+
 ATTACKS: tuple[Attack, ...] = (
+    Attack("nobody", _nobody, ""),
     Attack("stranger's key", _strangers, "whose key is not on the list"),
     Attack("no key", _no_key, "connections over TCP ended"),
     Attack("replayed message", _replay, "connections over TCP ended"),
