@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from firmware_protocol.enums import BoardState, Fault
+from firmware_protocol.enums import BoardState, Capability, Fault
 from firmware_protocol.events import HostState
 from firmware_protocol.messages import (
     ArmConfirm,
@@ -216,6 +216,8 @@ class Service:
     ) -> api.Motion:
         """Hand a motion to the controller; it begins with the next sample."""
         self._require_armed()
+        if isinstance(params, MoveStage):
+            self._require_stage()
         self._controller.command(params)
         return self._status.motion()
 
@@ -351,6 +353,17 @@ class Service:
             if stopped
             else "smad faults explain says what to do; then smad clear",
         )
+
+    def _require_stage(self) -> None:
+        # Displacement is the stage's doing once one is used, and not limited any more.
+        ident = self._watch.ident
+        if ident is None or not ident.capabilities & Capability.STAGE:
+            raise Refusal(
+                Reason.INVALID,
+                "this board moves no stretching stage",
+                limit="a board with the capability `stage`",
+                action="nothing was changed; smad status --json lists what the board has",
+            )
 
     def _require_armed(self) -> None:
         self._require_connected()

@@ -6,6 +6,7 @@ Until the signal comes it runs unchanged.
 
 from __future__ import annotations
 
+import functools
 import importlib
 import signal
 import sys
@@ -59,6 +60,7 @@ def _break(place: str) -> None:
 
 
 def _once_broken(whole: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(whole)
     def broken(*arguments: Any, **options: Any) -> Any:
         if _Trigger.pulled:
             raise RuntimeError("injected")

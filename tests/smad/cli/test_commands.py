@@ -170,7 +170,8 @@ def test_status_shows_a_fault_with_value_and_limit() -> None:
     motion = msgspec.structs.replace(MOTION, armed=False, mode="FAULT", fault=fault)
     text = "\n".join(lines(msgspec.structs.replace(STATUS, motion=motion, sample=None)))
     assert "OVER_TEMPERATURE at SPRING_X: 9050 cC, limit 9000 cC" in text
-    assert "smad faults explain" in text
+    assert "A spring got hotter than the limit" in text
+    assert "Then smad clear." in text
 
 
 def test_status_as_json_is_the_whole_status(

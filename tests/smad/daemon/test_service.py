@@ -367,3 +367,17 @@ async def test_the_longest_time_armed_ends_the_motion_under_the_name_of_the_boar
         assert motion["fault"]["name"] == "ARMED_TOO_LONG"
         assert motion["fault"]["limit"] == 2.0
         assert "Disarm, look at the bench, arm again." in rig.said
+
+
+async def test_a_stage_is_moved_only_by_a_board_that_has_one(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        with pytest.raises(Refused, match="moves no stretching stage") as refused:
+            await rig.ask("stage", stage_mm=5.0, rate_mm_per_s=5.0)
+        assert refused.value.reason == "invalid"
+    bench = SimulatedBench(seed=1, fixture="stretch")
+    async with rig_in(tmp_path / "stretch", bench) as rig:
+        await rig.arm()
+        await rig.ask("stage", stage_mm=5.0, rate_mm_per_s=5.0)
+        await rig.run_for(2.0)
+        assert rig.bench.board.stage_m == pytest.approx(0.005)

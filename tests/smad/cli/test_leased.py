@@ -1,0 +1,85 @@
+"""A bench that is never armed without somebody who can be missed: on a client that only notes."""
+
+import contextlib
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from smad.cli.leased import LeasedDriver
+from smad.client import BoardRefused
+
+PLAN: Any = SimpleNamespace(name="a plan")
+
+
+class Noting:
+    """A client and a driver at once; `refusals` is how often the board refuses to arm."""
+
+    def __init__(self, refusals: int = 0) -> None:
+        self.done: list[str] = []
+        self.refusals = refusals
+        self.armed = False
+        self.breaks = False
+
+    @contextlib.contextmanager
+    def in_control(self, name: str, lease_s: float) -> Iterator[None]:
+        self.done.append(f"{name} for {lease_s:g} s")
+        yield
+        self.done.append("released")
+
+    def motion(self) -> Any:
+        return SimpleNamespace(armed=self.armed)
+
+    def arm(self) -> None:
+        if self.refusals:
+            self.refusals -= 1
+            raise BoardRefused("the springs are not cold enough")
+        self.armed = True
+        self.done.append("armed")
+
+    def disarm(self) -> None:
+        self.armed = False
+        self.done.append("disarmed")
+
+    def run(self, plan: Any) -> str:
+        assert self.armed
+        self.done.append("ran")
+        if self.breaks:
+            raise ValueError("broken")
+        return "a recording"
+
+
+def leased(bench: Any) -> LeasedDriver:
+    return LeasedDriver(
+        bench, bench, lease_s=3.0, progress=bench.done.append, sleep=lambda s: None,
+        clock_s=lambda: 0.0,
+    )  # fmt: skip
+
+
+def test_each_run_is_under_control_and_ends_disarmed() -> None:
+    bench = Noting()
+    driver = leased(bench)
+    assert driver.run(PLAN) == "a recording"
+    once = ["smad run for 3 s", "armed", "ran", "disarmed", "released"]
+    assert bench.done == once
+    driver.run(PLAN)
+    assert bench.done == once * 2
+
+
+def test_a_run_that_breaks_is_disarmed_too() -> None:
+    bench = Noting()
+    bench.breaks = True
+    with pytest.raises(ValueError, match="broken"):
+        leased(bench).run(PLAN)
+    assert bench.done[-1] == "disarmed"
+
+
+def test_between_two_runs_it_waits_for_the_springs_and_before_the_first_it_does_not() -> None:
+    bench = Noting(refusals=1)
+    driver = leased(bench)
+    with pytest.raises(BoardRefused):
+        driver.run(PLAN)
+    bench.refusals = 3
+    assert driver.run(PLAN) == "a recording"
+    assert sum("waiting until the springs are cold" in line for line in bench.done) == 3
