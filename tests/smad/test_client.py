@@ -84,10 +84,12 @@ def test_there_is_a_client_method_for_every_method_of_the_api(
         with pytest.raises(NoAnswer):
             call()
     daemon.answers["record.stop"] = api.RecorderStatus(recording=False)
-    daemon.answers["motion"] = MOTION
+    daemon.answers["motion"] = daemon.answers["disarm"] = MOTION
     client.timeout_s = 30.0
     client.stop_recording()
     client.motion()
+    # What went over a channel before an answer came over it has arrived.
+    client.disarm()
     assert {request["method"] for request in daemon.asked} == {m.name for m in api.METHODS}
 
 
@@ -260,6 +262,31 @@ def test_recording_ends_with_the_block_even_when_it_fails(
     with pytest.raises(ZeroDivisionError):
         experiment()
     assert [request["method"] for request in daemon.asked] == ["record.start", "record.stop"]
+
+
+async def test_control_is_given_back_at_the_end_of_the_block_even_when_it_fails(
+    client: Client, daemon: FakeDaemon, tmp_path: Path
+) -> None:
+    daemon.answers["control.take"] = daemon.answers["control.release"] = api.Control()
+
+    def experiment() -> None:
+        with client.in_control("Ada", lease_s=3.0):
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        experiment()
+    async with (
+        AsyncClient(folder=tmp_path, timeout_s=30.0) as other,
+        other.in_control("Bob", lease_s=4.0),
+    ):
+        pass
+    asked = [(request["method"], request.get("params", {})) for request in daemon.asked]
+    assert asked == [
+        ("control.take", {"name": "Ada", "lease_s": 3.0}),
+        ("control.release", {}),
+        ("control.take", {"name": "Bob", "lease_s": 4.0}),
+        ("control.release", {}),
+    ]
 
 
 async def test_the_async_client_does_the_same(daemon: FakeDaemon, tmp_path: Path) -> None:
