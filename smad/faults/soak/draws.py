@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from msgspec import Struct
@@ -139,7 +139,10 @@ DRAWN: dict[str, Drawn] = {
 """By method. ESTOP and the end of the run log come at their own times, not by chance."""
 
 
-def draw_command(rng: random.Random) -> Struct:
+SAFE_ONLY = ("params.set", "params.save")
+
+
+def draw_command(rng: random.Random, among: Sequence[str] = tuple(DRAWN)) -> Struct:
     """One command, drawn by the weights."""
-    (name,) = rng.choices(list(DRAWN), [drawn.weight for drawn in DRAWN.values()])
+    (name,) = rng.choices(among, [DRAWN[name].weight for name in among])
     return DRAWN[name].draw(rng)

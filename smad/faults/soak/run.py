@@ -37,7 +37,7 @@ from smad.daemon.endpoints import read_connection
 from smad.errors import DaemonError, RunLogError
 from smad.faults.caller import Caller
 from smad.faults.soak.bench import READY
-from smad.faults.soak.draws import draw_command
+from smad.faults.soak.draws import SAFE_ONLY, draw_command
 from smad.faults.soak.found import Found, Logged, Stage, Usage, not_logged
 from smad.runlog.reader import read_run
 
@@ -195,7 +195,10 @@ class Soak:
         # Left to chance alone the bench would hardly ever be armed.
         if motion["fault"] is not None:
             self._order(api.Clear())
-        elif motion["mode"] == "SAFE" and self._rng.random() < 0.5:
+        elif motion["mode"] == "SAFE":
+            # Parameters are set and saved only here, where it never stays for long.
+            if self._rng.random() < 0.5:
+                self._order(draw_command(self._rng, SAFE_ONLY))
             self.found.armings += self._order(api.Arm())
         self._order(draw_command(self._rng))
 
