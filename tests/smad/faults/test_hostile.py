@@ -1,9 +1,13 @@
 """Hostile clients against a real daemon: a small run whole, and what counts as harm."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from smad.cli import execute
+from smad.faults import hostile
 from smad.faults.fort import Scale
 from smad.faults.hostile import ATTACKS, Held, json_of, run_attacks, table_of
 from smad.report.page import text_table
@@ -46,3 +50,33 @@ def test_each_kind_of_harm_is_named(harmed: Held, says: str) -> None:
     assert harmed.failures == [says]
     assert says in text_table(table_of([harmed]))
     assert says in json_of([harmed])
+
+
+@pytest.mark.parametrize(
+    ("held", "status", "says"),
+    [
+        (STOOD, 0, "the daemon stood every attack"),
+        (replace(STOOD, missed=1), 1, "an attack did harm"),
+    ],
+)
+def test_the_command_ends_with_what_came_of_it(
+    held: Held,
+    status: int,
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    asked: list[Scale] = []
+
+    def pretend(scale: Scale, say: object) -> list[Held]:
+        asked.append(scale)
+        return [held]
+
+    monkeypatch.setattr(hostile, "run_attacks", pretend)
+    file = tmp_path / "hostile.json"
+    words = ["--connections", "7", "--messages", "9", "--json", str(file)]
+    assert execute(["faults", "hostile", *words]) == status
+    assert says in capsys.readouterr().out
+    assert (asked[0].connections, asked[0].messages, asked[0].speed) == (7, 9, None)
+    assert json.loads(file.read_text())["attacks"][0]["failures"] == held.failures
