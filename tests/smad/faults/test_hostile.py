@@ -63,6 +63,7 @@ def test_the_command_ends_with_what_came_of_it(
     held: Held,
     status: int,
     says: str,
+    *,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
