@@ -21,7 +21,8 @@ class Worth:
     """Gaps and shrinks on held-out runs, over `keys`.
 
     `ceiling` is the shrink that a flexible correction reaches, alone or on top of the best model.
-    `draws` are bootstrap values of (S, ceiling), shape (draws, 2).
+    `draws` are bootstrap values of (S, ceiling), shape (draws, 2); `score_share` those of the part
+    of a flexible correction's gain in log-likelihood that the best model reaches, shape (draws,).
     """
 
     keys: tuple[str, ...]
@@ -30,6 +31,7 @@ class Worth:
     shrink: float
     ceiling: float
     draws: Array
+    score_share: Array
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -45,8 +47,8 @@ class Flexible:
         self.made = Designs.of(judged.problem.evidence)
         self.held = {} if judged.hold is None else self.made.on(judged.hold.evidence)
 
-    def squares(self, judged: Judged) -> Array:
-        """Squares of `judged.bench` after a correction of every output, judged held out."""
+    def rows(self, judged: Judged) -> Array:
+        """Residual of `judged.bench` after a correction of every output, judged held out."""
         problem, bench = judged.problem, judged.bench
         ev = problem.evidence
         residual = ev.residual(judged.left_out + problem.background)
@@ -60,7 +62,7 @@ class Flexible:
                 continue
             for seg in bench.evidence.rows_of(key):
                 rows[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
-        return np.square(bench.whitening.scale(np.where(bench.evidence.valid, rows, 0.0)))
+        return np.where(bench.evidence.valid, rows, 0.0)
 
 
 def excess_draws(problem: Problem, squares: Array, keys: Sequence[str], weights: Array) -> Array:
@@ -77,38 +79,57 @@ def excess_draws(problem: Problem, squares: Array, keys: Sequence[str], weights:
 
 
 @dataclass(frozen=True)
-class Squares:
-    """Squared residuals over the floor, held out, of four models of the same rows.
+class Remains:
+    """What a model leaves on the runs that judge: squares over the floor, score of each cell."""
 
-    `refits` are the robust refit and the one by plain least squares: the smaller gap of the two
-    counts, since an effect is never credited with what any refit gives. `flexible` are corrections
-    on top of the refit and of the best model.
+    squares: Array
+    scores: Array
+
+    @classmethod
+    def of(cls, bench: Problem, rows: Array) -> Remains:
+        return cls(
+            np.square(bench.whitening.scale(rows)), bench.cell_score(bench.whitening.white(rows))
+        )
+
+    @classmethod
+    def left_by(cls, judged: Judged) -> Remains:
+        bench = judged.bench
+        return cls.of(bench, bench.evidence.residual(judged.predicted + bench.background))
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What four models leave of the same rows.
+
+    `refits` are the refit that the selection began with and, if its parameters were free, the one
+    by plain least squares: the smaller gap counts, since an effect is never credited with what a
+    refit gives. `flexible` are corrections on top of the refit and of the best model.
     """
 
     problem: Problem
-    refits: tuple[Array, Array]
-    final: Array | None
-    flexible: tuple[Array, ...]
+    refits: tuple[Remains, ...]
+    final: Remains | None
+    flexible: tuple[Remains, ...]
 
     @classmethod
-    def of(cls, selection: Selection, gentle: Judged) -> Squares:
+    def of(cls, selection: Selection, gentle: Judged | None) -> Standing:
         base, best = selection.base.judged, selection.best.judged
         named = bool(selection.best.names)
         flexible = Flexible(base)
         tops = (base, best) if named else (base,)
         return cls(
             best.bench,
-            (base.squares(), gentle.squares()),
-            best.squares() if named else None,
-            tuple(flexible.squares(j) for j in tops),
+            tuple(Remains.left_by(j) for j in (base, gentle) if j is not None),
+            Remains.left_by(best) if named else None,
+            tuple(Remains.of(best.bench, flexible.rows(j)) for j in tops),
         )
 
     def worth(self, keys: Sequence[str]) -> Worth:
         """Gaps, shrink and ceiling over some outputs."""
         bench = self.problem
 
-        def gap(squares: Array) -> float:
-            return excess_of(bench, squares, keys)
+        def gap(r: Remains) -> float:
+            return excess_of(bench, r.squares, keys)
 
         refit = min(self.refits, key=gap)
         final = refit if self.final is None else self.final
@@ -116,9 +137,12 @@ class Squares:
         ev, settings = bench.evidence, bench.evidence.settings
         rng = np.random.default_rng(settings.seed + 5)
         weights = resample_weights(ev.cell_run, ev.cell_block, settings.bootstrap, rng)
-        g = [excess_draws(bench, s, keys, weights) for s in (refit, final, best)]
+        g = [excess_draws(bench, r.squares, keys, weights) for r in (refit, final, best)]
         safe = np.maximum(g[0], 1e-9)
         draws = np.column_stack([1 - g[1] / safe, 1 - g[2] / safe])
+        mine = np.isin(np.array([s.key for s in ev.segments])[ev.cell_segment], list(keys))
+        gain = [weights[:, mine] @ (r.scores - refit.scores)[mine] for r in (final, *self.flexible)]
+        most = np.maximum(np.max(gain, axis=0), 1e-9)
         return Worth(
             tuple(keys),
             gap(refit),
@@ -126,6 +150,7 @@ class Squares:
             shrink(gap(final), gap(refit)),
             shrink(gap(best), gap(refit)),
             np.clip(draws, -1.0, 1.0),
+            np.clip(gain[0] / most, -1.0, 1.0),
         )
 
 

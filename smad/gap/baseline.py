@@ -3,6 +3,9 @@
 A model that lacks a law shows the lack in good runs too. What the library can say of it is fitted
 to the good runs and stays in the model, fixed; the question is then what has changed on top of it,
 and what remains is K_δ. An effect of the baseline may change as well: it stays a candidate.
+
+What is missing here turns up later as a change that never happened, so that effects enter by the
+handful, not by the best one.
 """
 
 from __future__ import annotations
@@ -10,11 +13,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from smad.gap.fit import Start, joint_fits
 from smad.gap.judge import judge
 from smad.gap.lsq import Fitted, drive, fitting
 from smad.gap.plant import Effect
-from smad.gap.screen import probe, reprobe, screen
+from smad.gap.screen import Screened, probe, reprobe, screen
 from smad.gap.select import cluster_gain
 
 
@@ -23,39 +25,49 @@ def learn_baseline(
 ) -> Fitted:
     """The fit of the good runs with the effects that they ask for, all then fixed.
 
-    One at a time, the best first, each judged on good runs left out in turn.
+    A few at a time, the best first, judged on good runs left out in turn; a handful that fails
+    together is tried by its first alone.
     """
     settings = fit.problem.evidence.settings
-    library = sorted(effects, key=lambda e: e.name)
     current = fit
-    probes = probe(current, library)
-    for _ in range(settings.baseline_effects):
+    probes = probe(current, sorted(effects, key=lambda e: e.name))
+    for _ in range(settings.baseline_rounds):
         probes = reprobe(probes, current)
-        ranked = screen(probes)
-        chosen = [s for s in ranked if s.gain > settings.baseline_gain][: settings.baseline_tried]
-        if not chosen:
+        asked = [s for s in screen(probes) if s.gain > settings.baseline_gain]
+        asked = asked[: settings.baseline_handful]
+        entered = None
+        for chosen in (asked, asked[:1]) if len(asked) > 1 else (asked,):
+            if chosen and entered is None:
+                entered = _entered(current, chosen)
+        if entered is None:
             break
-        values = current.point.effects
-        joints = joint_fits(
-            current,
-            [
-                Start((*current.space.effects, s.effect), {**values, s.effect.name: s.start})
-                for s in chosen
-            ],
-            longer=2,
-            finish=1,
-        )
-        before, *after = judge([current, *(j.fit for j in joints.values())], None)
-        best, best_gain = None, 0.0
-        for joint, judged in zip(joints.values(), after, strict=True):
-            gain, se = cluster_gain(current.problem, None, judged.scores() - before.scores())
-            if gain > max(best_gain, settings.baseline_gain, se):
-                best, best_gain = joint.fit, gain
-        if best is None:
-            break
-        current = best
+        current = entered
         progress("baseline: " + ", ".join(e.name for e in current.space.effects))
     return frozen(current)
+
+
+def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
+    """The fit with these effects too, if runs left out gain by it."""
+    settings = current.problem.evidence.settings
+    space = current.space.with_effects((*current.space.effects, *(s.effect for s in chosen)))
+    values = {**current.point.effects, **{s.effect.name: s.start for s in chosen}}
+    p = space.start(values)
+    n = current.space.n_theta
+    p[:n] = current.p[:n]
+    evidence = current.problem.evidence
+    evidence.match_rough(current.point, current.predicted)
+    steps = fitting(
+        current.problem,
+        space,
+        p,
+        theta_A=current.A[:, :n],
+        iterations=settings.fit_iterations,
+        refresh_theta=True,
+    )
+    trial = drive(evidence, [steps])[0]
+    before, after = judge([current, trial], None)
+    gain, se = cluster_gain(current.problem, None, after.scores() - before.scores())
+    return trial if gain > max(settings.baseline_gain, se) else None
 
 
 def frozen(fit: Fitted) -> Fitted:

@@ -2,59 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
-import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from importlib.metadata import version
 
-import numpy as np
-
-from smad.gap.admission import Admission, Finding, admit
-from smad.gap.assess import Squares, group_of
-from smad.gap.fit import JointFit, bootstrap, intervals, polished
-from smad.gap.judge import excess_by_key, leave_out_points, predict_by_run
-from smad.gap.nextexp import propose
-from smad.gap.plant import Array, Parameter, PlantModel
-from smad.gap.records import (
-    Diagnosis,
-    ExperimentRecord,
-    FindingRecord,
-    Outcome,
-    Verdict,
-)
+from smad.gap.admission import admit
+from smad.gap.closing import Closing, Shell
+from smad.gap.plant import Parameter, PlantModel
+from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
 from smad.gap.runs import GapRun
-from smad.gap.select import Candidate, Selection, Selector
 from smad.gap.settings import Settings
-from smad.gap.stages import OpenLoop, Prepared, open_loop, prepare
-from smad.gap.summary import (
-    candidate_records,
-    dominant_outputs,
-    fitted_records,
-    floor_records,
-    heat_of,
-    heat_records,
-    pair_records,
-    parameter_records,
-    residual_test_records,
-    run_records,
-    traces,
-    value_records,
-    waterfall,
-    window_records,
-)
-from smad.gap.verdict import Evidenced, decide, words
-
-LIMITS = (
-    "Every figure is about this plant model and its library: a cause outside it can only be "
-    "reported as unknown.",
-    "Probabilities are relative to the library and to the runs given; they have been calibrated on "
-    "simulated plants, not on a bench.",
-    "A refit can imitate an effect: the masked share of each candidate says how much of it these "
-    "runs cannot show.",
-)
-_VISIBLE_FLOORS = 4.0
+from smad.gap.stages import Prepared, prepare
+from smad.gap.tracks import Track, follow_tracks
+from smad.gap.verdict import decide
+from smad.gap.weigh import weigh
 
 
 def diagnose(
@@ -65,6 +26,7 @@ def diagnose(
     hold_out: Sequence[GapRun] = (),
     parameters: Sequence[Parameter] | None = None,
     settings: Settings | None = None,
+    leave_out: bool = False,
     executor: Executor | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
@@ -73,8 +35,9 @@ def diagnose(
     `good` are runs known to be good: they set the floor and the background, and the question
     becomes what has changed since. `hold_out` are runs to judge on; without them each run is left
     out in turn. `parameters` replace the plant's (a parameter file). `executor` runs the replays;
-    by default a pool of two threads. The result depends on the runs, the plant and the settings
-    only.
+    by default a pool of two threads. `leave_out` asks once more without the first cause in the
+    library, to see that the answer then is "unknown". The result depends on the runs, the plant and
+    the settings only.
     """
     settings = settings or Settings()
     began = time.perf_counter()
@@ -88,6 +51,7 @@ def diagnose(
             executor=pool,
             progress=progress,
             began=began,
+            leave_out=leave_out,
         )
     finally:
         if executor is None:
@@ -103,6 +67,7 @@ def _diagnose(
     executor: Executor,
     progress: Callable[[str], None],
     began: float,
+    leave_out: bool,
 ) -> Diagnosis:
     progress("admission")
     order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in given.values()]
@@ -120,7 +85,7 @@ def _diagnose(
             if r.name in a.refused
         ],
     }
-    shell = _Shell(plant, settings, findings, roles, bool(good_runs), began)
+    shell = Shell(plant, settings, findings, roles, bool(good_runs), began)
     if not fit_runs:
         return shell.refused(admitted[0])
     prepared = prepare(
@@ -133,270 +98,22 @@ def _diagnose(
         executor=executor,
         progress=progress,
     )
-    selection = Selector(prepared.fit, prepared.hold, plant.effects, prepared.null, progress).run()
-    return _Closing(prepared, selection, shell, executor, progress).diagnosis()
+    track = follow_tracks(prepared, plant.effects, progress)
+    closing = Closing(prepared, track, shell, executor, progress)
+    return closing.diagnosis(_left_out(prepared, track, progress) if leave_out else ())
 
 
-@dataclasses.dataclass(frozen=True)
-class _Shell:
-    """What every diagnosis carries, whatever it found."""
-
-    plant: PlantModel
-    settings: Settings
-    findings: Sequence[Finding]
-    roles: dict[str, Sequence[GapRun]]
-    since_good: bool
-    began: float
-
-    def record(self, verdict: Verdict, **parts: object) -> Diagnosis:
-        empty: dict[str, object] = {
-            name: []
-            for name in (
-                "missing", "floors", "steps", "waterfall", "heat", "windows", "candidates",
-                "values", "parameters", "pairs", "residual_tests", "experiments", "traces",
-            )
-        }  # fmt: skip
-        return Diagnosis(
-            plant=self.plant.name,
-            plant_version=self.plant.version,
-            versions={
-                "smad": version("smad"),
-                "numpy": np.__version__,
-                "scipy": version("scipy"),
-                "python": platform.python_version(),
-            },
-            settings=dataclasses.asdict(self.settings),
-            question="what has changed since the known-good runs"
-            if self.since_good
-            else "what differs between model and bench",
-            judged_on="runs held out" if self.roles["hold-out"] else "each run left out in turn",
-            verdict=verdict,
-            runs=run_records(self.roles),
-            findings=[FindingRecord(f.run, f.kind, f.text, f.refuses) for f in self.findings],
-            limits=list(LIMITS),
-            seconds=time.perf_counter() - self.began,
-            **(empty | {"model": {}} | parts),  # type: ignore[arg-type]
-        )
-
-    def refused(self, admission: Admission) -> Diagnosis:
-        """No run could be used: the verdict names why, and nothing else."""
-        kinds = list(dict.fromkeys(f.kind for f in admission.findings if f.refuses))
-        starved = set(kinds) <= {"too short", "no excitation"}
-        outcome = Outcome.NO_EXCITATION if starved else Outcome.REFUSED
-        reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings if f.refuses)
-        text = f"No run can be used ({', '.join(kinds) or 'none was given'}). {reasons}".strip()
-        return self.record(_blank_verdict(outcome, text))
-
-
-def _blank_verdict(outcome: Outcome, text: str) -> Verdict:
-    return Verdict(
-        outcome=outcome, effects=[], group=[], sub_model="", regimes=[], probability=1.0,
-        probabilities={}, gap_raw=0.0, gap_refit=0.0, gap_final=0.0, shrink=0.0, shrink_low=0.0,
-        shrink_high=0.0, ceiling=0.0, open_loop=[], text=text,
-    )  # fmt: skip
-
-
-class _Closing:
-    """From a selection to the records: worth, verdict, intervals, next experiment."""
-
-    def __init__(
-        self,
-        prepared: Prepared,
-        selection: Selection,
-        shell: _Shell,
-        executor: Executor,
-        progress: Callable[[str], None],
-    ) -> None:
-        self.prepared, self.selection, self.shell = prepared, selection, shell
-        self.executor, self.progress = executor, progress
-
-    def diagnosis(self) -> Diagnosis:
-        prepared, selection, plant = self.prepared, self.selection, self.prepared.plant
-        settings = prepared.settings
-        self.progress("judging")
-        base, best = selection.base, selection.best
-        groups = self._groups()
-        squares = Squares.of(selection, prepared.gentle)
-        whole = squares.worth(best.judged.bench.evidence.keys)
-        touched = squares.worth(best.touched) if best.touched else whole
-        numbers = Evidenced(
-            effects=self._by_importance(),
-            groups=groups,
-            probability={
-                k: v for table in selection.probability.values() for k, v in table.items()
-            },
-            gap_raw=prepared.raw.excess(),
-            threshold=prepared.threshold,
-            touched=touched,
-            whole=whole,
-            since_good=self.shell.since_good,
-            moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
-            chance=min((c.p_value for c in selection.tried if len(c.names) == 1), default=1.0),
-            visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))
-            if selection.screened
-            else 1.0,
-        )
-        outcome, p = decide(numbers, settings)
-        named = outcome in (Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST)
-        self.progress("intervals")
-        final = (
-            dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
-            if named
-            else best
-        )
-        values = (
-            value_records(intervals(final.joint, settings.seed), prepared.fixed) if named else []
-        )
-        refit_heat = heat_of(base.judged)
-        by_key = excess_by_key(base.judged.bench, base.judged.squares())
-        outputs = dominant_outputs(by_key)
-        sub_model = refit_heat.worst_sub_model
-        if named:
-            first = next(e for e in plant.effects if e.name == numbers.effects[0])
-            sub_model = first.sub_model
-            outputs = [k for k in best.touched if k in outputs] or list(best.touched)
-        place = self._sub_model_of(outputs[0]) if outputs else sub_model
-        regimes = refit_heat.worst_regimes(place)
-        experiments = self._experiments(outcome, groups)
-        channel_of = {s.key: s.channel for s in best.judged.bench.evidence.segments}
-        text = words(
-            outcome, numbers, plant, p=p, sub_model=sub_model, regimes=regimes,
-            outputs=list(dict.fromkeys(channel_of[k] for k in outputs)), values=values,
-            experiments=experiments, since_good=self.shell.since_good,
-        )  # fmt: skip
-        opened, open_rows, shown = self._open_loop(named)
-        steps = self._steps()
-        low, high = whole.interval
-        verdict = Verdict(
-            outcome=outcome,
-            effects=list(numbers.effects) if named else [],
-            group=[n for e in numbers.effects[:1] for n in groups.get(e, ())] if named else [],
-            sub_model=sub_model,
-            regimes=regimes,
-            probability=p,
-            probabilities=next(iter(selection.probability.values()), {}),
-            gap_raw=numbers.gap_raw,
-            gap_refit=whole.gap_refit,
-            gap_final=whole.gap_final,
-            shrink=whole.shrink if named else 0.0,
-            shrink_low=low,
-            shrink_high=high,
-            ceiling=whole.ceiling,
-            open_loop=opened,
-            text=text,
-        )
-        rivals = next(iter(selection.rivals.values()), ())
-        stand = [best, *rivals] if best.names else list(selection.tried[:5])
-        return self.shell.record(
-            verdict,
-            missing=sorted(set(prepared.problem.evidence.missing)),
-            floors=floor_records(prepared),
-            steps=[list(c.names) for c in self._chain()],
-            waterfall=waterfall("local", best.judged.bench, steps, plant) + open_rows,
-            heat=heat_records(heat_of(prepared.raw), refit_heat, heat_of(best.judged)),
-            windows=window_records(refit_heat),
-            candidates=candidate_records(selection, settings.false_discovery),
-            values=values,
-            parameters=parameter_records(
-                prepared, final, bootstrap(final.fit, settings.bootstrap, settings.seed)
-            ),
-            pairs=pair_records(stand) if len(stand) > 1 else [],
-            residual_tests=residual_test_records(prepared, best),
-            experiments=experiments,
-            traces=shown,
-            fitted=fitted_records(self.selection),
-            places=self.selection.probability,
-            model={
-                "theta": dict(final.fit.point.theta),
-                "effects": {k: dict(v) for k, v in final.fit.point.effects.items()},
-            },
-        )
-
-    def _sub_model_of(self, key: str) -> str:
-        segments = self.selection.best.judged.bench.evidence.segments
-        return next(s.sub_model for s in segments if s.key == key)
-
-    def _groups(self) -> dict[str, list[str]]:
-        s, settings = self.selection, self.prepared.settings
-        out = {}
-        for name, rivals in s.rivals.items():
-            near, _ = group_of(
-                s.best, rivals, s.probability[name], settings.ambiguous_odds, settings.ambiguous_d2
-            )
-            out[name] = near
-        return out
-
-    def _by_importance(self) -> tuple[str, ...]:
-        """Effects of the best model, by what leaving each out would cost on held-out runs."""
-        best = self.selection.best
-        if len(best.names) < 2:
-            return best.names
-        ev = best.fit.problem.evidence
-        full = best.fit.point
-        cost = {}
-        for name in best.names:
-            rest = {k: v for k, v in full.effects.items() if k != name}
-            if name in self.prepared.fixed:
-                rest[name] = self.prepared.fixed[name]
-            less = dataclasses.replace(full, effects=rest)
-            change = ev.predict([less])[0] - best.fit.predicted
-            cost[name] = float(np.sum(np.square(best.fit.problem.whitening.scale(change))))
-        return tuple(sorted(cost, key=lambda n: (-cost[n], n)))
-
-    def _steps(self) -> list[Array]:
-        return [
-            self.prepared.raw.predicted,
-            self.selection.base.judged.predicted,
-            *[c.judged.predicted for c in self._chain()],
-        ]
-
-    def _chain(self) -> list[Candidate]:
-        """The way to the best model: accepted steps that are part of it, then itself."""
-        s = self.selection
-        if not s.best.names:
-            return []
-        return [c for c in s.steps if set(c.names) < set(s.best.names)] + [s.best]
-
-    def _open_loop(self, named: bool) -> tuple[list[float], list[object], list[object]]:
-        s, prepared = self.selection, self.prepared
-        opened: OpenLoop = open_loop(prepared, self.executor)
-        ev = opened.problem.evidence
-        chain = self._chain() if named else []
-        predictions = [ev.predict([prepared.fit.space.point(prepared.fit.space.start())])[0]]
-        for c in (s.base, *chain):
-            if prepared.hold is None:
-                predictions.append(
-                    predict_by_run(opened.problem, leave_out_points(c.fit), c.fit.point)
-                )
-            else:
-                predictions.append(ev.predict([c.fit.point])[0])
-        rows = waterfall("open loop", opened.problem, predictions, prepared.plant)
-        total = rows[-1]
-        shown = traces("open loop", opened.problem, predictions[1], predictions[-1], prepared.plant)
-        return [total.raw, total.refit, *total.effects], list(rows), list(shown)
-
-    def _experiments(
-        self, outcome: Outcome, groups: dict[str, list[str]]
-    ) -> list[ExperimentRecord]:
-        """Proposals, when something is still confused."""
-        if outcome is not Outcome.AMBIGUOUS:
-            return []
-        self.progress("next experiment")
-        s = self.selection
-        name = next(n for n in s.best.names if groups.get(n))
-        near = [r for r in s.rivals[name] if any(n in groups[name] for n in r.names)][:3]
-        table = s.probability[name]
-        fits = [s.best.fit, *[r.fit for r in near]]
-        weights = [table.get(name, 1.0)]
-        weights += [max(table.get(n, 0.0) for n in r.names if n not in s.best.names) for r in near]
-        found = propose(fits, weights, self.prepared.noise, self.prepared.plant.catalogue())
-        return [
-            ExperimentRecord(
-                q.experiment.name,
-                q.experiment.title,
-                q.experiment.duration_s,
-                q.separation,
-                q.experiment.command,
-            )
-            for q in found
-        ]
+def _left_out(
+    prepared: Prepared, track: Track, progress: Callable[[str], None]
+) -> list[LeftOutRecord]:
+    """The verdict when the first cause is taken out of the library."""
+    since_good = prepared.background is not None
+    named = weigh(prepared, track, since_good=since_good).effects
+    if not named:
+        return []
+    progress(f"once more without {named[0]}")
+    library = [e for e in prepared.plant.effects if e.name != named[0]]
+    numbers = weigh(prepared, follow_tracks(prepared, library, progress), since_good=since_good)
+    outcome, p = decide(numbers, prepared.settings)
+    names = [] if outcome is Outcome.UNKNOWN else list(numbers.effects)
+    return [LeftOutRecord(named[0], outcome, names, p)]

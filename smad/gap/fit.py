@@ -68,12 +68,12 @@ class Interval:
 
 
 def joint_fits(
-    base: Fitted, starts: Sequence[Start], *, longer: int | None = None, finish: int = 2
+    base: Fitted, starts: Sequence[Start], *, finish: int = 2
 ) -> dict[tuple[str, ...], JointFit]:
     """Fits every start, in step, and keeps the best of each set of effects.
 
     In three rounds, each for fewer: a short and rough one for every start; a longer one in detail
-    for the best start of the `longer` better sets, the first two given among them, since what is quick is
+    for the best start of the better sets, the first two given among them, since what is quick is
     hidden from rough replays; and, for the best `finish` sets, one in which the sensitivities of
     the model parameters are renewed instead of following Broyden's rule.
     """
@@ -105,7 +105,7 @@ def joint_fits(
         for fit in drive(base.problem.evidence, first[i : i + _TOGETHER]):
             _enter(ends, fit)
     given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
-    for renew, count in ((False, longer or settings.longer_fits), (True, finish)):
+    for renew, count in ((False, settings.longer_fits), (True, finish)):
         order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
         if not renew:
             order = list(dict.fromkeys([*given[:_TRUSTED], *order]))
@@ -114,7 +114,7 @@ def joint_fits(
                 ends[names].fit.space,
                 ends[names].fit.p,
                 iterations=settings.fit_iterations,
-                renew=renew,
+                renew=renew and base.space.tie is None,
                 rough=False,
             )
             for names in order[:count]

@@ -158,9 +158,7 @@ class Projected:
     follow: Array
 
 
-def project(
-    probes: Probes, z: Array, cell_weight: Array, *, at_rest: bool = False
-) -> Projected:
+def project(probes: Probes, z: Array, cell_weight: Array, *, at_rest: bool = False) -> Projected:
     """b = sᵀP⊥z, d = sᵀP⊥s, and sᵀs, with cells weighted; priors act as further rows.
 
     `at_rest`: the residual is not that of the fit, so that the prior does not pull at it.
@@ -185,6 +183,8 @@ def screen(probes: Probes) -> list[Screened]:
     """Every effect, best first. Amplitude and weights are refined a few times per probe."""
     fit = probes.fit
     problem = fit.problem
+    if not probes.probes:
+        return []
     base_score = problem.cell_score(fit.z).sum()
     start = project(probes, fit.z, problem.cell_weight(fit.z))
     gains = np.zeros(len(probes.probes))

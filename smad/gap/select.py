@@ -106,11 +106,18 @@ class Selector:
         progress: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.refit, self.hold = refit, hold
+        self.tied = refit.space.tie is not None
         # The order in which a library lists its effects must not matter.
         self.effects = tuple(sorted(effects, key=lambda e: e.name))
         self.settings: Settings = refit.problem.evidence.settings
         self._null_of, self._null = null, np.zeros(0)
         self.progress = progress
+        since_good = bool(refit.space.fixed) or self.tied
+        self.certainty = (
+            self.settings.since_standard_errors
+            if since_good
+            else self.settings.gain_standard_errors
+        )
         self.masks = refit.problem.evidence.regime_masks()
 
     def run(self) -> Selection:
@@ -148,7 +155,7 @@ class Selector:
         if first_level:
             self._probes = probe(current.fit, self.effects)
             self._null = self._null_of(self._probes)
-        ranked = screen(reprobe(self._probes, current.fit))
+        ranked = screen(reprobe(self._probes, current.fit)) if self.effects else []
         count = self.settings.survivors if first_level else max(3, self.settings.survivors - 3)
         survivors = _short_list(ranked, count)
         self.progress(f"fitting {len(survivors)} candidates")
@@ -161,7 +168,7 @@ class Selector:
                 for values in (s.start, s.second)[: self.settings.starts]
                 if values is not None
             ]
-            if first_level:
+            if first_level and not self.tied:
                 starts.append(Start(sets, {s.effect.name: s.start}, from_centre=True))
         joints = joint_fits(current.fit, starts)
         return ranked, self._judged(current, list(joints.values()))
@@ -196,13 +203,16 @@ class Selector:
 
     def _acceptable(self, c: Candidate) -> bool:
         s = self.settings
+        visible = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
+        # Beside tied parameters a small effect stands out by its score although the background
+        # is larger than it.
+        certain = self.tied and c.gain > s.strong_standard_errors * c.gain_se
         return (
-            c.gain > s.gain_standard_errors * c.gain_se
+            c.gain > self.certainty * c.gain_se
             and c.gain > 2.0
             and c.gain + c.regime_gain > 0.0
             and c.p_value <= s.significance
-            and c.shrink_gain >= s.min_shrink_gain
-            and c.excess_before >= s.min_excess
+            and (visible or certain)
         )
 
     def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:

@@ -19,6 +19,11 @@ class Settings:
     `day_share` is how far a parameter may have moved since the known-good runs, in its prior's
     standard deviations, without that counting as a change.
 
+    Since known-good runs, an effect enters if its held-out gain exceeds `since_standard_errors`,
+    and beside tied parameters even without a gap to speak of if it exceeds
+    `strong_standard_errors`. A free refit replaces "nothing was added" if it is better by
+    `free_standard_errors`.
+
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.
     """
@@ -30,11 +35,11 @@ class Settings:
     seed: int = 0
     bootstrap: int = 400
     starts: int = 2
-    survivors: int = 8
+    survivors: int = 7
     max_effects: int = 3
     day_share: float = 0.01
-    baseline_effects: int = 4
-    baseline_tried: int = 3
+    baseline_rounds: int = 3
+    baseline_handful: int = 3
     baseline_gain: float = 25.0
     refit_iterations: int = 8
     fit_iterations: int = 6
@@ -49,11 +54,14 @@ class Settings:
     significance: float = 0.01
     min_excess: float = 0.35
     gain_standard_errors: float = 1.0
+    since_standard_errors: float = 4.5
+    strong_standard_errors: float = 5.0
+    free_standard_errors: float = 2.0
     min_shrink_gain: float = 0.05
     blind_excess: float = 3.0
     found_share: float = 0.1
-    unknown_shrink: float = 0.3
-    unknown_ratio: float = 0.6
+    unknown_shrink: float = 0.2
+    unknown_ratio: float = 0.5
     rest_margin: float = 0.15
     ambiguous_d2: float = 16.0
     ambiguous_odds: float = 10.0

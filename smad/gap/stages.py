@@ -32,7 +32,8 @@ class Prepared:
     `centre` are the parameter values the question starts from: the nominal ones, or those of the
     known-good runs; `fixed` the effects that those ask for already. `fit` is the refit with every
     parameter free, `tied` the one with the parameters as well known as the good runs make them
-    (only with good runs), `gentle` the free refit by plain least squares. `threshold` is the gap over the floor that counts as significant.
+    (only with good runs), `gentle` the free refit by plain least squares. `threshold` is the gap
+    over the floor that counts as significant.
     """
 
     plant: PlantModel

@@ -19,8 +19,9 @@ class Evidenced:
 
     `threshold` is the gap over the floor that is significant. `touched` is the worth over the
     outputs the effects show in, `whole` that over all outputs. `visible` is the share of effects
-    that these runs would show at all at their typical strength. `chance` is the smallest p-value of
-    a single effect.
+    that these runs would show at all at their typical strength. `chance` is how often chance alone
+    would make a single effect stand out so. `tied`: the parameters were held to what the known-good
+    runs say; `gap_free` is what a refit of all of them would leave.
     """
 
     effects: tuple[str, ...]
@@ -34,6 +35,8 @@ class Evidenced:
     visible: float
     chance: float
     since_good: bool = False
+    tied: bool = False
+    gap_free: float = 0.0
 
 
 def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
@@ -43,7 +46,8 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
         if e.visible < 0.2:
             return Outcome.NO_EXCITATION, 1.0 - e.visible
         nothing = 1.0 - _present(e)
-        if e.gap_raw > e.threshold or e.moved:
+        vanished = e.gap_raw > e.threshold and e.whole.gap_refit < 0.5 * e.gap_raw
+        if e.moved or (vanished if e.tied else e.gap_raw > e.threshold):
             return Outcome.PARAMETERS, nothing
         return Outcome.NO_GAP, nothing
     unknown = p_unknown(e.touched, settings) if e.effects else 1.0
@@ -93,6 +97,9 @@ def _certainty(e: Evidenced) -> float:
 
 def p_unknown(worth: Worth, settings: Settings) -> float:
     """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling."""
+    if worth.gap_refit < settings.min_excess:
+        # A gap within the floor has no shrink to speak of; what its scores gain tells.
+        return float(np.mean(worth.score_share < settings.unknown_ratio))
     s, ceiling = worth.draws[:, 0], worth.draws[:, 1]
     poor = (s < settings.unknown_shrink) | (s < settings.unknown_ratio * np.maximum(ceiling, 1e-9))
     return float(np.mean(poor))
@@ -147,9 +154,17 @@ def words(
 
 def _gap_sentence(e: Evidenced, since_good: bool) -> str:
     subject = "Change since the known-good runs" if since_good else "Gap"
-    removed = 1.0 - e.whole.gap_refit / e.gap_raw if e.gap_raw > 0 else 0.0
     if e.gap_raw <= 0.05:
         return f"{subject}: not above the noise floor."
+    if e.tied:
+        said = f"{subject} {e.gap_raw:.1f}× the noise floor."
+        if e.effects and e.gap_free < 0.7 * e.whole.gap_refit:
+            said += (
+                f" Other values of the parameters would hide it down to {e.gap_free:.1f}×, "
+                "but would contradict those runs."
+            )
+        return said
+    removed = 1.0 - e.whole.gap_refit / e.gap_raw
     if removed < 0.005:
         return f"{subject} {e.gap_raw:.1f}× the noise floor; a refit removes none of it."
     return (

@@ -1,0 +1,280 @@
+"""From a selection to the records: verdict in words, intervals, next experiment, figures."""
+
+from __future__ import annotations
+
+import dataclasses
+import platform
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from importlib.metadata import version
+
+import numpy as np
+
+from smad.gap.admission import Admission, Finding
+from smad.gap.fit import JointFit, bootstrap, intervals, polished
+from smad.gap.judge import excess_by_key, leave_out_points, predict_by_run
+from smad.gap.nextexp import propose
+from smad.gap.plant import Array, PlantModel
+from smad.gap.records import (
+    Diagnosis,
+    ExperimentRecord,
+    FindingRecord,
+    LeftOutRecord,
+    Outcome,
+    Verdict,
+)
+from smad.gap.runs import GapRun
+from smad.gap.select import Candidate, Selection
+from smad.gap.settings import Settings
+from smad.gap.stages import OpenLoop, Prepared, open_loop
+from smad.gap.summary import (
+    candidate_records,
+    dominant_outputs,
+    fitted_records,
+    floor_records,
+    heat_of,
+    heat_records,
+    pair_records,
+    parameter_records,
+    residual_test_records,
+    run_records,
+    traces,
+    value_records,
+    waterfall,
+    window_records,
+)
+from smad.gap.tracks import Track
+from smad.gap.verdict import decide, words
+from smad.gap.weigh import weigh
+
+LIMITS = (
+    "Every figure is about this plant model and its library: a cause outside it can only be "
+    "reported as unknown.",
+    "Probabilities are relative to the library and to the runs given; they have been calibrated on "
+    "simulated plants, not on a bench.",
+    "A refit can imitate an effect: the masked share of each candidate says how much of it these "
+    "runs cannot show.",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Shell:
+    """What every diagnosis carries, whatever it found."""
+
+    plant: PlantModel
+    settings: Settings
+    findings: Sequence[Finding]
+    roles: dict[str, Sequence[GapRun]]
+    since_good: bool
+    began: float
+
+    def record(self, verdict: Verdict, **parts: object) -> Diagnosis:
+        empty: dict[str, object] = {
+            name: []
+            for name in (
+                "missing", "floors", "steps", "waterfall", "heat", "windows", "candidates",
+                "values", "parameters", "pairs", "residual_tests", "experiments", "traces",
+            )
+        }  # fmt: skip
+        return Diagnosis(
+            plant=self.plant.name,
+            plant_version=self.plant.version,
+            versions={
+                "smad": version("smad"),
+                "numpy": np.__version__,
+                "scipy": version("scipy"),
+                "python": platform.python_version(),
+            },
+            settings=dataclasses.asdict(self.settings),
+            question="what has changed since the known-good runs"
+            if self.since_good
+            else "what differs between model and bench",
+            judged_on="runs held out" if self.roles["hold-out"] else "each run left out in turn",
+            verdict=verdict,
+            runs=run_records(self.roles),
+            findings=[FindingRecord(f.run, f.kind, f.text, f.refuses) for f in self.findings],
+            limits=list(LIMITS),
+            seconds=time.perf_counter() - self.began,
+            **(empty | {"model": {}} | parts),  # type: ignore[arg-type]
+        )
+
+    def refused(self, admission: Admission) -> Diagnosis:
+        """No run could be used: the verdict names why, and nothing else."""
+        kinds = list(dict.fromkeys(f.kind for f in admission.findings if f.refuses))
+        starved = set(kinds) <= {"too short", "no excitation"}
+        outcome = Outcome.NO_EXCITATION if starved else Outcome.REFUSED
+        reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings if f.refuses)
+        text = f"No run can be used ({', '.join(kinds) or 'none was given'}). {reasons}".strip()
+        return self.record(_blank_verdict(outcome, text))
+
+
+def _blank_verdict(outcome: Outcome, text: str) -> Verdict:
+    return Verdict(
+        outcome=outcome, effects=[], group=[], sub_model="", regimes=[], probability=1.0,
+        probabilities={}, gap_raw=0.0, gap_refit=0.0, gap_final=0.0, shrink=0.0, shrink_low=0.0,
+        shrink_high=0.0, ceiling=0.0, open_loop=[], text=text,
+    )  # fmt: skip
+
+
+class Closing:
+    """From a selection to the records: worth, verdict, intervals, next experiment."""
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        track: Track,
+        shell: Shell,
+        executor: Executor,
+        progress: Callable[[str], None],
+    ) -> None:
+        self.prepared, self.track, self.shell = prepared, track, shell
+        self.selection: Selection = track.selection
+        self.executor, self.progress = executor, progress
+
+    def diagnosis(self, left_out: Sequence[LeftOutRecord] = ()) -> Diagnosis:
+        """All records of the diagnosis; `left_out` are verdicts with a cause withheld."""
+        prepared, selection, plant = self.prepared, self.selection, self.prepared.plant
+        settings = prepared.settings
+        self.progress("judging")
+        base, best = selection.base, selection.best
+        numbers = weigh(prepared, self.track, since_good=self.shell.since_good)
+        groups, whole = numbers.groups, numbers.whole
+        outcome, p = decide(numbers, settings)
+        named = outcome in (Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST)
+        self.progress("intervals")
+        final = (
+            dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
+            if named
+            else best
+        )
+        values = (
+            value_records(intervals(final.joint, settings.seed), prepared.fixed) if named else []
+        )
+        refit_heat = heat_of(base.judged)
+        by_key = excess_by_key(base.judged.bench, base.judged.squares())
+        outputs = dominant_outputs(by_key)
+        sub_model = refit_heat.worst_sub_model
+        if named:
+            first = next(e for e in plant.effects if e.name == numbers.effects[0])
+            sub_model = first.sub_model
+            outputs = [k for k in best.touched if k in outputs] or list(best.touched)
+        place = self._sub_model_of(outputs[0]) if outputs else sub_model
+        regimes = refit_heat.worst_regimes(place)
+        experiments = self._experiments(outcome, groups)
+        channel_of = {s.key: s.channel for s in best.judged.bench.evidence.segments}
+        text = words(
+            outcome, numbers, plant, p=p, sub_model=sub_model, regimes=regimes,
+            outputs=list(dict.fromkeys(channel_of[k] for k in outputs)), values=values,
+            experiments=experiments, since_good=self.shell.since_good,
+        )  # fmt: skip
+        opened, open_rows, shown = self._open_loop(named)
+        steps = self._steps()
+        low, high = whole.interval
+        verdict = Verdict(
+            outcome=outcome,
+            effects=list(numbers.effects) if named else [],
+            group=[n for e in numbers.effects[:1] for n in groups.get(e, ())] if named else [],
+            sub_model=sub_model,
+            regimes=regimes,
+            probability=p,
+            probabilities=next(iter(selection.probability.values()), {}),
+            gap_raw=numbers.gap_raw,
+            gap_refit=whole.gap_refit,
+            gap_final=whole.gap_final,
+            shrink=whole.shrink if named else 0.0,
+            shrink_low=low,
+            shrink_high=high,
+            ceiling=whole.ceiling,
+            open_loop=opened,
+            text=text,
+        )
+        rivals = next(iter(selection.rivals.values()), ())
+        stand = [best, *rivals] if best.names else list(selection.tried[:5])
+        return self.shell.record(
+            verdict,
+            missing=sorted(set(prepared.problem.evidence.missing)),
+            floors=floor_records(prepared),
+            steps=[list(c.names) for c in self._chain()],
+            waterfall=waterfall("local", best.judged.bench, steps, plant) + open_rows,
+            heat=heat_records(heat_of(prepared.raw), refit_heat, heat_of(best.judged)),
+            windows=window_records(refit_heat),
+            candidates=candidate_records(selection, settings.false_discovery),
+            values=values,
+            parameters=parameter_records(
+                prepared, final, bootstrap(final.fit, settings.bootstrap, settings.seed)
+            ),
+            pairs=pair_records(stand) if len(stand) > 1 else [],
+            residual_tests=residual_test_records(prepared, best),
+            experiments=experiments,
+            traces=shown,
+            fitted=fitted_records(self.selection),
+            places=self.selection.probability,
+            left_out=list(left_out),
+            model={
+                "theta": dict(final.fit.point.theta),
+                "effects": {k: dict(v) for k, v in final.fit.point.effects.items()},
+            },
+        )
+
+    def _sub_model_of(self, key: str) -> str:
+        segments = self.selection.best.judged.bench.evidence.segments
+        return next(s.sub_model for s in segments if s.key == key)
+
+    def _steps(self) -> list[Array]:
+        return [
+            self.prepared.raw.predicted,
+            self.selection.base.judged.predicted,
+            *[c.judged.predicted for c in self._chain()],
+        ]
+
+    def _chain(self) -> list[Candidate]:
+        """The way to the best model: accepted steps that are part of it, then itself."""
+        s = self.selection
+        if not s.best.names:
+            return []
+        return [c for c in s.steps if set(c.names) < set(s.best.names)] + [s.best]
+
+    def _open_loop(self, named: bool) -> tuple[list[float], list[object], list[object]]:
+        s, prepared = self.selection, self.prepared
+        opened: OpenLoop = open_loop(prepared, self.executor)
+        ev = opened.problem.evidence
+        chain = self._chain() if named else []
+        predictions = [ev.predict([prepared.fit.space.point(prepared.fit.space.start())])[0]]
+        for c in (s.base, *chain):
+            if prepared.hold is None:
+                predictions.append(
+                    predict_by_run(opened.problem, leave_out_points(c.fit), c.fit.point)
+                )
+            else:
+                predictions.append(ev.predict([c.fit.point])[0])
+        rows = waterfall("open loop", opened.problem, predictions, prepared.plant)
+        total = rows[-1]
+        shown = traces("open loop", opened.problem, predictions[1], predictions[-1], prepared.plant)
+        return [total.raw, total.refit, *total.effects], list(rows), list(shown)
+
+    def _experiments(
+        self, outcome: Outcome, groups: Mapping[str, Sequence[str]]
+    ) -> list[ExperimentRecord]:
+        """Proposals, when something is still confused."""
+        if outcome is not Outcome.AMBIGUOUS:
+            return []
+        self.progress("next experiment")
+        s = self.selection
+        name = next(n for n in s.best.names if groups.get(n))
+        near = [r for r in s.rivals[name] if any(n in groups[name] for n in r.names)][:3]
+        table = s.probability[name]
+        fits = [s.best.fit, *[r.fit for r in near]]
+        weights = [table.get(name, 1.0)]
+        weights += [max(table.get(n, 0.0) for n in r.names if n not in s.best.names) for r in near]
+        found = propose(fits, weights, self.prepared.noise, self.prepared.plant.catalogue())
+        return [
+            ExperimentRecord(
+                q.experiment.name,
+                q.experiment.title,
+                q.experiment.duration_s,
+                q.separation,
+                q.experiment.command,
+            )
+            for q in found
+        ]

@@ -1,0 +1,62 @@
+"""Which question the selection is asked: what was added to the bench, or what is left of it.
+
+Known-good runs say what the parameters are. A selection with the parameters tied to them asks for
+the few effects that have come since; a refit with every parameter free asks whether the bench has
+simply changed its values. Free parameters imitate many effects (a force that is off looks like
+another preload), so that the tied question comes first, and the free one only where it answers
+better on runs that neither has seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from smad.gap.judge import Judged, judge
+from smad.gap.plant import Effect
+from smad.gap.select import Selection, Selector, cluster_gain
+from smad.gap.stages import Prepared
+
+_SAME = 1.1
+
+
+@dataclass(frozen=True)
+class Track:
+    """A selection, whether its parameters were tied, and the free refit it was compared with."""
+
+    selection: Selection
+    tied: bool
+    free: Judged
+
+
+def follow_tracks(
+    prepared: Prepared,
+    effects: Sequence[Effect],
+    progress: Callable[[str], None] = lambda text: None,
+) -> Track:
+    """The selection that answers: tied if there are known-good runs and it holds, else free."""
+    free = judge([prepared.fit], prepared.hold)[0]
+    if prepared.tied is not None:
+        progress("what has been added, parameters as the known-good runs say")
+        selection = Selector(prepared.tied, prepared.hold, effects, prepared.null, progress).run()
+        if _holds(prepared, selection, free):
+            return Track(selection, True, free)
+        progress("what is left, parameters free")
+    selection = Selector(prepared.fit, prepared.hold, effects, prepared.null, progress).run()
+    return Track(selection, False, free)
+
+
+def _holds(prepared: Prepared, selection: Selection, free: Judged) -> bool:
+    """Whether the tied answer stands beside the free refit.
+
+    A cause must predict runs not fitted to better than free parameters do, which overfit if it is
+    the truth. Without a cause: if nothing of note is left, or free parameters would not help.
+    """
+    best = selection.best
+    rise, error = cluster_gain(
+        prepared.problem, prepared.hold, free.scores() - best.judged.scores()
+    )
+    if best.names:
+        return rise < 0.0
+    better = rise > prepared.settings.free_standard_errors * error
+    return not better and best.judged.excess() <= max(prepared.threshold, _SAME * free.excess())

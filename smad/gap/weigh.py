@@ -1,0 +1,86 @@
+"""From a finished selection to the numbers that a verdict rests on."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.stats import norm
+
+from smad.gap.assess import Standing, Worth, group_of
+from smad.gap.select import Selection
+from smad.gap.stages import Prepared
+from smad.gap.tracks import Track
+from smad.gap.verdict import Evidenced
+
+_VISIBLE_FLOORS = 4.0
+
+
+def weigh(prepared: Prepared, track: Track, *, since_good: bool) -> Evidenced:
+    """Gaps, shrink, groups and chances of the answer that `track` gave."""
+    selection = track.selection
+    standing = Standing.of(selection, None if track.tied else prepared.gentle)
+    whole = standing.worth(selection.best.judged.bench.evidence.keys)
+    touched: Worth = standing.worth(selection.best.touched) if selection.best.touched else whole
+    return Evidenced(
+        effects=_by_importance(prepared, selection),
+        groups=_groups(prepared, selection),
+        probability={k: v for table in selection.probability.values() for k, v in table.items()},
+        gap_raw=prepared.raw.excess(),
+        threshold=prepared.threshold,
+        touched=touched,
+        whole=whole,
+        since_good=since_good,
+        gap_free=track.free.excess(),
+        tied=track.tied,
+        moved=_moved(prepared, track),
+        chance=_chance(selection),
+        visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))
+        if selection.screened
+        else 1.0,
+    )
+
+
+def _chance(selection: Selection) -> float:
+    """How often the best of the single effects tried would stand out as it does by chance."""
+    single = [c for c in selection.tried if len(c.names) == 1 and c.gain_se > 0]
+    if not single:
+        return 1.0
+    strongest = max(c.gain / c.gain_se for c in single)
+    return float(min(1.0, len(single) * norm.sf(strongest)))
+
+
+def _moved(prepared: Prepared, track: Track) -> bool:
+    """Whether the parameters are other than the question assumes."""
+    if prepared.tied is not None:
+        return not track.tied
+    return bool(np.max(np.abs(prepared.fit.p)) > 1.0)
+
+
+def _groups(prepared: Prepared, s: Selection) -> dict[str, list[str]]:
+    settings = prepared.settings
+    out = {}
+    for name, rivals in s.rivals.items():
+        near, _ = group_of(
+            s.best, rivals, s.probability[name], settings.ambiguous_odds, settings.ambiguous_d2
+        )
+        out[name] = near
+    return out
+
+
+def _by_importance(prepared: Prepared, selection: Selection) -> tuple[str, ...]:
+    """Effects of the best model, by what leaving each out would change of its predictions."""
+    best = selection.best
+    if len(best.names) < 2:
+        return best.names
+    ev = best.fit.problem.evidence
+    full = best.fit.point
+    cost = {}
+    for name in best.names:
+        rest = {k: v for k, v in full.effects.items() if k != name}
+        if name in prepared.fixed:
+            rest[name] = prepared.fixed[name]
+        less = dataclasses.replace(full, effects=rest)
+        change = ev.predict([less])[0] - best.fit.predicted
+        cost[name] = float(np.sum(np.square(best.fit.problem.whitening.scale(change))))
+    return tuple(sorted(cost, key=lambda n: (-cost[n], n)))
