@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from smad.gap.fit import polished
 from smad.gap.judge import judge
 from smad.gap.lsq import Fitted, drive, fitting
 from smad.gap.plant import Effect
@@ -29,7 +30,7 @@ def learn_baseline(
     together is tried by its first alone.
     """
     settings = fit.problem.evidence.settings
-    current = fit
+    current, entered_any = fit, False
     probes = probe(current, sorted(effects, key=lambda e: e.name))
     for _ in range(settings.baseline_rounds):
         probes = reprobe(probes, current)
@@ -41,9 +42,9 @@ def learn_baseline(
                 entered = _entered(current, chosen)
         if entered is None:
             break
-        current = entered
+        current, entered_any = entered, True
         progress("baseline: " + ", ".join(e.name for e in current.space.effects))
-    return frozen(current)
+    return frozen(polished(current) if entered_any else current)
 
 
 def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:

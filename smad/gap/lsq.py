@@ -28,6 +28,7 @@ from smad.gap.space import Space
 from smad.gap.whiten import Whitening
 
 _RENEWALS = (2, 5)
+_TELLING_STEP = 0.1
 _COOLING = (1.0, 0.5, 0.15)
 
 
@@ -162,19 +163,33 @@ def sensitivities(
     `predicted` is the prediction at `p` in the same detail, if it is known.
     """
     lo, hi = space.bounds()
-    steps = space.steps()
-    points, signed = [], []
-    for i in columns:
-        h = steps[i] if p[i] + steps[i] <= hi[i] else -min(steps[i], p[i] - lo[i])
+    reach = space.steps(p)
+    wanted = [
+        h if p[i] + h <= hi[i] else -min(h, p[i] - lo[i])
+        for i, h in ((i, reach[i]) for i in columns)
+    ]
+
+    def beside(i: int, h: float) -> ModelPoint:
         q = p.copy()
         q[i] += h
-        points.append(space.point(q))
-        signed.append(h)
-    if predicted is None:
-        points.append(space.point(p))
-    values = yield Ask(points, detail)
+        return space.point(q)
+
+    points = [beside(i, h) for i, h in zip(columns, wanted, strict=True)]
+    values = yield Ask(points if predicted is not None else [*points, space.point(p)], detail)
     here = values[-1] if predicted is None else predicted
-    diff = (values[: len(signed)] - here[None, :]) / np.array(signed)[:, None]
+    values, signed = values[: len(points)], np.array(wanted)
+    # A parameter may stand at the edge of what is physical: then its slope is that on the inside.
+    ev = problem.evidence
+    over = [
+        k
+        for k, i in enumerate(columns)
+        if any(ev.failed(values[k], r, detail) for r in range(len(ev.runs)))
+        and lo[i] <= p[i] - signed[k] <= hi[i]
+    ]
+    if over:
+        signed[over] *= -1.0
+        values[over] = yield Ask([beside(columns[k], signed[k]) for k in over], detail)
+    diff = ev.change(values, here, detail) / signed[:, None]
     white = problem.whitening.white(np.ascontiguousarray(diff.T))
     return white.astype(np.float32)
 
@@ -247,7 +262,7 @@ def fitting(
             count += 1
             z_trial = problem.white(trial)
             value = objective(problem, space, p + step, z_trial, heat)
-            if own:
+            if own and _teaches(problem, step, trial, detail):
                 A[:, own] += np.outer(
                     (z - z_trial) - A @ step.astype(np.float32), step[own] / (step @ step)
                 ).astype(np.float32)
@@ -269,6 +284,18 @@ def fitting(
     off = np.array([i >= space.n_theta for i in range(space.size)]) & (np.abs(p) < 1e-9)
     at_bound = ((p <= lo + edge) | (p >= hi - edge)) & ~off
     return Fitted(problem, space, p, predicted, z, A, best, count, tuple(at_bound.tolist()))
+
+
+def _teaches(problem: Problem, step: Array, trial: Array, detail: Detail | None) -> bool:
+    """Whether a step says something of the slopes.
+
+    Over a short one a hysteretic replay shows its roughness, divided by the step; a run that could
+    not be simulated shows nothing.
+    """
+    ev = problem.evidence
+    return float(np.linalg.norm(step)) >= _TELLING_STEP and not any(
+        ev.failed(trial, r, detail) for r in range(len(ev.runs))
+    )
 
 
 def drive(evidence: Evidence, fits: Sequence[FitSteps]) -> list[Fitted]:

@@ -284,16 +284,33 @@ class Evidence:
             out[chunk, spans[r]] = values + correction[spans[r]]
         return out
 
-    def failed(self, values: Array, run: int) -> bool:
+    def failed(self, values: Array, run: int, detail: Detail | None = None) -> bool:
         """Whether the plant could not simulate a run: its first output lies at the upper limit."""
-        return self._at_limit(values - self.coarseness[self.detail], run)
+        return self._at_limit(values - self.coarseness[detail or self.detail], run)
+
+    def change(self, values: Array, base: Array, detail: Detail | None = None) -> Array:
+        """`values` (points, rows) less `base` (rows); 0 in runs that could not be simulated.
+
+        A run that fails at one point says nothing of the slope there; its rows at the limit would
+        drown all others.
+        """
+        out = np.asarray(values - base[None, :])
+        for r in range(len(self.runs)):
+            span = self._span(r)
+            if self.failed(base, r, detail):
+                out[:, span] = 0.0
+                continue
+            for i, row in enumerate(values):
+                if self.failed(row, r, detail):
+                    out[i, span] = 0.0
+        return out
 
     def _at_limit(self, uncorrected: Array, run: int) -> bool:
         segment = next((s for s in self.segments if s.run == run), None)
         if segment is None:
             return False
         _, low, high = self._keys_of_run[run][0]
-        # Bins without a valid sample are 0; a correction added and taken off leaves a rounding error.
+        # Bins without a valid sample are 0; a correction taken off again leaves a rounding error.
         at_limit = uncorrected[segment.rows] >= high - 1e-6 * (high - low)
         return bool(np.mean(at_limit) > 0.5)
 

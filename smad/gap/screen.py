@@ -117,7 +117,7 @@ def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
     ev = fit.problem.evidence
     S = np.zeros((ev.n, len(points)), dtype=np.float32)
     for a, b in pairwise([*range(0, len(points), _BATCH), len(points)]):
-        change = ev.predict(points[a:b]) - fit.predicted[None, :]
+        change = ev.change(ev.predict(points[a:b]), fit.predicted)
         S[:, a:b] = fit.problem.whitening.white(np.ascontiguousarray(change.T))
     return _assembled(fit, tuple(everything), S)
 

@@ -104,8 +104,10 @@ class Selector:
         effects: Sequence[Effect],
         null: Callable[[Probes], Array],
         progress: Callable[[str], None] = lambda text: None,
+        *,
+        is_new: Callable[[Candidate], bool] = lambda candidate: True,
     ) -> None:
-        self.refit, self.hold = refit, hold
+        self.refit, self.hold, self.is_new = refit, hold, is_new
         self.tied = refit.space.tie is not None
         # The order in which a library lists its effects must not matter.
         self.effects = tuple(sorted(effects, key=lambda e: e.name))
@@ -133,10 +135,10 @@ class Selector:
             ranked, candidates = self._level(current, first_level=not steps)
             first = first or ranked
             tried += candidates
-            accepted = [c for c in candidates if self._acceptable(c)]
-            if not accepted:
+            acceptable = (c for c in candidates if self._acceptable(c))
+            chosen = next((c for c in acceptable if self.is_new(c)), None)
+            if chosen is None:
                 break
-            chosen = accepted[0]
             rivals_at.append([c for c in candidates if c is not chosen])
             steps.append(chosen)
             current = chosen

@@ -55,11 +55,11 @@ class Settings:
     min_excess: float = 0.35
     gain_standard_errors: float = 1.0
     since_standard_errors: float = 4.5
-    strong_standard_errors: float = 5.0
+    strong_standard_errors: float = 4.5
     free_standard_errors: float = 2.0
     min_shrink_gain: float = 0.05
     blind_excess: float = 3.0
-    found_share: float = 0.1
+    found_share: float = 0.2
     unknown_shrink: float = 0.2
     unknown_ratio: float = 0.5
     rest_margin: float = 0.15

@@ -13,6 +13,7 @@ import numpy as np
 from sim_device.plant import ParameterSet, load_parameters
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import PlantError, SolverError
+from sim_device.plant.parameters import spring_factors
 from sim_device.plant.replay import Inputs, Replay
 from smad.gap import catalogue, sma_signals
 from smad.gap.errors import PlantMismatch
@@ -219,7 +220,23 @@ class SmaPlant:
             )
         mounting = {p.name for p in _MOUNTING}
         values = {k: float(v) for k, v in theta.items() if k not in mounting}
-        return self.parameter_set.replace(**values)
+        return self.parameter_set.replace(**self._mountable(values))
+
+    def _mountable(self, values: dict[str, float]) -> dict[str, float]:
+        """The values with the preload moved, if need be, to one that the pair can be mounted with.
+
+        Eq. (10) must give a martensite fraction from 0 to 1. A fit that leans on that edge would
+        otherwise be stopped there in every direction.
+        """
+        names = (
+            "modulus_martensite", "max_deflection", "initial_deflection", "initial_force",
+        )  # fmt: skip
+        modulus, reach, slack, force = (values.get(n, self.parameter_set[n]) for n in names)
+        c1, c2 = spring_factors(self.parameter_set)
+        stiffness = c2 * modulus / c1
+        taut, loose = stiffness * slack, stiffness * (slack - reach)
+        edge = 1e-9 * taut
+        return values | {"initial_force": float(np.clip(force, loose + edge, taut - edge))}
 
     def save_model(self, point: ModelPoint, path: Path, note: str) -> None:
         """Writes the model file that the simulated device and the replay load.

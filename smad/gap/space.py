@@ -9,6 +9,8 @@ import numpy as np
 
 from smad.gap.plant import Array, Effect, EffectValues, ModelPoint, Parameter
 
+_THETA_STEP, _STEP, _LEAST_STEP = 0.2, 0.15, 0.02
+
 
 @dataclass(frozen=True)
 class Space:
@@ -75,10 +77,17 @@ class Space:
             whole[:own, :own] = self.tie
         return np.array(mean), whole
 
-    def steps(self) -> Array:
-        """Finite-difference steps: wide, since a hysteretic replay is rough on a small scale."""
-        theta = [0.2] * self.n_theta
-        return np.array(theta + [0.15] * (self.size - self.n_theta))
+    def steps(self, p: Array) -> Array:
+        """Finite-difference steps at `p`; shape (k,).
+
+        Wide, since a hysteretic replay is rough on a small scale; but no wider than half of where
+        an effect stands, since a lag of milliseconds in a library that goes to seconds is sharp.
+        """
+        own = self.n_theta
+        away = np.abs(p[own:])
+        near = np.clip(0.5 * away, _LEAST_STEP, _STEP)
+        wide = np.where(away < 1e-9, _STEP, near)
+        return np.concatenate([np.full(own, _THETA_STEP), wide])
 
     def start(self, effects: Mapping[str, Mapping[str, float]] | None = None) -> Array:
         """Prior centre for the model parameters, and the effects' values given (or absent)."""

@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
+from smad.gap.contrast import is_new
 from smad.gap.judge import Judged, judge
 from smad.gap.plant import Effect
-from smad.gap.select import Selection, Selector, cluster_gain
+from smad.gap.select import Candidate, Selection, Selector, cluster_gain
 from smad.gap.stages import Prepared
 
 _SAME = 1.1
@@ -38,12 +40,26 @@ def follow_tracks(
     free = judge([prepared.fit], prepared.hold)[0]
     if prepared.tied is not None:
         progress("what has been added, parameters as the known-good runs say")
-        selection = Selector(prepared.tied, prepared.hold, effects, prepared.null, progress).run()
+        selection = Selector(
+            prepared.tied,
+            prepared.hold,
+            effects,
+            prepared.null,
+            progress,
+            is_new=partial(_is_new, prepared),
+        ).run()
         if _holds(prepared, selection, free):
             return Track(selection, True, free)
         progress("what is left, parameters free")
     selection = Selector(prepared.fit, prepared.hold, effects, prepared.null, progress).run()
     return Track(selection, False, free)
+
+
+def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
+    if prepared.background is None:
+        return True
+    errors = prepared.settings.since_standard_errors
+    return is_new(prepared.background.fit, candidate, prepared.hold, errors)
 
 
 def _holds(prepared: Prepared, selection: Selection, free: Judged) -> bool:

@@ -1,0 +1,61 @@
+"""Whether an effect has come since the known-good runs, or was there all along."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smad.gap.judge import Judged, judge
+from smad.gap.lsq import Fitted, Problem, drive, fitting
+from smad.gap.plant import Effect
+from smad.gap.select import Candidate, cluster_gain
+
+_ITERATIONS = 4
+
+
+def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: float) -> bool:
+    """Whether the last effect of `candidate` explains the runs better than the good runs' value.
+
+    If the good runs do not ask for the effect, it is new. If they do, it is a law that the model
+    lacks, and what counts is what its value of today gains over theirs: more than `errors` standard
+    errors of the held-out score.
+    """
+    effect = candidate.fit.space.effects[-1]
+    known = _fitted_to(good, effect, candidate)
+    settings = good.problem.evidence.settings
+    if good.objective - known.objective < settings.baseline_gain:
+        return True
+    as_before = _with_values(candidate.fit, effect, known)
+    judged: Judged = judge([as_before], hold)[0]
+    gain, error = cluster_gain(
+        candidate.fit.problem, hold, candidate.judged.scores() - judged.scores()
+    )
+    return gain > errors * error
+
+
+def _fitted_to(good: Fitted, effect: Effect, candidate: Candidate) -> Fitted:
+    """The good runs' fit with the effect free and all else as it was."""
+    space = good.space.with_effects((effect,))
+    n = good.space.n_theta
+    p = space.start({effect.name: candidate.fit.point.effects[effect.name]})
+    p[:n] = good.p[:n]
+    pinned = {i: float(p[i]) for i in range(n)}
+    steps = fitting(
+        good.problem, space, p, theta_A=good.A[:, :n], iterations=_ITERATIONS, pinned=pinned
+    )
+    return drive(good.problem.evidence, [steps])[0]
+
+
+def _with_values(fit: Fitted, effect: Effect, source: Fitted) -> Fitted:
+    """`fit` with the values of one effect taken from another fit."""
+    count = len(effect.parameters)
+    p = fit.p.copy()
+    p[-count:] = source.p[-count:]
+    n = fit.space.n_theta
+    steps = fitting(fit.problem, fit.space, p, theta_A=fit.A[:, :n], iterations=0)
+    moved = drive(fit.problem.evidence, [steps])[0]
+    A = np.array(moved.A)
+    A[:, n:] = fit.A[:, n:]
+    return Fitted(
+        moved.problem, moved.space, moved.p, moved.predicted, moved.z, A, moved.objective,
+        moved.evaluations, moved.at_bound,
+    )  # fmt: skip
