@@ -15,6 +15,7 @@ from functools import partial
 
 from smad.gap.contrast import is_new
 from smad.gap.judge import Judged, judge
+from smad.gap.lsq import Fitted
 from smad.gap.plant import Effect
 from smad.gap.select import Candidate, Selection, Selector, cluster_gain
 from smad.gap.stages import Prepared
@@ -38,21 +39,24 @@ def follow_tracks(
 ) -> Track:
     """The selection that answers: tied if there are known-good runs and it holds, else free."""
     free = judge([prepared.fit], prepared.hold)[0]
-    if prepared.tied is not None:
-        progress("what has been added, parameters as the known-good runs say")
-        selection = Selector(
-            prepared.tied,
+
+    def selected(refit: Fitted) -> Selection:
+        return Selector(
+            refit,
             prepared.hold,
             effects,
             prepared.null,
             progress,
             is_new=partial(_is_new, prepared),
         ).run()
+
+    if prepared.tied is not None:
+        progress("what has been added, parameters as the known-good runs say")
+        selection = selected(prepared.tied)
         if _holds(prepared, selection, free):
             return Track(selection, True, free)
         progress("what is left, parameters free")
-    selection = Selector(prepared.fit, prepared.hold, effects, prepared.null, progress).run()
-    return Track(selection, False, free)
+    return Track(selected(prepared.fit), False, free)
 
 
 def _is_new(prepared: Prepared, candidate: Candidate) -> bool:

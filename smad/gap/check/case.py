@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
-import inspect
 import os
 import time
 import traceback
@@ -52,13 +51,7 @@ class How:
         return dataclasses.replace(self.settings, max_effects=most)
 
     def require(self) -> None:
-        """Raises CheckError when an effect or a judgement is asked for that smad does not have."""
-        if self.leave_out and not can_leave_out():
-            raise CheckError(
-                "this version of the diagnosis cannot judge again without the first cause",
-                value="--leave-out",
-                action="leave the option out",
-            )
+        """Raises CheckError when an effect is asked for that smad does not have."""
         library = [e.name for e in dataclasses.replace(self, effects=None).plant().effects]
         foreign = [n for n in self.effects or () if n not in library]
         if foreign:
@@ -140,18 +133,12 @@ def judge(task: Task) -> Part:
 
 
 def _diagnosed(how: How, runs: CaseRuns, executor: ThreadPoolExecutor) -> Diagnosis:
-    extra = {"leave_out": True} if how.leave_out else {}
     return diagnose(
         runs.fit,
         plant=how.plant(),
         good=runs.good,
         hold_out=runs.hold_out,
         settings=how.settings_used(),
+        leave_out=how.leave_out,
         executor=executor,
-        **extra,  # type: ignore[arg-type]
     )
-
-
-def can_leave_out() -> bool:
-    """Whether the engine can judge once more without the first cause."""
-    return "leave_out" in inspect.signature(diagnose).parameters
