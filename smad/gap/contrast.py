@@ -22,7 +22,7 @@ def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: flo
     effect = candidate.fit.space.effects[-1]
     known = _fitted_to(good, effect, candidate)
     settings = good.problem.evidence.settings
-    if good.objective - known.objective < settings.baseline_gain:
+    if good.objective - known.objective < settings.asked_gain:
         return True
     as_before = _with_values(candidate.fit, effect, known)
     judged: Judged = judge([as_before], hold)[0]

@@ -38,9 +38,10 @@ class Settings:
     survivors: int = 7
     max_effects: int = 3
     day_share: float = 0.01
-    baseline_rounds: int = 3
+    baseline_rounds: int = 2
     baseline_handful: int = 3
-    baseline_gain: float = 25.0
+    baseline_gain: float = 100.0
+    asked_gain: float = 25.0
     refit_iterations: int = 8
     fit_iterations: int = 6
     short_iterations: int = 1
@@ -55,7 +56,7 @@ class Settings:
     min_excess: float = 0.35
     gain_standard_errors: float = 1.0
     since_standard_errors: float = 4.5
-    strong_standard_errors: float = 4.5
+    strong_standard_errors: float = 6.0
     free_standard_errors: float = 2.0
     min_shrink_gain: float = 0.05
     blind_excess: float = 3.0

@@ -12,6 +12,9 @@ from smad.gap.plant import Effect, PlantModel
 from smad.gap.records import ExperimentRecord, Outcome, ValueRecord
 from smad.gap.settings import Settings
 
+# Since known-good runs, parameters have moved if moving them takes this much of the gap away.
+_VANISHED = 0.55
+
 
 @dataclass(frozen=True)
 class Evidenced:
@@ -46,11 +49,11 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
         if e.visible < 0.2:
             return Outcome.NO_EXCITATION, 1.0 - e.visible
         nothing = 1.0 - _present(e)
-        vanished = e.gap_raw > e.threshold and e.whole.gap_refit < 0.5 * e.gap_raw
-        if e.moved or (vanished if e.tied else e.gap_raw > e.threshold):
+        vanished = e.gap_raw > e.threshold and e.whole.gap_refit < _VANISHED * e.gap_raw
+        if vanished if e.since_good else (e.moved or e.gap_raw > e.threshold):
             return Outcome.PARAMETERS, nothing
         return Outcome.NO_GAP, nothing
-    unknown = p_unknown(e.touched, settings) if e.effects else 1.0
+    unknown = p_unknown(e.touched, settings, tied=e.tied) if e.effects else 1.0
     if not e.effects:
         return Outcome.UNKNOWN, _certainty(e)
     if unknown > 0.5:
@@ -95,10 +98,10 @@ def _certainty(e: Evidenced) -> float:
     return float(1.0 - 0.5 / max(1.0, ratio) ** 2)
 
 
-def p_unknown(worth: Worth, settings: Settings) -> float:
+def p_unknown(worth: Worth, settings: Settings, *, tied: bool = False) -> float:
     """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling."""
-    if worth.gap_refit < settings.min_excess:
-        # A gap within the floor has no shrink to speak of; what its scores gain tells.
+    if worth.gap_refit < (1.5 if tied else settings.min_excess):
+        # A gap of the floor's size has no shrink to speak of; what its scores gain tells.
         return float(np.mean(worth.score_share < settings.unknown_ratio))
     s, ceiling = worth.draws[:, 0], worth.draws[:, 1]
     poor = (s < settings.unknown_shrink) | (s < settings.unknown_ratio * np.maximum(ceiling, 1e-9))
