@@ -153,6 +153,9 @@ def _failed(order: Order, file: VerdictFile) -> int:
 @click.option("--json", "json_path", type=_OUT, help="Write all scores here.")
 @click.option("--html", "html_path", type=_OUT, help="Write the page here.")
 @click.option("--readme", type=_OUT, help="Put the table between the markers of this file.")
+@click.option(
+    "--answered-only", is_flag=True, help="Leave out cases without a verdict, after --cases."
+)
 def score(
     *,
     verdicts: Path,
@@ -160,6 +163,7 @@ def score(
     json_path: Path | None,
     html_path: Path | None,
     readme: Path | None,
+    answered_only: bool,
 ) -> None:
     """Compare VERDICTS with the KEY of their bank.
 
@@ -179,7 +183,7 @@ def score(
 
     file = read_verdicts(verdicts)
     truth, key_sha256 = read_key(key)
-    pairs = matched(file, truth, key_sha256)
+    pairs = matched(file, truth, key_sha256, answered_only=answered_only)
     ledger = Ledger.of(checkout())
     if truth.bank == SEALED:
         ledger.require_sealed(key_sha256)

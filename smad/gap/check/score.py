@@ -43,8 +43,13 @@ class Pair:
     said: CaseVerdict
 
 
-def matched(file: VerdictFile, key: Key, key_sha256: str) -> list[Pair]:
+def matched(
+    file: VerdictFile, key: Key, key_sha256: str, *, answered_only: bool = False
+) -> list[Pair]:
     """Answers with their verdicts; a case without one counts as not enough excitation.
+
+    With `answered_only` it is left out instead: for a check of a part of a bank (`--cases`), which
+    is drawn without the key.
 
     Raises KeyMismatchError when the verdicts were given on a bank with another key, VerdictError
     when they speak of cases that the key does not have.
@@ -63,7 +68,11 @@ def matched(file: VerdictFile, key: Key, key_sha256: str) -> list[Pair]:
             value=", ".join(strangers[:3]),
             action="remove them",
         )
-    return [Pair(c, truth, file.verdicts.get(c, ABSENT)) for c, truth in key.cases.items()]
+    return [
+        Pair(c, truth, file.verdicts.get(c, ABSENT))
+        for c, truth in key.cases.items()
+        if c in file.verdicts or not answered_only
+    ]
 
 
 def of_kind(pairs: Iterable[Pair], *kinds: str) -> list[Pair]:

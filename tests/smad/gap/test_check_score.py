@@ -204,6 +204,18 @@ def test_a_case_without_a_verdict_is_not_detected_and_is_counted() -> None:
     assert rows["detected at 3× the floor"].value == 0.5
 
 
+def test_a_check_of_a_part_of_a_bank_can_be_scored_on_that_part() -> None:
+    file = VerdictFile(
+        format="smad-verdicts-1", bank="x", key_sha256=SHA, verdicts={"a": _named("rtd_lag")}
+    )
+    key = _key({"a": _entry("single", LAG), "b": _entry("single", LAG)})
+    whole, part = (score.matched(file, key, SHA, answered_only=only) for only in (False, True))
+    assert [p.case for p in whole] == ["a", "b"]
+    assert [p.case for p in part] == ["a"]
+    rows = {r.name: r for r in score.table(part)}
+    assert rows["detected at 3× the floor"].value == 1.0
+
+
 def test_wilson_agrees_with_its_published_example() -> None:
     low, high = wilson(9, 10)
     assert low == pytest.approx(0.5958, abs=1e-4)
