@@ -66,5 +66,4 @@ class Settings:
     rest_margin: float = 0.15
     ambiguous_d2: float = 16.0
     ambiguous_odds: float = 10.0
-    masked_share: float = 0.98
     false_discovery: float = 0.1

@@ -5,20 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import chi2
 
 from smad.gap.lsq import Problem
 from smad.gap.plant import Array
 from smad.gap.replay import Index
 from smad.gap.screen import Probes, project
-
-
-def mixture_p(likelihood_ratio: float, two_sided: bool) -> float:
-    """p of 2·Δlog L for one strength: ½χ²₀ + ½χ²₁ when it cannot be negative, else χ²₁."""
-    if likelihood_ratio <= 0:
-        return 1.0
-    p = float(chi2.sf(likelihood_ratio, 1))
-    return p if two_sided else 0.5 * p
 
 
 def benjamini_hochberg(p: Mapping[str, float], rate: float) -> list[str]:

@@ -15,7 +15,7 @@ from smad.gap.noise import estimate_floors, repeat_spread
 from smad.gap.plant import ModelPoint
 from smad.gap.replay import Evidence, Grid, local_views, open_views
 from smad.gap.residual_tests import ar_coefficients, cross_correlation, ljung_box
-from smad.gap.significance import benjamini_hochberg, mixture_p, tail_p
+from smad.gap.significance import benjamini_hochberg, tail_p
 from smad.gap.space import Space
 from smad.gap.whiten import OutputNoise, Whitening, arma_innovations
 from tests.smad.gap.cases import OTHER, bank
@@ -109,12 +109,6 @@ def test_false_discoveries_are_cut_where_benjamini_and_hochberg_cut() -> None:
     assert benjamini_hochberg(p, 0.05) == ["a", "b", "c", "d"]
     assert benjamini_hochberg(p, 0.01) == ["a"]
     assert benjamini_hochberg({"a": 0.5}, 0.05) == []
-
-
-def test_a_one_sided_strength_has_half_the_p_value() -> None:
-    assert mixture_p(3.841, True) == pytest.approx(0.05, abs=1e-3)
-    assert mixture_p(3.841, False) == pytest.approx(0.025, abs=1e-3)
-    assert mixture_p(0.0, False) == 1.0
 
 
 def test_a_tail_probability_is_monotonous_and_never_zero() -> None:
