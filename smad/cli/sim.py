@@ -40,6 +40,13 @@ class SimulatorError(SmadError):
     type=click.Path(path_type=Path),
     help="Model file of smad gap diagnose --apply, in place of the configured plant.",
 )
+@click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="NAME[:PARAM=VALUE,…]",
+    help="An effect of smad gap effects that the bench has; typical strength without values.",
+)
 @click.option("--paced-by-host", is_flag=True, help="Wait, within bounds, for each setpoint.")
 @click.option(
     "--fault", "faults", multiple=True, metavar="NAME@S[:KEY=VALUE,…]", help="Something to break."
@@ -55,6 +62,7 @@ def sim(
     seed: int | None,
     symlink: Path | None,
     model_path: Path | None,
+    effects: tuple[str, ...],
     paced_by_host: bool,
     faults: tuple[str, ...],
     seconds: float | None,
@@ -83,6 +91,7 @@ def sim(
             seed=config.plant.seed if seed is None else seed,
             faults=faults,
             model_path=model_path,
+            effects=effects,
         )
         stats, counts = serve(
             bench,
@@ -109,27 +118,31 @@ def build(
     seed: int,
     faults: tuple[str, ...] = (),
     model_path: Path | None = None,
+    effects: tuple[str, ...] = (),
 ) -> SimulatedBench:
     """Return the bench that the configuration describes, with the plant of a model file if given.
+
+    `effects` are added to those of configuration or model, in place of one of the same name.
 
     Raises BenchError and PlantError.
     """
     from sim_device.bench import SimulatedBench
     from sim_device.faults import parse_injection
     from sim_device.plant import load_parameters
+    from sim_device.plant.effects.registry import from_text
     from sim_device.plant.models import load_model
 
     plant = config.plant
     if model_path is not None:
-        parameters, variant, effects = load_model(model_path)
+        parameters, variant, own = load_model(model_path)
     else:
         file = plant.parameter_file
         parameters = load_parameters(Path(file) if file else "A")
-        variant, effects = plant.variant, plant.effects
+        variant, own = plant.variant, plant.effects
     return SimulatedBench(
         parameters=parameters,
         variant=variant,
-        effects=effects,
+        effects={**own, **dict(from_text(text) for text in effects)},
         fixture=plant.fixture,
         rate_hz=rate_hz,
         seed=seed,

@@ -45,6 +45,28 @@ def resolve(effects: EffectValues) -> Resolved:
     return {name: _complete(effect(name), values) for name, values in effects.items()}
 
 
+def from_text(text: str) -> tuple[str, dict[str, float]]:
+    """Name and values of an effect written NAME or NAME:PARAMETER=VALUE,…, checked.
+
+    Values are in the units of the registry. Raises EffectError.
+    """
+    name, _, rest = text.partition(":")
+    values = {}
+    for part in filter(None, rest.split(",")):
+        key, equals, number = part.partition("=")
+        try:
+            values[key.strip()] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise EffectError(
+                f"effect {text!r}: {part!r} is not PARAMETER=NUMBER; write for example"
+                " rtd_lag:tau_s=0.5, and see smad gap effects for names and units"
+            )
+    resolve({name.strip(): values})
+    return name.strip(), values
+
+
 def _complete(entry: Effect, values: Mapping[str, float]) -> dict[str, float]:
     for name in values:
         if entry.parameter(name) is None:

@@ -376,6 +376,32 @@ def test_the_simulated_bench_is_that_of_a_model_file(tmp_path: Path) -> None:
     assert bench.plant.variant == "printed"
 
 
+def test_effects_of_the_command_line_join_those_of_the_model(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    own = {"rtd_lag": {"tau_s": 0.3}, "driver_gain": {"gain": 0.02}}
+    save_model(path, base="A", variant="extended", overrides={}, effects=own, note="")
+
+    def effects(*written: str) -> dict[str, dict[str, float]]:
+        bench = build(Config(), rate_hz=100, seed=1, model_path=path, effects=written)
+        return {name: dict(values) for name, values in bench.plant.effects.items()}
+
+    slower = effects("rtd_lag:tau_s=0.7")
+    assert slower["rtd_lag"] == {"tau_s": 0.7}
+    assert slower["driver_gain"] == own["driver_gain"]
+    slack = effects("tendon_slack")
+    assert slack["rtd_lag"] == own["rtd_lag"]
+    assert all(value != 0.0 for value in slack["tendon_slack"].values())
+
+
+def test_an_effect_that_is_written_wrongly_is_refused_with_its_reason(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    assert "is not in the registry" in failed(capfd, "sim", "--effect", "wibble")
+    assert "PARAMETER=NUMBER" in failed(capfd, "sim", "--effect", "rtd_lag:tau_s")
+    assert "outside 0 to 5 s" in failed(capfd, "sim", "--effect", "rtd_lag:tau_s=99")
+    assert "has no parameter" in failed(capfd, "sim", "--effect", "rtd_lag:q=1")
+
+
 def test_progress_that_says_nothing_new_is_told_once(capfd: pytest.CaptureFixture[str]) -> None:
     now = 0.0
     line = Progress(lambda: now)
