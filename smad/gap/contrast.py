@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
 from smad.gap.judge import Judged, judge
 from smad.gap.lsq import Fitted, Problem, drive, fitting
@@ -46,16 +46,15 @@ def _fitted_to(good: Fitted, effect: Effect, candidate: Candidate) -> Fitted:
 
 
 def _with_values(fit: Fitted, effect: Effect, source: Fitted) -> Fitted:
-    """`fit` with the values of one effect taken from another fit."""
-    count = len(effect.parameters)
-    p = fit.p.copy()
-    p[-count:] = source.p[-count:]
+    """The refit beside the good runs' value of one effect, which is fixed there."""
+    fixed = {**fit.space.fixed, effect.name: source.point.effects[effect.name]}
+    space = replace(fit.space, effects=fit.space.effects[:-1], fixed=fixed)
     n = fit.space.n_theta
-    steps = fitting(fit.problem, fit.space, p, theta_A=fit.A[:, :n], iterations=0)
-    moved = drive(fit.problem.evidence, [steps])[0]
-    A = np.array(moved.A)
-    A[:, n:] = fit.A[:, n:]
-    return Fitted(
-        moved.problem, moved.space, moved.p, moved.predicted, moved.z, A, moved.objective,
-        moved.evaluations, moved.at_bound,
-    )  # fmt: skip
+    steps = fitting(
+        fit.problem,
+        space,
+        fit.p[: space.size],
+        theta_A=fit.A[:, :n],
+        iterations=_ITERATIONS,
+    )
+    return drive(fit.problem.evidence, [steps])[0]

@@ -114,12 +114,7 @@ class Selector:
         self.settings: Settings = refit.problem.evidence.settings
         self._null_of, self._null = null, np.zeros(0)
         self.progress = progress
-        since_good = bool(refit.space.fixed) or self.tied
-        self.certainty = (
-            self.settings.since_standard_errors
-            if since_good
-            else self.settings.gain_standard_errors
-        )
+        self.since_good = bool(refit.space.fixed) or self.tied
         self.masks = refit.problem.evidence.regime_masks()
 
     def run(self) -> Selection:
@@ -203,6 +198,14 @@ class Selector:
             float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
         )
 
+    def _certainty(self, c: Candidate) -> float:
+        """Standard errors that the held-out gain must exceed."""
+        s = self.settings
+        if not self.since_good:
+            return s.gain_standard_errors
+        clear = c.shrink_gain >= s.clear_shrink and c.excess_before >= s.min_excess
+        return s.clear_standard_errors if clear else s.since_standard_errors
+
     def _acceptable(self, c: Candidate) -> bool:
         s = self.settings
         visible = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
@@ -210,7 +213,7 @@ class Selector:
         # is larger than it.
         certain = self.tied and c.gain > s.strong_standard_errors * c.gain_se
         return (
-            c.gain > self.certainty * c.gain_se
+            c.gain > self._certainty(c) * c.gain_se
             and c.gain > 2.0
             and c.gain + c.regime_gain > 0.0
             and c.p_value <= s.significance

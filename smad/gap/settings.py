@@ -19,10 +19,10 @@ class Settings:
     `day_share` is how far a parameter may have moved since the known-good runs, in its prior's
     standard deviations, without that counting as a change.
 
-    Since known-good runs, an effect enters if its held-out gain exceeds `since_standard_errors`,
-    and beside tied parameters even without a gap to speak of if it exceeds
-    `strong_standard_errors`. A free refit replaces "nothing was added" if it is better by
-    `free_standard_errors`.
+    Since known-good runs, an effect enters if its held-out gain exceeds `since_standard_errors`, or
+    `clear_standard_errors` if it takes `clear_shrink` of the gap with it; beside tied parameters
+    even without a gap to speak of if it exceeds `strong_standard_errors`. A free refit replaces
+    "nothing was added" if it is better by `free_standard_errors`.
 
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.
@@ -56,6 +56,8 @@ class Settings:
     min_excess: float = 0.35
     gain_standard_errors: float = 1.0
     since_standard_errors: float = 4.5
+    clear_standard_errors: float = 3.0
+    clear_shrink: float = 0.25
     strong_standard_errors: float = 6.0
     free_standard_errors: float = 2.0
     min_shrink_gain: float = 0.05

@@ -62,7 +62,7 @@ def follow_tracks(
 def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
     if prepared.background is None:
         return True
-    errors = prepared.settings.since_standard_errors
+    errors = prepared.settings.clear_standard_errors
     return is_new(prepared.background.fit, candidate, prepared.hold, errors)
 
 

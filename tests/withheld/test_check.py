@@ -35,7 +35,7 @@ from tests.withheld.plant.effects import BY_NAME, Active, names
 RUN_S = 24.0
 LIBRARY = ("rtd_offset", "flow_shortfall")
 QUICK = How(
-    settings=Settings(bootstrap=100, survivors=3, baseline_effects=0),
+    settings=Settings(bootstrap=100, survivors=3, baseline_rounds=0),
     effects=LIBRARY,
 )
 CASES = (
