@@ -16,6 +16,7 @@ from firmware_protocol.enums import Fault, ResetCause
 from sim_device import foreign
 from sim_device.errors import FaultSpecError
 from sim_device.line import PROBE, Line
+from sim_device.written import numbers_by_name
 
 if TYPE_CHECKING:
     from sim_device.bench import SimulatedBench
@@ -381,12 +382,9 @@ def parse_injection(text: str) -> Injection:
     name, at, time = head.partition("@")
     if not at:
         raise FaultSpecError(f"{text!r} gives no time; write NAME@seconds[:parameter=value,...]")
-    parameters: dict[str, float] = {}
     try:
         at_s = float(time)
-        for pair in filter(None, tail.split(",")):
-            key, _, value = pair.partition("=")
-            parameters[key.strip()] = float(value)
+        parameters = numbers_by_name(tail)
     except ValueError:
         raise FaultSpecError(
             f"{text!r} holds something that is no number; write NAME@seconds[:parameter=value,...]"

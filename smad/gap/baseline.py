@@ -30,21 +30,20 @@ def learn_baseline(
     together is tried by its first alone.
     """
     settings = fit.problem.evidence.settings
-    current, entered_any = fit, False
+    current = fit
     probes = probe(current, sorted(effects, key=lambda e: e.name))
     for _ in range(settings.baseline_rounds):
         probes = reprobe(probes, current)
         asked = [s for s in screen(probes) if s.gain > settings.baseline_gain]
         asked = asked[: settings.baseline_handful]
-        entered = None
-        for chosen in (asked, asked[:1]) if len(asked) > 1 else (asked,):
-            if chosen and entered is None:
-                entered = _entered(current, chosen)
+        entered = _entered(current, asked) if asked else None
+        if entered is None and len(asked) > 1:
+            entered = _entered(current, asked[:1])
         if entered is None:
             break
-        current, entered_any = entered, True
+        current = entered
         progress("baseline: " + ", ".join(e.name for e in current.space.effects))
-    return frozen(polished(current) if entered_any else current)
+    return frozen(current if current is fit else polished(current))
 
 
 def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
@@ -55,8 +54,6 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
     p = space.start(values)
     n = current.space.n_theta
     p[:n] = current.p[:n]
-    evidence = current.problem.evidence
-    evidence.match_rough(current.point, current.predicted)
     steps = fitting(
         current.problem,
         space,
@@ -65,7 +62,7 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
         iterations=settings.fit_iterations,
         refresh_theta=True,
     )
-    trial = drive(evidence, [steps])[0]
+    trial = drive(current.problem.evidence, [steps])[0]
     before, after = judge([current, trial], None)
     gain, se = cluster_gain(current.problem, None, after.scores() - before.scores())
     return trial if gain > max(settings.baseline_gain, se) else None

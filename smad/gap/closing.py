@@ -138,7 +138,7 @@ class Closing:
         settings = prepared.settings
         self.progress("judging")
         base, best = selection.base, selection.best
-        numbers = weigh(prepared, self.track, since_good=self.shell.since_good)
+        numbers = weigh(prepared, self.track)
         groups, whole = numbers.groups, numbers.whole
         outcome, p = decide(numbers, settings)
         named = outcome in (Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST)
@@ -166,7 +166,7 @@ class Closing:
         text = words(
             outcome, numbers, plant, p=p, sub_model=sub_model, regimes=regimes,
             outputs=list(dict.fromkeys(channel_of[k] for k in outputs)), values=values,
-            experiments=experiments, since_good=self.shell.since_good,
+            experiments=experiments,
         )  # fmt: skip
         opened, open_rows, shown = self._open_loop(named)
         steps = self._steps()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from smad.gap.judge import Judged, judge
+from smad.gap.judge import judge
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import Effect
 from smad.gap.select import Candidate, cluster_gain
@@ -25,7 +25,7 @@ def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: flo
     if good.objective - known.objective < settings.asked_gain:
         return True
     as_before = _with_values(candidate.fit, effect, known)
-    judged: Judged = judge([as_before], hold)[0]
+    judged = judge([as_before], hold)[0]
     gain, error = cluster_gain(
         candidate.fit.problem, hold, candidate.judged.scores() - judged.scores()
     )

@@ -107,13 +107,12 @@ def _left_out(
     prepared: Prepared, track: Track, progress: Callable[[str], None]
 ) -> list[LeftOutRecord]:
     """The verdict when the first cause is taken out of the library."""
-    since_good = prepared.background is not None
-    named = weigh(prepared, track, since_good=since_good).effects
+    named = weigh(prepared, track).effects
     if not named:
         return []
     progress(f"once more without {named[0]}")
     library = [e for e in prepared.plant.effects if e.name != named[0]]
-    numbers = weigh(prepared, follow_tracks(prepared, library, progress), since_good=since_good)
+    numbers = weigh(prepared, follow_tracks(prepared, library, progress))
     outcome, p = decide(numbers, prepared.settings)
     names = [] if outcome is Outcome.UNKNOWN else list(numbers.effects)
     return [LeftOutRecord(named[0], outcome, names, p)]

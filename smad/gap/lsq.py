@@ -165,8 +165,7 @@ def sensitivities(
     lo, hi = space.bounds()
     reach = space.steps(p)
     wanted = [
-        h if p[i] + h <= hi[i] else -min(h, p[i] - lo[i])
-        for i, h in ((i, reach[i]) for i in columns)
+        reach[i] if p[i] + reach[i] <= hi[i] else -min(reach[i], p[i] - lo[i]) for i in columns
     ]
 
     def beside(i: int, h: float) -> ModelPoint:

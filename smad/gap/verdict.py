@@ -119,12 +119,11 @@ def words(
     outputs: Sequence[str],
     values: Sequence[ValueRecord],
     experiments: Sequence[ExperimentRecord],
-    since_good: bool,
 ) -> str:
     """The verdict as a paragraph."""
     title = {x.name: x for x in plant.effects}
     gap = e.whole
-    said = [_gap_sentence(e, since_good)]
+    said = [_gap_sentence(e)]
     if outcome in (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.NO_EXCITATION):
         said.append(_quiet(outcome, e))
         return " ".join(said)
@@ -155,8 +154,8 @@ def words(
     return " ".join(said)
 
 
-def _gap_sentence(e: Evidenced, since_good: bool) -> str:
-    subject = "Change since the known-good runs" if since_good else "Gap"
+def _gap_sentence(e: Evidenced) -> str:
+    subject = "Change since the known-good runs" if e.since_good else "Gap"
     if e.gap_raw <= 0.05:
         return f"{subject}: not above the noise floor."
     if e.tied:

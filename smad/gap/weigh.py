@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from scipy.stats import norm
 
-from smad.gap.assess import Standing, Worth, group_of
+from smad.gap.assess import Standing, group_of
 from smad.gap.select import Selection
 from smad.gap.stages import Prepared
 from smad.gap.tracks import Track
@@ -16,12 +16,12 @@ from smad.gap.verdict import Evidenced
 _VISIBLE_FLOORS = 4.0
 
 
-def weigh(prepared: Prepared, track: Track, *, since_good: bool) -> Evidenced:
+def weigh(prepared: Prepared, track: Track) -> Evidenced:
     """Gaps, shrink, groups and chances of the answer that `track` gave."""
     selection = track.selection
     standing = Standing.of(selection, None if track.tied else prepared.gentle)
     whole = standing.worth(selection.best.judged.bench.evidence.keys)
-    touched: Worth = standing.worth(selection.best.touched) if selection.best.touched else whole
+    touched = standing.worth(selection.best.touched) if selection.best.touched else whole
     return Evidenced(
         effects=_by_importance(prepared, selection),
         groups=_groups(prepared, selection),
@@ -30,10 +30,10 @@ def weigh(prepared: Prepared, track: Track, *, since_good: bool) -> Evidenced:
         threshold=prepared.threshold,
         touched=touched,
         whole=whole,
-        since_good=since_good,
+        since_good=prepared.background is not None,
         gap_free=track.free.excess(),
         tied=track.tied,
-        moved=_moved(prepared, track),
+        moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
         visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))
         if selection.screened
@@ -48,13 +48,6 @@ def _chance(selection: Selection) -> float:
         return 1.0
     strongest = max(c.gain / c.gain_se for c in single)
     return float(min(1.0, len(single) * norm.sf(strongest)))
-
-
-def _moved(prepared: Prepared, track: Track) -> bool:
-    """Whether the parameters are other than the question assumes."""
-    if prepared.tied is not None:
-        return not track.tied
-    return bool(np.max(np.abs(prepared.fit.p)) > 1.0)
 
 
 def _groups(prepared: Prepared, s: Selection) -> dict[str, list[str]]:

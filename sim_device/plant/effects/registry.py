@@ -14,6 +14,7 @@ from sim_device.plant.effects.material import MECHANICS, PHASE
 from sim_device.plant.effects.record import Effect
 from sim_device.plant.effects.thermal import THERMAL, WATER
 from sim_device.plant.errors import EffectError
+from sim_device.written import numbers_by_name
 
 EffectValues = Mapping[str, Mapping[str, float]]
 Resolved = dict[str, dict[str, float]]
@@ -51,18 +52,13 @@ def from_text(text: str) -> tuple[str, dict[str, float]]:
     Values are in the units of the registry. Raises EffectError.
     """
     name, _, rest = text.partition(":")
-    values = {}
-    for part in filter(None, rest.split(",")):
-        key, equals, number = part.partition("=")
-        try:
-            values[key.strip()] = float(number)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise EffectError(
-                f"effect {text!r}: {part!r} is not PARAMETER=NUMBER; write for example"
-                " rtd_lag:tau_s=0.5, and see smad gap effects for names and units"
-            )
+    try:
+        values = numbers_by_name(rest)
+    except ValueError as error:
+        raise EffectError(
+            f"effect {text!r}: {str(error)!r} is not PARAMETER=NUMBER; write for example"
+            " rtd_lag:tau_s=0.5, and see smad gap effects for names and units"
+        ) from None
     resolve({name.strip(): values})
     return name.strip(), values
 
