@@ -70,7 +70,11 @@ S_R = 32  # R-phase fraction
 S_R_PROGRESS = 33  # its progress on cooling
 S_ELASTIC = 34  # elastic energy, J
 S_TAU = 35  # shear stress that the kinetics last saw, Pa
-S_SIZE = 36
+# How far cells along the tube are from the mean, from the inlet on, K: wire, then water.
+CELLS = 5
+S_CELL = 36
+S_CELL_W = S_CELL + CELLS
+S_SIZE = S_CELL_W + CELLS
 
 # Slots of the shared state.
 SHARED = 2 * S_SIZE
@@ -212,7 +216,9 @@ E_SLACK_F = 52
 E_TENDON = 53
 E_TUBE_K = 54
 E_ELONGATION = 55
-EFFECTS_SIZE = 56
+E_FRONT = 56
+E_PLACE = 57
+EFFECTS_SIZE = 58
 
 # Scratch of one substep, one part for each spring.
 W_T_STAR = 0  # end temperature if no fraction changed
@@ -245,7 +251,8 @@ W_WALL_G = 27
 W_GIVE = 28  # compliance
 W_ROUGH = 29  # step of temperature still to be taken, K
 W_PART = 30  # share of the substep after which M_S is passed, 0 when it is not
-W_SIZE = 31
+W_LEAVES = 31  # how much warmer than the mean the water leaves, K
+W_SIZE = 32
 SCRATCH_SIZE = 2 * W_SIZE
 
 # Slots of the feeds: measured series that replace inner signals, at start and end of a sample.
@@ -253,7 +260,8 @@ F_CURRENT = 0  # flag, x, y
 F_TEMPERATURE = 3  # flag, x start, y start, x end, y end
 F_FORCE = 8  # flag, start, end
 F_DISPLACEMENT = 11  # flag, start, end
-FEEDS_SIZE = 14
+F_SURROUNDINGS = 14  # flag, inlet, ambient
+FEEDS_SIZE = 17
 
 # Scalars and borrowed arrays only: without `_nrt` every call in the inner loop would count
 # references atomically, which doubles the time. The option is numba's own but not documented, so
@@ -935,6 +943,8 @@ def heat(
         ua = fill * p[P_UA]
         d_water = inertia + g_water + g_flow + ua
         r_water = inertia * T_water + g_flow * T_in + ua * T_air
+        w[W_LEAVES] = e[E_FRONT] * s[S_CELL_W + CELLS - 1]
+        r_water -= g_flow * w[W_LEAVES]
         w[W_WALL_G] = 0.0
         if e[E_WALL] > 0.0:
             w[W_WALL_G] = fill * e[E_WALL_G]
@@ -987,6 +997,46 @@ def prepare(s: Array, w: Array, p: Array, e: Array, dt: float) -> None:
 
 
 @inlined
+def move_front(s: Array, w: Array, p: Array, warmer: float, dt: float) -> None:
+    """Effect cooling_front: how far wire and water of each cell are from the means.
+
+    The cells are stirred tanks in a row; their means are what `heat` has solved, so that only the
+    deviations are stepped (implicit Euler, cell by cell downstream) and centred again. `warmer` is
+    the mean of the water over the inlet, K.
+    """
+    flow = w[W_GF]
+    capacity = w[W_CAP] / dt
+    wire = 1.0 / (capacity + w[W_GW] + w[W_GD])
+    inertia = s[S_FILL] * p[P_SHARE] * p[P_CW] / dt
+    water = inertia + w[W_GW] + w[W_UA] + w[W_WALL_G] + CELLS * flow - w[W_GW] * w[W_GW] * wire
+    leaving = flow * (warmer + s[S_CELL_W + CELLS - 1])
+    upstream = -warmer
+    mean = 0.0
+    mean_water = 0.0
+    for i in range(CELLS):
+        right = inertia * s[S_CELL_W + i] + w[W_GW] * wire * capacity * s[S_CELL + i]
+        right += leaving + CELLS * flow * upstream
+        upstream = right / water
+        s[S_CELL_W + i] = upstream
+        s[S_CELL + i] = (capacity * s[S_CELL + i] + w[W_GW] * upstream) * wire
+        mean += s[S_CELL + i]
+        mean_water += upstream
+    for i in range(CELLS):
+        s[S_CELL + i] -= mean / CELLS
+        s[S_CELL_W + i] -= mean_water / CELLS
+
+
+@inlined
+def at_place(s: Array, place: float) -> float:
+    """How far the wire at a place along the tube, 0 to 1 from the inlet, is from its mean, K."""
+    where = place * CELLS - 0.5
+    where = min(max(where, 0.0), CELLS - 1.0)
+    cell = min(int(where), CELLS - 2)
+    part = where - cell
+    return float((1.0 - part) * s[S_CELL + cell] + part * s[S_CELL + cell + 1])
+
+
+@inlined
 def heat_books(
     s: Array,
     g: Array,
@@ -1008,11 +1058,13 @@ def heat_books(
         new_water = 2.0 * middle_water - T_water
         s[S_RATE_W] = (new_water - T_water) * per_dt
         s[S_TW] = new_water
-        carried = length * dt * w[W_GF] * (middle_water - g[G_T_IN])
+        carried = length * dt * w[W_GF] * (middle_water + w[W_LEAVES] - g[G_T_IN])
         s[S_AIR_J] += length * dt * w[W_UA] * (middle_water - g[G_T_AIR])
         if w[W_WALL_G] > 0.0:
             given = dt * w[W_WALL_G] * (middle_water - s[S_T_WALL])
             s[S_T_WALL] += given / (e[E_WALL] * p[P_CW])
+        if e[E_FRONT] > 0.0:
+            move_front(s, w, p, middle_water - g[G_T_IN], dt)
     else:
         carried = length * dt * w[W_GW] * (middle - g[G_T_IN])
     s[S_WATER_J] += carried
@@ -1424,6 +1476,9 @@ def substep(
     g[G_DRIFT] += e[E_DRIFT] * dt
     g[G_T_IN] = g[G_ENV_IN] + g[G_RESERVOIR]
     g[G_T_AIR] = g[G_ENV_AIR] + g[G_DRIFT]
+    if feeds[F_SURROUNDINGS] > 0.0:
+        g[G_T_IN] = feeds[F_SURROUNDINGS + 1]
+        g[G_T_AIR] = feeds[F_SURROUNDINGS + 2]
     pump(x, p, e, drive[2], 1.0, dt)
     pump(y, p, e, drive[3], -1.0, dt)
     supply(x, y, wx, p, e, feeds, drive, 0, dt)
@@ -1484,9 +1539,12 @@ def sense_spring(s: Array, g: Array, p: Array, e: Array, side: int, dt: float) -
     """Current, voltage and temperature of one spring as its sensors give them."""
     g[G_M_I + side] = s[S_I] + e[E_I_OFFSET]
     g[G_M_V + side] = s[S_I] * (s[S_OHM] + e[E_CONTACT_OHM])
-    T = s[S_T] + e[E_RTD_OFFSET]
+    T = s[S_T]
+    if e[E_FRONT] > 0.0:
+        T += e[E_FRONT] * at_place(s, e[E_PLACE])
     if e[E_RTD_STEM] != 0.0:
-        T -= e[E_RTD_STEM] * (s[S_T] - g[G_T_AIR])
+        T -= e[E_RTD_STEM] * (T - g[G_T_AIR])
+    T += e[E_RTD_OFFSET]
     if e[E_RTD_LAG_S] > 0.0:
         if dt > 0.0:
             T = T + (g[G_LAG_X + side] - T) * math.exp(-dt / e[E_RTD_LAG_S])
@@ -1499,8 +1557,9 @@ def sense(x: Array, y: Array, g: Array, p: Array, e: Array, ring: Array, dt: flo
     """What the sensors give at the end of a sample that lasted dt; dt = 0 before the first."""
     sense_spring(x, g, p, e, 0, dt)
     sense_spring(y, g, p, e, 1, dt)
-    g[G_M_RTD + 2] = g[G_T_IN]
-    g[G_M_RTD + 3] = g[G_T_AIR]
+    # Not what is fed: these are what the plant itself would show.
+    g[G_M_RTD + 2] = g[G_ENV_IN] + g[G_RESERVOIR]
+    g[G_M_RTD + 3] = g[G_ENV_AIR] + g[G_DRIFT]
     u = g[G_U]
     if e[E_SLIP] != 0.0:
         if u > g[G_SEEN_U]:
@@ -1592,7 +1651,8 @@ def replay(
 ) -> tuple[int, int]:
     """Advance through recorded samples; row k of `drives` is in force up to times[k].
 
-    flags (4,) and rows (n, 6): which signals are fed, and i_x, i_y, T_x, T_y, F, u. env (n, 2):
+    flags (5,) and rows (n, 8): which signals are fed, and i_x, i_y, T_x, T_y, F, u, inlet and
+    ambient. env (n, 2):
     inlet and ambient, K. out (n, len(slots)): those slots of the state after each sample.
     Returns (status, row it stopped at).
     """
@@ -1616,7 +1676,7 @@ def replay(
 
 @inlined
 def load_feeds(feeds: Array, flags: Array, rows: Array, k: int) -> None:
-    """Feeds of the sample that ends at row k. Rows: i_x, i_y, T_x, T_y, F, u."""
+    """Feeds of the sample that ends at row k. Rows: i_x, i_y, T_x, T_y, F, u, inlet, ambient."""
     feeds[F_CURRENT] = flags[0]
     feeds[F_CURRENT + 1] = rows[k, 0]
     feeds[F_CURRENT + 2] = rows[k, 1]
@@ -1631,3 +1691,6 @@ def load_feeds(feeds: Array, flags: Array, rows: Array, k: int) -> None:
     feeds[F_DISPLACEMENT] = flags[3]
     feeds[F_DISPLACEMENT + 1] = rows[k - 1, 5]
     feeds[F_DISPLACEMENT + 2] = rows[k, 5]
+    feeds[F_SURROUNDINGS] = flags[4]
+    feeds[F_SURROUNDINGS + 1] = rows[k, 6]
+    feeds[F_SURROUNDINGS + 2] = rows[k, 7]

@@ -56,7 +56,10 @@ for _side, _o in (("x", 0), ("y", k.S_SIZE)):
         f"work_on_{_side}_J": (_o + k.S_WORK_J, 0.0),
     }
 MEASURED: tuple[str, ...] = tuple(OUTPUTS)[:10]
-FEEDS: dict[str, int] = {"i_A": 2, "temperature_K": 2, "force_N": 1, "displacement_m": 1}
+FEEDS: dict[str, int] = {
+    "i_A": 2, "temperature_K": 2, "force_N": 1, "displacement_m": 1, "surroundings_K": 2,
+}  # fmt: skip
+_FEED_COLUMNS = sum(FEEDS.values())
 
 
 @dataclass(frozen=True)
@@ -152,8 +155,10 @@ def simulate(
     feeds: measured series in place of inner signals, so that a sub-model runs alone. "i_A" (n, 2)
     replaces what the driver makes of the command, "temperature_K" (n, 2) the heat balance,
     "force_N" (n,) the stress that the kinetics see, "displacement_m" (n,) the equilibrium of the
-    pair: the force then follows from Eq. (9). They are interpolated linearly between samples;
-    smooth noisy temperatures first, since noise ratchets a hysteresis.
+    pair: the force then follows from Eq. (9); "surroundings_K" (n, 2) inlet and ambient as they
+    were, held over each sample, while the outputs of those RTDs stay the plant's own. The others
+    are interpolated linearly between samples; smooth noisy temperatures first, since noise ratchets
+    a hysteresis.
     Without feeds the result is that of `Plant` driven sample by sample, to the last bit.
     Raises InputError, EffectError, ModelError, and SolverError with time and state.
     """
@@ -257,7 +262,7 @@ def _feed_rows(feeds: Mapping[str, Array], n: int) -> tuple[Array, Array]:
     if unknown:
         raise InputError(f"feed {unknown[0]!r} is unknown; known are {', '.join(FEEDS)}")
     flags = np.zeros(len(FEEDS))
-    rows = np.zeros((n if feeds else 1, 6))
+    rows = np.zeros((n if feeds else 1, _FEED_COLUMNS))
     column = 0
     for index, (name, width) in enumerate(FEEDS.items()):
         if name in feeds:
@@ -266,5 +271,5 @@ def _feed_rows(feeds: Mapping[str, Array], n: int) -> tuple[Array, Array]:
             rows[:, column : column + width] = _checked(name, feeds[name], shape).reshape(n, width)
         column += width
     if not feeds:
-        rows = np.broadcast_to(rows, (n, 6)).copy()
+        rows = np.broadcast_to(rows, (n, _FEED_COLUMNS)).copy()
     return flags, rows

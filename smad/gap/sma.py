@@ -39,6 +39,7 @@ _RETRIES = ((0.0, 1.0), (3e-3, 1.0), (-3e-3, 1.0), (1e-2, 0.5), (0.0, 0.2))
 _MOVES_CURRENT = frozenset(e.name for e in EFFECTS if "current" in e.signals)
 _DRIVER = ("i_x_A", "i_y_A", "true_i_x_A", "true_i_y_A")
 _INNOVATION_S = 0.3
+_SURROUNDINGS_S = 2.0
 _WIDE = 0.4
 _WIDE_K = 6.0
 
@@ -317,7 +318,7 @@ class _Passes:
             out |= {f"actuator:i_meas_{s}_A": commanded[f"i_{s}_A"] / self.root[s] for s in "xy"}
         if not {"thermal", "electrical", "mechanics", "phase"} & set(names):
             return out
-        feeds: dict[str, Array] = {}
+        feeds = self._surroundings()
         if all(f"i_meas_{s}_A" in self.run.outputs for s in "xy"):
             feeds["i_A"] = self._fed_current(commanded)
         heated = self._pass(feeds)
@@ -394,6 +395,18 @@ class _Passes:
         ]
         return np.asarray(np.maximum(np.column_stack(fed), 0.0))
 
+    def _surroundings(self) -> dict[str, Array]:
+        """Inlet and room as they were measured, if they were: what they did is not the wires'."""
+        fed = []
+        for name, given in (("inlet", self.inputs.inlet_K), ("ambient", self.inputs.ambient_K)):
+            channel = self.run.outputs.get(f"rtd_{name}_degC")
+            if channel is None or given is None:
+                return {}
+            start = _start(self.run)
+            moved = sma_signals.smooth(channel, self.run.dt_s, _SURROUNDINGS_S)
+            fed.append(given + moved - float(np.median(channel[:start])))
+        return {"surroundings_K": np.clip(np.column_stack(fed), 230.0, 420.0)}
+
     def _fed_temperature(self, heated: Mapping[str, Array]) -> Array:
         fed = []
         for s in "xy":
@@ -415,6 +428,11 @@ _KEPT = (
 )  # fmt: skip
 
 
+def _start(run: GapRun) -> int:
+    """Samples of the first second."""
+    return max(1, round(1.0 / max(run.dt_s, 1e-6)))
+
+
 def _inputs_of(
     run: GapRun, parameters: ParameterSet, nominal: ParameterSet, root: Mapping[str, float]
 ) -> Inputs:
@@ -423,7 +441,7 @@ def _inputs_of(
     The two temperatures of the parameter set then act as corrections of those measurements.
     """
     n = len(run.t_s)
-    start = max(1, round(1.0 / max(run.dt_s, 1e-6)))
+    start = _start(run)
     environment = {}
     for argument, name in _ENVIRONMENT.items():
         channel = "rtd_inlet_degC" if argument == "inlet_K" else "rtd_ambient_degC"

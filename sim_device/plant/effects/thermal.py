@@ -47,6 +47,24 @@ THERMAL: tuple[Effect, ...] = (
         "A. Bhattacharyya et al., Smart Mater. Struct. 2002 (heat balance cited by the paper)",
     ),
     Effect(
+        "cooling_front",
+        "the water cools the wire from its inlet on",
+        "thermal",
+        "five cells along the tube, C_w′ dT_w,i/dt = h π d (T_i − T_w,i) − 5 (Qρc/L)(T_w,i − T_w,i−1)"
+        " − …; RTD: T_r = T + s (T_z − T), outflow: T_w + s (T_w,5 − T_w)",
+        (
+            EffectParameter("share", k.E_FRONT, "1", 0, 1, 0.8, half(0.5), "share s of plug flow"),
+            EffectParameter(
+                "place", k.E_PLACE, "1", 0.02, 1, 0.5, about(0.5), "place z of the RTD", None
+            ),
+        ),
+        _HEAT,
+        ("temperature_spread", "rtd_lag", "flow_shortfall"),
+        "one short and one long pump pulse from the same temperature",
+        "physics.md of this project; plug flow against a stirred tank",
+        _NODE,
+    ),
+    Effect(
         "convection_exponent",
         "film coefficient depends on the temperature difference in another way",
         "thermal",
