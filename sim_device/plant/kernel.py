@@ -218,7 +218,8 @@ E_TUBE_K = 54
 E_ELONGATION = 55
 E_FRONT = 56
 E_PLACE = 57
-EFFECTS_SIZE = 58
+E_LIFT = 58
+EFFECTS_SIZE = 59
 
 # Scratch of one substep, one part for each spring.
 W_T_STAR = 0  # end temperature if no fraction changed
@@ -366,8 +367,12 @@ def progress_b(T: float, tau: float, p: Array) -> float:
 
 
 @inlined
-def progress_c(T: float, p: Array) -> float:
-    return clip01((p[P_M_S] - T) * p[P_M_INV])
+def progress_c(T: float, tau: float, p: Array, e: Array) -> float:
+    """Effect stress_lift moves the range with the stress beyond that of the mount."""
+    start = p[P_M_S]
+    if e[E_LIFT] != 0.0:
+        start += e[E_LIFT] * (tau - p[P_C1] * p[P_F0]) / STRESS_REF_PA
+    return clip01((start - T) * p[P_M_INV])
 
 
 @inlined
@@ -540,7 +545,7 @@ def transform(
                 slope_F = remaining_slope(left) * p[P_TAU_INV] * p[P_C1]
                 xs_F = -slope_F
                 xs_T = slope_F / p[P_C1] * p[P_C_M]
-    c = progress_c(T, p)
+    c = progress_c(T, tau, p, e)
     if c > s[S_C]:
         austenite = 1.0 - xs - xt
         if austenite > 0.0:
@@ -556,6 +561,8 @@ def transform(
                 ratio = raised
             xt_T = -xs_T + ratio * (xs_T + xt_T) - austenite * slope
             xt_F = -xs_F + ratio * (xs_F + xt_F)
+            if e[E_LIFT] != 0.0:
+                xt_F += austenite * slope * e[E_LIFT] * p[P_C1] / STRESS_REF_PA
             xt = 1.0 - xs - austenite * ratio
     xt = min(xt, 1.0 - xs)
     xt = max(xt, 0.0)
@@ -1161,7 +1168,7 @@ def accept(
     s[S_TAU] = tau
     s[S_A] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
     s[S_B] = progress_b(T, tau, p)
-    s[S_C] = progress_c(T, p)
+    s[S_C] = progress_c(T, tau, p, e)
     history(s, w, p, e, F_phase, xi_old, change)
 
 

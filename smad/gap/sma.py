@@ -81,7 +81,7 @@ _TEMPERATURES = {
 _LUMPED = {
     "flow_max": 2.5, "film_scale": 3.0, "warming_share": 4.0, "latent_cooling": 4.0,
     "latent_heating": 2.5, "heat_capacity_cooling": 2.5, "heat_capacity_heating": 1.6,
-    "tube_loss": 4.0,
+    "tube_loss": 4.0, "stress_finish": 2.5, "slope_martensite": 2.0,
 }  # fmt: skip
 _PRIOR_SHARE = 0.08
 _PRIOR_K = 1.5

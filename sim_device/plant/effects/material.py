@@ -62,6 +62,17 @@ PHASE: tuple[Effect, ...] = (
         _OTSUKA,
     ),
     Effect(
+        "stress_lift",
+        "stress lifts the temperatures at which twinned martensite forms",
+        "phase",
+        "M_S, M_F → … + c (τ − τ_0)/100 MPa in Eq. (12) on cooling, τ_0 at F0",
+        (EffectParameter("lift_K", k.E_LIFT, "K", -30, 60, 8, either(8), "c, K per 100 MPa"),),
+        _MOVES,
+        ("transformation_fatigue", "minor_loop"),
+        "cool to the same temperature at two preloads",
+        "D. C. Lagoudas (ed.), Shape Memory Alloys, Springer 2008, ch. 3",
+    ),
+    Effect(
         "stress_latent",
         "latent heat depends on stress",
         "phase",
