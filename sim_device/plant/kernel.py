@@ -219,7 +219,8 @@ E_ELONGATION = 55
 E_FRONT = 56
 E_PLACE = 57
 E_LIFT = 58
-EFFECTS_SIZE = 59
+E_MEMORY = 59
+EFFECTS_SIZE = 60
 
 # Scratch of one substep, one part for each spring.
 W_T_STAR = 0  # end temperature if no fraction changed
@@ -383,6 +384,26 @@ def minor(ratio: float, share: float, e: Array) -> tuple[float, float]:
 
 
 @inlined
+def remembered(
+    ratio: float, slope: float, left: float, left_slope: float, before: float, part: float, e: Array
+) -> tuple[float, float]:
+    """Effect minor_loop: a share of the wire rests until the outer curve reaches its fraction.
+
+    `left` and `before` are the outer curve at the end and the start of the substep, `part` the
+    fraction that is still to transform. Returns the ratio by which it shrinks, and its slope.
+    """
+    if part < before:
+        outer = 1.0
+        outer_slope = 0.0
+        if left < part:
+            outer = left / part
+            outer_slope = left_slope / part
+        ratio += e[E_MEMORY] * (outer - ratio)
+        slope += e[E_MEMORY] * (outer_slope - slope)
+    return ratio, slope
+
+
+@inlined
 def back_to_austenite(
     a: float,
     xs: float,
@@ -404,11 +425,14 @@ def back_to_austenite(
         slope = remaining_slope(left)
     before = left_before(s[S_A], w, W_FA, spread)
     ratio = left / before
+    outer_slope = slope
     slope = slope / before
     if e[E_MINOR] != 0.0 and ratio > 0.0:
         exponent, raised = minor(ratio, 1.0 - w[W_XI_BACK], e)
         slope = slope * exponent * raised / ratio
         ratio = raised
+    if e[E_MEMORY] > 0.0:
+        ratio, slope = remembered(ratio, slope, left, outer_slope, before, xs + xt, e)
     return ratio, slope
 
 
@@ -420,6 +444,8 @@ def grow(
     ratio = left / before if before > 0.0 else 1.0
     if e[E_MINOR] != 0.0 and hot and ratio > 0.0:
         ratio = minor(ratio, w[W_XI_FORTH], e)[1]
+    if e[E_MEMORY] > 0.0 and hot:
+        ratio = remembered(ratio, 0.0, left, 0.0, before, 1.0 - xs, e)[0]
     new = 1.0 - (1.0 - xs) * ratio
     if not hot and 1.0 - left < new:
         new = 1.0 - left
@@ -508,6 +534,9 @@ def transform(
             exponent, raised = minor(ratio, w[W_XI_FORTH], e)
             bend = exponent * raised / ratio
             ratio = raised
+        if e[E_MEMORY] > 0.0 and w[W_HOT] > 0.0:
+            ratio, bend = remembered(ratio, bend / before, left, 1.0, before, 1.0 - xs, e)
+            bend = bend * before
         new = 1.0 - (1.0 - xs) * ratio
         on_curve = w[W_HOT] == 0.0 and 1.0 - left < new
         if on_curve:
@@ -555,10 +584,15 @@ def transform(
             slope = 0.0
             if c < 1.0:
                 slope = -remaining_slope(left) / before * p[P_M_INV]
+            outer_slope = slope * before
             if e[E_MINOR] != 0.0 and ratio > 0.0:
                 exponent, raised = minor(ratio, w[W_XI_FORTH], e)
                 slope = slope * exponent * raised / ratio
                 ratio = raised
+            if e[E_MEMORY] > 0.0:
+                ratio, slope = remembered(
+                    ratio, slope, left, outer_slope, before, austenite, e
+                )
             xt_T = -xs_T + ratio * (xs_T + xt_T) - austenite * slope
             xt_F = -xs_F + ratio * (xs_F + xt_F)
             if e[E_LIFT] != 0.0:

@@ -18,8 +18,12 @@ PHASE: tuple[Effect, ...] = (
         "minor_loop",
         "partial transformations follow another law",
         "phase",
-        "ratios of Eqs (11), (13) raised to 1 + κ p, p the untransformed share when the leg began",
-        (EffectParameter("kappa", k.E_MINOR, "1", -0.9, 3, 0.8, either(0.6), "κ"),),
+        "ratios of Eqs (11), (13) raised to 1 + κ p, p the untransformed share when the leg began;"
+        " a share m of the wire rests until the outer curve reaches its fraction",
+        (
+            EffectParameter("kappa", k.E_MINOR, "1", -0.9, 3, 0.8, either(0.6), "κ"),
+            EffectParameter("memory", k.E_MEMORY, "1", 0, 1, 0.5, half(0.5), "share m"),
+        ),
         _MOVES,
         ("temperature_spread", "transformation_fatigue"),
         "first-order reversal curves",
