@@ -20,6 +20,8 @@ from smad.gap.plant import Effect
 from smad.gap.screen import Screened, probe, reprobe, screen
 from smad.gap.select import cluster_gain
 
+_LAW_START = 0.3
+
 
 def learn_baseline(
     fit: Fitted, effects: Sequence[Effect], progress: Callable[[str], None] = lambda text: None
@@ -27,7 +29,7 @@ def learn_baseline(
     """The fit of the good runs with the effects that they ask for, all then fixed.
 
     A few at a time, the best first, judged on good runs left out in turn; a handful that fails
-    together is tried by its first alone.
+    together is tried by its first alone. What `fit` has already stays free until the end.
     """
     settings = fit.problem.evidence.settings
     current = fit
@@ -44,6 +46,24 @@ def learn_baseline(
         current = entered
         progress("baseline: " + ", ".join(e.name for e in current.space.effects))
     return frozen(current if current is fit else polished(current))
+
+
+def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
+    """The least-squares fit with the laws of the library beside the parameters.
+
+    They begin at a part of what they typically are, since a slope at nothing says little.
+    """
+    laws = tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
+    if not laws:
+        return fit
+    space = fit.space.with_effects(laws)
+    p = space.start({e.name: e.at(_LAW_START) for e in laws})
+    p[: fit.space.n_theta] = fit.p
+    iterations = 2 * fit.problem.evidence.settings.fit_iterations
+    steps = fitting(
+        fit.problem, space, p, iterations=iterations, refresh_theta=True, tolerance=2.0, squares=True
+    )
+    return drive(fit.problem.evidence, [steps])[0]
 
 
 def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:

@@ -82,7 +82,11 @@ class EffectParameter:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """A candidate cause: an entry of the plant's library."""
+    """A candidate cause: an entry of the plant's library.
+
+    `law`: a good bench follows it too, more or less (no driver is without lag), so that known-good
+    runs are asked for its value before anything else.
+    """
 
     name: str
     title: str
@@ -93,6 +97,7 @@ class Effect:
     confused_with: tuple[str, ...] = ()
     separates: str = ""
     reference: str = ""
+    law: bool = False
 
     def at(self, level: float = 1.0) -> dict[str, float]:
         """Parameter values with every strength at `level` times its typical value."""

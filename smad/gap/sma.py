@@ -177,6 +177,7 @@ class SmaPlant:
                     e.confused_with,
                     e.separated_by,
                     e.reference,
+                    e.law,
                 )
             )
         return tuple(chosen)

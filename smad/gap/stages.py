@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.gap.baseline import learn_baseline
+from smad.gap.baseline import learn_baseline, with_laws
 from smad.gap.discrepancy import Background, fed_noise, learn_background
 from smad.gap.judge import Judged, excess_of, judge, leave_out_points, predict_by_run
 from smad.gap.lsq import Fitted, Problem, drive, fitting
@@ -149,12 +149,16 @@ def _background_of(
     First by least squares, which shares the misfit out; its size by output and regime is then the
     weight with which the baseline is sought and the fit repeated.
     """
+    effects = ev.plant.effects
     plain = Problem(ev, Whitening(ev, base), np.zeros(ev.n))
-    rough = refit(plain, parameters, squares=True)
+    rough = with_laws(refit(plain, parameters, squares=True), effects)
     noise = learn_background(rough, base, templates=False).noise
     weighed = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
-    fit = refit(weighed, parameters, start=rough)
-    fit = learn_baseline(fit, ev.plant.effects, progress)
+    steps = fitting(
+        weighed, rough.space, rough.p, iterations=ev.settings.refit_iterations, refresh_theta=True
+    )
+    fit = drive(ev, [steps])[0]
+    fit = learn_baseline(fit, effects, progress)
     return learn_background(fit, base)
 
 

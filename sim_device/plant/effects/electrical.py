@@ -27,6 +27,7 @@ ELECTRICAL: tuple[Effect, ...] = (
         ("channel_delay", "rtd_lag"),
         "pseudo-random current steps shorter than a second",
         "K. Ogata, Modern Control Engineering (first-order lag)",
+        law=True,
     ),
     Effect(
         "driver_saturation",
@@ -104,6 +105,7 @@ SENSORS: tuple[Effect, ...] = (
         ("channel_delay", "rtd_stem", "temperature_spread"),
         "heat at two rates: a lag grows with the rate, a delay does not",
         "J. V. Nicholas, D. R. White, Traceable Temperatures, 2nd ed., Wiley 2001",
+        law=True,
     ),
     Effect(
         "rtd_offset",
@@ -213,6 +215,7 @@ SENSORS: tuple[Effect, ...] = (
         ("rtd_lag", "driver_lag", "clock_skew"),
         "equal edges at start and end: a delay is the same at both, a skew grows",
         "definition of a transport delay",
+        law=True,
     ),
     Effect(
         "clock_skew",

@@ -28,6 +28,7 @@ PHASE: tuple[Effect, ...] = (
         ("temperature_spread", "transformation_fatigue"),
         "first-order reversal curves",
         "I. D. Mayergoyz, Mathematical Models of Hysteresis, Springer 1991",
+        law=True,
     ),
     Effect(
         "transformation_fatigue",
@@ -75,6 +76,7 @@ PHASE: tuple[Effect, ...] = (
         ("transformation_fatigue", "minor_loop"),
         "cool to the same temperature at two preloads",
         "D. C. Lagoudas (ed.), Shape Memory Alloys, Springer 2008, ch. 3",
+        law=True,
     ),
     Effect(
         "stress_latent",

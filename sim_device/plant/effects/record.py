@@ -79,7 +79,8 @@ class Effect:
 
     signals: measured channels that it moves. confused_with: other entries that look alike in
     routine runs. separated_by: the experiment that tells them apart. needs: what the plant must be
-    for the effect to act (variant, cooling, fixture), as option to allowed values.
+    for the effect to act (variant, cooling, fixture), as option to allowed values. law: a good bench
+    follows it too, more or less.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Effect:
     separated_by: str
     reference: str
     needs: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    law: bool = False
 
     def typical(self) -> dict[str, float]:
         """Every parameter at its typical value."""

@@ -63,6 +63,7 @@ THERMAL: tuple[Effect, ...] = (
         "one short and one long pump pulse from the same temperature",
         "physics.md of this project; plug flow against a stirred tank",
         _NODE,
+        law=True,
     ),
     Effect(
         "convection_exponent",
@@ -179,6 +180,7 @@ WATER: tuple[Effect, ...] = (
         "pump pulses of many widths",
         "K. Ogata, Modern Control Engineering (dead time and first-order lag)",
         _WATER,
+        law=True,
     ),
     Effect(
         "flow_shortfall",
