@@ -172,6 +172,9 @@ def initial_state(
         spring[k.S_A] = k.progress_a(start, tau, p, e[k.E_SPREAD] * p[k.P_A_INV])
         spring[k.S_B] = k.progress_b(start, tau, p)
         spring[k.S_C] = k.progress_c(start, tau, p, e)
+        for cell in range(k.CELLS):
+            at = k.S_CELLS + cell * k.S_KINETICS
+            spring[at : at + k.S_KINETICS] = spring[k.S_XS : k.S_XS + k.S_KINETICS]
         spring[k.S_R_PROGRESS] = k.clip01((p[k.P_M_S] + k.R_ABOVE - start) / k.R_WIDTH)
     shared[k.G_F] = s[k.S_F]
     return s

@@ -41,8 +41,8 @@ S_XT = 3  # twinned martensite fraction
 S_A = 4  # progress of the reverse transformation, 0 to 1, Eq. (11)
 S_B = 5  # progress of detwinning and of stress-induced martensite, Eqs (12), (13)
 S_C = 6  # progress of twinned martensite on cooling, Eq. (12c)
-S_FILL = 7  # share of the tube that holds water
-S_F = 8  # tension of the spring, N
+S_LEG = 7  # -1 in a reverse, +1 in a forward transformation, 0 before any
+S_XI_LEG = 8  # fraction at which the present leg began
 S_DELTA = 9  # deflection of the spring, m
 S_RATE = 10  # last rate of S_T, K/s
 S_RATE_W = 11  # last rate of S_TW, K/s
@@ -58,8 +58,8 @@ S_UNEQUAL_J = 20  # heat that unequal capacities and latent heats have made, J
 S_WORK_J = 21  # mechanical work done on the spring, J
 S_OMITTED_J = 22  # transformation work that the heat balance leaves out, J
 S_CYCLES = 23  # transformation cycles so far: half the sum of |Δξ|
-S_LEG = 24  # -1 in a reverse, +1 in a forward transformation, 0 before any
-S_XI_LEG = 25  # fraction at which the present leg began
+S_FILL = 24  # share of the tube that holds water
+S_F = 25  # tension of the spring, N
 S_PUMP = 26  # flow of the pump before leaks, m3/s
 S_PUMP_ON_S = 27  # time since the pump was switched on, s
 S_PUMP_COUNT = 28  # times the pump was switched on
@@ -74,7 +74,10 @@ S_TAU = 35  # shear stress that the kinetics last saw, Pa
 CELLS = 5
 S_CELL = 36
 S_CELL_W = S_CELL + CELLS
-S_SIZE = S_CELL_W + CELLS
+# What the kinetics remember (S_XS to S_XI_LEG), once more for each cell.
+S_KINETICS = 7
+S_CELLS = S_CELL_W + CELLS
+S_SIZE = S_CELLS + CELLS * S_KINETICS
 
 # Slots of the shared state.
 SHARED = 2 * S_SIZE
@@ -230,31 +233,37 @@ W_FA = 3  # f(a), f(b), f(c) at the start, negative until needed
 W_FB = 4
 W_FC = 5
 W_HOT = 6  # 1 when the substep starts above M_S
-W_GUESS = 7
-W_T = 8
-W_XS = 9
-W_XT = 10
-W_DELTA = 11
-W_SLOPE = 12  # d delta / d F
-W_CAP = 13
-W_RW = 14  # water: middle = (RW + GW * middle of the wire) * DW_INV
-W_DW_INV = 15
-W_GW = 16
-W_GD = 17
-W_POWER = 18
-W_GF = 19
-W_UA = 20
-W_T_F = 22  # d T / d F
-W_LATENT = 23  # factor on the latent heat
-W_XI_BACK = 24  # fraction at which a reverse leg began, or would begin now
-W_XI_FORTH = 25
+W_PART = 7  # share of the substep after which M_S is passed, 0 when it is not
+W_XI_BACK = 8  # fraction at which a reverse leg began, or would begin now
+W_XI_FORTH = 9
+W_XS = 10
+W_XT = 11
+W_GUESS = 12
+W_T = 13
+W_DELTA = 14
+W_SLOPE = 15  # d delta / d F
+W_CAP = 16
+W_RW = 17  # water: middle = (RW + GW * middle of the wire) * DW_INV
+W_DW_INV = 18
+W_GW = 19
+W_GD = 20
+W_POWER = 21
+W_GF = 22
+W_UA = 23
+W_T_F = 24  # d T / d F
+W_LATENT = 25  # factor on the latent heat
 W_SHIFT = 26  # drift of the transformation temperatures, K
 W_WALL_G = 27
 W_GIVE = 28  # compliance
 W_ROUGH = 29  # step of temperature still to be taken, K
-W_PART = 30  # share of the substep after which M_S is passed, 0 when it is not
-W_LEAVES = 31  # how much warmer than the mean the water leaves, K
-W_SIZE = 32
+W_LEAVES = 30  # how much warmer than the mean the water leaves, K
+W_CELL_H = 31  # W_LAM_H and W_LAM_C of the cells, where the mean's are fed
+W_CELL_C = 32
+W_WARMER = 33  # mean of the water over the inlet, K
+# W_FA to W_XT once more for each cell.
+W_KINETICS = 9
+W_CELLS = 34
+W_SIZE = W_CELLS + CELLS * W_KINETICS
 SCRATCH_SIZE = 2 * W_SIZE
 
 # Slots of the feeds: measured series that replace inner signals, at start and end of a sample.
@@ -413,6 +422,8 @@ def back_to_austenite(
     p: Array,
     e: Array,
     spread: float,
+    o: int,
+    q: int,
 ) -> tuple[float, float]:
     """Eq. (11) in rate form. Returns the ratio by which both fractions shrink and its da-slope."""
     if spread > 0.0:
@@ -423,12 +434,12 @@ def back_to_austenite(
     else:
         left = remaining(a)
         slope = remaining_slope(left)
-    before = left_before(s[S_A], w, W_FA, spread)
+    before = left_before(s[S_A + o], w, W_FA + q, spread)
     ratio = left / before
     outer_slope = slope
     slope = slope / before
     if e[E_MINOR] != 0.0 and ratio > 0.0:
-        exponent, raised = minor(ratio, 1.0 - w[W_XI_BACK], e)
+        exponent, raised = minor(ratio, 1.0 - w[W_XI_BACK + q], e)
         slope = slope * exponent * raised / ratio
         ratio = raised
     if e[E_MEMORY] > 0.0:
@@ -438,12 +449,12 @@ def back_to_austenite(
 
 @inlined
 def grow(
-    xs: float, xt: float, before: float, left: float, hot: bool, w: Array, e: Array
+    xs: float, xt: float, before: float, left: float, hot: bool, w: Array, e: Array, q: int
 ) -> tuple[float, float]:
     """Eq. (13) above M_S, Eq. (12) below: fractions when f(b) falls from `before` to `left`."""
     ratio = left / before if before > 0.0 else 1.0
     if e[E_MINOR] != 0.0 and hot and ratio > 0.0:
-        ratio = minor(ratio, w[W_XI_FORTH], e)[1]
+        ratio = minor(ratio, w[W_XI_FORTH + q], e)[1]
     if e[E_MEMORY] > 0.0 and hot:
         ratio = remembered(ratio, 0.0, left, 0.0, before, 1.0 - xs, e)[0]
     new = 1.0 - (1.0 - xs) * ratio
@@ -466,6 +477,8 @@ def across(
     w: Array,
     p: Array,
     e: Array,
+    o: int,
+    q: int,
 ) -> tuple[float, float, float]:
     """Fractions when the substep passes M_S: one rule up to there, the other from there.
 
@@ -473,47 +486,48 @@ def across(
     temperature and force. The last value is the slope of ξ_S with the force, good enough for the
     few substeps concerned.
     """
-    stress = s[S_TAU] + w[W_PART] * (tau - s[S_TAU])
+    stress = s[S_TAU] + w[W_PART + q] * (tau - s[S_TAU])
     middle = clip01((stress - p[P_TAU_S]) * p[P_TAU_INV])
     between = remaining(middle)
-    if middle > s[S_B]:
-        before = left_before(s[S_B], w, W_FB, 0.0)
-        grown, xt = grow(xs, xt, before, between, w[W_HOT] > 0.0, w, e)
+    if middle > s[S_B + o]:
+        before = left_before(s[S_B + o], w, W_FB + q, 0.0)
+        grown, xt = grow(xs, xt, before, between, w[W_HOT + q] > 0.0, w, e, q)
         if grown > xs and between > 0.0:
             steep = remaining_slope(between) * (1.0 - grown) / between
-            xs_F = xs_F - steep * p[P_TAU_INV] * p[P_C1] * w[W_PART]
+            xs_F = xs_F - steep * p[P_TAU_INV] * p[P_C1] * w[W_PART + q]
         xs = grown
     if b > middle:
         left = remaining(b)
-        grown, xt = grow(xs, xt, between, left, w[W_HOT] == 0.0, w, e)
+        grown, xt = grow(xs, xt, between, left, w[W_HOT + q] == 0.0, w, e, q)
         if grown > xs and left > 0.0:
             steep = remaining_slope(left) * (1.0 - grown) / left
-            xs_F = xs_F - steep * p[P_TAU_INV] * p[P_C1] * (1.0 - w[W_PART])
+            xs_F = xs_F - steep * p[P_TAU_INV] * p[P_C1] * (1.0 - w[W_PART + q])
         xs = grown
     return xs, xt, xs_F
 
 
 @inlined
 def transform(
-    T_wire: float, F: float, s: Array, w: Array, p: Array, e: Array
+    T_wire: float, F: float, s: Array, w: Array, p: Array, e: Array, o: int, q: int
 ) -> tuple[float, float, float, float, float, float]:
     """Fractions at (T, F) from those at the start of the substep, with their slopes.
 
     Returns (xi_S, xi_T, dxi/dT, dxi/dF, dxi_S/dT, dxi_S/dF). Rate forms of Eqs (11)-(13): a
     fraction that is left scales by f(new)/f(old) whenever its progress grows, and rests otherwise.
+    `o` and `q` are where a cell's memory lies in `s` and `w`, beyond that of the whole spring.
     """
     T = T_wire - w[W_SHIFT]
     tau = p[P_C1] * F
-    xs = s[S_XS]
-    xt = s[S_XT]
+    xs = s[S_XS + o]
+    xt = s[S_XT + o]
     xs_T = 0.0
     xs_F = 0.0
     xt_T = 0.0
     xt_F = 0.0
     spread = e[E_SPREAD] * p[P_A_INV]
     a = progress_a(T, tau, p, spread)
-    if a > s[S_A] and xs + xt > 0.0:
-        ratio, slope = back_to_austenite(a, xs, xt, s, w, p, e, spread)
+    if a > s[S_A + o] and xs + xt > 0.0:
+        ratio, slope = back_to_austenite(a, xs, xt, s, w, p, e, spread, o, q)
         slope = slope * p[P_A_INV] if a < 1.0 + spread else 0.0
         slope_F = -slope * p[P_C1] * p[P_C_A_INV]
         xs_T = xs * slope
@@ -523,22 +537,22 @@ def transform(
         xs = xs * ratio
         xt = xt * ratio
     b = progress_b(T, tau, p)
-    if w[W_PART] > 0.0:
-        xs, xt, xs_F = across(tau, b, xs, xt, xs_F, s, w, p, e)
-    elif b > s[S_B] and xs < 1.0:
+    if w[W_PART + q] > 0.0:
+        xs, xt, xs_F = across(tau, b, xs, xt, xs_F, s, w, p, e, o, q)
+    elif b > s[S_B + o] and xs < 1.0:
         left = remaining(b)
-        before = left_before(s[S_B], w, W_FB, 0.0)
+        before = left_before(s[S_B + o], w, W_FB + q, 0.0)
         ratio = left / before
         bend = 1.0
-        if e[E_MINOR] != 0.0 and w[W_HOT] > 0.0 and ratio > 0.0:
-            exponent, raised = minor(ratio, w[W_XI_FORTH], e)
+        if e[E_MINOR] != 0.0 and w[W_HOT + q] > 0.0 and ratio > 0.0:
+            exponent, raised = minor(ratio, w[W_XI_FORTH + q], e)
             bend = exponent * raised / ratio
             ratio = raised
-        if e[E_MEMORY] > 0.0 and w[W_HOT] > 0.0:
+        if e[E_MEMORY] > 0.0 and w[W_HOT + q] > 0.0:
             ratio, bend = remembered(ratio, bend / before, left, 1.0, before, 1.0 - xs, e)
             bend = bend * before
         new = 1.0 - (1.0 - xs) * ratio
-        on_curve = w[W_HOT] == 0.0 and 1.0 - left < new
+        on_curve = w[W_HOT + q] == 0.0 and 1.0 - left < new
         if on_curve:
             new = 1.0 - left
         if new > xs:
@@ -562,7 +576,7 @@ def transform(
             xt_F = ratio * xt_F + xt * ratio_F
             xs = new
             xt = xt * ratio
-    elif b < s[S_B] and a >= 1.0 + spread and s[S_A] >= 1.0 + spread:
+    elif b < s[S_B + o] and a >= 1.0 + spread and s[S_A + o] >= 1.0 + spread:
         # Above the crossing of the A_F line and the M_S line nothing is metastable: martensite
         # that stress has made goes back along the forward curve.
         left = remaining(b)
@@ -575,18 +589,18 @@ def transform(
                 xs_F = -slope_F
                 xs_T = slope_F / p[P_C1] * p[P_C_M]
     c = progress_c(T, tau, p, e)
-    if c > s[S_C]:
+    if c > s[S_C + o]:
         austenite = 1.0 - xs - xt
         if austenite > 0.0:
             left = remaining(c)
-            before = left_before(s[S_C], w, W_FC, 0.0)
+            before = left_before(s[S_C + o], w, W_FC + q, 0.0)
             ratio = left / before
             slope = 0.0
             if c < 1.0:
                 slope = -remaining_slope(left) / before * p[P_M_INV]
             outer_slope = slope * before
             if e[E_MINOR] != 0.0 and ratio > 0.0:
-                exponent, raised = minor(ratio, w[W_XI_FORTH], e)
+                exponent, raised = minor(ratio, w[W_XI_FORTH + q], e)
                 slope = slope * exponent * raised / ratio
                 ratio = raised
             if e[E_MEMORY] > 0.0:
@@ -601,6 +615,37 @@ def transform(
     xt = min(xt, 1.0 - xs)
     xt = max(xt, 0.0)
     return xs, xt, xs_T + xt_T, xs_F + xt_F, xs_T, xs_F
+
+
+@inlined
+def transform_all(
+    T: float, F: float, s: Array, w: Array, p: Array, e: Array
+) -> tuple[float, float, float, float, float, float]:
+    """`transform` for the whole spring, or the mean of its cells, each at its own temperature.
+
+    Leaves the fractions of the cells in the scratch.
+    """
+    cells = CELLS if e[E_FRONT] > 0.0 else 1
+    xs = xt = xi_T = xi_F = xs_T = xs_F = 0.0
+    for i in range(cells):
+        o = 0
+        q = 0
+        off = 0.0
+        if cells > 1:
+            o = S_CELLS + i * S_KINETICS - S_XS
+            q = W_CELLS + i * W_KINETICS - W_FA
+            off = e[E_FRONT] * s[S_CELL + i]
+        own = transform(T + off, F, s, w, p, e, o, q)
+        w[W_XS + q] = own[0]
+        w[W_XT + q] = own[1]
+        xs += own[0]
+        xt += own[1]
+        xi_T += own[2]
+        xi_F += own[3]
+        xs_T += own[4]
+        xs_F += own[5]
+    part = 1.0 / cells
+    return xs * part, xt * part, xi_T * part, xi_F * part, xs_T * part, xs_F * part
 
 
 @inlined
@@ -658,7 +703,7 @@ def settle(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> boo
     found = False
     rough = 0.0
     for n in range(ITERATIONS):
-        xs, xt, xi_T, xi_F, xs_T, xs_F = transform(T, F, s, w, p, e)
+        xs, xt, xi_T, xi_F, xs_T, xs_F = transform_all(T, F, s, w, p, e)
         change = xs + xt - start
         lam = w[W_LAM_H] if change < 0.0 else w[W_LAM_C]
         miss = T - star - lam * change
@@ -1019,37 +1064,46 @@ def heat(
 def prepare(s: Array, w: Array, p: Array, e: Array, dt: float) -> None:
     """What `transform` and `settle` need of the start of the substep."""
     w[W_SHIFT] = e[E_SHIFT] * s[S_CYCLES]
-    w[W_FA] = -1.0
-    w[W_FB] = -1.0
-    w[W_FC] = -1.0
-    w[W_HOT] = 1.0 if s[S_T] - w[W_SHIFT] > p[P_M_S] else 0.0
     w[W_GUESS] = w[W_T_STAR]
     if s[S_ACTIVE] > 0.0:
         w[W_GUESS] = s[S_T] + dt * s[S_RATE]
-    w[W_PART] = 0.0
-    start = s[S_T] - w[W_SHIFT] - p[P_M_S]
-    end = w[W_GUESS] - w[W_SHIFT] - p[P_M_S]
-    if start * end < 0.0:
-        w[W_PART] = start / (start - end)
-    if e[E_MINOR] != 0.0:
-        xi = s[S_XS] + s[S_XT]
-        w[W_XI_BACK] = s[S_XI_LEG] if s[S_LEG] < 0.0 else xi
-        w[W_XI_FORTH] = s[S_XI_LEG] if s[S_LEG] > 0.0 else xi
+    cells = CELLS if e[E_FRONT] > 0.0 else 1
+    for i in range(cells):
+        o = 0
+        q = 0
+        off = 0.0
+        if cells > 1:
+            o = S_CELLS + i * S_KINETICS - S_XS
+            q = W_CELLS + i * W_KINETICS - W_FA
+            off = e[E_FRONT] * s[S_CELL + i]
+        w[W_FA + q] = -1.0
+        w[W_FB + q] = -1.0
+        w[W_FC + q] = -1.0
+        start = s[S_T] + off - w[W_SHIFT] - p[P_M_S]
+        end = w[W_GUESS] + off - w[W_SHIFT] - p[P_M_S]
+        w[W_HOT + q] = 1.0 if start > 0.0 else 0.0
+        w[W_PART + q] = 0.0
+        if start * end < 0.0:
+            w[W_PART + q] = start / (start - end)
+        if e[E_MINOR] != 0.0:
+            xi = s[S_XS + o] + s[S_XT + o]
+            w[W_XI_BACK + q] = s[S_XI_LEG + o] if s[S_LEG + o] < 0.0 else xi
+            w[W_XI_FORTH + q] = s[S_XI_LEG + o] if s[S_LEG + o] > 0.0 else xi
 
 
 @inlined
-def move_front(s: Array, w: Array, p: Array, warmer: float, dt: float) -> None:
+def move_front(s: Array, w: Array, p: Array, dt: float) -> None:
     """Effect cooling_front: how far wire and water of each cell are from the means.
 
     The cells are stirred tanks in a row; their means are what `heat` has solved, so that only the
-    deviations are stepped (implicit Euler, cell by cell downstream) and centred again. `warmer` is
-    the mean of the water over the inlet, K.
+    deviations are stepped (implicit Euler, cell by cell downstream) and centred again.
     """
     flow = w[W_GF]
     capacity = w[W_CAP] / dt
     wire = 1.0 / (capacity + w[W_GW] + w[W_GD])
     inertia = s[S_FILL] * p[P_SHARE] * p[P_CW] / dt
     water = inertia + w[W_GW] + w[W_UA] + w[W_WALL_G] + CELLS * flow - w[W_GW] * w[W_GW] * wire
+    warmer = w[W_WARMER]
     leaving = flow * (warmer + s[S_CELL_W + CELLS - 1])
     upstream = -warmer
     mean = 0.0
@@ -1104,8 +1158,7 @@ def heat_books(
         if w[W_WALL_G] > 0.0:
             given = dt * w[W_WALL_G] * (middle_water - s[S_T_WALL])
             s[S_T_WALL] += given / (e[E_WALL] * p[P_CW])
-        if e[E_FRONT] > 0.0:
-            move_front(s, w, p, middle_water - g[G_T_IN], dt)
+        w[W_WARMER] = middle_water - g[G_T_IN]
     else:
         carried = length * dt * w[W_GW] * (middle - g[G_T_IN])
     s[S_WATER_J] += carried
@@ -1149,16 +1202,45 @@ def history(
 ) -> None:
     """What the next substep has to remember of the transformation."""
     xi = xi_old + change
-    if change != 0.0:
-        s[S_CYCLES] += 0.5 * abs(change)
-        leg = -1.0 if change < 0.0 else 1.0
-        if leg != s[S_LEG]:
-            s[S_LEG] = leg
-            s[S_XI_LEG] = xi_old
+    s[S_CYCLES] += 0.5 * abs(change)
     if e[E_COLD_ENDS] > 0.0:
         s[S_XS_END] = end_fraction(F_phase, s, p)[0]
     if e[E_R_STRAIN] != 0.0 or e[E_R_OHM] != 0.0:
         r_phase(s[S_T], xi_old, xi, s, p)
+
+
+@inlined
+def remember(s: Array, w: Array, p: Array, e: Array, change: float, F_phase: float) -> None:
+    """Progress and legs of the spring or of its cells, and what their latent heat does to them.
+
+    At the temperature of the last evaluation, so that progress and fractions belong together.
+    """
+    tau = p[P_C1] * F_phase
+    cells = CELLS if e[E_FRONT] > 0.0 else 1
+    for i in range(cells):
+        o = 0
+        q = 0
+        off = 0.0
+        own = change
+        xi_old = s[S_XS] + s[S_XT]
+        if cells > 1:
+            o = S_CELLS + i * S_KINETICS - S_XS
+            q = W_CELLS + i * W_KINETICS - W_FA
+            off = e[E_FRONT] * s[S_CELL + i]
+            xi_old = s[S_XS + o] + s[S_XT + o]
+            own = w[W_XS + q] + w[W_XT + q] - xi_old
+            s[S_XS + o] = w[W_XS + q]
+            s[S_XT + o] = w[W_XT + q]
+            s[S_CELL + i] += (w[W_CELL_H] if own < 0.0 else w[W_CELL_C]) * (own - change)
+        T = w[W_GUESS] + off - w[W_SHIFT]
+        s[S_A + o] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
+        s[S_B + o] = progress_b(T, tau, p)
+        s[S_C + o] = progress_c(T, tau, p, e)
+        if own != 0.0:
+            leg = -1.0 if own < 0.0 else 1.0
+            if leg != s[S_LEG + o]:
+                s[S_LEG + o] = leg
+                s[S_XI_LEG + o] = xi_old
 
 
 @inlined
@@ -1180,7 +1262,8 @@ def accept(
     xs = w[W_XS]
     xt = w[W_XT]
     change = xs + xt - xi_old
-    if not fed:
+    remember(s, w, p, e, change, F_phase)
+    if not fed or e[E_FRONT] > 0.0:
         heat_books(s, g, w, p, e, T_old, T, change, dt)
     work = 0.5 * (F_spring + s[S_F]) * (w[W_DELTA] - s[S_DELTA])
     elastic = 0.5 * F_spring * F_spring * w[W_GIVE]
@@ -1196,14 +1279,10 @@ def accept(
     s[S_XT] = xt
     s[S_F] = F_spring
     s[S_DELTA] = w[W_DELTA]
-    # At the temperature of the last evaluation, so that progress and fractions belong together.
-    T = w[W_GUESS] - w[W_SHIFT]
-    tau = p[P_C1] * F_phase
-    s[S_TAU] = tau
-    s[S_A] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
-    s[S_B] = progress_b(T, tau, p)
-    s[S_C] = progress_c(T, tau, p, e)
+    s[S_TAU] = p[P_C1] * F_phase
     history(s, w, p, e, F_phase, xi_old, change)
+    if e[E_FRONT] > 0.0 and w[W_DW_INV] > 0.0:
+        move_front(s, w, p, dt)
 
 
 @inlined
@@ -1488,13 +1567,16 @@ def warm(
     dt: float,
 ) -> None:
     """Heat balance of one spring over the substep, or its fed temperature."""
-    if feeds[F_TEMPERATURE] > 0.0:
+    fed = feeds[F_TEMPERATURE] > 0.0
+    if not fed or e[E_FRONT] > 0.0:
+        heat(s, other, g, w, p, e, table, dt)
+    w[W_CELL_H] = w[W_LAM_H]
+    w[W_CELL_C] = w[W_LAM_C]
+    if fed:
         first = feeds[F_TEMPERATURE + 1 + side]
         w[W_T_STAR] = first + share * (feeds[F_TEMPERATURE + 3 + side] - first)
         w[W_LAM_H] = 0.0
         w[W_LAM_C] = 0.0
-    else:
-        heat(s, other, g, w, p, e, table, dt)
     prepare(s, w, p, e, dt)
 
 
