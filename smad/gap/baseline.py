@@ -45,7 +45,9 @@ def learn_baseline(
             break
         current = entered
         progress("baseline: " + ", ".join(e.name for e in current.space.effects))
-    return frozen(current if current is fit else polished(current))
+    current = polished(current)
+    current.problem.evidence.calibrate(current.point)
+    return frozen(polished(current))
 
 
 def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
@@ -61,7 +63,14 @@ def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
     p[: fit.space.n_theta] = fit.p
     iterations = 2 * fit.problem.evidence.settings.fit_iterations
     steps = fitting(
-        fit.problem, space, p, iterations=iterations, refresh_theta=True, tolerance=2.0, squares=True
+        fit.problem,
+        space,
+        p,
+        iterations=iterations,
+        refresh_theta=True,
+        tolerance=2.0,
+        squares=True,
+        rough=True,
     )
     return drive(fit.problem.evidence, [steps])[0]
 
@@ -81,6 +90,7 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
         theta_A=current.A[:, :n],
         iterations=settings.fit_iterations,
         refresh_theta=True,
+        rough=True,
     )
     trial = drive(current.problem.evidence, [steps])[0]
     before, after = judge([current, trial], None)

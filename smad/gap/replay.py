@@ -28,9 +28,9 @@ Index = NDArray[np.intp]
 class Detail(Enum):
     """How finely a replay is made.
 
-    FINE: every sample, the plant's own step. FAST: every sample, its coarser step. ROUGH: samples
-    averaged over half a bin; a quarter of the time, and slopes within a few per cent, so that it
-    serves for sensitivities and for first rounds, never for a judgement.
+    FINE: every sample, the plant's own step. FAST: samples averaged over a fifth of a bin, and the
+    coarser step. ROUGH: averaged over half a bin; slopes within a few per cent, so that it serves
+    for sensitivities and for first rounds, never for a judgement.
     """
 
     FINE = "fine"
@@ -38,7 +38,7 @@ class Detail(Enum):
     ROUGH = "rough"
 
 
-_PIECES = 2
+_PIECES = {Detail.FAST: 5, Detail.ROUGH: 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,10 +174,13 @@ class Evidence:
         self.views, self.executor = tuple(views), executor
         self.detail = Detail.FAST if fast else Detail.FINE
         self.grids = [Grid.of(run, settings.period_s) for run in runs]
-        self._thin = [
-            thinned(run, grid, _PIECES, settings.period_s)
-            for run, grid in zip(self.runs, self.grids, strict=True)
-        ]
+        self._thin = {
+            detail: [
+                thinned(run, grid, pieces, settings.period_s)
+                for run, grid in zip(self.runs, self.grids, strict=True)
+            ]
+            for detail, pieces in _PIECES.items()
+        }
         self.missing: list[str] = []
         self.segments: list[Segment] = []
         self._views_of_run: list[list[str]] = []
@@ -338,7 +341,8 @@ class Evidence:
             self.coarseness[detail] = truth - coarse
 
     def _job(self, r: int, points: Sequence[ModelPoint], detail: Detail) -> Callable[[], Array]:
-        run, grid = self._thin[r] if detail is Detail.ROUGH else (self.runs[r], self.grids[r])
+        whole = (self.runs[r], self.grids[r])
+        run, grid = self._thin[detail][r] if detail in self._thin else whole
         return partial(
             simulate_binned,
             self.plant,

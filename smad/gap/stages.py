@@ -154,8 +154,13 @@ def _background_of(
     rough = with_laws(refit(plain, parameters, squares=True), effects)
     noise = learn_background(rough, base, templates=False).noise
     weighed = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
+    ev.match_rough(rough.point, rough.predicted)
     steps = fitting(
-        weighed, rough.space, rough.p, iterations=ev.settings.refit_iterations, refresh_theta=True
+        weighed,
+        rough.space,
+        rough.p,
+        iterations=ev.settings.refit_iterations,
+        refresh_theta=True,
     )
     fit = drive(ev, [steps])[0]
     fit = learn_baseline(fit, effects, progress)
