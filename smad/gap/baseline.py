@@ -71,6 +71,7 @@ def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
         tolerance=2.0,
         squares=True,
         rough=True,
+        steady=True,
     )
     return drive(fit.problem.evidence, [steps])[0]
 
@@ -91,6 +92,7 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
         iterations=settings.fit_iterations,
         refresh_theta=True,
         rough=True,
+        steady=True,
     )
     trial = drive(current.problem.evidence, [steps])[0]
     before, after = judge([current, trial], None)

@@ -107,6 +107,7 @@ def joint_fits(
     given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
     for renew, count in ((False, settings.longer_fits), (True, finish)):
         order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
+        trusted = given[:_TRUSTED]
         if not renew:
             order = list(dict.fromkeys([*given[:_TRUSTED], *order]))
         again = [
@@ -115,7 +116,7 @@ def joint_fits(
                 ends[names].fit.p,
                 iterations=settings.fit_iterations,
                 renew=renew and base.space.tie is None,
-                rough=False,
+                rough=not renew and names not in trusted,
             )
             for names in order[:count]
         ]
@@ -145,7 +146,13 @@ def _near(best: Fitted, other: Fitted) -> bool:
 def polished(fit: Fitted, iterations: int = 3) -> Fitted:
     """The fit with all sensitivities renewed, and a few more steps."""
     steps = fitting(
-        fit.problem, fit.space, fit.p, iterations=iterations, refresh_theta=True, tolerance=1.0
+        fit.problem,
+        fit.space,
+        fit.p,
+        iterations=iterations,
+        refresh_theta=True,
+        tolerance=1.0,
+        steady=True,
     )
     return drive(fit.problem.evidence, [steps])[0]
 

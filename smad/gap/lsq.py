@@ -205,6 +205,7 @@ def fitting(
     pinned: Mapping[int, float] | None = None,
     squares: bool = False,
     rough: bool = False,
+    steady: bool = False,
 ) -> FitSteps:
     """Steps of a fit from `start`; returns a `Fitted`.
 
@@ -212,6 +213,7 @@ def fitting(
     `refresh_theta`, they are computed, and renewed after some iterations. In between they follow by
     Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values
     given (a profile). `squares` keeps the floor as large as the misfit: least squares to the end.
+    With `steady` the sensitivities of the effects are treated as those of the parameters are.
 
     Sensitivities of the model parameters come from rough replays. With `rough` the whole fit does;
     its end is replayed in detail.
@@ -233,6 +235,7 @@ def fitting(
     elif own:
         A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
         count += len(own)
+    follow = own + extra if steady else own
     damping, total = 1e-3, 0.0
     best = objective(problem, space, p, z)
     for iteration in range(iterations + len(_COOLING)):
@@ -242,7 +245,7 @@ def fitting(
         if refresh_theta and iteration in _RENEWALS and own:
             A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
             count += len(own)
-        if extra:
+        if extra and (not steady or iteration == 0 or iteration in _RENEWALS):
             A[:, extra] = yield from sensitivities(
                 problem, space, p, extra, detail=detail, predicted=predicted
             )
@@ -261,9 +264,9 @@ def fitting(
             count += 1
             z_trial = problem.white(trial)
             value = objective(problem, space, p + step, z_trial, heat)
-            if own and _teaches(problem, step, trial, detail):
-                A[:, own] += np.outer(
-                    (z - z_trial) - A @ step.astype(np.float32), step[own] / (step @ step)
+            if follow and _teaches(problem, step, trial, detail):
+                A[:, follow] += np.outer(
+                    (z - z_trial) - A @ step.astype(np.float32), step[follow] / (step @ step)
                 ).astype(np.float32)
             if value < best:
                 gained = best - value

@@ -99,6 +99,7 @@ def thinned(run: GapRun, grid: Grid, pieces: int, period_s: float) -> tuple[GapR
         run.cut_short,
         run.notes,
         run.header,
+        run,
     )
     bins = np.searchsorted(grid.starts, starts, side="right")
     firsts = np.flatnonzero(np.r_[True, np.diff(bins) > 0])

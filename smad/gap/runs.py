@@ -22,7 +22,8 @@ class GapRun:
     `t_s` is the sample time. `inputs` and `outputs` hold one value a sample, in the units of the
     plant's signals and channels; a channel that the bench lacks is absent. `valid` is False where a
     sample was lost or marked bad; values there are never read. `notes` carry facts of the log that
-    the admission reports, such as its being cut short.
+    the admission reports, such as its being cut short. `whole` is the run that this one was thinned
+    from, for what must be replayed at its own pace.
     """
 
     name: str
@@ -33,6 +34,7 @@ class GapRun:
     cut_short: bool = False
     notes: tuple[str, ...] = ()
     header: Mapping[str, str] = field(default_factory=dict)
+    whole: GapRun | None = None
 
     def __post_init__(self) -> None:
         n = len(self.t_s)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from smad.gap.lsq import Fitted, Problem
 from smad.gap.plant import Array, Effect, ModelPoint
+from smad.gap.replay import Detail
 
 _REWEIGHTINGS = 4
 _BATCH = 16
@@ -110,14 +111,16 @@ def probes_of(effect: Effect, now: Mapping[str, float] | None = None) -> list[Pr
 
 
 def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
-    """Signatures of every probe of `effects` on top of the model of `fit`."""
+    """Signatures of every probe of `effects` on top of the model of `fit`, replayed roughly."""
     base = fit.point
     everything = [p for e in effects for p in probes_of(e, base.effects.get(e.name))]
     points = [ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything]
     ev = fit.problem.evidence
+    ev.match_rough(base, fit.predicted)
     S = np.zeros((ev.n, len(points)), dtype=np.float32)
     for a, b in pairwise([*range(0, len(points), _BATCH), len(points)]):
-        change = ev.change(ev.predict(points[a:b]), fit.predicted)
+        values = ev.predict(points[a:b], detail=Detail.ROUGH)
+        change = ev.change(values, fit.predicted, Detail.ROUGH)
         S[:, a:b] = fit.problem.whitening.white(np.ascontiguousarray(change.T))
     return _assembled(fit, tuple(everything), S)
 

@@ -161,6 +161,7 @@ def _background_of(
         rough.p,
         iterations=ev.settings.refit_iterations,
         refresh_theta=True,
+        steady=True,
     )
     fit = drive(ev, [steps])[0]
     fit = learn_baseline(fit, effects, progress)
