@@ -15,6 +15,7 @@ from tests.withheld.plant.layout import (
     FLOW,
     GLANCE,
     HOT,
+    JUNCTION,
     LAG_A,
     LAG_B,
     LAG_C,
@@ -50,6 +51,7 @@ LEAK = slot("valve_leak")
 CAVITATION = slot("pump_cavitation")
 THERMOSIPHON = slot("thermosiphon")
 REVERSE = slot("reverse_flow")
+FOLDBACK = slot("driver_foldback")
 
 CURRENT_LIMIT_A = 4.0
 
@@ -88,6 +90,9 @@ def current(
     if e[s, SATURATION] > 0.0:
         knee = CURRENT_LIMIT_A / e[s, SATURATION] * p[RESISTANCE] / side[s, OHM]
         i /= (1.0 + (i / knee) ** 8) ** 0.125
+    if e[s, FOLDBACK] > 0.0:
+        side[s, JUNCTION] = approach(side[s, JUNCTION], i * i / 16.0, dt, 9.0)
+        i /= 1.0 + e[s, FOLDBACK] * max(0.0, side[s, JUNCTION] - 0.12)
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:

@@ -2,6 +2,7 @@
 
 `known` effects answer to an entry of the published list of candidates, in another form than the
 obvious one. `dev` and `sealed` effects are on no list; a bank holds only one of the two kinds.
+`spent` effects were sealed once and have been named in a report; no bank draws them any more.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Kind = Literal["known", "dev", "sealed"]
+Kind = Literal["known", "dev", "sealed", "spent"]
 
 
 @dataclass(frozen=True)
@@ -110,30 +111,54 @@ EFFECTS: tuple[Effect, ...] = (
            "pump pressure straightens the coiled tube and pushes along the spring"),
     Effect("martensite_stabilisation", "dev", "phase", "K", 0.55, 10.0,
            "martensite left in peace ages: A_s rises with the logarithm of its rest"),
-    Effect("rtd_strain", "sealed", "sensors", "K", 1.4, 10.0,
+    Effect("rtd_strain", "spent", "sensors", "K", 1.4, 10.0,
            "the glued RTD is bent by the coil: its reading follows deflection"),
-    Effect("tube_relaxation", "sealed", "mechanics", "N", 0.025, 1.0,
+    Effect("tube_relaxation", "spent", "mechanics", "N", 0.025, 1.0,
            "viscoelastic tube: a Maxwell arm of 6 s in parallel"),
-    Effect("water_shunt", "sealed", "electrical", "1", 0.07, 0.6,
+    Effect("water_shunt", "spent", "electrical", "1", 0.07, 0.6,
            "part of the current takes the warm water instead of the wire"),
-    Effect("thermosiphon", "sealed", "thermal", "1", 0.018, 0.3,
+    Effect("thermosiphon", "spent", "thermal", "1", 0.018, 0.3,
            "warm water rises by itself and draws fresh water while the pump rests"),
-    Effect("reverse_flow", "sealed", "thermal", "1", 0.1, 0.95,
+    Effect("reverse_flow", "spent", "thermal", "1", 0.1, 0.95,
            "after each pump pulse warm water runs back from the outlet"),
-    Effect("driver_small_signal", "sealed", "electrical", "A", 0.0105, 0.6,
+    Effect("driver_small_signal", "spent", "electrical", "A", 0.0105, 0.6,
            "crossover of the output stage eats small currents"),
-    Effect("two_way_memory", "sealed", "phase", "1", 0.26, 1.5,
+    Effect("two_way_memory", "spent", "phase", "1", 0.26, 1.5,
            "trained wire: new martensite comes out partly turned as it once was"),
-    Effect("spool_buildup", "sealed", "sensors", "mm", 1.0, 6.0,
+    Effect("spool_buildup", "spent", "sensors", "mm", 1.0, 6.0,
            "the tendon piles up on the shaft: reading with a square of travel"),
-    Effect("rtd_flow_self_heating", "sealed", "sensors", "K", 0.47, 6.0,
+    Effect("rtd_flow_self_heating", "spent", "sensors", "K", 0.47, 6.0,
            "the RTD's own heat is carried away only when water flows"),
-    Effect("pump_vibration", "sealed", "mechanics", "N", 0.015, 0.4,
+    Effect("pump_vibration", "spent", "mechanics", "N", 0.015, 0.4,
            "pump hum reaches the load cell and aliases to a slow tone"),
-    Effect("aged_segment", "sealed", "phase", "K", 1.0, 15.0,
+    Effect("aged_segment", "spent", "phase", "K", 1.0, 15.0,
            "one third of the wire, over-aged at the solder joint, transforms higher"),
-    Effect("mux_ghosting", "sealed", "sensors", "1", 0.0125, 0.5,
+    Effect("mux_ghosting", "spent", "sensors", "1", 0.0125, 0.5,
            "the converter keeps a share of the channel sampled before"),
+    Effect("driver_foldback", "sealed", "electrical", "1", 0.033, 2.0,
+           "the output stage folds the current back once I² has warmed it, 9 s, past a threshold"),
+    Effect("shared_return", "sealed", "electrical", "ohm", 0.004, 0.3,
+           "one return wire for both springs: each sense line reads its drop under both currents"),
+    Effect("wire_strain_gauge", "sealed", "electrical", "1", 0.017, 0.4,
+           "the wire is its own strain gauge: R[1 + e(y + y²/4)], y the stretch in centimetres"),
+    Effect("ratiometric_reference", "sealed", "sensors", "1", 0.0038, 0.15,
+           "the converter's reference sags with both currents; bridge and current readings rise"),
+    Effect("force_hysteresis", "sealed", "sensors", "N", 0.021, 0.4,
+           "the load cell's foil keeps two plays, 0.08 N and 0.3 N, of its past load"),
+    Effect("tube_wall_heat", "sealed", "thermal", "J/K", 0.3, 8.0,
+           "the silicone wall stores heat of its own and gives it back over 12 s"),
+    Effect("hose_slug", "sealed", "thermal", "K", 2.6, 15.0,
+           "water that stood in the supply hose enters first, at the hose's temperature"),
+    Effect("detwin_recovery", "sealed", "phase", "1/s", 0.017, 1.0,
+           "turned martensite springs back when unloaded, at e √(excess/0.1) of the excess"),
+    Effect("friction_heat", "sealed", "phase", "J", 1.8, 8.5,
+           "moving phase fronts dissipate e for a whole transformation, in both directions"),
+    Effect("clapeyron_bend", "sealed", "phase", "K", 1.9, 30.0,
+           "thresholds curve in stress, e((σ − 57)/30)² on heating and 0.4 of it on cooling"),
+    Effect("shaft_imbalance", "sealed", "mechanics", "N", 0.013, 0.08,
+           "the weight of an unbalanced encoder arm pulls with the sine of the shaft's angle"),
+    Effect("tube_thermal_push", "sealed", "mechanics", "N", 0.06, 1.0,
+           "the warm tube grows against its clamps and props its spring up"),
 )  # fmt: skip
 
 SIGNED = frozenset(
@@ -150,6 +175,8 @@ SIGNED = frozenset(
         "pump_bourdon",
         "rtd_strain",
         "spool_buildup",
+        "hose_slug",
+        "clapeyron_bend",
     )
 )
 """Effects whose magnitude may be negative."""

@@ -45,6 +45,7 @@ from tests.withheld.plant.layout import (
     STEM,
     TIME,
     TURNED,
+    WALL,
     WET,
     T,
     W,
@@ -96,6 +97,7 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     cells, side, pair = state.cells, state.side, state.pair
     cells[:, :, T] = water_degC
     cells[:, :, W] = water_degC
+    cells[:, :, WALL] = water_degC
     cells[:, :, WET] = 1.0
     cells[:, :, FRACTION] = 1.0
     cells[:, :, HEATED_FROM] = 1.0

@@ -17,8 +17,9 @@ PLAYS = 6
     BUBBLE,
     WET,
     R_PHASE,
+    WALL,
     PLAY,
-) = range(11)
+) = range(12)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -50,8 +51,10 @@ CELL_WIDTH = PLAY + PLAYS
     QUIET,
     COMPLIANT,
     FREE_STRAIN,
+    JUNCTION,
+    STOOD,
     SIDE_WIDTH,
-) = range(29)
+) = range(31)
 
 (
     TIME,
@@ -67,8 +70,10 @@ CELL_WIDTH = PLAY + PLAYS
     FRAME,
     RESERVOIR,
     GLANCE,
+    FOIL_FINE,
+    FOIL_COARSE,
     PAIR_WIDTH,
-) = range(14)
+) = range(16)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

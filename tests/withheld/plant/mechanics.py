@@ -57,10 +57,13 @@ BOURDON = slot("pump_bourdon")
 RELAXATION = slot("tube_relaxation")
 DRIFT = slot("transformation_drift")
 R_PHASES = slot("r_phase")
+IMBALANCE = slot("shaft_imbalance")
+THERMAL_PUSH = slot("tube_thermal_push")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
+SHAFT_TURN_m = 0.013
 
 
 @compiled
@@ -101,6 +104,15 @@ def deflection(s: int, force: float, p: Array, cells: Array, side: Array) -> tup
         else:
             length += share * cells[s, i, TURNED]
     return length, slope
+
+
+@compiled
+def prop(s: int, e: Array, cells: Array) -> float:
+    """Force (N) by which the warm tube of spring `s` takes from the tendon."""
+    warm = 0.0
+    for i in range(CELLS):
+        warm += (cells[s, i, W] - 27.0) / CELLS
+    return float(e[s, THERMAL_PUSH] * warm / 20.0)
 
 
 @compiled
@@ -146,6 +158,8 @@ def pull(
         slope += 0.05 * e[s, COILS_TOUCH] * 1.5 * math.sqrt(close) / 0.005
     if e[s, BOURDON] != 0.0:
         force -= e[s, BOURDON] * (max(side[s, FLOW], 0.0) / p[FULL_FLOW]) ** 2
+    if e[s, THERMAL_PUSH] > 0.0:
+        force -= prop(s, e, cells)
     return force, slope
 
 
@@ -196,6 +210,10 @@ def resisting(
         else:
             total += scale * math.copysign(abs(v) ** 0.8, v)
             slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
+    if e[0, IMBALANCE] > 0.0:
+        angle = 2.0 * math.pi * (x / SHAFT_TURN_m + e[2, IMBALANCE])
+        total += e[0, IMBALANCE] * math.sin(angle)
+        slope += e[0, IMBALANCE] * 2.0 * math.pi / SHAFT_TURN_m * math.cos(angle)
     return total, slope, bristle
 
 
@@ -257,4 +275,6 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
         beside -= 0.05 * e[s, COILS_TOUCH] * ((COILS_CLOSE_m - length) / 0.005) ** 1.5
     if e[s, BOURDON] != 0.0:
         beside -= e[s, BOURDON] * (max(side[s, FLOW], 0.0) / p[FULL_FLOW]) ** 2
+    if e[s, THERMAL_PUSH] > 0.0:
+        beside -= prop(s, e, cells)
     return float(max(tendon - beside, 0.0) * p[STRESS])

@@ -19,6 +19,8 @@ from tests.withheld.plant.layout import (
     CREEP_SLOW,
     ENCODER,
     FLOW,
+    FOIL_COARSE,
+    FOIL_FINE,
     FORCE_X,
     FORCE_Y,
     FRACTION,
@@ -69,6 +71,9 @@ SELF_HEATING = slot("rtd_flow_self_heating")
 VIBRATION = slot("pump_vibration")
 GHOST = slot("mux_ghosting")
 BEAT = slot("supply_beat")
+RETURN_WIRE = slot("shared_return")
+REFERENCE = slot("ratiometric_reference")
+FOIL = slot("force_hysteresis")
 
 TURN_mm = 13.0
 
@@ -135,6 +140,12 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         pair[CREEP_FAST] = approach(pair[CREEP_FAST], seen_N - 1.24, dt, 4.0)
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
+    if e[0, FOIL] > 0.0:
+        fine = min(max(pair[FOIL_FINE], seen_N - 0.08), seen_N + 0.08)
+        coarse = min(max(pair[FOIL_COARSE], seen_N - 0.3), seen_N + 0.3)
+        reading -= e[0, FOIL] * (0.6 * (seen_N - fine) / 0.08 + 0.4 * (seen_N - coarse) / 0.3)
+        pair[FOIL_FINE] = fine
+        pair[FOIL_COARSE] = coarse
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
     watts = side[0, AMPERE] ** 2 * side[0, OHM] + side[1, AMPERE] ** 2 * side[1, OHM]
     pair[FRAME] = approach(pair[FRAME], watts / 3.0, dt, 45.0)
@@ -165,6 +176,7 @@ def read(
         out[s] = side[s, AMPERE] * warm
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
+        out[2 + s] += e[s, RETURN_WIRE] * (side[0, AMPERE] + side[1, AMPERE])
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
@@ -183,6 +195,12 @@ def read(
     if e[0, BEAT] > 0.0:
         beat = 0.1 * math.sin(2.0 * math.pi * (0.17 + 0.23 * e[2, BEAT]) * pair[TIME])
     out[10] = p[SUPPLY] * (1.0 + e[0, BEAT] * beat) - p[SUPPLY_OHM] * total
+    if e[0, REFERENCE] > 0.0:
+        rise = 1.0 + e[0, REFERENCE] * 0.25 * total * (1.0 + 0.06 * total)
+        for k in range(4):
+            out[k] *= rise
+        out[9] *= rise
+        out[10] *= rise
 
 
 @compiled

@@ -34,11 +34,14 @@ from tests.withheld.plant.layout import (
     RATE,
     RESERVOIR,
     SHUNT,
+    STOOD,
     TURNED,
+    WALL,
     WET,
     WORK_DONE,
     T,
     W,
+    X,
 )
 from tests.withheld.plant.parameters import index
 from tests.withheld.plant.phase import WEIGHT, cooling_shift, falling, turned_by
@@ -89,16 +92,27 @@ WATER_SHUNT = slot("water_shunt")
 TWO_WAY = slot("two_way_memory")
 AGED = slot("aged_segment")
 R_PHASES = slot("r_phase")
+STRAIN_GAUGE = slot("wire_strain_gauge")
+WALL_HEAT = slot("tube_wall_heat")
+SLUG = slot("hose_slug")
+RECOVERY = slot("detwin_recovery")
+FRICTION_HEAT = slot("friction_heat")
+BEND = slot("clapeyron_bend")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
+WALL_S = 12.0
+HOSE_J_K = 1.0  # heat capacity of the water that stands in the supply hose
 
 
 @compiled
-def resistance(s: int, p: Array, e: Array, cells: Array, heat: Array) -> float:
+def resistance(s: int, p: Array, e: Array, cells: Array, pair: Array, heat: Array) -> float:
     """Resistance (ohm) of spring `s`; each cell's share goes to `heat`."""
     base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
+    if e[s, STRAIN_GAUGE] > 0.0:
+        stretch = (pair[X] if s == 1 else -pair[X]) / 0.01
+        base *= 1.0 + e[s, STRAIN_GAUGE] * (stretch + 0.25 * stretch * stretch)
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -172,6 +186,10 @@ def shifts(
     if e[s, AGED] > 0.0 and i < CELLS // 3:
         heat += e[s, AGED]
         cool += e[s, AGED]
+    if e[s, BEND] != 0.0:
+        off = (stress - 57.0) / 30.0
+        heat += e[s, BEND] * off * off
+        cool += 0.4 * e[s, BEND] * off * off
     return heat, cool
 
 
@@ -185,11 +203,12 @@ def coefficients(
     e: Array,
     cells: Array,
     side: Array,
+    pair: Array,
     heat: Array,
     rows: Array,
 ) -> float:
     """Fill `rows` for one tick; the axial exchange (W/K) between neighbouring cells."""
-    side[s, OHM] = resistance(s, p, e, cells, heat)
+    side[s, OHM] = resistance(s, p, e, cells, pair, heat)
     leaves = e[s, WATER_SHUNT]
     power = p[LOSS_POWER] + e[s, EXPONENT]
     loss = p[LOSS_RATE] * (p[Y_LOSS] if s == 1 else 1.0) / CELLS
@@ -211,6 +230,10 @@ def coefficients(
         lost = min(0.9, leaves * wet * max(0.1, 1.0 + 0.02 * (water - 27.0)))
         row[HEAT_WIRE] = joule * (1.0 - lost)
         row[HEAT_WATER] = 0.6 * joule * lost
+        if e[s, WALL_HEAT] > 0.0:
+            row[HEAT_WATER] += e[s, WALL_HEAT] / CELLS / WALL_S * wet * (cells[s, i, WALL] - water)
+        if e[s, FRICTION_HEAT] > 0.0:
+            row[HEAT_WIRE] += e[s, FRICTION_HEAT] * side[s, RATE] / CELLS
         covered = wet * (1.0 - e[s, BUBBLES] * cells[s, i, BUBBLE])
         conductance = film(
             p[STATIC] / CELLS, p[FORCED] / CELLS, 0.15 + 0.5 * e[s, EXPONENT], across, share
@@ -244,6 +267,9 @@ def remember(
         moved = fraction - cell[FRACTION]
         if moved > 0.0:
             cell[TURNED] = (cell[TURNED] * cell[FRACTION] + turned_new * moved) / fraction
+        if e[s, RECOVERY] > 0.0:
+            excess = max(cell[TURNED] - turned_new, 0.0)
+            cell[TURNED] -= excess * min(0.5, e[s, RECOVERY] * dt * math.sqrt(excess / 0.1))
         if moved < -1e-6 and cell[HEATING] < 0.5:
             cell[HEATING] = 1.0
             cell[HEATED_FROM] = cell[FRACTION]
@@ -267,6 +293,30 @@ def remember(
 
 
 @compiled
+def entering(s: int, inlet: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+    """Temperature (°C) of the water at the tube's inlet, after what stood in the hose."""
+    source = inlet + pair[RESERVOIR]
+    if e[s, SLUG] != 0.0:
+        flowing = side[s, FLOW]
+        if flowing > 0.01:
+            side[s, STOOD] *= math.exp(-flowing * dt / HOSE_J_K)
+        else:
+            side[s, STOOD] = approach(side[s, STOOD], 1.0, dt, 15.0)
+        source += e[s, SLUG] * side[s, STOOD]
+    return float(source)
+
+
+@compiled
+def warm_wall(s: int, e: Array, cells: Array, dt: float) -> None:
+    """Let the tube's wall follow its water where the wall's heat counts."""
+    if e[s, WALL_HEAT] <= 0.0:
+        return
+    for i in range(CELLS):
+        wet = cells[s, i, WET]
+        cells[s, i, WALL] += dt / WALL_S * wet * (cells[s, i, W] - cells[s, i, WALL])
+
+
+@compiled
 def tube(
     s: int,
     amperes: float,
@@ -287,10 +337,10 @@ def tube(
     """Advance spring `s` and its water by one tick."""
     calm = abs(amperes - side[s, AMPERE]) < 0.2
     side[s, AMPERE] = amperes
-    source = inlet + pair[RESERVOIR]
+    source = entering(s, inlet, dt, e, side, pair)
     wet_shares(s, e, cells, side, source, dt)
     pockets(s, e, cells, side, luck, dt)
-    mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, heat, rows)
+    mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)
     left = int(side[s, QUIET]) if calm else 0
     side[s, QUIET] = advance(
         cells[s],
@@ -312,6 +362,7 @@ def tube(
         if e[s, RESERVOIR_WARMS] > 0.0:
             gained = side[s, FLOW] * (last - source) * dt
             pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
+    warm_wall(s, e, cells, dt)
     remember(s, stress, p, e, cells, side, dt)
     warmth = amperes * amperes
     side[s, CONTACT] = approach(side[s, CONTACT], warmth / 16.0, dt, 8.0)
