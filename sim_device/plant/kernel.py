@@ -604,9 +604,7 @@ def transform(
                 slope = slope * exponent * raised / ratio
                 ratio = raised
             if e[E_MEMORY] > 0.0:
-                ratio, slope = remembered(
-                    ratio, slope, left, outer_slope, before, austenite, e
-                )
+                ratio, slope = remembered(ratio, slope, left, outer_slope, before, austenite, e)
             xt_T = -xs_T + ratio * (xs_T + xt_T) - austenite * slope
             xt_F = -xs_F + ratio * (xs_F + xt_F)
             if e[E_LIFT] != 0.0:

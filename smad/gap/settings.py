@@ -24,6 +24,10 @@ class Settings:
     even without a gap to speak of if it exceeds `strong_standard_errors`. A free refit replaces
     "nothing was added" if it is better by `free_standard_errors`.
 
+    `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
+    were exactly right where the evidence left no doubt, on the development bank (one case in five
+    without an effect, one in six with several): probabilities are scaled by them.
+
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.
     """
@@ -55,17 +59,22 @@ class Settings:
     significance: float = 0.01
     min_excess: float = 0.35
     gain_standard_errors: float = 1.0
-    since_standard_errors: float = 4.5
+    since_standard_errors: float = 4.0
     clear_standard_errors: float = 3.0
-    clear_shrink: float = 0.25
+    clear_shrink: float = 0.15
     strong_standard_errors: float = 6.0
     free_standard_errors: float = 2.0
     min_shrink_gain: float = 0.05
     blind_excess: float = 3.0
-    found_share: float = 0.2
+    structural_excess: float = 1.2
+    found_share: float = 0.3
     unknown_shrink: float = 0.2
     unknown_ratio: float = 0.5
     rest_margin: float = 0.15
     ambiguous_d2: float = 16.0
     ambiguous_odds: float = 10.0
     false_discovery: float = 0.1
+
+    quiet_right: float = 0.45
+    named_right: float = 0.8
+    unknown_right: float = 0.6

@@ -87,9 +87,7 @@ def prepare(
     fixed: EffectValues = {}
     if good:
         progress(f"fitting {len(good)} known-good runs")
-        ev = evidence(good)
-        base = fed_noise(ev, floors, nominal, settings.seed)
-        background = _background_of(ev, base, parameters, progress)
+        background = _background_of(evidence(good), floors, parameters, progress)
         fit = background.fit
         noise = dict(background.noise)
         centre = dict(fit.point.theta)
@@ -138,9 +136,18 @@ def prepare(
     )
 
 
+def known_good(
+    runs: Sequence[GapRun], plant: PlantModel, settings: Settings, executor: Executor | None = None
+) -> Background:
+    """What the model makes of known-good runs alone: baseline, K_δ and the fit itself."""
+    ev = Evidence(plant, runs, local_views(plant), settings, executor)
+    floors = estimate_floors(runs, plant, settings)
+    return _background_of(ev, floors, tuple(plant.parameters), lambda text: None)
+
+
 def _background_of(
     ev: Evidence,
-    base: Mapping[str, OutputNoise],
+    floors: Mapping[str, Floor],
     parameters: Sequence[Parameter],
     progress: Callable[[str], None],
 ) -> Background:
@@ -149,6 +156,8 @@ def _background_of(
     First by least squares, which shares the misfit out; its size by output and regime is then the
     weight with which the baseline is sought and the fit repeated.
     """
+    nominal = ModelPoint({p.name: p.nominal for p in parameters})
+    base = fed_noise(ev, floors, nominal, ev.settings.seed)
     effects = ev.plant.effects
     plain = Problem(ev, Whitening(ev, base), np.zeros(ev.n))
     rough = with_laws(refit(plain, parameters, squares=True), effects)

@@ -43,7 +43,22 @@ class Evidenced:
 
 
 def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
-    """The outcome and its probability."""
+    """The outcome and its probability.
+
+    Since known-good runs the probability is what the evidence says times the share of such answers
+    that were right on the development bank; without them nothing has been calibrated.
+    """
+    outcome, p = _decided(e, settings)
+    if not e.since_good:
+        return outcome, p
+    if outcome in (Outcome.NO_GAP, Outcome.PARAMETERS):
+        return outcome, p * settings.quiet_right
+    return outcome, p * (
+        settings.unknown_right if outcome is Outcome.UNKNOWN else settings.named_right
+    )
+
+
+def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
     significant = bool(e.effects) or _structural(e, settings)
     if not significant:
         if e.visible < 0.2:
@@ -80,7 +95,8 @@ def _structural(e: Evidenced, settings: Settings) -> bool:
     over = e.whole.gap_refit / max(e.threshold, 1e-9)
     if not e.since_good:
         return over > 1.0
-    return over > settings.blind_excess or (over > 1.0 and e.whole.ceiling > settings.found_share)
+    seen = over > settings.structural_excess and e.whole.ceiling > settings.found_share
+    return over > settings.blind_excess or seen
 
 
 def _present(e: Evidenced) -> float:

@@ -79,8 +79,8 @@ class Effect:
 
     signals: measured channels that it moves. confused_with: other entries that look alike in
     routine runs. separated_by: the experiment that tells them apart. needs: what the plant must be
-    for the effect to act (variant, cooling, fixture), as option to allowed values. law: a good bench
-    follows it too, more or less.
+    for the effect to act (variant, cooling, fixture), as option to allowed values. law: a good
+    bench follows it too, more or less.
     """
 
     name: str

@@ -50,8 +50,8 @@ THERMAL: tuple[Effect, ...] = (
         "cooling_front",
         "the water cools the wire from its inlet on",
         "thermal",
-        "five cells along the tube, C_w′ dT_w,i/dt = h π d (T_i − T_w,i) − 5 (Qρc/L)(T_w,i − T_w,i−1)"
-        " − …; RTD: T_r = T + s (T_z − T), outflow: T_w + s (T_w,5 − T_w)",
+        "five cells along the tube, C_w′ dT_w,i/dt = h π d (T_i − T_w,i) − …"
+        " − 5 (Qρc/L)(T_w,i − T_w,i−1); RTD: T_r = T + s (T_z − T), outflow: T_w + s (T_w,5 − T_w)",
         (
             EffectParameter("share", k.E_FRONT, "1", 0, 1, 0.8, half(0.5), "share s of plug flow"),
             EffectParameter(
@@ -117,6 +117,7 @@ THERMAL: tuple[Effect, ...] = (
         "two heating pulses with a short and a long pause",
         _INCROPERA,
         _NODE,
+        law=True,
     ),
 )
 
