@@ -143,11 +143,11 @@ class Closing:
         outcome, p = decide(numbers, settings)
         named = outcome in (Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST)
         self.progress("intervals")
-        final = (
-            dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
-            if named
-            else best
-        )
+        final = best
+        if named:
+            # What coarser replays cost was learnt where the effect was not.
+            best.fit.problem.evidence.calibrate(best.fit.point)
+            final = dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
         values = (
             value_records(intervals(final.joint, settings.seed), prepared.fixed) if named else []
         )

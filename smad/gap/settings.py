@@ -75,6 +75,6 @@ class Settings:
     ambiguous_odds: float = 10.0
     false_discovery: float = 0.1
 
-    quiet_right: float = 0.45
+    quiet_right: float = 0.4
     named_right: float = 0.8
     unknown_right: float = 0.6

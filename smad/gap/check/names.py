@@ -78,7 +78,12 @@ _LISTED: dict[str, tuple[str, tuple[str, ...]]] = {
     "valve_leak": ("thermal", ("cross_talk", "crosstalk", "leaking_valve", "thermal_crosstalk")),
     "cold_ends": (
         "thermal",
-        ("non_uniform_temperature", "nonuniform_temperature", "temperature_spread"),
+        (
+            "non_uniform_temperature",
+            "nonuniform_temperature",
+            "temperature_spread",
+            "cooling_front",
+        ),
     ),
     "convection_exponent": ("thermal", ("convection_law",)),
     "minor_loop": ("phase", ("minor_loop_law", "hysteresis_law")),
@@ -103,7 +108,8 @@ CAUSES = tuple(_LISTED)
 ALIASES = {alias: name for name, (_, others) in _LISTED.items() for alias in others}
 """Other name → listed cause. The library of this bench is covered by it; a test holds it to that.
 
-Where the library splits what the list has as one entry (cold ends and a spread of temperatures;
+Where the library splits what the list has as one entry (cold ends, a spread of temperatures and a
+cooling front;
 thermal cross-talk and a leaking valve; slack and compliance), both are the same answer.
 """
 
