@@ -15,6 +15,7 @@ _NAMED = frozenset((Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST))
 _QUIET = {Outcome.NO_GAP: "none", Outcome.PARAMETERS: "parameters"}
 _MOST_CAUSES = 12
 _LEAST = 1e-4
+_BEHIND = 0.8
 
 
 def answer(
@@ -72,9 +73,11 @@ def hypotheses(verdict: Verdict, places: Mapping[str, Mapping[str, float]]) -> l
         return []
     sets = _sets(places)
     if outcome in _QUIET:
-        # The probability of the verdict is that of nothing being there; the sets share the rest.
+        # The probability of the verdict is that of nothing being there. No set was accepted, so
+        # that none stands before it; what they leave belongs to nothing that has a name here.
         quiet = frozenset((_QUIET[outcome],))
-        weight = {quiet: verdict.probability} | _scaled(sets, 1.0 - verdict.probability)
+        p = verdict.probability
+        weight = {quiet: p} | _scaled(sets, 1.0 - p, most=_BEHIND * p)
     else:
         unknown = _unknown(verdict, places)
         none = sets.pop(frozenset(), 0.0)
@@ -106,10 +109,16 @@ def _sets(places: Mapping[str, Mapping[str, float]]) -> dict[frozenset[str], flo
     return out
 
 
-def _scaled(sets: Mapping[frozenset[str], float], total: float) -> dict[frozenset[str], float]:
+def _scaled(
+    sets: Mapping[frozenset[str], float], total: float, most: float
+) -> dict[frozenset[str], float]:
+    """The sets with a sum of `total`, or less where the largest would exceed `most`."""
     some = {s: p for s, p in sets.items() if s}
-    have = sum(some.values())
-    return {s: p * total / have for s, p in some.items()} if have > 0 else {}
+    have, largest = sum(some.values()), max(some.values(), default=0.0)
+    if have <= 0.0:
+        return {}
+    factor = min(total / have, most / largest)
+    return {s: p * factor for s, p in some.items()}
 
 
 def _unknown(verdict: Verdict, places: Mapping[str, Mapping[str, float]]) -> float:
