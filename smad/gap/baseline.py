@@ -61,7 +61,7 @@ def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
     space = fit.space.with_effects(laws)
     p = space.start({e.name: e.at(_LAW_START) for e in laws})
     p[: fit.space.n_theta] = fit.p
-    iterations = 2 * fit.problem.evidence.settings.fit_iterations
+    iterations = 5 * fit.problem.evidence.settings.fit_iterations
     steps = fitting(
         fit.problem,
         space,

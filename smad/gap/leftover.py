@@ -42,9 +42,11 @@ class Lawless(SmaPlant):
 def leftover(runs: Sequence[GapRun], plant: SmaPlant) -> dict[str, float]:
     """RMS residual of each channel over the good runs, in channel units, by channel."""
     settings = Settings()
-    admitted = admit(runs, plant, settings).admitted
+    admission = admit(runs, plant, settings)
+    admitted = admission.admitted
     if not admitted:
-        raise GapError("no good run can be used", action="look at smad gap admit for the reasons")
+        reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings)
+        raise GapError("no good run can be used", value=reasons or "no run")
     with ThreadPoolExecutor(max_workers=2) as pool:
         background = known_good(admitted, plant, settings, executor=pool)
     evidence = background.fit.problem.evidence
@@ -68,7 +70,10 @@ def main(folders: Sequence[str]) -> None:
         files = sorted(Path(folder).glob("good-*.parquet"))
         runs = [run_from_columns(p.stem, read_columns(p)) for p in files]
         for name, plant in (("without laws", Lawless()), ("with laws", SmaPlant())):
-            left = leftover(runs, plant)
+            try:
+                left = leftover(runs, plant)
+            except GapError as error:
+                raise SystemExit(f"{folder}: {error}") from None
             row = "".join(f"{left.get(c, float('nan')):17.4f}" for c in SHOWN)
             print(f"{Path(folder).name:24s}{name:14s}{row}", flush=True)
 

@@ -236,16 +236,17 @@ def fitting(
         A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
         count += len(own)
     follow = own + extra if steady else own
-    damping, total = 1e-3, 0.0
+    damping, total, stuck = 1e-3, 0.0, False
     best = objective(problem, space, p, z)
     for iteration in range(iterations + len(_COOLING)):
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(z))
         best = objective(problem, space, p, z, heat)
-        if refresh_theta and iteration in _RENEWALS and own:
+        fresh = stuck or iteration in _RENEWALS
+        if refresh_theta and fresh and own:
             A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
             count += len(own)
-        if extra and (not steady or iteration == 0 or iteration in _RENEWALS):
+        if extra and (not steady or iteration == 0 or fresh):
             A[:, extra] = yield from sensitivities(
                 problem, space, p, extra, detail=detail, predicted=predicted
             )
@@ -276,7 +277,12 @@ def fitting(
             damping = max(10 * damping, 0.03)
         total += gained
         if (heat == 1.0 or squares) and gained < max(tolerance, 0.003 * total):
-            break
+            # Slopes that have grown old are renewed before a fit gives up.
+            if not steady or fresh:
+                break
+            stuck = True
+        else:
+            stuck = False
     if rough:
         predicted = (yield Ask([space.point(p)]))[0]
         count += 1

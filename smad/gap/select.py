@@ -203,6 +203,8 @@ class Selector:
         s = self.settings
         if not self.since_good:
             return s.gain_standard_errors
+        if not self.tied:
+            return s.strong_standard_errors
         clear = c.shrink_gain >= s.clear_shrink and c.excess_before >= s.min_excess
         return s.clear_standard_errors if clear else s.since_standard_errors
 

@@ -21,8 +21,8 @@ class Settings:
 
     Since known-good runs, an effect enters if its held-out gain exceeds `since_standard_errors`, or
     `clear_standard_errors` if it takes `clear_shrink` of the gap with it; beside tied parameters
-    even without a gap to speak of if it exceeds `strong_standard_errors`. A free refit replaces
-    "nothing was added" if it is better by `free_standard_errors`.
+    even without a gap to speak of if it exceeds `strong_standard_errors`, and beside free ones only
+    then. A free refit replaces "nothing was added" if it is better by `free_standard_errors`.
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five

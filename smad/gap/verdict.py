@@ -59,8 +59,9 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
 
 
 def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
-    significant = bool(e.effects) or _structural(e, settings)
-    if not significant:
+    # Beside free parameters an effect is not credited with what another refit gives.
+    credited = bool(e.effects) and (e.tied or not e.since_good or e.touched.shrink > 0.0)
+    if not credited and not _structural(e, settings):
         if e.visible < 0.2:
             return Outcome.NO_EXCITATION, 1.0 - e.visible
         nothing = 1.0 - _present(e)

@@ -76,7 +76,7 @@ def riddle(seed: int) -> Riddle:
     """The bench and the effect that belong to a number: about ten floors strong."""
     rng = np.random.default_rng((seed, 5))
     bench = another_bench(rng)
-    pool = names("sealed") if rng.uniform() < SHARE_UNKNOWN else names("known")
+    pool = names("spent") if rng.uniform() < SHARE_UNKNOWN else names("known")
     name = str(rng.choice(pool))
     spec = BY_NAME[name]
     size = min(spec.usual * float(rng.uniform(3.0, 4.5)), spec.limit)

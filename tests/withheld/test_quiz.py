@@ -131,7 +131,7 @@ def test_the_same_number_hides_the_same_effect_and_the_lists_are_both_used() -> 
     assert quiz.riddle(8).sealed == quiz.riddle(8).sealed
     hidden = {quiz.riddle(n).active[0].name for n in range(200)}
     assert hidden & set(names("known"))
-    assert hidden & set(names("sealed"))
+    assert hidden & set(names("spent"))
     assert not hidden & set(names("dev"))
 
 

@@ -1,0 +1,84 @@
+"""Laws of the library: fitted to good runs first; and what a thinned replay keeps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smad.gap import Settings
+from smad.gap.leftover import Lawless, leftover, main
+from smad.gap.plant import ModelPoint
+from smad.gap.recorded import recorded
+from smad.gap.replay import Grid, thinned
+from smad.gap.sma import SmaPlant
+from smad.gap.stages import known_good
+from tests.smad.gap.cases import OTHER, QUICK, ask, bank
+from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
+
+LAWFUL = HeaterPlant(tuple(replace(e, law=e.name == "sensor_lag") for e in EFFECTS))
+SLOW = {"sensor_lag": {"tau_s": 0.6}}
+SLOWER = {"sensor_lag": {"tau_s": 1.6}}
+
+
+def test_a_law_takes_its_value_from_the_good_runs() -> None:
+    good = known_good(bank(OTHER, SLOW, seed=40)[:3], LAWFUL, QUICK)
+    assert good.fit.point.effects["sensor_lag"]["tau_s"] == pytest.approx(0.6, abs=0.1)
+
+
+def test_a_law_that_good_runs_do_not_follow_stays_near_nothing() -> None:
+    good = known_good(bank(OTHER, seed=40)[:3], LAWFUL, QUICK)
+    assert good.fit.point.effects["sensor_lag"]["tau_s"] < 0.1
+
+
+def test_a_law_that_has_grown_since_is_named() -> None:
+    good = bank(OTHER, SLOW, seed=40)[:3]
+    verdict = ask(bank(OTHER, SLOWER), LAWFUL, good=good).verdict
+    assert verdict.effects == ["sensor_lag"], verdict.text
+
+
+def test_currents_of_a_thinned_replay_are_means_of_those_at_full_pace() -> None:
+    plant, settings = SmaPlant(), Settings()
+    run = recorded("mixed", plant, ModelPoint({}), 1, duration_s=20.0)
+    point = ModelPoint({}, {"driver_lag": {"tau_s": 0.006}})
+    grid = Grid.of(run, settings.period_s)
+    whole = plant.simulate(point, run, ["actuator"], fast=True)
+    for pieces in (2, 5):
+        thin, coarse = thinned(run, grid, pieces, settings.period_s)
+        rough = plant.simulate(point, thin, ["actuator"], fast=True)
+        for key, values in whole.items():
+            assert coarse.mean(rough[key]) == pytest.approx(grid.mean(values), abs=1e-9)
+
+
+def test_inlet_and_room_as_measured_do_not_hide_what_the_model_says_of_them() -> None:
+    plant = SmaPlant()
+    run = recorded("mixed", plant, ModelPoint({}), 1, duration_s=20.0)
+    warmer = run.with_columns(
+        outputs={"rtd_inlet_degC": run.outputs["rtd_inlet_degC"] + 0.1 * (run.t_s - run.t_s[0])}
+    )
+    before, after = (
+        plant.simulate(ModelPoint({}), r, ["thermal"], fast=True) for r in (run, warmer)
+    )
+    inlet = "thermal:rtd_inlet_degC"
+    assert np.abs(after[inlet] - before[inlet]).max() < 0.05
+    assert (after["thermal:rtd_x_degC"] - before["thermal:rtd_x_degC"]).max() > 0.05
+
+
+def test_the_model_with_laws_leaves_less_of_a_bench_with_a_cooling_front() -> None:
+    bench = ModelPoint({}, {"cooling_front": {"share": 0.8, "place": 0.6}})
+    good = [
+        recorded(f, SmaPlant(), bench, 3 + i, duration_s=40.0)
+        for i, f in enumerate(("mixed", "repeats"))
+    ]
+    with_laws, without = leftover(good, SmaPlant()), leftover(good, Lawless())
+    assert with_laws["rtd_x_degC"] < 0.5 * without["rtd_x_degC"]
+    assert with_laws["rtd_x_degC"] < 0.1
+
+
+def test_leftover_asks_for_a_folder() -> None:
+    with pytest.raises(SystemExit, match="give folders"):
+        main([])
+    with pytest.raises(SystemExit, match="no good run"):
+        main([str(Path(__file__).parent)])
