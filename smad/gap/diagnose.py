@@ -8,7 +8,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 
 from smad.gap.admission import admit
 from smad.gap.closing import Closing, Shell
-from smad.gap.plant import Parameter, PlantModel
+from smad.gap.plant import Effect, Parameter, PlantModel
 from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
@@ -26,6 +26,7 @@ def diagnose(
     hold_out: Sequence[GapRun] = (),
     parameters: Sequence[Parameter] | None = None,
     settings: Settings | None = None,
+    candidates: Sequence[str] | None = None,
     leave_out: bool = False,
     executor: Executor | None = None,
     progress: Callable[[str], None] = lambda text: None,
@@ -35,7 +36,8 @@ def diagnose(
     `good` are runs known to be good: they set the floor and the background, and the question
     becomes what has changed since. `hold_out` are runs to judge on; without them each run is left
     out in turn. `parameters` replace the plant's (a parameter file). `executor` runs the replays;
-    by default a pool of two threads. `leave_out` asks once more without the first cause in the
+    by default a pool of two threads. `candidates` are the effects of the library that may be named;
+    known-good runs are asked for all of them. `leave_out` asks once more without the first cause in the
     library, to see that the answer then is "unknown". The result depends on the runs, the plant and
     the settings only.
     """
@@ -51,6 +53,7 @@ def diagnose(
             executor=pool,
             progress=progress,
             began=began,
+            candidates=candidates,
             leave_out=leave_out,
         )
     finally:
@@ -67,6 +70,7 @@ def _diagnose(
     executor: Executor,
     progress: Callable[[str], None],
     began: float,
+    candidates: Sequence[str] | None,
     leave_out: bool,
 ) -> Diagnosis:
     progress("admission")
@@ -98,20 +102,24 @@ def _diagnose(
         executor=executor,
         progress=progress,
     )
-    track = follow_tracks(prepared, plant.effects, progress)
+    library = [e for e in plant.effects if candidates is None or e.name in candidates]
+    track = follow_tracks(prepared, library, progress)
     closing = Closing(prepared, track, shell, executor, progress)
-    return closing.diagnosis(_left_out(prepared, track, progress) if leave_out else ())
+    return closing.diagnosis(_left_out(prepared, track, library, progress) if leave_out else ())
 
 
 def _left_out(
-    prepared: Prepared, track: Track, progress: Callable[[str], None]
+    prepared: Prepared,
+    track: Track,
+    candidates: Sequence[Effect],
+    progress: Callable[[str], None],
 ) -> list[LeftOutRecord]:
     """The verdict when the first cause is taken out of the library."""
     named = weigh(prepared, track).effects
     if not named:
         return []
     progress(f"once more without {named[0]}")
-    library = [e for e in prepared.plant.effects if e.name != named[0]]
+    library = [e for e in candidates if e.name != named[0]]
     numbers = weigh(prepared, follow_tracks(prepared, library, progress))
     outcome, p = decide(numbers, prepared.settings)
     names = [] if outcome is Outcome.UNKNOWN else list(numbers.effects)

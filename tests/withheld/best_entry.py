@@ -48,7 +48,7 @@ def run(verdicts: Path, key: Path, bank: Path, out: Path, *, jobs: int) -> None:
     """
     try:
         frozen = opened(verdicts, key, bank)
-        library = [e.name for e in frozen.how.plant().effects]
+        library = frozen.how.library()
         wanted = {
             p.case: found
             for p in of_kind(frozen.pairs, "single")

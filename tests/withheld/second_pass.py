@@ -68,6 +68,7 @@ def diagnosed(task: Task, how: How, more: Sequence[GapRun] = ()) -> Diagnosis:
             good=runs.good,
             hold_out=runs.hold_out,
             settings=how.settings_used(),
+            candidates=how.effects,
             executor=one,
         )
 

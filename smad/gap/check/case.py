@@ -28,7 +28,7 @@ from smad.gap.sma import SmaPlant
 
 @dataclasses.dataclass(frozen=True)
 class How:
-    """How every case of a check is diagnosed. `effects` restricts the library, by name."""
+    """How every case of a check is diagnosed. `effects` are the ones that may be named, or all."""
 
     params: str = "A"
     variant: str = "extended"
@@ -41,7 +41,12 @@ class How:
         """The plant model that the bank is compared with."""
         from sim_device.plant import load_parameters
 
-        return SmaPlant(load_parameters(self.params), self.variant, self.effects)
+        return SmaPlant(load_parameters(self.params), self.variant)
+
+    def library(self) -> list[str]:
+        """Names of the effects that may be named."""
+        known = [e.name for e in self.plant().effects]
+        return known if self.effects is None else [n for n in known if n in self.effects]
 
     def settings_used(self) -> Settings:
         """The settings, with no more steps than the library has effects."""
@@ -52,7 +57,7 @@ class How:
 
     def require(self) -> None:
         """Raises CheckError when an effect is asked for that smad does not have."""
-        library = [e.name for e in dataclasses.replace(self, effects=None).plant().effects]
+        library = [e.name for e in self.plant().effects]
         foreign = [n for n in self.effects or () if n not in library]
         if foreign:
             raise CheckError(
@@ -116,7 +121,7 @@ def judge(task: Task) -> Part:
         verdict = answer(
             found,
             task.case.id,
-            [e.name for e in task.how.plant().effects],
+            task.how.library(),
             with_baselines=task.how.baselines,
         )
     except SmadError as error:
@@ -139,6 +144,7 @@ def _diagnosed(how: How, runs: CaseRuns, executor: ThreadPoolExecutor) -> Diagno
         good=runs.good,
         hold_out=runs.hold_out,
         settings=how.settings_used(),
+        candidates=how.effects,
         leave_out=how.leave_out,
         executor=executor,
     )
