@@ -37,9 +37,9 @@ def diagnose(
     becomes what has changed since. `hold_out` are runs to judge on; without them each run is left
     out in turn. `parameters` replace the plant's (a parameter file). `executor` runs the replays;
     by default a pool of two threads. `candidates` are the effects of the library that may be named;
-    known-good runs are asked for all of them. `leave_out` asks once more without the first cause in the
-    library, to see that the answer then is "unknown". The result depends on the runs, the plant and
-    the settings only.
+    known-good runs are asked for all of them. `leave_out` asks once more without the first cause in
+    the library, to see that the answer then is "unknown". The result depends on the runs, the plant
+    and the settings only.
     """
     settings = settings or Settings()
     began = time.perf_counter()
