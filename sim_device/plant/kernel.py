@@ -616,6 +616,25 @@ def transform(
 
 
 @inlined
+def cells_of(e: Array) -> int:
+    """How many parts of a spring have kinetics of their own."""
+    return CELLS if e[E_FRONT] > 0.0 else 1
+
+
+@inlined
+def cell_at(i: int, cells: int, s: Array, e: Array) -> tuple[int, int, float]:
+    """How far beyond the spring's own the memory of part `i` lies, in `s` and in `w`.
+
+    The last value is how many kelvin the part is from the mean.
+    """
+    if cells == 1:
+        return 0, 0, 0.0
+    o = S_CELLS + i * S_KINETICS - S_XS
+    q = W_CELLS + i * W_KINETICS - W_FA
+    return o, q, e[E_FRONT] * s[S_CELL + i]
+
+
+@inlined
 def transform_all(
     T: float, F: float, s: Array, w: Array, p: Array, e: Array
 ) -> tuple[float, float, float, float, float, float]:
@@ -623,16 +642,10 @@ def transform_all(
 
     Leaves the fractions of the cells in the scratch.
     """
-    cells = CELLS if e[E_FRONT] > 0.0 else 1
+    cells = cells_of(e)
     xs = xt = xi_T = xi_F = xs_T = xs_F = 0.0
     for i in range(cells):
-        o = 0
-        q = 0
-        off = 0.0
-        if cells > 1:
-            o = S_CELLS + i * S_KINETICS - S_XS
-            q = W_CELLS + i * W_KINETICS - W_FA
-            off = e[E_FRONT] * s[S_CELL + i]
+        o, q, off = cell_at(i, cells, s, e)
         own = transform(T + off, F, s, w, p, e, o, q)
         w[W_XS + q] = own[0]
         w[W_XT + q] = own[1]
@@ -1065,15 +1078,9 @@ def prepare(s: Array, w: Array, p: Array, e: Array, dt: float) -> None:
     w[W_GUESS] = w[W_T_STAR]
     if s[S_ACTIVE] > 0.0:
         w[W_GUESS] = s[S_T] + dt * s[S_RATE]
-    cells = CELLS if e[E_FRONT] > 0.0 else 1
+    cells = cells_of(e)
     for i in range(cells):
-        o = 0
-        q = 0
-        off = 0.0
-        if cells > 1:
-            o = S_CELLS + i * S_KINETICS - S_XS
-            q = W_CELLS + i * W_KINETICS - W_FA
-            off = e[E_FRONT] * s[S_CELL + i]
+        o, q, off = cell_at(i, cells, s, e)
         w[W_FA + q] = -1.0
         w[W_FB + q] = -1.0
         w[W_FC + q] = -1.0
@@ -1214,22 +1221,14 @@ def remember(s: Array, w: Array, p: Array, e: Array, change: float, F_phase: flo
     At the temperature of the last evaluation, so that progress and fractions belong together.
     """
     tau = p[P_C1] * F_phase
-    cells = CELLS if e[E_FRONT] > 0.0 else 1
+    cells = cells_of(e)
     for i in range(cells):
-        o = 0
-        q = 0
-        off = 0.0
-        own = change
-        xi_old = s[S_XS] + s[S_XT]
-        if cells > 1:
-            o = S_CELLS + i * S_KINETICS - S_XS
-            q = W_CELLS + i * W_KINETICS - W_FA
-            off = e[E_FRONT] * s[S_CELL + i]
-            xi_old = s[S_XS + o] + s[S_XT + o]
-            own = w[W_XS + q] + w[W_XT + q] - xi_old
-            s[S_XS + o] = w[W_XS + q]
-            s[S_XT + o] = w[W_XT + q]
-            s[S_CELL + i] += (w[W_CELL_H] if own < 0.0 else w[W_CELL_C]) * (own - change)
+        o, q, off = cell_at(i, cells, s, e)
+        xi_old = s[S_XS + o] + s[S_XT + o]
+        own = w[W_XS + q] + w[W_XT + q] - xi_old
+        s[S_XS + o] = w[W_XS + q]
+        s[S_XT + o] = w[W_XT + q]
+        s[S_CELL + i] += (w[W_CELL_H] if own < 0.0 else w[W_CELL_C]) * (own - change)
         T = w[W_GUESS] + off - w[W_SHIFT]
         s[S_A + o] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
         s[S_B + o] = progress_b(T, tau, p)

@@ -58,9 +58,7 @@ def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
     laws = tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
     if not laws:
         return fit
-    space = fit.space.with_effects(laws)
-    p = space.start({e.name: e.at(_LAW_START) for e in laws})
-    p[: fit.space.n_theta] = fit.p
+    space, p = fit.beside(laws, {e.name: e.at(_LAW_START) for e in laws})
     iterations = 5 * fit.problem.evidence.settings.fit_iterations
     steps = fitting(
         fit.problem,
@@ -79,16 +77,14 @@ def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
 def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
     """The fit with these effects too, if runs left out gain by it."""
     settings = current.problem.evidence.settings
-    space = current.space.with_effects((*current.space.effects, *(s.effect for s in chosen)))
+    effects = (*current.space.effects, *(s.effect for s in chosen))
     values = {**current.point.effects, **{s.effect.name: s.start for s in chosen}}
-    p = space.start(values)
-    n = current.space.n_theta
-    p[:n] = current.p[:n]
+    space, p = current.beside(effects, values)
     steps = fitting(
         current.problem,
         space,
         p,
-        theta_A=current.A[:, :n],
+        theta_A=current.A[:, : space.n_theta],
         iterations=settings.fit_iterations,
         refresh_theta=True,
         rough=True,

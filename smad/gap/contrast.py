@@ -34,10 +34,9 @@ def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: flo
 
 def _fitted_to(good: Fitted, effect: Effect, candidate: Candidate) -> Fitted:
     """The good runs' fit with the effect free and all else as it was."""
-    space = good.space.with_effects((effect,))
-    n = good.space.n_theta
-    p = space.start({effect.name: candidate.fit.point.effects[effect.name]})
-    p[:n] = good.p[:n]
+    values = {effect.name: candidate.fit.point.effects[effect.name]}
+    space, p = good.beside((effect,), values)
+    n = space.n_theta
     pinned = {i: float(p[i]) for i in range(n)}
     steps = fitting(
         good.problem, space, p, theta_A=good.A[:, :n], iterations=_ITERATIONS, pinned=pinned

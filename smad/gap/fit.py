@@ -95,21 +95,20 @@ def joint_fits(
     base.problem.evidence.match_rough(base.point, base.predicted)
     first = []
     for start in starts:
-        space = base.space.with_effects(start.effects)
-        p = space.start(start.values)
-        if not start.from_centre:
-            p[:n_theta] = base.p[:n_theta]
+        space, p = base.beside(start.effects, start.values)
+        if start.from_centre:
+            p[:n_theta] = 0.0
         first.append(go(space, p, iterations=settings.short_iterations, renew=False, rough=True))
     ends: dict[tuple[str, ...], JointFit] = {}
     for i in range(0, len(first), _TOGETHER):
         for fit in drive(base.problem.evidence, first[i : i + _TOGETHER]):
             _enter(ends, fit)
     given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
+    trusted = given[:_TRUSTED]
     for renew, count in ((False, settings.longer_fits), (True, finish)):
         order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
-        trusted = given[:_TRUSTED]
         if not renew:
-            order = list(dict.fromkeys([*given[:_TRUSTED], *order]))
+            order = list(dict.fromkeys([*trusted, *order]))
         again = [
             go(
                 ends[names].fit.space,

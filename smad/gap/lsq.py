@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.gap.plant import Array, ModelPoint
+from smad.gap.plant import Array, Effect, ModelPoint
 from smad.gap.replay import Detail, Evidence
 from smad.gap.space import Space
 from smad.gap.whiten import Whitening
@@ -102,6 +102,15 @@ class Fitted:
     @property
     def point(self) -> ModelPoint:
         return self.space.point(self.p)
+
+    def beside(
+        self, effects: Sequence[Effect], values: Mapping[str, Mapping[str, float]]
+    ) -> tuple[Space, Array]:
+        """Space and start of a fit with these effects, the parameters as they are here."""
+        space = self.space.with_effects(effects)
+        p = space.start(values)
+        p[: space.n_theta] = self.p[: space.n_theta]
+        return space, p
 
     def normal_equations(self) -> tuple[Array, Array]:
         """H (cells, k, k) and g (cells, k) of the weighted least squares around `p`."""
@@ -276,13 +285,10 @@ def fitting(
                 break
             damping = max(10 * damping, 0.03)
         total += gained
-        if (heat == 1.0 or squares) and gained < max(tolerance, 0.003 * total):
-            # Slopes that have grown old are renewed before a fit gives up.
-            if not steady or fresh:
-                break
-            stuck = True
-        else:
-            stuck = False
+        stuck = (heat == 1.0 or squares) and gained < max(tolerance, 0.003 * total)
+        # Slopes that have grown old are renewed before a fit gives up.
+        if stuck and (fresh or not steady):
+            break
     if rough:
         predicted = (yield Ask([space.point(p)]))[0]
         count += 1

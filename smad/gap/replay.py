@@ -175,11 +175,9 @@ class Evidence:
         self.views, self.executor = tuple(views), executor
         self.detail = Detail.FAST if fast else Detail.FINE
         self.grids = [Grid.of(run, settings.period_s) for run in runs]
-        self._thin = {
-            detail: [
-                thinned(run, grid, pieces, settings.period_s)
-                for run, grid in zip(self.runs, self.grids, strict=True)
-            ]
+        whole = list(zip(self.runs, self.grids, strict=True))
+        self._replayed = {Detail.FINE: whole} | {
+            detail: [thinned(run, grid, pieces, settings.period_s) for run, grid in whole]
             for detail, pieces in _PIECES.items()
         }
         self.missing: list[str] = []
@@ -342,8 +340,7 @@ class Evidence:
             self.coarseness[detail] = truth - coarse
 
     def _job(self, r: int, points: Sequence[ModelPoint], detail: Detail) -> Callable[[], Array]:
-        whole = (self.runs[r], self.grids[r])
-        run, grid = self._thin[detail][r] if detail in self._thin else whole
+        run, grid = self._replayed[detail][r]
         return partial(
             simulate_binned,
             self.plant,

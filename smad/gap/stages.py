@@ -163,7 +163,6 @@ def _background_of(
     rough = with_laws(refit(plain, parameters, squares=True), effects)
     noise = learn_background(rough, base, templates=False).noise
     weighed = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
-    ev.match_rough(rough.point, rough.predicted)
     steps = fitting(
         weighed,
         rough.space,

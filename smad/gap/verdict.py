@@ -51,11 +51,12 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
     outcome, p = _decided(e, settings)
     if not e.since_good:
         return outcome, p
-    if outcome in (Outcome.NO_GAP, Outcome.PARAMETERS):
-        return outcome, p * settings.quiet_right
-    return outcome, p * (
-        settings.unknown_right if outcome is Outcome.UNKNOWN else settings.named_right
-    )
+    right = {
+        Outcome.NO_GAP: settings.quiet_right,
+        Outcome.PARAMETERS: settings.quiet_right,
+        Outcome.UNKNOWN: settings.unknown_right,
+    }
+    return outcome, p * right.get(outcome, settings.named_right)
 
 
 def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:

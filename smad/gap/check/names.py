@@ -109,8 +109,8 @@ ALIASES = {alias: name for name, (_, others) in _LISTED.items() for alias in oth
 """Other name → listed cause. The library of this bench is covered by it; a test holds it to that.
 
 Where the library splits what the list has as one entry (cold ends, a spread of temperatures and a
-cooling front;
-thermal cross-talk and a leaking valve; slack and compliance), both are the same answer.
+cooling front; thermal cross-talk and a leaking valve; slack and compliance), all of them are the
+same answer.
 """
 
 
