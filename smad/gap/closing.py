@@ -13,7 +13,8 @@ import numpy as np
 
 from smad.gap.admission import Admission, Finding
 from smad.gap.fit import JointFit, bootstrap, intervals, polished
-from smad.gap.judge import excess_by_key, leave_out_points, predict_by_run
+from smad.gap.judge import excess_by_key, predict_by_run
+from smad.gap.leave_out import left_out
 from smad.gap.nextexp import propose
 from smad.gap.plant import Array, PlantModel
 from smad.gap.records import (
@@ -244,7 +245,7 @@ class Closing:
         for c in (s.base, *chain):
             if prepared.hold is None:
                 predictions.append(
-                    predict_by_run(opened.problem, leave_out_points(c.fit), c.fit.point)
+                    predict_by_run(opened.problem, left_out(c.fit).points, c.fit.point)
                 )
             else:
                 predictions.append(ev.predict([c.fit.point])[0])

@@ -1,7 +1,8 @@
 """Joint fits of effects and model parameters, and how certain their values are.
 
 Intervals come from a bootstrap over runs and blocks, from the profile of the likelihood, and from
-the spread over starts, whichever is widest; never from the Jacobian alone.
+the spread over starts, whichever is widest; never from the Jacobian alone. What another form of the
+same law would change is added in quadrature.
 """
 
 from __future__ import annotations
@@ -90,6 +91,7 @@ def joint_fits(
             iterations=iterations,
             refresh_theta=renew,
             rough=rough,
+            steady=renew,
         )
 
     base.problem.evidence.match_rough(base.point, base.predicted)
@@ -114,7 +116,7 @@ def joint_fits(
                 ends[names].fit.space,
                 ends[names].fit.p,
                 iterations=settings.fit_iterations,
-                renew=renew and base.space.tie is None,
+                renew=renew,
                 rough=not renew and names not in trusted,
             )
             for names in order[:count]
@@ -217,12 +219,15 @@ def intervals(joint: JointFit, seed: int) -> list[Interval]:
             low, high = min(low, float(rival[i])), max(high, float(rival[i]))
         flat_profile = below is None and above is None and len(curve) > 1
         value = fit.space.value
+        margin = _margin(fit, i) if q.strength else 0.0
+        here = float(fit.p[i])
+        low, high = here - np.hypot(here - low, margin), here + np.hypot(high - here, margin)
         out.append(
             Interval(
                 effect.name,
                 q.name,
                 q.unit,
-                value(i, float(fit.p[i])),
+                value(i, here),
                 value(i, max(low, float(lo[i]))),
                 value(i, min(high, float(hi[i]))),
                 fit.at_bound[i],
@@ -231,6 +236,12 @@ def intervals(joint: JointFit, seed: int) -> list[Interval]:
             )
         )
     return out
+
+
+def _margin(fit: Fitted, i: int) -> float:
+    """What the form of a law leaves open of a strength: a share of its change since before."""
+    before = fit.space.prior()[0][i]
+    return float(fit.problem.evidence.settings.form_share * abs(fit.p[i] - before))
 
 
 def _profiles(

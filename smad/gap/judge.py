@@ -1,8 +1,6 @@
 """Judging a fit on runs it was not fitted to, and the measures of a gap.
 
-Held-out predictions come from runs named for it, or else from leaving each run out in turn: the
-parameters without run k follow from the normal equations of the others, and run k is then replayed
-with them.
+Held-out predictions come from runs named for it, or else from leaving each run out in turn.
 """
 
 from __future__ import annotations
@@ -12,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smad.gap.leave_out import left_out
 from smad.gap.lsq import Fitted, Problem, solve_box
 from smad.gap.plant import Array, Mask, ModelPoint
 
@@ -90,38 +89,13 @@ def shrink(after: float, before: float) -> float:
     return 1.0 - after / before if before > 0 else 0.0
 
 
-def leave_out_points(fit: Fitted) -> list[ModelPoint]:
-    """For each run, the model point that the other runs give; a single run keeps the fit's."""
-    ev = fit.problem.evidence
-    n_runs = len(ev.runs)
-    if n_runs == 1:
-        return [fit.point]
-    H, g = fit.normal_equations()
-    lo, hi = fit.space.bounds()
-    _, precision = fit.space.prior()
-    points = []
-    for run in range(n_runs):
-        others = ev.cell_run != run
-        # At the minimum the gradients of all runs and of the prior cancel, so that what is left
-        # without this run is its own, reversed. Using that keeps an unfinished fit from counting.
-        step = solve_box(
-            H[others].sum(axis=0) + precision,
-            -g[~others].sum(axis=0),
-            lo - fit.p,
-            hi - fit.p,
-        )
-        points.append(fit.space.point(fit.p + step))
-    return points
-
-
 def judge(fits: Sequence[Fitted], hold: Problem | None) -> list[Judged]:
     """Held-out predictions of each fit."""
     out = []
     held_points = [fit.point for fit in fits]
     held = np.zeros((len(fits), 0)) if hold is None else hold.evidence.predict(held_points)
     for i, fit in enumerate(fits):
-        left = predict_by_run(fit.problem, leave_out_points(fit), fit.point)
-        out.append(Judged(fit.problem, hold, left, held[i]))
+        out.append(Judged(fit.problem, hold, left_out(fit).predicted, held[i]))
     return out
 
 

@@ -43,6 +43,14 @@ def refit(
     fit = drive(problem.evidence, [steps])[0]
     problem.evidence.calibrate(fit.point)
     again = fitting(
-        problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=2.0, squares=squares
+        problem,
+        space,
+        fit.p,
+        theta_A=fit.A if squares else None,
+        iterations=3,
+        refresh_theta=not squares,
+        tolerance=2.0,
+        squares=squares,
+        steady=not squares,
     )
     return drive(problem.evidence, [again])[0]

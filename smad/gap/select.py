@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.gap.fit import JointFit, Start, dispersion, joint_fits
+from smad.gap.fit import JointFit, Start, joint_fits
 from smad.gap.judge import Judged, judge, regime_gains, shrink
 from smad.gap.lsq import Fitted, Problem
 from smad.gap.plant import Array, Effect
@@ -290,16 +290,8 @@ class Selector:
         if best is not base:
             models[_differing(others[0], best) if others else best.names[-1]] = best
         names = sorted(models)
-        problem = best.fit.problem
-        share = dispersion(problem, best.fit.z)
-        temper = [share[s.key] for s in problem.evidence.segments]
-        factor = np.array(temper)[problem.evidence.cell_segment]
-        if self.hold is not None:
-            ev = self.hold.evidence
-            held = np.array([share.get(s.key, 1.0) for s in ev.segments])[ev.cell_segment]
-            factor = np.r_[factor, held]
-        scores = np.array([models[n].judged.scores() * factor for n in names])
-        runs, blocks = held_cells(problem, self.hold)
+        scores = np.array([models[n].judged.scores() for n in names])
+        runs, blocks = held_cells(best.fit.problem, self.hold)
         rng = np.random.default_rng(self.settings.seed + 17)
         weight = resample_weights(runs, blocks, self.settings.bootstrap, rng)
         total = weight @ scores.T

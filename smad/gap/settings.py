@@ -28,6 +28,11 @@ class Settings:
     were exactly right where the evidence left no doubt, on the development bank (one case in five
     without an effect, one in six with several): probabilities are scaled by them.
 
+    `form_share` widens the interval of an effect's strength, in quadrature: a bench follows a law
+    of another form than the library's (a gain that depends on the current), whose number differs
+    from one working point to the next. On the development bank the values of rightly named effects
+    were off by such shares, many times what the data alone leave open.
+
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.
     """
@@ -36,6 +41,7 @@ class Settings:
     resolution: float = 1e-3
     block_s: float = 5.0
     cell_dof: float = 10.0
+    form_share: float = 0.25
     seed: int = 0
     bootstrap: int = 400
     starts: int = 2

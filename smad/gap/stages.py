@@ -10,7 +10,8 @@ import numpy as np
 
 from smad.gap.baseline import learn_baseline, with_laws
 from smad.gap.discrepancy import Background, fed_noise, learn_background
-from smad.gap.judge import Judged, excess_of, judge, leave_out_points, predict_by_run
+from smad.gap.judge import Judged, excess_of, judge, predict_by_run
+from smad.gap.leave_out import left_out
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.noise import Floor, estimate_floors
 from smad.gap.plant import Array, EffectValues, ModelPoint, Parameter, PlantModel
@@ -225,9 +226,7 @@ def _threshold(background: Background | None, settings: Settings) -> float:
         return settings.min_excess
     problem = background.fit.problem
     ev = problem.evidence
-    residual = ev.residual(
-        predict_by_run(problem, leave_out_points(background.fit), background.fit.point)
-    )
+    residual = ev.residual(left_out(background.fit).predicted)
     whitening = Whitening(ev, background.noise)
     squares = np.square(whitening.scale(residual - background.expected(ev)))
     own = Problem(ev, whitening, background.expected(ev))
@@ -261,7 +260,7 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
         runs = fit.problem.evidence.runs
         good = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
         problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
-        residual = good.residual(predict_by_run(problem, leave_out_points(fit), fit.point))
+        residual = good.residual(predict_by_run(problem, left_out(fit).points, fit.point))
         for key in list(noise):
             rows = [residual[s.rows][good.valid[s.rows]] for s in good.rows_of(key)]
             power = float(np.mean(np.square(np.concatenate(rows)))) if rows else 0.0
