@@ -149,8 +149,12 @@ class Closing:
             # What coarser replays cost was learnt where the effect was not.
             best.fit.problem.evidence.calibrate(best.fit.point)
             final = dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
+        # How far the forms of laws differ has been seen on benches with known-good runs only.
+        form = 0.0 if prepared.background is None else settings.form_share
         values = (
-            value_records(intervals(final.joint, settings.seed), prepared.fixed) if named else []
+            value_records(intervals(final.joint, settings.seed, form), prepared.fixed)
+            if named
+            else []
         )
         refit_heat = heat_of(base.judged)
         by_key = excess_by_key(base.judged.bench, base.judged.squares())

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import hypot
 
 import numpy as np
 
@@ -196,8 +197,11 @@ def dispersion(problem: Problem, z: Array) -> dict[str, float]:
     return out
 
 
-def intervals(joint: JointFit, seed: int) -> list[Interval]:
-    """95 % intervals of the parameters of every effect in a joint fit."""
+def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Interval]:
+    """95 % intervals of the parameters of every effect in a joint fit.
+
+    `form_share` is the share of a strength that another form of the same law may differ by.
+    """
     fit = joint.fit
     settings = fit.problem.evidence.settings
     draws = bootstrap(fit, settings.bootstrap, seed)
@@ -206,6 +210,7 @@ def intervals(joint: JointFit, seed: int) -> list[Interval]:
     shares = dispersion(fit.problem, fit.z)
     temper = float(np.mean(list(shares.values())))
     lo, hi = fit.space.bounds()
+    before, _ = fit.space.prior()
     flat = [(e, q) for e in fit.space.effects for q in e.parameters]
     out = []
     for i in columns:
@@ -219,9 +224,9 @@ def intervals(joint: JointFit, seed: int) -> list[Interval]:
             low, high = min(low, float(rival[i])), max(high, float(rival[i]))
         flat_profile = below is None and above is None and len(curve) > 1
         value = fit.space.value
-        margin = _margin(fit, i) if q.strength else 0.0
+        margin = form_share * abs(float(fit.p[i] - before[i])) if q.strength else 0.0
         here = float(fit.p[i])
-        low, high = here - np.hypot(here - low, margin), here + np.hypot(high - here, margin)
+        low, high = here - hypot(here - low, margin), here + hypot(high - here, margin)
         out.append(
             Interval(
                 effect.name,
@@ -236,12 +241,6 @@ def intervals(joint: JointFit, seed: int) -> list[Interval]:
             )
         )
     return out
-
-
-def _margin(fit: Fitted, i: int) -> float:
-    """What the form of a law leaves open of a strength: a share of its change since before."""
-    before = fit.space.prior()[0][i]
-    return float(fit.problem.evidence.settings.form_share * abs(fit.p[i] - before))
 
 
 def _profiles(

@@ -203,7 +203,9 @@ class Selector:
         s = self.settings
         if not self.since_good:
             return s.gain_standard_errors
-        if not self.tied:
+        # A law's value in good runs is that of their inputs: it wanders a little with others.
+        known = c.fit.space.effects[-1].name in self.refit.space.fixed
+        if not self.tied or known:
             return s.strong_standard_errors
         clear = c.shrink_gain >= s.clear_shrink and c.excess_before >= s.min_excess
         return s.clear_standard_errors if clear else s.since_standard_errors

@@ -41,7 +41,6 @@ class Settings:
     resolution: float = 1e-3
     block_s: float = 5.0
     cell_dof: float = 10.0
-    form_share: float = 0.25
     seed: int = 0
     bootstrap: int = 400
     starts: int = 2
@@ -71,7 +70,7 @@ class Settings:
     strong_standard_errors: float = 6.0
     free_standard_errors: float = 2.0
     min_shrink_gain: float = 0.05
-    blind_excess: float = 3.0
+    blind_excess: float = 1.15
     structural_excess: float = 1.2
     found_share: float = 0.3
     unknown_shrink: float = 0.2
@@ -82,5 +81,10 @@ class Settings:
     false_discovery: float = 0.1
 
     quiet_right: float = 0.4
-    named_right: float = 0.8
-    unknown_right: float = 0.6
+    named_right: float = 0.7
+    unknown_right: float = 0.8
+    form_share: float = 0.35
+    blind_ratio: float = 2.0
+    since_shrink: float = 0.4
+    since_clear_shrink: float = 0.75
+    unknown_left: float = 1.0

@@ -69,15 +69,14 @@ def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
 def _holds(prepared: Prepared, selection: Selection, free: Judged) -> bool:
     """Whether the tied answer stands beside the free refit.
 
-    The tied answer says less, so that free parameters must predict runs not fitted to clearly
-    better to take its place. Without a cause: if nothing of note is left besides.
+    A cause must predict runs not fitted to better than free parameters do, which overfit if it is
+    the truth. Without a cause: if nothing of note is left, or free parameters would not help.
     """
     best = selection.best
     rise, error = cluster_gain(
         prepared.problem, prepared.hold, free.scores() - best.judged.scores()
     )
-    if rise > prepared.settings.free_standard_errors * error:
-        return False
-    return bool(best.names) or best.judged.excess() <= max(
-        prepared.threshold, _SAME * free.excess()
-    )
+    if best.names:
+        return rise < 0.0
+    better = rise > prepared.settings.free_standard_errors * error
+    return not better and best.judged.excess() <= max(prepared.threshold, _SAME * free.excess())

@@ -98,7 +98,8 @@ def _structural(e: Evidenced, settings: Settings) -> bool:
     if not e.since_good:
         return over > 1.0
     seen = over > settings.structural_excess and e.whole.ceiling > settings.found_share
-    return over > settings.blind_excess or seen
+    large = e.whole.gap_refit > settings.blind_excess and over > settings.blind_ratio
+    return large or seen
 
 
 def _present(e: Evidenced) -> float:
@@ -117,12 +118,21 @@ def _certainty(e: Evidenced) -> float:
 
 
 def p_unknown(worth: Worth, settings: Settings, *, tied: bool = False) -> float:
-    """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling."""
+    """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling.
+
+    Since known-good runs a cause must also bring a large gap down to the background's size, or take
+    most of it: a neighbour of the true cause leaves more.
+    """
     if worth.gap_refit < (1.5 if tied else settings.min_excess):
         # A gap of the floor's size has no shrink to speak of; what its scores gain tells.
         return float(np.mean(worth.score_share < settings.unknown_ratio))
     s, ceiling = worth.draws[:, 0], worth.draws[:, 1]
-    poor = (s < settings.unknown_shrink) | (s < settings.unknown_ratio * np.maximum(ceiling, 1e-9))
+    poor = s < settings.unknown_ratio * np.maximum(ceiling, 1e-9)
+    if tied:
+        left = (1.0 - s) * worth.gap_refit > settings.unknown_left
+        poor |= (s < settings.since_shrink) | (left & (s < settings.since_clear_shrink))
+    else:
+        poor |= s < settings.unknown_shrink
     return float(np.mean(poor))
 
 
