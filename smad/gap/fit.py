@@ -72,7 +72,7 @@ class Interval:
 def joint_fits(
     base: Fitted, starts: Sequence[Start], *, finish: int = 2
 ) -> dict[tuple[str, ...], JointFit]:
-    """Fits every start, in step, and keeps the best of each set of effects.
+    """Fits every start, in step, and keeps the best of each of the better sets of effects.
 
     In three rounds, each for fewer: a short and rough one for every start; a longer one in detail
     for the best start of the better sets, the first two given among them, since what is quick is
@@ -108,10 +108,10 @@ def joint_fits(
             _enter(ends, fit)
     given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
     trusted = given[:_TRUSTED]
+    order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
+    kept = list(dict.fromkeys([*trusted, *order]))[: settings.longer_fits]
     for renew, count in ((False, settings.longer_fits), (True, finish)):
-        order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
-        if not renew:
-            order = list(dict.fromkeys([*trusted, *order]))
+        order = sorted(kept, key=lambda names: (ends[names].fit.objective, names))
         again = [
             go(
                 ends[names].fit.space,
@@ -124,7 +124,7 @@ def joint_fits(
         ]
         for fit in drive(base.problem.evidence, again):
             _enter(ends, fit)
-    return ends
+    return {names: ends[names] for names in kept}
 
 
 def _enter(ends: dict[tuple[str, ...], JointFit], fit: Fitted) -> None:
