@@ -22,7 +22,14 @@ class Settings:
     Since known-good runs, an effect enters if its held-out gain exceeds `since_standard_errors`, or
     `clear_standard_errors` if it takes `clear_shrink` of the gap with it; beside tied parameters
     even without a gap to speak of if it exceeds `strong_standard_errors`, and beside free ones only
-    then. A free refit replaces "nothing was added" if it is better by `free_standard_errors`.
+    then, as does another value of a law that the model has already. A free refit replaces "nothing
+    was added" if it is better by `free_standard_errors`.
+
+    Since known-good runs a cause is unknown if the best of the library takes less than
+    `since_shrink` of the gap, or leaves more than `unknown_left` floors of it and takes less than
+    `since_clear_shrink`; or if none enters and the refit leaves more than `blind_excess` floors and
+    `blind_ratio` times what is significant (with a flexible correction that finds `found_share` of
+    it, `structural_excess` times).
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five
@@ -71,10 +78,14 @@ class Settings:
     free_standard_errors: float = 2.0
     min_shrink_gain: float = 0.05
     blind_excess: float = 1.15
+    blind_ratio: float = 2.0
     structural_excess: float = 1.2
     found_share: float = 0.3
     unknown_shrink: float = 0.2
     unknown_ratio: float = 0.5
+    unknown_left: float = 1.0
+    since_shrink: float = 0.4
+    since_clear_shrink: float = 0.75
     rest_margin: float = 0.15
     ambiguous_d2: float = 16.0
     ambiguous_odds: float = 10.0
@@ -84,7 +95,3 @@ class Settings:
     named_right: float = 0.7
     unknown_right: float = 0.8
     form_share: float = 0.35
-    blind_ratio: float = 2.0
-    since_shrink: float = 0.4
-    since_clear_shrink: float = 0.75
-    unknown_left: float = 1.0

@@ -39,9 +39,12 @@ def test_what_the_good_runs_show_too_is_no_change() -> None:
 
 def test_what_has_come_since_is_named_beside_what_was_there() -> None:
     both = OLD_LAG | {"driver_gain": SHOWN["driver_gain"]}
-    verdict = ask(bank(OTHER, both), good=_good(OLD_LAG)).verdict
-    assert verdict.outcome is Outcome.EFFECT, verdict.text
-    assert verdict.effects == ["driver_gain"]
+    diagnosis = ask(bank(OTHER, both), good=_good(OLD_LAG))
+    assert diagnosis.verdict.outcome is Outcome.EFFECT, diagnosis.verdict.text
+    assert diagnosis.verdict.effects == ["driver_gain"]
+    (gain,) = diagnosis.values
+    # Another form of the law would say another number; the data alone leave far less open.
+    assert gain.value - gain.low == pytest.approx(QUICK.form_share * gain.value, rel=0.1)
 
 
 def test_a_change_of_the_parameters_since_the_good_runs_is_called_one() -> None:

@@ -1,0 +1,65 @@
+"""From numbers to a verdict: what since known-good runs counts as unknown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smad.gap import Settings
+from smad.gap.assess import Worth
+from smad.gap.records import Outcome
+from smad.gap.verdict import Evidenced, decide, p_unknown
+
+SETTINGS = Settings()
+
+
+def worth(refit: float, shrink: float, ceiling: float | None = None) -> Worth:
+    """Gaps and shrink, known without doubt."""
+    most = shrink if ceiling is None else ceiling
+    return Worth(
+        ("a",), refit, refit * (1 - shrink), shrink, most,
+        np.tile([shrink, most], (50, 1)), np.ones(50),
+    )  # fmt: skip
+
+
+def evidenced(gap: Worth, *, effects: tuple[str, ...] = (), threshold: float = 0.35) -> Evidenced:
+    return Evidenced(
+        effects, {}, dict.fromkeys(effects, 1.0), gap_raw=2 * gap.gap_refit, threshold=threshold,
+        touched=gap, whole=gap, moved=False, visible=1.0, chance=1.0, since_good=True, tied=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("refit", "shrink", "poor"),
+    [(8.0, 0.9, 0.0), (8.0, 0.7, 1.0), (2.0, 0.7, 0.0), (2.0, 0.3, 1.0)],
+    ids=["most is taken", "a floor is left", "little is left", "a part only"],
+)
+def test_since_good_runs_a_cause_takes_most_of_a_large_gap(
+    refit: float, shrink: float, poor: float
+) -> None:
+    assert p_unknown(worth(refit, shrink), SETTINGS, tied=True) == poor
+    assert p_unknown(worth(refit, shrink), SETTINGS) == 0.0
+
+
+def test_a_cause_is_unknown_where_a_flexible_correction_takes_twice_as_much() -> None:
+    assert p_unknown(worth(8.0, 0.42, 0.9), SETTINGS) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("refit", "threshold", "outcome"),
+    [
+        (1.4, 0.35, Outcome.UNKNOWN),
+        (1.4, 0.9, Outcome.PARAMETERS),
+        (1.0, 0.35, Outcome.PARAMETERS),
+    ],
+    ids=["large", "not far beyond what good runs show", "not large"],
+)
+def test_a_gap_that_nothing_explains_must_be_large_and_far_beyond_the_background(
+    refit: float, threshold: float, outcome: Outcome
+) -> None:
+    assert decide(evidenced(worth(refit, 0.0), threshold=threshold), SETTINGS)[0] is outcome
+
+
+def test_a_probability_since_good_runs_is_scaled_by_how_often_such_answers_were_right() -> None:
+    outcome, p = decide(evidenced(worth(5.0, 1.0), effects=("x",)), SETTINGS)
+    assert (outcome, p) == (Outcome.EFFECT, pytest.approx(SETTINGS.named_right))
