@@ -82,6 +82,10 @@ def hypotheses(verdict: Verdict, places: Mapping[str, Mapping[str, float]]) -> l
         unknown = _unknown(verdict, places)
         none = sets.pop(frozenset(), 0.0)
         weight = {s: p * (1.0 - unknown) for s, p in sets.items()}
+        if outcome is not Outcome.UNKNOWN:
+            # A calibration may take more off the cause than doubt in the library does. What it
+            # takes belongs to nothing that has a name: the verdict says the cause.
+            unknown = min(unknown, _BEHIND * max(weight.values(), default=0.0))
         weight[frozenset(("parameters",))] = none * (1.0 - unknown)
         weight[frozenset(("unknown",))] = unknown
     own = frozenset(verdict.effects)

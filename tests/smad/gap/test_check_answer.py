@@ -46,6 +46,13 @@ def test_what_is_unknown_is_taken_off_every_named_cause_in_proportion() -> None:
     )
 
 
+def test_a_verdict_that_names_a_cause_has_it_first_however_unsure_it_is() -> None:
+    places = {"rtd_lag": {"rtd_lag": 0.9, "channel_delay": 0.1}}
+    said = _said(_verdict(Outcome.EFFECT, 0.4, "rtd_lag"), places)
+    assert next(iter(said)) == frozenset({"rtd_lag"})
+    assert said[frozenset({"unknown"})] < said[frozenset({"rtd_lag"})] == pytest.approx(0.4)
+
+
 def test_a_group_carries_the_probability_of_its_members_together() -> None:
     places = {"rtd_lag": {"rtd_lag": 0.6, "channel_delay": 0.4}}
     verdict = _verdict(Outcome.AMBIGUOUS, 1.0, "rtd_lag", group=("channel_delay",))
