@@ -24,17 +24,16 @@ class Candidate:
     """A model of the selection: a set of effects, fitted and judged.
 
     `gain` is the rise of the held-out log-likelihood over the model it was added to, `gain_se` its
-    standard error over runs and blocks, `added` the effects that make the difference, `p_value`
-    that of the whole selection's null, `touched` the outputs that carry the effect's signature,
-    `shrink_gain` the rise of S over them (or over all outputs, if larger), `excess_before` the gap
-    over them without it, `regime_gain` the sum of gains on regimes left out.
+    standard error over runs and blocks, `p_value` that of the whole selection's null, `touched` the
+    outputs that carry the effect's signature, `shrink_gain` the rise of S over them (or over all
+    outputs, if larger), `excess_before` the gap over them without it, `regime_gain` the sum of
+    gains on regimes left out.
     """
 
     joint: JointFit
     judged: Judged
     gain: float = 0.0
     gain_se: float = 0.0
-    added: tuple[str, ...] = ()
     p_value: float = 1.0
     touched: tuple[str, ...] = ()
     shrink_gain: float = 0.0
@@ -192,7 +191,6 @@ class Selector:
             judged,
             gain,
             se,
-            tuple(n for n in joint.names if n not in before.names),
             tail_p(likelihood_gain, self._null),
             touched,
             max(rises),
@@ -205,9 +203,7 @@ class Selector:
         s = self.settings
         if not self.since_good:
             return s.gain_standard_errors
-        # A law's value in good runs is that of their inputs: it wanders a little with others.
-        known = any(name in self.refit.space.fixed for name in c.added)
-        if not self.tied or known:
+        if not self.tied:
             return s.strong_standard_errors
         clear = c.shrink_gain >= s.clear_shrink and c.excess_before >= s.min_excess
         return s.clear_standard_errors if clear else s.since_standard_errors

@@ -22,8 +22,7 @@ class Settings:
     Since known-good runs, an effect enters if its held-out gain exceeds `since_standard_errors`, or
     `clear_standard_errors` if it takes `clear_shrink` of the gap with it; beside tied parameters
     even without a gap to speak of if it exceeds `strong_standard_errors`, and beside free ones only
-    then, as does another value of a law that the model has already. A free refit replaces "nothing
-    was added" if it is better by `free_standard_errors`.
+    then. A free refit replaces "nothing was added" if it is better by `free_standard_errors`.
 
     Since known-good runs a cause is unknown if the best of the library takes less than
     `since_shrink` of the gap, or leaves more than `unknown_left` floors of it and takes less than
