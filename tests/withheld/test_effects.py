@@ -62,6 +62,8 @@ def test_the_lists_are_long_enough_and_apart() -> None:
     assert {e.subsystem for e in EFFECTS} == {
         "electrical", "sensors", "thermal", "phase", "mechanics"
     }  # fmt: skip
+    of_sealed = [e.subsystem for e in EFFECTS if e.kind == "sealed"]
+    assert min(of_sealed.count(e.subsystem) for e in EFFECTS) >= 2
 
 
 def test_an_effect_may_be_weaker_on_spring_y() -> None:

@@ -12,6 +12,7 @@ from tests.withheld.plant.compiled import compiled
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     CELLS,
+    DAMP,
     FLOW,
     GLANCE,
     HOT,
@@ -19,6 +20,7 @@ from tests.withheld.plant.layout import (
     LAG_A,
     LAG_B,
     LAG_C,
+    LOOSE,
     OHM,
     PUMP,
     PUMP_ON,
@@ -27,6 +29,7 @@ from tests.withheld.plant.layout import (
     RING_LENGTH,
     SPIN,
     SPIN_RATE,
+    STARTED,
     TIME,
     W,
 )
@@ -52,6 +55,10 @@ CAVITATION = slot("pump_cavitation")
 THERMOSIPHON = slot("thermosiphon")
 REVERSE = slot("reverse_flow")
 FOLDBACK = slot("driver_foldback")
+DROOP = slot("pump_load_droop")
+STICTION = slot("pump_stiction")
+VISCOSITY = slot("warm_viscosity")
+WETTING = slot("tendon_wetting")
 
 CURRENT_LIMIT_A = 4.0
 
@@ -74,6 +81,15 @@ def approach(state: float, target: float, dt: float, time_constant: float) -> fl
 
 
 @compiled
+def drawn(side: Array) -> float:
+    """What both pumps draw from the supply, one pump at full speed being 1; more at its start."""
+    load = 0.0
+    for s in range(2):
+        load += side[s, PUMP] + 1.5 * max(0.0, side[s, PUMP] - side[s, STARTED])
+    return load
+
+
+@compiled
 def current(
     s: int, command: float, p: Array, e: Array, side: Array, time: float, dt: float
 ) -> float:
@@ -93,6 +109,8 @@ def current(
     if e[s, FOLDBACK] > 0.0:
         side[s, JUNCTION] = approach(side[s, JUNCTION], i * i / 16.0, dt, 9.0)
         i /= 1.0 + e[s, FOLDBACK] * max(0.0, side[s, JUNCTION] - 0.12)
+    if e[s, DROOP] > 0.0:
+        i *= 1.0 - min(0.8, e[s, DROOP] * drawn(side) * 0.25 * i)
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -123,6 +141,17 @@ def _pump_speed(
 
 
 @compiled
+def spun(s: int, share: float, needed: float, side: Array, dt: float) -> float:
+    """Share of its speed that a pump reaches which starts at `needed` and stops at a quarter."""
+    turning = share >= (0.25 * needed if side[s, LOOSE] > 0.5 else needed)
+    if turning:
+        side[s, LOOSE] = approach(max(side[s, LOOSE], 0.51), 1.0, dt, 0.4 * needed)
+    else:
+        side[s, LOOSE] = 0.0
+    return float(side[s, LOOSE])
+
+
+@compiled
 def flow(
     s: int,
     p: Array,
@@ -139,16 +168,21 @@ def flow(
     share = _pump_speed(s, p, e, side, pair, ring, dt)
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
+    side[s, STARTED] = approach(side[s, STARTED], side[s, PUMP], dt, 1.2)
+    if e[s, STICTION] > 0.0:
+        share *= spun(s, share, e[s, STICTION], side, dt)
     running = share > 0.05
     side[s, PUMP_ON] = side[s, PUMP_ON] + dt if running else 0.0
     if e[s, CAVITATION] > 0.0:
         side[s, HOT] += dt * (heat_W / 25.0 - side[s, HOT] / 30.0)
         gas = min(1.0, side[s, HOT]) * math.exp(-side[s, PUMP_ON] / 3.0)
         share *= 1.0 - e[s, CAVITATION] * gas
+    warm = 0.0
+    for i in range(CELLS):
+        warm += cells[s, i, W] / CELLS
+    if e[s, VISCOSITY] > 0.0:
+        share *= math.exp(e[s, VISCOSITY] * (warm - 27.0) / (20.0 + abs(warm - 27.0)))
     if e[s, THERMOSIPHON] > 0.0:
-        warm = 0.0
-        for i in range(CELLS):
-            warm += cells[s, i, W] / CELLS
         share += e[s, THERMOSIPHON] * max(0.0, warm - inlet) / 20.0 * max(0.0, 1.0 - 5.0 * share)
     if e[s, REVERSE] > 0.0:
         if running:
@@ -179,4 +213,8 @@ def flows(
     full = p[FULL_FLOW]
     side[0, FLOW] = x + e[1, LEAK] * max(y, 0.0) ** 2 / full
     side[1, FLOW] = y + e[0, LEAK] * max(x, 0.0) ** 2 / full
+    if e[0, WETTING] > 0.0:
+        wets = max(side[0, FLOW], 0.0) + max(side[1, FLOW], 0.0)
+        rate = wets / full / 6.0
+        pair[DAMP] += dt * (rate * (1.0 - pair[DAMP]) - pair[DAMP] / 40.0)
     pair[TIME] += dt

@@ -2,7 +2,7 @@
 
 `known` effects answer to an entry of the published list of candidates, in another form than the
 obvious one. `dev` and `sealed` effects are on no list; a bank holds only one of the two kinds.
-`spent` effects were sealed once and have been named in a report; no bank draws them any more.
+`spent` effects were sealed once and have become known; no bank draws them any more.
 """
 
 from dataclasses import dataclass
@@ -135,30 +135,54 @@ EFFECTS: tuple[Effect, ...] = (
            "one third of the wire, over-aged at the solder joint, transforms higher"),
     Effect("mux_ghosting", "spent", "sensors", "1", 0.0125, 0.5,
            "the converter keeps a share of the channel sampled before"),
-    Effect("driver_foldback", "sealed", "electrical", "1", 0.033, 2.0,
+    Effect("driver_foldback", "spent", "electrical", "1", 0.033, 2.0,
            "the output stage folds the current back once I² has warmed it, 9 s, past a threshold"),
-    Effect("shared_return", "sealed", "electrical", "ohm", 0.004, 0.3,
+    Effect("shared_return", "spent", "electrical", "ohm", 0.004, 0.3,
            "one return wire for both springs: each sense line reads its drop under both currents"),
-    Effect("wire_strain_gauge", "sealed", "electrical", "1", 0.017, 0.4,
+    Effect("wire_strain_gauge", "spent", "electrical", "1", 0.017, 0.4,
            "the wire is its own strain gauge: R[1 + e(y + y²/4)], y the stretch in centimetres"),
-    Effect("ratiometric_reference", "sealed", "sensors", "1", 0.0038, 0.15,
+    Effect("ratiometric_reference", "spent", "sensors", "1", 0.0038, 0.15,
            "the converter's reference sags with both currents; bridge and current readings rise"),
-    Effect("force_hysteresis", "sealed", "sensors", "N", 0.021, 0.4,
+    Effect("force_hysteresis", "spent", "sensors", "N", 0.021, 0.4,
            "the load cell's foil keeps two plays, 0.08 N and 0.3 N, of its past load"),
-    Effect("tube_wall_heat", "sealed", "thermal", "J/K", 0.3, 8.0,
+    Effect("tube_wall_heat", "spent", "thermal", "J/K", 0.3, 8.0,
            "the silicone wall stores heat of its own and gives it back over 12 s"),
-    Effect("hose_slug", "sealed", "thermal", "K", 2.6, 15.0,
+    Effect("hose_slug", "spent", "thermal", "K", 2.6, 15.0,
            "water that stood in the supply hose enters first, at the hose's temperature"),
-    Effect("detwin_recovery", "sealed", "phase", "1/s", 0.017, 1.0,
+    Effect("detwin_recovery", "spent", "phase", "1/s", 0.017, 1.0,
            "turned martensite springs back when unloaded, at e √(excess/0.1) of the excess"),
-    Effect("friction_heat", "sealed", "phase", "J", 1.8, 8.5,
+    Effect("friction_heat", "spent", "phase", "J", 1.8, 8.5,
            "moving phase fronts dissipate e for a whole transformation, in both directions"),
-    Effect("clapeyron_bend", "sealed", "phase", "K", 1.9, 30.0,
+    Effect("clapeyron_bend", "spent", "phase", "K", 1.9, 30.0,
            "thresholds curve in stress, e((σ − 57)/30)² on heating and 0.4 of it on cooling"),
-    Effect("shaft_imbalance", "sealed", "mechanics", "N", 0.013, 0.08,
+    Effect("shaft_imbalance", "spent", "mechanics", "N", 0.013, 0.08,
            "the weight of an unbalanced encoder arm pulls with the sine of the shaft's angle"),
-    Effect("tube_thermal_push", "sealed", "mechanics", "N", 0.06, 1.0,
+    Effect("tube_thermal_push", "spent", "mechanics", "N", 0.06, 1.0,
            "the warm tube grows against its clamps and props its spring up"),
+    Effect("pump_load_droop", "sealed", "electrical", "1", 0.0037, 0.2,
+           "pumps and heaters share a supply: I[1 − e D I/4 A], D the pumps' draw with its inrush"),
+    Effect("core_remanence", "sealed", "electrical", "A", 0.017, 0.4,
+           "the current sensor's core keeps its largest field, fading over 12 s, and reads it"),
+    Effect("tendon_angle", "sealed", "sensors", "1", 0.042, 0.8,
+           "the tendon leaves the load cell's axis with travel: F cos(0.2 + e x/cm)/cos 0.2"),
+    Effect("converter_carry", "sealed", "sensors", "K", 0.5, 6.0,
+           "a step of the converter where its highest bit turns over, at one temperature"),
+    Effect("pump_stiction", "sealed", "thermal", "1", 0.09, 0.95,
+           "the pump starts only at a duty of e and then turns down to a quarter of that"),
+    Effect("warm_viscosity", "sealed", "thermal", "1", 0.3, 3.0,
+           "warm water is thinner: the pump drives more of it through a warm tube"),
+    Effect("coil_pitch_film", "sealed", "thermal", "1", 0.43, 4.0,
+           "stretched coils stand in open water: the film grows with the spring's length"),
+    Effect("arrest_memory", "sealed", "phase", "K", 0.7, 15.0,
+           "a heating that was broken off raises the next one's threshold where it had ended"),
+    Effect("austenite_softening", "sealed", "phase", "1", 0.2, 4.0,
+           "austenite softens towards its transformation, K_A/[1 + e exp(−(T − 34)/6 K)]"),
+    Effect("eased_turning", "sealed", "phase", "MPa", 3.5, 40.0,
+           "warm martensite turns at less stress, by e tanh((T − 27)/20 K)"),
+    Effect("taut_lead", "sealed", "mechanics", "N", 0.03, 1.0,
+           "the heater's lead goes taut on one side of the travel and pulls back"),
+    Effect("tendon_wetting", "sealed", "mechanics", "mm", 0.4, 6.0,
+           "the braided tendon soaks up what the pumps spill, lengthens, and dries over 40 s"),
 )  # fmt: skip
 
 SIGNED = frozenset(
@@ -177,6 +201,8 @@ SIGNED = frozenset(
         "spool_buildup",
         "hose_slug",
         "clapeyron_bend",
+        "tendon_angle",
+        "converter_carry",
     )
 )
 """Effects whose magnitude may be negative."""

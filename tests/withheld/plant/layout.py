@@ -18,8 +18,11 @@ PLAYS = 6
     WET,
     R_PHASE,
     WALL,
+    PEAK,
+    ARREST,
+    ARRESTED,
     PLAY,
-) = range(12)
+) = range(15)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -53,8 +56,12 @@ CELL_WIDTH = PLAY + PLAYS
     FREE_STRAIN,
     JUNCTION,
     STOOD,
+    STARTED,
+    CORE,
+    LOOSE,
+    EASED,
     SIDE_WIDTH,
-) = range(31)
+) = range(35)
 
 (
     TIME,
@@ -72,8 +79,9 @@ CELL_WIDTH = PLAY + PLAYS
     GLANCE,
     FOIL_FINE,
     FOIL_COARSE,
+    DAMP,
     PAIR_WIDTH,
-) = range(16)
+) = range(17)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -17,6 +17,8 @@ from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     CELLS,
     COMPLIANT,
+    DAMP,
+    EASED,
     FILL,
     FLOW,
     FORCE_X,
@@ -31,6 +33,7 @@ from tests.withheld.plant.layout import (
     TIME,
     TURNED,
     WORK_DONE,
+    T,
     W,
     X,
 )
@@ -59,6 +62,10 @@ DRIFT = slot("transformation_drift")
 R_PHASES = slot("r_phase")
 IMBALANCE = slot("shaft_imbalance")
 THERMAL_PUSH = slot("tube_thermal_push")
+SOFTENING = slot("austenite_softening")
+EASING = slot("eased_turning")
+LEAD = slot("taut_lead")
+WETTING = slot("tendon_wetting")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -74,11 +81,18 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, DRIFT] > 0.0:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
+    warm = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
-        total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
+        austenite = p[K_AUST]
+        if e[s, SOFTENING] > 0.0:
+            above = max(cells[s, i, T] - 34.0, 0.0)
+            austenite /= 1.0 + e[s, SOFTENING] * math.exp(-above / 6.0)
+        total += 1.0 / (stiffness * (p[K_MART] * fraction + austenite * (1.0 - fraction)))
+        warm += (cells[s, i, T] - 27.0) / CELLS
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
+    side[s, EASED] = e[s, EASING] * math.tanh(max(warm, 0.0) / 20.0)
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -88,7 +102,7 @@ def deflection(s: int, force: float, p: Array, cells: Array, side: Array) -> tup
     """Deflection (m) of the wire of spring `s` under its own force, and its slope (m/N)."""
     turned = 0.0
     rate = 0.0
-    excess = (force * p[STRESS] - p[TURN_ONSET]) / p[TURN_SCALE]
+    excess = (force * p[STRESS] + side[s, EASED] - p[TURN_ONSET]) / p[TURN_SCALE]
     if excess > 0.0:
         power = excess ** p[TURN_POWER]
         left = math.exp(-power)
@@ -164,7 +178,7 @@ def pull(
 
 
 @compiled
-def longer_tendon(force: float, time: float, e: Array) -> tuple[float, float]:
+def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
     """How much longer the tendon is than at assembly (m), and its slope (m/N)."""
     stretch = 0.0
     slope = 0.0
@@ -174,9 +188,10 @@ def longer_tendon(force: float, time: float, e: Array) -> tuple[float, float]:
         stretch += scale * (math.log(1.0 + tension / 0.4) - math.log(4.1))
         slope += scale / (0.4 + tension)
     if e[0, CREEP] > 0.0:
-        scale = e[0, CREEP] * 1e-3 * math.log(1.0 + time / 3.0)
+        scale = e[0, CREEP] * 1e-3 * math.log(1.0 + pair[TIME] / 3.0)
         stretch += scale * tension
         slope += scale
+    stretch += e[0, WETTING] * 1e-3 * pair[DAMP]
     return stretch, slope
 
 
@@ -214,6 +229,12 @@ def resisting(
         angle = 2.0 * math.pi * (x / SHAFT_TURN_m + e[2, IMBALANCE])
         total += e[0, IMBALANCE] * math.sin(angle)
         slope += e[0, IMBALANCE] * 2.0 * math.pi / SHAFT_TURN_m * math.cos(angle)
+    if e[0, LEAD] > 0.0:
+        past = (x - 1e-3 * (1.0 + 4.0 * e[2, LEAD])) / 5e-3
+        root = math.sqrt(past * past + 0.04)
+        hinge = 0.5 * (past + root)
+        total += e[0, LEAD] * hinge * hinge
+        slope += e[0, LEAD] * 2.0 * hinge * hinge / root / 5e-3
     return total, slope, bristle
 
 
@@ -231,7 +252,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         soften(s, p, e, cells, side)
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
-        longer, slope_t = longer_tendon(force_y, pair[TIME], e)
+        longer, slope_t = longer_tendon(force_y, e, pair)
         force_x, slope_x = pull(0, 0.5 * p[SPAN] - x - longer, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, e, side, pair)
         residual = force_x - force_y - against
@@ -252,7 +273,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[SPEED] = (x - before) / dt
     for s in range(2):
         wire = wire_stress(s, p, e, cells, side, pair)
-        turned = turned_by(wire, p)
+        turned = turned_by(wire + side[s, EASED], p)
         for i in range(CELLS):
             cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
         side[s, MOST_TURNED] = max(side[s, MOST_TURNED], turned)

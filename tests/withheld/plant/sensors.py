@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.withheld.plant.compiled import compiled
-from tests.withheld.plant.drive import approach, late
+from tests.withheld.plant.drive import approach, drawn, late
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     AMPERE,
     CELLS,
     CONTACT,
+    CORE,
     CREEP_FAST,
     CREEP_SLOW,
     ENCODER,
@@ -74,8 +75,13 @@ BEAT = slot("supply_beat")
 RETURN_WIRE = slot("shared_return")
 REFERENCE = slot("ratiometric_reference")
 FOIL = slot("force_hysteresis")
+REMANENCE = slot("core_remanence")
+DROOP = slot("pump_load_droop")
+ANGLE = slot("tendon_angle")
+CARRY = slot("converter_carry")
 
 TURN_mm = 13.0
+AXIS_OFF = 0.2  # rad between the tendon and the load cell's axis at rest
 
 
 @compiled
@@ -102,6 +108,9 @@ def rtd(
     if e[s, RTD_STRAIN] != 0.0:
         off = pair[X] if s == 1 else -pair[X]
         reading += e[s, RTD_STRAIN] * (off / 0.01 + 0.3 * (off / 0.01) ** 2)
+    if e[s, CARRY] != 0.0:
+        code = 33.0 + 8.0 * e[2, CARRY]
+        reading += e[s, CARRY] * 0.5 * (1.0 + math.tanh((reading - code) / 0.15))
     return float(reading)
 
 
@@ -136,6 +145,8 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     """Load cell reading (N) for a tendon force (N)."""
     time = pair[TIME]
     reading = seen_N * (1.0 + e[0, FORCE_GAIN] * (0.7 + 0.2 * seen_N))
+    if e[0, ANGLE] != 0.0:
+        reading *= math.cos(AXIS_OFF + e[0, ANGLE] * pair[X] / 0.01) / math.cos(AXIS_OFF)
     if e[0, FORCE_CREEP] > 0.0:
         pair[CREEP_FAST] = approach(pair[CREEP_FAST], seen_N - 1.24, dt, 4.0)
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
@@ -174,6 +185,10 @@ def read(
     for s in range(2):
         warm = 1.0 + e[s, SHUNT_WARMS] * side[s, SHUNT]
         out[s] = side[s, AMPERE] * warm
+        if e[s, REMANENCE] > 0.0:
+            relative = side[s, AMPERE] / 4.0
+            side[s, CORE] = max(approach(side[s, CORE], 0.0, dt, 12.0), relative)
+            out[s] += e[s, REMANENCE] * (side[s, CORE] - relative)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] += e[s, RETURN_WIRE] * (side[0, AMPERE] + side[1, AMPERE])
@@ -195,6 +210,8 @@ def read(
     if e[0, BEAT] > 0.0:
         beat = 0.1 * math.sin(2.0 * math.pi * (0.17 + 0.23 * e[2, BEAT]) * pair[TIME])
     out[10] = p[SUPPLY] * (1.0 + e[0, BEAT] * beat) - p[SUPPLY_OHM] * total
+    if e[0, DROOP] > 0.0:
+        out[10] *= 1.0 - 0.3 * e[0, DROOP] * drawn(side)
     if e[0, REFERENCE] > 0.0:
         rise = 1.0 + e[0, REFERENCE] * 0.25 * total * (1.0 + 0.06 * total)
         for k in range(4):

@@ -13,12 +13,14 @@ from tests.withheld.plant.drive import approach
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     AMPERE,
+    ARREST,
+    ARRESTED,
     ASLEEP,
     BUBBLE,
     CELLS,
     CONTACT,
     COOLED_FROM,
-    FILL,
+    EASED,
     FLOW,
     FRACTION,
     HEATED_FROM,
@@ -26,15 +28,14 @@ from tests.withheld.plant.layout import (
     MOST_TURNED,
     OHM,
     OUTLET,
+    PEAK,
     PLAY,
     PLAYS,
-    POCKET,
     QUIET,
     R_PHASE,
     RATE,
     RESERVOIR,
     SHUNT,
-    STOOD,
     TURNED,
     WALL,
     WET,
@@ -58,6 +59,7 @@ from tests.withheld.plant.thermal import (
     advance,
     film,
 )
+from tests.withheld.plant.water import DRY, WALL_S, entering, pockets, warm_wall, wet_shares
 
 Array = NDArray[np.float64]
 
@@ -77,7 +79,6 @@ Y_RESISTANCE = index("y_resistance")
 Y_LOSS = index("y_loss")
 
 RESISTIVITY = slot("resistivity")
-DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 RESERVOIR_WARMS = slot("reservoir_warming")
 COLD_ENDS = slot("cold_ends")
@@ -94,16 +95,13 @@ AGED = slot("aged_segment")
 R_PHASES = slot("r_phase")
 STRAIN_GAUGE = slot("wire_strain_gauge")
 WALL_HEAT = slot("tube_wall_heat")
-SLUG = slot("hose_slug")
 RECOVERY = slot("detwin_recovery")
 FRICTION_HEAT = slot("friction_heat")
 BEND = slot("clapeyron_bend")
+ARREST_MEMORY = slot("arrest_memory")
+PITCH = slot("coil_pitch_film")
 
-DRY = 0.04  # what a drained cell keeps: a film on the wall
-POCKETS_PER_S = 1.2
-POCKET_S = 0.5
-WALL_S = 12.0
-HOSE_J_K = 1.0  # heat capacity of the water that stands in the supply hose
+ARREST_K = 2.0  # width of what is remembered
 
 
 @compiled
@@ -125,42 +123,6 @@ def resistance(s: int, p: Array, e: Array, cells: Array, pair: Array, heat: Arra
         heat[i] = base * factor / CELLS
         total += heat[i]
     return total
-
-
-@compiled
-def wet_shares(s: int, e: Array, cells: Array, side: Array, inlet: float, dt: float) -> None:
-    """Let water leave from the outlet end while the pump rests, and come back with the flow."""
-    rate = e[s, DRAIN]
-    if rate <= 0.0:
-        return
-    flowing = side[s, FLOW]
-    if flowing > 0.02:
-        side[s, FILL] = min(1.0, side[s, FILL] + dt * flowing / 2.5)
-    else:
-        side[s, FILL] = max(0.3, side[s, FILL] - dt * rate)
-    for i in range(CELLS):
-        wet = min(1.0, max(DRY, side[s, FILL] * CELLS - i))
-        before = cells[s, i, WET]
-        if wet > before:
-            cells[s, i, W] = (cells[s, i, W] * before + inlet * (wet - before)) / wet
-        cells[s, i, WET] = wet
-
-
-@compiled
-def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float) -> None:
-    """Air pockets: enter at random while water flows (`luck` uniform in 0…1), then travel."""
-    if e[s, BUBBLES] <= 0.0:
-        return
-    share = max(side[s, FLOW], 0.0) / 0.5
-    side[s, POCKET] = max(0.0, side[s, POCKET] - dt)
-    if side[s, POCKET] <= 0.0 and luck < POCKETS_PER_S * share * dt:
-        side[s, POCKET] = POCKET_S * (0.5 + luck / max(POCKETS_PER_S * share * dt, 1e-9))
-    entering = 1.0 if side[s, POCKET] > 0.0 else 0.0
-    step = 1.0 - math.exp(-dt * CELLS * share / 4.7)
-    for j in range(CELLS):
-        i = CELLS - 1 - j
-        before = entering if i == 0 else cells[s, i - 1, BUBBLE]
-        cells[s, i, BUBBLE] += step * (before - cells[s, i, BUBBLE])
 
 
 @compiled
@@ -190,6 +152,9 @@ def shifts(
         off = (stress - 57.0) / 30.0
         heat += e[s, BEND] * off * off
         cool += 0.4 * e[s, BEND] * off * off
+    if e[s, ARREST_MEMORY] > 0.0:
+        off = (cells[s, i, T] - cells[s, i, ARREST]) / ARREST_K
+        heat += e[s, ARREST_MEMORY] * cells[s, i, ARRESTED] * math.exp(-off * off)
     return heat, cool
 
 
@@ -217,6 +182,10 @@ def coefficients(
         relative = stress / 57.0
         latent *= max(0.1, 1.0 + e[s, STRESS_LATENT] * (relative - 1.0) * abs(relative))
     share = min(abs(side[s, FLOW]) / p[FULL_FLOW], 1.5)
+    reach = 1.0
+    if e[s, PITCH] > 0.0:
+        stretch = (pair[X] if s == 1 else -pair[X]) / 0.01
+        reach = math.exp(e[s, PITCH] * stretch / (1.0 + 0.5 * abs(stretch)))
     for i in range(CELLS):
         row = rows[i]
         water = cells[s, i, W]
@@ -238,7 +207,7 @@ def coefficients(
         conductance = film(
             p[STATIC] / CELLS, p[FORCED] / CELLS, 0.15 + 0.5 * e[s, EXPONENT], across, share
         )
-        row[FILM] = conductance * max(covered, DRY) / swollen**1.5
+        row[FILM] = conductance * max(covered, DRY) / swollen**1.5 * reach
         row[WATER_HEAT] = p[WATER] / CELLS * wet * swollen
         row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
         row[TO_CLAMP] = 0.0
@@ -256,7 +225,7 @@ def remember(
     """Update what each cell remembers after its fraction has moved."""
     moved_all = 0.0
     mean = 0.0
-    turned_new = turned_by(stress, p)
+    turned_new = turned_by(stress + side[s, EASED], p)
     if e[s, TWO_WAY] > 0.0:
         turned_new = min(1.0, turned_new + e[s, TWO_WAY] * (0.1 + side[s, MOST_TURNED]))
     for i in range(CELLS):
@@ -273,9 +242,13 @@ def remember(
         if moved < -1e-6 and cell[HEATING] < 0.5:
             cell[HEATING] = 1.0
             cell[HEATED_FROM] = cell[FRACTION]
+            cell[PEAK] = cell[T]
         elif moved > 1e-6 and cell[HEATING] > 0.5:
             cell[HEATING] = 0.0
             cell[COOLED_FROM] = cell[FRACTION]
+            cell[ARREST] = cell[PEAK]
+            cell[ARRESTED] = 4.0 * cell[FRACTION] * (1.0 - cell[FRACTION])
+        cell[PEAK] = max(cell[PEAK], cell[T])
         cell[FRACTION] = fraction
         moved_all += abs(moved) / CELLS
         mean += fraction / CELLS
@@ -290,30 +263,6 @@ def remember(
         side[s, ASLEEP] = 0.0
     elif side[s, RATE] < 0.01:
         side[s, ASLEEP] += dt
-
-
-@compiled
-def entering(s: int, inlet: float, dt: float, e: Array, side: Array, pair: Array) -> float:
-    """Temperature (°C) of the water at the tube's inlet, after what stood in the hose."""
-    source = inlet + pair[RESERVOIR]
-    if e[s, SLUG] != 0.0:
-        flowing = side[s, FLOW]
-        if flowing > 0.01:
-            side[s, STOOD] *= math.exp(-flowing * dt / HOSE_J_K)
-        else:
-            side[s, STOOD] = approach(side[s, STOOD], 1.0, dt, 15.0)
-        source += e[s, SLUG] * side[s, STOOD]
-    return float(source)
-
-
-@compiled
-def warm_wall(s: int, e: Array, cells: Array, dt: float) -> None:
-    """Let the tube's wall follow its water where the wall's heat counts."""
-    if e[s, WALL_HEAT] <= 0.0:
-        return
-    for i in range(CELLS):
-        wet = cells[s, i, WET]
-        cells[s, i, WALL] += dt / WALL_S * wet * (cells[s, i, W] - cells[s, i, WALL])
 
 
 @compiled

@@ -1,0 +1,98 @@
+"""The water in one tube apart from its heat: where it stands, what it carries, how it enters."""
+
+# Compiled functions take arrays one by one, not objects.
+# ruff: noqa: PLR0917
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.withheld.plant.compiled import compiled
+from tests.withheld.plant.drive import approach
+from tests.withheld.plant.effects import slot
+from tests.withheld.plant.layout import (
+    BUBBLE,
+    CELLS,
+    FILL,
+    FLOW,
+    POCKET,
+    RESERVOIR,
+    STOOD,
+    WALL,
+    WET,
+    W,
+)
+
+Array = NDArray[np.float64]
+
+DRAIN = slot("water_drain")
+BUBBLES = slot("air_bubbles")
+WALL_HEAT = slot("tube_wall_heat")
+SLUG = slot("hose_slug")
+
+DRY = 0.04  # what a drained cell keeps: a film on the wall
+POCKETS_PER_S = 1.2
+POCKET_S = 0.5
+WALL_S = 12.0
+HOSE_J_K = 1.0  # heat capacity of the water that stands in the supply hose
+
+
+@compiled
+def wet_shares(s: int, e: Array, cells: Array, side: Array, inlet: float, dt: float) -> None:
+    """Let water leave from the outlet end while the pump rests, and come back with the flow."""
+    rate = e[s, DRAIN]
+    if rate <= 0.0:
+        return
+    flowing = side[s, FLOW]
+    if flowing > 0.02:
+        side[s, FILL] = min(1.0, side[s, FILL] + dt * flowing / 2.5)
+    else:
+        side[s, FILL] = max(0.3, side[s, FILL] - dt * rate)
+    for i in range(CELLS):
+        wet = min(1.0, max(DRY, side[s, FILL] * CELLS - i))
+        before = cells[s, i, WET]
+        if wet > before:
+            cells[s, i, W] = (cells[s, i, W] * before + inlet * (wet - before)) / wet
+        cells[s, i, WET] = wet
+
+
+@compiled
+def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float) -> None:
+    """Air pockets: enter at random while water flows (`luck` uniform in 0…1), then travel."""
+    if e[s, BUBBLES] <= 0.0:
+        return
+    share = max(side[s, FLOW], 0.0) / 0.5
+    side[s, POCKET] = max(0.0, side[s, POCKET] - dt)
+    if side[s, POCKET] <= 0.0 and luck < POCKETS_PER_S * share * dt:
+        side[s, POCKET] = POCKET_S * (0.5 + luck / max(POCKETS_PER_S * share * dt, 1e-9))
+    entering = 1.0 if side[s, POCKET] > 0.0 else 0.0
+    step = 1.0 - math.exp(-dt * CELLS * share / 4.7)
+    for j in range(CELLS):
+        i = CELLS - 1 - j
+        before = entering if i == 0 else cells[s, i - 1, BUBBLE]
+        cells[s, i, BUBBLE] += step * (before - cells[s, i, BUBBLE])
+
+
+@compiled
+def entering(s: int, inlet: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+    """Temperature (°C) of the water at the tube's inlet, after what stood in the hose."""
+    source = inlet + pair[RESERVOIR]
+    if e[s, SLUG] != 0.0:
+        flowing = side[s, FLOW]
+        if flowing > 0.01:
+            side[s, STOOD] *= math.exp(-flowing * dt / HOSE_J_K)
+        else:
+            side[s, STOOD] = approach(side[s, STOOD], 1.0, dt, 15.0)
+        source += e[s, SLUG] * side[s, STOOD]
+    return float(source)
+
+
+@compiled
+def warm_wall(s: int, e: Array, cells: Array, dt: float) -> None:
+    """Let the tube's wall follow its water where the wall's heat counts."""
+    if e[s, WALL_HEAT] <= 0.0:
+        return
+    for i in range(CELLS):
+        wet = cells[s, i, WET]
+        cells[s, i, WALL] += dt / WALL_S * wet * (cells[s, i, W] - cells[s, i, WALL])
