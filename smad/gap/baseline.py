@@ -13,14 +13,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from smad.gap.fit import polished
 from smad.gap.judge import judge
-from smad.gap.lsq import Fitted, drive, fitting
-from smad.gap.plant import Effect
+from smad.gap.lsq import FitSteps, Fitted, drive, fitting
+from smad.gap.plant import Array, Effect
 from smad.gap.screen import Screened, probe, reprobe, screen
 from smad.gap.select import cluster_gain
+from smad.gap.space import Space
 
 _LAW_START = 0.3
+_ASIDE = 0.5
+_PAIR = 2
+_AGREED = 1.1
 
 
 def learn_baseline(
@@ -53,25 +59,56 @@ def learn_baseline(
 def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
     """The least-squares fit with the laws of the library beside the parameters.
 
-    They begin at a part of what they typically are, since a slope at nothing says little.
+    They begin at a part of what they typically are, since a slope at nothing says little. So many
+    coordinates have more than one minimum: other starts about the first are followed some way, two
+    at a time, until two of all come down to the same misfit; the best goes on to its end.
     """
     laws = tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
     if not laws:
         return fit
     space, p = fit.beside(laws, {e.name: e.at(_LAW_START) for e in laws})
-    iterations = 5 * fit.problem.evidence.settings.fit_iterations
-    steps = fitting(
-        fit.problem,
-        space,
-        p,
-        iterations=iterations,
-        refresh_theta=True,
-        tolerance=2.0,
-        squares=True,
-        rough=True,
-        steady=True,
-    )
-    return drive(fit.problem.evidence, [steps])[0]
+    problem = fit.problem
+    settings = problem.evidence.settings
+
+    def go(start: Array, iterations: int) -> FitSteps:
+        return fitting(
+            problem,
+            space,
+            start,
+            iterations=iterations,
+            refresh_theta=True,
+            tolerance=2.0,
+            squares=True,
+            rough=True,
+            steady=True,
+            renew=True,
+        )
+
+    others = other_starts(space, p, settings.law_starts, settings.seed)
+    ends = drive(problem.evidence, [go(p, settings.fit_iterations)])
+    while others and not _two_agree([problem.misfit(end.z) for end in ends]):
+        pair, others = others[:_PAIR], others[_PAIR:]
+        ends += drive(problem.evidence, [go(start, settings.fit_iterations) for start in pair])
+    best = min(ends, key=lambda end: problem.misfit(end.z))
+    return drive(problem.evidence, [go(best.p, 4 * settings.fit_iterations)])[0]
+
+
+def _two_agree(misfits: Sequence[float]) -> bool:
+    best, *rest = sorted(misfits)
+    return bool(rest) and rest[0] <= _AGREED * best
+
+
+def other_starts(space: Space, p: Array, count: int, seed: int) -> list[Array]:
+    """Other starts: parameters half a prior's deviation off, effects by half their size."""
+    rng = np.random.default_rng(seed)
+    n = space.n_theta
+    lo, hi = space.bounds()
+    out = []
+    for _ in range(count):
+        theta = p[:n] + rng.normal(0.0, _ASIDE, n)
+        effects = p[n:] * np.exp(rng.normal(0.0, _ASIDE, len(p) - n))
+        out.append(np.clip(np.r_[theta, effects], lo, hi))
+    return out
 
 
 def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:

@@ -14,10 +14,10 @@ import numpy as np
 from smad.gap.admission import Admission, Finding
 from smad.gap.fit import JointFit, bootstrap, intervals, polished
 from smad.gap.judge import excess_by_key, predict_by_run
-from smad.gap.leave_out import left_out
 from smad.gap.nextexp import propose
 from smad.gap.plant import Array, PlantModel
 from smad.gap.records import (
+    NAMED,
     Diagnosis,
     ExperimentRecord,
     FindingRecord,
@@ -142,7 +142,7 @@ class Closing:
         numbers = weigh(prepared, self.track)
         groups, whole = numbers.groups, numbers.whole
         outcome, p = decide(numbers, settings)
-        named = outcome in (Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST)
+        named = outcome in NAMED
         self.progress("intervals")
         final = best
         if named:
@@ -248,9 +248,7 @@ class Closing:
         predictions = [ev.predict([prepared.fit.space.point(prepared.fit.space.start())])[0]]
         for c in (s.base, *chain):
             if prepared.hold is None:
-                predictions.append(
-                    predict_by_run(opened.problem, left_out(c.fit).points, c.fit.point)
-                )
+                predictions.append(predict_by_run(opened.problem, c.judged.points, c.fit.point))
             else:
                 predictions.append(ev.predict([c.fit.point])[0])
         rows = waterfall("open loop", opened.problem, predictions, prepared.plant)

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from smad.gap.flexible import Correction, Designs, fit_correction
+from smad.gap.leave_out import LeftOut, left_out
 from smad.gap.lsq import Fitted
 from smad.gap.noise import Floor
 from smad.gap.plant import Array, ModelPoint
@@ -36,6 +38,11 @@ class Background:
     templates: Mapping[str, Correction]
     fit: Fitted
     white: Array
+
+    @cached_property
+    def left_out(self) -> LeftOut:
+        """The good runs, each predicted by the others."""
+        return left_out(self.fit)
 
     def expected(self, evidence: Evidence) -> Array:
         """The template's part of the residual of other runs, in rows of `evidence`."""

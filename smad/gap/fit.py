@@ -110,7 +110,7 @@ def joint_fits(
     trusted = given[:_TRUSTED]
     order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
     kept = list(dict.fromkeys([*trusted, *order]))[: settings.longer_fits]
-    for renew, count in ((False, settings.longer_fits), (True, finish)):
+    for renew, count in ((False, len(kept)), (True, finish)):
         order = sorted(kept, key=lambda names: (ends[names].fit.objective, names))
         again = [
             go(
@@ -145,15 +145,15 @@ def _near(best: Fitted, other: Fitted) -> bool:
     return other.objective - best.objective < _HALF_CHI2_95
 
 
-def polished(fit: Fitted, iterations: int = 3) -> Fitted:
+def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
     """The fit with all sensitivities renewed, and a few more steps."""
     steps = fitting(
         fit.problem,
         fit.space,
         fit.p,
-        iterations=iterations,
+        iterations=3,
         refresh_theta=True,
-        tolerance=1.0,
+        tolerance=tolerance,
         steady=True,
     )
     return drive(fit.problem.evidence, [steps])[0]

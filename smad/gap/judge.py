@@ -13,6 +13,7 @@ import numpy as np
 from smad.gap.leave_out import left_out
 from smad.gap.lsq import Fitted, Problem, solve_box
 from smad.gap.plant import Array, Mask, ModelPoint
+from smad.gap.replay import Detail
 
 _MIN_REGIME = 0.05
 _DETERMINED = 0.2
@@ -22,14 +23,16 @@ _DETERMINED = 0.2
 class Judged:
     """Held-out residuals of one model.
 
-    `left_out` are predictions of the fit runs, each without itself; `held` are predictions of the
-    hold-out runs, empty without any. `predicted` of each is kept to show it.
+    `left_out` are predictions of the fit runs, each without itself, and `points` the model points
+    that make them, empty where nothing was left out; `held` are predictions of the hold-out runs,
+    empty without any. `predicted` of each is kept to show it.
     """
 
     problem: Problem
     hold: Problem | None
     left_out: Array
     held: Array
+    points: tuple[ModelPoint, ...] = ()
 
     def scores(self) -> Array:
         """Log-likelihood of every held-out cell: the fit runs' cells, then the hold-out runs'."""
@@ -90,12 +93,19 @@ def shrink(after: float, before: float) -> float:
 
 
 def judge(fits: Sequence[Fitted], hold: Problem | None) -> list[Judged]:
-    """Held-out predictions of each fit."""
+    """Held-out predictions of each fit, in full detail.
+
+    A coarse step costs one model more than another: what it costs each is learnt at its own point.
+    """
     out = []
     held_points = [fit.point for fit in fits]
-    held = np.zeros((len(fits), 0)) if hold is None else hold.evidence.predict(held_points)
+    held = np.zeros((len(fits), 0))
+    if hold is not None:
+        held = hold.evidence.predict(held_points, detail=Detail.FINE)
     for i, fit in enumerate(fits):
-        out.append(Judged(fit.problem, hold, left_out(fit).predicted, held[i]))
+        left = left_out(fit)
+        predicted = left.predicted + fit.problem.evidence.coarse_error(fit.point, fit.predicted)
+        out.append(Judged(fit.problem, hold, predicted, held[i], left.points))
     return out
 
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.gap.lsq import Fitted, solve_box
-from smad.gap.plant import Array, ModelPoint
+from smad.gap.lsq import Fitted, objective, solve_box
+from smad.gap.plant import Array, Mask, ModelPoint
 
 _DAMPINGS = (0.0, 0.03, 0.3, 3.0)
 _TRUSTED = 0.25
@@ -32,12 +32,14 @@ class LeftOut:
 
 @dataclass
 class _Without:
-    """The search for the parameters without one run."""
+    """The search for the parameters without one run: the equations and cells of the others.
 
-    run: int
+    `best` is their objective at `p`, the best point so far, which predicts `predicted`.
+    """
+
     H: Array
     g: Array
-    others: Array
+    others: Mask
     best: float
     p: Array
     predicted: Array
@@ -46,7 +48,9 @@ class _Without:
 def left_out(fit: Fitted) -> LeftOut:
     """Leaves out each run in turn; a single run keeps the fit's own point."""
     ev = fit.problem.evidence
-    searches = _searches(fit) if len(ev.runs) > 1 else []
+    if len(ev.runs) == 1:
+        return LeftOut((fit.point,), fit.predicted)
+    searches = _searches(fit)
     searching = searches
     for damping in _DAMPINGS:
         steps = [_step(fit, s, damping) for s in searching]
@@ -59,10 +63,9 @@ def left_out(fit: Fitted) -> LeftOut:
         if not searching:
             break
     predicted = fit.predicted.copy()
-    for segment in ev.segments if searches else ():
+    for segment in ev.segments:
         predicted[segment.rows] = searches[segment.run].predicted[segment.rows]
-    points = [fit.space.point(s.p) for s in searches] or [fit.point]
-    return LeftOut(tuple(points), predicted)
+    return LeftOut(tuple(fit.space.point(s.p) for s in searches), predicted)
 
 
 def _searches(fit: Fitted) -> list[_Without]:
@@ -76,11 +79,10 @@ def _searches(fit: Fitted) -> list[_Without]:
         # without this run is its own, reversed. Using that keeps an unfinished fit from counting.
         out.append(
             _Without(
-                run,
                 H[others].sum(axis=0) + precision,
                 -g[~others].sum(axis=0),
                 others,
-                _loss(fit, others, fit.p, fit.z),
+                objective(fit.problem, fit.space, fit.p, fit.z, cells=others),
                 fit.p,
                 fit.predicted,
             )
@@ -98,7 +100,8 @@ def _settled(fit: Fitted, s: _Without, step: Array, predicted: Array) -> bool:
     ev = fit.problem.evidence
     if any(ev.failed(predicted, r) for r in range(len(ev.runs))):
         return False
-    loss = _loss(fit, s.others, fit.p + step, fit.problem.white(predicted))
+    z = fit.problem.white(predicted)
+    loss = objective(fit.problem, fit.space, fit.p + step, z, cells=s.others)
     begun = s.p is not fit.p
     if loss >= s.best:
         return begun
@@ -106,10 +109,3 @@ def _settled(fit: Fitted, s: _Without, step: Array, predicted: Array) -> bool:
     trusted = s.best - loss >= _TRUSTED * promised
     s.best, s.p, s.predicted = loss, fit.p + step, predicted
     return trusted
-
-
-def _loss(fit: Fitted, cells: Array, p: Array, z: Array) -> float:
-    """The objective of a fit to some of the cells."""
-    mean, precision = fit.space.prior()
-    off = p - mean
-    return float(0.5 * off @ precision @ off - fit.problem.cell_score(z)[cells].sum())

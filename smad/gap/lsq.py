@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.gap.plant import Array, Effect, ModelPoint
+from smad.gap.plant import Array, Effect, Mask, ModelPoint
 from smad.gap.replay import Detail, Evidence
 from smad.gap.space import Space
 from smad.gap.whiten import Whitening
@@ -151,11 +151,22 @@ def solve_box(H: Array, g: Array, lo: Array, hi: Array) -> Array:
     return np.clip(x, lo, hi)
 
 
-def objective(problem: Problem, space: Space, p: Array, z: Array, heat: float = 1.0) -> float:
-    """L(p), up to a constant."""
+def objective(
+    problem: Problem,
+    space: Space,
+    p: Array,
+    z: Array,
+    heat: float = 1.0,
+    *,
+    cells: Mask | None = None,
+) -> float:
+    """L(p), up to a constant; over some of the cells, if they are given."""
     mean, precision = space.prior()
     off = p - mean
-    return float(-problem.cell_score(z, heat).sum() + 0.5 * off @ precision @ off)
+    scores = problem.cell_score(z, heat)
+    if cells is not None:
+        scores = scores[cells]
+    return float(-scores.sum() + 0.5 * off @ precision @ off)
 
 
 def sensitivities(
@@ -215,6 +226,7 @@ def fitting(
     squares: bool = False,
     rough: bool = False,
     steady: bool = False,
+    renew: bool = False,
 ) -> FitSteps:
     """Steps of a fit from `start`; returns a `Fitted`.
 
@@ -222,7 +234,9 @@ def fitting(
     `refresh_theta`, they are computed, and renewed after some iterations. In between they follow by
     Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values
     given (a profile). `squares` keeps the floor as large as the misfit: least squares to the end.
-    With `steady` the sensitivities of the effects are treated as those of the parameters are.
+    With `steady` the sensitivities of the effects are treated as those of the parameters are. With
+    `renew` all of them are computed anew for every step: dear, but where much is to be moved at
+    once, what Broyden's rule makes of a hysteretic replay stops a fit half way.
 
     Sensitivities of the model parameters come from rough replays. With `rough` the whole fit does;
     its end is replayed in detail.
@@ -251,7 +265,7 @@ def fitting(
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(z))
         best = objective(problem, space, p, z, heat)
-        fresh = stuck or iteration in _RENEWALS
+        fresh = stuck or iteration in _RENEWALS or (renew and iteration > 0)
         if refresh_theta and fresh and own:
             A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
             count += len(own)

@@ -21,6 +21,10 @@ class Outcome(StrEnum):
     REFUSED = "runs refused"
 
 
+NAMED = frozenset((Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST))
+"""Outcomes that name a cause."""
+
+
 class FindingRecord(msgspec.Struct, frozen=True):
     run: str
     kind: str

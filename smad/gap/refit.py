@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from smad.gap.fit import polished
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import Array, EffectValues, Parameter
 from smad.gap.space import Space
+
+_TOLERANCE = 2.0
 
 
 def refit(
@@ -18,6 +21,7 @@ def refit(
     squares: bool = False,
     start: Fitted | None = None,
     tie: Array | None = None,
+    calibrated: bool = False,
 ) -> Fitted:
     """Fit of the model parameters within their bounds, from the prior's centre.
 
@@ -25,32 +29,29 @@ def refit(
     asks for plain least squares, `tie` holds the parameters near the centre (see `Space`).
 
     Afterwards the evidence is calibrated for its coarse step, and the fit is finished with that.
+    Fits that are compared must share one calibration: `calibrated` keeps the one there is.
     """
     space = Space(tuple(parameters), (), centre, fixed or {}, tie)
     iterations = problem.evidence.settings.refit_iterations
     begin = space.start() if start is None else start.p[: space.size]
-    problem.evidence.calibrate(space.point(begin))
+    if not calibrated:
+        problem.evidence.calibrate(space.point(begin))
     steps = fitting(
         problem,
         space,
         begin,
         iterations=iterations,
         refresh_theta=True,
-        tolerance=2.0,
+        tolerance=_TOLERANCE,
         squares=squares,
         rough=True,
     )
     fit = drive(problem.evidence, [steps])[0]
-    problem.evidence.calibrate(fit.point)
+    if not calibrated:
+        problem.evidence.calibrate(fit.point)
+    if not squares:
+        return polished(fit, tolerance=_TOLERANCE)
     again = fitting(
-        problem,
-        space,
-        fit.p,
-        theta_A=fit.A if squares else None,
-        iterations=3,
-        refresh_theta=not squares,
-        tolerance=2.0,
-        squares=squares,
-        steady=not squares,
+        problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=_TOLERANCE, squares=True
     )
     return drive(problem.evidence, [again])[0]

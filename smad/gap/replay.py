@@ -328,6 +328,13 @@ class Evidence:
         for detail in (Detail.FAST, Detail.ROUGH):
             self._calibrate(detail, point, fine)
 
+    def coarse_error(self, point: ModelPoint, predicted: Array) -> Array:
+        """What full detail changes of `predicted`, a prediction at `point`; 0 in runs that fail."""
+        if self.detail is Detail.FINE:
+            return np.zeros(self.n)
+        fine = self.predict([point], detail=Detail.FINE)
+        return np.asarray(self.change(fine, predicted, Detail.FINE)[0])
+
     def match_rough(self, point: ModelPoint, predicted: Array) -> None:
         """Makes rough replays agree at `point` with `predicted`, which was replayed in detail."""
         self._calibrate(Detail.ROUGH, point, predicted)

@@ -66,6 +66,11 @@ class Selection:
     screened: tuple[Screened, ...]
     tried: tuple[Candidate, ...]
 
+    @classmethod
+    def without_effects(cls, refit: Candidate, asked: Selection) -> Selection:
+        """Another refit, with nothing in it, as the answer to what `asked` has screened."""
+        return cls(refit, refit, (), {}, {}, asked.screened, ())
+
 
 def cluster_gain(problem: Problem, hold: Problem | None, gain: Array) -> tuple[float, float]:
     """Sum of a cell-wise gain and its standard error over blocks of time."""
@@ -94,6 +99,31 @@ def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
     return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED * total)
 
 
+def certainty(c: Candidate, s: Settings, *, tied: bool) -> float:
+    """Standard errors that the held-out gain of a candidate must exceed."""
+    if not tied:
+        return s.gain_standard_errors
+    clear = c.shrink_gain >= s.clear_shrink and c.excess_before >= s.min_excess
+    return s.clear_standard_errors if clear else s.since_standard_errors
+
+
+def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
+    """Whether the last effect of a candidate may enter, beside tied parameters or free ones."""
+    further = tied and len(c.names) > 1
+    least = s.further_excess if further else s.min_excess
+    visible = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= least
+    # Beside tied parameters a small effect stands out by its score although the background is
+    # larger than it.
+    strong = tied and c.gain > s.strong_standard_errors * c.gain_se
+    return (
+        c.gain > certainty(c, s, tied=tied) * c.gain_se
+        and c.gain > 2.0
+        and c.gain + c.regime_gain > 0.0
+        and c.p_value <= s.significance
+        and (visible or strong)
+    )
+
+
 class Selector:
     """Forward steps, swaps and backward steps over the effects of a library."""
 
@@ -114,7 +144,6 @@ class Selector:
         self.settings: Settings = refit.problem.evidence.settings
         self._null_of, self._null = null, np.zeros(0)
         self.progress = progress
-        self.since_good = bool(refit.space.fixed) or self.tied
         self.masks = refit.problem.evidence.regime_masks()
 
     def run(self) -> Selection:
@@ -130,8 +159,7 @@ class Selector:
             ranked, candidates = self._level(current, first_level=not steps)
             first = first or ranked
             tried += candidates
-            acceptable = (c for c in candidates if self._acceptable(c))
-            chosen = next((c for c in acceptable if self.is_new(c)), None)
+            chosen = next((c for c in candidates if self._enters(c)), None)
             if chosen is None:
                 break
             rivals_at.append([c for c in candidates if c is not chosen])
@@ -198,29 +226,8 @@ class Selector:
             float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
         )
 
-    def _certainty(self, c: Candidate) -> float:
-        """Standard errors that the held-out gain must exceed."""
-        s = self.settings
-        if not self.since_good:
-            return s.gain_standard_errors
-        if not self.tied:
-            return s.strong_standard_errors
-        clear = c.shrink_gain >= s.clear_shrink and c.excess_before >= s.min_excess
-        return s.clear_standard_errors if clear else s.since_standard_errors
-
-    def _acceptable(self, c: Candidate) -> bool:
-        s = self.settings
-        visible = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
-        # Beside tied parameters a small effect stands out by its score although the background
-        # is larger than it.
-        certain = self.tied and c.gain > s.strong_standard_errors * c.gain_se
-        return (
-            c.gain > self._certainty(c) * c.gain_se
-            and c.gain > 2.0
-            and c.gain + c.regime_gain > 0.0
-            and c.p_value <= s.significance
-            and (visible or certain)
-        )
+    def _enters(self, c: Candidate) -> bool:
+        return acceptable(c, self.settings, tied=self.tied) and self.is_new(c)
 
     def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:
         values = current.fit.point.effects
@@ -236,7 +243,8 @@ class Selector:
                 joint = self._refitted(current, keep)
                 without = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
                 again = self._candidate(without, current.joint, current.judged)
-                if not self._acceptable(again):
+                # What would not be let in may still carry the others: only its gain counts here.
+                if again.gain <= certainty(again, self.settings, tied=self.tied) * again.gain_se:
                     smaller.append((again.gain, without))
             if not smaller:
                 break

@@ -11,7 +11,8 @@ class Settings:
 
     Sizes: `period_s` of the analysis grid (samples are averaged over it), `block_s` of the cells in
     which the scale of the discrepancy is unknown, `bootstrap` resamples, `starts` of a joint fit,
-    `survivors` of the screening, `max_effects` of the selection, `seed`.
+    at most `law_starts` of the fit of the laws beside the first, `survivors` of the screening,
+    `max_effects` of the selection, `seed`.
 
     `resolution` is the share of a channel's excursion below which no simulator is trusted: it is
     part of the floor.
@@ -20,15 +21,17 @@ class Settings:
     standard deviations, without that counting as a change.
 
     Since known-good runs, an effect enters if its held-out gain exceeds `since_standard_errors`, or
-    `clear_standard_errors` if it takes `clear_shrink` of the gap with it; beside tied parameters
-    even without a gap to speak of if it exceeds `strong_standard_errors`, and beside free ones only
-    then. A free refit replaces "nothing was added" if it is better by `free_standard_errors`.
+    `clear_standard_errors` if it takes `clear_shrink` of the gap with it, and even without a gap to
+    speak of if it exceeds `strong_standard_errors`. A further one must find `further_excess` floors
+    left on its outputs: the law of the first has another form on the bench, and what that leaves
+    asks for an effect, too. A free refit replaces "nothing was added" if it is better by
+    `free_standard_errors`.
 
-    Since known-good runs a cause is unknown if the best of the library takes less than
+    Beside tied parameters a cause is unknown if the best of the library takes less than
     `since_shrink` of the gap, or leaves more than `unknown_left` floors of it and takes less than
-    `since_clear_shrink`; or if none enters and the refit leaves more than `blind_excess` floors and
-    `blind_ratio` times what is significant (with a flexible correction that finds `found_share` of
-    it, `structural_excess` times).
+    `since_clear_shrink`. Since known-good runs it is, too, if none enters and the refit leaves more
+    than `blind_excess` floors and `blind_ratio` times what is significant (with a flexible
+    correction that finds `found_share` of it, `structural_excess` times).
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five
@@ -61,6 +64,7 @@ class Settings:
     fit_iterations: int = 6
     short_iterations: int = 1
     longer_fits: int = 4
+    law_starts: int = 6
 
     min_duration_s: float = 8.0
     max_lost_share: float = 0.2
@@ -76,13 +80,14 @@ class Settings:
     strong_standard_errors: float = 6.0
     free_standard_errors: float = 2.0
     min_shrink_gain: float = 0.05
+    further_excess: float = 1.0
     blind_excess: float = 1.15
     blind_ratio: float = 2.0
     structural_excess: float = 1.2
     found_share: float = 0.3
     unknown_shrink: float = 0.2
     unknown_ratio: float = 0.5
-    unknown_left: float = 1.0
+    unknown_left: float = 1.2
     since_shrink: float = 0.4
     since_clear_shrink: float = 0.75
     rest_margin: float = 0.15
@@ -91,6 +96,6 @@ class Settings:
     false_discovery: float = 0.1
 
     quiet_right: float = 0.4
-    named_right: float = 0.7
-    unknown_right: float = 0.8
+    named_right: float = 0.85
+    unknown_right: float = 0.5
     form_share: float = 0.35

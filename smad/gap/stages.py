@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from smad.gap.baseline import learn_baseline, with_laws
 from smad.gap.discrepancy import Background, fed_noise, learn_background
 from smad.gap.judge import Judged, excess_of, judge, predict_by_run
-from smad.gap.leave_out import left_out
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.noise import Floor, estimate_floors
 from smad.gap.plant import Array, EffectValues, ModelPoint, Parameter, PlantModel
 from smad.gap.refit import refit
-from smad.gap.replay import Evidence, local_views, open_views
+from smad.gap.replay import Detail, Evidence, local_views, open_views
 from smad.gap.runs import GapRun
 from smad.gap.screen import Probes
 from smad.gap.settings import Settings
@@ -33,8 +33,7 @@ class Prepared:
     `centre` are the parameter values the question starts from: the nominal ones, or those of the
     known-good runs; `fixed` the effects that those ask for already. `fit` is the refit with every
     parameter free, `tied` the one with the parameters as well known as the good runs make them
-    (only with good runs), `gentle` the free refit by plain least squares. `threshold` is the gap
-    over the floor that counts as significant.
+    (only with good runs). `threshold` is the gap over the floor that counts as significant.
     """
 
     plant: PlantModel
@@ -45,12 +44,21 @@ class Prepared:
     hold: Problem | None
     fit: Fitted
     tied: Fitted | None
-    gentle: Judged
     raw: Judged
     background: Background | None
     centre: Mapping[str, float]
     fixed: EffectValues
     threshold: float
+
+    @cached_property
+    def free(self) -> Judged:
+        """The free refit, judged."""
+        return judge([self.fit], self.hold)[0]
+
+    @cached_property
+    def gentle(self) -> Judged:
+        """The free refit by plain least squares, judged."""
+        return judge([_plain(self.fit)], self.hold)[0]
 
     def null(self, probes: Probes) -> Array:
         """Largest gain of the screening on data without any effect."""
@@ -107,17 +115,14 @@ def prepare(
     tied = None
     if background is not None:
         tied = refit(problem, parameters, centre, fixed, tie=_tie(background, settings))
-    fit = refit(problem, parameters, centre, fixed, start=tied)
+    fit = refit(problem, parameters, centre, fixed, start=tied, calibrated=tied is not None)
     hold = problem_of(evidence(hold_out)) if hold_out else None
-    if hold is not None:
-        hold.evidence.calibrate(fit.point)
-    gentle = _plain(fit)
     start = ModelPoint(centre, fixed)
     raw = Judged(
         problem,
         hold,
-        ev.predict([start])[0],
-        np.zeros(0) if hold is None else hold.evidence.predict([start])[0],
+        ev.predict([start], detail=Detail.FINE)[0],
+        np.zeros(0) if hold is None else hold.evidence.predict([start], detail=Detail.FINE)[0],
     )
     return Prepared(
         plant,
@@ -128,7 +133,6 @@ def prepare(
         hold,
         fit,
         tied,
-        judge([gentle], hold)[0],
         raw,
         background,
         centre,
@@ -226,7 +230,7 @@ def _threshold(background: Background | None, settings: Settings) -> float:
         return settings.min_excess
     problem = background.fit.problem
     ev = problem.evidence
-    residual = ev.residual(left_out(background.fit).predicted)
+    residual = ev.residual(background.left_out.predicted)
     whitening = Whitening(ev, background.noise)
     squares = np.square(whitening.scale(residual - background.expected(ev)))
     own = Problem(ev, whitening, background.expected(ev))
@@ -256,11 +260,11 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
     ev = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
     noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
     if prepared.background is not None:
-        fit = prepared.background.fit
-        runs = fit.problem.evidence.runs
+        known = prepared.background
+        runs = known.fit.problem.evidence.runs
         good = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
         problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
-        residual = good.residual(predict_by_run(problem, left_out(fit).points, fit.point))
+        residual = good.residual(predict_by_run(problem, known.left_out.points, known.fit.point))
         for key in list(noise):
             rows = [residual[s.rows][good.valid[s.rows]] for s in good.rows_of(key)]
             power = float(np.mean(np.square(np.concatenate(rows)))) if rows else 0.0

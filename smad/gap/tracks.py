@@ -3,8 +3,8 @@
 Known-good runs say what the parameters are. A selection with the parameters tied to them asks for
 the few effects that have come since; a refit with every parameter free asks whether the bench has
 simply changed its values. Free parameters imitate many effects (a force that is off looks like
-another preload), so that the tied question comes first, and the free one only where it answers
-better on runs that neither has seen.
+another preload), so that effects are sought beside tied ones only, and the free refit stands, with
+no effect in it, where it answers better on runs that neither has seen.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from smad.gap.contrast import is_new
-from smad.gap.judge import Judged, judge
+from smad.gap.fit import JointFit
+from smad.gap.judge import Judged
 from smad.gap.lsq import Fitted
 from smad.gap.plant import Effect
 from smad.gap.select import Candidate, Selection, Selector, cluster_gain
@@ -37,8 +38,11 @@ def follow_tracks(
     effects: Sequence[Effect],
     progress: Callable[[str], None] = lambda text: None,
 ) -> Track:
-    """The selection that answers: tied if there are known-good runs and it holds, else free."""
-    free = judge([prepared.fit], prepared.hold)[0]
+    """The selection that answers.
+
+    Without known-good runs, effects beside free parameters. With them, effects beside tied ones,
+    or, where that does not hold, the free refit alone.
+    """
 
     def selected(refit: Fitted) -> Selection:
         return Selector(
@@ -50,13 +54,16 @@ def follow_tracks(
             is_new=partial(_is_new, prepared),
         ).run()
 
-    if prepared.tied is not None:
-        progress("what has been added, parameters as the known-good runs say")
-        selection = selected(prepared.tied)
-        if _holds(prepared, selection, free):
-            return Track(selection, True, free)
-        progress("what is left, parameters free")
-    return Track(selected(prepared.fit), False, free)
+    if prepared.tied is None:
+        selection = selected(prepared.fit)
+        return Track(selection, False, selection.base.judged)
+    free = prepared.free
+    progress("what has been added, parameters as the known-good runs say")
+    selection = selected(prepared.tied)
+    if _holds(prepared, selection, free):
+        return Track(selection, True, free)
+    refit = Candidate(JointFit(prepared.fit, ()), free)
+    return Track(Selection.without_effects(refit, selection), False, free)
 
 
 def _is_new(prepared: Prepared, candidate: Candidate) -> bool:

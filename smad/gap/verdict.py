@@ -9,7 +9,7 @@ import numpy as np
 
 from smad.gap.assess import Worth
 from smad.gap.plant import Effect, PlantModel
-from smad.gap.records import ExperimentRecord, Outcome, ValueRecord
+from smad.gap.records import NAMED, ExperimentRecord, Outcome, ValueRecord
 from smad.gap.settings import Settings
 
 # Since known-good runs, parameters have moved if moving them takes this much of the gap away.
@@ -55,14 +55,12 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
         Outcome.NO_GAP: settings.quiet_right,
         Outcome.PARAMETERS: settings.quiet_right,
         Outcome.UNKNOWN: settings.unknown_right,
-    }
-    return outcome, p * right.get(outcome, settings.named_right)
+    } | dict.fromkeys(NAMED, settings.named_right)
+    return outcome, p * right.get(outcome, 1.0)
 
 
 def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
-    # Beside free parameters an effect is not credited with what another refit gives.
-    credited = bool(e.effects) and (e.tied or not e.since_good or e.touched.shrink > 0.0)
-    if not credited and not _structural(e, settings):
+    if not e.effects and not _structural(e, settings):
         if e.visible < 0.2:
             return Outcome.NO_EXCITATION, 1.0 - e.visible
         nothing = 1.0 - _present(e)
@@ -120,8 +118,8 @@ def _certainty(e: Evidenced) -> float:
 def p_unknown(worth: Worth, settings: Settings, *, tied: bool = False) -> float:
     """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling.
 
-    Since known-good runs a cause must also bring a large gap down to the background's size, or take
-    most of it: a neighbour of the true cause leaves more.
+    Beside tied parameters a cause must also bring a large gap down to the background's size, or
+    take most of it: a neighbour of the true cause leaves more.
     """
     if worth.gap_refit < (1.5 if tied else settings.min_excess):
         # A gap of the floor's size has no shrink to speak of; what its scores gain tells.

@@ -184,7 +184,7 @@ SENSORS: tuple[Effect, ...] = (
         "F_r = F + c (z − F0), τ dz/dt = F − z",
         (
             EffectParameter(
-                "share", k.E_CREEP, "1", -0.2, 0.2, 0.04, either(0.03), "creep share c"
+                "share", k.E_CREEP, "1", -0.5, 0.5, 0.04, either(0.03), "creep share c"
             ),
             EffectParameter(
                 "tau_s", k.E_CREEP_S, "s", 1, 1000, 30, about(30), "time constant τ", None

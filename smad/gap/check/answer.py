@@ -9,9 +9,8 @@ from smad.gap.check.baselines import baselines
 from smad.gap.check.names import OUTCOMES
 from smad.gap.check.quantities import quantities
 from smad.gap.check.verdicts import CaseVerdict, HeldOut, Hypothesis, NextExperiment, Short
-from smad.gap.records import Diagnosis, Outcome, Verdict
+from smad.gap.records import NAMED, Diagnosis, Outcome, Verdict
 
-_NAMED = frozenset((Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST))
 _QUIET = {Outcome.NO_GAP: "none", Outcome.PARAMETERS: "parameters"}
 _MOST_CAUSES = 12
 _LEAST = 1e-4
@@ -23,7 +22,7 @@ def answer(
 ) -> CaseVerdict:
     """What the diagnosis says of a case, in names of the library."""
     verdict = diagnosis.verdict
-    named = verdict.outcome in _NAMED
+    named = verdict.outcome in NAMED
     causes = hypotheses(verdict, diagnosis.places)
     group = [verdict.effects[0], *verdict.group] if named and verdict.group else []
     experiment = None
@@ -82,11 +81,13 @@ def hypotheses(verdict: Verdict, places: Mapping[str, Mapping[str, float]]) -> l
         unknown = _unknown(verdict, places)
         none = sets.pop(frozenset(), 0.0)
         weight = {s: p * (1.0 - unknown) for s, p in sets.items()}
-        if outcome is not Outcome.UNKNOWN:
-            # A calibration may take more off the cause than doubt in the library does. What it
-            # takes belongs to nothing that has a name: the verdict says the cause.
-            unknown = min(unknown, _BEHIND * max(weight.values(), default=0.0))
         weight[frozenset(("parameters",))] = none * (1.0 - unknown)
+        # A calibration may take more off the verdict than its evidence does. What it takes belongs
+        # to nothing that has a name: what the verdict says stands first.
+        if outcome is Outcome.UNKNOWN:
+            weight = _scaled(weight, sum(weight.values()), most=_BEHIND * unknown)
+        else:
+            unknown = min(unknown, _BEHIND * max(weight.values(), default=0.0))
         weight[frozenset(("unknown",))] = unknown
     own = frozenset(verdict.effects)
     ranked = sorted(weight.items(), key=lambda pair: (-pair[1], pair[0] != own, sorted(pair[0])))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from smad.gap.records import Outcome
+from smad.gap.records import NAMED, Outcome
 
 OUTCOMES: dict[Outcome, str] = {
     Outcome.NO_GAP: "no_gap",
@@ -21,7 +21,7 @@ OUTCOMES: dict[Outcome, str] = {
 SILENT = frozenset(("no_gap", "parameters_only", "not_enough_excitation"))
 """Outcomes that do not claim a structural gap."""
 
-NAMING = frozenset(("effect", "ambiguous", "effect_plus_rest"))
+NAMING = frozenset(OUTCOMES[outcome] for outcome in NAMED)
 
 SUBSYSTEMS: dict[str, tuple[str, ...]] = {
     "electrical": ("actuator", "driver", "electric", "electronics"),

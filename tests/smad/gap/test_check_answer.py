@@ -90,6 +90,14 @@ def test_an_unknown_cause_has_its_own_probability() -> None:
     assert said[frozenset({"rtd_lag"})] == pytest.approx(0.025)
 
 
+def test_an_unknown_cause_stands_first_however_unsure_that_is() -> None:
+    places = {"rtd_lag": {"rtd_lag": 0.9, "": 0.1}}
+    said = _said(_verdict(Outcome.UNKNOWN, 0.3), places)
+    assert next(iter(said)) == frozenset({"unknown"})
+    assert said[frozenset({"unknown"})] == pytest.approx(0.3)
+    assert said[frozenset({"rtd_lag"})] == pytest.approx(0.24)
+
+
 def test_without_excitation_nothing_is_claimed() -> None:
     assert hypotheses(_verdict(Outcome.NO_EXCITATION, 0.9), {}) == []
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,7 @@ def evidenced(gap: Worth, *, effects: tuple[str, ...] = (), threshold: float = 0
     [(8.0, 0.9, 0.0), (8.0, 0.7, 1.0), (2.0, 0.7, 0.0), (2.0, 0.3, 1.0)],
     ids=["most is taken", "a floor is left", "little is left", "a part only"],
 )
-def test_since_good_runs_a_cause_takes_most_of_a_large_gap(
+def test_beside_tied_parameters_a_cause_takes_most_of_a_large_gap(
     refit: float, shrink: float, poor: float
 ) -> None:
     assert p_unknown(worth(refit, shrink), SETTINGS, tied=True) == poor
@@ -63,3 +65,8 @@ def test_a_gap_that_nothing_explains_must_be_large_and_far_beyond_the_background
 def test_a_probability_since_good_runs_is_scaled_by_how_often_such_answers_were_right() -> None:
     outcome, p = decide(evidenced(worth(5.0, 1.0), effects=("x",)), SETTINGS)
     assert (outcome, p) == (Outcome.EFFECT, pytest.approx(SETTINGS.named_right))
+
+
+def test_runs_that_excite_too_little_are_no_matter_of_how_often_names_were_right() -> None:
+    starved = replace(evidenced(worth(0.0, 0.0)), visible=0.1)
+    assert decide(starved, SETTINGS) == (Outcome.NO_EXCITATION, pytest.approx(0.9))

@@ -18,8 +18,6 @@ from tests.smad.gap.cases import bank
 from tests.smad.gap.heater_plant import PARAMETERS, HeaterPlant
 
 SPACE = Space(PARAMETERS)
-
-
 KNOWN_SCALE = Settings(cell_dof=1e9)
 
 

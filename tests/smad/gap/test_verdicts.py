@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from smad.gap.records import Diagnosis, Outcome
+from smad.gap.records import NAMED, Diagnosis, Outcome
 from tests.smad.gap.cases import FAR_OFF, OTHER, SHOWN, ask, bank, without
-
-NAMED = (Outcome.EFFECT, Outcome.PLUS_REST, Outcome.AMBIGUOUS)
 
 
 def test_the_simulator_against_itself_has_no_gap() -> None:

@@ -1,0 +1,100 @@
+"""Models that are compared are replayed alike, and fits of many laws are not left half way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smad.gap import Settings
+from smad.gap.baseline import other_starts
+from smad.gap.judge import judge
+from smad.gap.lsq import Fitted, Problem, drive, fitting
+from smad.gap.plant import ModelPoint
+from smad.gap.recorded import recorded as bench_recorded
+from smad.gap.replay import Detail, Evidence, local_views
+from smad.gap.sma import SmaPlant
+from smad.gap.space import Space
+from smad.gap.stages import Prepared, prepare
+from smad.gap.tracks import follow_tracks
+from smad.gap.weigh import weigh
+from smad.gap.whiten import OutputNoise, Whitening
+from tests.smad.gap.cases import OTHER, QUICK, SHOWN, bank
+from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
+
+
+@pytest.fixture(scope="module")
+def prepared() -> Prepared:
+    good = bank(OTHER, seed=40)[:3]
+    runs = bank(OTHER | {"c_J_K": 33.0}, {"coupling": SHOWN["coupling"]})
+    return prepare(runs[:3], HeaterPlant(), QUICK, good=good, hold_out=runs[3:])
+
+
+def test_tied_and_free_refit_share_one_calibration(prepared: Prepared) -> None:
+    ev = prepared.problem.evidence
+    assert prepared.tied is not None
+    for fit in (prepared.tied, prepared.fit):
+        assert ev.predict([fit.point])[0] == pytest.approx(fit.predicted, abs=1e-9)
+
+
+def test_runs_held_out_are_judged_in_full_detail(prepared: Prepared) -> None:
+    assert prepared.hold is not None
+    (judged,) = judge([prepared.fit], prepared.hold)
+    fine = prepared.hold.evidence.predict([prepared.fit.point], detail=Detail.FINE)[0]
+    assert np.array_equal(judged.held, fine)
+
+
+def _bench_fit() -> Fitted:
+    plant = SmaPlant(only=("rtd_lag",))
+    point = ModelPoint({}, {"rtd_lag": {"tau_s": 0.4}})
+    runs = [bench_recorded("mixed", plant, point, seed, duration_s=20.0) for seed in (1, 2)]
+    ev = Evidence(plant, runs, local_views(plant), Settings(), None)
+    noise = {k: OutputNoise(0.05) for k in ev.keys}
+    problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
+    space = Space(tuple(plant.parameters[:2]))
+    return drive(ev, [fitting(problem, space, space.start(), iterations=1)])[0]
+
+
+def test_what_a_coarse_step_costs_a_model_is_learnt_at_that_model() -> None:
+    fit = _bench_fit()
+    ev = fit.problem.evidence
+    error = ev.coarse_error(fit.point, fit.predicted)
+    fine = ev.predict([fit.point], detail=Detail.FINE)[0]
+    assert np.max(np.abs(error)) > 0.0
+    assert fit.predicted + error == pytest.approx(fine, abs=1e-9)
+
+
+def test_known_good_runs_that_do_not_hold_leave_the_free_refit_without_an_effect() -> None:
+    moved = bank(OTHER | {"c_J_K": 34.0, "ha_W_K": 0.66})
+    other = prepare(moved, HeaterPlant(), QUICK, good=bank(OTHER, seed=40)[:3])
+    track = follow_tracks(other, EFFECTS)
+    assert not track.tied
+    assert track.selection.best.names == ()
+    assert track.selection.screened
+    assert weigh(other, track).effects == ()
+
+
+def test_the_fit_of_the_laws_tries_other_starts_and_repeats() -> None:
+    space = Space(tuple(HeaterPlant().parameters), tuple(EFFECTS[:1]))
+    p = space.start({EFFECTS[0].name: EFFECTS[0].at(0.3)})
+    lo, hi = space.bounds()
+    starts = other_starts(space, p, 3, seed=5)
+    assert len(starts) == 3
+    for start in starts:
+        assert np.all((lo <= start) & (start <= hi))
+        assert np.all(start != p)
+    assert np.array_equal(starts, other_starts(space, p, 3, seed=5))
+    assert not np.array_equal(starts, other_starts(space, p, 3, seed=6))
+
+
+def test_renewed_slopes_cost_replays_and_end_no_worse(prepared: Prepared) -> None:
+    problem = prepared.problem
+    space = Space(tuple(HeaterPlant().parameters))
+    ends = [
+        drive(
+            problem.evidence,
+            [fitting(problem, space, space.start(), refresh_theta=True, steady=True, renew=renew)],
+        )[0]
+        for renew in (False, True)
+    ]
+    assert ends[1].evaluations > ends[0].evaluations
+    assert ends[1].objective <= ends[0].objective + 1.0
