@@ -162,9 +162,7 @@ def confusability(fits: Sequence[Fitted]) -> Array:
     n = len(fits)
     out = np.zeros((n, n))
     for i, a in enumerate(fits):
-        problem = a.problem
-        w = problem.row_weight(a.z)
-        share = float(np.mean(list(dispersion(problem, a.z).values())))
+        w, share = _row_weights(a)
         for j, b in enumerate(fits):
             if i == j:
                 continue
@@ -176,6 +174,19 @@ def confusability(fits: Sequence[Fitted]) -> Array:
             m = WA.T @ s
             out[i, j] = max(0.0, share * float((w * s) @ s - m @ np.linalg.solve(H, m)))
     return out
+
+
+def separation(fit: Fitted, z: Array) -> float:
+    """d² of `fit` from a model that leaves the white residual z, no parameter of which may move."""
+    w, share = _row_weights(fit)
+    s = z - fit.z
+    return share * float((w * s) @ s)
+
+
+def _row_weights(fit: Fitted) -> tuple[Array, float]:
+    """How much each row weighs in a fit, and the effective share of independent rows."""
+    shares = dispersion(fit.problem, fit.z)
+    return fit.problem.row_weight(fit.z), float(np.mean(list(shares.values())))
 
 
 def group_of(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 
-from smad.gap.admission import admit
+from smad.gap.admission import Admission, admit
 from smad.gap.closing import Closing, Shell
+from smad.gap.errors import RunRefused
 from smad.gap.plant import Effect, Parameter, PlantModel
 from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
 from smad.gap.runs import GapRun
@@ -74,8 +75,7 @@ def _diagnose(
     leave_out: bool,
 ) -> Diagnosis:
     progress("admission")
-    order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in given.values()]
-    admitted = [admit(group, plant, settings) for group in order]
+    order, admitted = _admitted(given.values(), plant, settings)
     findings = [f for a in admitted for f in a.findings]
     fit_runs, hold_runs, good_runs = (a.admitted for a in admitted)
     roles = {
@@ -106,6 +106,49 @@ def _diagnose(
     track = follow_tracks(prepared, library, progress)
     closing = Closing(prepared, track, shell, executor, progress)
     return closing.diagnosis(_left_out(prepared, track, library, progress) if leave_out else ())
+
+
+def _admitted(
+    groups: Iterable[Sequence[GapRun]], plant: PlantModel, settings: Settings
+) -> tuple[list[list[GapRun]], list[Admission]]:
+    """Each group of runs in an order that does not depend on the one given, and its admission."""
+    order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in groups]
+    return order, [admit(group, plant, settings) for group in order]
+
+
+def ready(
+    runs: Sequence[GapRun],
+    *,
+    plant: PlantModel,
+    good: Sequence[GapRun] = (),
+    hold_out: Sequence[GapRun] = (),
+    settings: Settings | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Prepared:
+    """As far as `diagnose` goes before effects are sought, to ask several questions from there.
+
+    Raises RunRefused when no run can be used.
+    """
+    settings = settings or Settings()
+    progress("admission")
+    _, admitted = _admitted((runs, hold_out, good), plant, settings)
+    fit_runs, hold_runs, good_runs = (a.admitted for a in admitted)
+    if not fit_runs:
+        raise RunRefused(
+            "no run can be used",
+            value="; ".join(f.text for f in admitted[0].findings if f.refuses) or "no runs",
+            action="bring runs that the diagnosis admits",
+        )
+    return prepare(
+        fit_runs,
+        plant,
+        settings,
+        good=good_runs,
+        hold_out=hold_runs,
+        executor=executor,
+        progress=progress,
+    )
 
 
 def _left_out(

@@ -26,11 +26,20 @@ _SAME = 1.1
 
 @dataclass(frozen=True)
 class Track:
-    """A selection, whether its parameters were tied, and the free refit it was compared with."""
+    """A selection, whether its parameters were tied, and the free refit it was compared with.
+
+    `asked` is the selection among effects, beside tied parameters where there are known-good runs;
+    `selection` is that one, or the free refit that stands in its place. `free_gain` is what the
+    free refit's held-out score is above that of the best model asked for, `free_gain_se` its
+    standard error; both are 0 where nothing was tied.
+    """
 
     selection: Selection
     tied: bool
     free: Judged
+    asked: Selection
+    free_gain: float = 0.0
+    free_gain_se: float = 0.0
 
 
 def follow_tracks(
@@ -56,14 +65,17 @@ def follow_tracks(
 
     if prepared.tied is None:
         selection = selected(prepared.fit)
-        return Track(selection, False, selection.base.judged)
+        return Track(selection, False, selection.base.judged, selection)
     free = prepared.free
     progress("what has been added, parameters as the known-good runs say")
     selection = selected(prepared.tied)
-    if _holds(prepared, selection, free):
-        return Track(selection, True, free)
+    rise = cluster_gain(
+        prepared.problem, prepared.hold, free.scores() - selection.best.judged.scores()
+    )
+    if _holds(prepared, selection.best, free, *rise):
+        return Track(selection, True, free, selection, *rise)
     refit = Candidate(JointFit(prepared.fit, ()), free)
-    return Track(Selection.without_effects(refit, selection), False, free)
+    return Track(Selection.without_effects(refit, selection), False, free, selection, *rise)
 
 
 def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
@@ -73,16 +85,12 @@ def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
     return is_new(prepared.background.fit, candidate, prepared.hold, errors)
 
 
-def _holds(prepared: Prepared, selection: Selection, free: Judged) -> bool:
-    """Whether the tied answer stands beside the free refit.
+def _holds(prepared: Prepared, best: Candidate, free: Judged, rise: float, error: float) -> bool:
+    """Whether the tied answer stands beside the free refit, whose score is higher by `rise`.
 
     A cause must predict runs not fitted to better than free parameters do, which overfit if it is
     the truth. Without a cause: if nothing of note is left, or free parameters would not help.
     """
-    best = selection.best
-    rise, error = cluster_gain(
-        prepared.problem, prepared.hold, free.scores() - best.judged.scores()
-    )
     if best.names:
         return rise < 0.0
     better = rise > prepared.settings.free_standard_errors * error

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from smad.gap.assess import Standing, group_of
+from smad.gap.plant import ModelPoint
 from smad.gap.select import Selection
 from smad.gap.stages import Prepared
 from smad.gap.tracks import Track
@@ -61,6 +62,14 @@ def _groups(prepared: Prepared, s: Selection) -> dict[str, list[str]]:
     return out
 
 
+def without(prepared: Prepared, point: ModelPoint, name: str) -> ModelPoint:
+    """The model point with one effect as it was in known-good runs, which is mostly absent."""
+    rest = {k: v for k, v in point.effects.items() if k != name}
+    if name in prepared.fixed:
+        rest[name] = prepared.fixed[name]
+    return dataclasses.replace(point, effects=rest)
+
+
 def _by_importance(prepared: Prepared, selection: Selection) -> tuple[str, ...]:
     """Effects of the best model, by what leaving each out would change of its predictions."""
     best = selection.best
@@ -70,10 +79,6 @@ def _by_importance(prepared: Prepared, selection: Selection) -> tuple[str, ...]:
     full = best.fit.point
     cost = {}
     for name in best.names:
-        rest = {k: v for k, v in full.effects.items() if k != name}
-        if name in prepared.fixed:
-            rest[name] = prepared.fixed[name]
-        less = dataclasses.replace(full, effects=rest)
-        change = ev.predict([less])[0] - best.fit.predicted
+        change = ev.predict([without(prepared, full, name)])[0] - best.fit.predicted
         cost[name] = float(np.sum(np.square(best.fit.problem.whitening.scale(change))))
     return tuple(sorted(cost, key=lambda n: (-cost[n], n)))
