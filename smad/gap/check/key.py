@@ -25,11 +25,17 @@ class TrueEffect(msgspec.Struct, frozen=True):
 
 
 class CaseKey(msgspec.Struct, frozen=True):
-    """What is true of one case. `gap_worst` is the largest gap of a signal, in floors."""
+    """What is true of one case.
+
+    `gap` is that of each channel, in the `floor` of that channel, which is in its unit; `gap_worst`
+    is the largest of them.
+    """
 
     kind: Kind
     effects: list[TrueEffect] = []
     gap_worst: float = 0.0
+    gap: dict[str, float] = {}
+    floor: dict[str, float] = {}
     shrink_exact_law: float | None = None
 
     @property

@@ -1,0 +1,335 @@
+"""Why the right name was not given: one of a few reasons, tested in a fixed order.
+
+Pure: from what is true of a case, what was said of it, and how the right entry fares alone, to a
+reason, a table and counts. The first test that holds is the reason; every other that holds as well
+is told beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from smad.gap.check.key import STRENGTHS, CaseKey
+from smad.gap.check.names import NAMING
+from smad.gap.check.score import Pair, name_credit
+from smad.gap.entry import EntryRecord
+from smad.gap.records import Outcome
+from smad.gap.settings import Settings
+from smad.report.page import Table
+
+FORMAT = "smad-why-1"
+
+
+class Told(msgspec.Struct, frozen=True):
+    """A case with one effect: the truth, what was said, and how the right entry fares alone.
+
+    `credit` is the case's part of *right name first*; `given` are the names that were given beside
+    the right one or in its place. `true_floors` is the largest gap of a signal, in the bank's
+    floors, `true_background` the largest in what the model is trusted to since the good runs. Both
+    come from the key, so that they do not depend on the entry. `entry` is None where the library
+    has none for the cause.
+    """
+
+    case: str
+    cause: str
+    strength: float
+    outcome: str
+    said: list[str]
+    given: list[str]
+    credit: float
+    true_floors: float
+    true_background: float
+    entry: EntryRecord | None
+
+
+def given_beside(pair: Pair) -> list[str]:
+    """Names that a verdict gives and that are not the truth, most probable first."""
+    if pair.said.outcome not in NAMING:
+        return []
+    names = dict.fromkeys([*pair.said.first, *pair.said.group])
+    return [n for n in names if n not in pair.truth.names]
+
+
+def told(pair: Pair, entry: EntryRecord | None) -> Told:
+    """A pair of truth and verdict beside the numbers of the right entry."""
+    naming = pair.said.outcome in NAMING
+    return Told(
+        case=pair.case,
+        cause=pair.truth.effects[0].name,
+        strength=pair.truth.strength,
+        outcome=pair.said.outcome,
+        said=sorted({*pair.said.first, *pair.said.group}) if naming else [],
+        given=given_beside(pair),
+        credit=name_credit(pair),
+        true_floors=pair.truth.gap_worst,
+        true_background=0.0 if entry is None else in_background(pair.truth, entry.background),
+        entry=entry,
+    )
+
+
+def in_background(truth: CaseKey, background: Mapping[str, float]) -> float:
+    """Largest gap of a signal that the key tells, in units of what that channel is trusted to."""
+    return max(
+        (
+            gap * truth.floor.get(channel, 0.0) / background[channel]
+            for channel, gap in truth.gap.items()
+            if background.get(channel, 0.0) > 0.0
+        ),
+        default=0.0,
+    )
+
+
+Test = Callable[[Told, EntryRecord, Settings], bool]
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A reason, what it means, and the test of it. A case with no entry meets none of the tests."""
+
+    name: str
+    meaning: str
+    holds: Test
+
+
+def _rightly(t: Told, e: EntryRecord, s: Settings) -> bool:
+    return t.credit >= 1.0
+
+
+def _misfit(t: Told, e: EntryRecord, s: Settings) -> bool:
+    # A bench whose gap stands out by itself has one whatever the effect is; an entry that did not
+    # come in is to blame only if the effect is large enough to be that gap.
+    entered = e.fit is not None and e.fit.enters
+    return e.standing.outcome_asked is Outcome.UNKNOWN and (entered or t.true_background >= 1.0)
+
+
+def _shows(e: EntryRecord) -> bool:
+    return e.fit is not None and e.fit.shows
+
+
+def _masked(t: Told, e: EntryRecord, s: Settings) -> bool:
+    if e.standing.free_answers and (_shows(e) or t.true_background >= 1.0):
+        return True
+    if _shows(e):
+        return False
+    # What is d² once the parameters have followed, and what it would be if they stood still: of the
+    # fitted effect, and of a typical one, since parameters may have taken a fit's strength away.
+    after = [e.visible**2] if e.fit is None else [e.fit.d2_nothing, e.visible**2]
+    typical = e.visible**2 / max(1.0 - e.masked, 1e-9)
+    before = [typical] if e.fit is None else [e.fit.d2_known, typical]
+    limit = s.ambiguous_d2
+    return any(a < limit <= b for a, b in zip(after, before, strict=True))
+
+
+def _below(t: Told, e: EntryRecord, s: Settings) -> bool:
+    return not _shows(e)
+
+
+def _before(t: Told, e: EntryRecord, s: Settings) -> bool:
+    return e.fit is not None and e.fit.shows and not e.fit.enters
+
+
+def _alike(t: Told, e: EntryRecord, s: Settings) -> bool:
+    odds = s.ambiguous_odds
+    return any(
+        (r.d2 is not None and r.d2 < s.ambiguous_d2)
+        or (r.odds is not None and 1.0 / odds < r.odds < odds)
+        for r in e.rivals
+    )
+
+
+def _beside(t: Told, e: EntryRecord, s: Settings) -> bool:
+    return t.cause in t.said
+
+
+def _otherwise(t: Told, e: EntryRecord, s: Settings) -> bool:
+    return True
+
+
+ABSENT = Reason("not in the library", "no entry of the library is this cause", _otherwise)
+REASONS = (
+    Reason("named rightly", "nothing stood in the way", _rightly),
+    Reason(
+        "no entry fits",
+        "a gap stands out, and the right entry beside the tied parameters takes too little of it: "
+        "the law of the bench has another form",
+        _misfit,
+    ),
+    Reason(
+        "masked by the refit",
+        "parameters explain the runs as well as the entry does, or better",
+        _masked,
+    ),
+    Reason(
+        "below the background",
+        "what the entry gains is within what the model leaves of known-good runs",
+        _below,
+    ),
+    Reason(
+        "there before",
+        "the known-good runs ask for the same value of the entry: it is not a change",
+        _before,
+    ),
+    Reason(
+        "not separable",
+        "the name that was given and the right one explain these runs alike",
+        _alike,
+    ),
+    Reason(
+        "named with another",
+        "the right name was given, and another beside it for what its form leaves",
+        _beside,
+    ),
+    Reason(
+        "passed over",
+        "the right entry alone would have been named: the method chose otherwise",
+        _otherwise,
+    ),
+)
+"""Every reason, in the order in which they are tested; the last holds of whatever is left."""
+
+
+def reasons_of(t: Told, settings: Settings) -> list[str]:
+    """The reason, and after it the others that hold as well."""
+    entry = t.entry
+    if entry is None:
+        return [ABSENT.name]
+    held = [r.name for r in REASONS[:-1] if r.holds(t, entry, settings)]
+    return held or [REASONS[-1].name]
+
+
+class Explained(msgspec.Struct, frozen=True):
+    """A case with its reason; `also` are the later reasons that hold as well."""
+
+    told: Told
+    reason: str
+    also: list[str]
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What stands in the way, case by case and counted: reason → strength → cases.
+
+    `failed` are cases that could not be diagnosed once more.
+    """
+
+    format: str
+    bank: str
+    key_sha256: str
+    verdicts_sha256: str
+    meanings: dict[str, str]
+    counts: dict[str, dict[str, int]]
+    cases: list[Explained]
+    failed: list[str] = []
+
+    def to_json(self) -> bytes:
+        """Indented JSON."""
+        return msgspec.json.format(msgspec.json.encode(self), indent=1) + b"\n"
+
+
+def explained(tellings: Sequence[Told], settings: Settings) -> list[Explained]:
+    """Each case with its reason, grouped by reason in the table's order, then by cause."""
+    found = []
+    for t in tellings:
+        first, *also = reasons_of(t, settings)
+        found.append(Explained(t, first, also))
+    order = [ABSENT.name, *(r.name for r in REASONS)]
+    return sorted(found, key=lambda x: (order.index(x.reason), x.told.cause, x.told.case))
+
+
+def meanings() -> dict[str, str]:
+    """What each reason means."""
+    return {r.name: r.meaning for r in (ABSENT, *REASONS)}
+
+
+def counts(cases: Sequence[Explained]) -> dict[str, dict[str, int]]:
+    """Reason → strength in floors → number of cases; only reasons that were met."""
+    out: dict[str, dict[str, int]] = {}
+    for x in cases:
+        by_strength = out.setdefault(x.reason, dict.fromkeys(_heads(), 0))
+        by_strength[_head(x.told.strength)] += 1
+    return out
+
+
+def _heads() -> list[str]:
+    return [_head(s) for s in STRENGTHS]
+
+
+def _head(strength: float) -> str:
+    return f"{strength:.0f}×"
+
+
+def count_table(cases: Sequence[Explained]) -> Table:
+    """How many cases each reason has, by strength and in all."""
+    rows = [
+        [reason, *(str(n) if n else "·" for n in by.values()), str(sum(by.values()))]
+        for reason, by in counts(cases).items()
+    ]
+    total = [sum(_head(x.told.strength) == head for x in cases) for head in _heads()]
+    rows.append(["all", *map(str, total), str(len(cases))])
+    return Table(["reason", *_heads(), "all"], rows, numeric=frozenset({1, 2, 3, 4}))
+
+
+def _number(value: float | None) -> str:
+    """Three digits at most, so that a line stays a line."""
+    if value is None:
+        return "–"
+    return f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}" if abs(value) < 1e5 else ">1e5"
+
+
+def _of_fit(t: Told, name: str) -> str:
+    fit = None if t.entry is None else t.entry.fit
+    return _number(None if fit is None else getattr(fit, name))
+
+
+def _nearest(t: Told, name: str) -> str:
+    rivals = [] if t.entry is None else t.entry.rivals
+    return _number(getattr(rivals[0], name) if rivals else None)
+
+
+def _errors(gain: float, error: float) -> str:
+    """A gain in its standard errors."""
+    return _number(gain / error) if error > 0.0 else "–"
+
+
+def _gain(t: Told) -> str:
+    fit = None if t.entry is None else t.entry.fit
+    return "–" if fit is None else f"{_errors(fit.gain, fit.gain_se)} of {fit.asked:.0f}"
+
+
+def _free(t: Told) -> str:
+    return "–" if t.entry is None else _errors(
+        t.entry.standing.free_gain, t.entry.standing.free_gain_se
+    )  # fmt: skip
+
+
+def _said(t: Told) -> str:
+    return " + ".join(t.said) or t.outcome
+
+
+_COLUMNS: tuple[tuple[str, Callable[[Explained], str]], ...] = (
+    ("case", lambda x: x.told.case),
+    ("cause", lambda x: x.told.cause),
+    ("said", lambda x: _said(x.told)),
+    ("reason", lambda x: x.reason),
+    ("floors", lambda x: _number(x.told.true_floors)),
+    ("backgr.", lambda x: _number(x.told.true_background)),
+    ("fitted", lambda x: _of_fit(x.told, "size_background")),
+    ("masked", lambda x: _number(None if x.told.entry is None else x.told.entry.hidden)),
+    ("gain/se", lambda x: _gain(x.told)),
+    ("p", lambda x: _of_fit(x.told, "p_value")),
+    ("shrink", lambda x: _of_fit(x.told, "shrink_gain")),
+    ("before", lambda x: _of_fit(x.told, "excess_before")),
+    ("d² none", lambda x: _of_fit(x.told, "d2_nothing")),
+    ("d² free", lambda x: _of_fit(x.told, "d2_free")),
+    ("d² given", lambda x: _nearest(x.told, "d2")),
+    ("odds", lambda x: _nearest(x.told, "odds")),
+    ("free/se", lambda x: _free(x.told)),
+)
+
+
+def case_table(cases: Sequence[Explained]) -> Table:
+    """One line a case; docs/withheld.md says what the columns are."""
+    rows = [[cell(x) for _, cell in _COLUMNS] for x in cases]
+    return Table([head for head, _ in _COLUMNS], rows, numeric=frozenset(range(4, len(_COLUMNS))))
