@@ -5,7 +5,6 @@ are the program that the case's own bench is given, whatever is wrong with it.
 """
 
 import functools
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -21,7 +20,7 @@ from smad.gap.records import Diagnosis, Outcome
 from smad.gap.sma import SmaPlant
 from smad.gap.sma_signals import run_from_columns
 from tests.withheld.errors import WithheldError
-from tests.withheld.second_pass import Frozen, diagnosed, opened, through
+from tests.withheld.second_pass import Frozen, diagnosed, opened, part_of, through
 
 _COLUMNS = {
     "i_x_A": "i_applied_x_A",
@@ -52,15 +51,14 @@ def names_after(found: Diagnosis) -> list[str]:
 
 def judge_again(task: Task, runs: dict[str, Path]) -> Part:
     """The case with the run of the recommended experiment beside those to fit on."""
-    began = time.perf_counter()
-    try:
+
+    def say() -> CaseVerdict:
         more = run_from_columns("next", read_columns(runs[task.case.id]))
         found = diagnosed(task, task.how, [more])
-    except SmadError as error:
-        return Part(task.case.id, time.perf_counter() - began, error=str(error))
-    said = NextExperiment("", names_after=names_after(found))
-    verdict = CaseVerdict(outcome="effect", next_experiment=said)
-    return Part(task.case.id, time.perf_counter() - began, verdict)
+        said = NextExperiment("", names_after=names_after(found))
+        return CaseVerdict(outcome="effect", next_experiment=said)
+
+    return part_of(task, say)
 
 
 def recommended(frozen: Frozen) -> dict[str, str]:

@@ -2,24 +2,17 @@
 
 import dataclasses
 import functools
-import time
 from pathlib import Path
 
 import msgspec
 
 from smad.errors import SmadError
 from smad.gap.check.case import Part, Task
-from smad.gap.check.names import canonical
 from smad.gap.check.score import detected, of_kind
 from smad.gap.check.verdicts import CaseVerdict, write_verdicts
 from smad.gap.records import Diagnosis
 from tests.withheld.errors import WithheldError
-from tests.withheld.second_pass import diagnosed, opened, through
-
-
-def entries(library: list[str], name: str) -> tuple[str, ...]:
-    """The entries of a library that are one cause of the list; none when it lacks the cause."""
-    return tuple(e for e in library if canonical(e) == name)
+from tests.withheld.second_pass import diagnosed, entries, opened, part_of, through
 
 
 def shrink_of(found: Diagnosis) -> float | None:
@@ -31,14 +24,12 @@ def shrink_of(found: Diagnosis) -> float | None:
 
 def judge_entry(task: Task, wanted: dict[str, tuple[str, ...]]) -> Part:
     """The case with nothing but the right entry in the library."""
-    began = time.perf_counter()
-    how = dataclasses.replace(task.how, effects=wanted[task.case.id])
-    try:
-        found = diagnosed(task, how)
-    except SmadError as error:
-        return Part(task.case.id, time.perf_counter() - began, error=str(error))
-    verdict = CaseVerdict(outcome="effect", shrink_best_entry=shrink_of(found))
-    return Part(task.case.id, time.perf_counter() - began, verdict)
+
+    def say() -> CaseVerdict:
+        found = diagnosed(task, dataclasses.replace(task.how, effects=wanted[task.case.id]))
+        return CaseVerdict(outcome="effect", shrink_best_entry=shrink_of(found))
+
+    return part_of(task, say)
 
 
 def run(verdicts: Path, key: Path, bank: Path, out: Path, *, jobs: int) -> None:

@@ -49,6 +49,20 @@ def _after_next(options: argparse.Namespace) -> None:
     run(Path(options.verdicts), key, bank, Path(options.out), jobs=options.jobs, follow=record)
 
 
+def _why(options: argparse.Namespace) -> None:
+    from tests.withheld.why import run
+
+    run(
+        Path(options.verdicts),
+        Path(options.key),
+        Path(options.bank),
+        Path(options.out),
+        jobs=options.jobs,
+        cases=[c for c in options.cases.split(",") if c],
+        everything=options.all,
+    )
+
+
 def _follow(options: argparse.Namespace) -> None:
     print(follow(Path(options.bank), Path(options.key), options.case, Path(options.program)))
 
@@ -74,17 +88,23 @@ def _arguments() -> argparse.ArgumentParser:
     make.add_argument("--jobs", type=int, default=2)
     make.add_argument("--csv", action="store_true", help="gzipped CSV instead of Parquet")
     make.set_defaults(run=_make)
-    for name, run, told in (
-        ("best-entry", _best_entry, "oracle O2: fit the right entry of the library"),
-        ("after-next", _after_next, "carry out the recommended experiments and ask again"),
+    answer = "the verdicts with the answer added"
+    later = {}
+    for name, run, told, out in (
+        ("best-entry", _best_entry, "oracle O2: fit the right entry of the library", answer),
+        ("after-next", _after_next, "carry out the recommended experiments and ask again", answer),
+        ("why", _why, "why right names were not given", "the report, as JSON"),
     ):
-        later = commands.add_parser(name, help=told)
-        later.add_argument("verdicts", help="frozen verdicts of `smad gap check`")
-        later.add_argument("key")
-        later.add_argument("bank")
-        later.add_argument("--out", required=True, help="the verdicts with the answer added")
-        later.add_argument("--jobs", type=int, default=2)
-        later.set_defaults(run=run)
+        later[name] = commands.add_parser(name, help=told)
+        later[name].add_argument("verdicts", help="frozen verdicts of `smad gap check`")
+        later[name].add_argument("key")
+        later[name].add_argument("bank")
+        later[name].add_argument("--out", required=True, help=out)
+        later[name].add_argument("--jobs", type=int, default=2)
+        later[name].set_defaults(run=run)
+    why = later["why"]
+    why.add_argument("--cases", default="", help="only these, as case-001,case-007")
+    why.add_argument("--all", action="store_true", help="rightly named ones too, to compare with")
     again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
     again.add_argument("bank")
     again.add_argument("key")

@@ -1,27 +1,34 @@
 """What is asked of the diagnosis once its verdicts are frozen and the key may be used.
 
-`best_entry` and `after_next` stand on this. Beside the tests, these three are the modules here that
-use the product; no module that makes a bank reaches them, and they do not reach the plant.
+`best_entry`, `after_next` and `why` stand on this. Beside the tests, these four are the modules
+here that use the product; no module that makes a bank reaches them, and they do not reach the
+plant.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
+from smad.errors import SmadError
 from smad.gap import diagnose
 from smad.gap.check.bank import Bank, open_bank, read_case, require_files
 from smad.gap.check.case import How, Part, Task
 from smad.gap.check.key import file_digest, read_key
+from smad.gap.check.names import canonical
 from smad.gap.check.openings import SEALED, Ledger, checkout
 from smad.gap.check.running import Order, Progress, check, pool
 from smad.gap.check.score import Pair, matched
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile, read_verdict_file, read_verdicts
+from smad.gap.diagnose import ready
 from smad.gap.records import Diagnosis
 from smad.gap.runs import GapRun
+from smad.gap.stages import Prepared
 from tests.withheld.errors import WithheldError
 
 
@@ -58,6 +65,11 @@ def opened(verdicts: Path, key: Path, folder: Path) -> Frozen:
     return Frozen(file, pairs, bank, msgspec.convert(file.tool["how"], How))
 
 
+def entries(library: Sequence[str], name: str) -> tuple[str, ...]:
+    """The entries of a library that are one cause of the list; none when it lacks the cause."""
+    return tuple(e for e in library if canonical(e) == name)
+
+
 def diagnosed(task: Task, how: How, more: Sequence[GapRun] = ()) -> Diagnosis:
     """A case diagnosed once more, with further runs to fit on."""
     runs = read_case(task.bank, task.case)
@@ -71,6 +83,31 @@ def diagnosed(task: Task, how: How, more: Sequence[GapRun] = ()) -> Diagnosis:
             candidates=how.effects,
             executor=one,
         )
+
+
+@contextmanager
+def readied(task: Task, how: How) -> Iterator[Prepared]:
+    """A case as far as it goes before effects are sought, while its replays have their thread."""
+    runs = read_case(task.bank, task.case)
+    with ThreadPoolExecutor(max_workers=1) as one:
+        yield ready(
+            runs.fit,
+            plant=how.plant(),
+            good=runs.good,
+            hold_out=runs.hold_out,
+            settings=how.settings_used(),
+            executor=one,
+        )
+
+
+def part_of(task: Task, say: Callable[[], CaseVerdict]) -> Part:
+    """What `say` says of a case, or the error that prevented it."""
+    began = time.perf_counter()
+    try:
+        verdict = say()
+    except SmadError as error:
+        return Part(task.case.id, time.perf_counter() - began, error=str(error))
+    return Part(task.case.id, time.perf_counter() - began, verdict)
 
 
 def through(

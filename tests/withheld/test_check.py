@@ -12,6 +12,7 @@ from smad.cli import execute
 from smad.gap.check.bank import open_bank
 from smad.gap.check.case import How
 from smad.gap.check.names import ALIASES, CAUSES, subsystem_of
+from smad.gap.check.reasons import Report
 from smad.gap.check.running import Order, Progress, check, pool
 from smad.gap.check.scores import read_scores
 from smad.gap.check.verdicts import (
@@ -26,11 +27,11 @@ from smad.gap.check.verdicts import (
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from tests.withheld import files
-from tests.withheld.best_entry import entries
 from tests.withheld.cases import Case
 from tests.withheld.command import main
 from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import BY_NAME, Active, names
+from tests.withheld.second_pass import entries
 
 RUN_S = 24.0
 LIBRARY = ("rtd_offset", "flow_shortfall")
@@ -159,6 +160,36 @@ def test_a_recommended_experiment_is_carried_out_and_the_case_asked_again(
     assert set(experiment.names_after) <= set(LIBRARY)
 
 
+def test_a_case_without_its_right_name_alone_is_told_why(
+    bank: Path, frozen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key, out = bank.with_name("small-key") / "KEY.json", tmp_path / "why.json"
+    main(["why", str(frozen), str(key), str(bank), "--out", str(out), "--jobs", "1"])
+    said = capsys.readouterr()
+    assert "case-001  done in" in said.err
+    assert "1 of 1 cases examined" in said.out
+    report = msgspec.json.decode(out.read_bytes(), type=Report)
+    (case,) = report.cases
+    assert case.reason in said.out
+    assert case.told.said == sorted(LIBRARY)
+    assert case.told.given == [LIBRARY[1]]
+    assert case.told.true_background > 1.0
+    assert case.told.entry is not None
+    assert case.told.entry.name == LIBRARY[0]
+    assert report.counts == {case.reason: {"1×": 0, "3×": 0, "10×": 1}}
+    assert report.failed == []
+
+
+def test_only_judged_cases_of_one_effect_can_be_asked_for(
+    bank: Path, frozen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key, out = bank.with_name("small-key") / "KEY.json", tmp_path / "why.json"
+    with pytest.raises(SystemExit):
+        main(["why", str(frozen), str(key), str(bank), "--out", str(out), "--cases", "case-002"])
+    assert "case-002 is not a judged case of one effect" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_verdicts_that_smad_did_not_make_have_no_second_pass(
     bank: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -193,15 +224,16 @@ def test_the_command_judges_a_bank_of_ones_own_without_a_key(
     assert "1 of them judged before" in capsys.readouterr().err
 
 
-def test_a_sealed_bank_has_no_oracle_before_its_verdicts_are_logged(
-    bank: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("command", ["best-entry", "why"])
+def test_a_sealed_bank_has_no_second_pass_before_its_verdicts_are_logged(
+    bank: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     key = json.loads((bank.with_name("small-key") / "KEY.json").read_text()) | {"bank": "sealed"}
     (tmp_path / "KEY.json").write_text(json.dumps(key))
     body = {"format": "smad-verdicts-1", "bank": "sealed", "key_sha256": "0" * 64, "verdicts": {}}
     (tmp_path / "v.json").write_text(json.dumps(body))
     with pytest.raises(SystemExit):
-        main(["best-entry", str(tmp_path / "v.json"), str(tmp_path / "KEY.json"), str(bank),
+        main([command, str(tmp_path / "v.json"), str(tmp_path / "KEY.json"), str(bank),
               "--out", str(tmp_path / "out.json")])  # fmt: skip
     assert "commit its hash before the first verdict" in capsys.readouterr().err
     assert not (tmp_path / "out.json").exists()
