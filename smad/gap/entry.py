@@ -84,7 +84,7 @@ class Rival(msgspec.Struct, frozen=True):
     """Another entry in the entry's place.
 
     `d2` is the smaller of the two separations, each fitted to look like the other; `odds` are those
-    of the rival against the entry, 0 where only the entry could be fitted.
+    of the rival against the entry. Both are None where the entry was not among the better fits.
     """
 
     name: str
@@ -94,14 +94,16 @@ class Rival(msgspec.Struct, frozen=True):
 
 
 class EntryRecord(msgspec.Struct, frozen=True):
-    """Everything about one entry; `fit` is None where the screening found nothing to fit.
+    """Everything about one entry; `fit` is None where no fit came to its end.
 
-    `masked` is the share of a typical effect's signature that the refitted parameters imitate,
-    `visible` what is left of it, in floors (see `screen.Screened`). `background` is the RMS of what
-    each channel is trusted to, in the channel's unit.
+    `screen_gain` is what the screening gains by it; the short list has none that gain nothing, but
+    here the entry is fitted even so. `masked` is the share of a typical effect's signature that the
+    refitted parameters imitate, `visible` what is left of it, in floors (see `screen.Screened`).
+    `background` is the RMS of what each channel is trusted to, in the channel's unit.
     """
 
     name: str
+    screen_gain: float
     masked: float
     visible: float
     background: dict[str, float]
@@ -136,12 +138,13 @@ def examine(
     """
     library = {e.name: e for e in prepared.plant.effects}
     own = [library[n] for n in names]
-    track = follow_tracks(prepared, own, progress)
+    track = follow_tracks(prepared, own, progress, unscreened=names)
     best = _best(track.asked, names)
     shown = best.names[0] if best is not None else track.asked.screened[0].effect.name
     seen = next(s for s in track.asked.screened if s.effect.name == shown)
     return EntryRecord(
         name=shown,
+        screen_gain=seen.gain,
         masked=seen.masked,
         visible=seen.size,
         background=_background(prepared),
@@ -214,10 +217,12 @@ def _rivals(
     others: Sequence[Effect],
     progress: Callable[[str], None],
 ) -> list[Rival]:
-    """The other entries, nearest first; those that screening found nothing for are left out."""
+    """The other entries, nearest first."""
     if not others:
         return []
-    asked = follow_tracks(prepared, [*own, *others], progress).asked
+    everyone = [*own, *others]
+    names = [e.name for e in everyone]
+    asked = follow_tracks(prepared, everyone, progress, unscreened=names).asked
     best = _best(asked, [e.name for e in own])
     table = next(iter(asked.probability.values()), {})
     p_own = 0.0 if best is None else table.get(best.names[0], 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,7 +125,10 @@ def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
 
 
 class Selector:
-    """Forward steps, swaps and backward steps over the effects of a library."""
+    """Forward steps, swaps and backward steps over the effects of a library.
+
+    `unscreened` effects are fitted and judged even where screening gains nothing by them.
+    """
 
     def __init__(
         self,
@@ -136,8 +139,10 @@ class Selector:
         progress: Callable[[str], None] = lambda text: None,
         *,
         is_new: Callable[[Candidate], bool] = lambda candidate: True,
+        unscreened: Collection[str] = (),
     ) -> None:
         self.refit, self.hold, self.is_new = refit, hold, is_new
+        self.unscreened = unscreened
         self.tied = refit.space.tie is not None
         # The order in which a library lists its effects must not matter.
         self.effects = tuple(sorted(effects, key=lambda e: e.name))
@@ -182,7 +187,7 @@ class Selector:
             self._null = self._null_of(self._probes)
         ranked = screen(reprobe(self._probes, current.fit)) if self.effects else []
         count = self.settings.survivors if first_level else max(3, self.settings.survivors - 3)
-        survivors = _short_list(ranked, count)
+        survivors = _short_list(ranked, count, self.unscreened)
         self.progress(f"fitting {len(survivors)} candidates")
         starts = []
         for s in survivors:
@@ -315,10 +320,13 @@ def _differing(model: Candidate, other: Candidate) -> str:
     return extra[0] if extra else ""
 
 
-def _short_list(ranked: Sequence[Screened], count: int) -> list[Screened]:
-    """The best overall, and the best of every sub-model that gains anything."""
+def _short_list(
+    ranked: Sequence[Screened], count: int, unscreened: Collection[str] = ()
+) -> list[Screened]:
+    """The best overall, the best of every sub-model that gains anything, and the `unscreened`."""
     chosen = [s for s in ranked if s.gain > 0][:count]
     for s in ranked:
         if s.gain > 2.0 and all(c.effect.sub_model != s.effect.sub_model for c in chosen):
             chosen.append(s)
+    chosen += [s for s in ranked if s.effect.name in unscreened and s not in chosen]
     return chosen

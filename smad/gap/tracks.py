@@ -9,7 +9,7 @@ no effect in it, where it answers better on runs that neither has seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -46,11 +46,13 @@ def follow_tracks(
     prepared: Prepared,
     effects: Sequence[Effect],
     progress: Callable[[str], None] = lambda text: None,
+    *,
+    unscreened: Collection[str] = (),
 ) -> Track:
     """The selection that answers.
 
     Without known-good runs, effects beside free parameters. With them, effects beside tied ones,
-    or, where that does not hold, the free refit alone.
+    or, where that does not hold, the free refit alone. `unscreened` as in `Selector`.
     """
 
     def selected(refit: Fitted) -> Selection:
@@ -61,6 +63,7 @@ def follow_tracks(
             prepared.null,
             progress,
             is_new=partial(_is_new, prepared),
+            unscreened=unscreened,
         ).run()
 
     if prepared.tied is None:

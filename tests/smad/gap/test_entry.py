@@ -84,6 +84,15 @@ def test_parameters_that_have_moved_answer_in_the_place_of_an_entry() -> None:
     assert moved.standing.gap_free < moved.standing.gap_refit
 
 
+def test_an_entry_that_screening_gains_nothing_by_is_fitted_even_so() -> None:
+    quiet = examine(since_good({}), ["backlash", "sticky_fan"], ["dial_delay"])
+    assert not quiet.accepted
+    assert quiet.fit is not None
+    assert not quiet.fit.shows
+    assert quiet.fit.d2_nothing < 16.0
+    assert [r.name for r in quiet.rivals] == ["dial_delay"]
+
+
 def test_a_record_reads_as_it_was_written(coupled: EntryRecord) -> None:
     assert msgspec.json.decode(msgspec.json.encode(coupled), type=EntryRecord) == coupled
 

@@ -39,8 +39,8 @@ NAMED = Standing(
     free_gain_se=50.0,
 )  # fmt: skip
 ENTRY = EntryRecord(
-    name="rtd_lag", masked=0.3, visible=20.0, background={"rtd_x_degC": 0.1}, standing=NAMED,
-    fit=CLEAR, rivals=[],
+    name="rtd_lag", screen_gain=300.0, masked=0.3, visible=20.0, background={"rtd_x_degC": 0.1},
+    standing=NAMED, fit=CLEAR, rivals=[],
 )  # fmt: skip
 MISSED = Told(
     case="case-001", cause="rtd_lag", strength=3.0, outcome="no_gap", said=[], given=[],
