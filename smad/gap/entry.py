@@ -190,15 +190,19 @@ def _fit(prepared: Prepared, selection: Selection, c: Candidate) -> Fit:
     floors = _by_output(prepared, change / _floor_of_rows(prepared))
     background = _by_output(prepared, problem.whitening.scale(change))
     output = max(background, key=lambda k: background[k])
+    known = separation(c.fit, problem.white(less))
     d2 = confusability([c.fit, selection.base.fit, prepared.fit])[0]
+    # The refits end somewhat apart from the joint fit even where the entry is fitted to nothing.
+    # Parameters that stay where they are bound the distance of those that may follow.
+    nothing = min(known, float(d2[1]))
     return Fit(
         values=dict(c.fit.point.effects[c.names[0]]),
         output=output,
         size_floors=max(floors.values()),
         size_background=background[output],
-        d2_known=separation(c.fit, problem.white(less)),
-        d2_nothing=float(d2[1]),
-        d2_free=float(d2[2]),
+        d2_known=known,
+        d2_nothing=nothing,
+        d2_free=min(nothing, float(d2[2])),
         gain=c.gain,
         gain_se=c.gain_se,
         asked=certainty(c, settings, tied=tied),

@@ -105,14 +105,15 @@ def _misfit(t: Told, e: EntryRecord, s: Settings) -> bool:
     return e.standing.outcome_asked is Outcome.UNKNOWN and (entered or t.true_background >= 1.0)
 
 
-def _shows(e: EntryRecord) -> bool:
-    return e.fit is not None and e.fit.shows
+def _shows(e: EntryRecord, s: Settings) -> bool:
+    # A gain can come from the parameters alone, which a joint fit takes further than the refit did.
+    return e.fit is not None and e.fit.shows and e.fit.d2_nothing >= s.ambiguous_d2
 
 
 def _masked(t: Told, e: EntryRecord, s: Settings) -> bool:
-    if e.standing.free_answers and (_shows(e) or t.true_background >= 1.0):
+    if e.standing.free_answers and (_shows(e, s) or t.true_background >= 1.0):
         return True
-    if _shows(e):
+    if _shows(e, s):
         return False
     # What is d² once the parameters have followed, and what it would be if they stood still: of the
     # fitted effect, and of a typical one, since parameters may have taken a fit's strength away.
@@ -124,11 +125,11 @@ def _masked(t: Told, e: EntryRecord, s: Settings) -> bool:
 
 
 def _below(t: Told, e: EntryRecord, s: Settings) -> bool:
-    return not _shows(e)
+    return not _shows(e, s)
 
 
 def _before(t: Told, e: EntryRecord, s: Settings) -> bool:
-    return e.fit is not None and e.fit.shows and not e.fit.enters
+    return e.fit is not None and _shows(e, s) and not e.fit.enters
 
 
 def _alike(t: Told, e: EntryRecord, s: Settings) -> bool:

@@ -89,6 +89,7 @@ def test_an_entry_that_screening_gains_nothing_by_is_fitted_even_so() -> None:
     assert not quiet.accepted
     assert quiet.fit is not None
     assert not quiet.fit.shows
+    assert quiet.fit.d2_free <= quiet.fit.d2_nothing <= quiet.fit.d2_known
     assert quiet.fit.d2_nothing < 16.0
     assert [r.name for r in quiet.rivals] == ["dial_delay"]
 

@@ -123,6 +123,16 @@ TABLE: list[tuple[str, Told, str]] = [
         a_case(standing=QUIET, fit=OUT | {"d2_known": 12.0, "d2_nothing": 8.0}),
         "below the background",
     ),
+    (
+        "a gain of the parameters, the entry fitted to nothing",
+        a_case(fit={"d2_known": 0.0, "d2_nothing": 0.0}),
+        "below the background",
+    ),
+    (
+        "parameters follow an effect that gains",
+        a_case(fit={"d2_nothing": 9.0}),
+        "masked by the refit",
+    ),
     ("nothing to fit", a_case(standing=QUIET, entry={"fit": None}), "below the background"),
     ("the good runs ask for it too", a_case(standing=QUIET, fit={"enters": False}), "there before"),
     ("the given one is as near", a_case(WRONG, entry=rival(9.0, 50.0)), "not separable"),
