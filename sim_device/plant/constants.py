@@ -171,7 +171,13 @@ def initial_state(
         spring[k.S_TAU] = tau
         spring[k.S_A] = k.progress_a(start, tau, p, e[k.E_SPREAD] * p[k.P_A_INV])
         spring[k.S_B] = k.progress_b(start, tau, p)
-        spring[k.S_C] = k.progress_c(start, tau, p, e)
+        spring[k.S_C] = k.progress_c(start, p)
+        if e[k.E_UNIFIED] > 0.0:
+            spring[k.S_A] = k.heating_progress(start, tau, p)
+            spring[k.S_C] = k.cooling_progress(start, tau, p)
+            spring[k.S_LEG] = spring[k.S_XI_LEG] = 1.0
+            spring[k.S_HOT : k.S_HOT + 3 : 2] = k.PROGRESS_HIGH
+            spring[k.S_COLD : k.S_COLD + 3 : 2] = k.PROGRESS_HIGH
         for cell in range(k.CELLS):
             at = k.S_CELLS + cell * k.S_KINETICS
             spring[at : at + k.S_KINETICS] = spring[k.S_XS : k.S_XS + k.S_KINETICS]

@@ -43,39 +43,41 @@ S_B = 5  # progress of detwinning and of stress-induced martensite, Eqs (12), (1
 S_C = 6  # progress of twinned martensite on cooling, Eq. (12c)
 S_LEG = 7  # -1 in a reverse, +1 in a forward transformation, 0 before any
 S_XI_LEG = 8  # fraction at which the present leg began
-S_DELTA = 9  # deflection of the spring, m
-S_RATE = 10  # last rate of S_T, K/s
-S_RATE_W = 11  # last rate of S_TW, K/s
-S_ACTIVE = 12  # 1 while the fractions change
-S_I = 13  # current, A
-S_OHM = 14  # resistance of the spring, Ohm
-S_FLOW = 15  # water flow, m3/s
-S_WORK_Q = 16  # transformation work not yet in the heat balance, J/m
-S_IN_J = 17  # electrical heat taken in, J
-S_WATER_J = 18  # heat carried off by the water, J
-S_AIR_J = 19  # heat lost to the air, J
-S_UNEQUAL_J = 20  # heat that unequal capacities and latent heats have made, J
-S_WORK_J = 21  # mechanical work done on the spring, J
-S_OMITTED_J = 22  # transformation work that the heat balance leaves out, J
-S_CYCLES = 23  # transformation cycles so far: half the sum of |Δξ|
-S_FILL = 24  # share of the tube that holds water
-S_F = 25  # tension of the spring, N
-S_PUMP = 26  # flow of the pump before leaks, m3/s
-S_PUMP_ON_S = 27  # time since the pump was switched on, s
-S_PUMP_COUNT = 28  # times the pump was switched on
-S_WETTED = 29  # share of the wire that flowing water touches
-S_T_WALL = 30  # tube wall temperature, K
-S_XS_END = 31  # detwinned fraction of the cold ends
-S_R = 32  # R-phase fraction
-S_R_PROGRESS = 33  # its progress on cooling
-S_ELASTIC = 34  # elastic energy, J
-S_TAU = 35  # shear stress that the kinetics last saw, Pa
+S_HOT = 9  # unified_kinetics: where heating turned (progress, martensite), and the turn before
+S_COLD = 13  # where cooling turned (progress, austenite), and the turn before
+S_DELTA = 17  # deflection of the spring, m
+S_RATE = 18  # last rate of S_T, K/s
+S_RATE_W = 19  # last rate of S_TW, K/s
+S_ACTIVE = 20  # 1 while the fractions change
+S_I = 21  # current, A
+S_OHM = 22  # resistance of the spring, Ohm
+S_FLOW = 23  # water flow, m3/s
+S_WORK_Q = 24  # transformation work not yet in the heat balance, J/m
+S_IN_J = 25  # electrical heat taken in, J
+S_WATER_J = 26  # heat carried off by the water, J
+S_AIR_J = 27  # heat lost to the air, J
+S_UNEQUAL_J = 28  # heat that unequal capacities and latent heats have made, J
+S_WORK_J = 29  # mechanical work done on the spring, J
+S_OMITTED_J = 30  # transformation work that the heat balance leaves out, J
+S_CYCLES = 31  # transformation cycles so far: half the sum of |Δξ|
+S_FILL = 32  # share of the tube that holds water
+S_F = 33  # tension of the spring, N
+S_PUMP = 34  # flow of the pump before leaks, m3/s
+S_PUMP_ON_S = 35  # time since the pump was switched on, s
+S_PUMP_COUNT = 36  # times the pump was switched on
+S_WETTED = 37  # share of the wire that flowing water touches
+S_T_WALL = 38  # tube wall temperature, K
+S_XS_END = 39  # detwinned fraction of the cold ends
+S_R = 40  # R-phase fraction
+S_R_PROGRESS = 41  # its progress on cooling
+S_ELASTIC = 42  # elastic energy, J
+S_TAU = 43  # shear stress that the kinetics last saw, Pa
 # How far cells along the tube are from the mean, from the inlet on, K: wire, then water.
 CELLS = 5
-S_CELL = 36
+S_CELL = 44
 S_CELL_W = S_CELL + CELLS
 # What the kinetics remember (S_XS to S_XI_LEG), once more for each cell.
-S_KINETICS = 7
+S_KINETICS = 15
 S_CELLS = S_CELL_W + CELLS
 S_SIZE = S_CELLS + CELLS * S_KINETICS
 
@@ -221,9 +223,10 @@ E_TUBE_K = 54
 E_ELONGATION = 55
 E_FRONT = 56
 E_PLACE = 57
-E_LIFT = 58
-E_MEMORY = 59
-EFFECTS_SIZE = 60
+E_MEMORY = 58
+E_UNIFIED = 59
+E_TAILS = 60
+EFFECTS_SIZE = 61
 
 # Scratch of one substep, one part for each spring.
 W_T_STAR = 0  # end temperature if no fraction changed
@@ -311,6 +314,12 @@ REST_SPEED = 1e-9
 # R-phase: starts this far above M_S, is complete over the width, reverts with the hysteresis, K.
 R_ABOVE, R_WIDTH, R_HYSTERESIS = 8.0, 6.0, 2.0
 EXPONENT_REF_K = 10.0
+# unified_kinetics: how far its curves go beyond 0 and 1, the logistic curve as steep in the middle
+# as the cosine, what keeps ratios finite, and the smallest way back that counts as a turn.
+PROGRESS_LOW, PROGRESS_HIGH = -1.0, 2.0
+TAIL_RATE = 2.0 * math.pi
+LEAST_LEFT = 1e-9
+LEAST_TURN = 0.01
 STRESS_REF_PA = 1e8
 
 
@@ -377,12 +386,8 @@ def progress_b(T: float, tau: float, p: Array) -> float:
 
 
 @inlined
-def progress_c(T: float, tau: float, p: Array, e: Array) -> float:
-    """Effect stress_lift moves the range with the stress beyond that of the mount."""
-    start = p[P_M_S]
-    if e[E_LIFT] != 0.0:
-        start += e[E_LIFT] * (tau - p[P_C1] * p[P_F0]) / STRESS_REF_PA
-    return clip01((start - T) * p[P_M_INV])
+def progress_c(T: float, p: Array) -> float:
+    return clip01((p[P_M_S] - T) * p[P_M_INV])
 
 
 @inlined
@@ -588,7 +593,7 @@ def transform(
                 slope_F = remaining_slope(left) * p[P_TAU_INV] * p[P_C1]
                 xs_F = -slope_F
                 xs_T = slope_F / p[P_C1] * p[P_C_M]
-    c = progress_c(T, tau, p, e)
+    c = progress_c(T, p)
     if c > s[S_C + o]:
         austenite = 1.0 - xs - xt
         if austenite > 0.0:
@@ -607,12 +612,220 @@ def transform(
                 ratio, slope = remembered(ratio, slope, left, outer_slope, before, austenite, e)
             xt_T = -xs_T + ratio * (xs_T + xt_T) - austenite * slope
             xt_F = -xs_F + ratio * (xs_F + xt_F)
-            if e[E_LIFT] != 0.0:
-                xt_F += austenite * slope * e[E_LIFT] * p[P_C1] / STRESS_REF_PA
             xt = 1.0 - xs - austenite * ratio
     xt = min(xt, 1.0 - xs)
     xt = max(xt, 0.0)
     return xs, xt, xs_T + xt_T, xs_F + xt_F, xs_T, xs_F
+
+
+@inlined
+def held(progress: float) -> float:
+    """Progress where it still matters: curves with tails go beyond 0 and 1."""
+    if progress <= PROGRESS_LOW:
+        return PROGRESS_LOW
+    if progress >= PROGRESS_HIGH:
+        return PROGRESS_HIGH
+    return progress
+
+
+@inlined
+def tailed(progress: float, e: Array) -> tuple[float, float]:
+    """What is left at a progress, and its slope: the cosine, in part a logistic curve."""
+    own = remaining(progress)
+    slope = remaining_slope(own)
+    tails = e[E_TAILS]
+    if tails > 0.0:
+        beyond = progress - 0.5
+        z = math.exp(-TAIL_RATE * abs(beyond))
+        left = z / (1.0 + z)
+        own += tails * ((left if beyond > 0.0 else 1.0 - left) - own)
+        slope += tails * (-TAIL_RATE * left / (1.0 + z) - slope)
+    return own + LEAST_LEFT, slope
+
+
+@inlined
+def outer(progress: float, spread: float, e: Array) -> tuple[float, float]:
+    """The outer curve and its slope; with `spread` as `remaining_spread`."""
+    left, slope = tailed(progress, e)
+    if spread > 0.0:
+        early, early_slope = tailed(progress - spread, e)
+        late, late_slope = tailed(progress + spread, e)
+        left = 0.5 * left + 0.25 * (early + late)
+        slope = 0.5 * slope + 0.25 * (early_slope + late_slope)
+    return left, slope
+
+
+@inlined
+def branch(
+    now: float, x: float, s: Array, e: Array, far: int, turned: int, other: int, spread: float
+) -> tuple[float, float]:
+    """What is left of a fraction `x` at progress `now`, and its slope.
+
+    The outer curve, scaled to pass through `x` at the furthest progress so far (slot `far`) and
+    through the points where such legs turned before (from slot `turned` on). Effect minor_loop:
+    `kappa` as in `minor`, the share that had not transformed when this leg began being in slot
+    `other`; and the share `memory` of it rests until the outer curve itself is reached.
+    """
+    begin = outer(s[far], spread, e)[0]
+    now_left, now_slope = outer(now, spread, e)
+    start = x
+    left = 0.0
+    slope = 0.0
+    arrived = False
+    for level in range(2):
+        point = s[turned + 2 * level]
+        value = s[turned + 2 * level + 1]
+        if not arrived and s[far] < point < PROGRESS_HIGH and x > value:
+            target = outer(point, spread, e)[0]
+            if begin > target:
+                if now < point:
+                    share = (x - value) / (begin - target)
+                    left = value + share * (now_left - target)
+                    slope = share * now_slope
+                    arrived = True
+                else:
+                    x = value
+                    begin = target
+    if not arrived:
+        left = x * now_left / begin
+        slope = x * now_slope / begin
+    if e[E_MINOR] != 0.0 and left > 0.0 and s[other] < PROGRESS_HIGH:
+        exponent, raised = minor(left / start, s[other + 1], e)
+        slope = slope * exponent * raised * start / left
+        left = raised * start
+    left += e[E_MEMORY] * (start - left)
+    slope -= e[E_MEMORY] * slope
+    if now_left < left:
+        return now_left, now_slope
+    return left, slope
+
+
+@inlined
+def heating_progress(T: float, tau: float, p: Array) -> float:
+    return held((T - p[P_A_S] - tau * p[P_C_A_INV]) * p[P_A_INV])
+
+
+@inlined
+def cooling_progress(T: float, tau: float, p: Array) -> float:
+    """M_S and M_F are those at the mount's stress."""
+    start = p[P_M_S] + (tau - p[P_C1] * p[P_F0]) / p[P_C_M]
+    return held((start - T) * p[P_M_INV])
+
+
+@inlined
+def unified(
+    T_wire: float, F: float, s: Array, w: Array, p: Array, e: Array, o: int
+) -> tuple[float, float, float, float, float, float]:
+    """As `transform`, by effect unified_kinetics.
+
+    Stress shifts both transformations along their own lines; what forms is turned, and what is
+    there is turned further, as far as the stress goes by f(b) of Eq. (12).
+    """
+    T = T_wire - w[W_SHIFT]
+    tau = p[P_C1] * F
+    xs = s[S_XS + o]
+    xi = xs + s[S_XT + o]
+    xi_T = 0.0
+    xi_F = 0.0
+    xs_T = 0.0
+    xs_F = 0.0
+    a = heating_progress(T, tau, p)
+    if a > s[S_A + o] and xi > 0.0:
+        spread = e[E_SPREAD] * p[P_A_INV]
+        left, slope = branch(a, xi, s, e, S_A + o, S_HOT + o, S_COLD + o, spread)
+        if left < xi:
+            share = xs / xi
+            xi_T = slope * p[P_A_INV]
+            xi_F = -xi_T * p[P_C1] * p[P_C_A_INV]
+            xs_T = share * xi_T
+            xs_F = share * xi_F
+            xs = share * left
+            xi = left
+    b_left = remaining(clip01((tau - p[P_TAU_S]) * p[P_TAU_INV]))
+    turned = 1.0 - b_left
+    turned_F = -remaining_slope(b_left) * p[P_TAU_INV] * p[P_C1]
+    c = cooling_progress(T, tau, p)
+    if c > s[S_C + o] and xi < 1.0:
+        left, slope = branch(c, 1.0 - xi, s, e, S_C + o, S_COLD + o, S_HOT + o, 0.0)
+        more = 1.0 - left - xi
+        if more > 0.0:
+            xi_T = slope * p[P_M_INV]
+            xi_F = -xi_T * p[P_C1] / p[P_C_M]
+            xs_T += turned * xi_T
+            xs_F += turned * xi_F + turned_F * more
+            xs += turned * more
+            xi = 1.0 - left
+    if turned * xi > xs:
+        xs = turned * xi
+        xs_T = turned * xi_T
+        xs_F = turned * xi_F + turned_F * xi
+    return xs, xi - xs, xi_T, xi_F, xs_T, xs_F
+
+
+@inlined
+def keep_turn(s: Array, at: int, progress: float, left: float) -> None:
+    s[at + 2] = s[at]
+    s[at + 3] = s[at + 1]
+    s[at] = progress
+    s[at + 1] = left
+
+
+@inlined
+def drop_turn(s: Array, at: int) -> None:
+    s[at] = s[at + 2]
+    s[at + 1] = s[at + 3]
+    s[at + 2] = PROGRESS_HIGH
+    s[at + 3] = 0.0
+
+
+@inlined
+def go_on(
+    s: Array,
+    x: float,
+    progress: float,
+    back: float,
+    far: int,
+    returning: int,
+    turned: int,
+    other: int,
+    end: float,
+) -> bool:
+    """One substep of a leg on which `x` falls; True when it turns out to have ended before.
+
+    Slots `far` and `returning` keep the furthest progress of the leg, and that on the way back
+    from there, so that a small way back and forth again changes nothing. `end` is what was left at
+    the furthest point: only a rise of some size above it is a turn, which is kept in `turned`.
+    """
+    if progress > s[far]:
+        s[far] = progress
+        s[returning] = back
+    elif back > s[returning]:
+        s[returning] = back
+    if x > end + LEAST_TURN:
+        keep_turn(s, turned, s[far], end)
+        s[far] = progress
+        return True
+    for _ in range(2):
+        if s[turned] < PROGRESS_HIGH and (s[far] >= s[turned] or x <= s[turned + 1]):
+            drop_turn(s, turned)
+            drop_turn(s, other)
+    return False
+
+
+@inlined
+def keep_legs(s: Array, o: int, xi: float, a: float, c: float) -> None:
+    """What `unified` has to remember of a substep that ends at the fraction `xi`."""
+    end = s[S_XI_LEG + o]
+    if s[S_LEG + o] < 0.0:
+        ended = go_on(s, xi, a, c, S_A + o, S_C + o, S_HOT + o, S_COLD + o, end)
+        further = xi < end
+    else:
+        ended = go_on(s, 1.0 - xi, c, a, S_C + o, S_A + o, S_COLD + o, S_HOT + o, 1.0 - end)
+        further = xi > end
+    if ended:
+        s[S_LEG + o] = -s[S_LEG + o]
+    if ended or further:
+        s[S_XI_LEG + o] = xi
 
 
 @inlined
@@ -646,7 +859,10 @@ def transform_all(
     xs = xt = xi_T = xi_F = xs_T = xs_F = 0.0
     for i in range(cells):
         o, q, off = cell_at(i, cells, s, e)
-        own = transform(T + off, F, s, w, p, e, o, q)
+        if e[E_UNIFIED] > 0.0:
+            own = unified(T + off, F, s, w, p, e, o)
+        else:
+            own = transform(T + off, F, s, w, p, e, o, q)
         w[W_XS + q] = own[0]
         w[W_XT + q] = own[1]
         xs += own[0]
@@ -1230,9 +1446,13 @@ def remember(s: Array, w: Array, p: Array, e: Array, change: float, F_phase: flo
         s[S_XT + o] = w[W_XT + q]
         s[S_CELL + i] += (w[W_CELL_H] if own < 0.0 else w[W_CELL_C]) * (own - change)
         T = w[W_GUESS] + off - w[W_SHIFT]
+        if e[E_UNIFIED] > 0.0:
+            a = heating_progress(T, tau, p)
+            keep_legs(s, o, xi_old + own, a, cooling_progress(T, tau, p))
+            continue
         s[S_A + o] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
         s[S_B + o] = progress_b(T, tau, p)
-        s[S_C + o] = progress_c(T, tau, p, e)
+        s[S_C + o] = progress_c(T, p)
         if own != 0.0:
             leg = -1.0 if own < 0.0 else 1.0
             if leg != s[S_LEG + o]:

@@ -17,8 +17,9 @@ import numpy as np
 
 from smad.gap.fit import polished
 from smad.gap.judge import judge
-from smad.gap.lsq import FitSteps, Fitted, drive, fitting
-from smad.gap.plant import Array, Effect
+from smad.gap.lsq import FitSteps, Fitted, Problem, drive, fitting
+from smad.gap.plant import Array, Effect, Parameter
+from smad.gap.refit import refit
 from smad.gap.screen import Screened, probe, reprobe, screen
 from smad.gap.select import cluster_gain
 from smad.gap.space import Space
@@ -56,18 +57,22 @@ def learn_baseline(
     return frozen(polished(current))
 
 
-def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
-    """The least-squares fit with the laws of the library beside the parameters.
+def with_laws(
+    problem: Problem, parameters: Sequence[Parameter], effects: Sequence[Effect]
+) -> Fitted:
+    """The least-squares fit of the parameters and of the laws of the library beside them.
 
-    They begin at a part of what they typically are, since a slope at nothing says little. So many
+    Laws begin at a part of what they typically are, since a slope at nothing says little, and
+    parameters at their nominal values: fitted alone, they would stand for the laws. So many
     coordinates have more than one minimum: other starts about the first are followed some way, two
     at a time, until two of all come down to the same misfit; the best goes on to its end.
     """
     laws = tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
     if not laws:
-        return fit
-    space, p = fit.beside(laws, {e.name: e.at(_LAW_START) for e in laws})
-    problem = fit.problem
+        return refit(problem, parameters, squares=True)
+    space = Space(tuple(parameters), laws)
+    p = space.start({e.name: e.at(_LAW_START) for e in laws})
+    problem.evidence.calibrate(space.point(p))
     settings = problem.evidence.settings
 
     def go(start: Array, iterations: int) -> FitSteps:
@@ -90,6 +95,7 @@ def with_laws(fit: Fitted, effects: Sequence[Effect]) -> Fitted:
         pair, others = others[:_PAIR], others[_PAIR:]
         ends += drive(problem.evidence, [go(start, settings.fit_iterations) for start in pair])
     best = min(ends, key=lambda end: problem.misfit(end.z))
+    problem.evidence.calibrate(best.point)
     return drive(problem.evidence, [go(best.p, 4 * settings.fit_iterations)])[0]
 
 

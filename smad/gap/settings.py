@@ -64,7 +64,7 @@ class Settings:
     fit_iterations: int = 6
     short_iterations: int = 1
     longer_fits: int = 4
-    law_starts: int = 6
+    law_starts: int = 2
 
     min_duration_s: float = 8.0
     max_lost_share: float = 0.2

@@ -171,6 +171,7 @@ class SmaPlant:
                     tuple(
                         EffectParameter(q.name, q.unit, q.typical, q.low, q.high, q.is_strength)
                         for q in e.parameters
+                        if not q.switch
                     ),
                     e.signals,
                     e.equation,

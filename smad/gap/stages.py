@@ -165,7 +165,7 @@ def _background_of(
     base = fed_noise(ev, floors, nominal, ev.settings.seed)
     effects = ev.plant.effects
     plain = Problem(ev, Whitening(ev, base), np.zeros(ev.n))
-    rough = with_laws(refit(plain, parameters, squares=True), effects)
+    rough = with_laws(plain, parameters, effects)
     noise = learn_background(rough, base, templates=False).noise
     weighed = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
     steps = fitting(

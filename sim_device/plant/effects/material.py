@@ -67,15 +67,31 @@ PHASE: tuple[Effect, ...] = (
         _OTSUKA,
     ),
     Effect(
-        "stress_lift",
-        "stress lifts the temperatures at which twinned martensite forms",
+        "unified_kinetics",
+        "one law for twinned and detwinned martensite, which remembers where it turned",
         "phase",
-        "M_S, M_F → … + c (τ − τ_0)/100 MPa in Eq. (12) on cooling, τ_0 at F0",
-        (EffectParameter("lift_K", k.E_LIFT, "K", -30, 60, 8, either(8), "c, K per 100 MPa"),),
+        "ξ from a = (T − A_S − τ/C_A)/(A_F − A_S) and c = (M_S + (τ − τ_0)/C_M − T)/(M_S − M_F),"
+        " τ_0 at F0, on curves that mix f with a logistic one (share t), scaled to pass through"
+        " earlier turns; of what forms or is there, 1 − f(b) is detwinned",
+        (
+            EffectParameter(
+                "on",
+                k.E_UNIFIED,
+                "1",
+                0,
+                1,
+                1,
+                half(1),
+                "this law instead of the paper's",
+                switch=True,
+            ),
+            EffectParameter("tails", k.E_TAILS, "1", 0, 1, 0.5, about(0.4), "share t", None),
+        ),
         _MOVES,
-        ("transformation_fatigue", "minor_loop"),
-        "cool to the same temperature at two preloads",
-        "D. C. Lagoudas (ed.), Shape Memory Alloys, Springer 2008, ch. 3",
+        ("minor_loop",),
+        "first-order reversal curves at two preloads",
+        "D. C. Lagoudas et al., Int. J. Plasticity 32-33 (2012) 155-183; S. E. Zirka, Y. I. Moroz,"
+        " IEEE Trans. Magn. 31 (1995) 3509-3511",
         law=True,
     ),
     Effect(

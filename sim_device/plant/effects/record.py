@@ -67,6 +67,7 @@ class EffectParameter:
     prior: Prior
     meaning: str
     zero: float | None = 0.0
+    switch: bool = False
 
     @property
     def is_strength(self) -> bool:

@@ -1,4 +1,6 @@
-"""Laws that a good bench follows too: the cooling front, the lift by stress, the outer curve."""
+"""Laws that a good bench follows too: the cooling front, the unified kinetics, the outer curve."""
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -62,16 +64,75 @@ def test_the_front_carries_heat_faster_out_of_a_hot_tube_and_the_books_still_clo
     assert abs(plant.energy.closing) < 1e-9 * plant.energy.heat_in
 
 
-def test_stress_lifts_the_temperature_at_which_twinned_martensite_forms():
-    t, i, duty = timeline(60.0)
-    i[100:1500, 0] = 3.0
-    duty[1600:2200, 0] = 0.3
-    i[100:4000, 1] = 1.5  # Y pulls, so that X cools under more than its preload
-    plain, lifted = (
-        simulate(P, Inputs(t, i, duty), effects=e) for e in ({}, {"stress_lift": {"lift_K": 20.0}})
+UNIFIED = {"unified_kinetics": {"on": 1.0, "tails": 0.3}}
+
+
+def at_temperatures(x_degC, effects=UNIFIED, y_degC=27.0):
+    """Fractions of X when its wire has these temperatures, 10 ms apart; Y stays cold."""
+    t, i, duty = timeline((len(x_degC) - 1) * 0.01)
+    fed = np.column_stack([x_degC, np.full(len(t), y_degC)]) + 273.15
+    out = simulate(P, Inputs(t, i, duty), effects=effects, feeds={"temperature_K": fed})
+    return out["xi_S_x"] + out["xi_T_x"], out
+
+
+def ramps(*corners, rate_K_s=2.0):
+    """Temperatures that go from corner to corner, and the rows at which they arrive."""
+    pieces = [
+        np.linspace(a, b, round(abs(b - a) / rate_K_s / 0.01) + 1)[1:] for a, b in pairwise(corners)
+    ]
+    arrive = np.cumsum([0, *(len(p) for p in pieces)])
+    return np.r_[corners[0], *pieces], arrive
+
+
+def test_a_whole_loop_of_the_unified_law_goes_to_austenite_and_back():
+    T, at = ramps(27.0, 60.0, 20.0)
+    xi, _ = at_temperatures(T)
+    assert xi[0] == 1.0
+    assert xi[at[1]] < 0.01
+    assert xi[at[2]] > 0.97
+
+
+def test_a_minor_loop_of_the_unified_law_closes_where_it_turned():
+    T, at = ramps(27.0, 46.0, 36.0, 46.0, 36.0, 46.0, 60.0)
+    xi, _ = at_temperatures(T)
+    turned, back = xi[at[1]], xi[at[2]]
+    assert back > turned + 0.05  # it has transformed in between
+    np.testing.assert_allclose(xi[at[[3, 5]]], turned, atol=0.02)
+    np.testing.assert_allclose(xi[at[4]], back, atol=0.02)
+    straight, whole = ramps(27.0, 60.0)
+    assert abs(xi[at[6]] - at_temperatures(straight)[0][whole[1]]) < 0.02
+
+
+def test_a_small_ripple_on_the_way_does_not_transform_anything():
+    T, at = ramps(27.0, 44.0)
+    ripple = T + 0.1 * np.sin(np.arange(len(T)) * 0.9) * (T < 43.5)
+    plain, rippled = (at_temperatures(x)[0][at[1]] for x in (T, ripple))
+    assert abs(plain - rippled) < 0.01
+    paper, ratchet = (at_temperatures(x, {})[0][at[1]] for x in (T, ripple))
+    assert paper - ratchet > 0.05
+
+
+def test_more_tension_makes_the_unified_law_form_martensite_earlier():
+    T, at = ramps(27.0, 60.0, 35.0)
+    loose, taut = (at_temperatures(T, y_degC=y) for y in (27.0, 45.0))
+    assert taut[1]["force_N"][at[2]] > loose[1]["force_N"][at[2]] + 0.05
+    assert taut[0][at[2]] > loose[0][at[2]] + 0.05
+
+
+def test_the_unified_law_is_the_same_at_another_step():
+    T, _ = ramps(27.0, 45.0, 34.0, 42.0, 30.0)
+    xi = at_temperatures(T)[0]
+    t, i, duty = timeline((len(T) - 1) * 0.01)
+    fed = np.column_stack([T, np.full(len(T), 27.0)]) + 273.15
+    out = simulate(
+        P,
+        Inputs(t[::5], i[::5], duty[::5]),
+        effects=UNIFIED,
+        feeds={"temperature_K": fed[::5]},
+        dt_s=0.05,
     )
-    xi = [out["xi_S_x"] + out["xi_T_x"] for out in (plain, lifted)]
-    assert xi[1][2200:].max() > xi[0][2200:].max() + 0.01
+    coarse = out["xi_S_x"] + out["xi_T_x"]
+    np.testing.assert_allclose(coarse, xi[::5], atol=5e-3)
 
 
 def test_a_wire_that_remembers_rests_until_the_outer_curve_reaches_it():
@@ -102,6 +163,6 @@ def test_inlet_and_room_can_be_fed_as_they_were_measured():
 
 def test_laws_are_marked():
     assert {e.name for e in EFFECTS if e.law} == {
-        "driver_lag", "rtd_lag", "channel_delay", "pump_lag", "cooling_front", "stress_lift",
-        "minor_loop", "tube_wall",
+        "driver_lag", "rtd_lag", "channel_delay", "pump_lag", "cooling_front",
+        "minor_loop", "tube_wall", "unified_kinetics",
     }  # fmt: skip
