@@ -26,7 +26,6 @@ from smad.gap.space import Space
 
 _LAW_START = 0.3
 _ASIDE = 0.5
-_PAIR = 2
 _AGREED = 1.1
 
 
@@ -63,40 +62,56 @@ def with_laws(
     """The least-squares fit of the parameters and of the laws of the library beside them.
 
     Laws begin at a part of what they typically are, since a slope at nothing says little, and
-    parameters at their nominal values: fitted alone, they would stand for the laws. So many
-    coordinates have more than one minimum: other starts about the first are followed some way, two
-    at a time, until two of all come down to the same misfit; the best goes on to its end.
+    parameters at their nominal values: fitted alone, they would stand for the laws. A law without
+    a strength replaces another; the fit goes on with it or without, whichever comes further. So
+    many coordinates have more than one minimum: other starts about the first are followed some
+    way, one by one, until two of all come down to the same misfit; the best goes on to its end.
     """
     laws = tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
     if not laws:
         return refit(problem, parameters, squares=True)
-    space = Space(tuple(parameters), laws)
-    p = space.start({e.name: e.at(_LAW_START) for e in laws})
-    problem.evidence.calibrate(space.point(p))
-    settings = problem.evidence.settings
+    evidence, settings = problem.evidence, problem.evidence.settings
 
-    def go(start: Array, iterations: int) -> FitSteps:
-        return fitting(
-            problem,
-            space,
-            start,
-            iterations=iterations,
-            refresh_theta=True,
-            tolerance=2.0,
-            squares=True,
-            rough=True,
-            steady=True,
-            renew=True,
-        )
+    def go(space: Space, start: Array, iterations: int) -> Fitted:
+        return drive(evidence, [_renewing(problem, space, start, iterations)])[0]
 
-    others = other_starts(space, p, settings.law_starts, settings.seed)
-    ends = drive(problem.evidence, [go(p, settings.fit_iterations)])
-    while others and not _two_agree([problem.misfit(end.z) for end in ends]):
-        pair, others = others[:_PAIR], others[_PAIR:]
-        ends += drive(problem.evidence, [go(start, settings.fit_iterations) for start in pair])
+    ends = []
+    for chosen in choices(laws):
+        space = Space(tuple(parameters), chosen)
+        first = space.start({e.name: e.at(_LAW_START) for e in chosen})
+        evidence.calibrate(space.point(first))
+        ends.append(go(space, first, settings.fit_iterations))
     best = min(ends, key=lambda end: problem.misfit(end.z))
-    problem.evidence.calibrate(best.point)
-    return drive(problem.evidence, [go(best.p, 4 * settings.fit_iterations)])[0]
+    space, ends = best.space, [best]
+    first = space.start({e.name: e.at(_LAW_START) for e in space.effects})
+    others = other_starts(space, first, settings.law_starts, settings.seed)
+    while others and not _two_agree([problem.misfit(end.z) for end in ends]):
+        start, *others = others
+        ends.append(go(space, start, settings.fit_iterations))
+    best = min(ends, key=lambda end: problem.misfit(end.z))
+    evidence.calibrate(best.point)
+    return go(space, best.p, 4 * settings.fit_iterations)
+
+
+def choices(laws: Sequence[Effect]) -> list[tuple[Effect, ...]]:
+    """The laws with those that replace another, and, if there are such, without them."""
+    added = tuple(e for e in laws if any(q.strength for q in e.parameters))
+    return [tuple(laws), added] if 0 < len(added) < len(laws) else [tuple(laws)]
+
+
+def _renewing(problem: Problem, space: Space, start: Array, iterations: int) -> FitSteps:
+    return fitting(
+        problem,
+        space,
+        start,
+        iterations=iterations,
+        refresh_theta=True,
+        tolerance=2.0,
+        squares=True,
+        rough=True,
+        steady=True,
+        renew=True,
+    )
 
 
 def _two_agree(misfits: Sequence[float]) -> bool:

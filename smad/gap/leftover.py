@@ -2,7 +2,9 @@
 
 `python -m smad.gap.leftover FOLDER…`: each folder holds the known-good runs of one bench as
 good-*.parquet (as a case of a bank does). Prints the root mean square of the residual of each local
-output, in its unit, after the fit of parameters and baseline.
+output, in its unit, after the fit of parameters and baseline. Where the folder holds run-*.parquet
+too, a second line tells what the same fit leaves of those, which it has not seen: of a bench that
+has not changed, that is the background which an effect has to stand out of.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ import numpy as np
 from smad.gap.admission import admit
 from smad.gap.check.bank import read_columns
 from smad.gap.errors import GapError
-from smad.gap.plant import Effect
+from smad.gap.plant import Array, Effect
+from smad.gap.replay import Evidence, local_views
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
@@ -39,18 +42,52 @@ class Lawless(SmaPlant):
         return tuple(replace(e, law=False) for e in own if e.name != "cooling_front")
 
 
-def leftover(runs: Sequence[GapRun], plant: SmaPlant) -> dict[str, float]:
-    """RMS residual of each channel over the good runs, in channel units, by channel."""
+@dataclass(frozen=True)
+class PapersKinetics(SmaPlant):
+    """The same plant without the law of phase change that replaces the paper's."""
+
+    @cached_property
+    def effects(self) -> Sequence[Effect]:
+        own = SmaPlant(self.parameter_set, self.variant).effects
+        return tuple(e for e in own if e.name != "unified_kinetics")
+
+
+LIBRARIES: dict[str, SmaPlant] = {
+    "without laws": Lawless(),
+    "paper's kinetics": PapersKinetics(),
+    "with laws": SmaPlant(),
+}
+
+
+def leftover(
+    runs: Sequence[GapRun], plant: SmaPlant, others: Sequence[GapRun] = ()
+) -> list[dict[str, float]]:
+    """RMS residual of each channel, in channel units, by channel: of the good runs, and of others.
+
+    The second is there only with `others`, runs that nothing is fitted to.
+    """
     settings = Settings()
+    admitted = _admitted(runs, plant, settings)
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        fit = known_good(admitted, plant, settings, executor=pool).fit
+        out = [_left(fit.problem.evidence, fit.predicted)]
+        if others:
+            unseen = _admitted(others, plant, settings)
+            evidence = Evidence(plant, unseen, local_views(plant), settings, pool, fast=False)
+            out.append(_left(evidence, evidence.predict([fit.point])[0]))
+    return out
+
+
+def _admitted(runs: Sequence[GapRun], plant: SmaPlant, settings: Settings) -> Sequence[GapRun]:
     admission = admit(runs, plant, settings)
-    admitted = admission.admitted
-    if not admitted:
+    if not admission.admitted:
         reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings)
         raise GapError("no good run can be used", value=reasons or "no run")
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        background = known_good(admitted, plant, settings, executor=pool)
-    evidence = background.fit.problem.evidence
-    residual = evidence.residual(background.fit.predicted)
+    return admission.admitted
+
+
+def _left(evidence: Evidence, predicted: Array) -> dict[str, float]:
+    residual = evidence.residual(predicted)
     out = {}
     for segment in evidence.segments:
         if segment.view != "phase":
@@ -61,21 +98,25 @@ def leftover(runs: Sequence[GapRun], plant: SmaPlant) -> dict[str, float]:
     return out
 
 
+def _runs(folder: str, pattern: str) -> list[GapRun]:
+    return [run_from_columns(p.stem, read_columns(p)) for p in sorted(Path(folder).glob(pattern))]
+
+
 def main(folders: Sequence[str]) -> None:
-    """Prints one line for each folder and library."""
+    """Prints one line, or two, for each folder and library."""
     if not folders:
         raise SystemExit("give folders with good-*.parquet, such as BANK/cases/case-001")
-    print(f"{'':24s}{'library':14s}" + "".join(f"{name:>17s}" for name in SHOWN))
+    print(f"{'':14s}{'library':18s}{'of':7s}" + "".join(f"{name:>17s}" for name in SHOWN))
     for folder in folders:
-        files = sorted(Path(folder).glob("good-*.parquet"))
-        runs = [run_from_columns(p.stem, read_columns(p)) for p in files]
-        for name, plant in (("without laws", Lawless()), ("with laws", SmaPlant())):
+        good, others = _runs(folder, "good-*.parquet"), _runs(folder, "run-*.parquet")
+        for name, plant in LIBRARIES.items():
             try:
-                left = leftover(runs, plant)
+                left = leftover(good, plant, others)
             except GapError as error:
                 raise SystemExit(f"{folder}: {error}") from None
-            row = "".join(f"{left.get(c, float('nan')):17.4f}" for c in SHOWN)
-            print(f"{Path(folder).name:24s}{name:14s}{row}", flush=True)
+            for of, values in zip(("good", "others"), left, strict=False):
+                row = "".join(f"{values.get(c, float('nan')):17.4f}" for c in SHOWN)
+                print(f"{Path(folder).name:14s}{name:18s}{of:7s}{row}", flush=True)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -163,8 +163,15 @@ class Selector:
             self.progress(f"screening for effect {len(steps) + 1}")
             ranked, candidates = self._level(current, first_level=not steps)
             first = first or ranked
+            chosen = self._first(candidates)
+            if chosen is not None:
+                current, candidates = self._on_equal_terms(current, chosen, candidates)
+                if steps:
+                    steps[-1] = current
+                else:
+                    base = current
+                chosen = self._first(candidates)
             tried += candidates
-            chosen = next((c for c in candidates if self._enters(c)), None)
             if chosen is None:
                 break
             rivals_at.append([c for c in candidates if c is not chosen])
@@ -207,7 +214,7 @@ class Selector:
         """Candidates with their gains over `before`, best first."""
         judged = judge([j.fit for j in joints], self.hold)
         out = [self._candidate(before, j, v) for j, v in zip(joints, judged, strict=True)]
-        return sorted(out, key=lambda c: (-c.gain, c.names))
+        return sorted(out, key=_best_first)
 
     def _candidate(self, before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
         gain, se = cluster_gain(
@@ -230,6 +237,25 @@ class Selector:
             before.judged.excess(list(touched)),
             float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
         )
+
+    def _first(self, candidates: Sequence[Candidate]) -> Candidate | None:
+        return next((c for c in candidates if self._enters(c)), None)
+
+    def _on_equal_terms(
+        self, before: Candidate, chosen: Candidate, candidates: list[Candidate]
+    ) -> tuple[Candidate, list[Candidate]]:
+        """The model before, refitted from where a candidate has taken its parameters.
+
+        A candidate's fit goes on where the other had ended. What it gains because the parameters
+        have come to a better place is not its effect's: if the model before does better from there,
+        too, that is what all candidates are compared with.
+        """
+        joint = self._refitted(chosen, before.fit.space.effects)
+        if joint.fit.objective >= before.fit.objective:
+            return before, candidates
+        fairer = replace(before, joint=joint, judged=judge([joint.fit], self.hold)[0])
+        again = [self._candidate(fairer, c.joint, c.judged) for c in candidates]
+        return fairer, sorted(again, key=_best_first)
 
     def _enters(self, c: Candidate) -> bool:
         return acceptable(c, self.settings, tied=self.tied) and self.is_new(c)
@@ -312,6 +338,10 @@ class Selector:
         posterior = np.exp(total)
         posterior /= posterior.sum(axis=1, keepdims=True)
         return dict(zip(names, posterior.mean(axis=0).tolist(), strict=True))
+
+
+def _best_first(c: Candidate) -> tuple[float, tuple[str, ...]]:
+    return -c.gain, c.names
 
 
 def _differing(model: Candidate, other: Candidate) -> str:

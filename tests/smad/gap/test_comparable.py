@@ -12,6 +12,7 @@ from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import ModelPoint
 from smad.gap.recorded import recorded as bench_recorded
 from smad.gap.replay import Detail, Evidence, local_views
+from smad.gap.select import Selection, Selector
 from smad.gap.sma import SmaPlant
 from smad.gap.space import Space
 from smad.gap.stages import Prepared, prepare
@@ -41,6 +42,25 @@ def test_runs_held_out_are_judged_in_full_detail(prepared: Prepared) -> None:
     (judged,) = judge([prepared.fit], prepared.hold)
     fine = prepared.hold.evidence.predict([prepared.fit.point], detail=Detail.FINE)[0]
     assert np.array_equal(judged.held, fine)
+
+
+def test_what_the_parameters_had_left_undone_is_no_effects_gain(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    quiet = prepare(bank(OTHER)[:3], HeaterPlant(), QUICK, good=bank(OTHER, seed=40)[:3])
+    assert quiet.tied is not None
+    ended = quiet.tied
+    aside = ended.p + np.where(np.arange(ended.space.size) < 3, 0.6, 0.0)
+    half = fitting(quiet.problem, ended.space, aside, theta_A=ended.A, iterations=-3)
+    refit = drive(quiet.problem.evidence, [half])[0]
+    assert refit.objective > ended.objective + 50.0
+
+    def answer() -> Selection:
+        return Selector(refit, None, EFFECTS, quiet.null).run()
+
+    assert answer().best.names == ()
+    monkeypatch.setattr(Selector, "_on_equal_terms", lambda self, b, chosen, c: (b, c))
+    assert answer().best.names != ()
 
 
 def _bench_fit() -> Fitted:

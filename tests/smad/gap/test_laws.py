@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from smad.gap import Settings, diagnose
+from smad.gap.baseline import choices
 from smad.gap.leftover import Lawless, leftover, main
-from smad.gap.plant import ModelPoint
+from smad.gap.plant import Effect, EffectParameter, ModelPoint
 from smad.gap.recorded import recorded
 from smad.gap.replay import Grid, thinned
 from smad.gap.sma import SmaPlant
@@ -81,8 +82,22 @@ def test_the_model_with_laws_leaves_less_of_a_bench_with_a_cooling_front() -> No
         recorded(f, SmaPlant(), bench, 3 + i, duration_s=40.0)
         for i, f in enumerate(("mixed", "repeats"))
     ]
-    with_laws, without = leftover(good, SmaPlant()), leftover(good, Lawless())
+    (with_laws, unseen), (without,) = leftover(good, SmaPlant(), good), leftover(good, Lawless())
+    assert unseen["rtd_x_degC"] < 1.5 * with_laws["rtd_x_degC"]  # here the runs it was fitted to
     assert with_laws["rtd_x_degC"] < 0.5 * without["rtd_x_degC"]
+
+
+def test_a_law_that_replaces_another_is_tried_both_ways() -> None:
+    def law(name: str, *, strength: bool) -> Effect:
+        q = EffectParameter("q", "1", 1.0, 0.0, 2.0, strength=strength)
+        return Effect(name, name, "phase", (q,), ("force_N",), law=True)
+
+    added, other = law("added", strength=True), law("other", strength=False)
+    assert choices([added]) == [(added,)]
+    assert choices([added, other]) == [(added, other), (added,)]
+    switch = next(e for e in SmaPlant().effects if e.name == "unified_kinetics")
+    assert switch.law
+    assert [q.name for q in switch.parameters if q.strength] == []
 
 
 def test_leftover_asks_for_a_folder() -> None:
