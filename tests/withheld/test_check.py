@@ -36,7 +36,9 @@ from tests.withheld.second_pass import entries
 RUN_S = 24.0
 LIBRARY = ("rtd_offset", "flow_shortfall")
 QUICK = How(
-    settings=Settings(bootstrap=100, survivors=3, baseline_rounds=0),
+    settings=Settings(
+        bootstrap=100, survivors=3, baseline_rounds=0, law_starts=0, fit_iterations=3
+    ),
     effects=LIBRARY,
 )
 CASES = (
