@@ -37,7 +37,15 @@ RUN_S = 24.0
 LIBRARY = ("rtd_offset", "flow_shortfall")
 QUICK = How(
     settings=Settings(
-        bootstrap=100, survivors=3, baseline_rounds=0, law_starts=0, fit_iterations=3
+        bootstrap=100,
+        survivors=2,
+        starts=1,
+        longer_fits=2,
+        max_effects=1,
+        baseline_rounds=0,
+        law_starts=0,
+        fit_iterations=2,
+        refit_iterations=2,
     ),
     effects=LIBRARY,
 )

@@ -31,7 +31,7 @@ from tests.withheld.wire_board import WireBoard
 SEED = 5
 LONGEST_S = 36.0
 LIBRARY = ("rtd_lag", "driver_gain", "flow_shortfall")
-QUICK = Settings(bootstrap=100, survivors=3, baseline_rounds=0, law_starts=0)
+QUICK = Settings(bootstrap=100, survivors=3, baseline_rounds=0)
 
 
 class Lent:
