@@ -17,7 +17,7 @@ import numpy as np
 
 from smad.gap.fit import polished
 from smad.gap.judge import judge
-from smad.gap.lsq import FitSteps, Fitted, Problem, drive, fitting
+from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import Array, Effect, Parameter
 from smad.gap.refit import refit
 from smad.gap.screen import Screened, probe, reprobe, screen
@@ -72,19 +72,32 @@ def with_laws(
         return refit(problem, parameters, squares=True)
     evidence, settings = problem.evidence, problem.evidence.settings
 
+    def begin(space: Space) -> Array:
+        return space.start({e.name: e.at(_LAW_START) for e in space.effects})
+
     def go(space: Space, start: Array, iterations: int) -> Fitted:
-        return drive(evidence, [_renewing(problem, space, start, iterations)])[0]
+        steps = fitting(
+            problem,
+            space,
+            start,
+            iterations=iterations,
+            refresh_theta=True,
+            tolerance=2.0,
+            squares=True,
+            rough=True,
+            steady=True,
+            renew=True,
+        )
+        return drive(evidence, [steps])[0]
 
     ends = []
     for chosen in choices(laws):
         space = Space(tuple(parameters), chosen)
-        first = space.start({e.name: e.at(_LAW_START) for e in chosen})
-        evidence.calibrate(space.point(first))
-        ends.append(go(space, first, settings.fit_iterations))
+        evidence.calibrate(space.point(begin(space)))
+        ends.append(go(space, begin(space), settings.fit_iterations))
     best = min(ends, key=lambda end: problem.misfit(end.z))
     space, ends = best.space, [best]
-    first = space.start({e.name: e.at(_LAW_START) for e in space.effects})
-    others = other_starts(space, first, settings.law_starts, settings.seed)
+    others = other_starts(space, begin(space), settings.law_starts, settings.seed)
     while others and not _two_agree([problem.misfit(end.z) for end in ends]):
         start, *others = others
         ends.append(go(space, start, settings.fit_iterations))
@@ -97,21 +110,6 @@ def choices(laws: Sequence[Effect]) -> list[tuple[Effect, ...]]:
     """The laws with those that replace another, and, if there are such, without them."""
     added = tuple(e for e in laws if any(q.strength for q in e.parameters))
     return [tuple(laws), added] if 0 < len(added) < len(laws) else [tuple(laws)]
-
-
-def _renewing(problem: Problem, space: Space, start: Array, iterations: int) -> FitSteps:
-    return fitting(
-        problem,
-        space,
-        start,
-        iterations=iterations,
-        refresh_theta=True,
-        tolerance=2.0,
-        squares=True,
-        rough=True,
-        steady=True,
-        renew=True,
-    )
 
 
 def _two_agree(misfits: Sequence[float]) -> bool:

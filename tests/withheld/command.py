@@ -26,16 +26,15 @@ def _make(options: argparse.Namespace) -> None:
     print(f"SHA-256 of the key  {sha256}")
 
 
+def _places(options: argparse.Namespace) -> tuple[Path, Path, Path, Path]:
+    """Verdicts, key and bank of a second pass, and where its answer goes."""
+    return Path(options.verdicts), Path(options.key), Path(options.bank), Path(options.out)
+
+
 def _best_entry(options: argparse.Namespace) -> None:
     from tests.withheld.best_entry import run
 
-    run(
-        Path(options.verdicts),
-        Path(options.key),
-        Path(options.bank),
-        Path(options.out),
-        jobs=options.jobs,
-    )
+    run(*_places(options), jobs=options.jobs)
 
 
 def _after_next(options: argparse.Namespace) -> None:
@@ -53,10 +52,7 @@ def _why(options: argparse.Namespace) -> None:
     from tests.withheld.why import run
 
     run(
-        Path(options.verdicts),
-        Path(options.key),
-        Path(options.bank),
-        Path(options.out),
+        *_places(options),
         jobs=options.jobs,
         cases=[c for c in options.cases.split(",") if c],
         everything=options.all,
