@@ -173,8 +173,9 @@ def initial_state(
         spring[k.S_B] = k.progress_b(start, tau, p)
         spring[k.S_C] = k.progress_c(start, p)
         if e[k.E_UNIFIED] > 0.0:
-            spring[k.S_A] = k.heating_progress(start, tau, p)
-            spring[k.S_C] = k.cooling_progress(start, tau, p)
+            hot, cold = k.starts(tau, p)
+            spring[k.S_A] = k.heating_progress(start, hot, p)
+            spring[k.S_C] = k.cooling_progress(start, cold, p)
             spring[k.S_LEG] = spring[k.S_XI_LEG] = 1.0
             spring[k.S_HOT : k.S_HOT + 3 : 2] = k.PROGRESS_HIGH
             spring[k.S_COLD : k.S_COLD + 3 : 2] = k.PROGRESS_HIGH

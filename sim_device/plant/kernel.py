@@ -227,6 +227,13 @@ E_MEMORY = 58
 E_UNIFIED = 59
 E_TAILS = 60
 EFFECTS_SIZE = 61
+# unified_kinetics: behind the slots lie its two outer curves, for heating and for cooling, as value
+# and slope (per cell) at even steps of the progress from PROGRESS_LOW on. See `lay_curves`.
+CURVE_CELLS_PER_UNIT = 128
+CURVE_SIZE = 2 * (3 * CURVE_CELLS_PER_UNIT + 1)
+E_HEATING = EFFECTS_SIZE
+E_COOLING = E_HEATING + CURVE_SIZE
+UNIFIED_SIZE = E_COOLING + CURVE_SIZE
 
 # Scratch of one substep, one part for each spring.
 W_T_STAR = 0  # end temperature if no fraction changed
@@ -263,6 +270,10 @@ W_LEAVES = 30  # how much warmer than the mean the water leaves, K
 W_CELL_H = 31  # W_LAM_H and W_LAM_C of the cells, where the mean's are fed
 W_CELL_C = 32
 W_WARMER = 33  # mean of the water over the inlet, K
+# unified_kinetics, in the same places: the outer curve at the furthest progress of heating and at
+# its two turns, then of cooling, negative until needed.
+W_OUTER_HOT = W_FA
+W_OUTER_COLD = W_HOT
 # W_FA to W_XT once more for each cell.
 W_KINETICS = 9
 W_CELLS = 34
@@ -305,8 +316,8 @@ NOT_FINITE = 2
 
 HALF_PI = 0.5 * math.pi
 SIXTH = 1.0 / 6.0
-T_TOLERANCE = 1e-9
-DELTA_TOLERANCE = 1e-12
+T_TOLERANCE = 1e-8
+DELTA_TOLERANCE = 1e-10
 ITERATIONS = 200
 JOINT_STEPS = 4  # of force and temperatures together
 NEWTON_STEPS = 30  # before a bracket is only halved
@@ -644,30 +655,69 @@ def tailed(progress: float, e: Array) -> tuple[float, float]:
 
 
 @inlined
-def outer(progress: float, spread: float, e: Array) -> tuple[float, float]:
-    """The outer curve and its slope; with `spread` as `remaining_spread`."""
-    left, slope = tailed(progress, e)
-    if spread > 0.0:
+def lay_curves(p: Array, e: Array) -> None:
+    """Fill in the outer curves of `e`; that of heating with `spread` as `remaining_spread`."""
+    spread = e[E_SPREAD] * p[P_A_INV]
+    for cell in range(3 * CURVE_CELLS_PER_UNIT + 1):
+        progress = PROGRESS_LOW + cell / CURVE_CELLS_PER_UNIT
+        left, slope = tailed(progress, e)
+        e[E_COOLING + 2 * cell] = left
+        e[E_COOLING + 2 * cell + 1] = slope / CURVE_CELLS_PER_UNIT
         early, early_slope = tailed(progress - spread, e)
         late, late_slope = tailed(progress + spread, e)
         left = 0.5 * left + 0.25 * (early + late)
         slope = 0.5 * slope + 0.25 * (early_slope + late_slope)
+        e[E_HEATING + 2 * cell] = left
+        e[E_HEATING + 2 * cell + 1] = slope / CURVE_CELLS_PER_UNIT
+
+
+@inlined
+def outer(progress: float, curve: int, e: Array) -> tuple[float, float]:
+    """The outer curve that lies at `curve`, and its slope: cubic between the steps, to 1e-7."""
+    where = (progress - PROGRESS_LOW) * CURVE_CELLS_PER_UNIT
+    cell = min(int(where), 3 * CURVE_CELLS_PER_UNIT - 1)
+    x = where - cell
+    at = curve + 2 * cell
+    first = e[at + 1]
+    rise = e[at + 2] - e[at]
+    bend = 3.0 * rise - 2.0 * first - e[at + 3]
+    twist = first + e[at + 3] - 2.0 * rise
+    left = e[at] + x * (first + x * (bend + x * twist))
+    slope = (first + x * (2.0 * bend + x * 3.0 * twist)) * CURVE_CELLS_PER_UNIT
     return left, slope
 
 
 @inlined
+def outer_before(progress: float, w: Array, memory: int, curve: int, e: Array) -> float:
+    """The outer curve where a leg began or turned, worked out once in a substep when needed."""
+    if w[memory] < 0.0:
+        w[memory] = outer(progress, curve, e)[0]
+    return float(w[memory])
+
+
+@inlined
 def branch(
-    now: float, x: float, s: Array, e: Array, far: int, turned: int, other: int, spread: float
+    now: float,
+    x: float,
+    s: Array,
+    w: Array,
+    e: Array,
+    far: int,
+    turned: int,
+    other: int,
+    memory: int,
+    curve: int,
 ) -> tuple[float, float]:
     """What is left of a fraction `x` at progress `now`, and its slope.
 
     The outer curve, scaled to pass through `x` at the furthest progress so far (slot `far`) and
     through the points where such legs turned before (from slot `turned` on). Effect minor_loop:
     `kappa` as in `minor`, the share that had not transformed when this leg began being in slot
-    `other`; and the share `memory` of it rests until the outer curve itself is reached.
+    `other`; and a share of it rests until the outer curve itself is reached. The outer curve at
+    the start and at the turns rests within a substep and is kept in `w` from slot `memory` on.
     """
-    begin = outer(s[far], spread, e)[0]
-    now_left, now_slope = outer(now, spread, e)
+    begin = outer_before(s[far], w, memory, curve, e)
+    now_left, now_slope = outer(now, curve, e)
     start = x
     left = 0.0
     slope = 0.0
@@ -676,7 +726,7 @@ def branch(
         point = s[turned + 2 * level]
         value = s[turned + 2 * level + 1]
         if not arrived and s[far] < point < PROGRESS_HIGH and x > value:
-            target = outer(point, spread, e)[0]
+            target = outer_before(point, w, memory + 1 + level, curve, e)
             if begin > target:
                 if now < point:
                     share = (x - value) / (begin - target)
@@ -701,38 +751,60 @@ def branch(
 
 
 @inlined
-def heating_progress(T: float, tau: float, p: Array) -> float:
-    return held((T - p[P_A_S] - tau * p[P_C_A_INV]) * p[P_A_INV])
+def starts(tau: float, p: Array) -> tuple[float, float]:
+    """Where heating and cooling begin to transform at a stress, K. M_S is at the mount's stress."""
+    cold = p[P_M_S] + (tau - p[P_C1] * p[P_F0]) / p[P_C_M]
+    return p[P_A_S] + tau * p[P_C_A_INV], cold
 
 
 @inlined
-def cooling_progress(T: float, tau: float, p: Array) -> float:
-    """M_S and M_F are those at the mount's stress."""
-    start = p[P_M_S] + (tau - p[P_C1] * p[P_F0]) / p[P_C_M]
-    return held((start - T) * p[P_M_INV])
+def heating_progress(T: float, hot: float, p: Array) -> float:
+    return held((T - hot) * p[P_A_INV])
+
+
+@inlined
+def cooling_progress(T: float, cold: float, p: Array) -> float:
+    return held((cold - T) * p[P_M_INV])
+
+
+@inlined
+def turned_by(tau: float, p: Array) -> tuple[float, float]:
+    """How much of all martensite a stress turns, f(b) of Eq. (12), and its slope with the force."""
+    left = remaining(clip01((tau - p[P_TAU_S]) * p[P_TAU_INV]))
+    return 1.0 - left, -remaining_slope(left) * p[P_TAU_INV] * p[P_C1]
 
 
 @inlined
 def unified(
-    T_wire: float, F: float, s: Array, w: Array, p: Array, e: Array, o: int
+    T_wire: float,
+    hot: float,
+    cold: float,
+    turned: float,
+    turned_F: float,
+    s: Array,
+    w: Array,
+    p: Array,
+    e: Array,
+    o: int,
+    q: int,
 ) -> tuple[float, float, float, float, float, float]:
     """As `transform`, by effect unified_kinetics.
 
-    Stress shifts both transformations along their own lines; what forms is turned, and what is
-    there is turned further, as far as the stress goes by f(b) of Eq. (12).
+    Stress shifts both transformations along their own lines, to begin at `hot` and at `cold`; what
+    forms is turned, and what is there is turned further, to the share `turned`.
     """
     T = T_wire - w[W_SHIFT]
-    tau = p[P_C1] * F
     xs = s[S_XS + o]
     xi = xs + s[S_XT + o]
     xi_T = 0.0
     xi_F = 0.0
     xs_T = 0.0
     xs_F = 0.0
-    a = heating_progress(T, tau, p)
+    a = heating_progress(T, hot, p)
     if a > s[S_A + o] and xi > 0.0:
-        spread = e[E_SPREAD] * p[P_A_INV]
-        left, slope = branch(a, xi, s, e, S_A + o, S_HOT + o, S_COLD + o, spread)
+        left, slope = branch(
+            a, xi, s, w, e, S_A + o, S_HOT + o, S_COLD + o, W_OUTER_HOT + q, E_HEATING
+        )
         if left < xi:
             share = xs / xi
             xi_T = slope * p[P_A_INV]
@@ -741,12 +813,11 @@ def unified(
             xs_F = share * xi_F
             xs = share * left
             xi = left
-    b_left = remaining(clip01((tau - p[P_TAU_S]) * p[P_TAU_INV]))
-    turned = 1.0 - b_left
-    turned_F = -remaining_slope(b_left) * p[P_TAU_INV] * p[P_C1]
-    c = cooling_progress(T, tau, p)
+    c = cooling_progress(T, cold, p)
     if c > s[S_C + o] and xi < 1.0:
-        left, slope = branch(c, 1.0 - xi, s, e, S_C + o, S_COLD + o, S_HOT + o, 0.0)
+        left, slope = branch(
+            c, 1.0 - xi, s, w, e, S_C + o, S_COLD + o, S_HOT + o, W_OUTER_COLD + q, E_COOLING
+        )
         more = 1.0 - left - xi
         if more > 0.0:
             xi_T = slope * p[P_M_INV]
@@ -856,11 +927,15 @@ def transform_all(
     Leaves the fractions of the cells in the scratch.
     """
     cells = cells_of(e)
+    hot = cold = turned = turned_F = 0.0
+    if e[E_UNIFIED] > 0.0:
+        hot, cold = starts(p[P_C1] * F, p)
+        turned, turned_F = turned_by(p[P_C1] * F, p)
     xs = xt = xi_T = xi_F = xs_T = xs_F = 0.0
     for i in range(cells):
         o, q, off = cell_at(i, cells, s, e)
         if e[E_UNIFIED] > 0.0:
-            own = unified(T + off, F, s, w, p, e, o)
+            own = unified(T + off, hot, cold, turned, turned_F, s, w, p, e, o, q)
         else:
             own = transform(T + off, F, s, w, p, e, o, q)
         w[W_XS + q] = own[0]
@@ -1300,6 +1375,10 @@ def prepare(s: Array, w: Array, p: Array, e: Array, dt: float) -> None:
         w[W_FA + q] = -1.0
         w[W_FB + q] = -1.0
         w[W_FC + q] = -1.0
+        if e[E_UNIFIED] > 0.0:
+            for turn in range(3):
+                w[W_OUTER_COLD + turn + q] = -1.0
+            continue
         start = s[S_T] + off - w[W_SHIFT] - p[P_M_S]
         end = w[W_GUESS] + off - w[W_SHIFT] - p[P_M_S]
         w[W_HOT + q] = 1.0 if start > 0.0 else 0.0
@@ -1447,8 +1526,9 @@ def remember(s: Array, w: Array, p: Array, e: Array, change: float, F_phase: flo
         s[S_CELL + i] += (w[W_CELL_H] if own < 0.0 else w[W_CELL_C]) * (own - change)
         T = w[W_GUESS] + off - w[W_SHIFT]
         if e[E_UNIFIED] > 0.0:
-            a = heating_progress(T, tau, p)
-            keep_legs(s, o, xi_old + own, a, cooling_progress(T, tau, p))
+            hot, cold = starts(tau, p)
+            a = heating_progress(T, hot, p)
+            keep_legs(s, o, xi_old + own, a, cooling_progress(T, cold, p))
             continue
         s[S_A + o] = progress_a(T, tau, p, e[E_SPREAD] * p[P_A_INV])
         s[S_B + o] = progress_b(T, tau, p)

@@ -198,10 +198,24 @@ class Replay:
         temperature_K: float | None = None,
     ) -> dict[str, Array]:
         """One replay; arguments and result as of `simulate`. Safe to call from several threads."""
+        return self.run_setup(
+            self.setup(parameters, effects), dt_s=dt_s, temperature_K=temperature_K
+        )
+
+    def setup(self, parameters: ParameterSet, effects: EffectValues = _NO_EFFECTS) -> Setup:
+        """What the kernel needs of parameters and effects; serves any replay of the same options.
+
+        Raises EffectError and ModelError.
+        """
+        return Setup.make(parameters, effects=effects, **self._options)
+
+    def run_setup(
+        self, setup: Setup, *, dt_s: float = DEFAULT_STEP_S, temperature_K: float | None = None
+    ) -> dict[str, Array]:
+        """As `run`, with a setup that has been made already."""
         if not 0.0 < dt_s < math.inf:
             raise InputError(f"dt_s = {dt_s} s; a substep must be positive and finite")
-        setup = Setup.make(parameters, effects=effects, **self._options)
-        env = self.inputs.environment(parameters)
+        env = self.inputs.environment(setup.parameters)
         if temperature_K is None:
             temperature_K = float(env[0, 0 if setup.p[k.P_WET] > 0.0 else 1])
         state = setup.state(temperature_K)

@@ -47,6 +47,9 @@ class Setup:
         check_needs(resolved, {"variant": variant, "fixture": fixture, "cooling": cooling})
         e = effect_vector(resolved)
         apply_warming(p, e)
+        if e[k.E_UNIFIED] > 0.0:
+            e = np.concatenate([e, np.zeros(k.UNIFIED_SIZE - k.EFFECTS_SIZE)])
+            k.lay_curves(p, e)
         return cls(parameters, resolved, p, e, table_of(variant))
 
     def film_W_per_m_K(self, wire_K: float, water_K: float, duty: float) -> float:

@@ -15,11 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from smad.gap.descent import descent
 from smad.gap.fit import polished
 from smad.gap.judge import judge
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import Array, Effect, Parameter
 from smad.gap.refit import refit
+from smad.gap.replay import Detail
 from smad.gap.screen import Screened, probe, reprobe, screen
 from smad.gap.select import cluster_gain
 from smad.gap.space import Space
@@ -51,7 +53,6 @@ def learn_baseline(
             break
         current = entered
         progress("baseline: " + ", ".join(e.name for e in current.space.effects))
-    current = polished(current)
     current.problem.evidence.calibrate(current.point)
     return frozen(polished(current))
 
@@ -65,7 +66,8 @@ def with_laws(
     parameters at their nominal values: fitted alone, they would stand for the laws. A law without
     a strength replaces another; the fit goes on with it or without, whichever comes further. So
     many coordinates have more than one minimum: other starts about the first are followed some
-    way, one by one, until two of all come down to the same misfit; the best goes on to its end.
+    way, coarsely, one by one, until two of all come down to the same misfit; the best goes on to
+    its end.
     """
     laws = tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
     if not laws:
@@ -75,35 +77,29 @@ def with_laws(
     def begin(space: Space) -> Array:
         return space.start({e.name: e.at(_LAW_START) for e in space.effects})
 
-    def go(space: Space, start: Array, iterations: int) -> Fitted:
-        steps = fitting(
-            problem,
-            space,
-            start,
-            iterations=iterations,
-            refresh_theta=True,
-            tolerance=2.0,
-            squares=True,
-            rough=True,
-            steady=True,
-            renew=True,
-        )
+    def go(space: Space, start: Array, rounds: int, detail: Detail) -> Fitted:
+        evidence.calibrate(space.point(start))
+        steps = descent(problem, space, start, rounds=rounds, detail=detail)
         return drive(evidence, [steps])[0]
+
+    def misfit(end: Fitted) -> float:
+        # In full detail, since each fit went by a calibration of its own.
+        return problem.misfit(problem.white(evidence.predict([end.point], detail=Detail.FINE)[0]))
 
     ends = []
     for chosen in choices(laws):
         space = Space(tuple(parameters), chosen)
-        evidence.calibrate(space.point(begin(space)))
-        ends.append(go(space, begin(space), settings.fit_iterations))
-    best = min(ends, key=lambda end: problem.misfit(end.z))
-    space, ends = best.space, [best]
+        ends.append(go(space, begin(space), settings.law_rounds, Detail.COARSE))
+    misfits = [misfit(end) for end in ends]
+    best = ends[int(np.argmin(misfits))]
+    space, ends, misfits = best.space, [best], [min(misfits)]
     others = other_starts(space, begin(space), settings.law_starts, settings.seed)
-    while others and not _two_agree([problem.misfit(end.z) for end in ends]):
+    while others and not _two_agree(misfits):
         start, *others = others
-        ends.append(go(space, start, settings.fit_iterations))
-    best = min(ends, key=lambda end: problem.misfit(end.z))
-    evidence.calibrate(best.point)
-    return go(space, best.p, 4 * settings.fit_iterations)
+        ends.append(go(space, start, settings.law_rounds, Detail.COARSE))
+        misfits.append(misfit(ends[-1]))
+    best = ends[int(np.argmin(misfits))]
+    return go(space, best.p, settings.law_rounds_last, Detail.ROUGH)
 
 
 def choices(laws: Sequence[Effect]) -> list[tuple[Effect, ...]]:

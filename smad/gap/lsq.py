@@ -226,7 +226,6 @@ def fitting(
     squares: bool = False,
     rough: bool = False,
     steady: bool = False,
-    renew: bool = False,
 ) -> FitSteps:
     """Steps of a fit from `start`; returns a `Fitted`.
 
@@ -234,9 +233,7 @@ def fitting(
     `refresh_theta`, they are computed, and renewed after some iterations. In between they follow by
     Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values
     given (a profile). `squares` keeps the floor as large as the misfit: least squares to the end.
-    With `steady` the sensitivities of the effects are treated as those of the parameters are. With
-    `renew` all of them are computed anew for every step: dear, but where much is to be moved at
-    once, what Broyden's rule makes of a hysteretic replay stops a fit half way.
+    With `steady` the sensitivities of the effects are treated as those of the parameters are.
 
     Sensitivities of the model parameters come from rough replays. With `rough` the whole fit does;
     its end is replayed in detail.
@@ -265,7 +262,7 @@ def fitting(
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(z))
         best = objective(problem, space, p, z, heat)
-        fresh = stuck or iteration in _RENEWALS or (renew and iteration > 0)
+        fresh = stuck or iteration in _RENEWALS
         if refresh_theta and fresh and own:
             A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
             count += len(own)
@@ -288,7 +285,7 @@ def fitting(
             count += 1
             z_trial = problem.white(trial)
             value = objective(problem, space, p + step, z_trial, heat)
-            if follow and _teaches(problem, step, trial, detail):
+            if follow and teaches(problem, step, trial, detail):
                 A[:, follow] += np.outer(
                     (z - z_trial) - A @ step.astype(np.float32), step[follow] / (step @ step)
                 ).astype(np.float32)
@@ -308,13 +305,19 @@ def fitting(
         count += 1
         z = problem.white(predicted)
     best = objective(problem, space, p, z)
+    return Fitted(problem, space, p, predicted, z, A, best, count, edges(space, p))
+
+
+def edges(space: Space, p: Array) -> tuple[bool, ...]:
+    """Which coordinates stand at a bound; an effect that is absent does not."""
+    lo, hi = space.bounds()
     edge = 1e-6 * np.maximum(1.0, hi - lo)
     off = np.array([i >= space.n_theta for i in range(space.size)]) & (np.abs(p) < 1e-9)
     at_bound = ((p <= lo + edge) | (p >= hi - edge)) & ~off
-    return Fitted(problem, space, p, predicted, z, A, best, count, tuple(at_bound.tolist()))
+    return tuple(at_bound.tolist())
 
 
-def _teaches(problem: Problem, step: Array, trial: Array, detail: Detail | None) -> bool:
+def teaches(problem: Problem, step: Array, trial: Array, detail: Detail | None) -> bool:
     """Whether a step says something of the slopes.
 
     Over a short one a hysteretic replay shows its roughness, divided by the step; a run that could

@@ -30,15 +30,17 @@ class Detail(Enum):
 
     FINE: every sample, the plant's own step. FAST: samples averaged over a fifth of a bin, and the
     coarser step. ROUGH: averaged over half a bin; slopes within a few per cent, so that it serves
-    for sensitivities and for first rounds, never for a judgement.
+    for sensitivities and for first rounds, never for a judgement. COARSE: over a whole bin, to look
+    where a fit should begin.
     """
 
     FINE = "fine"
     FAST = "fast"
     ROUGH = "rough"
+    COARSE = "coarse"
 
 
-_PIECES = {Detail.FAST: 5, Detail.ROUGH: 2}
+_PIECES = {Detail.FAST: 5, Detail.ROUGH: 2, Detail.COARSE: 1}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +63,13 @@ class Grid:
         t = np.add.reduceat(run.t_s, starts) / size
         return cls(starts, good, share >= 0.5, t)
 
-    def mean(self, column: Array) -> Array:
-        """Mean over the valid samples of each bin; 0 where a bin has none."""
+    def mean(self, columns: Array) -> Array:
+        """Mean over the valid samples of each bin, along the last axis; 0 where it has none."""
         total = np.add.reduceat(self.weight, self.starts)
-        safe = np.where(self.weight > 0, column, 0.0)
-        return np.add.reduceat(safe * self.weight, self.starts) / np.maximum(total, 1e-12)
+        safe = np.where(self.weight > 0, columns, 0.0)
+        return np.asarray(
+            np.add.reduceat(safe * self.weight, self.starts, axis=-1) / np.maximum(total, 1e-12)
+        )
 
     def majority(self, mask: Mask) -> Mask:
         """True where at least half of the samples of a bin are."""
@@ -141,14 +145,12 @@ def simulate_binned(
     any executor can run it.
     """
     out = np.empty((len(points), len(grid.t_s) * len(keys)))
+    names = [key for key, _, _ in keys]
+    low, high = (np.array([[key[i]] for key in keys]) for i in (1, 2))
     for i, point in enumerate(points):
         predicted = plant.simulate(point, run, views, fast=fast)
-        out[i] = np.concatenate(
-            [
-                np.clip(np.nan_to_num(grid.mean(predicted[key]), nan=high), low, high)
-                for key, low, high in keys
-            ]
-        )
+        binned = grid.mean(np.array([predicted[name] for name in names]))
+        out[i] = np.clip(np.where(np.isnan(binned), high, binned), low, high).ravel()
     return out
 
 
@@ -325,7 +327,7 @@ class Evidence:
         if self.detail is Detail.FINE:
             return
         fine = self.predict([point], detail=Detail.FINE)[0]
-        for detail in (Detail.FAST, Detail.ROUGH):
+        for detail in _PIECES:
             self._calibrate(detail, point, fine)
 
     def coarse_error(self, point: ModelPoint, predicted: Array) -> Array:

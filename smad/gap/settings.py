@@ -11,7 +11,8 @@ class Settings:
 
     Sizes: `period_s` of the analysis grid (samples are averaged over it), `block_s` of the cells in
     which the scale of the discrepancy is unknown, `bootstrap` resamples, `starts` of a joint fit,
-    at most `law_starts` of the fit of the laws beside the first, `survivors` of the screening,
+    at most `law_starts` of the fit of the laws beside the first, `law_rounds` of slopes in each of
+    them and `law_rounds_last` in the last one, `survivors` of the screening,
     `max_effects` of the selection, `seed`.
 
     `resolution` is the share of a channel's excursion below which no simulator is trusted: it is
@@ -65,6 +66,8 @@ class Settings:
     short_iterations: int = 1
     longer_fits: int = 4
     law_starts: int = 2
+    law_rounds: int = 4
+    law_rounds_last: int = 8
 
     min_duration_s: float = 8.0
     max_lost_share: float = 0.2

@@ -15,6 +15,7 @@ from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import PlantError, SolverError
 from sim_device.plant.parameters import spring_factors
 from sim_device.plant.replay import Inputs, Replay
+from sim_device.plant.setup import Setup
 from smad.gap import catalogue, sma_signals
 from smad.gap.errors import PlantMismatch
 from smad.gap.plant import (
@@ -309,6 +310,7 @@ class _Passes:
         self.root = {"x": 1.0, "y": (1.0 + point.theta.get("side_resistance", 0.0)) ** 0.5}
         self.set = plant.parameter_set
         self.inputs = _inputs_of(run, self.parameters, self.set, self.root)
+        self.setup: Setup | None = None
 
     def views(self, names: Sequence[str]) -> dict[str, Array]:
         out: dict[str, Array] = {}
@@ -366,8 +368,10 @@ class _Passes:
             if "temperature_K" in feeds:
                 nudged["temperature_K"] = feeds["temperature_K"] + nudge_K
             replay = Replay(self.inputs, variant=self.variant, feeds=nudged, outputs=_KEPT)
+            if self.setup is None:
+                self.setup = replay.setup(self.parameters, self.effects)
             try:
-                return replay.run(self.parameters, self.effects, dt_s=share * self.dt_s)
+                return replay.run_setup(self.setup, dt_s=share * self.dt_s)
             except SolverError as error:
                 failed = error
         raise failed
@@ -386,7 +390,13 @@ class _Passes:
         known = self.kept.get(key)
         if known is None or known[0] is not whole:
             inputs = _inputs_of(whole, self.parameters, self.set, self.root)
-            replay = Replay(inputs, variant=self.variant, outputs=_DRIVER)
+            # A driver knows neither heat nor force: with both given there is little to solve.
+            n = len(whole.t_s)
+            rest = {
+                "temperature_K": np.full((n, 2), self.parameters["water_temperature"]),
+                "force_N": np.full(n, self.parameters["initial_force"]),
+            }
+            replay = Replay(inputs, variant=self.variant, feeds=rest, outputs=_DRIVER)
             known = (whole, replay.run(self.parameters, moving, dt_s=1.5 * whole.dt_s))
             while len(self.kept) >= _MOST_KEPT:
                 self.kept.pop(next(iter(self.kept), key), None)

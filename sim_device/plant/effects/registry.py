@@ -97,12 +97,13 @@ def _number(name: str, key: str, value: object) -> float:
         return math.inf
 
 
-def check_needs(effects: EffectValues, options: Mapping[str, str]) -> None:
+def check_needs(effects: Resolved, options: Mapping[str, str]) -> None:
     """Raise EffectError for an effect that cannot act in a plant with these options.
 
-    options: "variant", "cooling", "fixture". Entries whose strengths are all zero are let pass.
+    effects: as `resolve` gives them. options: "variant", "cooling", "fixture". Entries whose
+    strengths are all zero are let pass.
     """
-    for name, values in resolve(effects).items():
+    for name, values in effects.items():
         entry = effect(name)
         if all(values[known.name] == known.zero for known in entry.parameters if known.is_strength):
             continue
@@ -114,10 +115,10 @@ def check_needs(effects: EffectValues, options: Mapping[str, str]) -> None:
                 )
 
 
-def effect_vector(effects: EffectValues) -> npt.NDArray[np.float64]:
-    """The kernel's effects vector, shape (EFFECTS_SIZE,). All zero without effects."""
+def effect_vector(effects: Resolved) -> npt.NDArray[np.float64]:
+    """The kernel's effects vector of what `resolve` gives, shape (EFFECTS_SIZE,); zero without."""
     vector = np.zeros(k.EFFECTS_SIZE)
-    for name, values in resolve(effects).items():
+    for name, values in effects.items():
         for parameter in effect(name).parameters:
             vector[parameter.slot] = values[parameter.name]
     for switch, slots in (
