@@ -78,7 +78,6 @@ def with_laws(
         return space.start({e.name: e.at(_LAW_START) for e in space.effects})
 
     def go(space: Space, start: Array, rounds: int, detail: Detail) -> Fitted:
-        evidence.calibrate(space.point(start))
         steps = descent(problem, space, start, rounds=rounds, detail=detail)
         return drive(evidence, [steps])[0]
 

@@ -46,13 +46,19 @@ def descent(
     `detail` is that of the replays on the way. At most `rounds` sets of slopes. A round that gains
     little halves the steps of the next; after two such rounds the fit ends. The objective is that
     of `lsq` with a floor as large as the misfit.
+
+    The evidence is calibrated anew before each round: what coarser replays cost changes over so
+    long a way. Other fits must therefore not be driven beside it.
     """
     way = _Way(problem, space, detail, tolerance)
-    yield from way.begin(np.clip(start, *space.bounds()))
-    axes, share, total, fruitless = np.diag(space.steps(way.p)), _SHARE, 0.0, 0
+    p = np.clip(start, *space.bounds())
+    axes, share, total, fruitless = np.diag(space.steps(p)), _SHARE, 0.0, 0
     for _ in range(rounds):
+        problem.evidence.calibrate(space.point(p))
+        yield from way.begin(p)
         A = yield from way.slopes(axes)
         gained, around = yield from way.go_by(A)
+        p = way.p
         total += gained
         if gained < max(tolerance, 0.003 * total):
             share, fruitless = 0.5 * share, fruitless + 1
@@ -61,6 +67,7 @@ def descent(
         else:
             fruitless = 0
         axes = _axes(space, way, around, share)
+    problem.evidence.calibrate(space.point(p))
     predicted = (yield Ask([space.point(way.p)]))[0]
     z = problem.white(predicted)
     value = objective(problem, space, way.p, z)

@@ -44,6 +44,8 @@ QUICK = How(
         max_effects=1,
         baseline_rounds=0,
         law_starts=0,
+        law_rounds=1,
+        law_rounds_last=1,
         fit_iterations=2,
         refit_iterations=2,
     ),
