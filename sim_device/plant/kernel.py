@@ -673,7 +673,7 @@ def lay_curves(p: Array, e: Array) -> None:
 
 @inlined
 def outer(progress: float, curve: int, e: Array) -> tuple[float, float]:
-    """The outer curve that lies at `curve`, and its slope: cubic between the steps, to 1e-7."""
+    """The outer curve that lies at `curve`, and its slope: cubic between the steps, to 1e-6."""
     where = (progress - PROGRESS_LOW) * CURVE_CELLS_PER_UNIT
     cell = min(int(where), 3 * CURVE_CELLS_PER_UNIT - 1)
     x = where - cell

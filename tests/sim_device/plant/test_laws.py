@@ -3,10 +3,12 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from sim_device.plant import Drive, Inputs, Plant, load_parameters, simulate
 from sim_device.plant import kernel as k
 from sim_device.plant.effects.registry import EFFECTS
+from sim_device.plant.replay import Replay
 
 P = load_parameters("A")
 
@@ -166,3 +168,29 @@ def test_laws_are_marked():
         "driver_lag", "rtd_lag", "channel_delay", "pump_lag", "cooling_front",
         "minor_loop", "tube_wall", "unified_kinetics",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("tails", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("spread_K", [0.0, 3.0])
+def test_the_tabled_outer_curves_are_those_of_the_formula(tails, spread_K):
+    effects = {
+        "unified_kinetics": {"on": 1.0, "tails": tails},
+        "temperature_spread": {"spread_K": spread_K},
+    }
+    e = Replay(heated_then_pumped()).setup(P, effects).e
+    width = spread_K / (P["austenite_finish"] - P["austenite_start"])
+    progress = np.linspace(k.PROGRESS_LOW, k.PROGRESS_HIGH, 1501)
+
+    def cooling(x):
+        cosine = np.where(x <= 0, 1.0, np.where(x >= 1, 0.0, np.cos(np.pi * x / 2) ** 2))
+        logistic = 1.0 / (1.0 + np.exp(2 * np.pi * (x - 0.5)))
+        return (1.0 - tails) * cosine + tails * logistic
+
+    def heating(x):
+        return 0.5 * cooling(x) + 0.25 * (cooling(x - width) + cooling(x + width))
+
+    for curve, formula in ((k.E_COOLING, cooling), (k.E_HEATING, heating)):
+        table, slope = np.array([k.outer(x, curve, e) for x in progress]).T
+        np.testing.assert_allclose(table, formula(progress), atol=2e-6)
+        rise = (formula(progress + 1e-4) - formula(progress - 1e-4)) / 2e-4
+        np.testing.assert_allclose(slope, rise, atol=2e-2)
