@@ -82,22 +82,20 @@ def with_laws(
         return drive(evidence, [steps])[0]
 
     def misfit(end: Fitted) -> float:
-        # In full detail, since each fit went by a calibration of its own.
-        return problem.misfit(problem.white(evidence.predict([end.point], detail=Detail.FINE)[0]))
+        # A descent ends calibrated where it is, so that ends compare as if in full detail.
+        return problem.misfit(end.z)
 
     ends = []
     for chosen in choices(laws):
         space = Space(tuple(parameters), chosen)
         ends.append(go(space, begin(space), settings.law_rounds, Detail.COARSE))
-    misfits = [misfit(end) for end in ends]
-    best = ends[int(np.argmin(misfits))]
-    space, ends, misfits = best.space, [best], [min(misfits)]
+    best = min(ends, key=misfit)
+    space, ends = best.space, [best]
     others = other_starts(space, begin(space), settings.law_starts, settings.seed)
-    while others and not _two_agree(misfits):
+    while others and not _two_agree([misfit(end) for end in ends]):
         start, *others = others
         ends.append(go(space, start, settings.law_rounds, Detail.COARSE))
-        misfits.append(misfit(ends[-1]))
-    best = ends[int(np.argmin(misfits))]
+    best = min(ends, key=misfit)
     return go(space, best.p, settings.law_rounds_last, Detail.ROUGH)
 
 

@@ -18,7 +18,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.gap.lsq import Ask, FitSteps, Fitted, Problem, edges, objective, solve_box, teaches
+from smad.gap.lsq import (
+    Ask,
+    FitSteps,
+    Fitted,
+    Problem,
+    edges,
+    lesson,
+    objective,
+    parabola,
+    solve_box,
+    teaches,
+)
 from smad.gap.plant import Array
 from smad.gap.replay import Detail
 from smad.gap.space import Space
@@ -128,10 +139,7 @@ class _Way:
             taken.append(forth if forth @ forth >= back @ back else back)
         values = yield from self.replayed([self.p + step for step in taken])
         ev = self.problem.evidence
-        runs = range(len(ev.runs))
-        failed = [
-            i for i, y in enumerate(values) if any(ev.failed(y, r, self.detail) for r in runs)
-        ]
+        failed = [i for i, y in enumerate(values) if ev.fails(y, self.detail)]
         if failed:
             for i in failed:
                 taken[i] = within(-taken[i])
@@ -149,20 +157,14 @@ class _Way:
         heat = max(1.0, self.problem.misfit(self.z))
         first = value = objective(self.problem, self.space, self.p, self.z, heat)
         for n in range(_STEPS_PER_ROUND):
-            around = self._parabola(heat)
+            around = _Parabola(
+                *parabola(self.problem, self.space, self.p, self.z, self.A, heat=heat)
+            )
             new, foretold = yield from self._step(around, value, heat, far=n == 0)
             fell, value = value - new, new
             if fell < max(_FORETOLD * foretold, self.tolerance):
                 break
         return first - value, around
-
-    def _parabola(self, heat: float) -> _Parabola:
-        mean, precision = self.space.prior()
-        w = self.problem.row_weight(self.z, heat)
-        weighted = self.A * w.astype(np.float32)[:, None]
-        H = (weighted.T @ self.A).astype(np.float64) + precision
-        g = weighted.T.astype(np.float64) @ self.z - precision @ (self.p - mean)
-        return _Parabola(H, g, w)
 
     def _step(
         self, around: _Parabola, value: float, heat: float, *, far: bool
@@ -185,8 +187,7 @@ class _Way:
                 break
         step, z = steps[best], ends[best]
         if teaches(self.problem, step, values[best], self.detail):
-            missed = (self.z - z) - self.A @ step.astype(np.float32)
-            self.A = self.A + np.outer(missed, step / (step @ step)).astype(np.float32)
+            self.A = self.A + lesson(self.A, step, self.z - z)
         foretold = around.foretells(step)
         if not scores[best] < value:
             if far:

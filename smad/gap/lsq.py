@@ -202,8 +202,7 @@ def sensitivities(
     over = [
         k
         for k, i in enumerate(columns)
-        if any(ev.failed(values[k], r, detail) for r in range(len(ev.runs)))
-        and lo[i] <= p[i] - signed[k] <= hi[i]
+        if ev.fails(values[k], detail) and lo[i] <= p[i] - signed[k] <= hi[i]
     ]
     if over:
         signed[over] *= -1.0
@@ -241,7 +240,6 @@ def fitting(
     lo, hi = space.bounds()
     for i, value in (pinned or {}).items():
         lo[i] = hi[i] = value
-    mean, precision = space.prior()
     p = np.clip(start, lo, hi)
     detail = Detail.ROUGH if rough else None
     predicted = (yield Ask([space.point(p)], detail))[0]
@@ -271,10 +269,7 @@ def fitting(
                 problem, space, p, extra, detail=detail, predicted=predicted
             )
             count += len(extra)
-        w = problem.row_weight(z, heat)
-        weighted = A * w.astype(np.float32)[:, None]
-        H = (weighted.T @ A).astype(np.float64) + precision
-        g = weighted.T.astype(np.float64) @ z - precision @ (p - mean)
+        H, g, _ = parabola(problem, space, p, z, A, heat=heat)
         gained = 0.0
         for _ in range(4):
             damped = H + damping * np.diag(np.diag(H))
@@ -286,9 +281,7 @@ def fitting(
             z_trial = problem.white(trial)
             value = objective(problem, space, p + step, z_trial, heat)
             if follow and teaches(problem, step, trial, detail):
-                A[:, follow] += np.outer(
-                    (z - z_trial) - A @ step.astype(np.float32), step[follow] / (step @ step)
-                ).astype(np.float32)
+                A[:, follow] += lesson(A, step, z - z_trial)[:, follow]
             if value < best:
                 gained = best - value
                 p, predicted, z, best = p + step, trial, z_trial, value
@@ -308,6 +301,24 @@ def fitting(
     return Fitted(problem, space, p, predicted, z, A, best, count, edges(space, p))
 
 
+def parabola(
+    problem: Problem, space: Space, p: Array, z: Array, A: NDArray[np.float32], *, heat: float
+) -> tuple[Array, Array, Array]:
+    """H (k, k) and g (k,) of the objective ½ xᵀHx − gᵀx around `p`, and the weights of its rows."""
+    mean, precision = space.prior()
+    w = problem.row_weight(z, heat)
+    weighted = A * w.astype(np.float32)[:, None]
+    H = (weighted.T @ A).astype(np.float64) + precision
+    g = weighted.T.astype(np.float64) @ z - precision @ (p - mean)
+    return H, g, w
+
+
+def lesson(A: NDArray[np.float32], step: Array, seen: Array) -> NDArray[np.float32]:
+    """What a step that took `seen` off the white residual adds to the slopes (Broyden)."""
+    missed = seen - A @ step.astype(np.float32)
+    return np.outer(missed, step / (step @ step)).astype(np.float32)
+
+
 def edges(space: Space, p: Array) -> tuple[bool, ...]:
     """Which coordinates stand at a bound; an effect that is absent does not."""
     lo, hi = space.bounds()
@@ -323,10 +334,8 @@ def teaches(problem: Problem, step: Array, trial: Array, detail: Detail | None) 
     Over a short one a hysteretic replay shows its roughness, divided by the step; a run that could
     not be simulated shows nothing.
     """
-    ev = problem.evidence
-    return float(np.linalg.norm(step)) >= _TELLING_STEP and not any(
-        ev.failed(trial, r, detail) for r in range(len(ev.runs))
-    )
+    telling = float(np.linalg.norm(step)) >= _TELLING_STEP
+    return telling and not problem.evidence.fails(trial, detail)
 
 
 def drive(evidence: Evidence, fits: Sequence[FitSteps]) -> list[Fitted]:

@@ -292,6 +292,10 @@ class Evidence:
         """Whether the plant could not simulate a run: its first output lies at the upper limit."""
         return self._at_limit(values - self.coarseness[detail or self.detail], run)
 
+    def fails(self, values: Array, detail: Detail | None = None) -> bool:
+        """Whether any run of a prediction could not be simulated."""
+        return any(self.failed(values, r, detail) for r in range(len(self.runs)))
+
     def change(self, values: Array, base: Array, detail: Detail | None = None) -> Array:
         """`values` (points, rows) less `base` (rows); 0 in runs that could not be simulated.
 

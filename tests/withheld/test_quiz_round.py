@@ -139,5 +139,4 @@ async def test_a_round_goes_from_the_wire_to_a_verdict_and_then_the_answer_opens
     text = json.dumps(answer, sort_keys=True, ensure_ascii=False)
     assert hashlib.sha256(text.encode()).hexdigest() == sealed
     assert answer["effects"][0]["name"] == "rtd_lag"
-    print(verdict.verdict.text)
     assert verdict.verdict.effects == ["rtd_lag"], verdict.verdict.text
