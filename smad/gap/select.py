@@ -111,16 +111,18 @@ def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
     """Whether the last effect of a candidate may enter, beside tied parameters or free ones."""
     further = tied and len(c.names) > 1
     least = s.further_excess if further else s.min_excess
-    visible = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= least
+    gap = c.excess_before >= s.min_excess
+    takes = c.shrink_gain >= s.min_shrink_gain
     # Beside tied parameters a small effect stands out by its score although the background is
-    # larger than it.
-    strong = tied and c.gain > s.strong_standard_errors * c.gain_se
+    # larger than it; so does what the form of the first one leaves. Of a gap that is there it must
+    # take its part all the same.
+    strong = tied and not further and c.gain > s.strong_standard_errors * c.gain_se
     return (
         c.gain > certainty(c, s, tied=tied) * c.gain_se
         and c.gain > 2.0
         and c.gain + c.regime_gain > 0.0
         and c.p_value <= s.significance
-        and (visible or strong)
+        and ((takes and c.excess_before >= least) or (strong and (takes or not gap)))
     )
 
 

@@ -125,7 +125,8 @@ def p_unknown(worth: Worth, settings: Settings, *, tied: bool = False) -> float:
         # A gap of the floor's size has no shrink to speak of; what its scores gain tells.
         return float(np.mean(worth.score_share < settings.unknown_ratio))
     s, ceiling = worth.draws[:, 0], worth.draws[:, 1]
-    poor = s < settings.unknown_ratio * np.maximum(ceiling, 1e-9)
+    ratio = settings.since_ratio if tied else settings.unknown_ratio
+    poor = s < ratio * np.maximum(ceiling, 1e-9)
     if tied:
         left = (1.0 - s) * worth.gap_refit > settings.unknown_left
         poor |= (s < settings.since_shrink) | (left & (s < settings.since_clear_shrink))

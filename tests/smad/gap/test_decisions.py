@@ -47,12 +47,17 @@ def test_a_cause_is_unknown_where_a_flexible_correction_takes_twice_as_much() ->
     assert p_unknown(worth(8.0, 0.42, 0.9), SETTINGS) == 1.0
 
 
+def test_beside_tied_parameters_a_flexible_correction_may_take_less_more() -> None:
+    assert p_unknown(worth(2.0, 0.55, 0.9), SETTINGS, tied=True) == 1.0
+    assert p_unknown(worth(2.0, 0.55, 0.9), SETTINGS) == 0.0
+
+
 @pytest.mark.parametrize(
     ("refit", "threshold", "outcome"),
     [
         (1.4, 0.35, Outcome.UNKNOWN),
         (1.4, 0.9, Outcome.PARAMETERS),
-        (1.0, 0.35, Outcome.PARAMETERS),
+        (0.8, 0.35, Outcome.PARAMETERS),
     ],
     ids=["large", "not far beyond what good runs show", "not large"],
 )

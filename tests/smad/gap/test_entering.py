@@ -61,6 +61,13 @@ def test_beside_tied_parameters_a_strong_gain_needs_no_gap() -> None:
     strong = {"gain": 700.0, "excess_before": 0.1, "shrink_gain": 0.0}
     assert acceptable(candidate("x", **strong), SETTINGS, tied=True)
     assert not acceptable(candidate("x", **strong), SETTINGS, tied=False)
+    assert not acceptable(candidate("x", "y", **strong), SETTINGS, tied=True)
+
+
+def test_a_strong_gain_must_take_its_part_of_a_gap_that_is_there() -> None:
+    little = {"gain": 700.0, "excess_before": 0.8, "shrink_gain": 0.05}
+    assert not acceptable(candidate("x", **little), SETTINGS, tied=True)
+    assert acceptable(candidate("x", **{**little, "shrink_gain": 0.12}), SETTINGS, tied=True)
 
 
 def test_a_further_cause_must_find_a_floor_left() -> None:
