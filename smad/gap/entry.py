@@ -14,6 +14,8 @@ import msgspec
 import numpy as np
 
 from smad.gap.assess import confusability, separation
+from smad.gap.lsq import Fitted
+from smad.gap.nextexp import propose
 from smad.gap.plant import Array, Effect
 from smad.gap.records import NAMED, Outcome
 from smad.gap.select import Candidate, Selection, acceptable, certainty
@@ -80,17 +82,30 @@ class Fit(msgspec.Struct, frozen=True):
     enters: bool
 
 
+class Apart(msgspec.Struct, frozen=True):
+    """The experiment of the catalogue that would best tell two models apart, and by how much.
+
+    `d2` is the separation predicted of that run alone, each model adapting its parameters as far as
+    the runs so far allow (`nextexp.separation`).
+    """
+
+    experiment: str
+    d2: float
+
+
 class Rival(msgspec.Struct, frozen=True):
     """Another entry in the entry's place.
 
     `d2` is the smaller of the two separations, each fitted to look like the other; `odds` are those
-    of the rival against the entry. Both are None where the entry was not among the better fits.
+    of the rival against the entry; `apart` is the experiment that would tell them apart. All are
+    None where the entry was not among the better fits.
     """
 
     name: str
     d2: float | None
     odds: float | None
     gain: float
+    apart: Apart | None = None
 
 
 class EntryRecord(msgspec.Struct, frozen=True):
@@ -99,7 +114,8 @@ class EntryRecord(msgspec.Struct, frozen=True):
     `screen_gain` is what the screening gains by it; the short list has none that gain nothing, but
     here the entry is fitted even so. `masked` is the share of a typical effect's signature that the
     refitted parameters imitate, `visible` what is left of it, in floors (see `screen.Screened`).
-    `background` is the RMS of what each channel is trusted to, in the channel's unit.
+    `background` is the RMS of what each channel is trusted to, in the channel's unit. `apart` is
+    the experiment that would tell the fitted entry from the refit without it.
     """
 
     name: str
@@ -110,6 +126,7 @@ class EntryRecord(msgspec.Struct, frozen=True):
     standing: Standing
     fit: Fit | None
     rivals: list[Rival]
+    apart: Apart | None = None
 
     @property
     def accepted(self) -> bool:
@@ -151,7 +168,13 @@ def examine(
         standing=_standing(prepared, track),
         fit=None if best is None else _fit(prepared, track.asked, best),
         rivals=_rivals(prepared, own, [library[n] for n in others], progress),
+        apart=None if best is None else _apart(prepared, best.fit, track.asked.base.fit),
     )
+
+
+def _apart(prepared: Prepared, one: Fitted, other: Fitted) -> Apart:
+    best = propose([one, other], [0.5, 0.5], prepared.noise, prepared.plant.catalogue())[0]
+    return Apart(best.experiment.name, best.separation)
 
 
 def _best(selection: Selection, names: Sequence[str]) -> Candidate | None:
@@ -235,12 +258,13 @@ def _rivals(
         rival = _best(asked, [effect.name])
         if rival is None:
             continue
-        d2 = odds = None
+        d2 = odds = apart = None
         if best is not None:
             both = confusability([best.fit, rival.fit])
             d2 = float(min(both[0, 1], both[1, 0]))
             odds = table.get(effect.name, 0.0) / max(p_own, 1.0 / MOST_ODDS)
-        out.append(Rival(effect.name, d2, odds, rival.gain))
+            apart = _apart(prepared, best.fit, rival.fit)
+        out.append(Rival(effect.name, d2, odds, rival.gain, apart))
     return sorted(out, key=lambda r: (r.d2 is None, r.d2 or 0.0, r.name))
 
 

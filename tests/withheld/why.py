@@ -121,8 +121,9 @@ def run(
         out.write_bytes(report.to_json())
     except SmadError as error:
         raise WithheldError(str(error)) from error
-    for table in (case_table, count_table) if explanations else ():
-        print(text_table(table(explanations)))
+    if explanations:
+        print(text_table(case_table(explanations)))
+        print(text_table(count_table(explanations, frozen.how.settings)))
     print(f"{len(explanations)} of {len(pairs)} cases examined: {out}")
 
 

@@ -15,7 +15,7 @@ import msgspec
 from smad.gap.check.key import STRENGTHS, CaseKey
 from smad.gap.check.names import NAMING
 from smad.gap.check.score import Pair, name_credit
-from smad.gap.entry import EntryRecord
+from smad.gap.entry import Apart, EntryRecord
 from smad.gap.records import Outcome
 from smad.gap.settings import Settings
 from smad.report.page import Table
@@ -244,6 +244,20 @@ def meanings() -> dict[str, str]:
     return {r.name: r.meaning for r in (ABSENT, *REASONS)}
 
 
+def parting(t: Told) -> Apart | None:
+    """The experiment that would tell the right entry from the name given, or from none."""
+    if t.entry is None:
+        return None
+    given = t.entry.rivals[0].apart if t.entry.rivals else None
+    return given or t.entry.apart
+
+
+def _parted(x: Explained, settings: Settings) -> bool:
+    """Whether that experiment would: d² of the threshold of what is not separable."""
+    apart = parting(x.told)
+    return apart is not None and apart.d2 >= settings.ambiguous_d2
+
+
 def counts(cases: Sequence[Explained]) -> dict[str, dict[str, int]]:
     """Reason → strength in floors → number of cases; only reasons that were met."""
     out: dict[str, dict[str, int]] = {}
@@ -261,15 +275,19 @@ def _head(strength: float) -> str:
     return f"{strength:.0f}×"
 
 
-def count_table(cases: Sequence[Explained]) -> Table:
-    """How many cases each reason has, by strength and in all."""
-    rows = [
-        [reason, *(str(n) if n else "·" for n in by.values()), str(sum(by.values()))]
-        for reason, by in counts(cases).items()
-    ]
-    total = [sum(_head(x.told.strength) == head for x in cases) for head in _heads()]
-    rows.append(["all", *map(str, total), str(len(cases))])
-    return Table(["reason", *_heads(), "all"], rows, numeric=frozenset({1, 2, 3, 4}))
+def count_table(cases: Sequence[Explained], settings: Settings) -> Table:
+    """How many cases each reason has, by strength and in all, and how many of all the experiment
+    of `parting` would separate."""
+
+    def line(name: str, own: Sequence[Explained]) -> list[str]:
+        by = [sum(_head(x.told.strength) == head for x in own) for head in _heads()]
+        numbers = [*by, len(own), sum(_parted(x, settings) for x in own)]
+        return [name, *(str(n) if n else "·" for n in numbers)]
+
+    rows = [line(reason, [x for x in cases if x.reason == reason]) for reason in counts(cases)]
+    rows.append(line("all", cases))
+    heads = ["reason", *_heads(), "all", "parted by one more run"]
+    return Table(heads, rows, numeric=frozenset(range(1, len(heads))))
 
 
 def _number(value: float | None) -> str:
@@ -297,6 +315,11 @@ def _errors(gain: float, error: float) -> str:
 def _gain(t: Told) -> str:
     fit = None if t.entry is None else t.entry.fit
     return "–" if fit is None else f"{_errors(fit.gain, fit.gain_se)} of {fit.asked:.0f}"
+
+
+def _next(t: Told) -> str:
+    apart = parting(t)
+    return "–" if apart is None else f"{apart.experiment} {_number(apart.d2)}"
 
 
 def _free(t: Told) -> str:
@@ -327,10 +350,13 @@ _COLUMNS: tuple[tuple[str, Callable[[Explained], str]], ...] = (
     ("d² given", lambda x: _nearest(x.told, "d2")),
     ("odds", lambda x: _nearest(x.told, "odds")),
     ("free/se", lambda x: _free(x.told)),
+    ("one more run, d²", lambda x: _next(x.told)),
 )
 
 
 def case_table(cases: Sequence[Explained]) -> Table:
     """One line a case; docs/withheld.md says what the columns are."""
     rows = [[cell(x) for _, cell in _COLUMNS] for x in cases]
-    return Table([head for head, _ in _COLUMNS], rows, numeric=frozenset(range(4, len(_COLUMNS))))
+    return Table(
+        [head for head, _ in _COLUMNS], rows, numeric=frozenset(range(4, len(_COLUMNS) - 1))
+    )

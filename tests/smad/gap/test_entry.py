@@ -68,6 +68,18 @@ def test_another_entry_in_its_place_is_told_with_its_distance(coupled: EntryReco
         assert rival.odds is None or rival.odds < 0.1
 
 
+def test_the_experiment_that_would_tell_more_is_named_with_what_it_would_tell(
+    coupled: EntryRecord,
+) -> None:
+    known = {e.name for e in HeaterPlant().catalogue()}
+    asides = [coupled.apart, *(r.apart for r in coupled.rivals if r.d2 is not None)]
+    assert len(asides) >= 1
+    for aside in asides:
+        assert aside is not None
+        assert aside.experiment in known
+        assert aside.d2 > 16.0
+
+
 def test_an_entry_that_is_not_the_truth_leaves_the_gap(coupled: EntryRecord) -> None:
     other = examine(since_good({"coupling": SHOWN["coupling"]}), ["driver_gain"])
     assert not other.accepted
@@ -91,6 +103,8 @@ def test_an_entry_that_screening_gains_nothing_by_is_fitted_even_so() -> None:
     assert not quiet.fit.shows
     assert quiet.fit.d2_free <= quiet.fit.d2_nothing <= quiet.fit.d2_known
     assert quiet.fit.d2_nothing < 16.0
+    assert quiet.apart is not None
+    assert quiet.apart.d2 < 16.0
     assert [r.name for r in quiet.rivals] == ["dial_delay"]
 
 

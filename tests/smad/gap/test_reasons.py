@@ -18,12 +18,13 @@ from smad.gap.check.reasons import (
     counts,
     explained,
     in_background,
+    parting,
     reasons_of,
     told,
 )
 from smad.gap.check.score import Pair
 from smad.gap.check.verdicts import CaseVerdict, Hypothesis
-from smad.gap.entry import EntryRecord, Fit, Rival, Standing
+from smad.gap.entry import Apart, EntryRecord, Fit, Rival, Standing
 from smad.gap.records import Outcome
 from smad.report.page import text_table
 
@@ -222,5 +223,18 @@ def test_the_tables_hold_a_line_a_case_and_the_counts_by_strength() -> None:
     assert len(lines) == len(cases) + 2
     assert max(map(len, lines)) < 200
     assert counts(cases)[ABSENT.name] == {"1×": 0, "3×": 0, "10×": 1}
-    total = count_table(cases).rows[-1]
-    assert total == ["all", "0", str(len(missed)), "1", str(len(cases))]
+    total = count_table(cases, SETTINGS).rows[-1]
+    assert total == ["all", "·", str(len(missed)), "1", str(len(cases)), "·"]
+
+
+def test_a_case_is_parted_from_the_name_given_or_else_from_none() -> None:
+    far, near = Apart("edges", 40.0), Apart("one side", 9.0)
+    beside_none = a_case(entry={"apart": far})
+    beside_name = a_case(
+        WRONG,
+        entry={"apart": far, "rivals": [Rival("channel_delay", 4.0, 2.0, 400.0, near)]},
+    )
+    cases = explained([beside_none, beside_name], SETTINGS)
+    assert [row[-1] for row in case_table(cases).rows] == ["one side 9.00", "edges 40"]
+    assert count_table(cases, SETTINGS).rows[-1][-2:] == ["2", "1"]
+    assert parting(a_case()) is None
