@@ -173,7 +173,7 @@ def examine(
 
 
 def _apart(prepared: Prepared, one: Fitted, other: Fitted) -> Apart:
-    best = propose([one, other], [0.5, 0.5], prepared.noise, prepared.plant.catalogue())[0]
+    best = propose([one, other], [0.5, 0.5], prepared.noise, prepared.plant.catalogue(), most=1)[0]
     return Apart(best.experiment.name, best.separation)
 
 

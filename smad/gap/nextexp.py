@@ -7,14 +7,15 @@ between them, in floors, is the separation d²: 16 is four standard errors.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
 from smad.gap.fit import dispersion
 from smad.gap.lsq import Fitted
-from smad.gap.plant import Array, Experiment, ModelPoint
+from smad.gap.plant import Array, Experiment
 from smad.gap.replay import Detail, Evidence
 from smad.gap.whiten import OutputNoise, Whitening
 
@@ -28,63 +29,66 @@ class Proposal:
     experiment: Experiment
     separation: float
 
-    @property
-    def rate(self) -> float:
-        """Separation for each second of bench time."""
-        return self.separation / max(self.experiment.duration_s, 1.0)
 
+class Trial:
+    """One experiment, predicted by each of several fitted models.
 
-def separation(
-    fits: Sequence[Fitted],
-    weights: Sequence[float],
-    experiment: Experiment,
-    noise: Mapping[str, OutputNoise],
-) -> float:
-    """Σ w_i w_j d²_ij of one experiment over the pairs of hypotheses, normalised by Σ w_i w_j.
-
-    d²_ij = min_Δ ‖y_i − y_j − J_j Δ‖²_Σ⁻¹ + Δᵀ H_j Δ, with H_j what the data so far say of the
-    parameters of j.
+    The separation is Σ w_i w_j d²_ij over the pairs of models, normalised by Σ w_i w_j, with
+    d²_ij = min_Δ ‖y_i − y_j − J_j Δ‖²_Σ⁻¹ + Δᵀ H_j Δ, and H_j what the data so far say of the
+    parameters of j. `bound` is the same with Δ = 0, which no separation exceeds and needs no J.
     """
-    first = fits[0].problem.evidence
-    plant = first.plant
-    run = plant.perform(experiment.name, fits[0].point, first.settings.seed)
-    ev = Evidence(
-        plant,
-        [run],
-        first.views,
-        first.settings,
-        first.executor,
-        fast=first.detail is not Detail.FINE,
-    )
-    whitening = Whitening(ev, noise)
-    points: list[ModelPoint] = []
-    for fit in fits:
-        points.append(fit.point)
-        points += [fit.space.point(q) for q in _moved(fit)]
-    predicted = ev.predict(points)
-    total = weight = 0.0
-    at = 0
-    blocks = []
-    for fit in fits:
-        k = fit.space.size
-        y = predicted[at]
-        moved = predicted[at + 1 : at + 1 + k]
-        signed = np.array([q[i] - fit.p[i] for i, q in enumerate(_moved(fit))])
-        J = whitening.white(np.ascontiguousarray(((moved - y) / signed[:, None]).T))
-        blocks.append((y, J, _information(fit)))
-        at += 1 + k
-    share = float(np.mean(list(dispersion(fits[0].problem, fits[0].z).values())))
-    for i, (yi, _, _) in enumerate(blocks):
-        for j, (yj, J, H) in enumerate(blocks):
-            if i == j:
-                continue
-            s = whitening.white(yi - yj)
+
+    def __init__(
+        self,
+        fits: Sequence[Fitted],
+        weights: Sequence[float],
+        experiment: Experiment,
+        noise: Mapping[str, OutputNoise],
+    ) -> None:
+        self.fits, self.weights, self.experiment = fits, weights, experiment
+        first = fits[0].problem.evidence
+        run = first.plant.perform(experiment.name, fits[0].point, first.settings.seed)
+        self._ev = Evidence(
+            first.plant,
+            [run],
+            first.views,
+            first.settings,
+            first.executor,
+            fast=first.detail is not Detail.FINE,
+        )
+        self._whitening = Whitening(self._ev, noise)
+        self._share = float(np.mean(list(dispersion(fits[0].problem, fits[0].z).values())))
+        self._y = self._ev.predict([fit.point for fit in fits])
+        self.bound = self._mean(lambda s, j: float(s @ s))
+
+    def separation(self) -> float:
+        """The separation, every model adapting its parameters."""
+        known = [(self._slopes(j), _information(fit)) for j, fit in enumerate(self.fits)]
+
+        def adapted(s: Array, j: int) -> float:
+            J, H = known[j]
             step = np.linalg.solve(J.T @ J + H, J.T @ s)
             left = s - J @ step
-            d2 = share * float(left @ left + step @ H @ step)
-            total += weights[i] * weights[j] * d2
-            weight += weights[i] * weights[j]
-    return total / weight if weight > 0 else 0.0
+            return float(left @ left + step @ H @ step)
+
+        return self._mean(adapted)
+
+    def _mean(self, d2: Callable[[Array, int], float]) -> float:
+        total = weight = 0.0
+        for i, j in permutations(range(len(self.fits)), 2):
+            s = self._whitening.white(self._y[i] - self._y[j])
+            w = self.weights[i] * self.weights[j]
+            total += w * self._share * d2(s, j)
+            weight += w
+        return total / weight if weight > 0 else 0.0
+
+    def _slopes(self, j: int) -> Array:
+        """White slopes of model j; shape (rows, coordinates)."""
+        fit = self.fits[j]
+        moved = _moved(fit)
+        signed = np.array([q[i] - fit.p[i] for i, q in enumerate(moved)])
+        change = self._ev.predict([fit.space.point(q) for q in moved]) - self._y[j]
+        return self._whitening.white(np.ascontiguousarray((change / signed[:, None]).T))
 
 
 def _moved(fit: Fitted) -> list[Array]:
@@ -109,7 +113,17 @@ def propose(
     weights: Sequence[float],
     noise: Mapping[str, OutputNoise],
     catalogue: Sequence[Experiment],
+    most: int = 5,
 ) -> list[Proposal]:
-    """Every experiment of the catalogue with its separation, best first."""
-    out = [Proposal(e, separation(fits, weights, e, noise)) for e in catalogue]
-    return sorted(out, key=lambda q: (-q.separation, q.experiment.name))
+    """The `most` best experiments of the catalogue, best first.
+
+    The slopes are what takes time: an experiment that cannot come among them is not asked for its.
+    """
+    trials = [Trial(fits, weights, e, noise) for e in catalogue]
+    found: list[Proposal] = []
+    for trial in sorted(trials, key=lambda t: (-t.bound, t.experiment.name)):
+        if len(found) == most and trial.bound < found[-1].separation:
+            break
+        found.append(Proposal(trial.experiment, trial.separation()))
+        found = sorted(found, key=lambda q: (-q.separation, q.experiment.name))[:most]
+    return found

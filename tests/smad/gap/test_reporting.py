@@ -10,7 +10,7 @@ import pytest
 
 from smad.gap.apply import apply, model_point
 from smad.gap.errors import PlantMismatch, RunRefused
-from smad.gap.nextexp import propose
+from smad.gap.nextexp import Trial, propose
 from smad.gap.plant import ModelPoint
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.report import page_of, summary_lines
@@ -131,4 +131,8 @@ def test_weak_excitation_leaves_two_causes_and_the_proposal_tells_them_apart() -
     )
     assert proposals[0].separation > 16.0
     assert proposals[0].separation > 2 * proposals[-1].separation
+    assert propose(fits, [0.5, 0.5], prepared.noise, plant.catalogue(), most=1) == proposals[:1]
+    for p in proposals:
+        trial = Trial(fits, [0.5, 0.5], p.experiment, prepared.noise)
+        assert 0.0 < trial.separation() == p.separation <= trial.bound
     assert Outcome.AMBIGUOUS.value == "not separable"
