@@ -86,7 +86,7 @@ class Apart(msgspec.Struct, frozen=True):
     """The experiment of the catalogue that would best tell two models apart, and by how much.
 
     `d2` is the separation predicted of that run alone, each model adapting its parameters as far as
-    the runs so far allow (`nextexp.separation`).
+    the runs so far allow (`nextexp.Trial`).
     """
 
     experiment: str

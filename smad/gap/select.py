@@ -114,8 +114,8 @@ def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
     gap = c.excess_before >= s.min_excess
     takes = c.shrink_gain >= s.min_shrink_gain
     # Beside tied parameters a small effect stands out by its score although the background is
-    # larger than it; so does what the form of the first one leaves. Of a gap that is there it must
-    # take its part all the same.
+    # larger than it. Not so a further one: what the form of the first leaves scores as highly. Of a
+    # gap that is there it must take its part all the same.
     strong = tied and not further and c.gain > s.strong_standard_errors * c.gain_se
     return (
         c.gain > certainty(c, s, tied=tied) * c.gain_se

@@ -279,13 +279,15 @@ def count_table(cases: Sequence[Explained], settings: Settings) -> Table:
     """How many cases each reason has, by strength and in all, and how many of all the experiment
     of `parting` would separate."""
 
-    def line(name: str, own: Sequence[Explained]) -> list[str]:
+    def numbers(own: Sequence[Explained]) -> list[int]:
         by = [sum(_head(x.told.strength) == head for x in own) for head in _heads()]
-        numbers = [*by, len(own), sum(_parted(x, settings) for x in own)]
-        return [name, *(str(n) if n else "·" for n in numbers)]
+        return [*by, len(own), sum(_parted(x, settings) for x in own)]
 
-    rows = [line(reason, [x for x in cases if x.reason == reason]) for reason in counts(cases)]
-    rows.append(line("all", cases))
+    rows = []
+    for reason in dict.fromkeys(x.reason for x in cases):
+        found = numbers([x for x in cases if x.reason == reason])
+        rows.append([reason, *(str(n) if n else "·" for n in found)])
+    rows.append(["all", *map(str, numbers(cases))])
     heads = ["reason", *_heads(), "all", "parted by one more run"]
     return Table(heads, rows, numeric=frozenset(range(1, len(heads))))
 
