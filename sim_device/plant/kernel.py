@@ -675,7 +675,9 @@ def lay_curves(p: Array, e: Array) -> None:
 def outer(progress: float, curve: int, e: Array) -> tuple[float, float]:
     """The outer curve that lies at `curve`, and its slope: cubic between the steps, to 1e-6."""
     where = (progress - PROGRESS_LOW) * CURVE_CELLS_PER_UNIT
-    cell = min(int(where), 3 * CURVE_CELLS_PER_UNIT - 1)
+    # So written that NaN reads the first cell; see `film`.
+    cell = int(where) if where > 0.0 else 0
+    cell = min(cell, 3 * CURVE_CELLS_PER_UNIT - 1)
     x = where - cell
     at = curve + 2 * cell
     first = e[at + 1]
@@ -1244,8 +1246,9 @@ def film(T: float, T_water: float, speed: float, p: Array, table: Array) -> floa
     """
     where = 0.5 * (T + T_water) - p[P_TABLE_T0]
     last = table.shape[0] - 3
-    cell = int(where) if where > 1.0 else 1
-    cell = min(cell, last)
+    # Kept within the table before it is made an integer: of what has run away, or of NaN, any
+    # integer may be made, and memory that is not the table's would be read.
+    cell = int(where) if 1.0 < where < last else (last if where > 1.0 else 1)
     x = where - cell
     x = max(x, -1.0)
     x = min(x, 2.0)
@@ -1281,6 +1284,16 @@ def steeper(difference: float, e: Array) -> float:
     """Effect convection_exponent: factor on a film coefficient at a temperature difference."""
     size = abs(difference) / EXPONENT_REF_K
     return math.pow(size if size > 0.01 else 0.01, e[E_EXPONENT])
+
+
+@inlined
+def taken_up(conductance: float, capacity: float, dt: float) -> float:
+    """Mean conductance over dt to a body that comes towards the temperature beside it.
+
+    So that the body, however small, ends where the exponential of its time constant leads, and not
+    beyond.
+    """
+    return float(capacity / dt * (1.0 - math.exp(-dt * conductance / capacity)))
 
 
 @inlined
@@ -1335,7 +1348,7 @@ def heat(
         r_water -= g_flow * w[W_LEAVES]
         w[W_WALL_G] = 0.0
         if e[E_WALL] > 0.0:
-            w[W_WALL_G] = fill * e[E_WALL_G]
+            w[W_WALL_G] = taken_up(fill * e[E_WALL_G], e[E_WALL] * p[P_CW], dt)
             d_water += w[W_WALL_G]
             r_water += w[W_WALL_G] * s[S_T_WALL]
         per_d = 1.0 / d_water
@@ -1640,8 +1653,10 @@ def pump(s: Array, p: Array, e: Array, duty: float, sign: float, dt: float) -> N
         flow = flow * part
         s[S_WETTED] = part
     if e[E_SPINUP_S] > 0.0:
-        flow = flow + (s[S_PUMP] - flow) * math.exp(-dt / e[E_SPINUP_S])
-        if flow < 1e-3 * p[P_FLOW_MAX]:
+        asked = flow
+        flow = asked + (s[S_PUMP] - asked) * math.exp(-dt / e[E_SPINUP_S])
+        # What runs out ends; what spins up begins as slowly in a short step.
+        if asked == 0.0 and flow < 1e-3 * p[P_FLOW_MAX]:
             flow = 0.0
     s[S_PUMP] = flow
 
@@ -2037,7 +2052,8 @@ def advance(
         if status != OK:
             return status
     sense(x, y, g, p, e, ring, dt * steps)
-    if not math.isfinite(x[S_T] + y[S_T] + g[G_F] + g[G_U]):
+    seen = g[G_M_RTD] + g[G_M_RTD + 1] + g[G_F] + g[G_U]
+    if not math.isfinite(x[S_T] + y[S_T] + x[S_TW] + y[S_TW] + seen):
         return NOT_FINITE
     return OK
 

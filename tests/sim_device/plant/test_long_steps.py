@@ -1,0 +1,87 @@
+"""Replays in long steps, as the diagnosis makes by the thousand, stay near those in short ones."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from sim_device.plant import kernel as k
+from sim_device.plant import load_parameters, simulate
+from sim_device.plant.constants import kernel_constants
+from sim_device.plant.effects import EFFECTS
+from sim_device.plant.water import film_table
+from tests.sim_device.plant.cases import alternating
+
+P = load_parameters("A")
+LONG_S, SHORT_S = 0.15, 0.002
+INPUTS = alternating(step_s=LONG_S, amps=2.9)
+SHOWN = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
+LAWS = [e for e in EFFECTS if e.law]
+
+
+def worst(effects: Mapping[str, Mapping[str, float]], outputs: tuple[str, ...]) -> float:
+    """RMS of what long steps change, as a share of an output's excursion; the largest."""
+    long, short = (
+        simulate(P, INPUTS, effects=effects, outputs=outputs, dt_s=dt) for dt in (LONG_S, SHORT_S)
+    )
+    return max(
+        float(np.sqrt(np.mean(np.square(long[name] - short[name]))) / np.ptp(short[name]))
+        for name in outputs
+    )
+
+
+@pytest.mark.parametrize("capacity_ratio", [1e-5, 2e-4, 3e-3, 0.05])
+def test_a_wall_that_stores_hardly_any_heat_does_not_run_away(capacity_ratio: float) -> None:
+    wall = {"capacity_ratio": capacity_ratio, "conductance_W_mK": 1.0}
+    assert worst({"tube_wall": wall}, SHOWN) < 0.05
+
+
+def test_a_wall_of_hardly_any_capacity_is_as_good_as_none() -> None:
+    wall = {"tube_wall": {"capacity_ratio": 1e-5, "conductance_W_mK": 1.0}}
+    with_wall, without = (
+        simulate(P, INPUTS, effects=e, outputs=("rtd_x_degC",), dt_s=LONG_S) for e in (wall, {})
+    )
+    assert with_wall["rtd_x_degC"] == pytest.approx(without["rtd_x_degC"], abs=0.01)
+
+
+@pytest.mark.parametrize("dt_s", [0.02, 0.005, 0.00125])
+def test_a_pump_that_spins_up_slowly_starts_in_steps_of_any_length(dt_s: float) -> None:
+    slow = {"pump_lag": {"dead_s": 0.0, "spinup_s": 2.0}}
+    shown = ("flow_x_m3_s",)
+    flow, coarse = (
+        simulate(P, INPUTS, effects=slow, outputs=shown, dt_s=dt)["flow_x_m3_s"]
+        for dt in (dt_s, 0.05)
+    )
+    assert coarse.max() > 0.0
+    assert flow == pytest.approx(coarse, abs=1e-9 * coarse.max())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_with_any_law_temperatures_hardly_depend_on_the_step(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    effects = {
+        e.name: {
+            q.name: float(np.clip(q.typical * 10 ** rng.uniform(-4.0, 0.5), q.low, q.high))
+            for q in e.parameters
+            if not q.switch
+        }
+        for e in LAWS
+    }
+    assert worst(effects, ("rtd_x_degC", "rtd_y_degC")) < 0.1, effects
+
+
+def test_the_film_of_what_has_run_away_is_read_within_the_table() -> None:
+    p = kernel_constants(P, variant="extended", fixture="antagonistic", cooling="water")
+    table = film_table("extended")
+    T, still = 1e30, 0.0
+    conductivity, rise = table[-1, 0], table[-1, 1]
+    root = 0.60 + rise * T ** (1 / 6) * p[k.P_SQRT_DH]
+    expected = conductivity * p[k.P_DH_INV] * root**2 * p[k.P_PERIMETER]
+    assert k.film(T, 300.0, still, p, table) == pytest.approx(expected, rel=1e-9)
+    assert np.isnan(k.film(float("nan"), 300.0, 1e-3, p, table))
+
+
+def test_a_curve_is_read_within_its_table_wherever_the_progress_is() -> None:
+    e = np.ones(k.EFFECTS_SIZE + 2 * k.CURVE_SIZE)
+    assert np.isnan(k.outer(float("nan"), k.E_HEATING, e)[0])
+    assert k.outer(k.PROGRESS_HIGH, k.E_HEATING, e)[0] == pytest.approx(1.0)
