@@ -4,12 +4,6 @@
 knows a plant only through `smad.gap.plant`; `smad.gap.sma` is the plant of this bench.
 """
 
-import os
-
-# Many small products: a BLAS with threads of its own only makes them wait for one another. It has
-# to be said before numpy is first imported, and is left alone when the user has said otherwise.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 from smad.gap.diagnose import diagnose
 from smad.gap.records import Diagnosis
 from smad.gap.settings import Settings

@@ -10,7 +10,7 @@ handful, not by the best one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +29,7 @@ from smad.gap.space import Space
 _LAW_START = 0.3
 _ASIDE = 0.5
 _AGREED = 1.1
+_TOLERANCE = 2.0
 
 
 def learn_baseline(
@@ -69,7 +70,7 @@ def with_laws(
     way, coarsely, one by one, until two of all come down to the same misfit; the best goes on to
     its end.
     """
-    laws = tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
+    laws = laws_of(effects)
     if not laws:
         return refit(problem, parameters, squares=True)
     evidence, settings = problem.evidence, problem.evidence.settings
@@ -97,6 +98,11 @@ def with_laws(
         ends.append(go(space, start, settings.law_rounds, Detail.COARSE))
     best = min(ends, key=misfit)
     return go(space, best.p, settings.law_rounds_last, Detail.ROUGH)
+
+
+def laws_of(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Those that are laws, in an order of their own."""
+    return tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
 
 
 def choices(laws: Sequence[Effect]) -> list[tuple[Effect, ...]]:
@@ -143,6 +149,30 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
     before, after = judge([current, trial], None)
     gain, se = cluster_gain(current.problem, None, after.scores() - before.scores())
     return trial if gain > max(settings.baseline_gain, se) else None
+
+
+def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
+    """The refit in which parameters and laws of a bench may be others than in its good runs.
+
+    From where they are tied to those, with its effects, by the descent that the good runs had. Laws
+    to `keep` stay as they were. The evidence is calibrated where the fit ends.
+    """
+    problem, own = tied.problem, tied.space.effects
+    held = {*keep, *(e.name for e in own)}
+    fixed = [e for e in problem.evidence.plant.effects if e.name in tied.space.fixed]
+    laws = [e for e in laws_of(fixed) if e.name not in held]
+    space = replace(tied.space, tie=None, effects=(*laws, *own))
+    start = space.start(tied.point.effects)
+    start[: space.n_theta] = tied.p[: space.n_theta]
+    steps = descent(problem, space, start, rounds=problem.evidence.settings.law_rounds)
+    return polished(drive(problem.evidence, [steps])[0], tolerance=_TOLERANCE)
+
+
+def as_fixed(fit: Fitted) -> Fitted:
+    """The same fit, nothing moved, whose effects count as fixed."""
+    space = replace(fit.space, effects=(), fixed=fit.point.effects)
+    n = space.size
+    return replace(fit, space=space, p=fit.p[:n], A=fit.A[:, :n], at_bound=fit.at_bound[:n])
 
 
 def frozen(fit: Fitted) -> Fitted:

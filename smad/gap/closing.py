@@ -15,7 +15,7 @@ from smad.gap.admission import Admission, Finding
 from smad.gap.fit import JointFit, bootstrap, intervals, polished
 from smad.gap.judge import excess_by_key, predict_by_run
 from smad.gap.nextexp import propose
-from smad.gap.plant import Array, PlantModel
+from smad.gap.plant import Array, ModelPoint, PlantModel
 from smad.gap.records import (
     NAMED,
     Diagnosis,
@@ -245,7 +245,7 @@ class Closing:
         opened: OpenLoop = open_loop(prepared, self.executor)
         ev = opened.problem.evidence
         chain = self._chain() if named else []
-        predictions = [ev.predict([prepared.fit.space.point(prepared.fit.space.start())])[0]]
+        predictions = [ev.predict([ModelPoint(prepared.centre, prepared.fixed)])[0]]
         for c in (s.base, *chain):
             if prepared.hold is None:
                 predictions.append(predict_by_run(opened.problem, c.judged.points, c.fit.point))

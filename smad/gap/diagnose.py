@@ -14,11 +14,13 @@ from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 from smad.gap.stages import Prepared, prepare
+from smad.gap.threads import repeatable
 from smad.gap.tracks import Track, follow_tracks
 from smad.gap.verdict import decide
 from smad.gap.weigh import weigh
 
 
+@repeatable
 def diagnose(
     runs: Sequence[GapRun],
     *,
@@ -116,6 +118,7 @@ def _admitted(
     return order, [admit(group, plant, settings) for group in order]
 
 
+@repeatable
 def ready(
     runs: Sequence[GapRun],
     *,

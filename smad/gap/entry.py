@@ -20,6 +20,7 @@ from smad.gap.plant import Array, Effect
 from smad.gap.records import NAMED, Outcome
 from smad.gap.select import Candidate, Selection, acceptable, certainty
 from smad.gap.stages import Prepared
+from smad.gap.threads import repeatable
 from smad.gap.tracks import Track, follow_tracks
 from smad.gap.verdict import decide, p_unknown
 from smad.gap.weigh import weigh, without
@@ -142,6 +143,7 @@ class EntryRecord(msgspec.Struct, frozen=True):
         return float(np.clip(1.0 - self.fit.d2_nothing / self.fit.d2_known, 0.0, 1.0))
 
 
+@repeatable
 def examine(
     prepared: Prepared,
     names: Sequence[str],

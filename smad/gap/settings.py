@@ -26,8 +26,8 @@ class Settings:
     even without a gap to speak of if it exceeds `strong_standard_errors`; of a gap that is there it
     must take `min_shrink_gain`. A further one must find `further_excess` floors left on its
     outputs: the law of the first has another form on the bench, and what that leaves asks for an
-    effect, too. A free refit replaces "nothing was added" if it is better by
-    `free_standard_errors`.
+    effect, too. A free refit replaces the answer if it is better by `free_standard_errors`,
+    unless the cause gains `since_standard_errors` beside what is free.
 
     Beside tied parameters a cause is unknown if the best of the library takes less than
     `since_shrink` of the gap, less than `since_ratio` of what a flexible correction takes, or

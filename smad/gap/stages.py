@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from smad.gap.baseline import learn_baseline, with_laws
+from smad.gap.baseline import as_fixed, learn_baseline, unbound, with_laws
 from smad.gap.discrepancy import Background, fed_noise, learn_background
 from smad.gap.judge import Judged, excess_of, judge, predict_by_run
 from smad.gap.lsq import Fitted, Problem, drive, fitting
@@ -21,6 +21,7 @@ from smad.gap.runs import GapRun
 from smad.gap.screen import Probes
 from smad.gap.settings import Settings
 from smad.gap.significance import null_gains, top_null
+from smad.gap.threads import repeatable
 from smad.gap.whiten import OutputNoise, Whitening
 
 _NULL_DRAWS = 60
@@ -44,6 +45,7 @@ class Prepared:
     hold: Problem | None
     fit: Fitted
     tied: Fitted | None
+    free: Judged
     raw: Judged
     background: Background | None
     centre: Mapping[str, float]
@@ -51,14 +53,14 @@ class Prepared:
     threshold: float
 
     @cached_property
-    def free(self) -> Judged:
-        """The free refit, judged."""
-        return judge([self.fit], self.hold)[0]
-
-    @cached_property
     def gentle(self) -> Judged:
         """The free refit by plain least squares, judged."""
         return judge([_plain(self.fit)], self.hold)[0]
+
+    def recalibrate(self) -> None:
+        """Makes the evidence what it was when the parameters had been tied."""
+        if self.tied is not None:
+            self.problem.evidence.calibrate(self.tied.point)
 
     def null(self, probes: Probes) -> Array:
         """Largest gain of the screening on data without any effect."""
@@ -112,11 +114,14 @@ def prepare(
 
     problem = problem_of(ev)
     progress(f"refitting {len(parameters)} parameters")
-    tied = None
-    if background is not None:
-        tied = refit(problem, parameters, centre, fixed, tie=_tie(background, settings))
-    fit = refit(problem, parameters, centre, fixed, start=tied, calibrated=tied is not None)
     hold = problem_of(evidence(hold_out)) if hold_out else None
+    tied = None
+    if background is None:
+        fit = refit(problem, parameters, centre)
+        free = judge([fit], hold)[0]
+    else:
+        tied = refit(problem, parameters, centre, fixed, tie=_tie(background, settings))
+        fit, free = _unbound(tied, hold)
     start = ModelPoint(centre, fixed)
     raw = Judged(
         problem,
@@ -133,6 +138,7 @@ def prepare(
         hold,
         fit,
         tied,
+        free,
         raw,
         background,
         centre,
@@ -141,6 +147,7 @@ def prepare(
     )
 
 
+@repeatable
 def known_good(
     runs: Sequence[GapRun], plant: PlantModel, settings: Settings, executor: Executor | None = None
 ) -> Background:
@@ -179,6 +186,17 @@ def _background_of(
     fit = drive(ev, [steps])[0]
     fit = learn_baseline(fit, effects, progress)
     return learn_background(fit, base)
+
+
+def _unbound(tied: Fitted, hold: Problem | None) -> tuple[Fitted, Judged]:
+    """The refit with parameters and laws free, and its judgement.
+
+    It is calibrated and judged where it ends; afterwards the evidence is as the tied fit left it.
+    """
+    fit = unbound(tied)
+    judged = judge([fit], hold)[0]
+    tied.problem.evidence.calibrate(tied.point)
+    return as_fixed(fit), judged
 
 
 def _tie(background: Background, settings: Settings) -> Array:

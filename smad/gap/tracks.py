@@ -13,9 +13,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from smad.gap.baseline import unbound
 from smad.gap.contrast import is_new
 from smad.gap.fit import JointFit
-from smad.gap.judge import Judged
+from smad.gap.judge import Judged, judge
 from smad.gap.lsq import Fitted
 from smad.gap.plant import Effect
 from smad.gap.select import Candidate, Selection, Selector, cluster_gain
@@ -72,9 +73,7 @@ def follow_tracks(
     free = prepared.free
     progress("what has been added, parameters as the known-good runs say")
     selection = selected(prepared.tied)
-    rise = cluster_gain(
-        prepared.problem, prepared.hold, free.scores() - selection.best.judged.scores()
-    )
+    rise = _gain(prepared, free, selection.best.judged)
     if _holds(prepared, selection.best, free, *rise):
         return Track(selection, True, free, selection, *rise)
     refit = Candidate(JointFit(prepared.fit, ()), free)
@@ -91,10 +90,30 @@ def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
 def _holds(prepared: Prepared, best: Candidate, free: Judged, rise: float, error: float) -> bool:
     """Whether the tied answer stands beside the free refit, whose score is higher by `rise`.
 
-    A cause must predict runs not fitted to better than free parameters do, which overfit if it is
-    the truth. Without a cause: if nothing of note is left, or free parameters would not help.
+    Not if the free refit predicts runs not fitted to clearly better. Parameters and laws that are
+    free follow a bench that obeys other laws than the model, whatever else it does: a cause stands
+    all the same if it helps beside them as clearly as a cause must. Without a cause the tied answer
+    stands only if nothing of note is left, or if the free refit would not help.
     """
-    if best.names:
-        return rise < 0.0
-    better = rise > prepared.settings.free_standard_errors * error
-    return not better and best.judged.excess() <= max(prepared.threshold, _SAME * free.excess())
+    if rise > prepared.settings.free_standard_errors * error:
+        return bool(best.names) and _helps(prepared, best, free)
+    little = max(prepared.threshold, _SAME * free.excess())
+    return bool(best.names) or best.judged.excess() <= little
+
+
+def _helps(prepared: Prepared, best: Candidate, free: Judged) -> bool:
+    """Whether the causes still predict clearly better where parameters and laws are free, too.
+
+    A cause that is a law itself is compared with a refit in which all laws but that are free.
+    """
+    (beside,) = judge([unbound(best.fit)], prepared.hold)
+    if prepared.tied is not None and any(n in prepared.fixed for n in best.names):
+        (free,) = judge([unbound(prepared.tied, best.names)], prepared.hold)
+    prepared.recalibrate()
+    gain, error = _gain(prepared, beside, free)
+    return gain > prepared.settings.since_standard_errors * error
+
+
+def _gain(prepared: Prepared, one: Judged, other: Judged) -> tuple[float, float]:
+    """By how much the held-out score of `one` is higher, and its standard error."""
+    return cluster_gain(prepared.problem, prepared.hold, one.scores() - other.scores())

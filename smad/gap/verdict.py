@@ -210,8 +210,9 @@ def _quiet(outcome: Outcome, e: Evidenced) -> str:
         )
     if outcome is Outcome.NO_GAP:
         return f"No gap: what is left ({e.whole.gap_refit:.2f}×) is within the floor."
+    what = "the refit of parameters and laws" if e.since_good else "the refit"
     return (
-        f"Parameters only: after the refit {e.whole.gap_refit:.2f}× is left, which is within the "
+        f"Parameters only: after {what} {e.whole.gap_refit:.2f}× is left, which is within the "
         "floor. No effect is needed."
     )
 

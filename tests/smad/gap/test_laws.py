@@ -10,12 +10,14 @@ import pytest
 
 from smad.gap import Settings, diagnose
 from smad.gap.baseline import choices
+from smad.gap.judge import judge
 from smad.gap.leftover import Lawless, leftover, main
 from smad.gap.plant import Effect, EffectParameter, ModelPoint
 from smad.gap.recorded import recorded
 from smad.gap.replay import Grid, thinned
 from smad.gap.sma import SmaPlant
-from smad.gap.stages import known_good
+from smad.gap.stages import known_good, prepare
+from smad.gap.tracks import follow_tracks
 from tests.smad.gap.cases import OTHER, QUICK, ask, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 
@@ -38,6 +40,30 @@ def test_a_law_that_has_grown_since_is_named() -> None:
     good = bank(OTHER, SLOW, seed=40)[:3]
     verdict = ask(bank(OTHER, SLOWER), LAWFUL, good=good).verdict
     assert verdict.effects == ["sensor_lag"], verdict.text
+
+
+def test_a_law_that_has_grown_is_named_although_a_parameter_has_moved_as_well() -> None:
+    good = bank(OTHER, SLOW, seed=40)[:3]
+    runs = bank(OTHER | {"ha_W_K": 0.6}, SLOWER)
+    prepared = prepare(runs[:2], LAWFUL, QUICK, good=good, hold_out=runs[2:])
+    track = follow_tracks(prepared, LAWFUL.effects)
+    assert track.free_gain > QUICK.free_standard_errors * track.free_gain_se
+    assert track.tied
+    assert track.selection.best.names == ("sensor_lag",)
+
+
+def test_the_free_refit_may_have_other_laws_than_the_good_runs_and_counts_them_as_no_cause() -> (
+    None
+):
+    good = bank(OTHER, SLOW, seed=40)[:3]
+    runs = bank(OTHER, SLOWER)
+    prepared = prepare(runs[:2], LAWFUL, QUICK, good=good, hold_out=runs[2:])
+    assert prepared.tied is not None
+    assert prepared.tied.point.effects["sensor_lag"]["tau_s"] == pytest.approx(0.6, abs=0.1)
+    assert prepared.fit.point.effects["sensor_lag"]["tau_s"] == pytest.approx(1.6, abs=0.2)
+    assert prepared.fit.space.effects == ()
+    (stiff,) = judge([prepared.tied], prepared.hold)
+    assert prepared.free.excess() < 0.5 * stiff.excess()
 
 
 def test_what_may_be_named_does_not_narrow_what_good_runs_are_asked_for() -> None:
