@@ -154,8 +154,8 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
 def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
     """The refit in which parameters and laws of a bench may be others than in its good runs.
 
-    From where they are tied to those, with its effects, by the descent that the good runs had. Laws
-    to `keep` stay as they were. The evidence is calibrated where the fit ends.
+    From where they are tied to those, with its effects. Laws to `keep` stay as they were. The
+    evidence is calibrated near where the fit ends.
     """
     problem, own = tied.problem, tied.space.effects
     held = {*keep, *(e.name for e in own)}
@@ -164,8 +164,19 @@ def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
     space = replace(tied.space, tie=None, effects=(*laws, *own))
     start = space.start(tied.point.effects)
     start[: space.n_theta] = tied.p[: space.n_theta]
-    steps = descent(problem, space, start, rounds=problem.evidence.settings.law_rounds)
-    return polished(drive(problem.evidence, [steps])[0], tolerance=_TOLERANCE)
+    steps = fitting(
+        problem,
+        space,
+        start,
+        iterations=problem.evidence.settings.refit_iterations,
+        refresh_theta=True,
+        tolerance=_TOLERANCE,
+        rough=True,
+        steady=True,
+    )
+    end = drive(problem.evidence, [steps])[0]
+    problem.evidence.calibrate(end.point)
+    return polished(end, tolerance=_TOLERANCE)
 
 
 def as_fixed(fit: Fitted) -> Fitted:
