@@ -36,6 +36,7 @@ from smad.gap.summary import (
     floor_records,
     heat_of,
     heat_records,
+    law_records,
     pair_records,
     parameter_records,
     residual_test_records,
@@ -209,6 +210,7 @@ class Closing:
             parameters=parameter_records(
                 prepared, final, bootstrap(final.fit, settings.bootstrap, settings.seed)
             ),
+            laws=law_records(prepared, final),
             pairs=pair_records(stand) if len(stand) > 1 else [],
             residual_tests=residual_test_records(prepared, best),
             experiments=experiments,

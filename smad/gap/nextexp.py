@@ -59,6 +59,8 @@ class Trial:
         self._whitening = Whitening(self._ev, noise)
         self._share = float(np.mean(list(dispersion(fits[0].problem, fits[0].z).values())))
         self._y = self._ev.predict([fit.point for fit in fits])
+        pairs = permutations(range(len(fits)), 2)
+        self._apart = {(i, j): self._whitening.white(self._y[i] - self._y[j]) for i, j in pairs}
         self.bound = self._mean(lambda s, j: float(s @ s))
 
     def separation(self) -> float:
@@ -75,8 +77,7 @@ class Trial:
 
     def _mean(self, d2: Callable[[Array, int], float]) -> float:
         total = weight = 0.0
-        for i, j in permutations(range(len(self.fits)), 2):
-            s = self._whitening.white(self._y[i] - self._y[j])
+        for (i, j), s in self._apart.items():
             w = self.weights[i] * self.weights[j]
             total += w * self._share * d2(s, j)
             weight += w

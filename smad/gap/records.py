@@ -78,6 +78,16 @@ class ParameterRecord(msgspec.Struct, frozen=True):
     at_bound: bool
 
 
+class LawRecord(msgspec.Struct, frozen=True):
+    """A value of a law that the model holds: in known-good runs, and after the refit."""
+
+    law: str
+    name: str
+    unit: str
+    before: float
+    after: float
+
+
 class WaterfallRow(msgspec.Struct, frozen=True):
     """Excess gap over the floor on held-out runs; `output` "" is all together."""
 
@@ -258,6 +268,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
     fitted: list[FittedRecord] = []
     places: dict[str, dict[str, float]] = {}
     left_out: list[LeftOutRecord] = []
+    laws: list[LawRecord] = []
 
     def to_json(self) -> bytes:
         """JSON with the same content; NaN and infinities become null."""

@@ -235,6 +235,18 @@ def _parameters(d: Diagnosis) -> list[Block]:
             frozenset({1, 2, 3, 4}),
         )
     )
+    if d.laws:
+        out.append(
+            Table(
+                ("law", "value", "in the known-good runs", "now"),
+                [
+                    (x.law, x.name, f"{x.before:.4g}", f"{x.after:.4g} {x.unit}".removesuffix(" 1"))
+                    for x in d.laws
+                ],
+                "Laws that the known-good runs ask for; they move with a refit that replaces them",
+                frozenset({2, 3}),
+            )
+        )
     return out
 
 

@@ -17,6 +17,7 @@ from smad.gap.records import (
     CellRecord,
     FittedRecord,
     FloorRecord,
+    LawRecord,
     Pair,
     ParameterRecord,
     ResidualTest,
@@ -214,6 +215,17 @@ def parameter_records(prepared: Prepared, best: Candidate, draws: Array) -> list
             )
         )
     return out
+
+
+def law_records(prepared: Prepared, best: Candidate) -> list[LawRecord]:
+    """What known-good runs gave the model besides parameters; effects that are named are not it."""
+    now = best.fit.point.effects
+    return [
+        LawRecord(e.name, q.name, q.unit, prepared.fixed[e.name][q.name], now[e.name][q.name])
+        for e in prepared.plant.effects
+        if e.name in prepared.fixed and e.name not in best.names
+        for q in e.parameters
+    ]
 
 
 def pair_records(candidates: Sequence[Candidate]) -> list[Pair]:

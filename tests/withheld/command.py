@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from tests.withheld import bank, quiz
@@ -37,15 +38,28 @@ def _best_entry(options: argparse.Namespace) -> None:
     run(*_places(options), jobs=options.jobs)
 
 
-def _after_next(options: argparse.Namespace) -> None:
-    from tests.withheld.after_next import run
-
+def _recorder(options: argparse.Namespace) -> Callable[[str, Path, Path], None]:
+    """What records a case's bench under a program."""
     bank, key = Path(options.bank), Path(options.key)
 
     def record(case: str, program: Path, out: Path) -> None:
         follow(bank, key, case, program, out)
 
-    run(Path(options.verdicts), key, bank, Path(options.out), jobs=options.jobs, follow=record)
+    return record
+
+
+def _after_next(options: argparse.Namespace) -> None:
+    from tests.withheld.after_next import run
+
+    run(*_places(options), jobs=options.jobs, follow=_recorder(options))
+
+
+def _after_why(options: argparse.Namespace) -> None:
+    from tests.withheld.after_why import run
+
+    verdicts, key, bank, out = _places(options)
+    report = Path(options.report)
+    run(verdicts, key, bank, report, out, jobs=options.jobs, follow=_recorder(options))
 
 
 def _why(options: argparse.Namespace) -> None:
@@ -90,6 +104,12 @@ def _arguments() -> argparse.ArgumentParser:
         ("best-entry", _best_entry, "oracle O2: fit the right entry of the library", answer),
         ("after-next", _after_next, "carry out the recommended experiments and ask again", answer),
         ("why", _why, "why right names were not given", "the report, as JSON"),
+        (
+            "after-why",
+            _after_why,
+            "carry out the experiments that `why` names",
+            "a report, as JSON",
+        ),
     ):
         later[name] = commands.add_parser(name, help=told)
         later[name].add_argument("verdicts", help="frozen verdicts of `smad gap check`")
@@ -101,6 +121,7 @@ def _arguments() -> argparse.ArgumentParser:
     why = later["why"]
     why.add_argument("--cases", default="", help="only these, as case-001,case-007")
     why.add_argument("--all", action="store_true", help="rightly named ones too, to compare with")
+    later["after-why"].add_argument("--report", required=True, help="what `why` wrote")
     again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
     again.add_argument("bank")
     again.add_argument("key")

@@ -1,8 +1,8 @@
 """What is asked of the diagnosis once its verdicts are frozen and the key may be used.
 
-`best_entry`, `after_next` and `why` stand on this. Beside the tests, these four are the modules
-here that use the product; no module that makes a bank reaches them, and they do not reach the
-plant.
+`best_entry`, `after_next`, `why` and `after_why` stand on this, and the two that record a run on
+`one_more_run`. Beside the tests, these six are the modules here that use the product; no module
+that makes a bank reaches them, and they do not reach the plant.
 """
 
 import sys

@@ -12,7 +12,7 @@ from smad.cli import execute
 from smad.gap.check.bank import open_bank
 from smad.gap.check.case import How
 from smad.gap.check.names import ALIASES, CAUSES, subsystem_of
-from smad.gap.check.reasons import Report
+from smad.gap.check.reasons import Report, parting
 from smad.gap.check.running import Order, Progress, check, pool
 from smad.gap.check.scores import read_scores
 from smad.gap.check.verdicts import (
@@ -27,6 +27,7 @@ from smad.gap.check.verdicts import (
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from tests.withheld import files
+from tests.withheld.after_why import AgainReport
 from tests.withheld.cases import Case
 from tests.withheld.command import main
 from tests.withheld.making import Style, make
@@ -172,11 +173,12 @@ def test_a_recommended_experiment_is_carried_out_and_the_case_asked_again(
     assert set(experiment.names_after) <= set(LIBRARY)
 
 
-def test_a_case_without_its_right_name_alone_is_told_why(
+def test_a_case_without_its_right_name_alone_is_told_why_and_its_experiment_carried_out(
     bank: Path, frozen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     key, out = bank.with_name("small-key") / "KEY.json", tmp_path / "why.json"
-    main(["why", str(frozen), str(key), str(bank), "--out", str(out), "--jobs", "1"])
+    place = [str(frozen), str(key), str(bank), "--jobs", "1"]
+    main(["why", *place, "--out", str(out)])
     said = capsys.readouterr()
     assert "case-001  done in" in said.err
     assert "1 of 1 cases examined" in said.out
@@ -190,6 +192,18 @@ def test_a_case_without_its_right_name_alone_is_told_why(
     assert case.told.entry.name == LIBRARY[0]
     assert report.counts == {case.reason: {"1×": 0, "3×": 0, "10×": 1}}
     assert report.failed == []
+
+    after = tmp_path / "after-why.json"
+    main(["after-why", *place, "--report", str(out), "--out", str(after)])
+    apart = parting(case.told)
+    assert apart is not None
+    whole = msgspec.json.decode(after.read_bytes(), type=AgainReport)
+    (again,) = whole.cases
+    assert (again.experiment, again.d2) == (apart.experiment, apart.d2)
+    assert again.d2 >= whole.d2_limit
+    assert set(again.names) <= {LIBRARY[0], LIBRARY[1]}
+    assert again.told in capsys.readouterr().out
+    assert len(list(tmp_path.glob("after-why.json.*.parts/case-001-*.parquet"))) == 1
 
 
 def test_only_judged_cases_of_one_effect_can_be_asked_for(

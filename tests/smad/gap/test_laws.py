@@ -14,10 +14,13 @@ from smad.gap.judge import judge
 from smad.gap.leftover import Lawless, leftover, main
 from smad.gap.plant import Effect, EffectParameter, ModelPoint
 from smad.gap.recorded import recorded
+from smad.gap.records import Outcome
 from smad.gap.replay import Grid, thinned
+from smad.gap.report import page_of
 from smad.gap.sma import SmaPlant
 from smad.gap.stages import known_good, prepare
 from smad.gap.tracks import follow_tracks
+from smad.report.page import render
 from tests.smad.gap.cases import OTHER, QUICK, ask, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 
@@ -64,6 +67,17 @@ def test_the_free_refit_may_have_other_laws_than_the_good_runs_and_counts_them_a
     assert prepared.fit.space.effects == ()
     (stiff,) = judge([prepared.tied], prepared.hold)
     assert prepared.free.excess() < 0.5 * stiff.excess()
+
+
+def test_a_report_without_a_cause_says_which_laws_moved_and_how_far() -> None:
+    good = bank(OTHER, SLOW, seed=40)[:3]
+    asked = {"plant": LAWFUL, "good": good, "settings": QUICK, "candidates": ["backlash"]}
+    found = diagnose(bank(OTHER, SLOWER), **asked)
+    assert found.verdict.outcome is Outcome.PARAMETERS, found.verdict.text
+    (lag,) = found.laws
+    assert (lag.law, lag.name, lag.unit) == ("sensor_lag", "tau_s", "s")
+    assert (lag.before, lag.after) == (pytest.approx(0.6, abs=0.1), pytest.approx(1.6, abs=0.2))
+    assert f"{lag.after:.4g} s" in render(page_of(found))
 
 
 def test_what_may_be_named_does_not_narrow_what_good_runs_are_asked_for() -> None:

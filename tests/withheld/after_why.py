@@ -1,0 +1,175 @@
+"""Whether the experiment that `why` names parts what it says: it is carried out, and asked again.
+
+`why` foretells how far one more run would take the right entry from the name that was given, or
+from none. Here that run is recorded on the case's own bench, and the case is diagnosed with it, the
+whole library at hand. A foretold separation that names nothing is told as plainly as one that does.
+"""
+
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from smad.errors import SmadError
+from smad.gap.check.key import file_digest
+from smad.gap.check.names import NAMING, canonical
+from smad.gap.check.reasons import REASONS, Explained, Report, parting
+from smad.gap.check.verdicts import CaseVerdict
+from smad.report.page import Table, text_table
+from tests.withheld.errors import WithheldError
+from tests.withheld.one_more_run import Follow, judge_again, recorded
+from tests.withheld.second_pass import Frozen, opened, through
+
+FORMAT = "smad-after-why-1"
+_RIGHT = REASONS[0].name
+
+
+class Again(msgspec.Struct, frozen=True):
+    """A case after the one run: `names` are the causes that its verdict leaves standing."""
+
+    case: str
+    cause: str
+    strength: float
+    reason: str
+    experiment: str
+    d2: float
+    before: str
+    outcome: str
+    names: list[str]
+
+    @property
+    def told(self) -> str:
+        """How the run helped, in a word or three."""
+        if self.cause not in self.names:
+            return "not named"
+        return "named alone" if len(self.names) == 1 else "named with others"
+
+
+class AgainReport(msgspec.Struct, frozen=True):
+    """Every case that was asked again, and those that were not parted even in prediction.
+
+    `not_foretold` are cases whose experiment was foretold to reach less than `d2_limit`, so that
+    nothing was recorded; `failed` those that could not be diagnosed.
+    """
+
+    format: str
+    bank: str
+    key_sha256: str
+    verdicts_sha256: str
+    d2_limit: float
+    cases: list[Again]
+    not_foretold: list[str]
+    failed: list[str]
+
+    def to_json(self) -> bytes:
+        """Indented JSON."""
+        return msgspec.json.format(msgspec.json.encode(self), indent=1) + b"\n"
+
+
+def run(
+    verdicts: Path, key: Path, bank: Path, report: Path, out: Path, *, jobs: int, follow: Follow
+) -> None:
+    """Carry out the experiments that a report of `why` names, ask again, print, write.
+
+    Raises WithheldError as `second_pass.opened`, and when the report is of other verdicts.
+    """
+    try:
+        frozen = opened(verdicts, key, bank)
+        digest = file_digest(verdicts)
+        missed = _missed(report, digest)
+        limit = frozen.how.settings.ambiguous_d2
+        wanted = {x.told.case: x for x in missed if _foretold(x) >= limit}
+        parts = out.with_name(f"{out.name}.{digest[:12]}.parts")
+        parts.mkdir(parents=True, exist_ok=True)
+        said = _asked_again(frozen, wanted, parts, jobs, follow)
+        cases = [_again(wanted[case], answer) for case, answer in said.items()]
+        whole = AgainReport(
+            format=FORMAT,
+            bank=frozen.bank.manifest.bank,
+            key_sha256=frozen.bank.manifest.key_sha256,
+            verdicts_sha256=digest,
+            d2_limit=limit,
+            cases=cases,
+            not_foretold=[x.told.case for x in missed if x.told.case not in wanted],
+            failed=[case for case in wanted if case not in said],
+        )
+        out.write_bytes(whole.to_json())
+    except SmadError as error:
+        raise WithheldError(str(error)) from error
+    if cases:
+        print(text_table(_table(cases)))
+    print(
+        f"{len(cases)} of {len(wanted)} cases asked again, {len(whole.not_foretold)} without an "
+        f"experiment that is foretold to help: {out}"
+    )
+
+
+def _missed(path: Path, digest: str) -> list[Explained]:
+    """The cases of a report of these verdicts that were not named rightly."""
+    try:
+        report = msgspec.json.decode(path.read_bytes(), type=Report)
+    except (OSError, msgspec.DecodeError) as error:
+        raise WithheldError(f"{path} is no report of why: {error}") from None
+    if report.verdicts_sha256 != digest:
+        raise WithheldError(f"{path} is about other verdicts: ask why of these first")
+    return [x for x in report.cases if x.reason != _RIGHT]
+
+
+def _foretold(x: Explained) -> float:
+    apart = parting(x.told)
+    return 0.0 if apart is None else apart.d2
+
+
+def _asked_again(
+    frozen: Frozen, wanted: Mapping[str, Explained], parts: Path, jobs: int, follow: Follow
+) -> dict[str, CaseVerdict]:
+    experiments = {
+        case: apart.experiment
+        for case, x in wanted.items()
+        if (apart := parting(x.told)) is not None
+    }
+    runs = recorded(frozen, experiments, parts, follow)
+    work = functools.partial(judge_again, runs=runs)
+    return through(frozen, list(wanted), parts, work, jobs)
+
+
+def _again(x: Explained, said: CaseVerdict) -> Again:
+    apart = parting(x.told)
+    assert apart is not None
+    assert said.next_experiment is not None
+    left = said.next_experiment.names_after or []
+    return Again(
+        case=x.told.case,
+        cause=x.told.cause,
+        strength=x.told.strength,
+        reason=x.reason,
+        experiment=apart.experiment,
+        d2=apart.d2,
+        before=_answer(x.told.outcome, x.told.said),
+        outcome=said.outcome,
+        names=list(dict.fromkeys(canonical(n) for n in left)),
+    )
+
+
+def _answer(outcome: str, names: Sequence[str]) -> str:
+    return " + ".join(names) if outcome in NAMING else outcome
+
+
+def _table(cases: Sequence[Again]) -> Table:
+    heads = [
+        "case",
+        "cause",
+        "floors",
+        "said before",
+        "experiment",
+        "d² foretold",
+        "said after",
+        "",
+    ]
+    rows = [
+        [c.case, c.cause, f"{c.strength:.0f}", c.before, c.experiment, f"{c.d2:.0f}",
+         _answer(c.outcome, c.names), c.told]
+        for c in cases
+    ]  # fmt: skip
+    return Table(heads, rows, numeric=frozenset({2, 5}))
