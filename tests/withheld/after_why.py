@@ -68,39 +68,48 @@ class AgainReport(msgspec.Struct, frozen=True):
 
 
 def run(
-    verdicts: Path, key: Path, bank: Path, report: Path, out: Path, *, jobs: int, follow: Follow
+    verdicts: Path,
+    key: Path,
+    bank: Path,
+    report: Path,
+    out: Path,
+    *,
+    jobs: int,
+    follow: Follow,
+    cases: Sequence[str] = (),
 ) -> None:
     """Carry out the experiments that a report of `why` names, ask again, print, write.
 
-    Raises WithheldError as `second_pass.opened`, and when the report is of other verdicts.
+    Only those of `cases`, if any are given. Raises WithheldError as `second_pass.opened`, when the
+    report is of other verdicts, and when it has no such case.
     """
     try:
         frozen = opened(verdicts, key, bank)
         digest = file_digest(verdicts)
-        missed = _missed(report, digest)
+        missed = _chosen(_missed(report, digest), cases)
         limit = frozen.how.settings.ambiguous_d2
         wanted = {x.told.case: x for x in missed if _foretold(x) >= limit}
         parts = out.with_name(f"{out.name}.{digest[:12]}.parts")
         parts.mkdir(parents=True, exist_ok=True)
         said = _asked_again(frozen, wanted, parts, jobs, follow)
-        cases = [_again(wanted[case], answer) for case, answer in said.items()]
+        again = [_again(wanted[case], answer) for case, answer in said.items()]
         whole = AgainReport(
             format=FORMAT,
             bank=frozen.bank.manifest.bank,
             key_sha256=frozen.bank.manifest.key_sha256,
             verdicts_sha256=digest,
             d2_limit=limit,
-            cases=cases,
+            cases=again,
             not_foretold=[x.told.case for x in missed if x.told.case not in wanted],
             failed=[case for case in wanted if case not in said],
         )
         out.write_bytes(whole.to_json())
     except SmadError as error:
         raise WithheldError(str(error)) from error
-    if cases:
-        print(text_table(_table(cases)))
+    if again:
+        print(text_table(_table(again)))
     print(
-        f"{len(cases)} of {len(wanted)} cases asked again, {len(whole.not_foretold)} without an "
+        f"{len(again)} of {len(wanted)} cases asked again, {len(whole.not_foretold)} without an "
         f"experiment that is foretold to help: {out}"
     )
 
@@ -114,6 +123,14 @@ def _missed(path: Path, digest: str) -> list[Explained]:
     if report.verdicts_sha256 != digest:
         raise WithheldError(f"{path} is about other verdicts: ask why of these first")
     return [x for x in report.cases if x.reason != _RIGHT]
+
+
+def _chosen(missed: Sequence[Explained], cases: Sequence[str]) -> list[Explained]:
+    known = {x.told.case for x in missed}
+    for case in cases:
+        if case not in known:
+            raise WithheldError(f"{case} is not a missed or misnamed case of the report")
+    return [x for x in missed if not cases or x.told.case in cases]
 
 
 def _foretold(x: Explained) -> float:

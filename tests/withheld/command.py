@@ -58,8 +58,20 @@ def _after_why(options: argparse.Namespace) -> None:
     from tests.withheld.after_why import run
 
     verdicts, key, bank, out = _places(options)
-    report = Path(options.report)
-    run(verdicts, key, bank, report, out, jobs=options.jobs, follow=_recorder(options))
+    run(
+        verdicts,
+        key,
+        bank,
+        Path(options.report),
+        out,
+        jobs=options.jobs,
+        follow=_recorder(options),
+        cases=_cases(options),
+    )
+
+
+def _cases(options: argparse.Namespace) -> list[str]:
+    return [c for c in options.cases.split(",") if c]
 
 
 def _why(options: argparse.Namespace) -> None:
@@ -68,7 +80,7 @@ def _why(options: argparse.Namespace) -> None:
     run(
         *_places(options),
         jobs=options.jobs,
-        cases=[c for c in options.cases.split(",") if c],
+        cases=_cases(options),
         everything=options.all,
     )
 
@@ -118,9 +130,11 @@ def _arguments() -> argparse.ArgumentParser:
         later[name].add_argument("--out", required=True, help=out)
         later[name].add_argument("--jobs", type=int, default=2)
         later[name].set_defaults(run=run)
-    why = later["why"]
-    why.add_argument("--cases", default="", help="only these, as case-001,case-007")
-    why.add_argument("--all", action="store_true", help="rightly named ones too, to compare with")
+    for name in ("why", "after-why"):
+        later[name].add_argument("--cases", default="", help="only these, as case-001,case-007")
+    later["why"].add_argument(
+        "--all", action="store_true", help="rightly named ones too, to compare with"
+    )
     later["after-why"].add_argument("--report", required=True, help="what `why` wrote")
     again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
     again.add_argument("bank")

@@ -205,6 +205,17 @@ def test_a_case_without_its_right_name_alone_is_told_why_and_its_experiment_carr
     assert again.told in capsys.readouterr().out
     assert len(list(tmp_path.glob("after-why.json.*.parts/case-001-*.parquet"))) == 1
 
+    other = tmp_path / "other.json"
+    other.write_bytes(msgspec.structs.replace(report, verdicts_sha256="0" * 64).to_json())
+    for wrong, said_of_it in (
+        (["--report", str(out), "--cases", "case-002"], "case-002 is not a missed or misnamed"),
+        (["--report", str(other)], "is about other verdicts"),
+        (["--report", str(bank / "manifest.json")], "is no report of why"),
+    ):
+        with pytest.raises(SystemExit):
+            main(["after-why", *place, *wrong, "--out", str(tmp_path / "x.json")])
+        assert said_of_it in capsys.readouterr().err
+
 
 def test_only_judged_cases_of_one_effect_can_be_asked_for(
     bank: Path, frozen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
