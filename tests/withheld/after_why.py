@@ -6,7 +6,7 @@ whole library at hand. A foretold separation that names nothing is told as plain
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -16,10 +16,11 @@ from smad.gap.check.key import file_digest
 from smad.gap.check.names import NAMING, canonical
 from smad.gap.check.reasons import REASONS, Explained, Report, parting
 from smad.gap.check.verdicts import CaseVerdict
+from smad.gap.entry import Apart
 from smad.report.page import Table, text_table
 from tests.withheld.errors import WithheldError
-from tests.withheld.one_more_run import Follow, judge_again, recorded
-from tests.withheld.second_pass import Frozen, opened, through
+from tests.withheld.one_more_run import Ask, Follow, judge_again, recorded
+from tests.withheld.second_pass import opened, through
 
 FORMAT = "smad-after-why-1"
 _RIGHT = REASONS[0].name
@@ -77,6 +78,7 @@ def run(
     jobs: int,
     follow: Follow,
     cases: Sequence[str] = (),
+    ask: Ask = judge_again,
 ) -> None:
     """Carry out the experiments that a report of `why` names, ask again, print, write.
 
@@ -91,7 +93,8 @@ def run(
         wanted = {x.told.case: x for x in missed if _foretold(x) >= limit}
         parts = out.with_name(f"{out.name}.{digest[:12]}.parts")
         parts.mkdir(parents=True, exist_ok=True)
-        said = _asked_again(frozen, wanted, parts, jobs, follow)
+        runs = recorded(frozen, {c: _apart(x).experiment for c, x in wanted.items()}, parts, follow)
+        said = through(frozen, list(wanted), parts, functools.partial(ask, runs=runs), jobs)
         again = [_again(wanted[case], answer) for case, answer in said.items()]
         whole = AgainReport(
             format=FORMAT,
@@ -138,22 +141,14 @@ def _foretold(x: Explained) -> float:
     return 0.0 if apart is None else apart.d2
 
 
-def _asked_again(
-    frozen: Frozen, wanted: Mapping[str, Explained], parts: Path, jobs: int, follow: Follow
-) -> dict[str, CaseVerdict]:
-    experiments = {
-        case: apart.experiment
-        for case, x in wanted.items()
-        if (apart := parting(x.told)) is not None
-    }
-    runs = recorded(frozen, experiments, parts, follow)
-    work = functools.partial(judge_again, runs=runs)
-    return through(frozen, list(wanted), parts, work, jobs)
+def _apart(x: Explained) -> Apart:
+    apart = parting(x.told)
+    assert apart is not None
+    return apart
 
 
 def _again(x: Explained, said: CaseVerdict) -> Again:
-    apart = parting(x.told)
-    assert apart is not None
+    apart = _apart(x)
     assert said.next_experiment is not None
     left = said.next_experiment.names_after or []
     return Again(

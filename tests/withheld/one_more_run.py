@@ -27,6 +27,8 @@ _COLUMNS = {
 }
 Follow = Callable[[str, Path, Path], None]
 """Records a case's bench under a program: case, program file, run file to write."""
+Ask = Callable[[Task, dict[str, Path]], Part]
+"""Asks for a case once more, with the runs that were recorded: case → run file."""
 
 
 def write_program(plant: SmaPlant, experiment: str, seed: int, path: Path) -> None:

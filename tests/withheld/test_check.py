@@ -10,7 +10,7 @@ import pytest
 
 from smad.cli import execute
 from smad.gap.check.bank import open_bank
-from smad.gap.check.case import How
+from smad.gap.check.case import How, Part, Task
 from smad.gap.check.names import ALIASES, CAUSES, subsystem_of
 from smad.gap.check.reasons import Report, parting
 from smad.gap.check.running import Order, Progress, check, pool
@@ -26,10 +26,10 @@ from smad.gap.check.verdicts import (
 )
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
-from tests.withheld import files
-from tests.withheld.after_why import AgainReport
+from tests.withheld import after_why, files
 from tests.withheld.cases import Case
 from tests.withheld.command import main
+from tests.withheld.follow import follow
 from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import BY_NAME, Active, names
 from tests.withheld.second_pass import entries
@@ -173,6 +173,13 @@ def test_a_recommended_experiment_is_carried_out_and_the_case_asked_again(
     assert set(experiment.names_after) <= set(LIBRARY)
 
 
+def _rightly(task: Task, runs: dict[str, Path]) -> Part:
+    """In place of a diagnosis, which the recommended experiment's test asks for: the right name."""
+    assert files.read_run(runs[task.case.id])["t_s"][-1] > 30.0
+    said = NextExperiment("", names_after=[LIBRARY[0]])
+    return Part(task.case.id, 0.0, CaseVerdict(outcome="effect", next_experiment=said))
+
+
 def test_a_case_without_its_right_name_alone_is_told_why_and_its_experiment_carried_out(
     bank: Path, frozen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -194,15 +201,19 @@ def test_a_case_without_its_right_name_alone_is_told_why_and_its_experiment_carr
     assert report.failed == []
 
     after = tmp_path / "after-why.json"
-    main(["after-why", *place, "--report", str(out), "--out", str(after)])
+
+    def record(case: str, program: Path, run: Path) -> None:
+        follow(bank, key, case, program, run)
+
+    after_why.run(frozen, key, bank, out, after, jobs=1, follow=record, ask=_rightly)
     apart = parting(case.told)
     assert apart is not None
-    whole = msgspec.json.decode(after.read_bytes(), type=AgainReport)
+    whole = msgspec.json.decode(after.read_bytes(), type=after_why.AgainReport)
     (again,) = whole.cases
     assert (again.experiment, again.d2) == (apart.experiment, apart.d2)
     assert again.d2 >= whole.d2_limit
-    assert set(again.names) <= {LIBRARY[0], LIBRARY[1]}
-    assert again.told in capsys.readouterr().out
+    assert (again.outcome, again.names) == ("effect", [LIBRARY[0]])
+    assert "named alone" in capsys.readouterr().out
     assert len(list(tmp_path.glob("after-why.json.*.parts/case-001-*.parquet"))) == 1
 
     other = tmp_path / "other.json"
