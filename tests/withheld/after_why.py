@@ -14,13 +14,13 @@ import msgspec
 from smad.errors import SmadError
 from smad.gap.check.key import file_digest
 from smad.gap.check.names import NAMING, canonical
-from smad.gap.check.reasons import REASONS, Explained, Report, parting
+from smad.gap.check.reasons import REASONS, Explained, Report, parted, parting
 from smad.gap.check.verdicts import CaseVerdict
 from smad.gap.entry import Apart
 from smad.report.page import Table, text_table
 from tests.withheld.errors import WithheldError
 from tests.withheld.one_more_run import Ask, Follow, judge_again, recorded
-from tests.withheld.second_pass import opened, through
+from tests.withheld.second_pass import opened, parts_beside, through
 
 FORMAT = "smad-after-why-1"
 _RIGHT = REASONS[0].name
@@ -89,10 +89,9 @@ def run(
         frozen = opened(verdicts, key, bank)
         digest = file_digest(verdicts)
         missed = _chosen(_missed(report, digest), cases)
-        limit = frozen.how.settings.ambiguous_d2
-        wanted = {x.told.case: x for x in missed if _foretold(x) >= limit}
-        parts = out.with_name(f"{out.name}.{digest[:12]}.parts")
-        parts.mkdir(parents=True, exist_ok=True)
+        settings = frozen.how.settings
+        wanted = {x.told.case: x for x in missed if parted(x, settings)}
+        parts = parts_beside(out, digest)
         runs = recorded(frozen, {c: _apart(x).experiment for c, x in wanted.items()}, parts, follow)
         said = through(frozen, list(wanted), parts, functools.partial(ask, runs=runs), jobs)
         again = [_again(wanted[case], answer) for case, answer in said.items()]
@@ -101,7 +100,7 @@ def run(
             bank=frozen.bank.manifest.bank,
             key_sha256=frozen.bank.manifest.key_sha256,
             verdicts_sha256=digest,
-            d2_limit=limit,
+            d2_limit=settings.ambiguous_d2,
             cases=again,
             not_foretold=[x.told.case for x in missed if x.told.case not in wanted],
             failed=[case for case in wanted if case not in said],
@@ -134,11 +133,6 @@ def _chosen(missed: Sequence[Explained], cases: Sequence[str]) -> list[Explained
         if case not in known:
             raise WithheldError(f"{case} is not a missed or misnamed case of the report")
     return [x for x in missed if not cases or x.told.case in cases]
-
-
-def _foretold(x: Explained) -> float:
-    apart = parting(x.told)
-    return 0.0 if apart is None else apart.d2
 
 
 def _apart(x: Explained) -> Apart:

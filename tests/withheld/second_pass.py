@@ -65,6 +65,13 @@ def opened(verdicts: Path, key: Path, folder: Path) -> Frozen:
     return Frozen(file, pairs, bank, msgspec.convert(file.tool["how"], How))
 
 
+def parts_beside(out: Path, verdicts_sha256: str) -> Path:
+    """The folder beside `out` in which answers about these verdicts are kept, made if need be."""
+    parts = out.with_name(f"{out.name}.{verdicts_sha256[:12]}.parts")
+    parts.mkdir(parents=True, exist_ok=True)
+    return parts
+
+
 def entries(library: Sequence[str], name: str) -> tuple[str, ...]:
     """The entries of a library that are one cause of the list; none when it lacks the cause."""
     return tuple(e for e in library if canonical(e) == name)

@@ -31,7 +31,15 @@ from smad.gap.check.verdicts import CaseVerdict
 from smad.gap.entry import EntryRecord, examine
 from smad.report.page import text_table
 from tests.withheld.errors import WithheldError
-from tests.withheld.second_pass import Frozen, entries, opened, part_of, readied, through
+from tests.withheld.second_pass import (
+    Frozen,
+    entries,
+    opened,
+    part_of,
+    parts_beside,
+    readied,
+    through,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +112,7 @@ def run(
         frozen = opened(verdicts, key, bank)
         pairs = wanted(frozen, cases, everything=everything)
         digest = file_digest(verdicts)
-        found = _examined(frozen, pairs, out.with_name(f"{out.name}.{digest[:12]}.parts"), jobs)
+        found = _examined(frozen, pairs, parts_beside(out, digest), jobs)
         explanations = explained(
             [told(p, found[p.case]) for p in pairs if p.case in found], frozen.how.settings
         )
@@ -132,7 +140,6 @@ def _examined(
 ) -> dict[str, EntryRecord | None]:
     """The right entry's numbers by case; None where the library has no entry."""
     asked = {p.case: question_of(p, frozen.how.library()) for p in pairs}
-    parts.mkdir(parents=True, exist_ok=True)
     work = functools.partial(examine_case, asked=asked, folder=parts)
     some = [case for case, question in asked.items() if question.own]
     done = through(frozen, some, parts, work, jobs)

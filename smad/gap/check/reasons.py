@@ -252,7 +252,7 @@ def parting(t: Told) -> Apart | None:
     return given or t.entry.apart
 
 
-def _parted(x: Explained, settings: Settings) -> bool:
+def parted(x: Explained, settings: Settings) -> bool:
     """Whether that experiment would: d² of the threshold of what is not separable."""
     apart = parting(x.told)
     return apart is not None and apart.d2 >= settings.ambiguous_d2
@@ -281,7 +281,7 @@ def count_table(cases: Sequence[Explained], settings: Settings) -> Table:
 
     def numbers(own: Sequence[Explained]) -> list[int]:
         by = [sum(_head(x.told.strength) == head for x in own) for head in _heads()]
-        return [*by, len(own), sum(_parted(x, settings) for x in own)]
+        return [*by, len(own), sum(parted(x, settings) for x in own)]
 
     rows = []
     for reason in dict.fromkeys(x.reason for x in cases):
