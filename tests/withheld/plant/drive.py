@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tests.withheld.plant.compiled import compiled
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
+    AMPERE,
     CELLS,
     DAMP,
     FLOW,
@@ -27,9 +28,11 @@ from tests.withheld.plant.layout import (
     RETURN,
     RING_DUTY_X,
     RING_LENGTH,
+    SILT,
     SPIN,
     SPIN_RATE,
     STARTED,
+    STRAYED,
     TIME,
     W,
 )
@@ -59,6 +62,8 @@ DROOP = slot("pump_load_droop")
 STICTION = slot("pump_stiction")
 VISCOSITY = slot("warm_viscosity")
 WETTING = slot("tendon_wetting")
+STRAY = slot("tendon_stray_current")
+CLOGGING = slot("strainer_clogging")
 
 CURRENT_LIMIT_A = 4.0
 
@@ -123,6 +128,26 @@ def current(
 
 
 @compiled
+def stray(e: Array, side: Array) -> None:
+    """Set what each source's current loses (A) through the tendon to the other wire."""
+    if e[0, STRAY] > 0.0:
+        across = side[0, AMPERE] * side[0, OHM] - side[1, AMPERE] * side[1, OHM]
+        side[0, STRAYED] = e[0, STRAY] * across
+        side[1, STRAYED] = -side[0, STRAYED]
+
+
+@compiled
+def throttled(s: int, share: float, strength: float, side: Array, dt: float) -> float:
+    """Share of the flow that passes the strainer, which gathers silt with what it passes."""
+    passed = share / (1.0 + strength * side[s, SILT])
+    if passed > 0.02:
+        side[s, SILT] += dt * passed / 15.0
+    else:
+        side[s, SILT] = approach(side[s, SILT], 0.0, dt, 30.0)
+    return float(passed)
+
+
+@compiled
 def _pump_speed(
     s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float
 ) -> float:
@@ -171,6 +196,8 @@ def flow(
     side[s, STARTED] = approach(side[s, STARTED], side[s, PUMP], dt, 1.2)
     if e[s, STICTION] > 0.0:
         share *= spun(s, share, e[s, STICTION], side, dt)
+    if e[s, CLOGGING] > 0.0:
+        share = throttled(s, share, e[s, CLOGGING], side, dt)
     running = share > 0.05
     side[s, PUMP_ON] = side[s, PUMP_ON] + dt if running else 0.0
     if e[s, CAVITATION] > 0.0:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.withheld.plant.compiled import compiled
-from tests.withheld.plant.drive import current, flows
+from tests.withheld.plant.drive import current, flows, stray
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     AMBIENT,
@@ -43,6 +43,7 @@ from tests.withheld.plant.layout import (
     RTD_B,
     SIDE_WIDTH,
     STEM,
+    STRAYED,
     TIME,
     TURNED,
     WALL,
@@ -150,8 +151,9 @@ def tick(
     heat_x = side[0, AMPERE] ** 2 * side[0, OHM]
     heat_y = side[1, AMPERE] ** 2 * side[1, OHM]
     flows(p, e, cells, side, pair, ring, inlet, heat_x, heat_y, dt)
+    stray(e, side)
     for s in range(2):
-        amperes = current(s, u[I_X + s], p, e, side, pair[TIME], dt)
+        amperes = current(s, u[I_X + s], p, e, side, pair[TIME], dt) - side[s, STRAYED]
         stress = wire_stress(s, p, e, cells, side, pair)
         tube(
             s,

@@ -21,8 +21,9 @@ PLAYS = 6
     PEAK,
     ARREST,
     ARRESTED,
+    COAT,
     PLAY,
-) = range(15)
+) = range(16)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -60,8 +61,11 @@ CELL_WIDTH = PLAY + PLAYS
     CORE,
     LOOSE,
     EASED,
+    STRAYED,
+    SILT,
+    REPORTED,
     SIDE_WIDTH,
-) = range(35)
+) = range(38)
 
 (
     TIME,
@@ -80,8 +84,11 @@ CELL_WIDTH = PLAY + PLAYS
     FOIL_FINE,
     FOIL_COARSE,
     DAMP,
+    TURNING,
+    TURNED_AT,
+    MISCOUNTS,
     PAIR_WIDTH,
-) = range(17)
+) = range(20)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -66,6 +66,8 @@ SOFTENING = slot("austenite_softening")
 EASING = slot("eased_turning")
 LEAD = slot("taut_lead")
 WETTING = slot("tendon_wetting")
+OPENING = slot("coil_opening")
+TWIST = slot("tendon_twist")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -156,6 +158,10 @@ def pull(
             if force <= low or force >= high:
                 force = 0.5 * (low + high)
     off = length - PRESTRETCH_m
+    if e[s, OPENING] > 0.0:
+        arm = math.exp(-e[s, OPENING] * off / 0.01)
+        force /= arm
+        slope = slope / arm + force * e[s, OPENING] / 0.01
     if e[s, PARALLEL] > 0.0:
         warm = 0.0
         for i in range(CELLS):
@@ -178,10 +184,11 @@ def pull(
 
 
 @compiled
-def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
-    """How much longer the tendon is than at assembly (m), and its slope (m/N)."""
+def longer_tendon(force: float, x: float, e: Array, pair: Array) -> tuple[float, float, float]:
+    """How much longer the tendon is than at assembly (m), its slope in force, and that in `x`."""
     stretch = 0.0
     slope = 0.0
+    slope_x = 0.0
     tension = max(force, 0.0)
     if e[0, COMPLIANCE] > 0.0:
         scale = e[0, COMPLIANCE] * 1e-3 / math.log(4.1)
@@ -192,7 +199,12 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
         stretch += scale * tension
         slope += scale
     stretch += e[0, WETTING] * 1e-3 * pair[DAMP]
-    return stretch, slope
+    if e[0, TWIST] > 0.0:
+        turns = x / 0.005 + 0.8 * (e[2, TWIST] - 0.5)
+        slack = 1.0 + turns * turns
+        stretch -= e[0, TWIST] * 1e-3 * turns * turns / slack
+        slope_x -= e[0, TWIST] * 0.4 * turns / (slack * slack)
+    return stretch, slope, slope_x
 
 
 @compiled
@@ -252,11 +264,11 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         soften(s, p, e, cells, side)
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
-        longer, slope_t = longer_tendon(force_y, e, pair)
+        longer, slope_t, slope_l = longer_tendon(force_y, x, e, pair)
         force_x, slope_x = pull(0, 0.5 * p[SPAN] - x - longer, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, e, side, pair)
         residual = force_x - force_y - against
-        step = residual / (slope_x * (1.0 + slope_t * slope_y) + slope_y + slope_f)
+        step = residual / (slope_x * (1.0 + slope_l + slope_t * slope_y) + slope_y + slope_f)
         if abs(step) < 1e-9:
             break
         if step > 0.0:
@@ -298,4 +310,7 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
         beside -= e[s, BOURDON] * (max(side[s, FLOW], 0.0) / p[FULL_FLOW]) ** 2
     if e[s, THERMAL_PUSH] > 0.0:
         beside -= prop(s, e, cells)
-    return float(max(tendon - beside, 0.0) * p[STRESS])
+    inside = max(tendon - beside, 0.0)
+    if e[s, OPENING] > 0.0:
+        inside *= math.exp(-e[s, OPENING] * off / 0.01)
+    return float(inside * p[STRESS])

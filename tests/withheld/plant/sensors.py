@@ -27,8 +27,10 @@ from tests.withheld.plant.layout import (
     FRACTION,
     FRAME,
     GLANCE,
+    MISCOUNTS,
     OHM,
     PUMP,
+    REPORTED,
     RESERVOIR,
     RING_FORCE,
     RING_X,
@@ -37,8 +39,11 @@ from tests.withheld.plant.layout import (
     SHUNT,
     SLIPPED,
     STEM,
+    STRAYED,
     TIME,
     TURNED,
+    TURNED_AT,
+    TURNING,
     T,
     W,
     X,
@@ -79,9 +84,13 @@ REMANENCE = slot("core_remanence")
 DROOP = slot("pump_load_droop")
 ANGLE = slot("tendon_angle")
 CARRY = slot("converter_carry")
+REPORT_BAND = slot("rtd_report_band")
+STOP = slot("overload_stop")
+MISCOUNT = slot("reversal_miscount")
 
 TURN_mm = 13.0
 AXIS_OFF = 0.2  # rad between the tendon and the load cell's axis at rest
+TURN_SEEN_mm = 0.1  # way back from which a reversal counts as one
 
 
 @compiled
@@ -111,7 +120,26 @@ def rtd(
     if e[s, CARRY] != 0.0:
         code = 33.0 + 8.0 * e[2, CARRY]
         reading += e[s, CARRY] * 0.5 * (1.0 + math.tanh((reading - code) / 0.15))
+    if e[s, REPORT_BAND] > 0.0:
+        if abs(reading - side[s, REPORTED]) >= e[s, REPORT_BAND]:
+            side[s, REPORTED] = reading
+        reading = side[s, REPORTED]
     return float(reading)
+
+
+@compiled
+def reversals(place_mm: float, pair: Array) -> float:
+    """How often the shaft has turned round by now."""
+    off = place_mm - pair[TURNED_AT]
+    way = pair[TURNING]
+    if off * way > 0.0:
+        pair[TURNED_AT] = place_mm
+    elif abs(off) > TURN_SEEN_mm:
+        if way != 0.0:
+            pair[MISCOUNTS] += 1.0
+        pair[TURNING] = math.copysign(1.0, off)
+        pair[TURNED_AT] = place_mm
+    return float(pair[MISCOUNTS])
 
 
 @compiled
@@ -137,6 +165,8 @@ def travel(seen_mm: float, e: Array, pair: Array) -> float:
         turn = 2.0 * math.pi * reading / TURN_mm
         reading += e[0, ECCENTRIC] * (math.sin(turn + phase) - math.sin(phase))
     reading += e[0, SPOOL] * (reading / 10.0) ** 2
+    if e[0, MISCOUNT] > 0.0:
+        reading += e[0, MISCOUNT] * reversals(pair[ENCODER], pair)
     return float(reading)
 
 
@@ -147,6 +177,9 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     reading = seen_N * (1.0 + e[0, FORCE_GAIN] * (0.7 + 0.2 * seen_N))
     if e[0, ANGLE] != 0.0:
         reading *= math.cos(AXIS_OFF + e[0, ANGLE] * pair[X] / 0.01) / math.cos(AXIS_OFF)
+    if e[0, STOP] > 0.0:
+        past = seen_N - 1.27 - 0.2 * e[2, STOP]
+        reading -= e[0, STOP] * 0.5 * (past + math.sqrt(past * past + 9e-4))
     if e[0, FORCE_CREEP] > 0.0:
         pair[CREEP_FAST] = approach(pair[CREEP_FAST], seen_N - 1.24, dt, 4.0)
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
@@ -184,7 +217,7 @@ def read(
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):
         warm = 1.0 + e[s, SHUNT_WARMS] * side[s, SHUNT]
-        out[s] = side[s, AMPERE] * warm
+        out[s] = (side[s, AMPERE] + side[s, STRAYED]) * warm
         if e[s, REMANENCE] > 0.0:
             relative = side[s, AMPERE] / 4.0
             side[s, CORE] = max(approach(side[s, CORE], 0.0, dt, 12.0), relative)

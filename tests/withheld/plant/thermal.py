@@ -29,8 +29,9 @@ Array = NDArray[np.float64]
     SHIFT_HEAT,
     SHIFT_COOL,
     LATENT,
+    HEAT_SHARE,
     ROW_WIDTH,
-) = range(10)
+) = range(11)
 """Columns of the per-cell coefficients that hold over one tick."""
 
 TOLERANCE_K = 0.01
@@ -73,9 +74,10 @@ def solve(
             )
             gain = row[LATENT] / h
             film = row[FILM]
-            denominator = wire_heat / h + film + row[TO_CLAMP] - gain * slope
+            own = wire_heat * row[HEAT_SHARE] / h
+            denominator = own + film + row[TO_CLAMP] - gain * slope
             base = (
-                wire_heat / h * start[i, T]
+                own * start[i, T]
                 + row[HEAT_WIRE]
                 + row[TO_CLAMP] * ambient
                 + gain * (fraction - work[i, 6] - slope * work[i, 0])

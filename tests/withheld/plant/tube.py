@@ -18,6 +18,7 @@ from tests.withheld.plant.layout import (
     ASLEEP,
     BUBBLE,
     CELLS,
+    COAT,
     CONTACT,
     COOLED_FROM,
     EASED,
@@ -48,6 +49,7 @@ from tests.withheld.plant.parameters import index
 from tests.withheld.plant.phase import WEIGHT, cooling_shift, falling, turned_by
 from tests.withheld.plant.thermal import (
     FILM,
+    HEAT_SHARE,
     HEAT_WATER,
     HEAT_WIRE,
     LATENT,
@@ -59,7 +61,7 @@ from tests.withheld.plant.thermal import (
     advance,
     film,
 )
-from tests.withheld.plant.water import DRY, WALL_S, entering, pockets, warm_wall, wet_shares
+from tests.withheld.plant.water import DRY, WALL_S, coat, entering, pockets, warm_wall, wet_shares
 
 Array = NDArray[np.float64]
 
@@ -100,17 +102,26 @@ FRICTION_HEAT = slot("friction_heat")
 BEND = slot("clapeyron_bend")
 ARREST_MEMORY = slot("arrest_memory")
 PITCH = slot("coil_pitch_film")
+RIPPLE = slot("ripple_heating")
+WORKED = slot("worked_resistance")
+COATING = slot("gas_coat")
+HEAT_BY_PHASE = slot("phase_heat_capacity")
+OVERHEATED = slot("overheated_nuclei")
 
 ARREST_K = 2.0  # width of what is remembered
 
 
 @compiled
-def resistance(s: int, p: Array, e: Array, cells: Array, pair: Array, heat: Array) -> float:
+def resistance(
+    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, heat: Array
+) -> float:
     """Resistance (ohm) of spring `s`; each cell's share goes to `heat`."""
     base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
     if e[s, STRAIN_GAUGE] > 0.0:
         stretch = (pair[X] if s == 1 else -pair[X]) / 0.01
         base *= 1.0 + e[s, STRAIN_GAUGE] * (stretch + 0.25 * stretch * stretch)
+    if e[s, WORKED] > 0.0:
+        base *= 1.0 + e[s, WORKED] * (1.0 - math.exp(-side[s, WORK_DONE] / 4.0))
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -155,6 +166,8 @@ def shifts(
     if e[s, ARREST_MEMORY] > 0.0:
         off = (cells[s, i, T] - cells[s, i, ARREST]) / ARREST_K
         heat += e[s, ARREST_MEMORY] * cells[s, i, ARRESTED] * math.exp(-off * off)
+    if e[s, OVERHEATED] > 0.0:
+        cool -= e[s, OVERHEATED] * max(cells[s, i, PEAK] - 38.0, 0.0) / 10.0
     return heat, cool
 
 
@@ -173,7 +186,7 @@ def coefficients(
     rows: Array,
 ) -> float:
     """Fill `rows` for one tick; the axial exchange (W/K) between neighbouring cells."""
-    side[s, OHM] = resistance(s, p, e, cells, pair, heat)
+    side[s, OHM] = resistance(s, p, e, cells, side, pair, heat)
     leaves = e[s, WATER_SHUNT]
     power = p[LOSS_POWER] + e[s, EXPONENT]
     loss = p[LOSS_RATE] * (p[Y_LOSS] if s == 1 else 1.0) / CELLS
@@ -196,6 +209,8 @@ def coefficients(
         if e[s, SWELLING] > 0.0:
             swollen += e[s, SWELLING] * max(water - 27.0, 0.0) / 40.0
         joule = amperes * amperes * heat[i]
+        if e[s, RIPPLE] > 0.0:
+            joule += e[s, RIPPLE] * max(amperes, 0.0) * max(4.0 - amperes, 0.0) * heat[i]
         lost = min(0.9, leaves * wet * max(0.1, 1.0 + 0.02 * (water - 27.0)))
         row[HEAT_WIRE] = joule * (1.0 - lost)
         row[HEAT_WATER] = 0.6 * joule * lost
@@ -208,11 +223,14 @@ def coefficients(
             p[STATIC] / CELLS, p[FORCED] / CELLS, 0.15 + 0.5 * e[s, EXPONENT], across, share
         )
         row[FILM] = conductance * max(covered, DRY) / swollen**1.5 * reach
+        if e[s, COATING] > 0.0:
+            row[FILM] /= 1.0 + e[s, COATING] * cells[s, i, COAT]
         row[WATER_HEAT] = p[WATER] / CELLS * wet * swollen
         row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
         row[TO_CLAMP] = 0.0
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
         row[LATENT] = latent
+        row[HEAT_SHARE] = 1.0 + e[s, HEAT_BY_PHASE] * (1.0 - cells[s, i, FRACTION])
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
     return float(CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0)
@@ -289,6 +307,7 @@ def tube(
     source = entering(s, inlet, dt, e, side, pair)
     wet_shares(s, e, cells, side, source, dt)
     pockets(s, e, cells, side, luck, dt)
+    coat(s, e, cells, side, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)
     left = int(side[s, QUIET]) if calm else 0
     side[s, QUIET] = advance(

@@ -14,6 +14,7 @@ from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     BUBBLE,
     CELLS,
+    COAT,
     FILL,
     FLOW,
     POCKET,
@@ -21,6 +22,7 @@ from tests.withheld.plant.layout import (
     STOOD,
     WALL,
     WET,
+    T,
     W,
 )
 
@@ -30,6 +32,7 @@ DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 WALL_HEAT = slot("tube_wall_heat")
 SLUG = slot("hose_slug")
+COATING = slot("gas_coat")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -72,6 +75,18 @@ def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float)
         i = CELLS - 1 - j
         before = entering if i == 0 else cells[s, i - 1, BUBBLE]
         cells[s, i, BUBBLE] += step * (before - cells[s, i, BUBBLE])
+
+
+@compiled
+def coat(s: int, e: Array, cells: Array, side: Array, dt: float) -> None:
+    """Share of each cell's wire under gas: it comes where the wire is warm, goes with the flow."""
+    if e[s, COATING] <= 0.0:
+        return
+    swept = 0.02 + max(side[s, FLOW], 0.0) / 0.5
+    for i in range(CELLS):
+        comes = max(cells[s, i, T] - 33.0, 0.0) / 60.0
+        rate = comes + swept
+        cells[s, i, COAT] = approach(cells[s, i, COAT], comes / rate, dt, 1.0 / rate)
 
 
 @compiled
