@@ -250,7 +250,10 @@ def _print_experiments(found: Sequence[ExperimentRecord]) -> None:
         click.echo("Nothing is confused: no further experiment is needed to name the cause.")
         return
     for x in found:
-        click.echo(f"d² {x.separation:>7.0f}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
+        click.echo(
+            f"d² {x.expected:>7} a run  {x.needed:>13} of {x.duration_s:.0f} s  {x.title}:  "
+            f"{x.command}"
+        )
 
 
 def _perform(

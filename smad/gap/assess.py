@@ -183,6 +183,21 @@ def separation(fit: Fitted, z: Array) -> float:
     return share * float((w * s) @ s)
 
 
+def borne_out(c: Candidate, d2: float, hold: Problem | None) -> float:
+    """Share, up to 1, of a separation that the runs not fitted to let one count on.
+
+    `d2` is that of the fit runs from the model without the candidate's last effect. A model that
+    stands d² from another gains d²/2 in log-likelihood with a standard error of d, where the
+    residual varies as Σ says. What the gain did vary by, from one block of time to the next, tells
+    how much more the residual varies along this effect: a separation is worth so much less.
+    """
+    if c.gain_se <= 0.0 or d2 <= 0.0:
+        return 0.0
+    fitted = c.fit.problem.evidence.n
+    judged = fitted + (0 if hold is None else hold.evidence.n)
+    return min(1.0, d2 * judged / fitted / c.gain_se**2)
+
+
 def _row_weights(fit: Fitted) -> tuple[Array, float]:
     """How much each row weighs in a fit, and the effective share of independent rows."""
     shares = dispersion(fit.problem, fit.z)

@@ -12,9 +12,10 @@ from importlib.metadata import version
 import numpy as np
 
 from smad.gap.admission import Admission, Finding
+from smad.gap.assess import borne_out, confusability
 from smad.gap.fit import JointFit, bootstrap, intervals, polished
 from smad.gap.judge import excess_by_key, predict_by_run
-from smad.gap.nextexp import propose
+from smad.gap.nextexp import propose, runs_for
 from smad.gap.plant import Array, ModelPoint, PlantModel
 from smad.gap.records import (
     NAMED,
@@ -272,7 +273,16 @@ class Closing:
         fits = [s.best.fit, *[r.fit for r in near]]
         weights = [table.get(name, 1.0)]
         weights += [max(table.get(n, 0.0) for n in r.names if n not in s.best.names) for r in near]
-        found = propose(fits, weights, self.prepared.noise, self.prepared.plant.catalogue())
+        first = s.steps[0]
+        d2 = float(confusability([first.fit, s.base.fit])[0, 1])
+        found = propose(
+            fits,
+            weights,
+            self.prepared.noise,
+            self.prepared.plant.catalogue(),
+            share=borne_out(first, d2, self.prepared.hold),
+        )
+        settings = self.prepared.settings
         return [
             ExperimentRecord(
                 q.experiment.name,
@@ -280,6 +290,8 @@ class Closing:
                 q.experiment.duration_s,
                 q.separation,
                 q.experiment.command,
+                q.foretold,
+                runs_for(settings.ambiguous_d2, q.separation, settings.most_runs),
             )
             for q in found
         ]

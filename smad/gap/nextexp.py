@@ -2,11 +2,13 @@
 
 Each hypothesis is a fitted model. For an experiment of the catalogue, both predict what would be
 measured; the second may still adapt its parameters, as far as the data so far allow. What is left
-between them, in floors, is the separation d²: 16 is four standard errors.
+between them, in floors, is the separation d²: 16 is four standard errors. So the models foretell
+it; how much of it can be counted on, runs not fitted to have shown (`assess.borne_out`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
@@ -24,10 +26,21 @@ _STEP = 0.2
 
 @dataclass(frozen=True)
 class Proposal:
-    """An experiment with its predicted separation of the hypotheses, weighted by probability."""
+    """An experiment with the separation of the hypotheses that one run of it is expected to bring.
+
+    `foretold` is what the models alone make of it. Both are weighted by probability.
+    """
 
     experiment: Experiment
     separation: float
+    foretold: float
+
+
+def runs_for(wanted: float, separation: float, most: int) -> int | None:
+    """How many runs of a separation each add up to the wanted one; None if more than `most`."""
+    if separation * most < wanted:
+        return None
+    return max(1, math.ceil(wanted / separation - 1e-9))
 
 
 class Trial:
@@ -115,16 +128,21 @@ def propose(
     noise: Mapping[str, OutputNoise],
     catalogue: Sequence[Experiment],
     most: int = 5,
+    *,
+    share: float = 1.0,
 ) -> list[Proposal]:
     """The `most` best experiments of the catalogue, best first.
+
+    `share` of what the models foretell is expected (`assess.borne_out`).
 
     The slopes are what takes time: an experiment that cannot come among them is not asked for its.
     """
     trials = [Trial(fits, weights, e, noise) for e in catalogue]
     found: list[Proposal] = []
     for trial in sorted(trials, key=lambda t: (-t.bound, t.experiment.name)):
-        if len(found) == most and trial.bound < found[-1].separation:
+        if len(found) == most and trial.bound < found[-1].foretold:
             break
-        found.append(Proposal(trial.experiment, trial.separation()))
-        found = sorted(found, key=lambda q: (-q.separation, q.experiment.name))[:most]
+        foretold = trial.separation()
+        found.append(Proposal(trial.experiment, share * foretold, foretold))
+        found = sorted(found, key=lambda q: (-q.foretold, q.experiment.name))[:most]
     return found

@@ -70,14 +70,22 @@ def _verdict(d: Diagnosis) -> list[Block]:
     if d.experiments:
         out.append(
             Table(
-                ("experiment", "duration", "predicted separation d²", "run it"),
+                ("experiment", "duration", "d² of a run", "foretold", "runs needed", "run it"),
                 [
-                    (x.title, f"{x.duration_s:.0f} s", f"{x.separation:.0f}", x.command)
+                    (
+                        x.title,
+                        f"{x.duration_s:.0f} s",
+                        x.expected,
+                        f"{x.foretold:.0f}",
+                        x.needed,
+                        x.command,
+                    )
                     for x in d.experiments
                 ],
-                "Experiments that would tell the remaining causes apart, best first; "
-                "16 is four standard errors",
-                frozenset({1, 2}),
+                "Experiments that would tell the remaining causes apart, best first; 16 is four "
+                "standard errors. Foretold is what the models say, d² of a run the share of it "
+                "that can be counted on, by how the gain varied over runs not fitted to",
+                frozenset({1, 2, 3}),
             )
         )
     return out

@@ -170,15 +170,21 @@ def words(
             said.append("A rest remains that no effect of the library explains.")
         confused = [f"{n} or {' or '.join(g)}" for n, g in e.groups.items() if g]
         said.append(f"Not told apart: {'; '.join(confused) if confused else 'nothing'}.")
-    if experiments:
-        x = experiments[0]
-        said.append(
-            f"Next experiment: {x.title} ({x.duration_s:.0f} s, separation d² ≈ "
-            f"{x.separation:.0f})."
-        )
-    else:
-        said.append("Next experiment: none needed.")
+    said.append(_next_sentence(experiments))
     return " ".join(said)
+
+
+def _next_sentence(experiments: Sequence[ExperimentRecord]) -> str:
+    if not experiments:
+        return "Next experiment: none needed."
+    x = experiments[0]
+    run = f"{x.title} ({x.duration_s:.0f} s, separation d² ≈ {x.expected} a run)"
+    if x.runs is None:
+        return (
+            "Next experiment: none of the catalogue is expected to tell them apart in a few runs; "
+            f"the best is {run}."
+        )
+    return f"Next experiment: {run}, {x.needed}."
 
 
 def _gap_sentence(e: Evidenced) -> str:

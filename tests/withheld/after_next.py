@@ -12,10 +12,10 @@ from tests.withheld.one_more_run import Follow, judge_again, recorded
 from tests.withheld.second_pass import Frozen, opened, through
 
 
-def recommended(frozen: Frozen) -> dict[str, str]:
-    """Case → experiment, where two or more causes are left and an experiment was recommended."""
+def recommended(frozen: Frozen) -> dict[str, tuple[str, int]]:
+    """Case → experiment and runs of it, where an experiment was recommended for what is left."""
     return {
-        p.case: p.said.next_experiment.name
+        p.case: (p.said.next_experiment.name, 1)
         for p in frozen.pairs
         if p.said.outcome == "ambiguous" and p.said.next_experiment is not None
     }

@@ -1,8 +1,9 @@
-"""Whether the experiment that `why` names parts what it says: it is carried out, and asked again.
+"""Whether the experiment that `why` names parts what it should: it is carried out and asked again.
 
-`why` foretells how far one more run would take the right entry from the name that was given, or
-from none. Here that run is recorded on the case's own bench, and the case is diagnosed with it, the
-whole library at hand. A foretold separation that names nothing is told as plainly as one that does.
+`why` says how far a run more should take the right entry from the name that was given, or from
+none, and how many would be needed. Here those are recorded on the case's own bench, each on another
+day, and the case is diagnosed with them, the whole library at hand. A separation that was expected
+and names nothing is told as plainly as one that does.
 """
 
 import functools
@@ -14,9 +15,8 @@ import msgspec
 from smad.errors import SmadError
 from smad.gap.check.key import file_digest
 from smad.gap.check.names import NAMING, canonical
-from smad.gap.check.reasons import REASONS, Explained, Report, parted, parting
+from smad.gap.check.reasons import REASONS, Explained, Report, Way, parting
 from smad.gap.check.verdicts import CaseVerdict
-from smad.gap.entry import Apart
 from smad.report.page import Table, text_table
 from tests.withheld.errors import WithheldError
 from tests.withheld.one_more_run import Ask, Follow, judge_again, recorded
@@ -27,30 +27,37 @@ _RIGHT = REASONS[0].name
 
 
 class Again(msgspec.Struct, frozen=True):
-    """A case after the one run: `names` are the causes that its verdict leaves standing."""
+    """A case after `runs` of the experiment: `names` are the causes that its verdict leaves.
+
+    `foretold` is the d² of one run by the models, `expected` the share of it to be counted on,
+    `wanted` the d² that all of them were to add up to.
+    """
 
     case: str
     cause: str
     strength: float
     reason: str
     experiment: str
-    d2: float
+    runs: int
+    foretold: float
+    expected: float
+    wanted: float
     before: str
     outcome: str
     names: list[str]
 
     @property
     def told(self) -> str:
-        """How the run helped, in a word or three."""
+        """How the runs helped, in a word or three."""
         if self.cause not in self.names:
             return "not named"
         return "named alone" if len(self.names) == 1 else "named with others"
 
 
 class AgainReport(msgspec.Struct, frozen=True):
-    """Every case that was asked again, and those that were not parted even in prediction.
+    """Every case that was asked again, and those that no few runs were expected to part.
 
-    `not_foretold` are cases whose experiment was foretold to reach less than `d2_limit`, so that
+    `not_expected` are cases for which `most_runs` of their experiment would be too few, so that
     nothing was recorded; `failed` those that could not be diagnosed.
     """
 
@@ -58,9 +65,9 @@ class AgainReport(msgspec.Struct, frozen=True):
     bank: str
     key_sha256: str
     verdicts_sha256: str
-    d2_limit: float
+    most_runs: int
     cases: list[Again]
-    not_foretold: list[str]
+    not_expected: list[str]
     failed: list[str]
 
     def to_json(self) -> bytes:
@@ -90,19 +97,22 @@ def run(
         digest = file_digest(verdicts)
         missed = _chosen(_missed(report, digest), cases)
         settings = frozen.how.settings
-        wanted = {x.told.case: x for x in missed if parted(x, settings)}
+        ways = {x.told.case: parting(x.told, settings) for x in missed}
+        wanted = {c: (w, w.runs) for c, w in ways.items() if w is not None and w.runs is not None}
         parts = parts_beside(out, digest)
-        runs = recorded(frozen, {c: _apart(x).experiment for c, x in wanted.items()}, parts, follow)
+        todo = {c: (w.apart.experiment, count) for c, (w, count) in wanted.items()}
+        runs = recorded(frozen, todo, parts, follow)
         said = through(frozen, list(wanted), parts, functools.partial(ask, runs=runs), jobs)
-        again = [_again(wanted[case], answer) for case, answer in said.items()]
+        by_case = {x.told.case: x for x in missed}
+        again = [_again(by_case[c], *wanted[c], answer) for c, answer in said.items()]
         whole = AgainReport(
             format=FORMAT,
             bank=frozen.bank.manifest.bank,
             key_sha256=frozen.bank.manifest.key_sha256,
             verdicts_sha256=digest,
-            d2_limit=settings.ambiguous_d2,
+            most_runs=settings.most_runs,
             cases=again,
-            not_foretold=[x.told.case for x in missed if x.told.case not in wanted],
+            not_expected=[x.told.case for x in missed if x.told.case not in wanted],
             failed=[case for case in wanted if case not in said],
         )
         out.write_bytes(whole.to_json())
@@ -111,8 +121,8 @@ def run(
     if again:
         print(text_table(_table(again)))
     print(
-        f"{len(again)} of {len(wanted)} cases asked again, {len(whole.not_foretold)} without an "
-        f"experiment that is foretold to help: {out}"
+        f"{len(again)} of {len(wanted)} cases asked again, {len(whole.not_expected)} without an "
+        f"experiment that is expected to help in {whole.most_runs} runs: {out}"
     )
 
 
@@ -135,14 +145,7 @@ def _chosen(missed: Sequence[Explained], cases: Sequence[str]) -> list[Explained
     return [x for x in missed if not cases or x.told.case in cases]
 
 
-def _apart(x: Explained) -> Apart:
-    apart = parting(x.told)
-    assert apart is not None
-    return apart
-
-
-def _again(x: Explained, said: CaseVerdict) -> Again:
-    apart = _apart(x)
+def _again(x: Explained, way: Way, runs: int, said: CaseVerdict) -> Again:
     assert said.next_experiment is not None
     left = said.next_experiment.names_after or []
     return Again(
@@ -150,8 +153,11 @@ def _again(x: Explained, said: CaseVerdict) -> Again:
         cause=x.told.cause,
         strength=x.told.strength,
         reason=x.reason,
-        experiment=apart.experiment,
-        d2=apart.d2,
+        experiment=way.apart.experiment,
+        runs=runs,
+        foretold=way.apart.d2,
+        expected=way.apart.expected,
+        wanted=way.wanted,
         before=_answer(x.told.outcome, x.told.said),
         outcome=said.outcome,
         names=list(dict.fromkeys(canonical(n) for n in left)),
@@ -168,14 +174,16 @@ def _table(cases: Sequence[Again]) -> Table:
         "cause",
         "floors",
         "said before",
+        "runs",
         "experiment",
-        "d² foretold",
+        "d² a run",
+        "foretold",
         "said after",
         "",
     ]
     rows = [
-        [c.case, c.cause, f"{c.strength:.0f}", c.before, c.experiment, f"{c.d2:.0f}",
-         _answer(c.outcome, c.names), c.told]
+        [c.case, c.cause, f"{c.strength:.0f}", c.before, str(c.runs), c.experiment,
+         f"{c.expected:.1f}", f"{c.foretold:.0f}", _answer(c.outcome, c.names), c.told]
         for c in cases
     ]  # fmt: skip
-    return Table(heads, rows, numeric=frozenset({2, 5}))
+    return Table(heads, rows, numeric=frozenset({2, 4, 6, 7}))

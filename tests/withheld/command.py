@@ -38,12 +38,12 @@ def _best_entry(options: argparse.Namespace) -> None:
     run(*_places(options), jobs=options.jobs)
 
 
-def _recorder(options: argparse.Namespace) -> Callable[[str, Path, Path], None]:
+def _recorder(options: argparse.Namespace) -> Callable[[str, Path, Path, int], None]:
     """What records a case's bench under a program."""
     bank, key = Path(options.bank), Path(options.key)
 
-    def record(case: str, program: Path, out: Path) -> None:
-        follow(bank, key, case, program, out)
+    def record(case: str, program: Path, out: Path, number: int) -> None:
+        follow(bank, key, case, program, out, number=number)
 
     return record
 

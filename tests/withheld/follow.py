@@ -55,11 +55,18 @@ def _bench(entry: dict[str, Any]) -> Bench:
 
 
 def follow(
-    folder: Path, key_path: Path, case: str, program_path: Path, out: Path | None = None
+    folder: Path,
+    key_path: Path,
+    case: str,
+    program_path: Path,
+    out: Path | None = None,
+    *,
+    number: int = 1,
 ) -> Path:
     """Record one more run of a case under a given program; the path of the new run file.
 
-    Without `out` it lies beside the case's other runs, under a number of its own.
+    Runs of another `number` have another day and other noise. Without `out` the file lies beside
+    the case's other runs, under the next number.
     """
     manifest = files.read_json(folder / "manifest.json")
     if files.digest(key_path) != manifest["key_sha256"]:
@@ -68,7 +75,8 @@ def follow(
     if entry is None:
         raise BankError(f"{case} is not in {folder}: its cases are in manifest.json")
     place = folder / "cases" / case
-    number = 1 + len(list(place.glob("next-*"))) if out is None else 1
+    if out is None:
+        number = 1 + len(list(place.glob("next-*")))
     active = tuple(
         Active(e["name"], e["magnitude"], e["y_share"], e["shape"]) for e in entry["effects"]
     )

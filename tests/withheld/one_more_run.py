@@ -1,10 +1,10 @@
-"""One more run of a case's bench, under an experiment of the catalogue, and the case asked again.
+"""More runs of a case's bench, under an experiment of the catalogue, and the case asked again.
 
 The experiment is simulated with the nominal model first, and the currents and duties that come out
 are the program that the case's own bench is given, whatever is wrong with it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +25,10 @@ _COLUMNS = {
     "duty_x": "duty_x",
     "duty_y": "duty_y",
 }
-Follow = Callable[[str, Path, Path], None]
-"""Records a case's bench under a program: case, program file, run file to write."""
-Ask = Callable[[Task, dict[str, Path]], Part]
-"""Asks for a case once more, with the runs that were recorded: case → run file."""
+Follow = Callable[[str, Path, Path, int], None]
+"""Records a case's bench under a program: case, program file, run file to write, its number."""
+Ask = Callable[[Task, Mapping[str, Sequence[Path]]], Part]
+"""Asks for a case once more, with the runs that were recorded: case → run files."""
 
 
 def write_program(plant: SmaPlant, experiment: str, seed: int, path: Path) -> None:
@@ -48,12 +48,13 @@ def names_after(found: Diagnosis) -> list[str]:
     return list(verdict.effects) if named else []
 
 
-def judge_again(task: Task, runs: dict[str, Path]) -> Part:
-    """The case with the run of the recommended experiment beside those to fit on."""
+def judge_again(task: Task, runs: Mapping[str, Sequence[Path]]) -> Part:
+    """The case with the runs of the recommended experiment beside those to fit on."""
 
     def say() -> CaseVerdict:
-        more = run_from_columns("next", read_columns(runs[task.case.id]))
-        found = diagnosed(task, task.how, [more])
+        files = runs[task.case.id]
+        more = [run_from_columns(f"next-{i + 1}", read_columns(p)) for i, p in enumerate(files)]
+        found = diagnosed(task, task.how, more)
         said = NextExperiment("", names_after=names_after(found))
         return CaseVerdict(outcome=OUTCOMES[found.verdict.outcome], next_experiment=said)
 
@@ -61,16 +62,17 @@ def judge_again(task: Task, runs: dict[str, Path]) -> Part:
 
 
 def recorded(
-    frozen: Frozen, wanted: Mapping[str, str], parts: Path, follow: Follow
-) -> dict[str, Path]:
-    """A run of each case's bench under its experiment, kept in `parts`: case → run file."""
+    frozen: Frozen, wanted: Mapping[str, tuple[str, int]], parts: Path, follow: Follow
+) -> dict[str, list[Path]]:
+    """So many runs of each case's bench under its experiment, kept in `parts`: case → run files."""
     plant, seed = frozen.how.plant(), frozen.how.settings.seed
-    runs = {}
-    for case, experiment in wanted.items():
+    runs: dict[str, list[Path]] = {}
+    for case, (experiment, count) in wanted.items():
         program = parts / f"{experiment.replace(' ', '-')}-{seed}.csv"
         if not program.exists():
             write_program(plant, experiment, seed, program)
-        runs[case] = parts / f"{case}-{program.stem}.parquet"
-        if not runs[case].exists():
-            follow(case, program, runs[case])
+        runs[case] = [parts / f"{case}-{program.stem}-{n + 1}.parquet" for n in range(count)]
+        for n, run in enumerate(runs[case]):
+            if not run.exists():
+                follow(case, program, run, n + 1)
     return runs

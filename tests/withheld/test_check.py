@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -173,9 +174,9 @@ def test_a_recommended_experiment_is_carried_out_and_the_case_asked_again(
     assert set(experiment.names_after) <= set(LIBRARY)
 
 
-def _rightly(task: Task, runs: dict[str, Path]) -> Part:
+def _rightly(task: Task, runs: Mapping[str, Sequence[Path]]) -> Part:
     """In place of a diagnosis, which the recommended experiment's test asks for: the right name."""
-    assert files.read_run(runs[task.case.id])["t_s"][-1] > 30.0
+    assert all(files.read_run(run)["t_s"][-1] > 30.0 for run in runs[task.case.id])
     said = NextExperiment("", names_after=[LIBRARY[0]])
     return Part(task.case.id, 0.0, CaseVerdict(outcome="effect", next_experiment=said))
 
@@ -202,19 +203,23 @@ def test_a_case_without_its_right_name_alone_is_told_why_and_its_experiment_carr
 
     after = tmp_path / "after-why.json"
 
-    def record(case: str, program: Path, run: Path) -> None:
-        follow(bank, key, case, program, run)
+    def record(case: str, program: Path, run: Path, number: int) -> None:
+        follow(bank, key, case, program, run, number=number)
 
     after_why.run(frozen, key, bank, out, after, jobs=1, follow=record, ask=_rightly)
-    apart = parting(case.told)
-    assert apart is not None
+    way = parting(case.told, Settings())
+    assert way is not None
     whole = msgspec.json.decode(after.read_bytes(), type=after_why.AgainReport)
     (again,) = whole.cases
-    assert (again.experiment, again.d2) == (apart.experiment, apart.d2)
-    assert again.d2 >= whole.d2_limit
+    assert (again.experiment, again.runs) == (way.apart.experiment, way.runs)
+    assert 0.0 < again.expected <= again.foretold
+    assert again.runs * again.expected >= again.wanted > (again.runs - 1) * again.expected
     assert (again.outcome, again.names) == ("effect", [LIBRARY[0]])
     assert "named alone" in capsys.readouterr().out
-    assert len(list(tmp_path.glob("after-why.json.*.parts/case-001-*.parquet"))) == 1
+    recorded = sorted(tmp_path.glob("after-why.json.*.parts/case-001-*.parquet"))
+    assert len(recorded) == again.runs
+    # Every run has a day of its own.
+    assert len({files.digest(run) for run in recorded}) == again.runs
 
     other = tmp_path / "other.json"
     other.write_bytes(msgspec.structs.replace(report, verdicts_sha256="0" * 64).to_json())

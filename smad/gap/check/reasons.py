@@ -15,7 +15,8 @@ import msgspec
 from smad.gap.check.key import STRENGTHS, CaseKey
 from smad.gap.check.names import NAMING
 from smad.gap.check.score import Pair, name_credit
-from smad.gap.entry import Apart, EntryRecord
+from smad.gap.entry import Apart, EntryRecord, Fit
+from smad.gap.nextexp import runs_for
 from smad.gap.records import Outcome
 from smad.gap.settings import Settings
 from smad.report.page import Table
@@ -43,6 +44,14 @@ class Told(msgspec.Struct, frozen=True):
     true_floors: float
     true_background: float
     entry: EntryRecord | None
+
+    @property
+    def apart(self) -> Apart | None:
+        """The experiment that would tell the right entry from the name given, or from none."""
+        if self.entry is None:
+            return None
+        given = self.entry.rivals[0].apart if self.entry.rivals else None
+        return given or self.entry.apart
 
 
 def given_beside(pair: Pair) -> list[str]:
@@ -244,18 +253,40 @@ def meanings() -> dict[str, str]:
     return {r.name: r.meaning for r in (ABSENT, *REASONS)}
 
 
-def parting(t: Told) -> Apart | None:
-    """The experiment that would tell the right entry from the name given, or from none."""
-    if t.entry is None:
+@dataclass(frozen=True)
+class Way:
+    """The experiment that would tell the right entry from the name given, or from none.
+
+    `runs` is how many of it should do, None if too many; `wanted` the separation that they add up
+    to: that of what is not separable, or what the entry's gain still lacks of what is asked of it.
+    """
+
+    apart: Apart
+    wanted: float
+    runs: int | None
+
+
+def parting(t: Told, settings: Settings) -> Way | None:
+    """The way to part a case; None where nothing was fitted."""
+    apart = t.apart
+    if t.entry is None or apart is None:
         return None
-    given = t.entry.rivals[0].apart if t.entry.rivals else None
-    return given or t.entry.apart
+    wanted = settings.ambiguous_d2
+    if apart is t.entry.apart and t.entry.fit is not None:
+        wanted = max(wanted, lacking(t.entry.fit))
+    return Way(apart, wanted, runs_for(wanted, apart.expected, settings.most_runs))
+
+
+def lacking(fit: Fit) -> float:
+    """The separation that would raise a gain to the standard errors asked: z of them are 4 z²."""
+    z = max(0.0, fit.gain) / fit.gain_se if fit.gain_se > 0.0 else 0.0
+    return max(0.0, 4.0 * (fit.asked**2 - z**2))
 
 
 def parted(x: Explained, settings: Settings) -> bool:
-    """Whether that experiment would: d² of the threshold of what is not separable."""
-    apart = parting(x.told)
-    return apart is not None and apart.d2 >= settings.ambiguous_d2
+    """Whether a few runs of that experiment should tell them apart."""
+    way = parting(x.told, settings)
+    return way is not None and way.runs is not None
 
 
 def counts(cases: Sequence[Explained]) -> dict[str, dict[str, int]]:
@@ -276,8 +307,8 @@ def _head(strength: float) -> str:
 
 
 def count_table(cases: Sequence[Explained], settings: Settings) -> Table:
-    """How many cases each reason has, by strength and in all, and how many of all the experiment
-    of `parting` would separate."""
+    """How many cases each reason has, by strength and in all, and how many of all a few runs of the
+    experiment of `parting` should separate."""
 
     def numbers(own: Sequence[Explained]) -> list[int]:
         by = [sum(_head(x.told.strength) == head for x in own) for head in _heads()]
@@ -288,7 +319,7 @@ def count_table(cases: Sequence[Explained], settings: Settings) -> Table:
         found = numbers([x for x in cases if x.reason == reason])
         rows.append([reason, *(str(n) if n else "·" for n in found)])
     rows.append(["all", *map(str, numbers(cases))])
-    heads = ["reason", *_heads(), "all", "parted by one more run"]
+    heads = ["reason", *_heads(), "all", f"parted by {settings.most_runs} more runs"]
     return Table(heads, rows, numeric=frozenset(range(1, len(heads))))
 
 
@@ -320,8 +351,10 @@ def _gain(t: Told) -> str:
 
 
 def _next(t: Told) -> str:
-    apart = parting(t)
-    return "–" if apart is None else f"{apart.experiment} {_number(apart.d2)}"
+    apart = t.apart
+    if apart is None:
+        return "–"
+    return f"{apart.experiment} {_number(apart.expected)} of {_number(apart.d2)}"
 
 
 def _free(t: Told) -> str:
@@ -352,7 +385,7 @@ _COLUMNS: tuple[tuple[str, Callable[[Explained], str]], ...] = (
     ("d² given", lambda x: _nearest(x.told, "d2")),
     ("odds", lambda x: _nearest(x.told, "odds")),
     ("free/se", lambda x: _free(x.told)),
-    ("one more run, d²", lambda x: _next(x.told)),
+    ("a run more, d²", lambda x: _next(x.told)),
 )
 
 

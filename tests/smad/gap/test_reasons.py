@@ -18,6 +18,7 @@ from smad.gap.check.reasons import (
     counts,
     explained,
     in_background,
+    lacking,
     parting,
     reasons_of,
     told,
@@ -228,13 +229,33 @@ def test_the_tables_hold_a_line_a_case_and_the_counts_by_strength() -> None:
 
 
 def test_a_case_is_parted_from_the_name_given_or_else_from_none() -> None:
-    far, near = Apart("edges", 40.0), Apart("one side", 9.0)
+    far, near = Apart("edges", 400.0, 0.1), Apart("one side", 20.0, 0.1)
     beside_none = a_case(entry={"apart": far})
     beside_name = a_case(
         WRONG,
         entry={"apart": far, "rivals": [Rival("channel_delay", 4.0, 2.0, 400.0, near)]},
     )
     cases = explained([beside_none, beside_name], SETTINGS)
-    assert [row[-1] for row in case_table(cases).rows] == ["one side 9.00", "edges 40"]
+    assert [row[-1] for row in case_table(cases).rows] == ["one side 2.00 of 20", "edges 40 of 400"]
     assert count_table(cases, SETTINGS).rows[-1][-2:] == ["2", "1"]
-    assert parting(a_case()) is None
+    assert parting(a_case(), SETTINGS) is None
+
+
+def test_what_a_gain_lacks_takes_more_runs_the_less_of_a_separation_is_borne_out() -> None:
+    weak = {"gain": 100.0, "gain_se": 100.0, "asked": 4.0}
+    far = a_case(fit=weak, entry={"apart": Apart("edges", 100.0, 0.3)})
+    assert far.entry is not None
+    assert far.entry.fit is not None
+    assert lacking(far.entry.fit) == pytest.approx(4.0 * (16.0 - 1.0))
+    way = parting(far, SETTINGS)
+    assert way is not None
+    assert (way.wanted, way.runs) == (pytest.approx(60.0), 2)
+    for share, runs in ((1.0, 1), (0.2, 3), (0.1, 6), (0.099, None), (0.0, None)):
+        other = parting(a_case(fit=weak, entry={"apart": Apart("edges", 100.0, share)}), SETTINGS)
+        assert other is not None
+        assert other.runs == runs
+    # A name that was given in its place is parted at the limit of what is not separable.
+    near = Rival("channel_delay", 4.0, 2.0, 400.0, Apart("one side", 20.0, 0.4))
+    beside = parting(a_case(WRONG, fit=weak, entry={"rivals": [near]}), SETTINGS)
+    assert beside is not None
+    assert (beside.wanted, beside.runs) == (SETTINGS.ambiguous_d2, 2)
