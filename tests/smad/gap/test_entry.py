@@ -78,6 +78,9 @@ def test_the_experiment_that_would_tell_more_is_named_with_what_it_would_tell(
         assert aside is not None
         assert aside.experiment in known
         assert aside.d2 > 16.0
+        # A bench that obeys the model bears out a good part of what the model foretells.
+        assert 0.3 < aside.share <= 1.0
+        assert aside.expected == aside.share * aside.d2
 
 
 def test_an_entry_that_is_not_the_truth_leaves_the_gap(coupled: EntryRecord) -> None:

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from smad.gap import diagnose
 from smad.gap.apply import apply, model_point
+from smad.gap.assess import borne_out
 from smad.gap.errors import PlantMismatch, RunRefused
-from smad.gap.nextexp import Trial, propose
+from smad.gap.fit import JointFit
+from smad.gap.nextexp import Trial, propose, runs_for
 from smad.gap.plant import ModelPoint
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.report import page_of, summary_lines
+from smad.gap.runs import GapRun
+from smad.gap.select import Candidate
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from smad.gap.verify import verified
 from smad.report.page import render
-from tests.smad.gap.cases import OTHER, ask, bank
+from tests.smad.gap.cases import OTHER, QUICK, ask, bank
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
 
 EFFECT = {"coupling": {"g_W_K": 0.12}}
@@ -134,5 +141,51 @@ def test_weak_excitation_leaves_two_causes_and_the_proposal_tells_them_apart() -
     assert propose(fits, [0.5, 0.5], prepared.noise, plant.catalogue(), most=1) == proposals[:1]
     for p in proposals:
         trial = Trial(fits, [0.5, 0.5], p.experiment, prepared.noise)
-        assert 0.0 < trial.separation() == p.separation <= trial.bound
-    assert Outcome.AMBIGUOUS.value == "not separable"
+        assert 0.0 < trial.separation() == p.foretold == p.separation <= trial.bound
+    fewer = propose(fits, [0.5, 0.5], prepared.noise, plant.catalogue(), share=0.1)
+    assert [q.experiment for q in fewer] == [p.experiment for p in proposals]
+    assert [q.separation for q in fewer] == [pytest.approx(0.1 * p.foretold) for p in proposals]
+
+
+@pytest.mark.parametrize(
+    ("separation", "runs"), [(40.0, 1), (16.0, 1), (15.9, 2), (2.7, 6), (2.6, None), (0.0, None)]
+)
+def test_runs_add_up_to_a_separation_or_are_too_many(separation: float, runs: int | None) -> None:
+    assert runs_for(16.0, separation, most=6) == runs
+
+
+def test_a_separation_counts_less_the_more_its_gain_varied() -> None:
+    from smad.gap.stages import prepare
+
+    plant = HeaterPlant()
+    runs = [recorded("steps", s, OTHER, {"backlash": {"gap_um": 6.0}}) for s in (1, 2)]
+    prepared = prepare(runs[:1], plant, Settings(), hold_out=runs[1:])
+    c = replace(Candidate(JointFit(prepared.fit, ()), prepared.free), gain=200.0, gain_se=40.0)
+    shares = [borne_out(c, d2, prepared.hold) for d2 in (80.0, 160.0, 900.0)]
+    # As many rows were held out as were fitted: the gain may vary by √2 d.
+    assert shares == [pytest.approx(0.1), pytest.approx(0.2), 1.0]
+    assert borne_out(c, 80.0, None) == pytest.approx(0.05)
+    assert borne_out(replace(c, gain_se=0.0), 80.0, None) == 0.0
+
+
+def test_two_causes_that_look_alike_are_told_apart_by_the_experiment_that_is_recommended() -> None:
+    bench = {"backlash": {"gap_um": 1.2}}
+    slow = [recorded("still", s, OTHER, bench, duration_s=24.0) for s in (1, 2, 3)]
+
+    def asked(more: Sequence[GapRun] = ()) -> Diagnosis:
+        names = ["backlash", "dial_delay"]
+        return diagnose([*slow, *more], plant=HeaterPlant(), settings=QUICK, candidates=names)
+
+    before = asked()
+    assert before.verdict.outcome is Outcome.AMBIGUOUS
+    assert {*before.verdict.effects, *before.verdict.group} == {"backlash", "dial_delay"}
+    first = before.experiments[0]
+    assert 16.0 < first.separation < first.foretold
+    assert first.runs == 1
+    said = f"{first.title} (60 s, separation d² ≈ {first.expected} a run), one run."
+    assert before.verdict.text.endswith(said)
+    assert "runs needed" in render(page_of(before))
+    after = asked([recorded(first.name, 9, OTHER, bench)])
+    assert after.verdict.outcome is Outcome.EFFECT
+    assert after.verdict.effects == ["backlash"]
+    assert after.experiments == []
