@@ -250,10 +250,8 @@ def _print_experiments(found: Sequence[ExperimentRecord]) -> None:
         click.echo("Nothing is confused: no further experiment is needed to name the cause.")
         return
     for x in found:
-        click.echo(
-            f"d² {x.expected:>7} a run  {x.needed:>13} of {x.duration_s:.0f} s  {x.title}:  "
-            f"{x.command}"
-        )
+        counted = x.counted or 0.0
+        click.echo(f"d² {counted:>7.1f}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
 
 
 def _perform(

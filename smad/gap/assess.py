@@ -12,7 +12,7 @@ from smad.gap.flexible import Designs, fit_correction
 from smad.gap.judge import Judged, excess_of, shrink
 from smad.gap.lsq import Fitted, Problem
 from smad.gap.plant import Array
-from smad.gap.select import Candidate, Selection
+from smad.gap.select import Candidate, Selection, held_cells
 from smad.gap.significance import resample_weights
 
 
@@ -183,19 +183,41 @@ def separation(fit: Fitted, z: Array) -> float:
     return share * float((w * s) @ s)
 
 
-def borne_out(c: Candidate, d2: float, hold: Problem | None) -> float:
-    """Share, up to 1, of a separation that the runs not fitted to let one count on.
+def counted_share(one: Candidate, other: Candidate) -> float:
+    """Share, up to 1, of the separation of `one` from `other` that can be counted on.
 
-    `d2` is that of the fit runs from the model without the candidate's last effect. A model that
-    stands d² from another gains d²/2 in log-likelihood with a standard error of d, where the
-    residual varies as Σ says. What the gain did vary by, from one block of time to the next, tells
-    how much more the residual varies along this effect: a separation is worth so much less.
+    Along the difference s of two models the log-likelihood changes by E = Σ w s z in a block of
+    time, z being what `one` leaves. Where z varies as Σ says, ΣE² over the blocks is D = Σ w s²;
+    where a model of another form leaves more along s, it is more. What can be counted on is
+    D²/ΣE², the information of a sandwich estimate of the effect's strength, where d² takes D times
+    the effective share of independent rows. All on runs not fitted to.
     """
-    if c.gain_se <= 0.0 or d2 <= 0.0:
+    runs, blocks = held_cells(one.fit.problem, one.judged.hold)
+    _, index = np.unique(np.column_stack([runs, blocks]), axis=0, return_inverse=True)
+    along, square, predicted = (np.concatenate(p) for p in zip(*_along(one, other), strict=True))
+    varied = float(np.square(np.bincount(index.ravel(), weights=along)).sum())
+    if varied <= 0.0 or predicted.sum() <= 0.0:
         return 0.0
-    fitted = c.fit.problem.evidence.n
-    judged = fitted + (0 if hold is None else hold.evidence.n)
-    return min(1.0, d2 * judged / fitted / c.gain_se**2)
+    return min(1.0, float(square.sum()) ** 2 / varied / float(predicted.sum()))
+
+
+def _along(one: Candidate, other: Candidate) -> list[tuple[Array, Array, Array]]:
+    """Σ w s z, Σ w s² and its part in d² of every cell of the fit runs, and of those held out."""
+    a, b = one.judged, other.judged
+    parts = [(a.problem, a.left_out, b.left_out)]
+    if a.hold is not None:
+        parts.append((a.hold, a.held, b.held))
+    out = []
+    for problem, mine, theirs in parts:
+        ev = problem.evidence
+        z = problem.white(mine)
+        s = problem.white(theirs) - z
+        w = problem.row_weight(z)
+        shares = dispersion(problem, z)
+        independent = np.array([shares[seg.key] for seg in ev.segments])[ev.cell_segment]
+        square = ev.cell_sum(w * s * s)
+        out.append((ev.cell_sum(w * s * z), square, square * independent))
+    return out
 
 
 def _row_weights(fit: Fitted) -> tuple[Array, float]:

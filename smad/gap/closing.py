@@ -12,10 +12,10 @@ from importlib.metadata import version
 import numpy as np
 
 from smad.gap.admission import Admission, Finding
-from smad.gap.assess import borne_out, confusability
+from smad.gap.assess import counted_share
 from smad.gap.fit import JointFit, bootstrap, intervals, polished
 from smad.gap.judge import excess_by_key, predict_by_run
-from smad.gap.nextexp import propose, runs_for
+from smad.gap.nextexp import propose
 from smad.gap.plant import Array, ModelPoint, PlantModel
 from smad.gap.records import (
     NAMED,
@@ -173,7 +173,7 @@ class Closing:
         text = words(
             outcome, numbers, plant, p=p, sub_model=sub_model, regimes=regimes,
             outputs=list(dict.fromkeys(channel_of[k] for k in outputs)), values=values,
-            experiments=experiments,
+            experiments=experiments, wanted=settings.ambiguous_d2,
         )  # fmt: skip
         opened, open_rows, shown = self._open_loop(named)
         steps = self._steps()
@@ -273,16 +273,14 @@ class Closing:
         fits = [s.best.fit, *[r.fit for r in near]]
         weights = [table.get(name, 1.0)]
         weights += [max(table.get(n, 0.0) for n in r.names if n not in s.best.names) for r in near]
-        first = s.steps[0]
-        d2 = float(confusability([first.fit, s.base.fit])[0, 1])
         found = propose(
             fits,
             weights,
             self.prepared.noise,
             self.prepared.plant.catalogue(),
-            share=borne_out(first, d2, self.prepared.hold),
+            share=counted_share(s.best, near[0]),
         )
-        settings = self.prepared.settings
+        together = np.cumsum([q.counted for q in found]).tolist()
         return [
             ExperimentRecord(
                 q.experiment.name,
@@ -290,8 +288,8 @@ class Closing:
                 q.experiment.duration_s,
                 q.separation,
                 q.experiment.command,
-                q.foretold,
-                runs_for(settings.ambiguous_d2, q.separation, settings.most_runs),
+                q.counted,
+                so_far,
             )
-            for q in found
+            for q, so_far in zip(found, together, strict=True)
         ]

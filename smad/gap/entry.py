@@ -13,7 +13,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from smad.gap.assess import borne_out, confusability, separation
+from smad.gap.assess import confusability, counted_share, separation
 from smad.gap.nextexp import propose
 from smad.gap.plant import Array, Effect
 from smad.gap.records import NAMED, Outcome
@@ -83,36 +83,31 @@ class Fit(msgspec.Struct, frozen=True):
 
 
 class Apart(msgspec.Struct, frozen=True):
-    """The experiment of the catalogue that would best tell two models apart, and by how much.
+    """An experiment of the catalogue that would tell two models apart, and by how much.
 
-    `d2` is the separation that the models foretell of that run alone, each adapting its parameters
-    as far as the runs so far allow (`nextexp.Trial`); `share` is how much of it can be counted on,
-    by how the entry's gain varied over runs not fitted to (`assess.borne_out`).
+    `d2` is the separation that the models predict of that run alone, each adapting its parameters
+    as far as the runs so far allow (`nextexp.Trial`), `counted` what of it can be counted on
+    (`assess.counted_share`).
     """
 
     experiment: str
     d2: float
-    share: float = 1.0
-
-    @property
-    def expected(self) -> float:
-        """The separation to expect of a run."""
-        return self.share * self.d2
+    counted: float
 
 
 class Rival(msgspec.Struct, frozen=True):
     """Another entry in the entry's place.
 
     `d2` is the smaller of the two separations, each fitted to look like the other; `odds` are those
-    of the rival against the entry; `apart` is the experiment that would tell them apart. All are
-    None where the entry was not among the better fits.
+    of the rival against the entry, both None where the entry was not among the better fits; `apart`
+    are the experiments that would best tell them apart.
     """
 
     name: str
     d2: float | None
     odds: float | None
     gain: float
-    apart: Apart | None = None
+    apart: list[Apart] = []
 
 
 class EntryRecord(msgspec.Struct, frozen=True):
@@ -121,8 +116,8 @@ class EntryRecord(msgspec.Struct, frozen=True):
     `screen_gain` is what the screening gains by it; the short list has none that gain nothing, but
     here the entry is fitted even so. `masked` is the share of a typical effect's signature that the
     refitted parameters imitate, `visible` what is left of it, in floors (see `screen.Screened`).
-    `background` is the RMS of what each channel is trusted to, in the channel's unit. `apart` is
-    the experiment that would tell the fitted entry from the refit without it.
+    `background` is the RMS of what each channel is trusted to, in the channel's unit. `apart` are
+    the experiments that would best tell the fitted entry from the refit without it.
     """
 
     name: str
@@ -133,7 +128,7 @@ class EntryRecord(msgspec.Struct, frozen=True):
     standing: Standing
     fit: Fit | None
     rivals: list[Rival]
-    apart: Apart | None = None
+    apart: list[Apart] = []
 
     @property
     def accepted(self) -> bool:
@@ -176,15 +171,19 @@ def examine(
         standing=_standing(prepared, track),
         fit=None if best is None else _fit(prepared, track.asked, best),
         rivals=_rivals(prepared, own, [library[n] for n in others], progress),
-        apart=None if best is None else _apart(prepared, track.asked, best, track.asked.base),
+        apart=[] if best is None else _apart(prepared, best, track.asked.base),
     )
 
 
-def _apart(prepared: Prepared, asked: Selection, one: Candidate, other: Candidate) -> Apart:
-    fits = [one.fit, other.fit]
-    (best,) = propose(fits, [0.5, 0.5], prepared.noise, prepared.plant.catalogue(), most=1)
-    _, nothing, _ = _separations(prepared, asked, one)
-    return Apart(best.experiment.name, best.foretold, borne_out(one, nothing, prepared.hold))
+def _apart(prepared: Prepared, one: Candidate, other: Candidate) -> list[Apart]:
+    found = propose(
+        [one.fit, other.fit],
+        [0.5, 0.5],
+        prepared.noise,
+        prepared.plant.catalogue(),
+        share=counted_share(one, other),
+    )
+    return [Apart(q.experiment.name, q.separation, q.counted) for q in found]
 
 
 def _best(selection: Selection, names: Sequence[str]) -> Candidate | None:
@@ -218,11 +217,16 @@ def _standing(prepared: Prepared, track: Track) -> Standing:
 def _fit(prepared: Prepared, selection: Selection, c: Candidate) -> Fit:
     problem, settings = c.fit.problem, prepared.settings
     tied = prepared.tied is not None
-    change = c.fit.predicted - _less(prepared, c)
+    less = problem.evidence.predict([without(prepared, c.fit.point, c.names[0])])[0]
+    change = c.fit.predicted - less
     floors = _by_output(prepared, change / _floor_of_rows(prepared))
     background = _by_output(prepared, problem.whitening.scale(change))
     output = max(background, key=lambda k: background[k])
-    known, nothing, free = _separations(prepared, selection, c)
+    known = separation(c.fit, problem.white(less))
+    d2 = confusability([c.fit, selection.base.fit, prepared.fit])[0]
+    # The refits end somewhat apart from the joint fit even where the entry is fitted to nothing.
+    # Parameters that stay where they are bound the distance of those that may follow.
+    nothing = min(known, float(d2[1]))
     return Fit(
         values=dict(c.fit.point.effects[c.names[0]]),
         output=output,
@@ -230,7 +234,7 @@ def _fit(prepared: Prepared, selection: Selection, c: Candidate) -> Fit:
         size_background=background[output],
         d2_known=known,
         d2_nothing=nothing,
-        d2_free=free,
+        d2_free=min(nothing, float(d2[2])),
         gain=c.gain,
         gain_se=c.gain_se,
         asked=certainty(c, settings, tied=tied),
@@ -241,24 +245,6 @@ def _fit(prepared: Prepared, selection: Selection, c: Candidate) -> Fit:
         shows=acceptable(c, settings, tied=tied),
         enters=any(step.names == c.names for step in selection.steps),
     )
-
-
-def _less(prepared: Prepared, c: Candidate) -> Array:
-    """The prediction of a model without its only effect, all else as it is."""
-    point = without(prepared, c.fit.point, c.names[0])
-    return np.asarray(c.fit.problem.evidence.predict([point])[0])
-
-
-def _separations(
-    prepared: Prepared, selection: Selection, c: Candidate
-) -> tuple[float, float, float]:
-    """d² of a model of one effect from itself without it, from the refit, and from the free one."""
-    known = separation(c.fit, c.fit.problem.white(_less(prepared, c)))
-    d2 = confusability([c.fit, selection.base.fit, prepared.fit])[0]
-    # The refits end somewhat apart from the joint fit even where the entry is fitted to nothing.
-    # Parameters that stay where they are bound the distance of those that may follow.
-    nothing = min(known, float(d2[1]))
-    return known, nothing, min(nothing, float(d2[2]))
 
 
 def _rivals(
@@ -281,12 +267,13 @@ def _rivals(
         rival = _best(asked, [effect.name])
         if rival is None:
             continue
-        d2 = odds = apart = None
+        d2 = odds = None
+        apart: list[Apart] = []
         if best is not None:
             both = confusability([best.fit, rival.fit])
             d2 = float(min(both[0, 1], both[1, 0]))
             odds = table.get(effect.name, 0.0) / max(p_own, 1.0 / MOST_ODDS)
-            apart = _apart(prepared, asked, best, rival)
+            apart = _apart(prepared, best, rival)
         out.append(Rival(effect.name, d2, odds, rival.gain, apart))
     return sorted(out, key=lambda r: (r.d2 is None, r.d2 or 0.0, r.name))
 

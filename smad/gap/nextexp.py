@@ -2,13 +2,12 @@
 
 Each hypothesis is a fitted model. For an experiment of the catalogue, both predict what would be
 measured; the second may still adapt its parameters, as far as the data so far allow. What is left
-between them, in floors, is the separation d²: 16 is four standard errors. So the models foretell
-it; how much of it can be counted on, runs not fitted to have shown (`assess.borne_out`).
+between them, in floors, is the separation d²: 16 is four standard errors. How much of it can be
+counted on is another question, which runs not fitted to answer (`assess.counted_share`).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
@@ -26,21 +25,28 @@ _STEP = 0.2
 
 @dataclass(frozen=True)
 class Proposal:
-    """An experiment with the separation of the hypotheses that one run of it is expected to bring.
+    """An experiment with the separation of the hypotheses that a run of it should bring.
 
-    `foretold` is what the models alone make of it. Both are weighted by probability.
+    `separation` is what the models predict, `counted` the share of it that can be counted on. Both
+    are weighted by probability.
     """
 
     experiment: Experiment
     separation: float
-    foretold: float
+    counted: float
 
 
-def runs_for(wanted: float, separation: float, most: int) -> int | None:
-    """How many runs of a separation each add up to the wanted one; None if more than `most`."""
-    if separation * most < wanted:
-        return None
-    return max(1, math.ceil(wanted / separation - 1e-9))
+def enough(counted: Sequence[float], wanted: float) -> int | None:
+    """How many of these, from the first on, add up to a separation; None if all do not.
+
+    Of different experiments: a second run of one has the same discrepancy in it again.
+    """
+    total = 0.0
+    for n, own in enumerate(counted, start=1):
+        total += own
+        if total >= wanted:
+            return n
+    return None
 
 
 class Trial:
@@ -127,22 +133,22 @@ def propose(
     weights: Sequence[float],
     noise: Mapping[str, OutputNoise],
     catalogue: Sequence[Experiment],
-    most: int = 5,
+    most: int = 4,
     *,
     share: float = 1.0,
 ) -> list[Proposal]:
     """The `most` best experiments of the catalogue, best first.
 
-    `share` of what the models foretell is expected (`assess.borne_out`).
+    `share` of what the models predict is counted (`assess.counted_share`).
 
     The slopes are what takes time: an experiment that cannot come among them is not asked for its.
     """
     trials = [Trial(fits, weights, e, noise) for e in catalogue]
     found: list[Proposal] = []
     for trial in sorted(trials, key=lambda t: (-t.bound, t.experiment.name)):
-        if len(found) == most and trial.bound < found[-1].foretold:
+        if len(found) == most and trial.bound < found[-1].separation:
             break
-        foretold = trial.separation()
-        found.append(Proposal(trial.experiment, share * foretold, foretold))
-        found = sorted(found, key=lambda q: (-q.foretold, q.experiment.name))[:most]
+        predicted = trial.separation()
+        found.append(Proposal(trial.experiment, predicted, share * predicted))
+        found = sorted(found, key=lambda q: (-q.separation, q.experiment.name))[:most]
     return found

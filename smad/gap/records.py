@@ -185,9 +185,9 @@ class ResidualTest(msgspec.Struct, frozen=True):
 class ExperimentRecord(msgspec.Struct, frozen=True):
     """A proposed experiment.
 
-    `separation` is the d² between the first two hypotheses to be counted on in one run of it,
-    `foretold` what the models alone make of it, `runs` how many are needed to tell them apart, None
-    for more than anyone would record.
+    `separation` is the d² between the hypotheses that the models predict of one run, `counted` the
+    part of it that can be counted on, `together` that of this experiment and those before it. The
+    last two are None in older files.
     """
 
     name: str
@@ -195,20 +195,8 @@ class ExperimentRecord(msgspec.Struct, frozen=True):
     duration_s: float
     separation: float
     command: str
-    foretold: float = 0.0
-    runs: int | None = 1
-
-    @property
-    def expected(self) -> str:
-        """The separation of a run in few digits."""
-        return f"{self.separation:.1f}" if self.separation < 10.0 else f"{self.separation:.0f}"
-
-    @property
-    def needed(self) -> str:
-        """How many runs, in words."""
-        if self.runs is None:
-            return "too many runs"
-        return "one run" if self.runs == 1 else f"{self.runs} runs"
+    counted: float | None = None
+    together: float | None = None
 
 
 class Trace(msgspec.Struct, frozen=True):

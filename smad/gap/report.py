@@ -70,22 +70,23 @@ def _verdict(d: Diagnosis) -> list[Block]:
     if d.experiments:
         out.append(
             Table(
-                ("experiment", "duration", "d² of a run", "foretold", "runs needed", "run it"),
+                ("experiment", "duration", "d² predicted", "counted", "together", "run it"),
                 [
                     (
                         x.title,
                         f"{x.duration_s:.0f} s",
-                        x.expected,
-                        f"{x.foretold:.0f}",
-                        x.needed,
+                        f"{x.separation:.0f}",
+                        _number(x.counted, ".1f"),
+                        _number(x.together, ".1f"),
                         x.command,
                     )
                     for x in d.experiments
                 ],
                 "Experiments that would tell the remaining causes apart, best first; 16 is four "
-                "standard errors. Foretold is what the models say, d² of a run the share of it "
-                "that can be counted on, by how the gain varied over runs not fitted to",
-                frozenset({1, 2, 3}),
+                "standard errors. Of the d² that the models predict only a part can be counted on, "
+                "by how much more than they say the runs vary along it; together is that of this "
+                "experiment and those above it",
+                frozenset({1, 2, 3, 4}),
             )
         )
     return out

@@ -45,9 +45,6 @@ class Settings:
     from one working point to the next. On the development bank the values of rightly named effects
     were off by such shares, many times what the data alone leave open.
 
-    Two causes are not told apart while their separation d² is under `ambiguous_d2` or their odds
-    are under `ambiguous_odds`; more than `most_runs` of one experiment are not proposed.
-
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.
     """
@@ -102,7 +99,6 @@ class Settings:
     rest_margin: float = 0.15
     ambiguous_d2: float = 16.0
     ambiguous_odds: float = 10.0
-    most_runs: int = 6
     false_discovery: float = 0.1
 
     quiet_right: float = 0.4

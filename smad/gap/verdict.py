@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.gap.assess import Worth
+from smad.gap.nextexp import enough
 from smad.gap.plant import Effect, PlantModel
 from smad.gap.records import NAMED, ExperimentRecord, Outcome, ValueRecord
 from smad.gap.settings import Settings
@@ -146,8 +147,9 @@ def words(
     outputs: Sequence[str],
     values: Sequence[ValueRecord],
     experiments: Sequence[ExperimentRecord],
+    wanted: float,
 ) -> str:
-    """The verdict as a paragraph."""
+    """The verdict as a paragraph; `wanted` is the d² from which on two causes are told apart."""
     title = {x.name: x for x in plant.effects}
     gap = e.whole
     said = [_gap_sentence(e)]
@@ -170,21 +172,23 @@ def words(
             said.append("A rest remains that no effect of the library explains.")
         confused = [f"{n} or {' or '.join(g)}" for n, g in e.groups.items() if g]
         said.append(f"Not told apart: {'; '.join(confused) if confused else 'nothing'}.")
-    said.append(_next_sentence(experiments))
+    said.append(next_sentence(experiments, wanted))
     return " ".join(said)
 
 
-def _next_sentence(experiments: Sequence[ExperimentRecord]) -> str:
+def next_sentence(experiments: Sequence[ExperimentRecord], wanted: float) -> str:
+    """The experiments that together should tell the causes apart, or that they should not."""
     if not experiments:
         return "Next experiment: none needed."
-    x = experiments[0]
-    run = f"{x.title} ({x.duration_s:.0f} s, separation d² ≈ {x.expected} a run)"
-    if x.runs is None:
+    several = enough([x.counted or 0.0 for x in experiments], wanted)
+    runs = [f"{x.title} ({x.duration_s:.0f} s)" for x in experiments[: several or None]]
+    d2 = f"{experiments[len(runs) - 1].together or 0.0:.1f}"
+    if several is None:
         return (
-            "Next experiment: none of the catalogue is expected to tell them apart in a few runs; "
-            f"the best is {run}."
+            f"Next experiment: {runs[0]}, but not even the {len(runs)} best of the catalogue "
+            f"together are likely to tell them apart (d² ≈ {d2} of the {wanted:.0f} needed)."
         )
-    return f"Next experiment: {run}, {x.needed}."
+    return f"Next experiment: {', then '.join(runs)}; separation d² ≈ {d2}."
 
 
 def _gap_sentence(e: Evidenced) -> str:

@@ -8,14 +8,14 @@ import msgspec
 from smad.errors import SmadError
 from smad.gap.check.verdicts import CaseVerdict, write_verdicts
 from tests.withheld.errors import WithheldError
-from tests.withheld.one_more_run import Follow, judge_again, recorded
+from tests.withheld.more_runs import Follow, judge_again, recorded
 from tests.withheld.second_pass import Frozen, opened, through
 
 
-def recommended(frozen: Frozen) -> dict[str, tuple[str, int]]:
-    """Case → experiment and runs of it, where an experiment was recommended for what is left."""
+def recommended(frozen: Frozen) -> dict[str, list[str]]:
+    """Case → the first experiment, where one was recommended for what is left."""
     return {
-        p.case: (p.said.next_experiment.name, 1)
+        p.case: [p.said.next_experiment.name]
         for p in frozen.pairs
         if p.said.outcome == "ambiguous" and p.said.next_experiment is not None
     }

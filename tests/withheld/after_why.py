@@ -1,9 +1,9 @@
-"""Whether the experiment that `why` names parts what it should: it is carried out and asked again.
+"""Whether the experiments that `why` names part what they should: carried out, and asked again.
 
-`why` says how far a run more should take the right entry from the name that was given, or from
-none, and how many would be needed. Here those are recorded on the case's own bench, each on another
-day, and the case is diagnosed with them, the whole library at hand. A separation that was expected
-and names nothing is told as plainly as one that does.
+`why` says how far more runs should take the right entry from the name that was given, or from none.
+As many of the best as should do are recorded on the case's own bench, each on another day, and the
+case is diagnosed with them, the whole library at hand. A separation that was counted on and names
+nothing is told as plainly as one that does.
 """
 
 import functools
@@ -15,32 +15,32 @@ import msgspec
 from smad.errors import SmadError
 from smad.gap.check.key import file_digest
 from smad.gap.check.names import NAMING, canonical
+from smad.gap.check.reasons import FORMAT as REPORT_FORMAT
 from smad.gap.check.reasons import REASONS, Explained, Report, Way, parting
 from smad.gap.check.verdicts import CaseVerdict
 from smad.report.page import Table, text_table
 from tests.withheld.errors import WithheldError
-from tests.withheld.one_more_run import Ask, Follow, judge_again, recorded
+from tests.withheld.more_runs import Ask, Follow, judge_again, recorded
 from tests.withheld.second_pass import opened, parts_beside, through
 
-FORMAT = "smad-after-why-1"
+FORMAT = "smad-after-why-2"
 _RIGHT = REASONS[0].name
 
 
 class Again(msgspec.Struct, frozen=True):
-    """A case after `runs` of the experiment: `names` are the causes that its verdict leaves.
+    """A case after the experiments: `names` are the causes that its verdict leaves.
 
-    `foretold` is the d² of one run by the models, `expected` the share of it to be counted on,
-    `wanted` the d² that all of them were to add up to.
+    `counted` is the d² that they were to bring together, of `wanted`; `predicted` is what the
+    models alone make of it.
     """
 
     case: str
     cause: str
     strength: float
     reason: str
-    experiment: str
-    runs: int
-    foretold: float
-    expected: float
+    experiments: list[str]
+    predicted: float
+    counted: float
     wanted: float
     before: str
     outcome: str
@@ -55,19 +55,18 @@ class Again(msgspec.Struct, frozen=True):
 
 
 class AgainReport(msgspec.Struct, frozen=True):
-    """Every case that was asked again, and those that no few runs were expected to part.
+    """Every case that was asked again, and those that no few experiments were to part.
 
-    `not_expected` are cases for which `most_runs` of their experiment would be too few, so that
-    nothing was recorded; `failed` those that could not be diagnosed.
+    `too_few` are cases for which the best experiments of the catalogue together do not reach what
+    is wanted, so that nothing was recorded; `failed` those that could not be diagnosed.
     """
 
     format: str
     bank: str
     key_sha256: str
     verdicts_sha256: str
-    most_runs: int
     cases: list[Again]
-    not_expected: list[str]
+    too_few: list[str]
     failed: list[str]
 
     def to_json(self) -> bytes:
@@ -98,22 +97,22 @@ def run(
         missed = _chosen(_missed(report, digest), cases)
         settings = frozen.how.settings
         ways = {x.told.case: parting(x.told, settings) for x in missed}
-        wanted = {c: (w, w.runs) for c, w in ways.items() if w is not None and w.runs is not None}
-        parts = parts_beside(out, digest)
-        todo = {c: (w.apart.experiment, count) for c, (w, count) in wanted.items()}
+        wanted = {c: way for c, way in ways.items() if way is not None and way.enough}
+        # Other experiments than before are other questions: their answers are kept apart.
+        parts = parts_beside(out, digest, file_digest(report))
+        todo = {c: [a.experiment for a in way.apart] for c, way in wanted.items()}
         runs = recorded(frozen, todo, parts, follow)
         said = through(frozen, list(wanted), parts, functools.partial(ask, runs=runs), jobs)
         by_case = {x.told.case: x for x in missed}
-        again = [_again(by_case[c], *wanted[c], answer) for c, answer in said.items()]
+        again = [_again(by_case[c], wanted[c], answer) for c, answer in said.items()]
         whole = AgainReport(
             format=FORMAT,
             bank=frozen.bank.manifest.bank,
             key_sha256=frozen.bank.manifest.key_sha256,
             verdicts_sha256=digest,
-            most_runs=settings.most_runs,
             cases=again,
-            not_expected=[x.told.case for x in missed if x.told.case not in wanted],
-            failed=[case for case in wanted if case not in said],
+            too_few=[c for c in ways if c not in wanted],
+            failed=[c for c in wanted if c not in said],
         )
         out.write_bytes(whole.to_json())
     except SmadError as error:
@@ -121,8 +120,8 @@ def run(
     if again:
         print(text_table(_table(again)))
     print(
-        f"{len(again)} of {len(wanted)} cases asked again, {len(whole.not_expected)} without an "
-        f"experiment that is expected to help in {whole.most_runs} runs: {out}"
+        f"{len(again)} of {len(wanted)} cases asked again, {len(whole.too_few)} that the best "
+        f"experiments are not likely to part: {out}"
     )
 
 
@@ -132,6 +131,8 @@ def _missed(path: Path, digest: str) -> list[Explained]:
         report = msgspec.json.decode(path.read_bytes(), type=Report)
     except (OSError, msgspec.DecodeError) as error:
         raise WithheldError(f"{path} is no report of why: {error}") from None
+    if report.format != REPORT_FORMAT:
+        raise WithheldError(f"{path} is of another version: ask why of these verdicts again")
     if report.verdicts_sha256 != digest:
         raise WithheldError(f"{path} is about other verdicts: ask why of these first")
     return [x for x in report.cases if x.reason != _RIGHT]
@@ -145,7 +146,7 @@ def _chosen(missed: Sequence[Explained], cases: Sequence[str]) -> list[Explained
     return [x for x in missed if not cases or x.told.case in cases]
 
 
-def _again(x: Explained, way: Way, runs: int, said: CaseVerdict) -> Again:
+def _again(x: Explained, way: Way, said: CaseVerdict) -> Again:
     assert said.next_experiment is not None
     left = said.next_experiment.names_after or []
     return Again(
@@ -153,10 +154,9 @@ def _again(x: Explained, way: Way, runs: int, said: CaseVerdict) -> Again:
         cause=x.told.cause,
         strength=x.told.strength,
         reason=x.reason,
-        experiment=way.apart.experiment,
-        runs=runs,
-        foretold=way.apart.d2,
-        expected=way.apart.expected,
+        experiments=[a.experiment for a in way.apart],
+        predicted=sum(a.d2 for a in way.apart),
+        counted=sum(a.counted for a in way.apart),
         wanted=way.wanted,
         before=_answer(x.told.outcome, x.told.said),
         outcome=said.outcome,
@@ -169,21 +169,12 @@ def _answer(outcome: str, names: Sequence[str]) -> str:
 
 
 def _table(cases: Sequence[Again]) -> Table:
-    heads = [
-        "case",
-        "cause",
-        "floors",
-        "said before",
-        "runs",
-        "experiment",
-        "d² a run",
-        "foretold",
-        "said after",
-        "",
-    ]
+    heads = ["case", "cause", "floors", "said before", "experiments", "d²", "predicted",
+             "said after", ""]  # fmt: skip
     rows = [
-        [c.case, c.cause, f"{c.strength:.0f}", c.before, str(c.runs), c.experiment,
-         f"{c.expected:.1f}", f"{c.foretold:.0f}", _answer(c.outcome, c.names), c.told]
+        [c.case, c.cause, f"{c.strength:.0f}", c.before, ", ".join(c.experiments),
+         f"{c.counted:.0f} of {c.wanted:.0f}", f"{c.predicted:.0f}",
+         _answer(c.outcome, c.names), c.told]
         for c in cases
     ]  # fmt: skip
-    return Table(heads, rows, numeric=frozenset({2, 4, 6, 7}))
+    return Table(heads, rows, numeric=frozenset({2, 6}))

@@ -61,12 +61,12 @@ def follow(
     program_path: Path,
     out: Path | None = None,
     *,
-    number: int = 1,
+    number: int | None = None,
 ) -> Path:
     """Record one more run of a case under a given program; the path of the new run file.
 
-    Runs of another `number` have another day and other noise. Without `out` the file lies beside
-    the case's other runs, under the next number.
+    Runs of another `number` have another day and other noise; it is the next one by default. The
+    file lies beside the case's other runs, under its number, unless `out` says where.
     """
     manifest = files.read_json(folder / "manifest.json")
     if files.digest(key_path) != manifest["key_sha256"]:
@@ -75,7 +75,7 @@ def follow(
     if entry is None:
         raise BankError(f"{case} is not in {folder}: its cases are in manifest.json")
     place = folder / "cases" / case
-    if out is None:
+    if number is None:
         number = 1 + len(list(place.glob("next-*")))
     active = tuple(
         Active(e["name"], e["magnitude"], e["y_share"], e["shape"]) for e in entry["effects"]

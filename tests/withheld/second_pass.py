@@ -1,10 +1,11 @@
 """What is asked of the diagnosis once its verdicts are frozen and the key may be used.
 
 `best_entry`, `after_next`, `why` and `after_why` stand on this, and the two that record a run on
-`one_more_run`. Beside the tests, these six are the modules here that use the product; no module
+`more_runs`. Beside the tests, these six are the modules here that use the product; no module
 that makes a bank reaches them, and they do not reach the plant.
 """
 
+import hashlib
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -65,9 +66,11 @@ def opened(verdicts: Path, key: Path, folder: Path) -> Frozen:
     return Frozen(file, pairs, bank, msgspec.convert(file.tool["how"], How))
 
 
-def parts_beside(out: Path, verdicts_sha256: str) -> Path:
-    """The folder beside `out` in which answers about these verdicts are kept, made if need be."""
-    parts = out.with_name(f"{out.name}.{verdicts_sha256[:12]}.parts")
+def parts_beside(out: Path, *about: str) -> Path:
+    """The folder beside `out` in which answers about some verdicts, and whatever else the question
+    depends on, are kept; made if need be."""
+    digest = hashlib.sha256("\n".join(about).encode()).hexdigest()
+    parts = out.with_name(f"{out.name}.{digest[:12]}.parts")
     parts.mkdir(parents=True, exist_ok=True)
     return parts
 

@@ -9,7 +9,7 @@ HERE = Path(__file__).parent
 WRAPPER = "wire_board.py"
 SECOND_PASS = (
     "second_pass.py",
-    "one_more_run.py",
+    "more_runs.py",
     "best_entry.py",
     "after_next.py",
     "why.py",

@@ -112,7 +112,7 @@ def run(
         frozen = opened(verdicts, key, bank)
         pairs = wanted(frozen, cases, everything=everything)
         digest = file_digest(verdicts)
-        found = _examined(frozen, pairs, parts_beside(out, digest), jobs)
+        found = _examined(frozen, pairs, parts_beside(out, digest, FORMAT), jobs)
         explanations = explained(
             [told(p, found[p.case]) for p in pairs if p.case in found], frozen.how.settings
         )

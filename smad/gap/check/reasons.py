@@ -16,12 +16,12 @@ from smad.gap.check.key import STRENGTHS, CaseKey
 from smad.gap.check.names import NAMING
 from smad.gap.check.score import Pair, name_credit
 from smad.gap.entry import Apart, EntryRecord, Fit
-from smad.gap.nextexp import runs_for
+from smad.gap.nextexp import enough
 from smad.gap.records import Outcome
 from smad.gap.settings import Settings
 from smad.report.page import Table
 
-FORMAT = "smad-why-1"
+FORMAT = "smad-why-2"
 
 
 class Told(msgspec.Struct, frozen=True):
@@ -46,11 +46,11 @@ class Told(msgspec.Struct, frozen=True):
     entry: EntryRecord | None
 
     @property
-    def apart(self) -> Apart | None:
-        """The experiment that would tell the right entry from the name given, or from none."""
+    def apart(self) -> list[Apart]:
+        """The experiments that would best tell the right entry from the name given, or none."""
         if self.entry is None:
-            return None
-        given = self.entry.rivals[0].apart if self.entry.rivals else None
+            return []
+        given = self.entry.rivals[0].apart if self.entry.rivals else []
         return given or self.entry.apart
 
 
@@ -255,26 +255,27 @@ def meanings() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Way:
-    """The experiment that would tell the right entry from the name given, or from none.
+    """The experiments that together should tell the right entry from the name given, or from none.
 
-    `runs` is how many of it should do, None if too many; `wanted` the separation that they add up
-    to: that of what is not separable, or what the entry's gain still lacks of what is asked of it.
+    `wanted` is the separation that they are to add up to: that from which on two causes are told
+    apart, or what the entry's gain lacks of what is asked of it. Without `enough`, all that were
+    thought of do not.
     """
 
-    apart: Apart
+    apart: list[Apart]
     wanted: float
-    runs: int | None
+    enough: bool
 
 
 def parting(t: Told, settings: Settings) -> Way | None:
     """The way to part a case; None where nothing was fitted."""
-    apart = t.apart
-    if t.entry is None or apart is None:
+    if t.entry is None or not t.apart:
         return None
     wanted = settings.ambiguous_d2
-    if apart is t.entry.apart and t.entry.fit is not None:
+    if t.entry.fit is not None:
         wanted = max(wanted, lacking(t.entry.fit))
-    return Way(apart, wanted, runs_for(wanted, apart.expected, settings.most_runs))
+    several = enough([a.counted for a in t.apart], wanted)
+    return Way(t.apart[: several or None], wanted, several is not None)
 
 
 def lacking(fit: Fit) -> float:
@@ -284,9 +285,9 @@ def lacking(fit: Fit) -> float:
 
 
 def parted(x: Explained, settings: Settings) -> bool:
-    """Whether a few runs of that experiment should tell them apart."""
+    """Whether the best few experiments together should tell them apart."""
     way = parting(x.told, settings)
-    return way is not None and way.runs is not None
+    return way is not None and way.enough
 
 
 def counts(cases: Sequence[Explained]) -> dict[str, dict[str, int]]:
@@ -307,8 +308,8 @@ def _head(strength: float) -> str:
 
 
 def count_table(cases: Sequence[Explained], settings: Settings) -> Table:
-    """How many cases each reason has, by strength and in all, and how many of all a few runs of the
-    experiment of `parting` should separate."""
+    """How many cases each reason has, by strength and in all, and how many of all the best few
+    experiments should separate."""
 
     def numbers(own: Sequence[Explained]) -> list[int]:
         by = [sum(_head(x.told.strength) == head for x in own) for head in _heads()]
@@ -319,7 +320,7 @@ def count_table(cases: Sequence[Explained], settings: Settings) -> Table:
         found = numbers([x for x in cases if x.reason == reason])
         rows.append([reason, *(str(n) if n else "·" for n in found)])
     rows.append(["all", *map(str, numbers(cases))])
-    heads = ["reason", *_heads(), "all", f"parted by {settings.most_runs} more runs"]
+    heads = ["reason", *_heads(), "all", "parted by more runs"]
     return Table(heads, rows, numeric=frozenset(range(1, len(heads))))
 
 
@@ -351,10 +352,10 @@ def _gain(t: Told) -> str:
 
 
 def _next(t: Told) -> str:
-    apart = t.apart
-    if apart is None:
+    if not t.apart:
         return "–"
-    return f"{apart.experiment} {_number(apart.expected)} of {_number(apart.d2)}"
+    best = t.apart[0]
+    return f"{best.experiment} {_number(best.counted)} of {_number(best.d2)}"
 
 
 def _free(t: Told) -> str:

@@ -229,7 +229,7 @@ def test_the_tables_hold_a_line_a_case_and_the_counts_by_strength() -> None:
 
 
 def test_a_case_is_parted_from_the_name_given_or_else_from_none() -> None:
-    far, near = Apart("edges", 400.0, 0.1), Apart("one side", 20.0, 0.1)
+    far, near = [Apart("edges", 400.0, 40.0)], [Apart("one side", 20.0, 2.0)]
     beside_none = a_case(entry={"apart": far})
     beside_name = a_case(
         WRONG,
@@ -241,21 +241,30 @@ def test_a_case_is_parted_from_the_name_given_or_else_from_none() -> None:
     assert parting(a_case(), SETTINGS) is None
 
 
-def test_what_a_gain_lacks_takes_more_runs_the_less_of_a_separation_is_borne_out() -> None:
+@pytest.mark.parametrize(
+    ("counted", "several", "enough"),
+    [((70.0, 50.0), 1, True), ((60.0, 50.0), 1, True), ((59.0, 1.0, 1.0), 2, True),
+     ((30.0, 20.0, 9.0), 3, False), ((0.0,), 1, False)],
+)  # fmt: skip
+def test_what_a_gain_lacks_is_made_up_by_experiments_one_after_the_other(
+    counted: tuple[float, ...], several: int, enough: bool
+) -> None:
     weak = {"gain": 100.0, "gain_se": 100.0, "asked": 4.0}
-    far = a_case(fit=weak, entry={"apart": Apart("edges", 100.0, 0.3)})
-    assert far.entry is not None
-    assert far.entry.fit is not None
-    assert lacking(far.entry.fit) == pytest.approx(4.0 * (16.0 - 1.0))
-    way = parting(far, SETTINGS)
+    apart = [Apart(f"experiment {i}", 10.0 * c, c) for i, c in enumerate(counted)]
+    for case in (
+        a_case(fit=weak, entry={"apart": apart}),
+        a_case(WRONG, fit=weak, entry={"rivals": [Rival("channel_delay", 4.0, 2.0, 9.0, apart)]}),
+    ):
+        assert case.entry is not None
+        assert case.entry.fit is not None
+        assert lacking(case.entry.fit) == pytest.approx(4.0 * (16.0 - 1.0))
+        way = parting(case, SETTINGS)
+        assert way is not None
+        assert way.wanted == pytest.approx(60.0)
+        assert (way.apart, way.enough) == (apart[:several], enough)
+
+
+def test_causes_whose_gain_lacks_nothing_are_parted_from_where_two_are_told_apart() -> None:
+    way = parting(a_case(entry={"apart": [Apart("edges", 16.0, 16.0)]}), SETTINGS)
     assert way is not None
-    assert (way.wanted, way.runs) == (pytest.approx(60.0), 2)
-    for share, runs in ((1.0, 1), (0.2, 3), (0.1, 6), (0.099, None), (0.0, None)):
-        other = parting(a_case(fit=weak, entry={"apart": Apart("edges", 100.0, share)}), SETTINGS)
-        assert other is not None
-        assert other.runs == runs
-    # A name that was given in its place is parted at the limit of what is not separable.
-    near = Rival("channel_delay", 4.0, 2.0, 400.0, Apart("one side", 20.0, 0.4))
-    beside = parting(a_case(WRONG, fit=weak, entry={"rivals": [near]}), SETTINGS)
-    assert beside is not None
-    assert (beside.wanted, beside.runs) == (SETTINGS.ambiguous_d2, 2)
+    assert (way.wanted, way.enough) == (SETTINGS.ambiguous_d2, True)

@@ -5,24 +5,28 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from smad.gap import diagnose
 from smad.gap.apply import apply, model_point
-from smad.gap.assess import borne_out
+from smad.gap.assess import counted_share
 from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.fit import JointFit
-from smad.gap.nextexp import Trial, propose, runs_for
-from smad.gap.plant import ModelPoint
-from smad.gap.records import Diagnosis, Outcome
+from smad.gap.judge import Judged
+from smad.gap.lsq import Fitted
+from smad.gap.nextexp import Trial, enough, propose
+from smad.gap.plant import Array, ModelPoint
+from smad.gap.records import Diagnosis, ExperimentRecord, Outcome
 from smad.gap.report import page_of, summary_lines
 from smad.gap.runs import GapRun
 from smad.gap.select import Candidate
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
+from smad.gap.space import Space
+from smad.gap.verdict import next_sentence
 from smad.gap.verify import verified
 from smad.report.page import render
 from tests.smad.gap.cases import OTHER, QUICK, ask, bank
@@ -141,31 +145,49 @@ def test_weak_excitation_leaves_two_causes_and_the_proposal_tells_them_apart() -
     assert propose(fits, [0.5, 0.5], prepared.noise, plant.catalogue(), most=1) == proposals[:1]
     for p in proposals:
         trial = Trial(fits, [0.5, 0.5], p.experiment, prepared.noise)
-        assert 0.0 < trial.separation() == p.foretold == p.separation <= trial.bound
+        assert 0.0 < trial.separation() == p.counted == p.separation <= trial.bound
     fewer = propose(fits, [0.5, 0.5], prepared.noise, plant.catalogue(), share=0.1)
     assert [q.experiment for q in fewer] == [p.experiment for p in proposals]
-    assert [q.separation for q in fewer] == [pytest.approx(0.1 * p.foretold) for p in proposals]
+    assert [q.counted for q in fewer] == [pytest.approx(0.1 * p.separation) for p in proposals]
 
 
-@pytest.mark.parametrize(
-    ("separation", "runs"), [(40.0, 1), (16.0, 1), (15.9, 2), (2.7, 6), (2.6, None), (0.0, None)]
-)
-def test_runs_add_up_to_a_separation_or_are_too_many(separation: float, runs: int | None) -> None:
-    assert runs_for(16.0, separation, most=6) == runs
+def test_different_experiments_add_up_to_a_separation_or_do_not() -> None:
+    assert enough([9.0, 7.0, 1.0], 16.0) == 2
+    assert enough([16.0], 16.0) == 1
+    assert enough([9.0, 6.9], 16.0) is None
+    assert enough([], 16.0) is None
 
 
-def test_a_separation_counts_less_the_more_its_gain_varied() -> None:
-    from smad.gap.stages import prepare
+def test_a_separation_counts_by_how_much_more_than_expected_the_runs_vary_along_it() -> None:
+    """A background nine times as strong as Σ says leaves a ninth; one of its size leaves all."""
+    from smad.gap.lsq import Problem
+    from smad.gap.replay import Evidence, local_views
+    from smad.gap.whiten import OutputNoise, Whitening
+
+    class Plain(Problem):
+        def row_weight(self, z: Array, heat: float = 1.0) -> Array:
+            return np.ones(len(z))
 
     plant = HeaterPlant()
-    runs = [recorded("steps", s, OTHER, {"backlash": {"gap_um": 6.0}}) for s in (1, 2)]
-    prepared = prepare(runs[:1], plant, Settings(), hold_out=runs[1:])
-    c = replace(Candidate(JointFit(prepared.fit, ()), prepared.free), gain=200.0, gain_se=40.0)
-    shares = [borne_out(c, d2, prepared.hold) for d2 in (80.0, 160.0, 900.0)]
-    # As many rows were held out as were fitted: the gain may vary by √2 d.
-    assert shares == [pytest.approx(0.1), pytest.approx(0.2), 1.0]
-    assert borne_out(c, 80.0, None) == pytest.approx(0.05)
-    assert borne_out(replace(c, gain_se=0.0), 80.0, None) == 0.0
+    runs = [recorded("random", s, OTHER) for s in (1, 2, 3)]
+    ev = Evidence(plant, runs, local_views(plant), Settings(), None)
+    problem = Plain(ev, Whitening(ev, {k: OutputNoise(1.0) for k in ev.keys}), np.zeros(ev.n))
+    rng = np.random.default_rng(4)
+    change = np.repeat(rng.standard_normal(-(-ev.n // 3)), 3)[: ev.n]
+
+    def standing(left: Array) -> Candidate:
+        fit = Fitted(problem, Space(()), np.zeros(0), left, left, np.zeros((ev.n, 0), np.float32),
+                     0.0, 0, ())  # fmt: skip
+        return Candidate(JointFit(fit, ()), Judged(problem, None, ev.measured - left, np.zeros(0)))
+
+    white = rng.standard_normal(ev.n) * ev.valid
+    shares = [
+        counted_share(standing(size * white), standing(size * white + change))
+        for size in (1.0, 3.0)
+    ]
+    assert 0.8 < shares[0] <= 1.0
+    assert shares[1] == pytest.approx(shares[0] / 9.0, rel=0.2)
+    assert counted_share(standing(0.0 * white), standing(change)) == 0.0
 
 
 def test_two_causes_that_look_alike_are_told_apart_by_the_experiment_that_is_recommended() -> None:
@@ -180,12 +202,34 @@ def test_two_causes_that_look_alike_are_told_apart_by_the_experiment_that_is_rec
     assert before.verdict.outcome is Outcome.AMBIGUOUS
     assert {*before.verdict.effects, *before.verdict.group} == {"backlash", "dial_delay"}
     first = before.experiments[0]
-    assert 16.0 < first.separation < first.foretold
-    assert first.runs == 1
-    said = f"{first.title} (60 s, separation d² ≈ {first.expected} a run), one run."
+    assert first.counted is not None
+    assert 16.0 < first.counted <= first.separation
+    assert first.together == first.counted
+    said = f"Next experiment: {first.title} (60 s); separation d² ≈ {first.counted:.1f}."
     assert before.verdict.text.endswith(said)
-    assert "runs needed" in render(page_of(before))
+    assert "together" in render(page_of(before))
     after = asked([recorded(first.name, 9, OTHER, bench)])
     assert after.verdict.outcome is Outcome.EFFECT
     assert after.verdict.effects == ["backlash"]
     assert after.experiments == []
+
+
+def test_experiments_that_do_not_add_up_are_not_promised() -> None:
+    def proposed(*counted: float) -> list[ExperimentRecord]:
+        sums = np.cumsum(counted).tolist()
+        return [
+            ExperimentRecord(f"e{i}", f"move {i}", 60.0, 10.0 * own, "run it", own, so_far)
+            for i, (own, so_far) in enumerate(zip(counted, sums, strict=True))
+        ]
+
+    assert next_sentence(proposed(20.0, 5.0), 16.0) == (
+        "Next experiment: move 0 (60 s); separation d² ≈ 20.0."
+    )
+    assert next_sentence(proposed(9.0, 8.0, 7.0), 16.0) == (
+        "Next experiment: move 0 (60 s), then move 1 (60 s); separation d² ≈ 17.0."
+    )
+    assert next_sentence(proposed(3.0, 2.0), 16.0) == (
+        "Next experiment: move 0 (60 s), but not even the 2 best of the catalogue together are "
+        "likely to tell them apart (d² ≈ 5.0 of the 16 needed)."
+    )
+    assert next_sentence([], 16.0) == "Next experiment: none needed."

@@ -1,4 +1,4 @@
-"""More runs of a case's bench, under an experiment of the catalogue, and the case asked again.
+"""More runs of a case's bench, under experiments of the catalogue, and the case asked again.
 
 The experiment is simulated with the nominal model first, and the currents and duties that come out
 are the program that the case's own bench is given, whatever is wrong with it.
@@ -49,7 +49,7 @@ def names_after(found: Diagnosis) -> list[str]:
 
 
 def judge_again(task: Task, runs: Mapping[str, Sequence[Path]]) -> Part:
-    """The case with the runs of the recommended experiment beside those to fit on."""
+    """The case with the runs of the recommended experiments beside those to fit on."""
 
     def say() -> CaseVerdict:
         files = runs[task.case.id]
@@ -62,17 +62,22 @@ def judge_again(task: Task, runs: Mapping[str, Sequence[Path]]) -> Part:
 
 
 def recorded(
-    frozen: Frozen, wanted: Mapping[str, tuple[str, int]], parts: Path, follow: Follow
+    frozen: Frozen, wanted: Mapping[str, Sequence[str]], parts: Path, follow: Follow
 ) -> dict[str, list[Path]]:
-    """So many runs of each case's bench under its experiment, kept in `parts`: case → run files."""
+    """A run of each case's bench under each of its experiments, kept in `parts`: case → run files.
+
+    Each is recorded on another day.
+    """
     plant, seed = frozen.how.plant(), frozen.how.settings.seed
     runs: dict[str, list[Path]] = {}
-    for case, (experiment, count) in wanted.items():
-        program = parts / f"{experiment.replace(' ', '-')}-{seed}.csv"
-        if not program.exists():
-            write_program(plant, experiment, seed, program)
-        runs[case] = [parts / f"{case}-{program.stem}-{n + 1}.parquet" for n in range(count)]
-        for n, run in enumerate(runs[case]):
+    for case, experiments in wanted.items():
+        runs[case] = []
+        for number, experiment in enumerate(experiments, start=1):
+            program = parts / f"{experiment.replace(' ', '-')}-{seed}.csv"
+            if not program.exists():
+                write_program(plant, experiment, seed, program)
+            run = parts / f"{case}-{program.stem}.parquet"
             if not run.exists():
-                follow(case, program, run, n + 1)
+                follow(case, program, run, number)
+            runs[case].append(run)
     return runs
