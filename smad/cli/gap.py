@@ -185,7 +185,7 @@ def next_experiment(
             return
         result = _diagnosed(plant, runs, good, (), seed)
     _print_verdict(result)
-    _print_experiments(result.experiments)
+    _print_experiments(result.experiments, result.settings["ambiguous_d2"])
 
 
 def _plant(params: str, variant: str) -> SmaPlant:
@@ -245,13 +245,15 @@ def _print_verdict(result: Diagnosis) -> None:
         click.echo(click.wrap_text(text, width=100))
 
 
-def _print_experiments(found: Sequence[ExperimentRecord]) -> None:
+def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None:
     if not found:
         click.echo("Nothing is confused: no further experiment is needed to name the cause.")
         return
     for x in found:
         counted = x.counted or 0.0
         click.echo(f"d² {counted:>7.1f}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
+    together = found[-1].together or 0.0
+    click.echo(f"Together d² {together:.1f}, one run of each; {wanted:.0f} tell two causes apart.")
 
 
 def _perform(

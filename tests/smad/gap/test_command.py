@@ -10,7 +10,10 @@ from click.testing import CliRunner, Result
 
 from smad.cli.gap import gap
 from smad.errors import SmadError
+from smad.gap import diagnose
 from smad.gap.catalogue import CATALOGUE
+from tests.smad.gap.cases import OTHER, QUICK
+from tests.smad.gap.heater_plant import HeaterPlant, recorded
 
 
 def call(*arguments: str) -> Result:
@@ -41,6 +44,26 @@ def test_effects_lists_the_whole_library_from_the_registry() -> None:
 
 def test_next_without_runs_lists_the_catalogue() -> None:
     assert all(t.name in call("next").output for t in CATALOGUE)
+
+
+def test_next_prints_what_each_experiment_brings_and_all_of_them(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    bench = {"backlash": {"gap_um": 1.2}}
+    runs = [recorded("still", s, OTHER, bench, duration_s=24.0) for s in (1, 2, 3)]
+    left = diagnose(
+        runs, plant=HeaterPlant(), settings=QUICK, candidates=["backlash", "dial_delay"]
+    )
+    monkeypatch.setattr("smad.cli.gap._diagnosed", lambda *asked: left)
+    path = tmp_path / "a.mcap"
+    path.touch()
+    *_, first, second, third, last = call("next", str(path)).output.splitlines()
+    for line, x in zip((first, second, third), left.experiments, strict=True):
+        assert line.startswith(f"d² {x.counted:>7.1f}    60 s  {x.title}")
+    assert last == (
+        f"Together d² {left.experiments[-1].together:.1f}, one run of each; 16 tell two causes "
+        "apart."
+    )
 
 
 def test_an_unknown_experiment_is_refused_with_the_known_ones() -> None:
