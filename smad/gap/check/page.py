@@ -97,6 +97,8 @@ def page(scores: Scores, facts: list[tuple[str, str]]) -> Page:
         Section("Confusion", _confusion(scores), "confusion"),
         Section("Mistakes, the most confident first", _mistakes(scores), "mistakes"),
     ]
+    if scores.trusted:
+        sections.append(Section("What the model is trusted to", _trusted(scores), "trusted"))
     if scores.model_against_bench:
         sections.append(Section("Model against bench", _compared(scores), "differs"))
     answered = ("cases answered", f"{scores.answered} of {scores.cases}")
@@ -177,6 +179,20 @@ def _mistakes(scores: Scores) -> list[Block]:
         numeric=frozenset({3, 6}),
     )  # fmt: skip
     return [table, Text(f"{rest} more are in the JSON file.")] if rest else [table]
+
+
+def _trusted(scores: Scores) -> list[Block]:
+    text = (
+        "What the diagnosis trusts its model to on each channel since the known-good runs, in the "
+        "floors that strengths are counted in: quartiles over the cases. An effect of fewer floors "
+        "is smaller there than what the model leaves of a bench without any."
+    )
+    rows = [
+        (t.channel, *(f"{x:.1f}" for x in (t.low, t.median, t.high)), str(t.cases))
+        for t in scores.trusted
+    ]
+    heads = ("channel", "quartile", "median", "quartile", "cases")
+    return [Text(text), Table(heads, rows, numeric=frozenset({1, 2, 3, 4}))]
 
 
 def _compared(scores: Scores) -> list[Block]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 from smad.gap.check.errors import CheckError, VerdictError
 from smad.gap.check.names import NAMING
@@ -48,6 +49,20 @@ class Compared(msgspec.Struct, frozen=True):
     said: str
 
 
+class Trusted(msgspec.Struct, frozen=True):
+    """What the diagnosis trusts its model to on a channel, in the bank's floors of that channel.
+
+    Median and quartiles over cases: an effect of fewer floors there is smaller than what the model
+    leaves of runs without any.
+    """
+
+    channel: str
+    low: float
+    median: float
+    high: float
+    cases: int
+
+
 class Scores(msgspec.Struct, frozen=True):
     """All scores of one verdict file.
 
@@ -65,6 +80,7 @@ class Scores(msgspec.Struct, frozen=True):
     baselines: dict[str, list[Row]]
     mistakes: list[Mistake]
     model_against_bench: list[Compared]
+    trusted: list[Trusted] = []
 
     def to_json(self) -> bytes:
         """Indented JSON."""
@@ -169,6 +185,20 @@ def mistakes(pairs: Sequence[Pair]) -> list[Mistake]:
     return sorted(wrong, key=lambda m: (-m.probability, m.case))
 
 
+def trusted(pairs: Sequence[Pair]) -> list[Trusted]:
+    """Every channel of which both the key and the verdicts tell a floor, the worst first."""
+    ratios: dict[str, list[float]] = {}
+    for p in pairs:
+        for channel, held in p.said.held_out.items():
+            if p.truth.kind != "differs" and p.truth.floor.get(channel, 0.0) > 0.0:
+                ratios.setdefault(channel, []).append(held.floor / p.truth.floor[channel])
+    out = []
+    for channel, values in ratios.items():
+        low, median, high = np.quantile(values, (0.25, 0.5, 0.75)).tolist()
+        out.append(Trusted(channel, low, median, high, len(values)))
+    return sorted(out, key=lambda t: (-t.median, t.channel))
+
+
 def scores(pairs: Sequence[Pair], bank: str) -> Scores:
     """Everything that is scored."""
     return Scores(
@@ -185,4 +215,5 @@ def scores(pairs: Sequence[Pair], bank: str) -> Scores:
             Compared(p.case, p.said.outcome, p.said.subsystem, said(p.said))
             for p in of_kind(pairs, "differs")
         ],
+        trusted=trusted(pairs),
     )

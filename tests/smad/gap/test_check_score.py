@@ -20,6 +20,7 @@ from smad.gap.check.scores import Scores, read_scores, scores
 from smad.gap.check.verdicts import (
     CaseVerdict,
     Estimate,
+    HeldOut,
     Hypothesis,
     NextExperiment,
     Short,
@@ -28,6 +29,7 @@ from smad.gap.check.verdicts import (
     write_verdicts,
 )
 from smad.gap.sma import SmaPlant
+from smad.report.page import render
 
 SHA = "a" * 64
 
@@ -197,6 +199,24 @@ def test_baselines_and_confusion_are_reported_beside_ours() -> None:
     ours = {r.name: r.value for r in found.baselines["the diagnosis"]}
     assert ours["false alarms on none"] == 0.0
     assert found.confusion == {"none": {"no_gap": 1}, "rtd_lag": {"rtd_lag": 1}}
+
+
+def test_what_the_model_is_trusted_to_is_told_in_the_floors_of_the_bank() -> None:
+    floors = {"rtd_x_degC": 0.05, "force_N": 0.004}
+    key = {c: _entry("none") | {"floor": floors} for c in "abc"}
+    key["d"] = _entry("differs") | {"floor": floors}
+
+    def quiet(rtd: float) -> CaseVerdict:
+        held = {"rtd_x_degC": HeldOut(0.3, 0.2, 0.2, rtd), "rtd_y_degC": HeldOut(0.3, 0.2, 0.2, 1)}
+        return CaseVerdict(outcome="no_gap", held_out=held)
+
+    verdicts = dict(zip("abcd", map(quiet, (0.1, 0.2, 0.4, 9.0)), strict=True))
+    file = VerdictFile(format="smad-verdicts-1", bank="x", key_sha256=SHA, verdicts=verdicts)
+    found = scores(score.matched(file, _key(key), SHA), "x")
+    (rtd,) = found.trusted
+    assert (rtd.channel, rtd.cases) == ("rtd_x_degC", 3)
+    assert [rtd.low, rtd.median, rtd.high] == pytest.approx([3.0, 4.0, 6.0])
+    assert "What the model is trusted to" in render(page.page(found, []))
 
 
 def test_a_case_without_a_verdict_is_not_detected_and_is_counted() -> None:
