@@ -30,8 +30,8 @@ _RIGHT = REASONS[0].name
 class Again(msgspec.Struct, frozen=True):
     """A case after the experiments: `names` are the causes that its verdict leaves.
 
-    `counted` is the d² that they were to bring together, of `wanted`; `predicted` is what the
-    models alone make of it.
+    `counted` is the separation d² that they were to bring from what was said before, `errors` what
+    the right entry's gain was to come to, in standard errors.
     """
 
     case: str
@@ -39,9 +39,8 @@ class Again(msgspec.Struct, frozen=True):
     strength: float
     reason: str
     experiments: list[str]
-    predicted: float
     counted: float
-    wanted: float
+    errors: float
     before: str
     outcome: str
     names: list[str]
@@ -100,7 +99,7 @@ def run(
         wanted = {c: way for c, way in ways.items() if way is not None and way.enough}
         # Other experiments than before are other questions: their answers are kept apart.
         parts = parts_beside(out, digest, file_digest(report))
-        todo = {c: [a.experiment for a in way.apart] for c, way in wanted.items()}
+        todo = {c: way.experiments for c, way in wanted.items()}
         runs = recorded(frozen, todo, parts, follow)
         said = through(frozen, list(wanted), parts, functools.partial(ask, runs=runs), jobs)
         by_case = {x.told.case: x for x in missed}
@@ -154,10 +153,9 @@ def _again(x: Explained, way: Way, said: CaseVerdict) -> Again:
         cause=x.told.cause,
         strength=x.told.strength,
         reason=x.reason,
-        experiments=[a.experiment for a in way.apart],
-        predicted=sum(a.d2 for a in way.apart),
-        counted=sum(a.counted for a in way.apart),
-        wanted=way.wanted,
+        experiments=way.experiments,
+        counted=way.counted,
+        errors=way.errors,
         before=_answer(x.told.outcome, x.told.said),
         outcome=said.outcome,
         names=list(dict.fromkeys(canonical(n) for n in left)),
@@ -169,12 +167,11 @@ def _answer(outcome: str, names: Sequence[str]) -> str:
 
 
 def _table(cases: Sequence[Again]) -> Table:
-    heads = ["case", "cause", "floors", "said before", "experiments", "d²", "predicted",
+    heads = ["case", "cause", "floors", "said before", "experiments", "d²", "gain/se",
              "said after", ""]  # fmt: skip
     rows = [
         [c.case, c.cause, f"{c.strength:.0f}", c.before, ", ".join(c.experiments),
-         f"{c.counted:.0f} of {c.wanted:.0f}", f"{c.predicted:.0f}",
-         _answer(c.outcome, c.names), c.told]
+         f"{c.counted:.0f}", f"{c.errors:.1f}", _answer(c.outcome, c.names), c.told]
         for c in cases
     ]  # fmt: skip
-    return Table(heads, rows, numeric=frozenset({2, 6}))
+    return Table(heads, rows, numeric=frozenset({2, 5, 6}))

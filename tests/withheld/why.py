@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from smad.errors import SmadError
+from smad.gap.check.bank import used
 from smad.gap.check.case import Part, Task
 from smad.gap.check.key import file_digest
 from smad.gap.check.names import OUTCOMES
@@ -114,7 +115,8 @@ def run(
         digest = file_digest(verdicts)
         found = _examined(frozen, pairs, parts_beside(out, digest, FORMAT), jobs)
         explanations = explained(
-            [told(p, found[p.case]) for p in pairs if p.case in found], frozen.how.settings
+            [told(p, found[p.case], _judged(frozen, p.case)) for p in pairs if p.case in found],
+            frozen.how.settings,
         )
         report = Report(
             format=FORMAT,
@@ -133,6 +135,12 @@ def run(
         print(text_table(case_table(explanations)))
         print(text_table(count_table(explanations, frozen.how.settings)))
     print(f"{len(explanations)} of {len(pairs)} cases examined: {out}")
+
+
+def _judged(frozen: Frozen, case: str) -> float:
+    """How many times as many runs of a case are judged as are fitted."""
+    roles = [r.role for r in used(frozen.bank.case(case))]
+    return (roles.count("fit") + roles.count("hold_out")) / roles.count("fit")
 
 
 def _examined(

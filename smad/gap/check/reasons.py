@@ -7,6 +7,7 @@ is told beside it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,6 @@ from smad.gap.check.key import STRENGTHS, CaseKey
 from smad.gap.check.names import NAMING
 from smad.gap.check.score import Pair, name_credit
 from smad.gap.entry import Apart, EntryRecord, Fit
-from smad.gap.nextexp import enough
 from smad.gap.records import Outcome
 from smad.gap.settings import Settings
 from smad.report.page import Table
@@ -44,6 +44,7 @@ class Told(msgspec.Struct, frozen=True):
     true_floors: float
     true_background: float
     entry: EntryRecord | None
+    judged: float
 
     @property
     def apart(self) -> list[Apart]:
@@ -62,7 +63,7 @@ def given_beside(pair: Pair) -> list[str]:
     return [n for n in names if n not in pair.truth.names]
 
 
-def told(pair: Pair, entry: EntryRecord | None) -> Told:
+def told(pair: Pair, entry: EntryRecord | None, judged: float) -> Told:
     """A pair of truth and verdict beside the numbers of the right entry."""
     naming = pair.said.outcome in NAMING
     return Told(
@@ -76,6 +77,7 @@ def told(pair: Pair, entry: EntryRecord | None) -> Told:
         true_floors=pair.truth.gap_worst,
         true_background=0.0 if entry is None else in_background(pair.truth, entry.background),
         entry=entry,
+        judged=judged,
     )
 
 
@@ -255,37 +257,53 @@ def meanings() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Way:
-    """The experiments that together should tell the right entry from the name given, or from none.
+    """The experiments that together should have the right entry named; if not `enough`, all known.
 
-    `wanted` is the separation that they are to add up to: that from which on two causes are told
-    apart, or what the entry's gain lacks of what is asked of it. Without `enough`, all that were
-    thought of do not.
+    `counted` is the separation that they bring from the name that was given, or from none; `errors`
+    what the entry's gain should come to with them, in its standard errors.
     """
 
-    apart: list[Apart]
-    wanted: float
+    experiments: list[str]
+    counted: float
+    errors: float
     enough: bool
 
 
 def parting(t: Told, settings: Settings) -> Way | None:
-    """The way to part a case; None where nothing was fitted."""
-    if t.entry is None or not t.apart:
+    """The way to a name; None where nothing was fitted.
+
+    As many of the best experiments as tell the entry from what was said, and raise its gain to the
+    standard errors that are asked of it.
+    """
+    if t.entry is None or t.entry.fit is None or not t.apart:
         return None
-    wanted = settings.ambiguous_d2
-    if t.entry.fit is not None:
-        wanted = max(wanted, lacking(t.entry.fit))
-    several = enough([a.counted for a in t.apart], wanted)
-    return Way(t.apart[: several or None], wanted, several is not None)
+    every = list(dict.fromkeys(a.experiment for a in (*t.apart, *t.entry.apart)))
+    ways = [_way(t, t.entry, every[:n], settings) for n in range(1, len(every) + 1)]
+    return next((way for way in ways if way.enough), ways[-1])
 
 
-def lacking(fit: Fit) -> float:
-    """The separation that would raise a gain to the standard errors asked: z of them are 4 z²."""
-    z = max(0.0, fit.gain) / fit.gain_se if fit.gain_se > 0.0 else 0.0
-    return max(0.0, 4.0 * (fit.asked**2 - z**2))
+def _way(t: Told, entry: EntryRecord, experiments: list[str], settings: Settings) -> Way:
+    assert entry.fit is not None
+    counted = sum(a.counted for a in t.apart if a.experiment in experiments)
+    more = sum(a.d2 for a in entry.apart if a.experiment in experiments)
+    errors = raised(entry.fit, more, t.judged)
+    enough = counted >= settings.ambiguous_d2 and errors >= entry.fit.asked
+    return Way(experiments, counted, errors, enough)
+
+
+def raised(fit: Fit, more: float, judged: float) -> float:
+    """Standard errors that a gain comes to with runs that separate the entry by `more`.
+
+    The gain grows as the separation does, its variance likewise: z √(1 + r), r being `more` over
+    the separation of all runs that are judged, `judged` times as many as are fitted.
+    """
+    if fit.gain <= 0.0 or fit.gain_se <= 0.0 or fit.d2_nothing <= 0.0:
+        return 0.0
+    return fit.gain / fit.gain_se * math.sqrt(1.0 + more / (judged * fit.d2_nothing))
 
 
 def parted(x: Explained, settings: Settings) -> bool:
-    """Whether the best few experiments together should tell them apart."""
+    """Whether the best few experiments together should have it named."""
     way = parting(x.told, settings)
     return way is not None and way.enough
 

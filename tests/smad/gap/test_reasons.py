@@ -13,12 +13,12 @@ from smad.gap.check.reasons import (
     ABSENT,
     REASONS,
     Told,
+    Way,
     case_table,
     count_table,
     counts,
     explained,
     in_background,
-    lacking,
     parting,
     reasons_of,
     told,
@@ -46,7 +46,7 @@ ENTRY = EntryRecord(
 )  # fmt: skip
 MISSED = Told(
     case="case-001", cause="rtd_lag", strength=3.0, outcome="no_gap", said=[], given=[],
-    credit=0.0, true_floors=3.1, true_background=1.5, entry=ENTRY,
+    credit=0.0, true_floors=3.1, true_background=1.5, entry=ENTRY, judged=1.5,
 )  # fmt: skip
 WRONG = msgspec.structs.replace(
     MISSED, outcome="effect", said=["channel_delay"], given=["channel_delay"]
@@ -204,13 +204,13 @@ def test_names_that_were_given_beside_the_right_one_are_told_apart() -> None:
         causes=[Hypothesis(["channel_delay"], 0.5), Hypothesis(["rtd_lag"], 0.4)],
         group=["channel_delay", "rtd_lag"],
     )
-    of_group = told(Pair("case-001", TRUTH, group), ENTRY)
+    of_group = told(Pair("case-001", TRUTH, group), ENTRY, 1.5)
     assert of_group.given == ["channel_delay"]
     assert of_group.said == ["channel_delay", "rtd_lag"]
     assert of_group.credit == 0.5
     assert of_group.true_background == pytest.approx(1.55)
     silent = CaseVerdict(outcome="no_gap", causes=[Hypothesis(["rtd_lag"], 0.4)])
-    assert told(Pair("case-001", TRUTH, silent), ENTRY).said == []
+    assert told(Pair("case-001", TRUTH, silent), ENTRY, 1.5).said == []
 
 
 def test_the_tables_hold_a_line_a_case_and_the_counts_by_strength() -> None:
@@ -242,29 +242,31 @@ def test_a_case_is_parted_from_the_name_given_or_else_from_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("counted", "several", "enough"),
-    [((70.0, 50.0), 1, True), ((60.0, 50.0), 1, True), ((59.0, 1.0, 1.0), 2, True),
-     ((30.0, 20.0, 9.0), 3, False), ((0.0,), 1, False)],
+    ("d2", "several", "errors", "enough"),
+    [((4800.0, 50.0), 1, 3.0, True), ((2400.0, 2400.0, 1.0), 2, 3.0, True),
+     ((1000.0, 800.0), 2, 2.0, False)],
 )  # fmt: skip
-def test_what_a_gain_lacks_is_made_up_by_experiments_one_after_the_other(
-    counted: tuple[float, ...], several: int, enough: bool
+def test_experiments_are_added_until_a_gain_comes_to_what_is_asked(
+    d2: tuple[float, ...], several: int, errors: float, enough: bool
 ) -> None:
-    weak = {"gain": 100.0, "gain_se": 100.0, "asked": 4.0}
-    apart = [Apart(f"experiment {i}", 10.0 * c, c) for i, c in enumerate(counted)]
-    for case in (
-        a_case(fit=weak, entry={"apart": apart}),
-        a_case(WRONG, fit=weak, entry={"rivals": [Rival("channel_delay", 4.0, 2.0, 9.0, apart)]}),
-    ):
-        assert case.entry is not None
-        assert case.entry.fit is not None
-        assert lacking(case.entry.fit) == pytest.approx(4.0 * (16.0 - 1.0))
-        way = parting(case, SETTINGS)
-        assert way is not None
-        assert way.wanted == pytest.approx(60.0)
-        assert (way.apart, way.enough) == (apart[:several], enough)
-
-
-def test_causes_whose_gain_lacks_nothing_are_parted_from_where_two_are_told_apart() -> None:
-    way = parting(a_case(entry={"apart": [Apart("edges", 16.0, 16.0)]}), SETTINGS)
+    # 400 of separation in four runs are 600 in the six that are judged: 4800 more triple the gain.
+    weak = {"gain": 100.0, "gain_se": 100.0, "asked": 3.0}
+    apart = [Apart(f"experiment {i}", x, 0.1 * x) for i, x in enumerate(d2)]
+    way = parting(a_case(fit=weak, entry={"apart": apart}), SETTINGS)
     assert way is not None
-    assert (way.wanted, way.enough) == (SETTINGS.ambiguous_d2, True)
+    assert way.experiments == [a.experiment for a in apart[:several]]
+    assert (way.errors, way.enough) == (pytest.approx(errors), enough)
+    assert way.counted == pytest.approx(0.1 * sum(d2[:several]))
+
+
+def test_a_clear_gain_is_parted_from_a_name_where_two_causes_are_told_apart() -> None:
+    def way_of(*counted: float) -> Way:
+        near = [Apart(f"experiment {i}", 10.0 * c, c) for i, c in enumerate(counted)]
+        beside = {"rivals": [Rival("channel_delay", 4.0, 2.0, 9.0, near)]}
+        way = parting(a_case(WRONG, entry=beside), SETTINGS)
+        assert way is not None
+        return way
+
+    assert (way_of(16.0, 1.0).experiments, way_of(16.0, 1.0).enough) == (["experiment 0"], True)
+    assert len(way_of(9.0, 7.0, 5.0).experiments) == 2
+    assert not way_of(9.0, 6.9).enough
