@@ -1,10 +1,12 @@
 """Hostile clients against a real daemon: a small run whole, and what counts as harm."""
 
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import zmq
 
 from smad.cli import execute
 from smad.faults import hostile
@@ -32,6 +34,21 @@ def test_a_daemon_in_motion_stands_every_attack() -> None:
     held = run_attacks(Scale(strangers=5, messages=500, connections=300, speed=8.0), print)
     assert [one.name for one in held] == [attack.name for attack in ATTACKS]
     assert {one.name: one.failures for one in held if one.failures} == {}
+
+
+def test_an_attack_does_not_wait_on_a_line_that_was_refused() -> None:
+    """A server with keys drops a client without; a send that waits for it would wait for ever."""
+    public, secret = zmq.curve_keypair()
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as server:
+        server.curve_server, server.curve_publickey, server.curve_secretkey = True, public, secret
+        port = server.bind_to_random_port("tcp://127.0.0.1")
+        with context.socket(zmq.DEALER) as dealer:
+            dealer.linger = 0
+            dealer.connect(f"tcp://127.0.0.1:{port}")
+            given_up = time.monotonic() + 60.0
+            while hostile.say(dealer, b"{}"):
+                assert time.monotonic() < given_up
+                time.sleep(0.01)
 
 
 @pytest.mark.parametrize(
