@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import json
 import random
 import socket
@@ -92,18 +93,22 @@ def say(dealer: zmq.Socket[bytes], message: bytes) -> bool:
 
 
 def _strangers(fort: Fort) -> str:
-    sockets = [fort.dial(zmq.curve_keypair()) for _ in range(fort.scale.strangers)]
-    said = sum(say(dealer, _DISARM) for dealer in sockets)
-    fort.wait("strangers are turned away", lambda: fort.told("whose key is not on the list"))
-    for dealer in sockets:
-        dealer.close(linger=0)
-    return f"{said} disarms over {len(sockets)} lines"
+    words = "whose key is not on the list"
+    wait = functools.partial(fort.wait, "strangers are turned away", lambda: fort.told(words))
+    return _disarms(fort, zmq.curve_keypair, wait)
 
 
 def _no_key(fort: Fort) -> str:
-    sockets = [fort.dial(None) for _ in range(fort.scale.strangers)]
+    return _disarms(fort, lambda: None, lambda: fort.breathe(_BREATH_S))
+
+
+def _disarms(
+    fort: Fort, keys: Callable[[], tuple[bytes, bytes] | None], wait: Callable[[], None]
+) -> str:
+    """Tell the daemon to disarm over many lines with such keys, and wait before they are closed."""
+    sockets = [fort.dial(keys()) for _ in range(fort.scale.strangers)]
     said = sum(say(dealer, _DISARM) for dealer in sockets)
-    fort.breathe(_BREATH_S)
+    wait()
     for dealer in sockets:
         dealer.close(linger=0)
     return f"{said} disarms over {len(sockets)} lines"

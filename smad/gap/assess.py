@@ -12,7 +12,7 @@ from smad.gap.flexible import Designs, fit_correction
 from smad.gap.judge import Judged, excess_of, shrink
 from smad.gap.lsq import Fitted, Problem
 from smad.gap.plant import Array
-from smad.gap.select import Candidate, Selection, held_cells
+from smad.gap.select import Candidate, Selection, block_sums
 from smad.gap.significance import resample_weights
 
 
@@ -192,10 +192,8 @@ def counted_share(one: Candidate, other: Candidate) -> float:
     D²/ΣE², the information of a sandwich estimate of the effect's strength, where d² takes D times
     the effective share of independent rows. All on runs not fitted to.
     """
-    runs, blocks = held_cells(one.fit.problem, one.judged.hold)
-    _, index = np.unique(np.column_stack([runs, blocks]), axis=0, return_inverse=True)
     along, square, predicted = (np.concatenate(p) for p in zip(*_along(one, other), strict=True))
-    varied = float(np.square(np.bincount(index.ravel(), weights=along)).sum())
+    varied = float(np.square(block_sums(one.fit.problem, one.judged.hold, along)).sum())
     if varied <= 0.0 or predicted.sum() <= 0.0:
         return 0.0
     return min(1.0, float(square.sum()) ** 2 / varied / float(predicted.sum()))

@@ -74,11 +74,16 @@ class Selection:
 
 def cluster_gain(problem: Problem, hold: Problem | None, gain: Array) -> tuple[float, float]:
     """Sum of a cell-wise gain and its standard error over blocks of time."""
-    runs, blocks = held_cells(problem, hold)
-    _, index = np.unique(np.column_stack([runs, blocks]), axis=0, return_inverse=True)
-    sums = np.bincount(index.ravel(), weights=gain)
+    sums = block_sums(problem, hold, gain)
     total = float(sums.sum())
     return total, float(np.std(sums) * np.sqrt(len(sums)))
+
+
+def block_sums(problem: Problem, hold: Problem | None, values: Array) -> Array:
+    """Sums of what `Judged.scores` would list, over the cells of each block of time of each run."""
+    runs, blocks = held_cells(problem, hold)
+    _, index = np.unique(np.column_stack([runs, blocks]), axis=0, return_inverse=True)
+    return np.asarray(np.bincount(index.ravel(), weights=values), dtype=np.float64)
 
 
 def held_cells(problem: Problem, hold: Problem | None) -> tuple[Index, Index]:

@@ -21,10 +21,16 @@ from smad.gap.check.verdicts import CaseVerdict
 from smad.report.page import Table, text_table
 from tests.withheld.errors import WithheldError
 from tests.withheld.more_runs import Ask, Follow, judge_again, recorded
-from tests.withheld.second_pass import opened, parts_beside, through
+from tests.withheld.second_pass import opened, parts_beside, require_known, through
 
 FORMAT = "smad-after-why-2"
 _RIGHT = REASONS[0].name
+
+
+class _Versioned(msgspec.Struct):
+    """The beginning of any report; the rest of an older one has another form."""
+
+    format: str
 
 
 class Again(msgspec.Struct, frozen=True):
@@ -127,11 +133,13 @@ def run(
 def _missed(path: Path, digest: str) -> list[Explained]:
     """The cases of a report of these verdicts that were not named rightly."""
     try:
-        report = msgspec.json.decode(path.read_bytes(), type=Report)
+        data = path.read_bytes()
+        version = msgspec.json.decode(data, type=_Versioned).format
+        if version.startswith("smad-why-") and version != REPORT_FORMAT:
+            raise WithheldError(f"{path} is of another version: ask why of these verdicts again")
+        report = msgspec.json.decode(data, type=Report)
     except (OSError, msgspec.DecodeError) as error:
         raise WithheldError(f"{path} is no report of why: {error}") from None
-    if report.format != REPORT_FORMAT:
-        raise WithheldError(f"{path} is of another version: ask why of these verdicts again")
     if report.verdicts_sha256 != digest:
         raise WithheldError(f"{path} is about other verdicts: ask why of these first")
     return [x for x in report.cases if x.reason != _RIGHT]
@@ -139,9 +147,7 @@ def _missed(path: Path, digest: str) -> list[Explained]:
 
 def _chosen(missed: Sequence[Explained], cases: Sequence[str]) -> list[Explained]:
     known = {x.told.case for x in missed}
-    for case in cases:
-        if case not in known:
-            raise WithheldError(f"{case} is not a missed or misnamed case of the report")
+    require_known(cases, known, "a missed or misnamed case of the report")
     return [x for x in missed if not cases or x.told.case in cases]
 
 

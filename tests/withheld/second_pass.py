@@ -8,7 +8,7 @@ that makes a bank reaches them, and they do not reach the plant.
 import hashlib
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -73,6 +73,13 @@ def parts_beside(out: Path, *about: str) -> Path:
     parts = out.with_name(f"{out.name}.{digest[:12]}.parts")
     parts.mkdir(parents=True, exist_ok=True)
     return parts
+
+
+def require_known(cases: Sequence[str], known: Collection[str], what: str) -> None:
+    """Raises WithheldError when one of `cases` is not among `known`; `what` says what those are."""
+    for case in cases:
+        if case not in known:
+            raise WithheldError(f"{case} is not {what}: name such cases, or leave --cases out")
 
 
 def entries(library: Sequence[str], name: str) -> tuple[str, ...]:

@@ -238,10 +238,13 @@ def test_a_case_without_its_right_name_alone_is_told_why_and_its_experiment_carr
     other.write_bytes(msgspec.structs.replace(report, verdicts_sha256="0" * 64).to_json())
     older = tmp_path / "older.json"
     older.write_bytes(msgspec.structs.replace(report, format="smad-why-1").to_json())
+    oldest = tmp_path / "oldest.json"
+    oldest.write_text(json.dumps({"format": "smad-why-1", "cases": [{"told": {}}]}))
     for wrong, said_of_it in (
         (["--report", str(out), "--cases", "case-002"], "case-002 is not a missed or misnamed"),
         (["--report", str(other)], "is about other verdicts"),
         (["--report", str(older)], "is of another version"),
+        (["--report", str(oldest)], "is of another version"),
         (["--report", str(bank / "manifest.json")], "is no report of why"),
     ):
         with pytest.raises(SystemExit):

@@ -39,6 +39,7 @@ from tests.withheld.second_pass import (
     part_of,
     parts_beside,
     readied,
+    require_known,
     through,
 )
 
@@ -83,13 +84,7 @@ def wanted(frozen: Frozen, cases: Sequence[str], *, everything: bool) -> list[Pa
     `cases` is not among them.
     """
     judged = [p for p in of_kind(frozen.pairs, "single") if p.case in frozen.file.verdicts]
-    known = {p.case for p in judged}
-    strangers = [c for c in cases if c not in known]
-    if strangers:
-        raise WithheldError(
-            f"{strangers[0]} is not a judged case of one effect: name such cases, or leave "
-            "--cases out"
-        )
+    require_known(cases, {p.case for p in judged}, "a judged case of one effect")
     return [
         p for p in judged if (not cases or p.case in cases) and (everything or name_credit(p) < 1.0)
     ]

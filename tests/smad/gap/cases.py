@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -21,6 +21,7 @@ SHOWN: dict[str, dict[str, float]] = {
     "dial_delay": {"delay_s": 0.3},
     "sticky_fan": {"tau_s": 1.5},
 }
+ALIKE = {"backlash": {"gap_um": 1.2}}
 QUICK = Settings(bootstrap=200)
 
 
@@ -40,6 +41,13 @@ def bank(
 def without(*names: str) -> HeaterPlant:
     """The plant with effects taken out of its library."""
     return HeaterPlant(tuple(e for e in EFFECTS if e.name not in names))
+
+
+def ask_alike(more: Sequence[GapRun] = ()) -> Diagnosis:
+    """A dial with play, in slow ramps that turn once: there a late one looks the same."""
+    slow = [recorded("still", s, OTHER, ALIKE, duration_s=24.0) for s in (1, 2, 3)]
+    names = ["backlash", "dial_delay"]
+    return diagnose([*slow, *more], plant=HeaterPlant(), settings=QUICK, candidates=names)
 
 
 def ask(

@@ -10,10 +10,8 @@ from click.testing import CliRunner, Result
 
 from smad.cli.gap import gap
 from smad.errors import SmadError
-from smad.gap import diagnose
 from smad.gap.catalogue import CATALOGUE
-from tests.smad.gap.cases import OTHER, QUICK
-from tests.smad.gap.heater_plant import HeaterPlant, recorded
+from tests.smad.gap.cases import ask_alike
 
 
 def call(*arguments: str) -> Result:
@@ -49,11 +47,7 @@ def test_next_without_runs_lists_the_catalogue() -> None:
 def test_next_prints_what_each_experiment_brings_and_all_of_them(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    bench = {"backlash": {"gap_um": 1.2}}
-    runs = [recorded("still", s, OTHER, bench, duration_s=24.0) for s in (1, 2, 3)]
-    left = diagnose(
-        runs, plant=HeaterPlant(), settings=QUICK, candidates=["backlash", "dial_delay"]
-    )
+    left = ask_alike()
     monkeypatch.setattr("smad.cli.gap._diagnosed", lambda *asked: left)
     path = tmp_path / "a.mcap"
     path.touch()

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from smad.gap import diagnose
 from smad.gap.apply import apply, model_point
 from smad.gap.assess import counted_share
 from smad.gap.errors import PlantMismatch, RunRefused
@@ -21,7 +19,6 @@ from smad.gap.nextexp import Trial, enough, propose
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.records import Diagnosis, ExperimentRecord, Outcome
 from smad.gap.report import page_of, summary_lines
-from smad.gap.runs import GapRun
 from smad.gap.select import Candidate
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
@@ -29,7 +26,7 @@ from smad.gap.space import Space
 from smad.gap.verdict import next_sentence
 from smad.gap.verify import verified
 from smad.report.page import render
-from tests.smad.gap.cases import OTHER, QUICK, ask, bank
+from tests.smad.gap.cases import ALIKE, OTHER, ask, ask_alike, bank
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
 
 EFFECT = {"coupling": {"g_W_K": 0.12}}
@@ -191,14 +188,7 @@ def test_a_separation_counts_by_how_much_more_than_expected_the_runs_vary_along_
 
 
 def test_two_causes_that_look_alike_are_told_apart_by_the_experiment_that_is_recommended() -> None:
-    bench = {"backlash": {"gap_um": 1.2}}
-    slow = [recorded("still", s, OTHER, bench, duration_s=24.0) for s in (1, 2, 3)]
-
-    def asked(more: Sequence[GapRun] = ()) -> Diagnosis:
-        names = ["backlash", "dial_delay"]
-        return diagnose([*slow, *more], plant=HeaterPlant(), settings=QUICK, candidates=names)
-
-    before = asked()
+    before = ask_alike()
     assert before.verdict.outcome is Outcome.AMBIGUOUS
     assert {*before.verdict.effects, *before.verdict.group} == {"backlash", "dial_delay"}
     first = before.experiments[0]
@@ -208,7 +198,7 @@ def test_two_causes_that_look_alike_are_told_apart_by_the_experiment_that_is_rec
     said = f"Next experiment: {first.title} (60 s); separation d² ≈ {first.counted:.1f}."
     assert before.verdict.text.endswith(said)
     assert "together" in render(page_of(before))
-    after = asked([recorded(first.name, 9, OTHER, bench)])
+    after = ask_alike([recorded(first.name, 9, OTHER, ALIKE)])
     assert after.verdict.outcome is Outcome.EFFECT
     assert after.verdict.effects == ["backlash"]
     assert after.experiments == []
