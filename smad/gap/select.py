@@ -14,7 +14,7 @@ from smad.gap.plant import Array, Effect
 from smad.gap.replay import Index
 from smad.gap.screen import Probes, Screened, probe, reprobe, screen
 from smad.gap.settings import Settings
-from smad.gap.significance import resample_weights, tail_p
+from smad.gap.significance import block_of, resample_weights, tail_p
 
 _TOUCHED = 0.1
 
@@ -81,9 +81,8 @@ def cluster_gain(problem: Problem, hold: Problem | None, gain: Array) -> tuple[f
 
 def block_sums(problem: Problem, hold: Problem | None, values: Array) -> Array:
     """Sums of what `Judged.scores` would list, over the cells of each block of time of each run."""
-    runs, blocks = held_cells(problem, hold)
-    _, index = np.unique(np.column_stack([runs, blocks]), axis=0, return_inverse=True)
-    return np.asarray(np.bincount(index.ravel(), weights=values), dtype=np.float64)
+    block = block_of(*held_cells(problem, hold))
+    return np.asarray(np.bincount(block, weights=values), dtype=np.float64)
 
 
 def held_cells(problem: Problem, hold: Problem | None) -> tuple[Index, Index]:

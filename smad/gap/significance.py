@@ -89,6 +89,12 @@ def tail_p(observed: float, null: Array) -> float:
     return float(max(1e-6, min(share, 0.25 * np.exp(-(observed - threshold) / max(scale, 1e-9)))))
 
 
+def block_of(cell_run: Index, cell_block: Index) -> Index:
+    """Number of the block of time of one run that each cell lies in; shape (cells,)."""
+    cells = np.column_stack([cell_run, cell_block])
+    return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
+
+
 def resample_weights(
     cell_run: Index, cell_block: Index, draws: int, rng: np.random.Generator
 ) -> Array:
@@ -97,7 +103,7 @@ def resample_weights(
     Cells of one run and block move together, since their errors share causes. Bayesian weights (one
     exponential per block times one per run) avoid draws that lose every block of a regime.
     """
-    key = np.unique(np.column_stack([cell_run, cell_block]), axis=0, return_inverse=True)[1].ravel()
+    key = block_of(cell_run, cell_block)
     runs = np.unique(cell_run, return_inverse=True)[1].ravel()
     block = rng.exponential(size=(draws, key.max() + 1))
     # Few runs make a plain run-level weight wild; a gamma of shape 4 keeps the spread of a run's
