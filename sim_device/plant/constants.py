@@ -177,8 +177,7 @@ def initial_state(
             spring[k.S_A] = k.heating_progress(start, hot, p)
             spring[k.S_C] = k.cooling_progress(start, cold, p)
             spring[k.S_LEG] = spring[k.S_XI_LEG] = 1.0
-            spring[k.S_HOT : k.S_HOT + 3 : 2] = k.PROGRESS_HIGH
-            spring[k.S_COLD : k.S_COLD + 3 : 2] = k.PROGRESS_HIGH
+            spring[k.S_HOT : k.S_DELTA : 2] = k.PROGRESS_HIGH
         for cell in range(k.CELLS):
             at = k.S_CELLS + cell * k.S_KINETICS
             spring[at : at + k.S_KINETICS] = spring[k.S_XS : k.S_XS + k.S_KINETICS]

@@ -43,42 +43,47 @@ S_B = 5  # progress of detwinning and of stress-induced martensite, Eqs (12), (1
 S_C = 6  # progress of twinned martensite on cooling, Eq. (12c)
 S_LEG = 7  # -1 in a reverse, +1 in a forward transformation, 0 before any
 S_XI_LEG = 8  # fraction at which the present leg began; unified_kinetics: at its furthest point
-S_HOT = 9  # unified_kinetics: where heating turned (progress, martensite), and the turn before
-S_COLD = 13  # where cooling turned (progress, austenite), and the turn before
-S_DELTA = 17  # deflection of the spring, m
-S_RATE = 18  # last rate of S_T, K/s
-S_RATE_W = 19  # last rate of S_TW, K/s
-S_ACTIVE = 20  # 1 while the fractions change
-S_I = 21  # current, A
-S_OHM = 22  # resistance of the spring, Ohm
-S_FLOW = 23  # water flow, m3/s
-S_WORK_Q = 24  # transformation work not yet in the heat balance, J/m
-S_IN_J = 25  # electrical heat taken in, J
-S_WATER_J = 26  # heat carried off by the water, J
-S_AIR_J = 27  # heat lost to the air, J
-S_UNEQUAL_J = 28  # heat that unequal capacities and latent heats have made, J
-S_WORK_J = 29  # mechanical work done on the spring, J
-S_OMITTED_J = 30  # transformation work that the heat balance leaves out, J
-S_CYCLES = 31  # transformation cycles so far: half the sum of |Δξ|
-S_FILL = 32  # share of the tube that holds water
-S_F = 33  # tension of the spring, N
-S_PUMP = 34  # flow of the pump before leaks, m3/s
-S_PUMP_ON_S = 35  # time since the pump was switched on, s
-S_PUMP_COUNT = 36  # times the pump was switched on
-S_WETTED = 37  # share of the wire that flowing water touches
-S_T_WALL = 38  # tube wall temperature, K
-S_XS_END = 39  # detwinned fraction of the cold ends
-S_R = 40  # R-phase fraction
-S_R_PROGRESS = 41  # its progress on cooling
-S_ELASTIC = 42  # elastic energy, J
-S_TAU = 43  # shear stress that the kinetics last saw, Pa
+# unified_kinetics: turns of either kind that are remembered, and the slots where they begin.
+TURNS = 6
+S_HOT = 9  # where heating turned (progress, martensite), the latest first
+S_COLD = S_HOT + 2 * TURNS  # where cooling turned (progress, austenite), the latest first
+S_DELTA = 33  # deflection of the spring, m
+S_RATE = 34  # last rate of S_T, K/s
+S_RATE_W = 35  # last rate of S_TW, K/s
+S_ACTIVE = 36  # 1 while the fractions change
+S_I = 37  # current, A
+S_OHM = 38  # resistance of the spring, Ohm
+S_FLOW = 39  # water flow, m3/s
+S_WORK_Q = 40  # transformation work not yet in the heat balance, J/m
+S_IN_J = 41  # electrical heat taken in, J
+S_WATER_J = 42  # heat carried off by the water, J
+S_AIR_J = 43  # heat lost to the air, J
+S_UNEQUAL_J = 44  # heat that unequal capacities and latent heats have made, J
+S_WORK_J = 45  # mechanical work done on the spring, J
+S_OMITTED_J = 46  # transformation work that the heat balance leaves out, J
+S_CYCLES = 47  # transformation cycles so far: half the sum of |Δξ|
+S_FILL = 48  # share of the tube that holds water
+S_F = 49  # tension of the spring, N
+S_PUMP = 50  # flow of the pump before leaks, its mean over the substep, m3/s
+S_PUMP_ON_S = 51  # time since the pump was switched on, s
+S_PUMP_COUNT = 52  # times the pump was switched on
+S_WETTED = 53  # share of the wire that flowing water touches
+S_T_WALL = 54  # tube wall temperature, K
+S_XS_END = 55  # detwinned fraction of the cold ends
+S_R = 56  # R-phase fraction
+S_R_PROGRESS = 57  # its progress on cooling
+S_ELASTIC = 58  # elastic energy, J
+S_TAU = 59  # shear stress that the kinetics last saw, Pa
+S_PUMP_END = 60  # flow of the pump at the end of the substep, m3/s
 # How far cells along the tube are from the mean, from the inlet on, K: wire, then water.
 CELLS = 5
-S_CELL = 44
+S_CELL = 61
 S_CELL_W = S_CELL + CELLS
-# What the kinetics remember (S_XS to S_XI_LEG), once more for each cell.
-S_KINETICS = 15
-S_CELLS = S_CELL_W + CELLS
+# What the kinetics remember (from S_XS up to S_DELTA), once more for each cell.
+S_KINETICS = S_DELTA - S_XS
+# Their last rates, apart from what the front moves, K/s.
+S_CELL_RATE = S_CELL_W + CELLS
+S_CELLS = S_CELL_RATE + CELLS
 S_SIZE = S_CELLS + CELLS * S_KINETICS
 
 # Slots of the shared state.
@@ -102,8 +107,10 @@ G_PLAY = 15  # m
 G_SLIP = 16  # m
 G_SEEN_U = 17  # displacement at the last sample, m
 G_SAMPLES = 18
+G_SEEN_X = 19  # what the RTDs were last given to follow, K
+G_SEEN_Y = 20
 # What the sensors give at the last sample, without noise.
-G_M = 20
+G_M = 21
 G_M_I = G_M + 0  # x, y, A
 G_M_V = G_M + 2  # x, y, V
 G_M_RTD = G_M + 4  # x, y, inlet, ambient, K
@@ -249,34 +256,43 @@ W_XI_FORTH = 9
 W_XS = 10
 W_XT = 11
 W_GUESS = 12
-W_T = 13
-W_DELTA = 14
-W_SLOPE = 15  # d delta / d F
-W_CAP = 16
-W_RW = 17  # water: middle = (RW + GW * middle of the wire) * DW_INV
-W_DW_INV = 18
-W_GW = 19
-W_GD = 20
-W_POWER = 21
-W_GF = 22
-W_UA = 23
-W_T_F = 24  # d T / d F
-W_LATENT = 25  # factor on the latent heat
-W_SHIFT = 26  # drift of the transformation temperatures, K
-W_WALL_G = 27
-W_GIVE = 28  # compliance
-W_ROUGH = 29  # step of temperature still to be taken, K
-W_LEAVES = 30  # how much warmer than the mean the water leaves, K
-W_CELL_H = 31  # W_LAM_H and W_LAM_C of the cells, where the mean's are fed
-W_CELL_C = 32
-W_WARMER = 33  # mean of the water over the inlet, K
+W_T_F = 13  # d T / d F
+W_XI_T = 14  # slopes of the fractions at the last evaluation
+W_XI_F = 15
+W_XS_T = 16
+W_XS_F = 17
+W_T = 18
+W_DELTA = 19
+W_SLOPE = 20  # d delta / d F
+W_CAP = 21
+W_RW = 22  # water: middle = (RW + GW * middle of the wire) * DW_INV
+W_DW_INV = 23
+W_GW = 24
+W_GD = 25
+W_POWER = 26
+W_GF = 27
+W_UA = 28
+W_LATENT = 29  # factor on the latent heat
+W_SHIFT = 30  # drift of the transformation temperatures, K
+W_WALL_G = 31
+W_GIVE = 32  # compliance
+W_ROUGH = 33  # step of temperature still to be taken, K
+W_LEAVES = 34  # how much warmer than the mean the water leaves, K
+W_CELL_H = 35  # W_LAM_H and W_LAM_C of a cell's own transformation; those of the only one
+W_CELL_C = 36
+W_LINE_HOT = 37  # unified_kinetics: where both transformations begin at the tension, K
+W_LINE_COLD = 38
+W_TURNED = 39  # what the tension turns of all martensite, and the slope with the tension
+W_TURNED_F = 40
+W_UNIT = 41  # of each cell: water where all lose alike, what its latent heat makes of the wire, K
+W_BEFORE = W_UNIT + CELLS  # cells before `move_front`
 # unified_kinetics, in the same places: the outer curve at the furthest progress of heating and at
-# its two turns, then of cooling, negative until needed.
+# its latest turn, then of cooling, negative until needed.
 W_OUTER_HOT = W_FA
-W_OUTER_COLD = W_HOT
-# W_FA to W_XT once more for each cell.
-W_KINETICS = 9
-W_CELLS = 34
+W_OUTER_COLD = W_FC
+# W_FA to W_XS_F once more for each cell; its W_GUESS is its own temperature.
+W_KINETICS = W_T - W_FA
+W_CELLS = W_BEFORE + 2 * CELLS
 W_SIZE = W_CELLS + CELLS * W_KINETICS
 SCRATCH_SIZE = 2 * W_SIZE
 
@@ -322,15 +338,16 @@ ITERATIONS = 200
 JOINT_STEPS = 4  # of force and temperatures together
 NEWTON_STEPS = 30  # before a bracket is only halved
 REST_SPEED = 1e-9
+SDIRK_PART = 1.0 - math.sqrt(0.5)
+SDIRK_FURTHER = (1.0 - SDIRK_PART) / SDIRK_PART
 # R-phase: starts this far above M_S, is complete over the width, reverts with the hysteresis, K.
 R_ABOVE, R_WIDTH, R_HYSTERESIS = 8.0, 6.0, 2.0
 EXPONENT_REF_K = 10.0
 # unified_kinetics: how far its curves go beyond 0 and 1, the logistic curve as steep in the middle
-# as the cosine, what keeps ratios finite, and the smallest way back that counts as a turn.
+# as the cosine, and what keeps ratios finite.
 PROGRESS_LOW, PROGRESS_HIGH = -1.0, 2.0
 TAIL_RATE = 2.0 * math.pi
 LEAST_LEFT = 1e-9
-LEAST_TURN = 0.01
 STRESS_REF_PA = 1e8
 
 
@@ -713,42 +730,51 @@ def branch(
     """What is left of a fraction `x` at progress `now`, and its slope.
 
     The outer curve, scaled to pass through `x` at the furthest progress so far (slot `far`) and
-    through the points where such legs turned before (from slot `turned` on). Effect minor_loop:
-    `kappa` as in `minor`, the share that had not transformed when this leg began being in slot
-    `other`; and a share of it rests until the outer curve itself is reached. The outer curve at
-    the start and at the turns rests within a substep and is kept in `w` from slot `memory` on.
+    through the points where such legs turned before (from slot `turned` on), so that every loop
+    closes, a ripple's too. Effect minor_loop raises the share of the way that is left: by `kappa`
+    as in `minor`, the share that had not transformed when the leg began being in slot `other`, and
+    by the share that rests until the outer curve itself is reached. The outer curve at the start
+    and at the latest turn rests within a substep and is kept in `w` from slot `memory` on.
     """
     begin = outer_before(s[far], w, memory, curve, e)
     now_left, now_slope = outer(now, curve, e)
-    start = x
-    left = 0.0
-    slope = 0.0
-    arrived = False
-    for level in range(2):
+    # Curves with tails cross: what lies beyond the outer curve already goes along beside it.
+    beyond = max(1.0, x / begin)
+    value = 0.0
+    target = 0.0
+    began = 0.0
+    for level in range(TURNS):
         point = s[turned + 2 * level]
-        value = s[turned + 2 * level + 1]
-        if not arrived and s[far] < point < PROGRESS_HIGH and x > value:
-            target = outer_before(point, w, memory + 1 + level, curve, e)
-            if begin > target:
+        began = s[other + 2 * level + 1] if s[other + 2 * level] < PROGRESS_HIGH else 0.0
+        if point >= PROGRESS_HIGH:
+            break
+        if s[far] < point:
+            if level == 0:
+                there = outer_before(point, w, memory + 1, curve, e)
+            else:
+                there = outer(point, curve, e)[0]
+            if begin > there:
+                value = s[turned + 2 * level + 1]
+                target = there
                 if now < point:
-                    share = (x - value) / (begin - target)
-                    left = value + share * (now_left - target)
-                    slope = share * now_slope
-                    arrived = True
-                else:
-                    x = value
-                    begin = target
-    if not arrived:
-        left = x * now_left / begin
-        slope = x * now_slope / begin
-    if e[E_MINOR] != 0.0 and left > 0.0 and s[other] < PROGRESS_HIGH:
-        exponent, raised = minor(left / start, s[other + 1], e)
-        slope = slope * exponent * raised * start / left
-        left = raised * start
-    left += e[E_MEMORY] * (start - left)
-    slope -= e[E_MEMORY] * slope
-    if now_left < left:
-        return now_left, now_slope
+                    break
+                x = min(x, value)
+                begin = target
+                value = 0.0
+                target = 0.0
+    exponent = (1.0 - e[E_MEMORY]) * (1.0 + e[E_MINOR] * began)
+    # Rounding may leave a fraction that rests at a turn's below it.
+    value = min(value, x)
+    part = 1.0 / (begin - target)
+    ratio = (now_left - target) * part
+    slope = (x - value) * now_slope * part
+    if exponent != 1.0 and ratio > 0.0:
+        raised = math.pow(ratio, exponent)
+        slope *= exponent * raised / ratio
+        ratio = raised
+    left = value + (x - value) * ratio
+    if beyond * now_left < left:
+        return beyond * now_left, beyond * now_slope
     return left, slope
 
 
@@ -779,10 +805,6 @@ def turned_by(tau: float, p: Array) -> tuple[float, float]:
 @inlined
 def unified(
     T_wire: float,
-    hot: float,
-    cold: float,
-    turned: float,
-    turned_F: float,
     s: Array,
     w: Array,
     p: Array,
@@ -790,11 +812,15 @@ def unified(
     o: int,
     q: int,
 ) -> tuple[float, float, float, float, float, float]:
-    """As `transform`, by effect unified_kinetics.
+    """As `transform`, by effect unified_kinetics, at the tension that `draw_lines` was given.
 
-    Stress shifts both transformations along their own lines, to begin at `hot` and at `cold`; what
-    forms is turned, and what is there is turned further, to the share `turned`.
+    Stress shifts both transformations along their own lines; what forms is turned, and what is
+    there is turned further.
     """
+    hot = w[W_LINE_HOT]
+    cold = w[W_LINE_COLD]
+    turned = w[W_TURNED]
+    turned_F = w[W_TURNED_F]
     T = T_wire - w[W_SHIFT]
     xs = s[S_XS + o]
     xi = xs + s[S_XT + o]
@@ -837,18 +863,20 @@ def unified(
 
 @inlined
 def keep_turn(s: Array, at: int, progress: float, left: float) -> None:
-    s[at + 2] = s[at]
-    s[at + 3] = s[at + 1]
+    for level in range(TURNS - 1, 0, -1):
+        s[at + 2 * level] = s[at + 2 * level - 2]
+        s[at + 2 * level + 1] = s[at + 2 * level - 1]
     s[at] = progress
     s[at + 1] = left
 
 
 @inlined
 def drop_turn(s: Array, at: int) -> None:
-    s[at] = s[at + 2]
-    s[at + 1] = s[at + 3]
-    s[at + 2] = PROGRESS_HIGH
-    s[at + 3] = 0.0
+    for level in range(TURNS - 1):
+        s[at + 2 * level] = s[at + 2 * level + 2]
+        s[at + 2 * level + 1] = s[at + 2 * level + 3]
+    s[at + 2 * TURNS - 2] = PROGRESS_HIGH
+    s[at + 2 * TURNS - 1] = 0.0
 
 
 @inlined
@@ -866,26 +894,31 @@ def go_on(
     """One substep of a leg on which `x` falls; True when it turns out to have ended before.
 
     Slots `far` and `returning` keep the furthest progress of the leg, and that on the way back
-    from there, so that a small way back and forth again changes nothing. `end` is what was left at
-    the furthest point: only a rise of some size above it is a turn, which is kept in `turned`.
+    from there. `end` is what was left at the furthest point; more than that is a turn, which is
+    kept in `turned`, however small: a threshold here would make what follows jump with the
+    parameters. Of more turns than there is room for the innermost loop is forgotten.
     """
     if progress > s[far]:
         s[far] = progress
         s[returning] = back
     elif back > s[returning]:
         s[returning] = back
-    if x > end + LEAST_TURN:
+    if x > end:
+        if s[turned + 2 * TURNS - 2] < PROGRESS_HIGH:
+            drop_turn(s, turned)
+            drop_turn(s, other)
         keep_turn(s, turned, s[far], end)
         s[far] = progress
         return True
-    for _ in range(2):
-        if s[turned] < PROGRESS_HIGH and (s[far] >= s[turned] or x <= s[turned + 1]):
-            drop_turn(s, turned)
-            drop_turn(s, other)
+    for _ in range(TURNS):
+        if s[turned] >= PROGRESS_HIGH or s[far] < s[turned]:
+            break
+        drop_turn(s, turned)
+        drop_turn(s, other)
     return False
 
 
-@inlined
+@compiled
 def keep_legs(s: Array, o: int, xi: float, a: float, c: float) -> None:
     """What `unified` has to remember of a substep that ends at the fraction `xi`."""
     end = s[S_XI_LEG + o]
@@ -908,48 +941,214 @@ def cells_of(e: Array) -> int:
 
 
 @inlined
-def cell_at(i: int, cells: int, s: Array, e: Array) -> tuple[int, int, float]:
-    """How far beyond the spring's own the memory of part `i` lies, in `s` and in `w`.
-
-    The last value is how many kelvin the part is from the mean.
-    """
+def cell_at(i: int, cells: int) -> tuple[int, int]:
+    """How far beyond the spring's own the memory of part `i` lies, in `s` and in `w`."""
     if cells == 1:
-        return 0, 0, 0.0
-    o = S_CELLS + i * S_KINETICS - S_XS
-    q = W_CELLS + i * W_KINETICS - W_FA
-    return o, q, e[E_FRONT] * s[S_CELL + i]
+        return 0, 0
+    return S_CELLS + i * S_KINETICS - S_XS, W_CELLS + i * W_KINETICS - W_FA
 
 
 @inlined
-def transform_all(
-    T: float, F: float, s: Array, w: Array, p: Array, e: Array
-) -> tuple[float, float, float, float, float, float]:
-    """`transform` for the whole spring, or the mean of its cells, each at its own temperature.
+def draw_lines(F: float, w: Array, p: Array, e: Array) -> None:
+    """What a tension does to the whole spring's kinetics, for `unified`."""
+    if e[E_UNIFIED] > 0.0:
+        w[W_LINE_HOT], w[W_LINE_COLD] = starts(p[P_C1] * F, p)
+        w[W_TURNED], w[W_TURNED_F] = turned_by(p[P_C1] * F, p)
 
-    Leaves the fractions of the cells in the scratch.
+
+@inlined
+def kinetics(
+    T: float, F: float, o: int, q: int, s: Array, w: Array, p: Array, e: Array
+) -> tuple[float, float]:
+    """Fractions of a spring, or of one of its cells, at its temperature, with their slopes.
+
+    All goes to the scratch. Returns the change of the martensite fraction in this substep, and its
+    slope with the temperature.
+    """
+    if e[E_UNIFIED] > 0.0:
+        xs, xt, xi_T, xi_F, xs_T, xs_F = unified(T, s, w, p, e, o, q)
+    else:
+        xs, xt, xi_T, xi_F, xs_T, xs_F = transform(T, F, s, w, p, e, o, q)
+    w[W_XS + q] = xs
+    w[W_XT + q] = xt
+    w[W_XI_T + q] = xi_T
+    w[W_XI_F + q] = xi_F
+    w[W_XS_T + q] = xs_T
+    w[W_XS_F + q] = xs_F
+    return xs + xt - s[S_XS + o] - s[S_XT + o], xi_T
+
+
+@inlined
+def latent(change: float, w: Array) -> float:
+    """Kelvin per unit of fraction of a cell, in the direction in which it transforms."""
+    return float(w[W_CELL_H] if change < 0.0 else w[W_CELL_C])
+
+
+@compiled
+def seat_cell(
+    base: float, F: float, share: float, o: int, q: int, s: Array, w: Array, p: Array, e: Array
+) -> tuple[float, float]:
+    """The temperature of a cell: the one root of T = base + s λ (ξ(T, F) − ξ_old), in a bracket.
+
+    Returns the change of its fraction and the slope with the temperature, as `kinetics` does.
+    """
+    low = base - share * w[W_CELL_H]
+    high = base + share * w[W_CELL_C]
+    T = w[W_GUESS + q]
+    if not low <= T <= high:
+        T = base
+    change = 0.0
+    xi_T = 0.0
+    for n in range(ITERATIONS):
+        change, xi_T = kinetics(T, F, o, q, s, w, p, e)
+        lam = share * latent(change, w)
+        miss = T - base - lam * change
+        if abs(miss) <= T_TOLERANCE or high - low <= T_TOLERANCE:
+            break
+        if miss > 0.0:
+            high = T
+        else:
+            low = T
+        T = T - miss / (1.0 - lam * xi_T)
+        if n >= NEWTON_STEPS or not low < T < high:
+            T = 0.5 * (low + high)
+    w[W_GUESS + q] = T
+    return change, xi_T
+
+
+@compiled
+def seat_cells(F: float, s: Array, w: Array, p: Array, e: Array) -> bool:
+    """The temperatures of all cells at tension F; False when they are not found.
+
+    Cell i ends at T_i = B + s (D_i + λ_i Δξ_i), D_i its distance from the mean along a front of
+    share s, λ_i Δξ_i its own latent heat (of a spring without a front: one cell, D = 0, s = 1).
+    B = T* + λ m − s M, with m and M the means of Δξ_i and λ_i Δξ_i, makes the mean of T_i what the
+    heat balance says, T* + λ m, or what is fed. Each side of it rises with B, so that there is one
+    root.
+    """
+    star = w[W_T_STAR]
+    cells = cells_of(e)
+    each = 1.0 / cells
+    share = e[E_FRONT] if cells > 1 else 1.0
+    low = star - w[W_LAM_H] - share * w[W_CELL_C]
+    high = star + w[W_LAM_C] + share * w[W_CELL_H]
+    base = star
+    for n in range(ITERATIONS):
+        mean = 0.0
+        latent_mean = 0.0
+        for i in range(cells):
+            o, q = cell_at(i, cells)
+            change, _ = seat_cell(base + share * s[S_CELL + i], F, share, o, q, s, w, p, e)
+            mean += change * each
+            latent_mean += latent(change, w) * change * each
+        lam = w[W_LAM_H] if mean < 0.0 else w[W_LAM_C]
+        miss = base - star - lam * mean + share * latent_mean
+        if abs(miss) <= T_TOLERANCE or high - low <= T_TOLERANCE:
+            return True
+        if miss > 0.0:
+            high = base
+        else:
+            low = base
+        steep = 1.0
+        for i in range(cells):
+            o, q = cell_at(i, cells)
+            own = share * latent(w[W_XS + q] + w[W_XT + q] - s[S_XS + o] - s[S_XT + o], w)
+            steep += (own - lam) * w[W_XI_T + q] / (1.0 - own * w[W_XI_T + q]) * each
+        base = base - miss / steep
+        if n >= NEWTON_STEPS or not low < base < high:
+            base = 0.5 * (low + high)
+    return False
+
+
+@inlined
+def step_cells(F: float, s: Array, w: Array, p: Array, e: Array) -> None:
+    """A spring of cells at its guesses of their temperatures, and one step of Newton from there.
+
+    Each cell has latent heat of its own, see `seat_cells`. Fractions, deflection, extrapolated
+    along the step, and compliance go to the scratch; W_ROUGH is 0 if there was nothing to step.
     """
     cells = cells_of(e)
-    hot = cold = turned = turned_F = 0.0
-    if e[E_UNIFIED] > 0.0:
-        hot, cold = starts(p[P_C1] * F, p)
-        turned, turned_F = turned_by(p[P_C1] * F, p)
-    xs = xt = xi_T = xi_F = xs_T = xs_F = 0.0
+    each = 1.0 / cells
+    share = e[E_FRONT] if cells > 1 else 1.0
+    xs = xt = mean = latent_mean = 0.0
     for i in range(cells):
-        o, q, off = cell_at(i, cells, s, e)
-        if e[E_UNIFIED] > 0.0:
-            own = unified(T + off, hot, cold, turned, turned_F, s, w, p, e, o, q)
-        else:
-            own = transform(T + off, F, s, w, p, e, o, q)
-        w[W_XS + q] = own[0]
-        w[W_XT + q] = own[1]
-        xs += own[0]
-        xt += own[1]
-        xi_T += own[2]
-        xi_F += own[3]
-        xs_T += own[4]
-        xs_F += own[5]
-    part = 1.0 / cells
-    return xs * part, xt * part, xi_T * part, xi_F * part, xs_T * part, xs_F * part
+        o, q = cell_at(i, cells)
+        change, _ = kinetics(w[W_GUESS + q], F, o, q, s, w, p, e)
+        xs += w[W_XS + q] * each
+        xt += w[W_XT + q] * each
+        mean += change * each
+        latent_mean += latent(change, w) * change * each
+    lam = w[W_LAM_H] if mean < 0.0 else w[W_LAM_C]
+    base = w[W_T_STAR] + lam * mean - share * latent_mean
+    # One step of Newton in all temperatures, and how they follow the force.
+    worst = coupled = pulled = forced = 0.0
+    for i in range(cells):
+        o, q = cell_at(i, cells)
+        change = w[W_XS + q] + w[W_XT + q] - s[S_XS + o] - s[S_XT + o]
+        own = share * latent(change, w)
+        miss = w[W_GUESS + q] - own * change - base - share * s[S_CELL + i]
+        worst = max(worst, abs(miss))
+        part = (lam - own) / (1.0 - own * w[W_XI_T + q]) * each
+        coupled += part * w[W_XI_T + q]
+        pulled -= part * w[W_XI_T + q] * miss
+        forced += part * w[W_XI_F + q]
+    step = pulled / (1.0 - coupled)
+    base_F = forced / (1.0 - coupled)
+    rough = worst > T_TOLERANCE
+    xi_step = xs_step = xi_F = xs_F = 0.0
+    for i in range(cells):
+        o, q = cell_at(i, cells)
+        change = w[W_XS + q] + w[W_XT + q] - s[S_XS + o] - s[S_XT + o]
+        own = share * latent(change, w)
+        eased = 1.0 / (1.0 - own * w[W_XI_T + q])
+        T_F = (base_F + own * w[W_XI_F + q]) * eased
+        w[W_T_F + q] = T_F
+        xi_F += (w[W_XI_F + q] + w[W_XI_T + q] * T_F) * each
+        xs_F += (w[W_XS_F + q] + w[W_XS_T + q] * T_F) * each
+        if rough:
+            miss = w[W_GUESS + q] - own * change - base - share * s[S_CELL + i]
+            own_step = (step - miss) * eased
+            xi_step += w[W_XI_T + q] * own_step * each
+            xs_step += w[W_XS_T + q] * own_step * each
+            w[W_GUESS + q] += own_step
+    w[W_ROUGH] = worst if rough else 0.0
+    w[W_T] = w[W_T_STAR] + lam * mean
+    w[W_XS] = xs
+    w[W_XT] = xt
+    deflect(F, xi_step, xs_step, xi_F, xs_F, s, w, p, e)
+
+
+@inlined
+def deflect(
+    F: float,
+    xi_step: float,
+    xs_step: float,
+    xi_F: float,
+    xs_F: float,
+    s: Array,
+    w: Array,
+    p: Array,
+    e: Array,
+) -> None:
+    """Deflection and compliance at tension F with the fractions in scratch, into scratch.
+
+    The fractions are still to make the steps given; `xi_F` and `xs_F` are how they follow the
+    force, the temperature with them.
+    """
+    xs = w[W_XS]
+    xi = xs + w[W_XT]
+    give = compliance(xi, p, e)
+    w[W_GIVE] = give
+    soft = p[P_K_A] - p[P_K_M]
+    plain = give
+    weight = 1.0
+    if e[E_COLD_ENDS] > 0.0:
+        weight = 1.0 - e[E_COLD_ENDS]
+        plain = 1.0 / (p[P_K_A] - soft * xi)
+    left, left_S, left_F = inelastic(F, xs, s, p, e)
+    softer = F * soft * weight * plain * plain
+    w[W_DELTA] = F * give + left + softer * xi_step + left_S * xs_step
+    w[W_SLOPE] = give + softer * xi_F + left_S * xs_F + left_F
 
 
 @inlined
@@ -988,66 +1187,34 @@ def inelastic(F: float, xs: float, s: Array, p: Array, e: Array) -> tuple[float,
     return reach * xs + extra, reach, 0.0
 
 
-@inlined
+@compiled
 def settle(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> bool:
-    """One spring at tension F: temperature, fractions, deflection and compliance, into scratch.
+    """One spring at tension F: temperatures, fractions, deflection and compliance, into scratch.
 
-    The temperature solves T = T* + λ (ξ(T, F) − ξ_old), which has one root: ξ falls with T.
-    Exact: that root, held in a bracket; returns False when it is not found. Otherwise one step of
-    Newton from the guess, with the deflection extrapolated along it and the size of the step left
-    in W_ROUGH, so that temperature and force can converge together.
+    Exact: the temperatures that the heat balance asks for, in the end held in brackets; returns
+    False when they are not found. Otherwise one step of Newton from the guesses, with the
+    deflection extrapolated along it and the size of the step left in W_ROUGH, so that temperatures
+    and force can converge together.
     """
-    start = s[S_XS] + s[S_XT]
-    star = w[W_T_STAR]
-    low = star - w[W_LAM_H]
-    high = star + w[W_LAM_C]
-    T = w[W_GUESS]
-    if not low <= T <= high:
-        T = star
-    found = False
-    rough = 0.0
-    for n in range(ITERATIONS):
-        xs, xt, xi_T, xi_F, xs_T, xs_F = transform_all(T, F, s, w, p, e)
-        change = xs + xt - start
-        lam = w[W_LAM_H] if change < 0.0 else w[W_LAM_C]
-        miss = T - star - lam * change
-        slope = 1.0 - lam * xi_T
-        if abs(miss) <= T_TOLERANCE or high - low <= T_TOLERANCE:
-            found = True
-            break
-        if not exact:
-            rough = -miss / slope
-            found = True
-            break
-        if miss > 0.0:
-            high = T
-        else:
-            low = T
-        T = T - miss / slope
-        if n >= NEWTON_STEPS or not low < T < high:
-            T = 0.5 * (low + high)
-    w[W_ROUGH] = rough
-    w[W_T] = star + lam * change
-    w[W_GUESS] = T + rough
-    w[W_XS] = xs
-    w[W_XT] = xt
-    T_F = 0.0
-    if change != 0.0:
-        T_F = lam * xi_F / slope
-    w[W_T_F] = T_F
-    give = compliance(xs + xt, p, e)
-    w[W_GIVE] = give
-    soft = p[P_K_A] - p[P_K_M]
-    plain = give
-    weight = 1.0
-    if e[E_COLD_ENDS] > 0.0:
-        weight = 1.0 - e[E_COLD_ENDS]
-        plain = 1.0 / (p[P_K_A] - soft * (xs + xt))
-    left, left_S, left_F = inelastic(F, xs, s, p, e)
-    softer = F * soft * weight * plain * plain
-    w[W_DELTA] = F * give + left + rough * (softer * xi_T + left_S * xs_T)
-    w[W_SLOPE] = give + softer * (xi_F + xi_T * T_F) + left_S * (xs_F + xs_T * T_F) + left_F
+    draw_lines(F, w, p, e)
+    found = True
+    for n in range(JOINT_STEPS + 1):
+        if n == JOINT_STEPS:
+            found = seat_cells(F, s, w, p, e)
+        step_cells(F, s, w, p, e)
+        if not exact or w[W_ROUGH] == 0.0:
+            return True
+    w[W_ROUGH] = 0.0
     return found
+
+
+@inlined
+def follow(dF: float, w: Array, e: Array) -> None:
+    """Moves the guesses of temperature along with a step of the tension."""
+    cells = cells_of(e)
+    for i in range(cells):
+        _, q = cell_at(i, cells)
+        w[W_GUESS + q] += dF * w[W_T_F + q]
 
 
 @inlined
@@ -1075,6 +1242,14 @@ def narrow(F: float, miss: float, slope: float, low: float, high: float, n: int)
 
 
 @inlined
+def met(F: float, miss: float, low: float, high: float) -> bool:
+    """Whether the root is found: within tolerance, in a closed bracket, or slack, at no tension."""
+    if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):
+        return True
+    return miss > 0.0 and F == 0.0
+
+
+@compiled
 def balance_pair(
     guess: float, x: Array, y: Array, g: Array, wx: Array, wy: Array, p: Array, e: Array
 ) -> float:
@@ -1097,10 +1272,8 @@ def balance_pair(
             return -1.0
         miss = wx[W_DELTA] + wy[W_DELTA] - 2.0 * p[P_DELTA_0]
         settled = wx[W_ROUGH] == 0.0 and wy[W_ROUGH] == 0.0
-        if settled and (abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low)):
+        if settled and met(F, miss, low, high):
             return F
-        if miss > 0.0 and F == 0.0 and settled:
-            return 0.0
         if exact:
             if miss > 0.0:
                 high = F
@@ -1108,12 +1281,12 @@ def balance_pair(
                 low = F
         last = F
         F = narrow(F, miss, wx[W_SLOPE] + wy[W_SLOPE], low, high, n)
-        wx[W_GUESS] += (F - last) * wx[W_T_F]
-        wy[W_GUESS] += (F - last) * wy[W_T_F]
+        follow(F - last, wx, e)
+        follow(F - last, wy, e)
     return -1.0
 
 
-@inlined
+@compiled
 def balance(target: float, guess: float, s: Array, g: Array, w: Array, p: Array, e: Array) -> float:
     """The tension at which one spring, with its half of the tendon, has the deflection `target`.
 
@@ -1124,7 +1297,8 @@ def balance(target: float, guess: float, s: Array, g: Array, w: Array, p: Array,
     F = guess if guess > 0.0 else 0.0
     gives = e[E_ROUGH] > 0.0 and p[P_FIXTURE] == 0.0
     for n in range(ITERATIONS):
-        found = settle(F, True, s, w, p, e)
+        exact = n >= JOINT_STEPS
+        found = settle(F, exact, s, w, p, e)
         reach = w[W_DELTA]
         slope = w[W_SLOPE]
         if gives:
@@ -1135,21 +1309,21 @@ def balance(target: float, guess: float, s: Array, g: Array, w: Array, p: Array,
         if not found:
             return -1.0
         miss = reach - target
-        if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):
+        settled = w[W_ROUGH] == 0.0
+        if settled and met(F, miss, low, high):
             return F
-        if miss > 0.0:
-            if F == 0.0:
-                return 0.0
-            high = F
-        else:
-            low = F
+        if exact:
+            if miss > 0.0:
+                high = F
+            else:
+                low = F
         last = F
         F = narrow(F, miss, slope, low, high, n)
-        w[W_GUESS] += (F - last) * w[W_T_F]
+        follow(F - last, w, e)
     return -1.0
 
 
-@inlined
+@compiled
 def slide(
     rub: float,
     guess: float,
@@ -1213,7 +1387,7 @@ def friction_level(F: float, speed: float, e: Array) -> float:
     return float(level)
 
 
-@inlined
+@compiled
 def rough_pair(
     guess: float, x: Array, y: Array, g: Array, wx: Array, wy: Array, p: Array, e: Array, dt: float
 ) -> tuple[float, float, float]:
@@ -1297,6 +1471,55 @@ def taken_up(conductance: float, capacity: float, dt: float) -> float:
 
 
 @inlined
+def mix_cells(s: Array, w: Array, p: Array, warmer: float, dt: float) -> None:
+    """One implicit Euler step of `move_front`; its cells need not be centred yet.
+
+    What all cells lose to the outlet is such that their mean water stays: the row is solved
+    without, and with nothing but a unit of it.
+    """
+    flow = w[W_GF]
+    capacity = w[W_CAP] / dt
+    wire = 1.0 / (capacity + w[W_GW] + w[W_GD])
+    inertia = s[S_FILL] * p[P_SHARE] * p[P_CW] / dt
+    water = 1.0 / (
+        inertia + w[W_GW] + w[W_UA] + w[W_WALL_G] + CELLS * flow - w[W_GW] * w[W_GW] * wire
+    )
+    upstream = -warmer
+    unit = 0.0
+    mean = 0.0
+    unit_mean = 0.0
+    for i in range(CELLS):
+        right = inertia * s[S_CELL_W + i] + w[W_GW] * wire * capacity * s[S_CELL + i]
+        upstream = (right + CELLS * flow * upstream) * water
+        unit = (1.0 + CELLS * flow * unit) * water
+        s[S_CELL_W + i] = upstream
+        w[W_UNIT + i] = unit
+        mean += upstream
+        unit_mean += unit
+    leaving = -mean / unit_mean
+    for i in range(CELLS):
+        s[S_CELL_W + i] += leaving * w[W_UNIT + i]
+        s[S_CELL + i] = (capacity * s[S_CELL + i] + w[W_GW] * s[S_CELL_W + i]) * wire
+
+
+@inlined
+def move_front(s: Array, w: Array, p: Array, warmer: float, dt: float) -> None:
+    """Effect cooling_front: how far wire and water of each cell are from the means.
+
+    The cells are stirred tanks in a row; their means are what `heat` solves, so that only the
+    deviations are stepped. `warmer` is the mean of the water over the inlet. Of second order and
+    damped where the step is long (SDIRK2, Alexander 1977): two steps of implicit Euler of a part
+    of `dt`, the second from where the first leads to.
+    """
+    for i in range(2 * CELLS):
+        w[W_BEFORE + i] = s[S_CELL + i]
+    mix_cells(s, w, p, warmer, SDIRK_PART * dt)
+    for i in range(2 * CELLS):
+        s[S_CELL + i] = w[W_BEFORE + i] + SDIRK_FURTHER * (s[S_CELL + i] - w[W_BEFORE + i])
+    mix_cells(s, w, p, warmer, SDIRK_PART * dt)
+
+
+@inlined
 def heat(
     s: Array, other: Array, g: Array, w: Array, p: Array, e: Array, table: Array, dt: float
 ) -> None:
@@ -1334,6 +1557,9 @@ def heat(
             g_dry = g_dry * steeper(middle - T_air, e)
     net = power + gain - g_dry * (T - T_air) - g_water * (T - (T_water if warms else T_in))
     capacity = p[P_MC_H] if net >= 0.0 else p[P_MC_C]
+    w[W_CAP] = capacity
+    w[W_GW] = g_water
+    w[W_GD] = g_dry
     inertia = 2.0 * capacity * per_dt
     stiff = inertia + g_water + g_dry
     right = inertia * T + power + gain + g_dry * T_air
@@ -1344,20 +1570,24 @@ def heat(
         ua = fill * p[P_UA]
         d_water = inertia + g_water + g_flow + ua
         r_water = inertia * T_water + g_flow * T_in + ua * T_air
-        w[W_LEAVES] = e[E_FRONT] * s[S_CELL_W + CELLS - 1]
-        r_water -= g_flow * w[W_LEAVES]
         w[W_WALL_G] = 0.0
         if e[E_WALL] > 0.0:
             w[W_WALL_G] = taken_up(fill * e[E_WALL_G], e[E_WALL] * p[P_CW], dt)
             d_water += w[W_WALL_G]
             r_water += w[W_WALL_G] * s[S_T_WALL]
+        w[W_GF] = g_flow
+        w[W_UA] = ua
+        w[W_LEAVES] = 0.0
+        if e[E_FRONT] > 0.0:
+            left = s[S_CELL_W + CELLS - 1]
+            move_front(s, w, p, middle_water - T_in, dt)
+            w[W_LEAVES] = 0.5 * e[E_FRONT] * (left + s[S_CELL_W + CELLS - 1])
+            r_water -= g_flow * w[W_LEAVES]
         per_d = 1.0 / d_water
         stiff -= g_water * g_water * per_d
         right += g_water * r_water * per_d
         w[W_DW_INV] = per_d
         w[W_RW] = r_water
-        w[W_GF] = g_flow
-        w[W_UA] = ua
     else:
         right += g_water * T_in
     w[W_LATENT] = 1.0
@@ -1369,9 +1599,6 @@ def heat(
     soft = soft * per_dt * w[W_LATENT]
     w[W_LAM_H] = p[P_ML_H] * soft
     w[W_LAM_C] = p[P_ML_C] * soft
-    w[W_CAP] = capacity
-    w[W_GW] = g_water
-    w[W_GD] = g_dry
     w[W_POWER] = power
 
 
@@ -1379,21 +1606,27 @@ def heat(
 def prepare(s: Array, w: Array, p: Array, e: Array, dt: float) -> None:
     """What `transform` and `settle` need of the start of the substep."""
     w[W_SHIFT] = e[E_SHIFT] * s[S_CYCLES]
-    w[W_GUESS] = w[W_T_STAR]
+    guess = w[W_T_STAR]
     if s[S_ACTIVE] > 0.0:
-        w[W_GUESS] = s[S_T] + dt * s[S_RATE]
+        guess = s[S_T] + dt * s[S_RATE]
     cells = cells_of(e)
     for i in range(cells):
-        o, q, off = cell_at(i, cells, s, e)
+        o, q = cell_at(i, cells)
+        off = 0.0
+        w[W_GUESS + q] = guess
+        if cells > 1:
+            off = e[E_FRONT] * s[S_CELL + i]
+            w[W_GUESS + q] = off + w[W_T_STAR]
+            if s[S_ACTIVE] > 0.0:
+                w[W_GUESS + q] = off + s[S_T] + dt * s[S_CELL_RATE + i]
         w[W_FA + q] = -1.0
         w[W_FB + q] = -1.0
         w[W_FC + q] = -1.0
         if e[E_UNIFIED] > 0.0:
-            for turn in range(3):
-                w[W_OUTER_COLD + turn + q] = -1.0
+            w[W_OUTER_COLD + 1 + q] = -1.0
             continue
         start = s[S_T] + off - w[W_SHIFT] - p[P_M_S]
-        end = w[W_GUESS] + off - w[W_SHIFT] - p[P_M_S]
+        end = guess + off - w[W_SHIFT] - p[P_M_S]
         w[W_HOT + q] = 1.0 if start > 0.0 else 0.0
         w[W_PART + q] = 0.0
         if start * end < 0.0:
@@ -1402,36 +1635,6 @@ def prepare(s: Array, w: Array, p: Array, e: Array, dt: float) -> None:
             xi = s[S_XS + o] + s[S_XT + o]
             w[W_XI_BACK + q] = s[S_XI_LEG + o] if s[S_LEG + o] < 0.0 else xi
             w[W_XI_FORTH + q] = s[S_XI_LEG + o] if s[S_LEG + o] > 0.0 else xi
-
-
-@inlined
-def move_front(s: Array, w: Array, p: Array, dt: float) -> None:
-    """Effect cooling_front: how far wire and water of each cell are from the means.
-
-    The cells are stirred tanks in a row; their means are what `heat` has solved, so that only the
-    deviations are stepped (implicit Euler, cell by cell downstream) and centred again.
-    """
-    flow = w[W_GF]
-    capacity = w[W_CAP] / dt
-    wire = 1.0 / (capacity + w[W_GW] + w[W_GD])
-    inertia = s[S_FILL] * p[P_SHARE] * p[P_CW] / dt
-    water = inertia + w[W_GW] + w[W_UA] + w[W_WALL_G] + CELLS * flow - w[W_GW] * w[W_GW] * wire
-    warmer = w[W_WARMER]
-    leaving = flow * (warmer + s[S_CELL_W + CELLS - 1])
-    upstream = -warmer
-    mean = 0.0
-    mean_water = 0.0
-    for i in range(CELLS):
-        right = inertia * s[S_CELL_W + i] + w[W_GW] * wire * capacity * s[S_CELL + i]
-        right += leaving + CELLS * flow * upstream
-        upstream = right / water
-        s[S_CELL_W + i] = upstream
-        s[S_CELL + i] = (capacity * s[S_CELL + i] + w[W_GW] * upstream) * wire
-        mean += s[S_CELL + i]
-        mean_water += upstream
-    for i in range(CELLS):
-        s[S_CELL + i] -= mean / CELLS
-        s[S_CELL_W + i] -= mean_water / CELLS
 
 
 @inlined
@@ -1471,7 +1674,6 @@ def heat_books(
         if w[W_WALL_G] > 0.0:
             given = dt * w[W_WALL_G] * (middle_water - s[S_T_WALL])
             s[S_T_WALL] += given / (e[E_WALL] * p[P_CW])
-        w[W_WARMER] = middle_water - g[G_T_IN]
     else:
         carried = length * dt * w[W_GW] * (middle - g[G_T_IN])
     s[S_WATER_J] += carried
@@ -1523,21 +1725,41 @@ def history(
 
 
 @inlined
-def remember(s: Array, w: Array, p: Array, e: Array, change: float, F_phase: float) -> None:
+def spread_latent(s: Array, w: Array, p: Array, released: float, dt: float) -> None:
+    """What latent heat did to each cell beyond the mean, `released`, and what its water got of it.
+
+    In scratch: how much warmer each cell ends for its own. It was so for half the step on average.
+    """
+    given = 0.0
+    if w[W_DW_INV] > 0.0:
+        inertia = 2.0 * s[S_FILL] * p[P_SHARE] * p[P_CW] / dt
+        given = w[W_GW] / (inertia + w[W_GW] + w[W_UA] + w[W_WALL_G] + CELLS * w[W_GF])
+    for i in range(CELLS):
+        more = w[W_UNIT + i] - released
+        s[S_CELL + i] += more
+        s[S_CELL_W + i] += given * more
+
+
+@compiled
+def remember(s: Array, w: Array, p: Array, e: Array, F_phase: float, dt: float) -> None:
     """Progress and legs of the spring or of its cells, and what their latent heat does to them.
 
     At the temperature of the last evaluation, so that progress and fractions belong together.
     """
     tau = p[P_C1] * F_phase
     cells = cells_of(e)
+    released = 0.0
     for i in range(cells):
-        o, q, off = cell_at(i, cells, s, e)
+        o, q = cell_at(i, cells)
         xi_old = s[S_XS + o] + s[S_XT + o]
         own = w[W_XS + q] + w[W_XT + q] - xi_old
         s[S_XS + o] = w[W_XS + q]
         s[S_XT + o] = w[W_XT + q]
-        s[S_CELL + i] += (w[W_CELL_H] if own < 0.0 else w[W_CELL_C]) * (own - change)
-        T = w[W_GUESS] + off - w[W_SHIFT]
+        before = s[S_T] + e[E_FRONT] * s[S_CELL + i]
+        s[S_CELL_RATE + i] = (w[W_GUESS + q] - before) / dt
+        w[W_UNIT + i] = latent(own, w) * own
+        released += w[W_UNIT + i] / cells
+        T = w[W_GUESS + q] - w[W_SHIFT]
         if e[E_UNIFIED] > 0.0:
             hot, cold = starts(tau, p)
             a = heating_progress(T, hot, p)
@@ -1551,9 +1773,11 @@ def remember(s: Array, w: Array, p: Array, e: Array, change: float, F_phase: flo
             if leg != s[S_LEG + o]:
                 s[S_LEG + o] = leg
                 s[S_XI_LEG + o] = xi_old
+    if cells > 1:
+        spread_latent(s, w, p, released, dt)
 
 
-@inlined
+@compiled
 def accept(
     s: Array,
     g: Array,
@@ -1572,7 +1796,7 @@ def accept(
     xs = w[W_XS]
     xt = w[W_XT]
     change = xs + xt - xi_old
-    remember(s, w, p, e, change, F_phase)
+    remember(s, w, p, e, F_phase, dt)
     if not fed or e[E_FRONT] > 0.0:
         heat_books(s, g, w, p, e, T_old, T, change, dt)
     work = 0.5 * (F_spring + s[S_F]) * (w[W_DELTA] - s[S_DELTA])
@@ -1591,8 +1815,6 @@ def accept(
     s[S_DELTA] = w[W_DELTA]
     s[S_TAU] = p[P_C1] * F_phase
     history(s, w, p, e, F_phase, xi_old, change)
-    if e[E_FRONT] > 0.0 and w[W_DW_INV] > 0.0:
-        move_front(s, w, p, dt)
 
 
 @inlined
@@ -1632,6 +1854,13 @@ def scattered(count: float) -> float:
 
 
 @inlined
+def towards(goal: float, start: float, span: float, tau: float) -> tuple[float, float]:
+    """A first-order lag from `start` after `span`, and its integral over that time."""
+    gone = 1.0 - math.exp(-span / tau)
+    return start + (goal - start) * gone, goal * span + (start - goal) * tau * gone
+
+
+@inlined
 def pump(s: Array, p: Array, e: Array, duty: float, sign: float, dt: float) -> None:
     """Flow of one pump before leaks: linear in the duty, and what effects do to it."""
     if duty > 0.0:
@@ -1641,8 +1870,8 @@ def pump(s: Array, p: Array, e: Array, duty: float, sign: float, dt: float) -> N
     else:
         s[S_PUMP_ON_S] = 0.0
     flow = p[P_FLOW_MAX] * duty * p[P_WET]
-    if e[E_DEAD_S] > 0.0 and s[S_PUMP_ON_S] <= e[E_DEAD_S]:
-        flow = 0.0
+    # A dead time may end within the step.
+    late = 1.0 - clip01((s[S_PUMP_ON_S] - e[E_DEAD_S]) / dt) if e[E_DEAD_S] > 0.0 else 0.0
     if e[E_SHORTFALL] != 0.0:
         flow = flow * (1.0 - e[E_SHORTFALL])
     if e[E_UNEVEN] != 0.0:
@@ -1653,12 +1882,15 @@ def pump(s: Array, p: Array, e: Array, duty: float, sign: float, dt: float) -> N
         flow = flow * part
         s[S_WETTED] = part
     if e[E_SPINUP_S] > 0.0:
-        asked = flow
-        flow = asked + (s[S_PUMP] - asked) * math.exp(-dt / e[E_SPINUP_S])
+        start = s[S_PUMP_END]
+        turn, before = towards(0.0, start, late * dt, e[E_SPINUP_S])
+        end, after = towards(flow, turn, (1.0 - late) * dt, e[E_SPINUP_S])
+        s[S_PUMP] = (before + after) / dt
         # What runs out ends; what spins up begins as slowly in a short step.
-        if asked == 0.0 and flow < 1e-3 * p[P_FLOW_MAX]:
-            flow = 0.0
-    s[S_PUMP] = flow
+        s[S_PUMP_END] = end if flow > 0.0 or end >= 1e-3 * p[P_FLOW_MAX] else 0.0
+    else:
+        s[S_PUMP] = (1.0 - late) * flow
+        s[S_PUMP_END] = flow
 
 
 @inlined
@@ -1709,7 +1941,7 @@ def slack_position(u: float, wx: Array, wy: Array, p: Array) -> float:
     return u
 
 
-@inlined
+@compiled
 def move_pair(
     x: Array,
     y: Array,
@@ -1741,7 +1973,7 @@ def move_pair(
     return OK
 
 
-@inlined
+@compiled
 def move_single(
     x: Array,
     y: Array,
@@ -1783,7 +2015,7 @@ def resistance_to_motion(F: float, u: float, g: Array, e: Array, dt: float) -> f
     return float(push)
 
 
-@inlined
+@compiled
 def move_fed(
     x: Array,
     y: Array,
@@ -1864,7 +2096,7 @@ def supply(
     electrify(s, p, e, feeds[F_CURRENT + 1 + side] if known else drive[side], known, dt)
 
 
-@inlined
+@compiled
 def warm(
     s: Array,
     other: Array,
@@ -1882,8 +2114,14 @@ def warm(
     fed = feeds[F_TEMPERATURE] > 0.0
     if not fed or e[E_FRONT] > 0.0:
         heat(s, other, g, w, p, e, table, dt)
-    w[W_CELL_H] = w[W_LAM_H]
-    w[W_CELL_C] = w[W_LAM_C]
+    if e[E_FRONT] > 0.0:
+        # A cell has its own latent heat for half the step, on average, and loses some of it.
+        soft = 2.0 * w[W_LATENT] / (2.0 * w[W_CAP] + dt * (w[W_GW] + w[W_GD]))
+        w[W_CELL_H] = p[P_ML_H] * soft
+        w[W_CELL_C] = p[P_ML_C] * soft
+    else:
+        w[W_CELL_H] = 0.0 if fed else w[W_LAM_H]
+        w[W_CELL_C] = 0.0 if fed else w[W_LAM_C]
     if fed:
         first = feeds[F_TEMPERATURE + 1 + side]
         w[W_T_STAR] = first + share * (feeds[F_TEMPERATURE + 3 + side] - first)
@@ -1892,7 +2130,7 @@ def warm(
     prepare(s, w, p, e, dt)
 
 
-@inlined
+@compiled
 def substep(
     x: Array,
     y: Array,
@@ -1981,13 +2219,18 @@ def sense_spring(s: Array, g: Array, p: Array, e: Array, side: int, dt: float) -
         T -= e[E_RTD_STEM] * (T - g[G_T_AIR])
     T += e[E_RTD_OFFSET]
     if e[E_RTD_LAG_S] > 0.0:
+        seen = T
         if dt > 0.0:
-            T = T + (g[G_LAG_X + side] - T) * math.exp(-dt / e[E_RTD_LAG_S])
+            # Of what changes evenly over the sample.
+            kept = math.exp(-dt / e[E_RTD_LAG_S])
+            behind = (T - g[G_SEEN_X + side]) * e[E_RTD_LAG_S] / dt * (1.0 - kept)
+            T = T - behind + (g[G_LAG_X + side] - g[G_SEEN_X + side]) * kept
+        g[G_SEEN_X + side] = seen
         g[G_LAG_X + side] = T
     g[G_M_RTD + side] = T
 
 
-@inlined
+@compiled
 def sense(x: Array, y: Array, g: Array, p: Array, e: Array, ring: Array, dt: float) -> None:
     """What the sensors give at the end of a sample that lasted dt; dt = 0 before the first."""
     sense_spring(x, g, p, e, 0, dt)

@@ -193,7 +193,9 @@ def test_a_lagging_rtd_is_a_first_order_filter_of_the_wire(bare):
     T = plain["extended"]["rtd_x_degC"]
     z = T[0]
     for n in range(1, 1500):
-        z = T[n] + (z - T[n]) * math.exp(-(inputs.t_s[n] - inputs.t_s[n - 1]) / 0.5)
+        dt = inputs.t_s[n] - inputs.t_s[n - 1]
+        kept = math.exp(-dt / 0.5)
+        z = T[n] - (T[n] - T[n - 1]) * 0.5 / dt * (1.0 - kept) + (z - T[n - 1]) * kept
         assert out["rtd_x_degC"][n] == pytest.approx(z, abs=1e-9)
 
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from sim_device.plant import Inputs, load_parameters, simulate
 from sim_device.plant import kernel as k
-from sim_device.plant import load_parameters, simulate
 from sim_device.plant.constants import kernel_constants
 from sim_device.plant.effects import EFFECTS
 from sim_device.plant.water import film_table
@@ -44,16 +44,20 @@ def test_a_wall_of_hardly_any_capacity_is_as_good_as_none() -> None:
     assert with_wall["rtd_x_degC"] == pytest.approx(without["rtd_x_degC"], abs=0.01)
 
 
-@pytest.mark.parametrize("dt_s", [0.02, 0.005, 0.00125])
-def test_a_pump_that_spins_up_slowly_starts_in_steps_of_any_length(dt_s: float) -> None:
-    slow = {"pump_lag": {"dead_s": 0.0, "spinup_s": 2.0}}
-    shown = ("flow_x_m3_s",)
-    flow, coarse = (
-        simulate(P, INPUTS, effects=slow, outputs=shown, dt_s=dt)["flow_x_m3_s"]
-        for dt in (dt_s, 0.05)
+@pytest.mark.parametrize("pieces", [2, 10, 40])
+@pytest.mark.parametrize("dead_s", [0.0, 0.333])
+def test_a_pump_brings_the_same_water_in_steps_of_any_length(pieces: int, dead_s: float) -> None:
+    slow = {"pump_lag": {"dead_s": dead_s, "spinup_s": 2.0}}
+    n = len(INPUTS.t_s) - 1
+    t_s = np.linspace(0.0, INPUTS.t_s[-1], n * pieces + 1)
+    each = np.r_[0, np.repeat(np.arange(1, n + 1), pieces)]
+    often = Inputs(t_s, INPUTS.i_A[each], INPUTS.pump_duty[each])
+    coarse, fine = (
+        simulate(P, inputs, effects=slow, outputs=("flow_x_m3_s",), dt_s=1.0)["flow_x_m3_s"][1:]
+        for inputs in (INPUTS, often)
     )
     assert coarse.max() > 0.0
-    assert flow == pytest.approx(coarse, abs=1e-9 * coarse.max())
+    assert fine.reshape(n, pieces).mean(axis=1) == pytest.approx(coarse, abs=1e-3 * coarse.max())
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -85,3 +89,42 @@ def test_a_curve_is_read_within_its_table_wherever_the_progress_is() -> None:
     e = np.ones(k.EFFECTS_SIZE + 2 * k.CURVE_SIZE)
     assert np.isnan(k.outer(float("nan"), k.E_HEATING, e)[0])
     assert k.outer(k.PROGRESS_HIGH, k.E_HEATING, e)[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"unified_kinetics": {"on": 1.0, "tails": 0.3}},
+        {
+            "unified_kinetics": {"on": 1.0, "tails": 0.3},
+            "cooling_front": {"share": 0.9, "place": 0.5},
+            "pump_lag": {"dead_s": 0.0, "spinup_s": 0.4},
+        },
+    ],
+    ids=["lumped", "cells"],
+)
+def test_half_the_step_leaves_much_less_than_half_of_its_error(effects) -> None:
+    inputs = alternating(step_s=0.1, amps=2.9)
+    shown = ("rtd_x_degC", "displacement_m")
+    long, half, fine = (
+        simulate(P, inputs, effects=effects, outputs=shown, dt_s=dt) for dt in (0.1, 0.05, 0.005)
+    )
+    for name in shown:
+        off, off_half = (np.sqrt(np.mean(np.square(o[name] - fine[name]))) for o in (long, half))
+        assert off_half < 0.4 * off, name
+
+
+@pytest.mark.parametrize("tau_s", [0.05, 1.0])
+def test_an_rtd_that_lags_shows_the_same_in_steps_of_any_length(tau_s: float) -> None:
+    often = alternating(step_s=0.01, amps=2.9)
+    out = simulate(P, often, effects={"rtd_lag": {"tau_s": tau_s}}, outputs=SHOWN)
+    shown = out["rtd_x_degC"]
+    every = slice(None, None, 10)
+    n = len(often.t_s[every])
+    means = [
+        np.vstack([a[:1], a[1 : 1 + 10 * (n - 1)].reshape(n - 1, 10, 2).mean(axis=1)])
+        for a in (np.asarray(often.i_A), np.asarray(often.pump_duty))
+    ]
+    seldom = Inputs(often.t_s[every], *means)
+    long = simulate(P, seldom, effects={"rtd_lag": {"tau_s": tau_s}}, outputs=SHOWN)["rtd_x_degC"]
+    assert np.sqrt(np.mean(np.square(long - shown[every]))) < 0.03
