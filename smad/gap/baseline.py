@@ -21,7 +21,6 @@ from smad.gap.judge import judge
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import Array, Effect, Parameter
 from smad.gap.refit import refit
-from smad.gap.replay import Detail
 from smad.gap.screen import Screened, probe, reprobe, screen
 from smad.gap.select import cluster_gain
 from smad.gap.space import Space
@@ -67,7 +66,7 @@ def with_laws(
     parameters at their nominal values: fitted alone, they would stand for the laws. A law without
     a strength replaces another; the fit goes on with it or without, whichever comes further. So
     many coordinates have more than one minimum: other starts about the first are followed some
-    way, coarsely, one by one, until two of all come down to the same misfit; the best goes on to
+    way, one by one, until two of all come down to the same misfit; the best goes on to
     its end.
     """
     laws = laws_of(effects)
@@ -78,9 +77,8 @@ def with_laws(
     def begin(space: Space) -> Array:
         return space.start({e.name: e.at(_LAW_START) for e in space.effects})
 
-    def go(space: Space, start: Array, rounds: int, detail: Detail) -> Fitted:
-        steps = descent(problem, space, start, rounds=rounds, detail=detail)
-        return drive(evidence, [steps])[0]
+    def go(space: Space, start: Array, rounds: int) -> Fitted:
+        return drive(evidence, [descent(problem, space, start, rounds=rounds)])[0]
 
     def misfit(end: Fitted) -> float:
         # A descent ends calibrated where it is, so that ends compare as if in full detail.
@@ -89,15 +87,15 @@ def with_laws(
     ends = []
     for chosen in choices(laws):
         space = Space(tuple(parameters), chosen)
-        ends.append(go(space, begin(space), settings.law_rounds, Detail.COARSE))
+        ends.append(go(space, begin(space), settings.law_rounds))
     best = min(ends, key=misfit)
     space, ends = best.space, [best]
     others = other_starts(space, begin(space), settings.law_starts, settings.seed)
     while others and not _two_agree([misfit(end) for end in ends]):
         start, *others = others
-        ends.append(go(space, start, settings.law_rounds, Detail.COARSE))
+        ends.append(go(space, start, settings.law_rounds))
     best = min(ends, key=misfit)
-    return go(space, best.p, settings.law_rounds_last, Detail.ROUGH)
+    return go(space, best.p, settings.law_rounds_last)
 
 
 def laws_of(effects: Iterable[Effect]) -> tuple[Effect, ...]:

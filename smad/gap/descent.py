@@ -49,19 +49,18 @@ def descent(
     start: Array,
     *,
     rounds: int,
-    detail: Detail = Detail.ROUGH,
     tolerance: float = 2.0,
 ) -> FitSteps:
     """Steps of a least-squares fit from `start`; returns a `Fitted`, its end replayed as usual.
 
-    `detail` is that of the replays on the way. At most `rounds` sets of slopes. A round that gains
+    Replays on the way are rough. At most `rounds` sets of slopes. A round that gains
     little halves the steps of the next; after two such rounds the fit ends. The objective is that
     of `lsq` with a floor as large as the misfit.
 
     The evidence is calibrated anew before each round: what coarser replays cost changes over so
     long a way. Other fits must therefore not be driven beside it.
     """
-    way = _Way(problem, space, detail, tolerance)
+    way = _Way(problem, space, tolerance)
     p = np.clip(start, *space.bounds())
     axes, share, total, fruitless = np.diag(space.steps(p)), _SHARE, 0.0, 0
     for _ in range(rounds):
@@ -107,8 +106,8 @@ class _Parabola:
 class _Way:
     """Where a descent has come to: coordinates, rough prediction, white residual, slopes."""
 
-    def __init__(self, problem: Problem, space: Space, detail: Detail, tolerance: float) -> None:
-        self.problem, self.space, self.detail, self.tolerance = problem, space, detail, tolerance
+    def __init__(self, problem: Problem, space: Space, tolerance: float) -> None:
+        self.problem, self.space, self.tolerance = problem, space, tolerance
         self.lo, self.hi = space.bounds()
         self.damping, self.count = _FIRST_DAMPING, 0
         self.A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
@@ -116,7 +115,7 @@ class _Way:
     def replayed(self, points: list[Array]) -> Generator[Ask, Array, Array]:
         """Predictions at these coordinates."""
         self.count += len(points)
-        return (yield Ask([self.space.point(p) for p in points], self.detail))
+        return (yield Ask([self.space.point(p) for p in points], Detail.ROUGH))
 
     def begin(self, p: Array) -> Generator[Ask, Array, None]:
         """Take a place to start from."""
@@ -139,12 +138,12 @@ class _Way:
             taken.append(forth if forth @ forth >= back @ back else back)
         values = yield from self.replayed([self.p + step for step in taken])
         ev = self.problem.evidence
-        failed = [i for i, y in enumerate(values) if ev.fails(y, self.detail)]
+        failed = [i for i, y in enumerate(values) if ev.fails(y, Detail.ROUGH)]
         if failed:
             for i in failed:
                 taken[i] = within(-taken[i])
             values[failed] = yield from self.replayed([self.p + taken[i] for i in failed])
-        change = ev.change(values, self.predicted, self.detail)
+        change = ev.change(values, self.predicted, Detail.ROUGH)
         white = self.problem.whitening.white(np.ascontiguousarray(change.T))
         return (white @ np.linalg.pinv(np.array(taken).T, rcond=1e-9)).astype(np.float32)
 
@@ -186,7 +185,7 @@ class _Way:
             if scores[best] < value:
                 break
         step, z = steps[best], ends[best]
-        if teaches(self.problem, step, values[best], self.detail):
+        if teaches(self.problem, step, values[best], Detail.ROUGH):
             self.A = self.A + lesson(self.A, step, self.z - z)
         foretold = around.foretells(step)
         if not scores[best] < value:

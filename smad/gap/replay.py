@@ -28,19 +28,17 @@ Index = NDArray[np.intp]
 class Detail(Enum):
     """How finely a replay is made.
 
-    FINE: every sample, the plant's own step. FAST: samples averaged over a fifth of a bin, and the
-    coarser step. ROUGH: averaged over half a bin; slopes within a few per cent, so that it serves
-    for sensitivities and for first rounds, never for a judgement. COARSE: over a whole bin, to look
-    where a fit should begin.
+    FINE: every sample, the plant's own step. FAST: samples averaged over half a bin, and as long a
+    step. ROUGH: averaged over a whole bin, for sensitivities, first rounds, and to look where a fit
+    should begin; never for a judgement.
     """
 
     FINE = "fine"
     FAST = "fast"
     ROUGH = "rough"
-    COARSE = "coarse"
 
 
-_PIECES = {Detail.FAST: 5, Detail.ROUGH: 2, Detail.COARSE: 1}
+_PIECES = {Detail.FAST: 2, Detail.ROUGH: 1}
 
 
 @dataclass(frozen=True, slots=True)

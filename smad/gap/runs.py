@@ -58,6 +58,14 @@ class GapRun:
         """Median sample interval."""
         return float(np.median(np.diff(self.t_s))) if len(self.t_s) > 1 else 0.0
 
+    @cached_property
+    def pieces(self) -> NDArray[np.float64]:
+        """How many samples of `whole` each sample is the mean of; ones in a run not thinned."""
+        if self.whole is None:
+            return np.ones(len(self.t_s))
+        stops = np.searchsorted(self.whole.t_s, self.t_s, side="right")
+        return np.asarray(np.diff(np.r_[0, stops]), dtype=np.float64)
+
     @property
     def digest(self) -> str:
         """SHA-256 of names, times, inputs and outputs, as hexadecimal digits."""

@@ -12,10 +12,8 @@ import numpy as np
 
 from sim_device.plant import ParameterSet, load_parameters
 from sim_device.plant.effects.registry import EFFECTS
-from sim_device.plant.errors import PlantError, SolverError
+from sim_device.plant.errors import PlantError
 from sim_device.plant.parameters import spring_factors
-from sim_device.plant.replay import Inputs, Replay
-from sim_device.plant.setup import Setup
 from smad.gap import catalogue, sma_signals
 from smad.gap.errors import PlantMismatch
 from smad.gap.plant import (
@@ -31,16 +29,8 @@ from smad.gap.plant import (
     View,
 )
 from smad.gap.runs import GapRun
+from smad.gap.sma_passes import Passes
 
-_ZERO_C = 273.15
-_STEP_S = 5e-3
-_FAST_STEP_S = 1e-2
-_MOST_KEPT = 120
-_RETRIES = ((0.0, 1.0), (3e-3, 1.0), (-3e-3, 1.0), (1e-2, 0.5), (0.0, 0.2))
-_MOVES_CURRENT = frozenset(e.name for e in EFFECTS if "current" in e.signals)
-_DRIVER = ("i_x_A", "i_y_A", "true_i_x_A", "true_i_y_A")
-_INNOVATION_S = 0.3
-_SURROUNDINGS_S = 2.0
 _WIDE = 0.4
 _WIDE_K = 6.0
 
@@ -94,7 +84,6 @@ _MOUNTING = (
     Parameter("displacement_zero", "mm", 0.0, -2.0, 2.0, 0.15, "mechanics"),
 )
 _FLOW_EFFECT = "uneven_flow"
-_ENVIRONMENT = {"inlet_K": "water_temperature", "ambient_K": "ambient_temperature"}
 
 
 @dataclass(frozen=True)
@@ -189,7 +178,7 @@ class SmaPlant:
     ) -> dict[str, Array]:
         """See `PlantModel`. A point that the plant refuses or cannot solve gives NaN."""
         try:
-            return _Passes(self, point, run, fast).views(views)
+            return Passes(self, point, run, fast).views(views)
         except PlantError:
             keys = [o.key for v in self.views if v.name in views for o in v.outputs]
             return {key: np.full(len(run.t_s), np.nan) for key in keys}
@@ -293,192 +282,3 @@ class SmaPlant:
             name: {q: float(np.clip(v, *ranges[name, q])) for q, v in values.items()}
             for name, values in effects.items()
         }
-
-
-class _Passes:
-    """The passes of the kernel that the views need, each made once for one model point."""
-
-    def __init__(self, plant: SmaPlant, point: ModelPoint, run: GapRun, fast: bool) -> None:
-        self.run, self.variant = run, plant.variant
-        # A jittered sample must not cost a second step.
-        self.dt_s = max(_FAST_STEP_S, 1.5 * run.dt_s) if fast else _STEP_S
-        self.kept = plant.kept
-        self.parameters = plant.set_of(point.theta)
-        self.effects = plant.acting(point)
-        self.zero_mm = point.theta.get("displacement_zero", 0.0)
-        # Heat and voltage go with the resistance of each spring.
-        self.root = {"x": 1.0, "y": (1.0 + point.theta.get("side_resistance", 0.0)) ** 0.5}
-        self.set = plant.parameter_set
-        self.inputs = _inputs_of(run, self.parameters, self.set, self.root)
-        self.setup: Setup | None = None
-
-    def views(self, names: Sequence[str]) -> dict[str, Array]:
-        out: dict[str, Array] = {}
-        if "open" in names:
-            out |= {f"open:{k}": v for k, v in self._measured(self._pass({})).items()}
-        if not set(names) - {"open"}:
-            return out
-        commanded = self._driver()
-        if "actuator" in names:
-            out |= {f"actuator:i_meas_{s}_A": commanded[f"i_{s}_A"] / self.root[s] for s in "xy"}
-        if not {"thermal", "electrical", "mechanics", "phase"} & set(names):
-            return out
-        feeds = self._surroundings()
-        if all(f"i_meas_{s}_A" in self.run.outputs for s in "xy"):
-            feeds["i_A"] = self._fed_current(commanded)
-        heated = self._pass(feeds)
-        if "thermal" in names:
-            shown = self._measured(heated)
-            out |= {f"thermal:{k}": v for k, v in shown.items() if k.startswith("rtd")}
-        if not {"electrical", "mechanics", "phase"} & set(names):
-            return out
-        feeds["temperature_K"] = self._fed_temperature(heated)
-        warmed = self._pass(feeds)
-        shown = self._measured(warmed)
-        out |= {f"electrical:{k}": shown[k] for k in ("v_x_V", "v_y_V")}
-        out |= {f"mechanics:{k}": shown[k] for k in ("displacement_mm", "force_N")}
-        if "phase" in names and "displacement_mm" in self.run.outputs:
-            feeds["displacement_m"] = self._fed_displacement(warmed)
-            held = self._pass(feeds)
-            sensor = held["force_N"] - held["true_force_N"]
-            # What stands between the springs (friction, drag) pulls them apart by as much as the
-            # free model says.
-            apart = 0.5 * (warmed["spring_force_x_N"] - warmed["spring_force_y_N"])
-            out["phase:X"] = held["spring_force_x_N"] - apart + sensor
-            out["phase:Y"] = held["spring_force_y_N"] + apart + sensor
-        return out
-
-    def _measured(self, result: Mapping[str, Array]) -> dict[str, Array]:
-        """Outputs of the plant under the names and units of the run log.
-
-        A spring of another resistance is run with a current that makes its heat, and shows the
-        current and the voltage that belong to that.
-        """
-        out = {f"i_meas_{s}_A": result[f"i_{s}_A"] / self.root[s] for s in "xy"}
-        out |= {f"v_{s}_V": result[f"v_{s}_V"] * self.root[s] for s in "xy"}
-        out |= {k: result[k] for k in result if k.startswith("rtd_")}
-        out["force_N"] = result["force_N"]
-        return out | {"displacement_mm": 1e3 * result["displacement_m"] + self.zero_mm}
-
-    def _pass(self, feeds: Mapping[str, Array]) -> dict[str, Array]:
-        """One kernel call. A fed temperature that rests on a kink of the kinetics can leave the
-        kernel without a solution; a few millikelvin, or another step, take it off the kink."""
-        for nudge_K, share in _RETRIES:
-            nudged = dict(feeds)
-            if "temperature_K" in feeds:
-                nudged["temperature_K"] = feeds["temperature_K"] + nudge_K
-            replay = Replay(self.inputs, variant=self.variant, feeds=nudged, outputs=_KEPT)
-            if self.setup is None:
-                self.setup = replay.setup(self.parameters, self.effects)
-            try:
-                return replay.run_setup(self.setup, dt_s=share * self.dt_s)
-            except SolverError as error:
-                failed = error
-        raise failed
-
-    def _driver(self) -> dict[str, Array]:
-        """Currents, true and measured. Few points move them, so that they are kept by run.
-
-        A driver answers within milliseconds: a thinned run's are means of those of the whole run.
-        """
-        moving = {k: v for k, v in self.effects.items() if k in _MOVES_CURRENT}
-        whole = self.run if self.run.whole is None else self.run.whole
-        key = (
-            id(whole), self.variant, self.parameters["current_max"], self.root["y"],
-            tuple((k, *v.items()) for k, v in moving.items()),
-        )  # fmt: skip
-        known = self.kept.get(key)
-        if known is None or known[0] is not whole:
-            inputs = _inputs_of(whole, self.parameters, self.set, self.root)
-            # A driver knows neither heat nor force: with both given there is little to solve.
-            n = len(whole.t_s)
-            rest = {
-                "temperature_K": np.full((n, 2), self.parameters["water_temperature"]),
-                "force_N": np.full(n, self.parameters["initial_force"]),
-            }
-            replay = Replay(inputs, variant=self.variant, feeds=rest, outputs=_DRIVER)
-            known = (whole, replay.run(self.parameters, moving, dt_s=1.5 * whole.dt_s))
-            while len(self.kept) >= _MOST_KEPT:
-                self.kept.pop(next(iter(self.kept), key), None)
-            self.kept[key] = known
-        if whole is self.run:
-            return known[1]
-        stops = np.searchsorted(whole.t_s, self.run.t_s, side="right")
-        starts = np.r_[0, stops[:-1]]
-        return {k: np.add.reduceat(v, starts) / (stops - starts) for k, v in known[1].items()}
-
-    def _fed_current(self, commanded: Mapping[str, Array]) -> Array:
-        """The driver's true current under this model, plus what the measurement adds to it."""
-        fed = [
-            commanded[f"true_i_{s}_A"]
-            + self.root[s] * self.run.outputs[f"i_meas_{s}_A"]
-            - commanded[f"i_{s}_A"]
-            for s in "xy"
-        ]
-        return np.asarray(np.maximum(np.column_stack(fed), 0.0))
-
-    def _surroundings(self) -> dict[str, Array]:
-        """Inlet and room as they were measured, if they were: what they did is not the wires'."""
-        fed = []
-        for name, given in (("inlet", self.inputs.inlet_K), ("ambient", self.inputs.ambient_K)):
-            channel = self.run.outputs.get(f"rtd_{name}_degC")
-            if channel is None or given is None:
-                return {}
-            start = _start(self.run)
-            moved = sma_signals.smooth(channel, self.run.dt_s, _SURROUNDINGS_S)
-            fed.append(given + moved - float(np.median(channel[:start])))
-        return {"surroundings_K": np.clip(np.column_stack(fed), 230.0, 420.0)}
-
-    def _fed_temperature(self, heated: Mapping[str, Array]) -> Array:
-        fed = []
-        for s in "xy":
-            off = self.run.outputs[f"rtd_{s}_degC"] - heated[f"rtd_{s}_degC"]
-            fed.append(heated[f"T_{s}_K"] + sma_signals.smooth(off, self.run.dt_s, _INNOVATION_S))
-        return np.clip(np.column_stack(fed), 230.0, 420.0)
-
-    def _fed_displacement(self, warmed: Mapping[str, Array]) -> Array:
-        shown = 1e-3 * (self.run.outputs["displacement_mm"] - self.zero_mm)
-        off = shown - warmed["displacement_m"]
-        fed = warmed["true_displacement_m"] + sma_signals.smooth(off, self.run.dt_s, 0.1)
-        return np.clip(fed, -0.024, 0.024)
-
-
-_KEPT = (
-    "i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_x_degC", "rtd_y_degC", "rtd_inlet_degC",
-    "rtd_ambient_degC", "displacement_m", "force_N", "true_displacement_m", "true_force_N",
-    "true_i_x_A", "true_i_y_A", "T_x_K", "T_y_K", "spring_force_x_N", "spring_force_y_N",
-)  # fmt: skip
-
-
-def _start(run: GapRun) -> int:
-    """Samples of the first second."""
-    return max(1, round(1.0 / max(run.dt_s, 1e-6)))
-
-
-def _inputs_of(
-    run: GapRun, parameters: ParameterSet, nominal: ParameterSet, root: Mapping[str, float]
-) -> Inputs:
-    """Inputs of a replay. Water and room start where the run measured them at its start.
-
-    The two temperatures of the parameter set then act as corrections of those measurements.
-    """
-    n = len(run.t_s)
-    start = _start(run)
-    environment = {}
-    for argument, name in _ENVIRONMENT.items():
-        channel = "rtd_inlet_degC" if argument == "inlet_K" else "rtd_ambient_degC"
-        base = parameters[name]
-        if channel in run.outputs:
-            base += float(np.median(run.outputs[channel][:start])) + _ZERO_C - nominal[name]
-        environment[argument] = np.full(n, base)
-
-    def both(stem: str) -> Array:
-        return np.column_stack([np.asarray(run.inputs[stem.format(s)], float) for s in "xy"])
-
-    return Inputs(
-        run.t_s,
-        i_A=both("i_applied_{}_A") * np.array([root["x"], root["y"]]),
-        pump_duty=np.clip(both("duty_{}"), 0.0, 1.0),
-        drain=both("drain_{}") if "drain_x" in run.inputs and "drain_y" in run.inputs else None,
-        **environment,
-    )

@@ -85,6 +85,25 @@ def smooth(y: Array, dt_s: float, tau_s: float) -> Array:
     return np.asarray(back[::-1])
 
 
+def means_over_pieces(run: GapRun, y: Array) -> Array:
+    """Values at the ends of a thinned run's samples, made means over them as measured ones are.
+
+    Linear in between; in a run that is not thinned nothing changes.
+    """
+    back = 0.5 - 0.5 / run.pieces[1:]
+    out = y.copy()
+    out[1:] -= back * (y[1:] - y[:-1])
+    return out
+
+
+def at_ends_of_pieces(run: GapRun, means: Array) -> Array:
+    """The way back, of what varies slowly."""
+    on = 0.5 - 0.5 / run.pieces[:-1]
+    out = means.copy()
+    out[:-1] += on * (means[1:] - means[:-1])
+    return out
+
+
 def _rate(y: Array, dt_s: float, tau_s: float = 0.3) -> Array:
     return np.asarray(np.gradient(smooth(y, dt_s, tau_s), dt_s))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,11 +13,12 @@ from smad.gap import Settings, diagnose
 from smad.gap.baseline import choices
 from smad.gap.judge import judge
 from smad.gap.leftover import Lawless, leftover, main
-from smad.gap.plant import Effect, EffectParameter, ModelPoint
+from smad.gap.plant import Array, Effect, EffectParameter, ModelPoint
 from smad.gap.recorded import recorded
 from smad.gap.records import Outcome
 from smad.gap.replay import Grid, thinned
 from smad.gap.report import page_of
+from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from smad.gap.stages import known_good, prepare
 from smad.gap.tracks import follow_tracks
@@ -89,17 +91,66 @@ def test_what_may_be_named_does_not_narrow_what_good_runs_are_asked_for() -> Non
     assert "driver_gain" not in diagnose(runs, candidates=["backlash"], **asked).verdict.effects
 
 
+def thinned_replays(
+    point: ModelPoint, run: GapRun, views: Sequence[str]
+) -> Iterator[tuple[int, dict[str, Array]]]:
+    """A replay for each of three thinnings of a run: pieces of a bin, and bin means by key."""
+    plant, period_s = SmaPlant(), Settings().period_s
+    for pieces in (1, 2, 5):
+        thin, coarse = thinned(run, Grid.of(run, period_s), pieces, period_s)
+        rough = plant.simulate(point, thin, views, fast=True)
+        yield pieces, {key: coarse.mean(values) for key, values in rough.items()}
+
+
 def test_currents_of_a_thinned_replay_are_means_of_those_at_full_pace() -> None:
     plant, settings = SmaPlant(), Settings()
     run = recorded("mixed", plant, ModelPoint({}), 1, duration_s=20.0)
     point = ModelPoint({}, {"driver_lag": {"tau_s": 0.006}})
     grid = Grid.of(run, settings.period_s)
     whole = plant.simulate(point, run, ["actuator"], fast=True)
-    for pieces in (1, 2, 5):
-        thin, coarse = thinned(run, grid, pieces, settings.period_s)
-        rough = plant.simulate(point, thin, ["actuator"], fast=True)
+    for _, rough in thinned_replays(point, run, ["actuator"]):
         for key, values in whole.items():
-            assert coarse.mean(rough[key]) == pytest.approx(grid.mean(values), abs=1e-9)
+            assert rough[key] == pytest.approx(grid.mean(values), abs=1e-9)
+
+
+def test_a_thinned_replay_is_neither_early_nor_late() -> None:
+    """Read at the ends of its samples it led by half of one, 5 to 45 ms."""
+    plant, settings = SmaPlant(), Settings()
+    run = recorded("mixed", plant, ModelPoint({}), 1, duration_s=40.0)
+    point = ModelPoint({}, {"rtd_lag": {"tau_s": 0.1}, "pump_lag": {"dead_s": 0, "spinup_s": 0.2}})
+    grid = Grid.of(run, settings.period_s)
+    views = ["thermal", "mechanics"]
+    whole = plant.simulate(point, run, views)
+    for pieces, rough in thinned_replays(point, run, views):
+        for key in ("thermal:rtd_x_degC", "mechanics:displacement_mm"):
+            shown = grid.mean(whole[key])
+            rate = np.gradient(shown, settings.period_s)
+            off = rough[key] - shown
+            late_s = -float(off @ rate) / float(rate @ rate)
+            assert abs(late_s) < 0.1 * settings.period_s / pieces, (key, pieces)
+
+
+def test_a_current_that_chatters_heats_as_much_in_a_thinned_replay() -> None:
+    """Its mean does not: the heat goes with its square.
+
+    With one heat capacity and the law on which ripples do nothing: the paper's capacity changes
+    with the sign of the heat, and its kinetics ratchet, at every tick here.
+    """
+    plant, settings = SmaPlant(), Settings()
+    capacity = plant.parameter_set["heat_capacity_heating"]
+    point = ModelPoint({"heat_capacity_cooling": capacity}, {"unified_kinetics": {"tails": 0.3}})
+    run = recorded("mixed", plant, ModelPoint({}), 1, noise=False, duration_s=30.0)
+    ticks = np.arange(len(run.t_s)) % 2
+    chatter = {"i_applied_x_A": 1.3 * run.inputs["i_applied_x_A"] * ticks}
+    shown = {"i_meas_x_A": chatter["i_applied_x_A"]}
+    run = run.with_columns(inputs=chatter, outputs=shown)
+    grid = Grid.of(run, settings.period_s)
+    views = ["thermal", "electrical"]
+    whole = plant.simulate(point, run, views)
+    for pieces, rough in thinned_replays(point, run, views):
+        for key, limit in (("thermal:rtd_x_degC", 0.1), ("electrical:v_x_V", 0.01)):
+            off = rough[key] - grid.mean(whole[key])
+            assert np.sqrt(np.mean(np.square(off))) < limit, (key, pieces)
 
 
 def test_inlet_and_room_as_measured_do_not_hide_what_the_model_says_of_them() -> None:

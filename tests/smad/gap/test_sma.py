@@ -158,6 +158,8 @@ def test_each_effect_is_recovered_from_runs_made_with_it(name: str) -> None:
         for q in effect.parameters
         if q.strength or all(not other.strength for other in effect.parameters)
     }
-    # Slack and the force that takes it up act as one; either alone is only known to a third.
-    assert max(reached.values()) < (0.35 if name == "tendon_slack" else 0.2), end.point
+    # Slack and the force that takes it up act as one, and a loss of strain by 0.2 % a cycle hardly
+    # shows in two cycles; either alone is only known to a third.
+    vague = name in {"tendon_slack", "transformation_fatigue"}
+    assert max(reached.values()) < (0.35 if vague else 0.2), end.point
     assert min(dispersion(problem, end.z).values()) > 0.0
