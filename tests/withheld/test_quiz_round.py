@@ -80,7 +80,7 @@ class Session:
     folder: Path
 
     async def record(self, *wanted: tuple[str, int], good: bool = False) -> list[GapRun]:
-        """Record experiments one after the other, each from rest."""
+        """Record experiments one after the other, each from rest, the same every time."""
         active = () if good else self.riddle.active
         runs = []
         for name, seed in wanted:
@@ -89,9 +89,9 @@ class Session:
             board = Lent(WireBoard(self.riddle.bench, active, 100 + seed))
             async with rig_in(folder, board) as rig:  # type: ignore[arg-type]
                 await rig.arm()
-                await rig.ask("record.start", name=folder.name.replace(" ", "-"))
+                await rig.ask("record.start", still=True, name=folder.name.replace(" ", "-"))
                 await _carry_out(rig, name, seed)
-                await rig.ask("record.stop")
+                await rig.ask("record.stop", still=True)
             (log,) = folder.rglob("*.mcap")
             runs.append(read_gap_run(log))
         return runs

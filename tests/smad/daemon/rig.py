@@ -28,6 +28,7 @@ from smad.errors import PortError
 T = TypeVar("T")
 LONGEST_RUN_SAMPLES = 100_000
 _TURNS = 4
+_PATIENCE_S = 300.0
 
 
 class Rig:
@@ -76,6 +77,10 @@ class Rig:
             await asyncio.sleep(0.0001)
         raise AssertionError("it never came to an end")
 
+    async def wait_for(self, done: Awaitable[T]) -> T:
+        """Wait for something that a thread does while board time stands still."""
+        return await asyncio.wait_for(asyncio.ensure_future(done), _PATIENCE_S)
+
     async def run_for(self, seconds: float) -> None:
         """Let board time pass."""
         await self.run(round(seconds * 1e6 / self.bench.period_us))
@@ -103,13 +108,19 @@ class Rig:
         """The port can be opened again."""
         self.plugged = True
 
-    async def ask(self, method: str, client: bytes = b"me", **params: Any) -> Any:
-        """Send a command and return its result. Raises Refused with the error reply."""
+    async def ask(
+        self, method: str, client: bytes = b"me", *, still: bool = False, **params: Any
+    ) -> Any:
+        """Send a command and return its result. Raises Refused with the error reply.
+
+        Samples pass until it is there, as many as the threads take wall time for; `still` stops
+        board time meanwhile, so that what follows begins at the same sample every time.
+        """
         reply: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         self._last_id += 1
         request = {"jsonrpc": "2.0", "id": self._last_id, "method": method, "params": params}
         self.daemon.answers.command(client, msgspec.json.encode(request), reply.set_result)
-        decoded = msgspec.json.decode(await self.run_until(reply))
+        decoded = msgspec.json.decode(await (self.wait_for if still else self.run_until)(reply))
         assert decoded["id"] == self._last_id
         if "error" in decoded:
             raise Refused(decoded["error"])
