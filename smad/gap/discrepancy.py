@@ -16,7 +16,7 @@ import numpy as np
 
 from smad.gap.flexible import Correction, Designs, fit_correction
 from smad.gap.leave_out import LeftOut, left_out
-from smad.gap.lsq import Fitted
+from smad.gap.lsq import Fitted, Problem
 from smad.gap.noise import Floor
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.replay import Detail, Evidence
@@ -43,6 +43,13 @@ class Background:
     def left_out(self) -> LeftOut:
         """The good runs, each predicted by the others."""
         return left_out(self.fit)
+
+    @cached_property
+    def usual_score(self) -> float:
+        """Log-likelihood of a cell of the good runs, each predicted by the others, on average."""
+        ev = self.fit.problem.evidence
+        problem = Problem(ev, Whitening(ev, self.noise), self.expected(ev))
+        return float(np.mean(problem.cell_score(problem.white(self.left_out.predicted))))
 
     def expected(self, evidence: Evidence) -> Array:
         """The template's part of the residual of other runs, in rows of `evidence`."""

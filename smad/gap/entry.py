@@ -17,7 +17,7 @@ from smad.gap.assess import confusability, counted_share, separation
 from smad.gap.nextexp import propose
 from smad.gap.plant import Array, Effect
 from smad.gap.records import NAMED, Outcome
-from smad.gap.select import Candidate, Selection, acceptable, certainty
+from smad.gap.select import Candidate, Selection, acceptable, asked_gain
 from smad.gap.stages import Prepared
 from smad.gap.threads import repeatable
 from smad.gap.tracks import Track, follow_tracks
@@ -201,7 +201,7 @@ def _standing(prepared: Prepared, track: Track) -> Standing:
     return Standing(
         outcome=outcome,
         outcome_asked=outcome_asked,
-        unknown=p_unknown(numbers.touched, prepared.settings, tied=asked.tied),
+        unknown=p_unknown(numbers, prepared.settings),
         gap_raw=numbers.gap_raw,
         gap_refit=numbers.whole.gap_refit,
         gap_free=numbers.gap_free,
@@ -237,7 +237,7 @@ def _fit(prepared: Prepared, selection: Selection, c: Candidate) -> Fit:
         d2_free=min(nothing, float(d2[2])),
         gain=c.gain,
         gain_se=c.gain_se,
-        asked=certainty(c, settings, tied=tied),
+        asked=asked_gain(c, settings, tied=tied) / max(c.gain_se, 1e-9),
         p_value=c.p_value,
         shrink_gain=c.shrink_gain,
         excess_before=c.excess_before,

@@ -27,7 +27,7 @@ class Candidate:
     standard error over runs and blocks, `p_value` that of the whole selection's null, `touched` the
     outputs that carry the effect's signature, `shrink_gain` the rise of S over them (or over all
     outputs, if larger), `excess_before` the gap over them without it, `regime_gain` the sum of
-    gains on regimes left out.
+    gains on regimes left out, `cells` the number of cells that were judged.
     """
 
     joint: JointFit
@@ -39,6 +39,7 @@ class Candidate:
     shrink_gain: float = 0.0
     excess_before: float = 0.0
     regime_gain: float = 0.0
+    cells: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -103,31 +104,36 @@ def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
     return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED * total)
 
 
-def certainty(c: Candidate, s: Settings, *, tied: bool) -> float:
-    """Standard errors that the held-out gain of a candidate must exceed."""
+def clear(c: Candidate, s: Settings) -> bool:
+    """Whether an effect takes most of a gap that none could overlook, if only in a few cells."""
+    return c.shrink_gain >= s.clear_shrink and c.excess_before >= s.clear_excess
+
+
+def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
+    """What the held-out gain of a candidate must exceed, nats.
+
+    Beside tied parameters every effect gains something where the bench's laws have another form
+    than the model's, in proportion to the cells judged.
+    """
     if not tied:
-        return s.gain_standard_errors
-    clear = c.shrink_gain >= s.clear_shrink and c.excess_before >= s.min_excess
-    return s.clear_standard_errors if clear else s.since_standard_errors
+        return max(2.0, s.gain_standard_errors * c.gain_se)
+    if clear(c, s):
+        return s.clear_standard_errors * c.gain_se
+    further = len(c.names) > 1
+    errors = s.further_standard_errors if further else s.since_standard_errors
+    return max(s.since_gain * c.cells, errors * c.gain_se)
 
 
 def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
     """Whether the last effect of a candidate may enter, beside tied parameters or free ones."""
-    further = tied and len(c.names) > 1
-    least = s.further_excess if further else s.min_excess
-    gap = c.excess_before >= s.min_excess
-    takes = c.shrink_gain >= s.min_shrink_gain
-    # Beside tied parameters a small effect stands out by its score although the background is
-    # larger than it. Not so a further one: what the form of the first leaves scores as highly. Of a
-    # gap that is there it must take its part all the same.
-    strong = tied and not further and c.gain > s.strong_standard_errors * c.gain_se
-    return (
-        c.gain > certainty(c, s, tied=tied) * c.gain_se
-        and c.gain > 2.0
+    stands = (
+        c.gain > asked_gain(c, s, tied=tied)
         and c.gain + c.regime_gain > 0.0
         and c.p_value <= s.significance
-        and ((takes and c.excess_before >= least) or (strong and (takes or not gap)))
     )
+    # Beside tied parameters an effect stands out by its score although the background is larger.
+    takes = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
+    return stands and (tied or takes)
 
 
 class Selector:
@@ -242,6 +248,7 @@ class Selector:
             max(rises),
             before.judged.excess(list(touched)),
             float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
+            len(judged.scores()),
         )
 
     def _first(self, candidates: Sequence[Candidate]) -> Candidate | None:
@@ -281,7 +288,7 @@ class Selector:
                 without = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
                 again = self._candidate(without, current.joint, current.judged)
                 # What would not be let in may still carry the others: only its gain counts here.
-                if again.gain <= certainty(again, self.settings, tied=self.tied) * again.gain_se:
+                if again.gain <= asked_gain(again, self.settings, tied=self.tied):
                     smaller.append((again.gain, without))
             if not smaller:
                 break

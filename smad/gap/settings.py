@@ -21,20 +21,21 @@ class Settings:
     `day_share` is how far a parameter may have moved since the known-good runs, in its prior's
     standard deviations, without that counting as a change.
 
-    Since known-good runs, an effect enters if its held-out gain exceeds `since_standard_errors`, or
-    `clear_standard_errors` if it takes `clear_shrink` of the gap with it, and, the first of them,
-    even without a gap to speak of if it exceeds `strong_standard_errors`; of a gap that is there it
-    must take `min_shrink_gain`. A further one must find `further_excess` floors left on its
-    outputs: the law of the first has another form on the bench, and what that leaves asks for an
-    effect, too. A free refit replaces the answer if it is better by `free_standard_errors`,
-    unless the cause gains `since_standard_errors` beside what is free.
+    Since known-good runs, an effect enters if its held-out gain exceeds `since_gain` nats for each
+    cell judged and `since_standard_errors`, a further one `further_standard_errors`. Where a
+    bench's laws have another form than the model's, some effect gains 0.1 to 0.3 nats a cell though
+    none is there, and up to 0.5 where parameters have changed (development bank). An effect that
+    takes `clear_shrink` of a gap of at least `clear_excess` floors on its outputs enters with
+    `clear_standard_errors` instead: it may show in few cells. A free refit replaces the answer if
+    it is better by `free_standard_errors`, unless the cause gains `beside_standard_errors` beside
+    what is free.
 
     Beside tied parameters a cause is unknown if the best of the library takes less than
-    `since_shrink` of the gap, less than `since_ratio` of what a flexible correction takes, or
-    leaves more than `unknown_left` floors and takes less than `since_clear_shrink`. Since
-    known-good runs it is, too, if none enters and the refit leaves more than `blind_excess` floors
-    and `blind_ratio` times what is significant (with a flexible correction that finds `found_share`
-    of it, `structural_excess` times).
+    `since_ratio` of what a flexible correction takes, or leaves more than `unknown_left` floors and
+    takes less than `since_clear_shrink`; unless it makes good `since_taken` of what the runs score
+    worse than good ones. Since known-good runs it is, too, if none enters and the
+    refit leaves more than `blind_excess` floors and `blind_ratio` times what is significant (with a
+    flexible correction that finds `found_share` of it, `structural_excess` times).
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five
@@ -79,29 +80,31 @@ class Settings:
     significance: float = 0.01
     min_excess: float = 0.35
     gain_standard_errors: float = 1.0
-    since_standard_errors: float = 4.0
+    since_gain: float = 0.55
+    since_standard_errors: float = 2.0
+    further_standard_errors: float = 3.0
     clear_standard_errors: float = 3.0
-    clear_shrink: float = 0.15
-    strong_standard_errors: float = 6.0
+    clear_shrink: float = 0.5
+    clear_excess: float = 1.0
     free_standard_errors: float = 2.0
+    beside_standard_errors: float = 4.0
     min_shrink_gain: float = 0.1
-    further_excess: float = 1.0
-    blind_excess: float = 0.85
+    blind_excess: float = 1.0
     blind_ratio: float = 2.0
     structural_excess: float = 1.2
     found_share: float = 0.3
     unknown_shrink: float = 0.2
     unknown_ratio: float = 0.5
-    unknown_left: float = 1.5
-    since_shrink: float = 0.4
+    unknown_left: float = 1.75
     since_clear_shrink: float = 0.75
-    since_ratio: float = 0.7
+    since_ratio: float = 0.5
+    since_taken: float = 0.33
     rest_margin: float = 0.15
     ambiguous_d2: float = 16.0
     ambiguous_odds: float = 10.0
     false_discovery: float = 0.1
 
     quiet_right: float = 0.4
-    named_right: float = 0.85
-    unknown_right: float = 0.6
+    named_right: float = 0.75
+    unknown_right: float = 0.5
     form_share: float = 0.35

@@ -83,7 +83,7 @@ def follow_tracks(
 def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
     if prepared.background is None:
         return True
-    errors = prepared.settings.clear_standard_errors
+    errors = prepared.settings.since_standard_errors
     return is_new(prepared.background.fit, candidate, prepared.hold, errors)
 
 
@@ -111,7 +111,7 @@ def _helps(prepared: Prepared, best: Candidate, free: Judged) -> bool:
         (free,) = judge([unbound(prepared.tied, best.names)], prepared.hold)
     prepared.recalibrate()
     gain, error = _gain(prepared, beside, free)
-    return gain > prepared.settings.since_standard_errors * error
+    return gain > prepared.settings.beside_standard_errors * error
 
 
 def _gain(prepared: Prepared, one: Judged, other: Judged) -> tuple[float, float]:

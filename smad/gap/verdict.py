@@ -25,7 +25,8 @@ class Evidenced:
     outputs the effects show in, `whole` that over all outputs. `visible` is the share of effects
     that these runs would show at all at their typical strength. `chance` is how often chance alone
     would make a single effect stand out so. `tied`: the parameters were held to what the known-good
-    runs say; `gap_free` is what a refit of all of them would leave.
+    runs say; `gap_free` is what a refit of all of them would leave. `taken` is the part that the
+    effects take of what these runs score worse than known-good runs left out do.
     """
 
     effects: tuple[str, ...]
@@ -41,6 +42,7 @@ class Evidenced:
     since_good: bool = False
     tied: bool = False
     gap_free: float = 0.0
+    taken: float = 0.0
 
 
 def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
@@ -69,9 +71,9 @@ def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
         if vanished if e.since_good else (e.moved or e.gap_raw > e.threshold):
             return Outcome.PARAMETERS, nothing
         return Outcome.NO_GAP, nothing
-    unknown = p_unknown(e.touched, settings, tied=e.tied) if e.effects else 1.0
     if not e.effects:
         return Outcome.UNKNOWN, _certainty(e)
+    unknown = p_unknown(e, settings)
     if unknown > 0.5:
         return Outcome.UNKNOWN, unknown
     first = e.effects[0]
@@ -116,7 +118,19 @@ def _certainty(e: Evidenced) -> float:
     return float(1.0 - 0.5 / max(1.0, ratio) ** 2)
 
 
-def p_unknown(worth: Worth, settings: Settings, *, tied: bool = False) -> float:
+def p_unknown(e: Evidenced, settings: Settings) -> float:
+    """Probability that the cause is none of the library: by shrink and ceiling, or by the scores.
+
+    Beside tied parameters a gap contains what the form of the bench's laws leaves, of which no
+    effect takes anything and a few blocks of time may be most. A cause that takes a good part of
+    what the runs score worse than good ones is known all the same.
+    """
+    if e.tied and e.taken > settings.since_taken:
+        return 0.0
+    return _too_little(e.touched, settings, tied=e.tied)
+
+
+def _too_little(worth: Worth, settings: Settings, *, tied: bool) -> float:
     """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling.
 
     Beside tied parameters a cause must also bring a large gap down to the background's size, or
@@ -130,7 +144,7 @@ def p_unknown(worth: Worth, settings: Settings, *, tied: bool = False) -> float:
     poor = s < ratio * np.maximum(ceiling, 1e-9)
     if tied:
         left = (1.0 - s) * worth.gap_refit > settings.unknown_left
-        poor |= (s < settings.since_shrink) | (left & (s < settings.since_clear_shrink))
+        poor |= left & (s < settings.since_clear_shrink)
     else:
         poor |= s < settings.unknown_shrink
     return float(np.mean(poor))

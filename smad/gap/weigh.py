@@ -36,10 +36,21 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         tied=track.tied,
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
+        taken=_taken(prepared, selection),
         visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))
         if selection.screened
         else 1.0,
     )
+
+
+def _taken(prepared: Prepared, selection: Selection) -> float:
+    """Part of what the runs score worse than good runs left out that the effects make good."""
+    if prepared.background is None:
+        return 0.0
+    refit = selection.base.judged.scores()
+    lacking = len(refit) * prepared.background.usual_score - refit.sum()
+    gained = selection.best.judged.scores().sum() - refit.sum()
+    return float(gained / lacking) if lacking > 0.0 else 1.0
 
 
 def _chance(selection: Selection) -> float:

@@ -31,25 +31,35 @@ def evidenced(gap: Worth, *, effects: tuple[str, ...] = (), threshold: float = 0
     )  # fmt: skip
 
 
+def named(gap: Worth, *, tied: bool, taken: float = 0.0) -> Evidenced:
+    return replace(evidenced(gap, effects=("x",)), tied=tied, taken=taken)
+
+
 @pytest.mark.parametrize(
     ("refit", "shrink", "poor"),
-    [(8.0, 0.9, 0.0), (8.0, 0.7, 1.0), (2.0, 0.7, 0.0), (2.0, 0.3, 1.0)],
-    ids=["most is taken", "a floor is left", "little is left", "a part only"],
+    [(8.0, 0.9, 0.0), (8.0, 0.7, 1.0), (2.0, 0.3, 0.0), (2.0, 0.1, 1.0)],
+    ids=["most is taken", "a floor is left", "little is left", "hardly anything is taken"],
 )
 def test_beside_tied_parameters_a_cause_takes_most_of_a_large_gap(
     refit: float, shrink: float, poor: float
 ) -> None:
-    assert p_unknown(worth(refit, shrink), SETTINGS, tied=True) == poor
-    assert p_unknown(worth(refit, shrink), SETTINGS) == 0.0
+    gap = worth(refit, shrink)
+    assert p_unknown(named(gap, tied=True), SETTINGS) == poor
+    assert p_unknown(named(worth(8.0, 0.7), tied=False), SETTINGS) == 0.0
 
 
-def test_a_cause_is_unknown_where_a_flexible_correction_takes_twice_as_much() -> None:
-    assert p_unknown(worth(8.0, 0.42, 0.9), SETTINGS) == 1.0
+@pytest.mark.parametrize(("taken", "poor"), [(0.2, 1.0), (0.5, 0.0)])
+def test_a_cause_that_makes_good_much_of_what_the_runs_score_worse_is_known(
+    taken: float, poor: float
+) -> None:
+    assert p_unknown(named(worth(8.0, 0.1), tied=True, taken=taken), SETTINGS) == poor
+    assert p_unknown(named(worth(8.0, 0.1), tied=False, taken=taken), SETTINGS) == 1.0
 
 
-def test_beside_tied_parameters_a_flexible_correction_may_take_less_more() -> None:
-    assert p_unknown(worth(2.0, 0.55, 0.9), SETTINGS, tied=True) == 1.0
-    assert p_unknown(worth(2.0, 0.55, 0.9), SETTINGS) == 0.0
+@pytest.mark.parametrize("tied", [True, False])
+def test_a_cause_is_unknown_where_a_flexible_correction_takes_twice_as_much(tied: bool) -> None:
+    assert p_unknown(named(worth(2.0, 0.42, 0.9), tied=tied), SETTINGS) == 1.0
+    assert p_unknown(named(worth(2.0, 0.55, 0.9), tied=tied), SETTINGS) == 0.0
 
 
 @pytest.mark.parametrize(
