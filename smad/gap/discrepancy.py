@@ -45,11 +45,16 @@ class Background:
         return left_out(self.fit)
 
     @cached_property
+    def problem(self) -> Problem:
+        """The good runs, weighed by what they taught."""
+        ev = self.fit.problem.evidence
+        return Problem(ev, Whitening(ev, self.noise), self.expected(ev))
+
+    @cached_property
     def usual_score(self) -> float:
         """Log-likelihood of a cell of the good runs, each predicted by the others, on average."""
-        ev = self.fit.problem.evidence
-        problem = Problem(ev, Whitening(ev, self.noise), self.expected(ev))
-        return float(np.mean(problem.cell_score(problem.white(self.left_out.predicted))))
+        z = self.problem.white(self.left_out.predicted)
+        return float(np.mean(self.problem.cell_score(z)))
 
     def expected(self, evidence: Evidence) -> Array:
         """The template's part of the residual of other runs, in rows of `evidence`."""

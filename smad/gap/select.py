@@ -104,7 +104,7 @@ def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
     return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED * total)
 
 
-def clear(c: Candidate, s: Settings) -> bool:
+def _clear(c: Candidate, s: Settings) -> bool:
     """Whether an effect takes most of a gap that none could overlook, if only in a few cells."""
     return c.shrink_gain >= s.clear_shrink and c.excess_before >= s.clear_excess
 
@@ -117,7 +117,7 @@ def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
     """
     if not tied:
         return max(2.0, s.gain_standard_errors * c.gain_se)
-    if clear(c, s):
+    if _clear(c, s):
         return s.clear_standard_errors * c.gain_se
     further = len(c.names) > 1
     errors = s.further_standard_errors if further else s.since_standard_errors
@@ -229,9 +229,8 @@ class Selector:
         return sorted(out, key=_best_first)
 
     def _candidate(self, before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
-        gain, se = cluster_gain(
-            before.fit.problem, self.hold, judged.scores() - before.judged.scores()
-        )
+        scores = judged.scores()
+        gain, se = cluster_gain(before.fit.problem, self.hold, scores - before.judged.scores())
         touched = touched_outputs(before.judged, judged)
         rises = [
             shrink(judged.excess(keys), before.judged.excess(keys))
@@ -248,7 +247,7 @@ class Selector:
             max(rises),
             before.judged.excess(list(touched)),
             float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
-            len(judged.scores()),
+            len(scores),
         )
 
     def _first(self, candidates: Sequence[Candidate]) -> Candidate | None:

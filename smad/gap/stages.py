@@ -246,12 +246,9 @@ def _threshold(background: Background | None, settings: Settings) -> float:
     """
     if background is None:
         return settings.min_excess
-    problem = background.fit.problem
-    ev = problem.evidence
-    residual = ev.residual(background.left_out.predicted)
-    whitening = Whitening(ev, background.noise)
-    squares = np.square(whitening.scale(residual - background.expected(ev)))
-    own = Problem(ev, whitening, background.expected(ev))
+    own = background.problem
+    ev = own.evidence
+    squares = np.square(own.scaled(background.left_out.predicted))
     per_run = []
     for r in range(len(ev.runs)):
         weight = np.zeros(ev.n)

@@ -79,7 +79,7 @@ class Rig:
 
     async def wait_for(self, done: Awaitable[T]) -> T:
         """Wait for something that a thread does while board time stands still."""
-        return await asyncio.wait_for(asyncio.ensure_future(done), _PATIENCE_S)
+        return await asyncio.wait_for(done, _PATIENCE_S)
 
     async def run_for(self, seconds: float) -> None:
         """Let board time pass."""
