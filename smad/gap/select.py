@@ -126,14 +126,13 @@ def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
 
 def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
     """Whether the last effect of a candidate may enter, beside tied parameters or free ones."""
-    stands = (
-        c.gain > asked_gain(c, s, tied=tied)
-        and c.gain + c.regime_gain > 0.0
-        and c.p_value <= s.significance
-    )
-    # Beside tied parameters an effect stands out by its score although the background is larger.
+    stands = c.gain > asked_gain(c, s, tied=tied) and c.p_value <= s.significance
+    if tied:
+        # Beside tied parameters an effect stands out by its score although the background is
+        # larger; but what the form of a law leaves in one regime is no help in another.
+        return stands and c.regime_gain > s.regime_share * c.gain
     takes = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
-    return stands and (tied or takes)
+    return stands and takes and c.gain + c.regime_gain > 0.0
 
 
 class Selector:

@@ -26,7 +26,8 @@ class Settings:
     bench's laws have another form than the model's, some effect gains 0.1 to 0.3 nats a cell though
     none is there, and up to 0.5 where parameters have changed (development bank). An effect that
     takes `clear_shrink` of a gap of at least `clear_excess` floors on its outputs enters with
-    `clear_standard_errors` instead: it may show in few cells. A free refit replaces the answer if
+    `clear_standard_errors` instead: it may show in few cells. Fitted without each regime in turn,
+    it must gain on those left out `regime_share` of what it gains on runs left out. A free refit replaces the answer if
     it is better by `free_standard_errors`, unless the cause gains `beside_standard_errors` beside
     what is free.
 
@@ -39,7 +40,8 @@ class Settings:
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five
-    without an effect, one in six with several): probabilities are scaled by them.
+    without an effect, one in six with several): probabilities are scaled by them. Where other
+    values of the parameters predict as well as the cause, it is `imitated_right`: even odds.
 
     `form_share` widens the interval of an effect's strength, in quadrature: a bench follows a law
     of another form than the library's (a gain that depends on the current), whose number differs
@@ -83,6 +85,7 @@ class Settings:
     since_gain: float = 0.55
     since_standard_errors: float = 2.0
     further_standard_errors: float = 3.0
+    regime_share: float = 0.1
     clear_standard_errors: float = 3.0
     clear_shrink: float = 0.5
     clear_excess: float = 1.0
@@ -106,5 +109,6 @@ class Settings:
 
     quiet_right: float = 0.4
     named_right: float = 0.75
+    imitated_right: float = 0.5
     unknown_right: float = 0.5
     form_share: float = 0.35

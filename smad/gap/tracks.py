@@ -32,7 +32,8 @@ class Track:
     `asked` is the selection among effects, beside tied parameters where there are known-good runs;
     `selection` is that one, or the free refit that stands in its place. `free_gain` is what the
     free refit's held-out score is above that of the best model asked for, `free_gain_se` its
-    standard error; both are 0 where nothing was tied.
+    standard error; both are 0 where nothing was tied. `imitated`: the answer is a cause, but the
+    free refit predicts as well, and the cause does not help beside it.
     """
 
     selection: Selection
@@ -41,6 +42,7 @@ class Track:
     asked: Selection
     free_gain: float = 0.0
     free_gain_se: float = 0.0
+    imitated: bool = False
 
 
 def follow_tracks(
@@ -73,11 +75,15 @@ def follow_tracks(
     free = prepared.free
     progress("what has been added, parameters as the known-good runs say")
     selection = selected(prepared.tied)
-    rise = _gain(prepared, free, selection.best.judged)
-    if _holds(prepared, selection.best, free, *rise):
-        return Track(selection, True, free, selection, *rise)
+    best = selection.best
+    rise, error = _gain(prepared, free, best.judged)
+    clear = prepared.settings.free_standard_errors * error
+    helps = bool(best.names) and rise > -clear and _helps(prepared, best, free)
+    if _stands(prepared, best, free, beaten=rise > clear, helps=helps):
+        imitated = bool(best.names) and rise > -clear and not helps
+        return Track(selection, True, free, selection, rise, error, imitated)
     refit = Candidate(JointFit(prepared.fit, ()), free)
-    return Track(Selection.without_effects(refit, selection), False, free, selection, *rise)
+    return Track(Selection.without_effects(refit, selection), False, free, selection, rise, error)
 
 
 def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
@@ -87,18 +93,21 @@ def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
     return is_new(prepared.background.fit, candidate, prepared.hold, errors)
 
 
-def _holds(prepared: Prepared, best: Candidate, free: Judged, rise: float, error: float) -> bool:
-    """Whether the tied answer stands beside the free refit, whose score is higher by `rise`.
+def _stands(
+    prepared: Prepared, best: Candidate, free: Judged, *, beaten: bool, helps: bool
+) -> bool:
+    """Whether the tied answer stands beside the free refit.
 
-    Not if the free refit predicts runs not fitted to clearly better. Parameters and laws that are
-    free follow a bench that obeys other laws than the model, whatever else it does: a cause stands
-    all the same if it helps beside them as clearly as a cause must. Without a cause the tied answer
-    stands only if nothing of note is left, or if the free refit would not help.
+    Not if it is `beaten`: if the free refit predicts runs not fitted to clearly better. Parameters
+    and laws that are free follow a bench that obeys other laws than the model, whatever else it
+    does: a cause stands all the same if it `helps` beside them as clearly as a cause must. Without
+    a cause the tied answer stands only if nothing of note is left, or if the free refit would not
+    help.
     """
-    if rise > prepared.settings.free_standard_errors * error:
-        return bool(best.names) and _helps(prepared, best, free)
+    if best.names:
+        return helps or not beaten
     little = max(prepared.threshold, _SAME * free.excess())
-    return bool(best.names) or best.judged.excess() <= little
+    return not beaten and best.judged.excess() <= little
 
 
 def _helps(prepared: Prepared, best: Candidate, free: Judged) -> bool:

@@ -26,7 +26,8 @@ class Evidenced:
     that these runs would show at all at their typical strength. `chance` is how often chance alone
     would make a single effect stand out so. `tied`: the parameters were held to what the known-good
     runs say; `gap_free` is what a refit of all of them would leave. `taken` is the part that the
-    effects take of what these runs score worse than known-good runs left out do.
+    effects take of what these runs score worse than known-good runs left out do. `imitated`: other
+    values of the parameters predict as well as the effects, which do not help beside them.
     """
 
     effects: tuple[str, ...]
@@ -43,6 +44,7 @@ class Evidenced:
     tied: bool = False
     gap_free: float = 0.0
     taken: float = 0.0
+    imitated: bool = False
 
 
 def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
@@ -58,7 +60,7 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
         Outcome.NO_GAP: settings.quiet_right,
         Outcome.PARAMETERS: settings.quiet_right,
         Outcome.UNKNOWN: settings.unknown_right,
-    } | dict.fromkeys(NAMED, settings.named_right)
+    } | dict.fromkeys(NAMED, settings.imitated_right if e.imitated else settings.named_right)
     return outcome, p * right.get(outcome, 1.0)
 
 
@@ -211,10 +213,16 @@ def _gap_sentence(e: Evidenced) -> str:
         return f"{subject}: not above the noise floor."
     if e.tied:
         said = f"{subject} {e.gap_raw:.1f}× the noise floor."
-        if e.effects and e.gap_free < 0.7 * e.whole.gap_refit:
+        if e.effects and e.imitated:
+            said += (
+                f" Other values of the parameters hide it down to {e.gap_free:.1f}× and predict "
+                "runs not fitted to as well as the cause below: these runs do not tell the two "
+                "apart."
+            )
+        elif e.effects and e.gap_free < 0.7 * e.whole.gap_refit:
             said += (
                 f" Other values of the parameters would hide it down to {e.gap_free:.1f}×, "
-                "but would contradict those runs."
+                "but predict less, or not what the cause predicts beside them."
             )
         return said
     removed = 1.0 - e.whole.gap_refit / e.gap_raw

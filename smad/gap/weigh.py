@@ -34,6 +34,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         since_good=prepared.background is not None,
         gap_free=track.free.excess(),
         tied=track.tied,
+        imitated=track.imitated,
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
         taken=_taken(prepared, selection),

@@ -171,7 +171,7 @@ SENSORS: tuple[Effect, ...] = (
         "gain error of the force sensor",
         "sensors",
         "F_r = (1 + g) F",
-        (EffectParameter("gain", k.E_F_GAIN, "1", -0.3, 0.3, 0.04, either(0.03), "gain error g"),),
+        (EffectParameter("gain", k.E_F_GAIN, "1", -0.7, 1.0, 0.04, either(0.03), "gain error g"),),
         ("force",),
         ("force_offset", "tube_stiffness"),
         "hang two dead weights",

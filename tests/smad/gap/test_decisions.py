@@ -10,7 +10,7 @@ import pytest
 from smad.gap import Settings
 from smad.gap.assess import Worth
 from smad.gap.records import Outcome
-from smad.gap.verdict import Evidenced, decide, p_unknown
+from smad.gap.verdict import Evidenced, _gap_sentence, decide, p_unknown
 
 SETTINGS = Settings()
 
@@ -85,3 +85,15 @@ def test_a_probability_since_good_runs_is_scaled_by_how_often_such_answers_were_
 def test_runs_that_excite_too_little_are_no_matter_of_how_often_names_were_right() -> None:
     starved = replace(evidenced(worth(0.0, 0.0)), visible=0.1)
     assert decide(starved, SETTINGS) == (Outcome.NO_EXCITATION, pytest.approx(0.9))
+
+
+def test_a_cause_that_other_parameters_predict_as_well_has_even_odds_and_the_verdict_says_so() -> (
+    None
+):
+    sure = named(worth(2.0, 0.9), tied=True)
+    open_ = replace(sure, imitated=True)
+    outcome, p = decide(open_, SETTINGS)
+    assert outcome is decide(sure, SETTINGS)[0] is Outcome.EFFECT
+    assert p == pytest.approx(SETTINGS.imitated_right)
+    assert "do not tell the two apart" in _gap_sentence(open_)
+    assert "do not tell the two apart" not in _gap_sentence(sure)

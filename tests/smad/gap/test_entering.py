@@ -50,12 +50,24 @@ def test_since_good_runs_a_gain_counts_by_the_cells_that_were_judged(
         {"gain": 250.0},
         {"p_value": 0.02},
         {"regime_gain": -1000.0},
+        {"regime_gain": 60.0},
         {"shrink_gain": 0.4, "gain": 540.0},
     ],
-    ids=["small gain", "chance", "lost in other regimes", "no more than other laws bring"],
+    ids=[
+        "small gain",
+        "chance",
+        "lost in other regimes",
+        "no help in other regimes",
+        "no more than other laws bring",
+    ],
 )
 def test_an_effect_that_fails_one_test_stays_out(numbers: dict[str, float]) -> None:
     assert not acceptable(candidate("x", **numbers), SETTINGS, tied=True)
+
+
+def test_without_good_runs_other_regimes_need_only_not_take_the_gain_back() -> None:
+    assert acceptable(candidate("x", regime_gain=-600.0), SETTINGS, tied=False)
+    assert not acceptable(candidate("x", regime_gain=-800.0), SETTINGS, tied=False)
 
 
 @pytest.mark.parametrize("numbers", [{"shrink_gain": 0.05}, {"excess_before": 0.3}])

@@ -1,0 +1,48 @@
+"""A cause that other values of the parameters imitate altogether, and one that they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from smad.gap.plant import Array, Effect, EffectParameter, ModelPoint
+from smad.gap.records import Outcome
+from smad.gap.runs import GapRun
+from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
+from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant
+
+LEAK = Effect(
+    "leak", "a draught", "thermal", (EffectParameter("more_W_K", "W/K", 0.05, 0.0, 0.3),),
+    ("temp_l_degC", "temp_r_degC", "rod_um"),
+)  # fmt: skip
+
+
+class Draughty(HeaterPlant):
+    """The heater in a draught, which is to its plates what a larger loss is."""
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        more = point.effects.get("leak", {}).get("more_W_K", 0.0)
+        theta = {**NOMINAL, **point.theta}
+        theta["ha_W_K"] += more
+        return super().simulate(replace(point, theta=theta), run, views, fast=fast)
+
+
+DRAUGHTY = Draughty((*HeaterPlant().library, LEAK))
+
+
+def test_a_cause_that_other_parameters_imitate_is_said_not_to_be_told_from_them() -> None:
+    moved = bank(OTHER | {"ha_W_K": OTHER["ha_W_K"] + 0.06})
+    verdict = ask(moved, DRAUGHTY, good=bank(OTHER, seed=40)[:3]).verdict
+    assert verdict.outcome is Outcome.EFFECT, verdict.text
+    assert verdict.effects == ["leak"]
+    assert "do not tell the two apart" in verdict.text
+    assert verdict.probability <= 0.5
+
+
+def test_a_cause_that_no_parameters_imitate_is_told_from_them() -> None:
+    coupled = bank(OTHER, {"coupling": SHOWN["coupling"]})
+    verdict = ask(coupled, DRAUGHTY, good=bank(OTHER, seed=40)[:3]).verdict
+    assert verdict.effects == ["coupling"], verdict.text
+    assert "do not tell the two apart" not in verdict.text
