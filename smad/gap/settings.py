@@ -27,9 +27,9 @@ class Settings:
     none is there, and up to 0.5 where parameters have changed (development bank). An effect that
     takes `clear_shrink` of a gap of at least `clear_excess` floors on its outputs enters with
     `clear_standard_errors` instead: it may show in few cells. Fitted without each regime in turn,
-    it must gain on those left out `regime_share` of what it gains on runs left out. A free refit replaces the answer if
-    it is better by `free_standard_errors`, unless the cause gains `beside_standard_errors` beside
-    what is free.
+    it must gain on those left out `regime_share` of what it gains on runs left out. A free refit
+    replaces the answer if it is better by `free_standard_errors`, unless the cause gains
+    `beside_standard_errors` beside what is free.
 
     Beside tied parameters a cause is unknown if the best of the library takes less than
     `since_ratio` of what a flexible correction takes, or leaves more than `unknown_left` floors and
