@@ -152,7 +152,14 @@ def _failed(order: Order, file: VerdictFile) -> int:
 @click.argument("key", type=_FILE)
 @click.option("--json", "json_path", type=_OUT, help="Write all scores here.")
 @click.option("--html", "html_path", type=_OUT, help="Write the page here.")
-@click.option("--readme", type=_OUT, help="Put the table between the markers of this file.")
+@click.option(
+    "--readme",
+    "documents",
+    type=_OUT,
+    multiple=True,
+    metavar="FILE",
+    help="Put the tables between the markers of this file; may be given again.",
+)
 @click.option(
     "--answered-only", is_flag=True, help="Leave out cases without a verdict, after --cases."
 )
@@ -162,7 +169,7 @@ def score(
     key: Path,
     json_path: Path | None,
     html_path: Path | None,
-    readme: Path | None,
+    documents: tuple[Path, ...],
     answered_only: bool,
 ) -> None:
     """Compare VERDICTS with the KEY of their bank.
@@ -175,6 +182,7 @@ def score(
     from smad.gap.check import page
     from smad.gap.check.key import file_digest, read_key
     from smad.gap.check.openings import SEALED, Ledger, checkout
+    from smad.gap.check.places import into_document
     from smad.gap.check.running import commit
     from smad.gap.check.score import matched
     from smad.gap.check.scores import scores, write_scores
@@ -197,8 +205,8 @@ def score(
     if html_path is not None:
         facts = [(n, str(file.tool[n])) for n in ("version", "commit") if file.tool.get(n)]
         write_page(page.page(result, facts), html_path)
-    if readme is not None:
-        page.into_readme(readme, result)
-    for path in (json_path, html_path, readme):
+    for document in documents:
+        into_document(document, result)
+    for path in (json_path, html_path, *documents):
         if path is not None:
             click.echo(f"written: {path}", err=True)

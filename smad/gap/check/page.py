@@ -1,18 +1,15 @@
-"""Scores to read: a text for the terminal, a table for the README, and one HTML page."""
+"""Scores to read: tables, a text for the terminal, and one HTML page."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 from smad.gap.check import figures
-from smad.gap.check.errors import CheckError
 from smad.gap.check.names import CAUSES
 from smad.gap.check.score import Row
-from smad.gap.check.scores import Scores
-from smad.report.page import Block, Page, Picture, Section, Table, Text, markdown_table, text_table
+from smad.gap.check.scores import Mistake, Scores
+from smad.report.page import Block, Page, Picture, Section, Table, Text, text_table
 
-BEGIN = "<!-- withheld scores: made by `smad gap score … --readme` -->"
-END = "<!-- end of withheld scores -->"
 _MET = {True: "yes", False: "no", None: ""}
 _QUIET = {"none": "no_gap", "parameters": "parameters_only"}
 _MOST_MISTAKES = 40
@@ -60,26 +57,6 @@ def text(scores: Scores) -> str:
     if others is not None:
         parts += ["\nbaselines on the same data\n", text_table(others)]
     return "\n".join(p.rstrip("\n") for p in parts)
-
-
-def into_readme(path: Path, scores: Scores) -> None:
-    """Replace the table between the two markers. Raises CheckError when the file has no markers."""
-    try:
-        before = path.read_text()
-    except OSError as error:
-        raise CheckError(
-            f"{path} cannot be read", value=error.strerror, action="check the path"
-        ) from error
-    head, begin, rest = before.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not begin or not end:
-        raise CheckError(
-            f"{path} has no place for the scores",
-            limit="two markers",
-            action=f"put the lines {BEGIN} and {END} into it",
-        )
-    said = f"Bank `{scores.bank}`, {scores.answered} of {scores.cases} cases answered.\n\n"
-    path.write_text(f"{head}{BEGIN}\n{said}{markdown_table(table(scores))}{END}{tail}")
 
 
 def page(scores: Scores, facts: list[tuple[str, str]]) -> Page:
@@ -169,16 +146,45 @@ def _mistakes(scores: Scores) -> list[Block]:
         return [Text("None.")]
     shown = scores.mistakes[:_MOST_MISTAKES]
     rest = len(scores.mistakes) - len(shown)
-    table = Table(
+    said: list[Block] = [mistakes(shown)]
+    return [*said, Text(f"{rest} more are in the JSON file.")] if rest else said
+
+
+def mistakes(some: Sequence[Mistake]) -> Table:
+    """Wrong first answers, a line each."""
+    return Table(
         ("case", "kind", "truth", "floors", "outcome", "said", "probability"),
         [
             (m.case, m.kind, " + ".join(m.truth), f"{m.floors:.1f}", m.outcome,
              " + ".join(m.said), f"{m.probability:.2f}")
-            for m in shown
+            for m in some
         ],
         numeric=frozenset({3, 6}),
     )  # fmt: skip
-    return [table, Text(f"{rest} more are in the JSON file.")] if rest else [table]
+
+
+def confusion(scores: Scores) -> Table:
+    """What was said of every truth, and how often; the most frequent answer first."""
+    rows = [
+        (truth, _right(truth), ", ".join(_counted(said)))
+        for truth in sorted(scores.confusion, key=_place)
+        for said in [scores.confusion[truth]]
+    ]
+    return Table(("truth", "right answer", "said (cases)"), rows)
+
+
+def _counted(said: Mapping[str, int]) -> list[str]:
+    return [f"{name} ({n})" for name, n in sorted(said.items(), key=lambda x: (-x[1], x[0]))]
+
+
+def trusted(scores: Scores) -> Table:
+    """What the model is trusted to on each channel, in floors."""
+    rows = [
+        (t.channel, *(f"{x:.1f}" for x in (t.low, t.median, t.high)), str(t.cases))
+        for t in scores.trusted
+    ]
+    heads = ("channel", "quartile", "median", "quartile", "cases")
+    return Table(heads, rows, numeric=frozenset({1, 2, 3, 4}))
 
 
 def _trusted(scores: Scores) -> list[Block]:
@@ -187,12 +193,7 @@ def _trusted(scores: Scores) -> list[Block]:
         "floors that strengths are counted in: quartiles over the cases. An effect of fewer floors "
         "is smaller there than what the model leaves of a bench without any."
     )
-    rows = [
-        (t.channel, *(f"{x:.1f}" for x in (t.low, t.median, t.high)), str(t.cases))
-        for t in scores.trusted
-    ]
-    heads = ("channel", "quartile", "median", "quartile", "cases")
-    return [Text(text), Table(heads, rows, numeric=frozenset({1, 2, 3, 4}))]
+    return [Text(text), trusted(scores)]
 
 
 def _compared(scores: Scores) -> list[Block]:

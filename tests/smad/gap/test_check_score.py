@@ -16,7 +16,8 @@ from smad.gap.check.intervals import bootstrap, wilson
 from smad.gap.check.key import CaseKey, Key, file_digest, read_key
 from smad.gap.check.names import ALIASES, CAUSES, canonical, canonical_subsystem
 from smad.gap.check.openings import Ledger, checkout
-from smad.gap.check.scores import Scores, read_scores, scores
+from smad.gap.check.places import TABLES, begin, end, into_document
+from smad.gap.check.scores import Mistake, Scores, read_scores, scores
 from smad.gap.check.verdicts import (
     CaseVerdict,
     Estimate,
@@ -379,7 +380,7 @@ def test_the_command_scores_and_writes_json_page_and_readme(
 ) -> None:
     verdicts, key = _scored(tmp_path, "dev")
     out, html, readme = (tmp_path / n for n in ("scores.json", "scores.html", "README.md"))
-    readme.write_text(f"before\n{page.BEGIN}\nold\n{page.END}\nafter\n")
+    readme.write_text(f"before\n{begin('scores')}\nold\n{end('scores')}\nafter\n")
     options = ["--json", str(out), "--html", str(html), "--readme", str(readme)]
     assert execute(["gap", "score", str(verdicts), str(key), *options]) == 0
     assert "right name first" in capsys.readouterr().out
@@ -407,7 +408,30 @@ def test_a_readme_without_markers_is_refused(tmp_path: Path) -> None:
     _, found = _read(*_scored(tmp_path, "dev"))
     (tmp_path / "README.md").write_text("nothing")
     with pytest.raises(CheckError, match="two markers"):
-        page.into_readme(tmp_path / "README.md", found)
+        into_document(tmp_path / "README.md", found)
+
+
+def test_a_document_gets_every_table_that_it_has_a_place_for(tmp_path: Path) -> None:
+    verdicts, key = _scored(tmp_path, "dev")
+    _, found = _read(verdicts, key)
+    documents = [tmp_path / "README.md", tmp_path / "results.md"]
+    documents[0].write_text(f"{begin('scores')}\n{end('scores')}\n")
+    documents[1].write_text("".join(f"## {n}\n{begin(n)}\nold\n{end(n)}\n" for n in TABLES))
+    options = [x for d in documents for x in ("--readme", str(d))]
+    for _ in range(2):  # a second time the same comes out
+        assert execute(["gap", "score", str(verdicts), str(key), *options]) == 0
+        short, whole = (d.read_text() for d in documents)
+        assert "| truth |" not in short
+        assert "old" not in whole
+        assert "| truth | right answer |" in whole
+        for truth, said in found.confusion.items():
+            (line,) = [x for x in whole.splitlines() if x.startswith(f"| {truth} |")]
+            assert all(f"{name} ({n})" in line for name, n in said.items())
+    wrong = Mistake("case-007", "single", ["rtd_lag"], 3.0, ["rtd_offset"], "effect", 0.9)
+    into_document(documents[1], msgspec.structs.replace(found, mistakes=[wrong]))
+    assert "| case-007 | single | rtd_lag | 3.0 | effect | rtd_offset | 0.90 |" in (
+        documents[1].read_text()
+    )
 
 
 def test_a_file_that_is_no_key_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,65 @@
+"""Scores in a document: tables that stand between two markers, and are made anew by the scoring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from smad.gap.check import page
+from smad.gap.check.errors import CheckError
+from smad.gap.check.scores import Scores
+from smad.report.page import Table, markdown_table
+
+# What a document may hold -> the table that goes there, None when these scores have none.
+TABLES: dict[str, Callable[[Scores], Table | None]] = {
+    "scores": page.table,
+    "baselines": page.beside,
+    "confusion": page.confusion,
+    "mistakes": lambda scores: page.mistakes(scores.mistakes),
+    "background": page.trusted,
+}
+
+
+def begin(name: str) -> str:
+    """The line above a table."""
+    return f"<!-- withheld {name}: made by `smad gap score … --readme` -->"
+
+
+def end(name: str) -> str:
+    """The line below it."""
+    return f"<!-- end of withheld {name} -->"
+
+
+def into_document(path: Path, scores: Scores) -> None:
+    """Replaces every table of `TABLES` that the document has a place for.
+
+    Raises CheckError when the file cannot be read or has no place at all.
+    """
+    try:
+        text = path.read_text()
+    except OSError as error:
+        raise CheckError(
+            f"{path} cannot be read", value=error.strerror, action="check the path"
+        ) from error
+    found = [name for name in TABLES if begin(name) in text and end(name) in text]
+    if not found:
+        raise CheckError(
+            f"{path} has no place for the scores",
+            limit="two markers",
+            action=f"put the lines {begin('scores')} and {end('scores')} into it",
+        )
+    for name in found:
+        head, _, rest = text.partition(begin(name))
+        tail = rest.partition(end(name))[2]
+        text = f"{head}{begin(name)}\n{_said(name, scores)}{end(name)}{tail}"
+    path.write_text(text)
+
+
+def _said(name: str, scores: Scores) -> str:
+    table = TABLES[name](scores)
+    said = markdown_table(table) if table is not None and table.rows else "None.\n"
+    if name == "scores":
+        said = (
+            f"Bank `{scores.bank}`, {scores.answered} of {scores.cases} cases answered.\n\n{said}"
+        )
+    return said
