@@ -16,11 +16,10 @@ from smad.gap.check.bank import used
 from smad.gap.check.case import Part, Task
 from smad.gap.check.key import file_digest
 from smad.gap.check.names import OUTCOMES
+from smad.gap.check.reason_tables import case_table, count_table
 from smad.gap.check.reasons import (
     FORMAT,
     Report,
-    case_table,
-    count_table,
     counts,
     explained,
     given_beside,

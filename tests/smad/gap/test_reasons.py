@@ -9,13 +9,12 @@ import pytest
 
 from smad.gap import Settings
 from smad.gap.check.key import CaseKey, TrueEffect
+from smad.gap.check.reason_tables import case_table, count_table
 from smad.gap.check.reasons import (
     ABSENT,
     REASONS,
     Told,
     Way,
-    case_table,
-    count_table,
     counts,
     explained,
     in_background,
