@@ -28,6 +28,8 @@ class Evidenced:
     runs say; `gap_free` is what a refit of all of them would leave. `taken` is the part that the
     effects take of what these runs score worse than known-good runs left out do. `imitated`: other
     values of the parameters predict as well as the effects, which do not help beside them.
+    `instead`: effects that parameters held to what the known-good runs say ask for, which would
+    bring the gap to `gap_instead`, but whose place other values of the parameters have taken.
     """
 
     effects: tuple[str, ...]
@@ -45,6 +47,8 @@ class Evidenced:
     gap_free: float = 0.0
     taken: float = 0.0
     imitated: bool = False
+    instead: tuple[str, ...] = ()
+    gap_instead: float = 0.0
 
 
 def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
@@ -171,11 +175,13 @@ def words(
     said = [_gap_sentence(e)]
     if outcome in (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.NO_EXCITATION):
         said.append(_quiet(outcome, e))
+        said += _instead(e, title)
         return " ".join(said)
     place = f"in {' and '.join(regimes)}" if regimes else "in all regimes"
     said.append(f"It lies in the {sub_model} part, {place}, in {_listing(outputs)}.")
     if outcome is Outcome.UNKNOWN:
         said.append(_unknown_sentence(e, title, p))
+        said += _instead(e, title)
     else:
         said.append(_cause_sentence(outcome, e, title, values, p))
         low, high = gap.interval
@@ -187,13 +193,23 @@ def words(
         if outcome is Outcome.PLUS_REST:
             said.append("A rest remains that no effect of the library explains.")
         confused = [f"{n} or {' or '.join(g)}" for n, g in e.groups.items() if g]
+        if e.imitated:
+            confused.append("cause or other parameters")
         said.append(f"Not told apart: {'; '.join(confused) if confused else 'nothing'}.")
-    said.append(next_sentence(experiments, wanted))
+    open_question = outcome is Outcome.UNKNOWN or e.imitated
+    said.append(next_sentence(experiments, wanted, settled=not open_question))
     return " ".join(said)
 
 
-def next_sentence(experiments: Sequence[ExperimentRecord], wanted: float) -> str:
-    """The experiments that together should tell the causes apart, or that they should not."""
+def next_sentence(
+    experiments: Sequence[ExperimentRecord], wanted: float, *, settled: bool = True
+) -> str:
+    """The experiments that together should tell the causes apart, or that they should not.
+
+    Where there is nothing to tell apart, whether the question is `settled` by that.
+    """
+    if not experiments and not settled:
+        return "Next experiment: none to propose; the catalogue tells causes of the library apart."
     if not experiments:
         return "Next experiment: none needed."
     several = enough([x.counted or 0.0 for x in experiments], wanted)
@@ -258,6 +274,18 @@ def _unknown_sentence(e: Evidenced, title: Mapping[str, Effect], p: float) -> st
             f"{max(0.0, e.touched.ceiling):.0%}."
         )
     return f"Cause: unknown (probability {p:.2f}); it is not in the library.{best}"
+
+
+def _instead(e: Evidenced, title: Mapping[str, Effect]) -> list[str]:
+    """What is not named, since other values of the parameters predict better."""
+    if not e.instead:
+        return []
+    names = " and ".join(f"{title[n].title} [{n}]" for n in e.instead)
+    return [
+        f"With the parameters of the known-good runs, {names} would leave {e.gap_instead:.2f}×; "
+        f"it is not named, because other values of the parameters predict better and leave "
+        f"{e.gap_free:.2f}×."
+    ]
 
 
 def _cause_sentence(

@@ -35,6 +35,8 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         gap_free=track.free.excess(),
         tied=track.tied,
         imitated=track.imitated,
+        instead=() if track.tied or prepared.tied is None else track.asked.best.names,
+        gap_instead=track.asked.best.judged.excess(),
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
         taken=_taken(prepared, selection),

@@ -38,7 +38,18 @@ def test_a_cause_that_other_parameters_imitate_is_said_not_to_be_told_from_them(
     assert verdict.outcome is Outcome.EFFECT, verdict.text
     assert verdict.effects == ["leak"]
     assert "do not tell the two apart" in verdict.text
+    assert "Not told apart: cause or other parameters" in verdict.text
+    assert "none needed" not in verdict.text
     assert verdict.probability <= 0.5
+
+
+def test_a_cause_that_other_parameters_predict_better_than_is_told_but_not_named() -> None:
+    moved = bank(OTHER | {"ha_W_K": 0.66, "rod_um_K": 3.3})
+    verdict = ask(moved, DRAUGHTY, good=bank(OTHER, seed=40)[:3]).verdict
+    assert verdict.outcome is Outcome.PARAMETERS, verdict.text
+    assert verdict.effects == []
+    assert "a draught [leak] would leave" in verdict.text
+    assert "other values of the parameters predict better" in verdict.text
 
 
 def test_a_cause_that_no_parameters_imitate_is_told_from_them() -> None:

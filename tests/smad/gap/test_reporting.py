@@ -223,3 +223,4 @@ def test_experiments_that_do_not_add_up_are_not_promised() -> None:
         "likely to tell them apart (d² ≈ 5.0 of the 16 needed)."
     )
     assert next_sentence([], 16.0) == "Next experiment: none needed."
+    assert "none to propose" in next_sentence([], 16.0, settled=False)
