@@ -78,10 +78,10 @@ def follow_tracks(
     best = selection.best
     rise, error = _gain(prepared, free, best.judged)
     clear = prepared.settings.free_standard_errors * error
-    helps = bool(best.names) and rise > -clear and _helps(prepared, best, free)
+    close = bool(best.names) and rise > -clear
+    helps = close and _helps(prepared, best, free)
     if _stands(prepared, best, free, beaten=rise > clear, helps=helps):
-        imitated = bool(best.names) and rise > -clear and not helps
-        return Track(selection, True, free, selection, rise, error, imitated)
+        return Track(selection, True, free, selection, rise, error, close and not helps)
     refit = Candidate(JointFit(prepared.fit, ()), free)
     return Track(Selection.without_effects(refit, selection), False, free, selection, rise, error)
 

@@ -229,11 +229,11 @@ def _gap_sentence(e: Evidenced) -> str:
         return f"{subject}: not above the noise floor."
     if e.tied:
         said = f"{subject} {e.gap_raw:.1f}× the noise floor."
-        if e.effects and e.imitated:
+        if e.imitated:
             said += (
                 f" Other values of the parameters hide it down to {e.gap_free:.1f}× and predict "
-                "runs not fitted to as well as the cause below: these runs do not tell the two "
-                "apart."
+                "runs not fitted to as well as the best of the library: these runs do not tell the "
+                "two apart."
             )
         elif e.effects and e.gap_free < 0.7 * e.whole.gap_refit:
             said += (

@@ -166,9 +166,8 @@ def mistakes(some: Sequence[Mistake]) -> Table:
 def confusion(scores: Scores) -> Table:
     """What was said of every truth, and how often; the most frequent answer first."""
     rows = [
-        (truth, _right(truth), ", ".join(_counted(said)))
+        (truth, _right(truth), ", ".join(_counted(scores.confusion[truth])))
         for truth in sorted(scores.confusion, key=_place)
-        for said in [scores.confusion[truth]]
     ]
     return Table(("truth", "right answer", "said (cases)"), rows)
 

@@ -41,17 +41,19 @@ def into_document(path: Path, scores: Scores) -> None:
         raise CheckError(
             f"{path} cannot be read", value=error.strerror, action="check the path"
         ) from error
-    found = [name for name in TABLES if begin(name) in text and end(name) in text]
+    found = False
+    for name in TABLES:
+        head, above, rest = text.partition(begin(name))
+        _, below, tail = rest.partition(end(name))
+        if above and below:
+            found = True
+            text = f"{head}{above}\n{_said(name, scores)}{below}{tail}"
     if not found:
         raise CheckError(
             f"{path} has no place for the scores",
             limit="two markers",
             action=f"put the lines {begin('scores')} and {end('scores')} into it",
         )
-    for name in found:
-        head, _, rest = text.partition(begin(name))
-        tail = rest.partition(end(name))[2]
-        text = f"{head}{begin(name)}\n{_said(name, scores)}{end(name)}{tail}"
     path.write_text(text)
 
 

@@ -411,6 +411,18 @@ def test_a_readme_without_markers_is_refused(tmp_path: Path) -> None:
         into_document(tmp_path / "README.md", found)
 
 
+def test_a_document_whose_markers_stand_the_wrong_way_round_is_refused_and_kept(
+    tmp_path: Path,
+) -> None:
+    _, found = _read(*_scored(tmp_path, "dev"))
+    document = tmp_path / "README.md"
+    text = f"{end('scores')}\n{begin('scores')}\nwritten by hand\n"
+    document.write_text(text)
+    with pytest.raises(CheckError, match="two markers"):
+        into_document(document, found)
+    assert document.read_text() == text
+
+
 def test_a_document_gets_every_table_that_it_has_a_place_for(tmp_path: Path) -> None:
     verdicts, key = _scored(tmp_path, "dev")
     _, found = _read(verdicts, key)
