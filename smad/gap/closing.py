@@ -5,22 +5,20 @@ from __future__ import annotations
 import dataclasses
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from importlib.metadata import version
 
 import numpy as np
 
 from smad.gap.admission import Admission, Finding
-from smad.gap.assess import counted_share
+from smad.gap.confused import confused, parting_experiments
 from smad.gap.fit import JointFit, bootstrap, intervals, polished
 from smad.gap.judge import excess_by_key, predict_by_run
-from smad.gap.nextexp import propose
 from smad.gap.plant import Array, ModelPoint, PlantModel
 from smad.gap.records import (
     NAMED,
     Diagnosis,
-    ExperimentRecord,
     FindingRecord,
     LeftOutRecord,
     Outcome,
@@ -48,7 +46,7 @@ from smad.gap.summary import (
     window_records,
 )
 from smad.gap.tracks import Track
-from smad.gap.verdict import decide, words
+from smad.gap.verdict import decide, stands_out, words
 from smad.gap.weigh import weigh
 
 LIMITS = (
@@ -166,9 +164,16 @@ class Closing:
             first = next(e for e in plant.effects if e.name == numbers.effects[0])
             sub_model = first.sub_model
             outputs = [k for k in best.touched if k in outputs] or list(best.touched)
+        elif stands_out(numbers, settings):
+            assert numbers.unexplained is not None
+            outputs = [numbers.unexplained.output]
+            sub_model = self._sub_model_of(outputs[0])
         place = self._sub_model_of(outputs[0]) if outputs else sub_model
         regimes = refit_heat.worst_regimes(place)
-        experiments = self._experiments(outcome, groups)
+        question = confused(prepared, self.track, outcome, groups)
+        if question is not None:
+            self.progress("next experiment")
+        experiments = [] if question is None else parting_experiments(prepared, question)
         channel_of = {s.key: s.channel for s in best.judged.bench.evidence.segments}
         text = words(
             outcome, numbers, plant, p=p, sub_model=sub_model, regimes=regimes,
@@ -195,6 +200,9 @@ class Closing:
             ceiling=whole.ceiling,
             open_loop=opened,
             text=text,
+            imitated=named and numbers.imitated,
+            instead=list(numbers.instead),
+            gap_instead=numbers.gap_instead if numbers.instead else None,
         )
         rivals = next(iter(selection.rivals.values()), ())
         stand = [best, *rivals] if best.names else list(selection.tried[:5])
@@ -258,38 +266,3 @@ class Closing:
         total = rows[-1]
         shown = traces("open loop", opened.problem, predictions[1], predictions[-1], prepared.plant)
         return [total.raw, total.refit, *total.effects], list(rows), list(shown)
-
-    def _experiments(
-        self, outcome: Outcome, groups: Mapping[str, Sequence[str]]
-    ) -> list[ExperimentRecord]:
-        """Proposals, when something is still confused."""
-        if outcome is not Outcome.AMBIGUOUS:
-            return []
-        self.progress("next experiment")
-        s = self.selection
-        name = next(n for n in s.best.names if groups.get(n))
-        near = [r for r in s.rivals[name] if any(n in groups[name] for n in r.names)][:3]
-        table = s.probability[name]
-        fits = [s.best.fit, *[r.fit for r in near]]
-        weights = [table.get(name, 1.0)]
-        weights += [max(table.get(n, 0.0) for n in r.names if n not in s.best.names) for r in near]
-        found = propose(
-            fits,
-            weights,
-            self.prepared.noise,
-            self.prepared.plant.catalogue(),
-            share=counted_share(s.best, near[0]),
-        )
-        together = np.cumsum([q.counted for q in found]).tolist()
-        return [
-            ExperimentRecord(
-                q.experiment.name,
-                q.experiment.title,
-                q.experiment.duration_s,
-                q.separation,
-                q.experiment.command,
-                q.counted,
-                so_far,
-            )
-            for q, so_far in zip(found, together, strict=True)
-        ]

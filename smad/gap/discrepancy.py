@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from smad.gap.deficit import Usual, usual_of
 from smad.gap.flexible import Correction, Designs, fit_correction
 from smad.gap.leave_out import LeftOut, left_out
 from smad.gap.lsq import Fitted, Problem
@@ -51,10 +52,9 @@ class Background:
         return Problem(ev, Whitening(ev, self.noise), self.expected(ev))
 
     @cached_property
-    def usual_score(self) -> float:
-        """Log-likelihood of a cell of the good runs, each predicted by the others, on average."""
-        z = self.problem.white(self.left_out.predicted)
-        return float(np.mean(self.problem.cell_score(z)))
+    def usual(self) -> Usual | None:
+        """How the good runs score, each predicted by the others; None of a single run."""
+        return usual_of(self.problem, self.left_out.predicted)
 
     def expected(self, evidence: Evidence) -> Array:
         """The template's part of the residual of other runs, in rows of `evidence`."""

@@ -29,14 +29,16 @@ class Settings:
     `clear_standard_errors` instead: it may show in few cells. Fitted without each regime in turn,
     it must gain on those left out `regime_share` of what it gains on runs left out. A free refit
     replaces the answer if it is better by `free_standard_errors`, unless the cause gains
-    `beside_standard_errors` beside what is free.
+    `beside_standard_errors` beside what is free, or `imitated_share` of what the free refit gains.
 
     Beside tied parameters a cause is unknown if the best of the library takes less than
     `since_ratio` of what a flexible correction takes, or leaves more than `unknown_left` floors and
     takes less than `since_clear_shrink`; unless it makes good `since_taken` of what the runs score
     worse than good ones. Since known-good runs it is, too, if none enters and the
     refit leaves more than `blind_excess` floors and `blind_ratio` times what is significant (with a
-    flexible correction that finds `found_share` of it, `structural_excess` times).
+    flexible correction that finds `found_share` of it, `structural_excess` times), where the runs
+    score worse than good ones, each predicted by the others, by `since_deficit` nats a cell; or if
+    they do on one output, by `since_spreads` times what good runs differ in it.
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five
@@ -91,11 +93,14 @@ class Settings:
     clear_excess: float = 1.0
     free_standard_errors: float = 2.0
     beside_standard_errors: float = 4.0
+    imitated_share: float = 0.9
     min_shrink_gain: float = 0.1
     blind_excess: float = 1.0
     blind_ratio: float = 2.0
     structural_excess: float = 1.2
     found_share: float = 0.3
+    since_deficit: float = 4.5
+    since_spreads: float = 8.0
     unknown_shrink: float = 0.2
     unknown_ratio: float = 0.5
     unknown_left: float = 1.75

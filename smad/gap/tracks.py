@@ -80,7 +80,8 @@ def follow_tracks(
     clear = prepared.settings.free_standard_errors * error
     close = bool(best.names) and rise > -clear
     helps = close and _helps(prepared, best, free)
-    if _stands(prepared, best, free, beaten=rise > clear, helps=helps):
+    beaten = rise > clear and not _nearly_all(prepared, selection, rise)
+    if _stands(prepared, best, free, beaten=beaten, helps=helps):
         return Track(selection, True, free, selection, rise, error, close and not helps)
     refit = Candidate(JointFit(prepared.fit, ()), free)
     return Track(Selection.without_effects(refit, selection), False, free, selection, rise, error)
@@ -93,12 +94,24 @@ def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
     return is_new(prepared.background.fit, candidate, prepared.hold, errors)
 
 
+def _nearly_all(prepared: Prepared, selection: Selection, rise: float) -> bool:
+    """Whether causes gain nearly all that the free refit gains over the tied one.
+
+    Then a handful of numbers does what dozens that are free to move by a third do: what these
+    gain on top is the form of the bench's laws.
+    """
+    base, best = selection.base.judged, selection.best.judged
+    gain, _ = _gain(prepared, best, base)
+    return bool(selection.best.names) and gain > prepared.settings.imitated_share * (gain + rise)
+
+
 def _stands(
     prepared: Prepared, best: Candidate, free: Judged, *, beaten: bool, helps: bool
 ) -> bool:
     """Whether the tied answer stands beside the free refit.
 
-    Not if it is `beaten`: if the free refit predicts runs not fitted to clearly better. Parameters
+    Not if it is `beaten`: if the free refit predicts runs not fitted to clearly better, of which
+    the cause does not gain nearly all. Parameters
     and laws that are free follow a bench that obeys other laws than the model, whatever else it
     does: a cause stands all the same if it `helps` beside them as clearly as a cause must. Without
     a cause the tied answer stands only if nothing of note is left, or if the free refit would not

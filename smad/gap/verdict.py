@@ -18,6 +18,19 @@ _VANISHED = 0.55
 
 
 @dataclass(frozen=True)
+class Unexplained:
+    """What runs score worse than known-good ones do, nats a cell, where no effect is added.
+
+    `deficit` over all outputs, by the better of the tied and the free parameters; `output` stands
+    out most by both, `spreads` times what good runs differ in it.
+    """
+
+    deficit: float
+    output: str
+    spreads: float
+
+
+@dataclass(frozen=True)
 class Evidenced:
     """The numbers a verdict rests on.
 
@@ -28,6 +41,7 @@ class Evidenced:
     runs say; `gap_free` is what a refit of all of them would leave. `taken` is the part that the
     effects take of what these runs score worse than known-good runs left out do. `imitated`: other
     values of the parameters predict as well as the effects, which do not help beside them.
+    `unexplained` is None without good runs that could be left out.
     `instead`: effects that parameters held to what the known-good runs say ask for, which would
     bring the gap to `gap_instead`, but whose place other values of the parameters have taken.
     """
@@ -46,6 +60,7 @@ class Evidenced:
     tied: bool = False
     gap_free: float = 0.0
     taken: float = 0.0
+    unexplained: Unexplained | None = None
     imitated: bool = False
     instead: tuple[str, ...] = ()
     gap_instead: float = 0.0
@@ -78,7 +93,7 @@ def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
             return Outcome.PARAMETERS, nothing
         return Outcome.NO_GAP, nothing
     if not e.effects:
-        return Outcome.UNKNOWN, _certainty(e)
+        return Outcome.UNKNOWN, _certainty(e, settings)
     unknown = p_unknown(e, settings)
     if unknown > 0.5:
         return Outcome.UNKNOWN, unknown
@@ -99,14 +114,24 @@ def _structural(e: Evidenced, settings: Settings) -> bool:
 
     A cause makes an error that depends on state, which a flexible correction finds on other runs;
     beside a background learnt from good runs, a gap of which it finds nothing must be far beyond
-    the threshold.
+    the threshold. And runs that are large in a few places only, but score hardly worse than good
+    ones left out do, have more of what good ones have, too. What no excess over all outputs shows
+    is an output in which good runs hardly differ, and these do.
     """
     over = e.whole.gap_refit / max(e.threshold, 1e-9)
     if not e.since_good:
         return over > 1.0
     seen = over > settings.structural_excess and e.whole.ceiling > settings.found_share
     large = e.whole.gap_refit > settings.blind_excess and over > settings.blind_ratio
-    return large or seen
+    if e.unexplained is None:
+        return large or seen
+    worse = e.unexplained.deficit > settings.since_deficit
+    return ((large or seen) and worse) or stands_out(e, settings)
+
+
+def stands_out(e: Evidenced, settings: Settings) -> bool:
+    """Whether one output differs far more from the good runs than these do among themselves."""
+    return e.unexplained is not None and e.unexplained.spreads > settings.since_spreads
 
 
 def _present(e: Evidenced) -> float:
@@ -118,9 +143,11 @@ def _present(e: Evidenced) -> float:
     return float(0.03 + 0.47 * np.clip(doubt, 0.0, 1.0))
 
 
-def _certainty(e: Evidenced) -> float:
-    # How far beyond the threshold the gap is; one half at the threshold.
+def _certainty(e: Evidenced, settings: Settings) -> float:
+    """How far beyond the threshold the gap is; one half at the threshold."""
     ratio = e.whole.gap_refit / max(e.threshold, 1e-9)
+    if e.unexplained is not None:
+        ratio = max(ratio, e.unexplained.spreads / settings.since_spreads)
     return float(1.0 - 0.5 / max(1.0, ratio) ** 2)
 
 
@@ -273,7 +300,13 @@ def _unknown_sentence(e: Evidenced, title: Mapping[str, Effect], p: float) -> st
             f"{max(0.0, e.touched.shrink):.0%} of it where a flexible correction removes "
             f"{max(0.0, e.touched.ceiling):.0%}."
         )
-    return f"Cause: unknown (probability {p:.2f}); it is not in the library.{best}"
+    alone = ""
+    if e.unexplained is not None and not e.effects:
+        alone = (
+            f" On {e.unexplained.output} alone the runs differ from good ones by "
+            f"{e.unexplained.spreads:.0f} times what those differ."
+        )
+    return f"Cause: unknown (probability {p:.2f}); it is not in the library.{best}{alone}"
 
 
 def _instead(e: Evidenced, title: Mapping[str, Effect]) -> list[str]:

@@ -8,11 +8,12 @@ import numpy as np
 from scipy.stats import norm
 
 from smad.gap.assess import Standing, group_of
+from smad.gap.deficit import clearest, deficit_of
 from smad.gap.plant import ModelPoint
-from smad.gap.select import Selection
+from smad.gap.select import Selection, touched_outputs
 from smad.gap.stages import Prepared
 from smad.gap.tracks import Track
-from smad.gap.verdict import Evidenced
+from smad.gap.verdict import Evidenced, Unexplained
 
 _VISIBLE_FLOORS = 4.0
 
@@ -22,7 +23,8 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
     selection = track.selection
     standing = Standing.of(selection, None if track.tied else prepared.gentle)
     whole = standing.worth(selection.best.judged.bench.evidence.keys)
-    touched = standing.worth(selection.best.touched) if selection.best.touched else whole
+    outputs = _touched(selection)
+    touched = standing.worth(outputs) if outputs else whole
     return Evidenced(
         effects=_by_importance(prepared, selection),
         groups=_groups(prepared, selection),
@@ -40,20 +42,38 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
         taken=_taken(prepared, selection),
+        unexplained=_unexplained(prepared, track),
         visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))
         if selection.screened
         else 1.0,
     )
 
 
+def _touched(selection: Selection) -> tuple[str, ...]:
+    """The outputs that carry what all effects of the best model change."""
+    if len(selection.best.names) < 2:
+        return selection.best.touched
+    return touched_outputs(selection.base.judged, selection.best.judged)
+
+
+def _unexplained(prepared: Prepared, track: Track) -> Unexplained | None:
+    """What stands beyond known-good runs whether their parameters are kept or all are refitted."""
+    usual = None if prepared.background is None else prepared.background.usual
+    if usual is None:
+        return None
+    models = [deficit_of(usual, j) for j in (track.asked.base.judged, track.free)]
+    output, spreads = clearest(usual, models)
+    return Unexplained(min(m.whole for m in models), output, spreads)
+
+
 def _taken(prepared: Prepared, selection: Selection) -> float:
     """Part of what the runs score worse than good runs left out that the effects make good."""
-    if prepared.background is None:
+    usual = None if prepared.background is None else prepared.background.usual
+    if usual is None:
         return 0.0
-    refit = selection.base.judged.scores()
-    lacking = len(refit) * prepared.background.usual_score - refit.sum()
-    gained = selection.best.judged.scores().sum() - refit.sum()
-    return float(gained / lacking) if lacking > 0.0 else 1.0
+    lacking = deficit_of(usual, selection.base.judged).whole
+    left = deficit_of(usual, selection.best.judged).whole
+    return 1.0 - left / lacking if lacking > 0.0 else 1.0
 
 
 def _chance(selection: Selection) -> float:

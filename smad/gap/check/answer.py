@@ -27,7 +27,7 @@ def answer(
     group = [verdict.effects[0], *verdict.group] if named and verdict.group else []
     experiment = None
     if diagnosis.experiments:
-        between = group or [n for h in causes[:2] for n in h.names]
+        between = group or _confused(verdict)
         experiment = NextExperiment(diagnosis.experiments[0].name, between)
     return CaseVerdict(
         outcome=OUTCOMES[verdict.outcome],
@@ -43,6 +43,11 @@ def answer(
         baselines=baselines(diagnosis.fitted, library, case) if with_baselines else {},
         seconds=round(diagnosis.seconds, 2),
     )
+
+
+def _confused(verdict: Verdict) -> list[str]:
+    """What an experiment is to part where no causes of a group are."""
+    return [*(verdict.effects or verdict.instead), _QUIET[Outcome.PARAMETERS]]
 
 
 def held_out(diagnosis: Diagnosis) -> dict[str, HeldOut]:

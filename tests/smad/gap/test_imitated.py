@@ -34,9 +34,12 @@ DRAUGHTY = Draughty((*HeaterPlant().library, LEAK))
 
 def test_a_cause_that_other_parameters_imitate_is_said_not_to_be_told_from_them() -> None:
     moved = bank(OTHER | {"ha_W_K": OTHER["ha_W_K"] + 0.06})
-    verdict = ask(moved, DRAUGHTY, good=bank(OTHER, seed=40)[:3]).verdict
+    found = ask(moved, DRAUGHTY, good=bank(OTHER, seed=40)[:3])
+    verdict = found.verdict
     assert verdict.outcome is Outcome.EFFECT, verdict.text
     assert verdict.effects == ["leak"]
+    assert verdict.imitated
+    assert found.experiments, "an experiment that would part cause and parameters"
     assert "do not tell the two apart" in verdict.text
     assert "Not told apart: cause or other parameters" in verdict.text
     assert "none needed" not in verdict.text
@@ -45,9 +48,13 @@ def test_a_cause_that_other_parameters_imitate_is_said_not_to_be_told_from_them(
 
 def test_a_cause_that_other_parameters_predict_better_than_is_told_but_not_named() -> None:
     moved = bank(OTHER | {"ha_W_K": 0.66, "rod_um_K": 3.3})
-    verdict = ask(moved, DRAUGHTY, good=bank(OTHER, seed=40)[:3]).verdict
+    found = ask(moved, DRAUGHTY, good=bank(OTHER, seed=40)[:3])
+    verdict = found.verdict
     assert verdict.outcome is Outcome.PARAMETERS, verdict.text
     assert verdict.effects == []
+    assert verdict.instead == ["leak"]
+    assert verdict.gap_instead is not None
+    assert found.experiments
     assert "a draught [leak] would leave" in verdict.text
     assert "other values of the parameters predict better" in verdict.text
 
@@ -56,4 +63,6 @@ def test_a_cause_that_no_parameters_imitate_is_told_from_them() -> None:
     coupled = bank(OTHER, {"coupling": SHOWN["coupling"]})
     verdict = ask(coupled, DRAUGHTY, good=bank(OTHER, seed=40)[:3]).verdict
     assert verdict.effects == ["coupling"], verdict.text
+    assert not verdict.imitated
+    assert verdict.instead == []
     assert "do not tell the two apart" not in verdict.text
