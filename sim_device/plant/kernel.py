@@ -171,7 +171,7 @@ P_DH_INV = 43
 CONSTANTS_SIZE = 44
 
 # Slots of the candidate effects; the registry in `effects` refers to them by these names. All zero
-# is the plant without any. The first three are switches that the host sets from the others.
+# is the plant without any. The first three, switches, and E_KNEE are set by the host from others.
 E_ROUGH = 0  # friction, drag, tube stiffness or a tendon that gives
 E_UNEVEN_STRAIN = 1  # anything that adds to Eq. (9) of a spring
 E_LATE = 2  # any delayed channel
@@ -233,12 +233,17 @@ E_PLACE = 57
 E_MEMORY = 58
 E_UNIFIED = 59
 E_TAILS = 60
-EFFECTS_SIZE = 61
+E_SHARPNESS = 61
+E_KNEE = 62  # share of the current that is missing, (I/I_s)^n, at I_max
+EFFECTS_SIZE = 63
+# The slots once more as they are for side Y: the drivers, leads, RTDs and water lines differ. What
+# the sides share, and X, is read from the first.
+SIDES_SIZE = 2 * EFFECTS_SIZE
 # unified_kinetics: behind the slots lie its two outer curves, for heating and for cooling, as value
 # and slope (per cell) at even steps of the progress from PROGRESS_LOW on. See `lay_curves`.
 CURVE_CELLS_PER_UNIT = 128
 CURVE_SIZE = 2 * (3 * CURVE_CELLS_PER_UNIT + 1)
-E_HEATING = EFFECTS_SIZE
+E_HEATING = SIDES_SIZE
 E_COOLING = E_HEATING + CURVE_SIZE
 UNIFIED_SIZE = E_COOLING + CURVE_SIZE
 
@@ -1900,9 +1905,9 @@ def electrify(s: Array, p: Array, e: Array, command: float, fed: bool, dt: float
     if not fed:
         if e[E_GAIN] != 0.0:
             current = current * (1.0 + e[E_GAIN])
-        if e[E_DEFICIT] > 0.0:
-            top = (1.0 - e[E_DEFICIT]) * p[P_I_MAX]
-            current = min(current, top)
+        if e[E_KNEE] > 0.0 and current > 0.0:
+            over = e[E_KNEE] * math.pow(current / p[P_I_MAX], e[E_SHARPNESS])
+            current = current * math.pow(1.0 + over, -1.0 / e[E_SHARPNESS])
         if e[E_LAG_S] > 0.0:
             current = current + (s[S_I] - current) * math.exp(-dt / e[E_LAG_S])
     s[S_I] = current
@@ -2152,10 +2157,11 @@ def substep(
     if feeds[F_SURROUNDINGS] > 0.0:
         g[G_T_IN] = feeds[F_SURROUNDINGS + 1]
         g[G_T_AIR] = feeds[F_SURROUNDINGS + 2]
+    e_y = e[EFFECTS_SIZE:SIDES_SIZE]
     pump(x, p, e, drive[2], 1.0, dt)
-    pump(y, p, e, drive[3], -1.0, dt)
+    pump(y, p, e_y, drive[3], -1.0, dt)
     supply(x, y, wx, p, e, feeds, drive, 0, dt)
-    supply(y, x, wy, p, e, feeds, drive, 1, dt)
+    supply(y, x, wy, p, e_y, feeds, drive, 1, dt)
     warm(x, y, g, wx, p, e, feeds, table, 0, share, dt)
     warm(y, x, g, wy, p, e, feeds, table, 1, share, dt)
     g[G_TIME] += dt
@@ -2234,7 +2240,7 @@ def sense_spring(s: Array, g: Array, p: Array, e: Array, side: int, dt: float) -
 def sense(x: Array, y: Array, g: Array, p: Array, e: Array, ring: Array, dt: float) -> None:
     """What the sensors give at the end of a sample that lasted dt; dt = 0 before the first."""
     sense_spring(x, g, p, e, 0, dt)
-    sense_spring(y, g, p, e, 1, dt)
+    sense_spring(y, g, p, e[EFFECTS_SIZE:SIDES_SIZE], 1, dt)
     # Not what is fed: these are what the plant itself would show.
     g[G_M_RTD + 2] = g[G_ENV_IN] + g[G_RESERVOIR]
     g[G_M_RTD + 3] = g[G_ENV_AIR] + g[G_DRIFT]

@@ -48,7 +48,7 @@ class Setup:
         e = effect_vector(resolved)
         apply_warming(p, e)
         if e[k.E_UNIFIED] > 0.0:
-            e = np.concatenate([e, np.zeros(k.UNIFIED_SIZE - k.EFFECTS_SIZE)])
+            e = np.concatenate([e, np.zeros(k.UNIFIED_SIZE - k.SIDES_SIZE)])
             k.lay_curves(p, e)
         return cls(parameters, resolved, p, e, table_of(variant))
 

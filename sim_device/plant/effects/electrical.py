@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sim_device.plant import kernel as k
-from sim_device.plant.effects.record import Effect, EffectParameter, about, either, half
+from sim_device.plant.effects.record import Y_SHARE, Effect, EffectParameter, about, either, half
 
 ELECTRICAL: tuple[Effect, ...] = (
     Effect(
@@ -11,7 +11,10 @@ ELECTRICAL: tuple[Effect, ...] = (
         "gain error of the current driver",
         "actuator",
         "I = (1 + g) I_c",
-        (EffectParameter("gain", k.E_GAIN, "1", -0.3, 0.3, 0.06, either(0.05), "gain error g"),),
+        (
+            EffectParameter("gain", k.E_GAIN, "1", -0.3, 0.3, 0.06, either(0.05), "gain error g"),
+            Y_SHARE,
+        ),
         ("current", "voltage", "temperature", "displacement", "force"),
         ("contact_resistance", "convection_exponent", "phase_resistivity"),
         "compare commanded with measured current on a staircase",
@@ -22,7 +25,10 @@ ELECTRICAL: tuple[Effect, ...] = (
         "lag of the current driver",
         "actuator",
         "τ dI/dt = I_c − I",
-        (EffectParameter("tau_s", k.E_LAG_S, "s", 0, 1, 0.1, half(0.1), "time constant τ"),),
+        (
+            EffectParameter("tau_s", k.E_LAG_S, "s", 0, 1, 0.1, half(0.1), "time constant τ"),
+            Y_SHARE,
+        ),
         ("current", "voltage", "temperature", "displacement", "force"),
         ("channel_delay", "rtd_lag"),
         "pseudo-random current steps shorter than a second",
@@ -31,18 +37,24 @@ ELECTRICAL: tuple[Effect, ...] = (
     ),
     Effect(
         "driver_saturation",
-        "driver or supply cannot reach the largest current",
+        "driver or supply runs out of headroom towards the largest current",
         "actuator",
-        "I = min(I_c, (1 − s) I_max), I_max from the parameter file; s = 1 − V_s/(R I_max)",
+        "I = I_c/[1 + (I_c/I_s)^n]^(1/n), (I_max/I_s)^n = (1 − s)^−n − 1, so that I = (1 − s) I_max"
+        " at I_c = I_max of the parameter file",
         (
             EffectParameter(
-                "deficit", k.E_DEFICIT, "1", 0, 0.9, 0.5, half(0.3), "missing share s of I_max"
+                "deficit", k.E_DEFICIT, "1", 0, 0.9, 0.1, half(0.1), "missing share s at I_max"
             ),
+            EffectParameter(
+                "sharpness", k.E_SHARPNESS, "1", 2, 40, 6, about(6), "n; a clip when large", None
+            ),
+            Y_SHARE,
         ),
         ("current", "voltage", "temperature", "displacement", "force"),
         ("driver_gain",),
-        "a staircase of currents up to I_max: only the top steps fall short",
-        "compliance voltage of a current source: I R cannot exceed the supply",
+        "a staircase of currents up to I_max: the top steps fall short, by ever more",
+        "C. Rapp, Proc. 2nd European Conf. on Satellite Communications, Liège 1991, ESA SP-332,"
+        " 179-184 (soft limiter of power amplifiers); used here for a current source",
     ),
     Effect(
         "phase_resistivity",
@@ -71,6 +83,7 @@ ELECTRICAL: tuple[Effect, ...] = (
             EffectParameter(
                 "resistance_Ohm", k.E_CONTACT_OHM, "Ohm", 0, 0.5, 0.05, half(0.05), "R_c"
             ),
+            Y_SHARE,
         ),
         ("voltage",),
         ("phase_resistivity",),
@@ -86,6 +99,7 @@ ELECTRICAL: tuple[Effect, ...] = (
             EffectParameter(
                 "offset_A", k.E_I_OFFSET, "A", -0.3, 0.3, 0.03, either(0.03), "offset I_o"
             ),
+            Y_SHARE,
         ),
         ("current",),
         ("driver_gain",),
@@ -100,7 +114,10 @@ SENSORS: tuple[Effect, ...] = (
         "the RTD follows the wire late",
         "sensors",
         "τ dT_r/dt = T − T_r",
-        (EffectParameter("tau_s", k.E_RTD_LAG_S, "s", 0, 5, 0.6, half(0.7), "time constant τ"),),
+        (
+            EffectParameter("tau_s", k.E_RTD_LAG_S, "s", 0, 5, 0.6, half(0.7), "time constant τ"),
+            Y_SHARE,
+        ),
         ("temperature",),
         ("channel_delay", "rtd_stem", "temperature_spread"),
         "heat at two rates: a lag grows with the rate, a delay does not",
@@ -112,7 +129,10 @@ SENSORS: tuple[Effect, ...] = (
         "constant error of the RTDs",
         "sensors",
         "T_r = T + T_o",
-        (EffectParameter("offset_K", k.E_RTD_OFFSET, "K", -5, 5, 1.0, either(1.0), "offset T_o"),),
+        (
+            EffectParameter("offset_K", k.E_RTD_OFFSET, "K", -5, 5, 1.0, either(1.0), "offset T_o"),
+            Y_SHARE,
+        ),
         ("temperature",),
         ("rtd_stem", "reservoir_warming", "ambient_drift"),
         "rest isotherm: all RTDs at one temperature, nothing driven",
@@ -123,7 +143,7 @@ SENSORS: tuple[Effect, ...] = (
         "the RTD loses heat along its stem",
         "sensors",
         "T_r = T − ε (T − T_a)",
-        (EffectParameter("share", k.E_RTD_STEM, "1", 0, 0.5, 0.08, half(0.08), "share ε"),),
+        (EffectParameter("share", k.E_RTD_STEM, "1", 0, 0.5, 0.08, half(0.08), "share ε"), Y_SHARE),
         ("temperature",),
         ("rtd_offset", "rtd_lag", "convection_exponent"),
         "two plateaus: an offset is the same on both, a stem error is proportional",

@@ -55,11 +55,11 @@ class EffectParameter:
     A strength switches the effect: at `zero` it is absent. A shape (`zero` is None) says how the
     effect acts and means nothing while every strength is zero. `low` and `high` are the range that
     is accepted; `typical` is a value that a bench may well show. `slot` is its place in the
-    kernel's effects vector.
+    kernel's effects vector; without one it only says how others get there.
     """
 
     name: str
-    slot: int
+    slot: int | None
     unit: str
     low: float
     high: float
@@ -73,6 +73,10 @@ class EffectParameter:
     def is_strength(self) -> bool:
         return self.zero is not None
 
+    def on_a_side(self, value: float, share: float) -> float:
+        """What a side with that share of the effect gets: of a strength so much, in its range."""
+        return min(max(share * value, self.low), self.high) if self.is_strength else value
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -81,7 +85,8 @@ class Effect:
     signals: measured channels that it moves. confused_with: other entries that look alike in
     routine runs. separated_by: the experiment that tells them apart. needs: what the plant must be
     for the effect to act (variant, cooling, fixture), as option to allowed values. law: a good
-    bench follows it too, more or less.
+    bench follows it too, more or less. An effect with the parameter `Y_SHARE` acts on hardware that
+    each side has of its own, not equally strongly on both.
     """
 
     name: str
@@ -125,3 +130,8 @@ def either(scale: float) -> Prior:
 def about(median: float, spread: float = 0.7) -> Prior:
     """Prior of a shape parameter: positive, known to a factor."""
     return Prior("log-normal", median, spread)
+
+
+Y_SHARE = EffectParameter(
+    "y_share", None, "1", 0, 2, 1, about(1, 0.3), "side Y gets y times the strengths, X 2 − y", None
+)

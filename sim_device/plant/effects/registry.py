@@ -11,7 +11,7 @@ import numpy.typing as npt
 from sim_device.plant import kernel as k
 from sim_device.plant.effects.electrical import ELECTRICAL, SENSORS
 from sim_device.plant.effects.material import MECHANICS, PHASE
-from sim_device.plant.effects.record import Effect
+from sim_device.plant.effects.record import Y_SHARE, Effect
 from sim_device.plant.effects.thermal import THERMAL, WATER
 from sim_device.plant.errors import EffectError
 from sim_device.written import numbers_by_name
@@ -116,15 +116,22 @@ def check_needs(effects: Resolved, options: Mapping[str, str]) -> None:
 
 
 def effect_vector(effects: Resolved) -> npt.NDArray[np.float64]:
-    """The kernel's effects vector of what `resolve` gives, shape (EFFECTS_SIZE,); zero without."""
-    vector = np.zeros(k.EFFECTS_SIZE)
+    """The kernel's effects vector of what `resolve` gives, shape (SIDES_SIZE,); zero without."""
+    sides = np.zeros((2, k.EFFECTS_SIZE))
+    x, y = sides
     for name, values in effects.items():
+        of_y = values.get(Y_SHARE.name, 1.0)
         for parameter in effect(name).parameters:
-            vector[parameter.slot] = values[parameter.name]
+            if parameter.slot is not None:
+                value = values[parameter.name]
+                x[parameter.slot] = parameter.on_a_side(value, 2.0 - of_y)
+                y[parameter.slot] = parameter.on_a_side(value, of_y)
     for switch, slots in (
         (k.E_ROUGH, _ROUGH),
         (k.E_UNEVEN_STRAIN, _UNEVEN_STRAIN),
         (k.E_LATE, _LATE),
     ):
-        vector[switch] = 1.0 if any(vector[slot] != 0.0 for slot in slots) else 0.0
-    return vector
+        x[switch] = 1.0 if any(x[slot] != 0.0 for slot in slots) else 0.0
+    for side in sides:
+        side[k.E_KNEE] = math.expm1(-side[k.E_SHARPNESS] * math.log1p(-side[k.E_DEFICIT]))
+    return sides.ravel()

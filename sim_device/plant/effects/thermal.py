@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sim_device.plant import kernel as k
-from sim_device.plant.effects.record import Effect, EffectParameter, about, either, half
+from sim_device.plant.effects.record import Y_SHARE, Effect, EffectParameter, about, either, half
 
 _HEAT = ("temperature", "displacement", "force")
 _WATER = (("cooling", ("water",)),)
@@ -148,6 +148,7 @@ WATER: tuple[Effect, ...] = (
             EffectParameter(
                 "tau_s", k.E_DRAINAGE_S, "s", 0.1, 100, 5, about(5), "time constant τ", None
             ),
+            Y_SHARE,
         ),
         _HEAT,
         ("tube_wall", "air_pockets"),
@@ -160,7 +161,10 @@ WATER: tuple[Effect, ...] = (
         "air bubbles cut the cooling by a different share at each start of the pump",
         "water",
         "h → h (1 − s v_n), Q → Q (1 − s v_n), v_n scattered in 0 to 1 with the n-th start",
-        (EffectParameter("share", k.E_POCKETS, "1", 0, 0.95, 0.5, half(0.3), "largest share s"),),
+        (
+            EffectParameter("share", k.E_POCKETS, "1", 0, 0.95, 0.5, half(0.3), "largest share s"),
+            Y_SHARE,
+        ),
         _HEAT,
         ("flow_shortfall", "pump_lag"),
         "ten equal pump pulses: bubbles scatter, a shortfall does not",
@@ -175,6 +179,7 @@ WATER: tuple[Effect, ...] = (
         (
             EffectParameter("dead_s", k.E_DEAD_S, "s", 0, 3, 0.3, half(0.3), "dead time t_d"),
             EffectParameter("spinup_s", k.E_SPINUP_S, "s", 0, 3, 0.4, half(0.4), "τ"),
+            Y_SHARE,
         ),
         _HEAT,
         ("flow_shortfall", "channel_delay"),
@@ -192,6 +197,7 @@ WATER: tuple[Effect, ...] = (
             EffectParameter(
                 "share", k.E_SHORTFALL, "1", -0.5, 0.95, 0.3, either(0.3), "missing share s"
             ),
+            Y_SHARE,
         ),
         _HEAT,
         ("air_pockets", "convection_exponent", "uneven_flow"),
@@ -228,7 +234,10 @@ WATER: tuple[Effect, ...] = (
         "part of one side's water reaches the other side",
         "water",
         "Q_X → Q_X + s Q_Y, Q_Y → Q_Y + s Q_X",
-        (EffectParameter("share", k.E_LEAK, "1", 0, 0.9, 0.15, half(0.15), "leaking share s"),),
+        (
+            EffectParameter("share", k.E_LEAK, "1", 0, 0.9, 0.15, half(0.15), "leaking share s"),
+            Y_SHARE,
+        ),
         _HEAT,
         ("thermal_crosstalk", "uneven_flow"),
         "hold one side hot and pump the other",

@@ -86,7 +86,7 @@ def test_the_film_of_what_has_run_away_is_read_within_the_table() -> None:
 
 
 def test_a_curve_is_read_within_its_table_wherever_the_progress_is() -> None:
-    e = np.ones(k.EFFECTS_SIZE + 2 * k.CURVE_SIZE)
+    e = np.ones(k.UNIFIED_SIZE)
     assert np.isnan(k.outer(float("nan"), k.E_HEATING, e)[0])
     assert k.outer(k.PROGRESS_HIGH, k.E_HEATING, e)[0] == pytest.approx(1.0)
 

@@ -9,6 +9,7 @@ import pytest
 from sim_device.plant import kernel as k
 from sim_device.plant import load_parameters, simulate
 from sim_device.plant.effects import EFFECTS
+from sim_device.plant.effects.record import Y_SHARE
 from tests.sim_device.plant.cases import alternating, still
 
 P = load_parameters("A")
@@ -55,12 +56,16 @@ def test_so_they_do_with_any_values_of_the_laws(seed: int) -> None:
         law.name: {
             q.name: 1.0 if q.switch else float(q.typical * np.exp(rng.normal(0.0, 0.5)))
             for q in law.parameters
+            if q is not Y_SHARE
         }
         for law in LAWS
     }
     effects["cooling_front"]["share"] = float(rng.uniform(0.3, 1.0))
     effects["cooling_front"]["place"] = float(rng.uniform(0.1, 0.9))
     effects["unified_kinetics"]["tails"] = float(rng.uniform(0.0, 1.0))
+    for law in LAWS:
+        if Y_SHARE in law.parameters:
+            effects[law.name][Y_SHARE.name] = float(rng.uniform(0.5, 1.5))
     for name, moved in moved_by_a_hair(effects, 0.01).items():
         assert moved < 10.0 * FOLLOWS[name], name
 

@@ -378,7 +378,10 @@ def test_the_simulated_bench_is_that_of_a_model_file(tmp_path: Path) -> None:
 
 def test_effects_of_the_command_line_join_those_of_the_model(tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
-    own = {"rtd_lag": {"tau_s": 0.3}, "driver_gain": {"gain": 0.02}}
+    own = {
+        "rtd_lag": {"tau_s": 0.3, "y_share": 0.8},
+        "driver_gain": {"gain": 0.02, "y_share": 1.0},
+    }
     save_model(path, base="A", variant="extended", overrides={}, effects=own, note="")
 
     def effects(*written: str) -> dict[str, dict[str, float]]:
@@ -386,7 +389,7 @@ def test_effects_of_the_command_line_join_those_of_the_model(tmp_path: Path) -> 
         return {name: dict(values) for name, values in bench.plant.effects.items()}
 
     slower = effects("rtd_lag:tau_s=0.7")
-    assert slower["rtd_lag"] == {"tau_s": 0.7}
+    assert slower["rtd_lag"] == {"tau_s": 0.7, "y_share": 1.0}
     assert slower["driver_gain"] == own["driver_gain"]
     slack = effects("tendon_slack")
     assert slack["rtd_lag"] == own["rtd_lag"]

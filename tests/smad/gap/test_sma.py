@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -163,3 +164,31 @@ def test_each_effect_is_recovered_from_runs_made_with_it(name: str) -> None:
     vague = name in {"tendon_slack", "transformation_fatigue"}
     assert max(reached.values()) < (0.35 if vague else 0.2), end.point
     assert min(dispersion(problem, end.z).values()) > 0.0
+
+
+@pytest.mark.parametrize("name", ["rtd_lag", "driver_gain", "contact_resistance", "pump_lag"])
+def test_the_share_of_each_side_is_found(name: str) -> None:
+    """From an even start; the strength that is reported is the mean of both sides."""
+    settings = Settings()
+    effect = next(e for e in PLANT.effects if e.name == name)
+    truth = effect.at(0.7) | {"y_share": 0.75}
+    bench = ModelPoint({}, {name: truth})
+    runs = tuple(recorded(f, PLANT, bench, 5, duration_s=45.0) for f in ("mixed", "repeats"))
+    floors = estimate_floors(runs, PLANT, settings)
+    ev = Evidence(PLANT, runs, local_views(PLANT), settings)
+    nominal = ModelPoint({p.name: p.nominal for p in PLANT.parameters})
+    ev.calibrate(nominal)
+    problem = Problem(ev, Whitening(ev, fed_noise(ev, floors, nominal, 0)), np.zeros(ev.n))
+    space = Space((), (effect,))
+    end = drive(ev, [fitting(problem, space, space.start({name: effect.at(0.5)}), iterations=12)])
+    found = end[0].point.effects[name]
+    assert found["y_share"] == pytest.approx(0.75, abs=0.1)
+    for q in effect.parameters:
+        if q.strength:
+            assert found[q.name] == pytest.approx(truth[q.name], abs=0.15 * abs(q.typical)), found
+
+
+def test_a_model_file_from_before_the_shares_is_even(tmp_path: Path) -> None:
+    path = tmp_path / "old.toml"
+    path.write_text('format = "smad-model-1"\n[effects.rtd_lag]\ntau_s = 0.4\n', encoding="utf-8")
+    assert PLANT.load_model(path).effects == {"rtd_lag": {"tau_s": 0.4, "y_share": 1.0}}

@@ -1,0 +1,102 @@
+"""Effects of hardware that exists twice: each side has its share of them."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from sim_device.plant import kernel as k
+from sim_device.plant import load_parameters, simulate
+from sim_device.plant.effects import EFFECTS, effect, effect_vector, resolve
+from sim_device.plant.effects.record import Y_SHARE
+from sim_device.plant.replay import OUTPUTS
+from tests.sim_device.plant.cases import alternating
+
+P = load_parameters("A")
+INPUTS = alternating(amps=2.9)
+SIDED = [entry.name for entry in EFFECTS if Y_SHARE in entry.parameters]
+OF_X = [name for name in OUTPUTS if "_x_" in name or name.endswith("_x")]
+OF_Y = [name for name in OUTPUTS if "_y_" in name or name.endswith("_y")]
+
+
+@cache
+def replayed(name=None, level=1.0, y_share=None, fixture="blocked"):
+    """A replay with an effect at a level. Blocked, the springs do not know of each other."""
+    effects = {} if name is None else {name: effect(name).at(level)}
+    if name is not None:
+        del effects[name][Y_SHARE.name]
+        if y_share is not None:
+            effects[name][Y_SHARE.name] = y_share
+    return simulate(P, INPUTS, fixture=fixture, effects=effects, dt_s=0.01)
+
+
+def same(one, other, names):
+    return all(np.array_equal(one[name], other[name]) for name in names)
+
+
+def test_drivers_leads_rtds_and_water_lines_have_a_side_each():
+    assert set(SIDED) == {
+        "driver_gain", "driver_lag", "driver_saturation", "contact_resistance", "current_offset",
+        "rtd_lag", "rtd_offset", "rtd_stem",
+        "water_drainage", "air_pockets", "pump_lag", "flow_shortfall", "valve_leak",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SIDED)
+def test_an_even_share_is_no_share_bit_by_bit(name):
+    values = effect(name).typical()
+    x, y = np.split(effect_vector(resolve({name: values})), 2)
+    assert np.array_equal(x, y)
+    given = {q.slot: values[q.name] for q in effect(name).parameters if q.slot is not None}
+    assert {slot: x[slot] for slot in given} == given
+    given_even = replayed(name, y_share=1.0, fixture="antagonistic")
+    assert same(given_even, replayed(name, fixture="antagonistic"), OUTPUTS)
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in EFFECTS])
+def test_every_other_effect_is_one_for_both_sides(name):
+    x, y = np.split(effect_vector(resolve({name: {}})), 2)
+    own = [q.slot for q in effect(name).parameters if q.slot is not None]
+    assert np.array_equal(x[own], y[own])
+
+
+@pytest.mark.parametrize("name", SIDED)
+def test_each_side_is_that_of_a_bench_with_its_share_on_both(name):
+    uneven = replayed(name, y_share=0.5)
+    assert same(uneven, replayed(name, 1.5), OF_X)
+    assert same(uneven, replayed(name, 0.5), OF_Y)
+    assert not same(uneven, replayed(name, 0.5), OF_X)
+    assert not same(uneven, replayed(name, 1.5), OF_Y)
+
+
+@pytest.mark.parametrize("name", SIDED)
+def test_a_share_of_nothing_leaves_a_side_untouched(name):
+    assert same(replayed(name, y_share=0.0), replayed(), OF_Y)
+    assert not same(replayed(name, y_share=0.0), replayed(), OF_X)
+    assert same(replayed(name, y_share=2.0), replayed(), OF_X)
+    assert not same(replayed(name, y_share=2.0), replayed(), OF_Y)
+
+
+@pytest.mark.parametrize("name", SIDED)
+def test_no_side_gets_more_than_the_range_of_a_strength(name):
+    most = {q.name: q.high for q in effect(name).parameters if q.is_strength}
+    x, y = np.split(effect_vector(resolve({name: most | {Y_SHARE.name: 0.25}})), 2)
+    for q in effect(name).parameters:
+        if q.is_strength:
+            assert x[q.slot] == q.high
+            assert y[q.slot] == 0.25 * q.high
+        elif q.slot is not None:
+            assert x[q.slot] == y[q.slot] == q.typical
+
+
+def test_shares_are_refused_beyond_nothing_and_everything():
+    with pytest.raises(Exception, match="outside 0 to 2"):
+        resolve({"rtd_lag": {"tau_s": 0.5, "y_share": 2.1}})
+
+
+def test_a_share_alone_is_of_the_typical_effect():
+    values = resolve({"rtd_lag": {"y_share": 0.6}})["rtd_lag"]
+    assert values == {"tau_s": effect("rtd_lag").typical()["tau_s"], "y_share": 0.6}
+    vector = effect_vector({"rtd_lag": values})
+    of_y = k.EFFECTS_SIZE + k.E_RTD_LAG_S
+    assert vector[of_y] / vector[k.E_RTD_LAG_S] == pytest.approx(0.6 / 1.4)
