@@ -181,7 +181,9 @@ def initial_state(
         for cell in range(k.CELLS):
             at = k.S_CELLS + cell * k.S_KINETICS
             spring[at : at + k.S_KINETICS] = spring[k.S_XS : k.S_XS + k.S_KINETICS]
-        spring[k.S_R_PROGRESS] = k.clip01((p[k.P_M_S] + k.R_ABOVE - start) / k.R_WIDTH)
+        if e[k.E_R_WIDTH] > 0.0:
+            above = p[k.P_M_S] + e[k.E_R_ABOVE] - start
+            spring[k.S_R_PROGRESS] = k.clip01(above / e[k.E_R_WIDTH])
     shared[k.G_F] = s[k.S_F]
     return s
 

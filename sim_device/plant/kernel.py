@@ -235,7 +235,9 @@ E_UNIFIED = 59
 E_TAILS = 60
 E_SHARPNESS = 61
 E_KNEE = 62  # share of the current that is missing, (I/I_s)^n, at I_max
-EFFECTS_SIZE = 63
+E_R_ABOVE = 63
+E_R_WIDTH = 64
+EFFECTS_SIZE = 65
 # The slots once more as they are for side Y: the drivers, leads, RTDs and water lines differ. What
 # the sides share, and X, is read from the first.
 SIDES_SIZE = 2 * EFFECTS_SIZE
@@ -346,7 +348,7 @@ REST_SPEED = 1e-9
 SDIRK_PART = 1.0 - math.sqrt(0.5)
 SDIRK_FURTHER = (1.0 - SDIRK_PART) / SDIRK_PART
 # R-phase: starts this far above M_S, is complete over the width, reverts with the hysteresis, K.
-R_ABOVE, R_WIDTH, R_HYSTERESIS = 8.0, 6.0, 2.0
+R_HYSTERESIS = 2.0
 EXPONENT_REF_K = 10.0
 # unified_kinetics: how far its curves go beyond 0 and 1, the logistic curve as steep in the middle
 # as the cosine, and what keeps ratios finite.
@@ -1692,19 +1694,19 @@ def heat_books(
 
 
 @inlined
-def r_phase(T: float, xi_old: float, xi: float, s: Array, p: Array) -> None:
+def r_phase(T: float, xi_old: float, xi: float, s: Array, p: Array, e: Array) -> None:
     """Effect r_phase: austenite becomes R-phase on cooling, and back with a small hysteresis."""
-    start = p[P_M_S] + R_ABOVE
+    start = p[P_M_S] + e[E_R_ABOVE]
     austenite = 1.0 - xi
     share = s[S_R] / (1.0 - xi_old) if xi_old < 1.0 else 0.0
-    progress = clip01((start - T) / R_WIDTH)
+    progress = clip01((start - T) / e[E_R_WIDTH])
     if xi < xi_old:
         # Austenite that heating has just made holds no R-phase.
         share = s[S_R] / austenite if austenite > 0.0 else 0.0
     if progress > s[S_R_PROGRESS]:
         ratio = remaining(progress) / remaining(s[S_R_PROGRESS])
         share = 1.0 - (1.0 - share) * ratio
-    top = 1.0 - remaining((start + R_HYSTERESIS - T) / R_WIDTH)
+    top = 1.0 - remaining((start + R_HYSTERESIS - T) / e[E_R_WIDTH])
     share = min(share, top)
     s[S_R_PROGRESS] = progress
     s[S_R] = share * austenite
@@ -1726,7 +1728,7 @@ def history(
     if e[E_COLD_ENDS] > 0.0:
         s[S_XS_END] = end_fraction(F_phase, s, p)[0]
     if e[E_R_STRAIN] != 0.0 or e[E_R_OHM] != 0.0:
-        r_phase(s[S_T], xi_old, xi, s, p)
+        r_phase(s[S_T], xi_old, xi, s, p, e)
 
 
 @inlined

@@ -52,14 +52,18 @@ PHASE: tuple[Effect, ...] = (
         "r_phase",
         "an intermediate R-phase on cooling",
         "phase",
-        "austenite → R from M_S + 8 K to M_S + 2 K on cooling; δ += ε δ_L q, R += ρ q R0",
+        "austenite → R from M_S + a to M_S + a − w on cooling; δ += ε δ_L q, R += ρ q R0",
         (
             EffectParameter(
-                "strain", k.E_R_STRAIN, "1", -0.2, 0.2, 0.03, either(0.03), "ε, share of δ_L"
+                "strain", k.E_R_STRAIN, "1", -0.5, 0.5, 0.03, either(0.03), "ε, share of δ_L"
             ),
             EffectParameter(
                 "resistivity", k.E_R_OHM, "1", -0.3, 0.3, 0.08, either(0.08), "rise ρ of R"
             ),
+            EffectParameter(
+                "above_K", k.E_R_ABOVE, "K", 0, 30, 8, about(8), "a, its start above M_S", None
+            ),
+            EffectParameter("width_K", k.E_R_WIDTH, "K", 1, 30, 6, about(6), "w, its width", None),
         ),
         ("voltage", "temperature", "displacement", "force"),
         ("phase_resistivity", "minor_loop"),
