@@ -67,7 +67,7 @@ S_F = 49  # tension of the spring, N
 S_PUMP = 50  # flow of the pump before leaks, its mean over the substep, m3/s
 S_PUMP_ON_S = 51  # time since the pump was switched on, s
 S_PUMP_COUNT = 52  # times the pump was switched on
-S_WETTED = 53  # share of the wire that flowing water touches
+S_WETTED = 53  # share of the wire that water touches
 S_T_WALL = 54  # tube wall temperature, K
 S_XS_END = 55  # detwinned fraction of the cold ends
 S_R = 56  # R-phase fraction
@@ -237,7 +237,12 @@ E_SHARPNESS = 61
 E_KNEE = 62  # share of the current that is missing, (I/I_s)^n, at I_max
 E_R_ABOVE = 63
 E_R_WIDTH = 64
-EFFECTS_SIZE = 65
+E_LOSS_EXPONENT = 65
+E_READS_X = 66  # share of X's tension in what the force sensor reads, beyond one half
+E_EXPONENT_REF = 67
+E_SCATTER = 68
+E_CLEARS = 69
+EFFECTS_SIZE = 70
 # The slots once more as they are for side Y: the drivers, leads, RTDs and water lines differ. What
 # the sides share, and X, is read from the first.
 SIDES_SIZE = 2 * EFFECTS_SIZE
@@ -349,7 +354,6 @@ SDIRK_PART = 1.0 - math.sqrt(0.5)
 SDIRK_FURTHER = (1.0 - SDIRK_PART) / SDIRK_PART
 # R-phase: starts this far above M_S, is complete over the width, reverts with the hysteresis, K.
 R_HYSTERESIS = 2.0
-EXPONENT_REF_K = 10.0
 # unified_kinetics: how far its curves go beyond 0 and 1, the logistic curve as steep in the middle
 # as the cosine, and what keeps ratios finite.
 PROGRESS_LOW, PROGRESS_HIGH = -1.0, 2.0
@@ -1461,10 +1465,10 @@ def bare(T: float, T_air: float, p: Array) -> float:
 
 
 @inlined
-def steeper(difference: float, e: Array) -> float:
+def steeper(difference: float, exponent: float, e: Array) -> float:
     """Effect convection_exponent: factor on a film coefficient at a temperature difference."""
-    size = abs(difference) / EXPONENT_REF_K
-    return math.pow(size if size > 0.01 else 0.01, e[E_EXPONENT])
+    size = abs(difference) / e[E_EXPONENT_REF]
+    return math.pow(size if size > 0.01 else 0.01, exponent)
 
 
 @inlined
@@ -1556,12 +1560,12 @@ def heat(
         g_water = g_water * s[S_WETTED]
         g_dry = (1.0 - fill) * p[P_GAP]
         if e[E_EXPONENT] != 0.0:
-            g_water = g_water * steeper(middle - surround, e)
+            g_water = g_water * steeper(middle - surround, e[E_EXPONENT], e)
     else:
         surround = T_air
         g_dry = bare(middle, T_air, p)
         if e[E_EXPONENT] != 0.0:
-            g_dry = g_dry * steeper(middle - T_air, e)
+            g_dry = g_dry * steeper(middle - T_air, e[E_EXPONENT], e)
     net = power + gain - g_dry * (T - T_air) - g_water * (T - (T_water if warms else T_in))
     capacity = p[P_MC_H] if net >= 0.0 else p[P_MC_C]
     w[W_CAP] = capacity
@@ -1575,6 +1579,8 @@ def heat(
         inertia = 2.0 * fill * p[P_SHARE] * p[P_CW] * per_dt
         g_flow = flow * p[P_FLOW_G]
         ua = fill * p[P_UA]
+        if e[E_LOSS_EXPONENT] != 0.0:
+            ua = ua * steeper(middle_water - T_air, e[E_LOSS_EXPONENT], e)
         d_water = inertia + g_water + g_flow + ua
         r_water = inertia * T_water + g_flow * T_in + ua * T_air
         w[W_WALL_G] = 0.0
@@ -1884,10 +1890,13 @@ def pump(s: Array, p: Array, e: Array, duty: float, sign: float, dt: float) -> N
     if e[E_UNEVEN] != 0.0:
         flow = flow * (1.0 + sign * e[E_UNEVEN])
     s[S_WETTED] = 1.0
-    if e[E_POCKETS] > 0.0 and duty > 0.0:
-        part = 1.0 - e[E_POCKETS] * scattered(s[S_PUMP_COUNT])
-        flow = flow * part
-        s[S_WETTED] = part
+    if e[E_POCKETS] > 0.0:
+        here = e[E_POCKETS] * (1.0 - e[E_SCATTER] * (1.0 - scattered(s[S_PUMP_COUNT])))
+        if duty > 0.0:
+            flow = flow * (1.0 - here)
+            s[S_WETTED] = 1.0 - here
+        else:
+            s[S_WETTED] = 1.0 - (1.0 - e[E_CLEARS]) * here
     if e[E_SPINUP_S] > 0.0:
         start = s[S_PUMP_END]
         turn, before = towards(0.0, start, late * dt, e[E_SPINUP_S])
@@ -1937,6 +1946,12 @@ def from_deflection(delta: float, s: Array, w: Array, p: Array, e: Array) -> flo
 
 
 @inlined
+def read_force(F_x: float, F_y: float, e: Array) -> float:
+    """What a sensor between the springs reads of two tensions that something holds apart."""
+    return float(0.5 * (F_x + F_y) + e[E_READS_X] * (F_x - F_y))
+
+
+@inlined
 def slack_position(u: float, wx: Array, wy: Array, p: Array) -> float:
     """Where the encoder stands when the tendon is slack: where it was, between the spring ends."""
     low = p[P_DELTA_0] - wx[W_DELTA]
@@ -1976,7 +1991,7 @@ def move_pair(
         return NOT_CONVERGED
     accept(x, g, wx, p, e, F_x, F_x, fed, dt)
     accept(y, g, wy, p, e, F_y, F_y, fed, dt)
-    finish(g, u, 0.5 * (F_x + F_y), dt)
+    finish(g, u, read_force(F_x, F_y, e), dt)
     return OK
 
 
@@ -2056,7 +2071,7 @@ def move_fed(
     elif feeds[F_DISPLACEMENT] > 0.0:
         F_x = from_deflection(p[P_DELTA_0] - u, x, wx, p, e)
         F_y = from_deflection(p[P_DELTA_0] + u, y, wy, p, e)
-        result = 0.5 * (F_x + F_y)
+        result = read_force(F_x, F_y, e)
     else:
         frozen(0.0, x, wx, p, e)
         frozen(0.0, y, wy, p, e)
@@ -2067,7 +2082,7 @@ def move_fed(
         frozen(F_x, x, wx, p, e)
         frozen(F_y, y, wy, p, e)
         u = slack_position(u, wx, wy, p) if F_x == 0.0 else p[P_DELTA_0] - wx[W_DELTA]
-        result = 0.5 * (F_x + F_y)
+        result = read_force(F_x, F_y, e)
     accept(x, g, wx, p, e, F_x, tension, fed, dt)
     accept(y, g, wy, p, e, F_y, other, fed, dt)
     finish(g, u, result, dt)

@@ -46,7 +46,7 @@ from smad.gap.summary import (
     window_records,
 )
 from smad.gap.tracks import Track
-from smad.gap.verdict import decide, stands_out, words
+from smad.gap.verdict import decide, standing_out, stands_out, words
 from smad.gap.weigh import weigh
 
 LIMITS = (
@@ -165,8 +165,7 @@ class Closing:
             sub_model = first.sub_model
             outputs = [k for k in best.touched if k in outputs] or list(best.touched)
         elif stands_out(numbers, settings):
-            assert numbers.unexplained is not None
-            outputs = [numbers.unexplained.output]
+            outputs = [standing_out(numbers, settings)]
             sub_model = self._sub_model_of(outputs[0])
         place = self._sub_model_of(outputs[0]) if outputs else sub_model
         regimes = refit_heat.worst_regimes(place)

@@ -35,10 +35,14 @@ class Usual:
 
 @dataclass(frozen=True)
 class Deficit:
-    """What runs score worse than usual, nats a cell: on all outputs, and on each."""
+    """What runs score worse than usual, nats a cell: on all outputs, on each, and on each in a run.
+
+    Runs are named.
+    """
 
     whole: float
     by_output: Mapping[str, float]
+    by_run: Mapping[tuple[str, str], float]
 
 
 def usual_of(good: Problem, predicted: Array) -> Usual | None:
@@ -71,12 +75,24 @@ def deficit_of(usual: Usual, judged: Judged) -> Deficit:
     cells = [_cells(p, p.cell_score(p.white(predicted))) for p, predicted in parts]
     scores = np.concatenate([c[0] for c in cells])
     keys = np.concatenate([c[1] for c in cells])
+    runs = np.concatenate(
+        [
+            np.array([r.name for r in p.evidence.runs])[c[2]]
+            for (p, _), c in zip(parts, cells, strict=True)
+        ]
+    )
     if not len(scores):
-        return Deficit(0.0, {})
-    known = [k for k in dict.fromkeys(keys) if k in usual.by_output]
+        return Deficit(0.0, {}, {})
+    known = [k for k in dict.fromkeys(keys.tolist()) if k in usual.by_output]
+    pairs = list(dict.fromkeys(zip(keys.tolist(), runs.tolist(), strict=True)))
     return Deficit(
         usual.whole - float(scores.mean()),
         {k: usual.by_output[k] - float(scores[keys == k].mean()) for k in known},
+        {
+            (k, r): usual.by_output[k] - float(scores[(keys == k) & (runs == r)].mean())
+            for k, r in pairs
+            if k in usual.by_output
+        },
     )
 
 
@@ -86,6 +102,13 @@ def clearest(usual: Usual, models: Sequence[Deficit]) -> tuple[str, float]:
     away = {k: v / usual.spread[k] for k, v in least.items()}
     output = max(away, key=lambda k: (away[k], k), default="")
     return output, away.get(output, 0.0)
+
+
+def worst_run(models: Sequence[Deficit]) -> tuple[str, str, float]:
+    """Output and run with the largest deficit whichever of the models is asked, and that."""
+    least = {k: min(m.by_run[k] for m in models) for k in models[0].by_run}
+    output, run = max(least, key=lambda k: (least[k], k), default=("", ""))
+    return output, run, least.get((output, run), 0.0)
 
 
 def _cells(problem: Problem, scores: Array) -> tuple[Array, np.ndarray, np.ndarray]:

@@ -38,7 +38,8 @@ class Settings:
     refit leaves more than `blind_excess` floors and `blind_ratio` times what is significant (with a
     flexible correction that finds `found_share` of it, `structural_excess` times), where the runs
     score worse than good ones, each predicted by the others, by `since_deficit` nats a cell; or if
-    they do on one output, by `since_spreads` times what good runs differ in it.
+    they do on one output, by `since_spreads` times what good runs differ in it, or on one output
+    of one run, by `since_run_deficit` nats a cell.
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five
@@ -101,6 +102,7 @@ class Settings:
     found_share: float = 0.3
     since_deficit: float = 4.5
     since_spreads: float = 8.0
+    since_run_deficit: float = 70.0
     unknown_shrink: float = 0.2
     unknown_ratio: float = 0.5
     unknown_left: float = 1.75

@@ -22,12 +22,16 @@ class Unexplained:
     """What runs score worse than known-good ones do, nats a cell, where no effect is added.
 
     `deficit` over all outputs, by the better of the tied and the free parameters; `output` stands
-    out most by both, `spreads` times what good runs differ in it.
+    out most by both, `spreads` times what good runs differ in it. `run_deficit` is the largest on
+    one output in one run, `run_output` in `run`.
     """
 
     deficit: float
     output: str
     spreads: float
+    run_output: str = ""
+    run: str = ""
+    run_deficit: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -130,8 +134,21 @@ def _structural(e: Evidenced, settings: Settings) -> bool:
 
 
 def stands_out(e: Evidenced, settings: Settings) -> bool:
-    """Whether one output differs far more from the good runs than these do among themselves."""
-    return e.unexplained is not None and e.unexplained.spreads > settings.since_spreads
+    """Whether one output differs far more from the good runs than these do among themselves.
+
+    Or, in one run, by a factor that no background of another family of inputs comes to.
+    """
+    u = e.unexplained
+    if u is None:
+        return False
+    return u.spreads > settings.since_spreads or u.run_deficit > settings.since_run_deficit
+
+
+def standing_out(e: Evidenced, settings: Settings) -> str:
+    """The output that `stands_out`."""
+    u = e.unexplained
+    assert u is not None
+    return u.output if u.spreads > settings.since_spreads else u.run_output
 
 
 def _present(e: Evidenced) -> float:
@@ -147,7 +164,11 @@ def _certainty(e: Evidenced, settings: Settings) -> float:
     """How far beyond the threshold the gap is; one half at the threshold."""
     ratio = e.whole.gap_refit / max(e.threshold, 1e-9)
     if e.unexplained is not None:
-        ratio = max(ratio, e.unexplained.spreads / settings.since_spreads)
+        ratio = max(
+            ratio,
+            e.unexplained.spreads / settings.since_spreads,
+            e.unexplained.run_deficit / settings.since_run_deficit,
+        )
     return float(1.0 - 0.5 / max(1.0, ratio) ** 2)
 
 
@@ -301,10 +322,11 @@ def _unknown_sentence(e: Evidenced, title: Mapping[str, Effect], p: float) -> st
             f"{max(0.0, e.touched.ceiling):.0%}."
         )
     alone = ""
-    if e.unexplained is not None and not e.effects:
+    u = e.unexplained
+    if u is not None and not e.effects:
         alone = (
-            f" On {e.unexplained.output} alone the runs differ from good ones by "
-            f"{e.unexplained.spreads:.0f} times what those differ."
+            f" Of all outputs {u.output} stands out most: the runs differ from good ones in it by "
+            f"{u.spreads:.0f} times what those differ; and of all runs {u.run} in {u.run_output}."
         )
     return f"Cause: unknown (probability {p:.2f}); it is not in the library.{best}{alone}"
 

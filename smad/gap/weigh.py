@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from smad.gap.assess import Standing, group_of
-from smad.gap.deficit import clearest, deficit_of
+from smad.gap.deficit import clearest, deficit_of, worst_run
 from smad.gap.plant import ModelPoint
 from smad.gap.select import Selection, touched_outputs
 from smad.gap.stages import Prepared
@@ -63,7 +63,7 @@ def _unexplained(prepared: Prepared, track: Track) -> Unexplained | None:
         return None
     models = [deficit_of(usual, j) for j in (track.asked.base.judged, track.free)]
     output, spreads = clearest(usual, models)
-    return Unexplained(min(m.whole for m in models), output, spreads)
+    return Unexplained(min(m.whole for m in models), output, spreads, *worst_run(models))
 
 
 def _taken(prepared: Prepared, selection: Selection) -> float:

@@ -120,7 +120,8 @@ MECHANICS: tuple[Effect, ...] = (
         "tube_friction",
         "the spring rubs in its tube",
         "mechanics",
-        "|F_X − F_Y| ≤ (F_c + μ F) [1 + s exp(−|u̇|/v_s)], equal to it when moving",
+        "|F_X − F_Y| ≤ (F_c + μ F) [1 + s exp(−|u̇|/v_s)], equal to it when moving;"
+        " F_r = a F_X + (1 − a) F_Y",
         (
             EffectParameter(
                 "coulomb_N", k.E_COULOMB, "N", 0, 1, 0.08, half(0.08), "constant part F_c"
@@ -141,6 +142,9 @@ MECHANICS: tuple[Effect, ...] = (
                 about(1e-3),
                 "Stribeck speed v_s",
                 None,
+            ),
+            EffectParameter(
+                "sensor_on_x", None, "1", 0, 1, 0.5, about(0.5), "a, X's share of the reading", None
             ),
         ),
         _MOVES,

@@ -69,8 +69,25 @@ THERMAL: tuple[Effect, ...] = (
         "convection_exponent",
         "film coefficient depends on the temperature difference in another way",
         "thermal",
-        "h → h (|ΔT|/10 K)^n",
-        (EffectParameter("exponent", k.E_EXPONENT, "1", -0.5, 0.5, 0.2, either(0.15), "n"),),
+        "h → h (|ΔT|/ΔT_0)^n;  UA′ → UA′ (|T_w − T_a|/ΔT_0)^m",
+        (
+            EffectParameter(
+                "exponent", k.E_EXPONENT, "1", -0.5, 0.5, 0.2, either(0.15), "n, wire to water"
+            ),
+            EffectParameter(
+                "loss_exponent",
+                k.E_LOSS_EXPONENT,
+                "1",
+                -0.5,
+                2.0,
+                0.2,
+                either(0.15),
+                "m, tube to air",
+            ),
+            EffectParameter(
+                "reference_K", k.E_EXPONENT_REF, "K", 2, 80, 10, about(10), "ΔT_0, no change", None
+            ),
+        ),
         _HEAT,
         ("rtd_stem", "flow_shortfall", "driver_gain"),
         "a long cool-down from two temperatures",
@@ -158,11 +175,18 @@ WATER: tuple[Effect, ...] = (
     ),
     Effect(
         "air_pockets",
-        "air bubbles cut the cooling by a different share at each start of the pump",
+        "air bubbles in the tube cut the cooling, by another share at each start of the pump",
         "water",
-        "h → h (1 − s v_n), Q → Q (1 − s v_n), v_n scattered in 0 to 1 with the n-th start",
+        "h → h (1 − s v_n), Q → Q (1 − s v_n), v_n = 1 − b (1 − r_n), r_n scattered in 0 to 1 with"
+        " the n-th start; while the pump rests h → h [1 − (1 − c) s v_n]",
         (
             EffectParameter("share", k.E_POCKETS, "1", 0, 0.95, 0.5, half(0.3), "largest share s"),
+            EffectParameter(
+                "scatter", k.E_SCATTER, "1", 0, 1, 1, about(1), "b, 0: the same each time", None
+            ),
+            EffectParameter(
+                "clears", k.E_CLEARS, "1", 0, 1, 1, about(1), "c, share gone when it stops", None
+            ),
             Y_SHARE,
         ),
         _HEAT,

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from smad.gap import Settings
-from smad.gap.deficit import Deficit, Usual, clearest
+from smad.gap.deficit import Deficit, Usual, clearest, worst_run
 from smad.gap.records import Outcome
-from smad.gap.verdict import Unexplained, decide
+from smad.gap.verdict import Unexplained, decide, standing_out
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, without
 from tests.smad.gap.test_decisions import evidenced, worth
 
@@ -18,10 +18,12 @@ SETTINGS = Settings()
 
 def test_the_output_that_stands_out_does_so_whichever_model_is_asked() -> None:
     usual = Usual(-20.0, {"a": -20.0, "b": -20.0}, {"a": 2.0, "b": 4.0})
-    tied = Deficit(9.0, {"a": 30.0, "b": 30.0})
-    free = Deficit(5.0, {"a": 4.0, "b": 24.0})
+    tied = Deficit(9.0, {"a": 30.0, "b": 30.0}, {("a", "r"): 40.0, ("b", "s"): 30.0})
+    free = Deficit(5.0, {"a": 4.0, "b": 24.0}, {("a", "r"): 10.0, ("b", "s"): 25.0})
     assert clearest(usual, [tied]) == ("a", 15.0)
     assert clearest(usual, [tied, free]) == ("b", 6.0)
+    assert worst_run([tied]) == ("a", "r", 40.0)
+    assert worst_run([tied, free]) == ("b", "s", 25.0)
 
 
 @pytest.mark.parametrize(
@@ -47,6 +49,9 @@ def test_a_small_gap_is_unknown_where_one_output_differs_as_good_ones_never_do()
     assert p > 0.4
     quiet = replace(small, unexplained=Unexplained(1.0, "a", 3.0))
     assert decide(quiet, SETTINGS)[0] is not Outcome.UNKNOWN
+    one_run = replace(small, unexplained=Unexplained(1.0, "a", 3.0, "b", "run-4", 130.0))
+    assert decide(one_run, SETTINGS)[0] is Outcome.UNKNOWN
+    assert standing_out(one_run, SETTINGS) == "b"
 
 
 def test_a_cause_that_is_not_in_the_library_is_placed_where_good_runs_hardly_differ() -> None:
@@ -55,4 +60,4 @@ def test_a_cause_that_is_not_in_the_library_is_placed_where_good_runs_hardly_dif
     verdict = ask(runs, without("driver_gain"), good=good).verdict
     assert verdict.outcome is Outcome.UNKNOWN, verdict.text
     assert verdict.sub_model == "power"
-    assert "times what those differ" in verdict.text
+    assert "stands out most" in verdict.text
