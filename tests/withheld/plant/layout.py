@@ -64,8 +64,16 @@ CELL_WIDTH = PLAY + PLAYS
     STRAYED,
     SILT,
     REPORTED,
+    WOUND,
+    KEPT,
+    KICK,
+    POLARISED,
+    ROLLER,
+    DISPLACED,
+    BATHED,
+    SPOT,
     SIDE_WIDTH,
-) = range(38)
+) = range(46)
 
 (
     TIME,
@@ -87,8 +95,13 @@ CELL_WIDTH = PLAY + PLAYS
     TURNING,
     TURNED_AT,
     MISCOUNTS,
+    TARED,
+    LOAD_MEAN,
+    TRACKED,
+    SEAT,
+    TIPPING,
     PAIR_WIDTH,
-) = range(20)
+) = range(25)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -16,6 +16,7 @@ from tests.withheld.plant.layout import (
     ARREST,
     ARRESTED,
     ASLEEP,
+    BATHED,
     BUBBLE,
     CELLS,
     COAT,
@@ -46,7 +47,7 @@ from tests.withheld.plant.layout import (
     X,
 )
 from tests.withheld.plant.parameters import index
-from tests.withheld.plant.phase import WEIGHT, cooling_shift, falling, turned_by
+from tests.withheld.plant.phase import TURN_ONSET, WEIGHT, cooling_shift, falling, turned_by
 from tests.withheld.plant.thermal import (
     FILM,
     HEAT_SHARE,
@@ -79,6 +80,8 @@ CONDUCTION = index("conduction_W_K")
 RESISTANCE = index("resistance_ohm")
 Y_RESISTANCE = index("y_resistance")
 Y_LOSS = index("y_loss")
+RTD_PLACE = index("rtd_place")
+TURNED_AT_START = index("turned_at_start")
 
 RESISTIVITY = slot("resistivity")
 BUBBLES = slot("air_bubbles")
@@ -107,8 +110,12 @@ WORKED = slot("worked_resistance")
 COATING = slot("gas_coat")
 HEAT_BY_PHASE = slot("phase_heat_capacity")
 OVERHEATED = slot("overheated_nuclei")
+BINDING = slot("rtd_binding")
+TURN_CREEP = slot("turning_creep")
+HELD = slot("turned_threshold")
 
 ARREST_K = 2.0  # width of what is remembered
+CREEP_S = 8.0
 
 
 @compiled
@@ -168,6 +175,8 @@ def shifts(
         heat += e[s, ARREST_MEMORY] * cells[s, i, ARRESTED] * math.exp(-off * off)
     if e[s, OVERHEATED] > 0.0:
         cool -= e[s, OVERHEATED] * max(cells[s, i, PEAK] - 38.0, 0.0) / 10.0
+    if e[s, HELD] > 0.0:
+        heat += e[s, HELD] * max(cells[s, i, TURNED] - p[TURNED_AT_START], 0.0) / 0.1
     return heat, cool
 
 
@@ -244,6 +253,10 @@ def remember(
     moved_all = 0.0
     mean = 0.0
     turned_new = turned_by(stress + side[s, EASED], p)
+    reach = 0.0
+    if e[s, TURN_CREEP] > 0.0:
+        excess = stress + side[s, EASED] - p[TURN_ONSET]
+        reach = turned_by(p[TURN_ONSET] + (1.0 + e[s, TURN_CREEP]) * excess, p)
     if e[s, TWO_WAY] > 0.0:
         turned_new = min(1.0, turned_new + e[s, TWO_WAY] * (0.1 + side[s, MOST_TURNED]))
     for i in range(CELLS):
@@ -257,6 +270,8 @@ def remember(
         if e[s, RECOVERY] > 0.0:
             excess = max(cell[TURNED] - turned_new, 0.0)
             cell[TURNED] -= excess * min(0.5, e[s, RECOVERY] * dt * math.sqrt(excess / 0.1))
+        if reach > cell[TURNED]:
+            cell[TURNED] = approach(cell[TURNED], reach, dt, CREEP_S)
         if moved < -1e-6 and cell[HEATING] < 0.5:
             cell[HEATING] = 1.0
             cell[HEATED_FROM] = cell[FRACTION]
@@ -309,6 +324,8 @@ def tube(
     pockets(s, e, cells, side, luck, dt)
     coat(s, e, cells, side, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)
+    if e[s, BINDING] > 0.0:
+        side[s, BATHED] = rows[int(p[RTD_PLACE] * CELLS), FILM]
     left = int(side[s, QUIET]) if calm else 0
     side[s, QUIET] = advance(
         cells[s],
