@@ -14,7 +14,6 @@ from tests.withheld.plant.layout import (
     AMPERE,
     CELLS,
     DAMP,
-    DISPLACED,
     FLOW,
     GLANCE,
     HOT,
@@ -33,7 +32,6 @@ from tests.withheld.plant.layout import (
     RING_LENGTH,
     ROLLER,
     SILT,
-    SPEED,
     SPIN,
     SPIN_RATE,
     STARTED,
@@ -73,7 +71,6 @@ CLOGGING = slot("strainer_clogging")
 WINDUP = slot("idle_windup")
 KICKS = slot("rail_kick")
 PULSES = slot("roller_pulses")
-PLUG = slot("plug_pumping")
 
 CURRENT_LIMIT_A = 4.0
 IDLE_A = 0.05  # command below which the current loop counts as idle
@@ -256,10 +253,6 @@ def flow(
         else:
             side[s, RETURN] = approach(side[s, RETURN], 0.0, dt, 2.5)
             share -= e[s, REVERSE] * side[s, RETURN]
-    if e[s, PLUG] > 0.0:
-        contracting = pair[SPEED] if s == 0 else -pair[SPEED]
-        side[s, DISPLACED] = approach(side[s, DISPLACED], max(contracting, 0.0) / 5e-3, dt, 0.15)
-        share += e[s, PLUG] * side[s, DISPLACED]
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 

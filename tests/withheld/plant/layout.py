@@ -22,8 +22,9 @@ PLAYS = 6
     ARREST,
     ARRESTED,
     COAT,
+    QUENCH,
     PLAY,
-) = range(16)
+) = range(17)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -69,11 +70,10 @@ CELL_WIDTH = PLAY + PLAYS
     KICK,
     POLARISED,
     ROLLER,
-    DISPLACED,
     BATHED,
     SPOT,
     SIDE_WIDTH,
-) = range(46)
+) = range(45)
 
 (
     TIME,

@@ -33,6 +33,7 @@ from tests.withheld.plant.layout import (
     PEAK,
     PLAY,
     PLAYS,
+    QUENCH,
     QUIET,
     R_PHASE,
     RATE,
@@ -47,7 +48,7 @@ from tests.withheld.plant.layout import (
     X,
 )
 from tests.withheld.plant.parameters import index
-from tests.withheld.plant.phase import TURN_ONSET, WEIGHT, cooling_shift, falling, turned_by
+from tests.withheld.plant.phase import WEIGHT, cooling_shift, falling, turned_by
 from tests.withheld.plant.thermal import (
     FILM,
     HEAT_SHARE,
@@ -81,7 +82,6 @@ RESISTANCE = index("resistance_ohm")
 Y_RESISTANCE = index("y_resistance")
 Y_LOSS = index("y_loss")
 RTD_PLACE = index("rtd_place")
-TURNED_AT_START = index("turned_at_start")
 
 RESISTIVITY = slot("resistivity")
 BUBBLES = slot("air_bubbles")
@@ -111,11 +111,12 @@ COATING = slot("gas_coat")
 HEAT_BY_PHASE = slot("phase_heat_capacity")
 OVERHEATED = slot("overheated_nuclei")
 BINDING = slot("rtd_binding")
-TURN_CREEP = slot("turning_creep")
-HELD = slot("turned_threshold")
+OVERTURNING = slot("overturning_water")
+FRONTS = slot("phase_fronts")
+QUENCHED = slot("quenched_martensite")
 
 ARREST_K = 2.0  # width of what is remembered
-CREEP_S = 8.0
+QUICK_PER_S = 0.3  # rate of forming at which half of what haste can do is done
 
 
 @compiled
@@ -141,6 +142,16 @@ def resistance(
         heat[i] = base * factor / CELLS
         total += heat[i]
     return total
+
+
+@compiled
+def front(s: int, i: int, cells: Array) -> float:
+    """How much of a phase front (0…1) one cell has towards its neighbours."""
+    apart = 0.0
+    for j in (max(i - 1, 0), min(i + 1, CELLS - 1)):
+        step = cells[s, j, FRACTION] - cells[s, i, FRACTION]
+        apart += step * step
+    return float(1.0 - math.exp(-apart / 0.06))
 
 
 @compiled
@@ -175,8 +186,12 @@ def shifts(
         heat += e[s, ARREST_MEMORY] * cells[s, i, ARRESTED] * math.exp(-off * off)
     if e[s, OVERHEATED] > 0.0:
         cool -= e[s, OVERHEATED] * max(cells[s, i, PEAK] - 38.0, 0.0) / 10.0
-    if e[s, HELD] > 0.0:
-        heat += e[s, HELD] * max(cells[s, i, TURNED] - p[TURNED_AT_START], 0.0) / 0.1
+    if e[s, FRONTS] > 0.0:
+        eased = e[s, FRONTS] * front(s, i, cells)
+        heat -= eased
+        cool += eased
+    if e[s, QUENCHED] > 0.0:
+        heat -= e[s, QUENCHED] * cells[s, i, QUENCH]
     return heat, cool
 
 
@@ -242,7 +257,11 @@ def coefficients(
         row[HEAT_SHARE] = 1.0 + e[s, HEAT_BY_PHASE] * (1.0 - cells[s, i, FRACTION])
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
-    return float(CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0)
+    mix = CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0
+    if e[s, OVERTURNING] > 0.0:
+        unstable = max(cells[s, CELLS - 1, W] - cells[s, 0, W], 0.0)
+        mix += e[s, OVERTURNING] * math.sqrt(unstable / 10.0)
+    return float(mix)
 
 
 @compiled
@@ -253,10 +272,6 @@ def remember(
     moved_all = 0.0
     mean = 0.0
     turned_new = turned_by(stress + side[s, EASED], p)
-    reach = 0.0
-    if e[s, TURN_CREEP] > 0.0:
-        excess = stress + side[s, EASED] - p[TURN_ONSET]
-        reach = turned_by(p[TURN_ONSET] + (1.0 + e[s, TURN_CREEP]) * excess, p)
     if e[s, TWO_WAY] > 0.0:
         turned_new = min(1.0, turned_new + e[s, TWO_WAY] * (0.1 + side[s, MOST_TURNED]))
     for i in range(CELLS):
@@ -267,11 +282,12 @@ def remember(
         moved = fraction - cell[FRACTION]
         if moved > 0.0:
             cell[TURNED] = (cell[TURNED] * cell[FRACTION] + turned_new * moved) / fraction
+            if e[s, QUENCHED] > 0.0:
+                fresh = moved / (moved + QUICK_PER_S * dt)
+                cell[QUENCH] = (cell[QUENCH] * cell[FRACTION] + fresh * moved) / fraction
         if e[s, RECOVERY] > 0.0:
             excess = max(cell[TURNED] - turned_new, 0.0)
             cell[TURNED] -= excess * min(0.5, e[s, RECOVERY] * dt * math.sqrt(excess / 0.1))
-        if reach > cell[TURNED]:
-            cell[TURNED] = approach(cell[TURNED], reach, dt, CREEP_S)
         if moved < -1e-6 and cell[HEATING] < 0.5:
             cell[HEATING] = 1.0
             cell[HEATED_FROM] = cell[FRACTION]
