@@ -18,6 +18,8 @@ from tests.withheld.plant.layout import (
     GLANCE,
     HOT,
     JUNCTION,
+    KEPT,
+    KICK,
     LAG_A,
     LAG_B,
     LAG_C,
@@ -28,12 +30,14 @@ from tests.withheld.plant.layout import (
     RETURN,
     RING_DUTY_X,
     RING_LENGTH,
+    ROLLER,
     SILT,
     SPIN,
     SPIN_RATE,
     STARTED,
     STRAYED,
     TIME,
+    WOUND,
     W,
 )
 from tests.withheld.plant.parameters import index
@@ -64,8 +68,12 @@ VISCOSITY = slot("warm_viscosity")
 WETTING = slot("tendon_wetting")
 STRAY = slot("tendon_stray_current")
 CLOGGING = slot("strainer_clogging")
+WINDUP = slot("idle_windup")
+KICKS = slot("rail_kick")
+PULSES = slot("roller_pulses")
 
 CURRENT_LIMIT_A = 4.0
+IDLE_A = 0.05  # command below which the current loop counts as idle
 
 
 @compiled
@@ -95,11 +103,33 @@ def drawn(side: Array) -> float:
 
 
 @compiled
+def wound_up(s: int, command: float, side: Array, dt: float) -> float:
+    """How far the current loop is still wound up (0…1) from its last idling."""
+    if command > IDLE_A:
+        left = side[s, WOUND]
+        side[s, WOUND] = approach(left, 0.0, dt, 0.6)
+        return float(left)
+    side[s, WOUND] = approach(side[s, WOUND], 1.0, dt, 5.0)
+    return 0.0
+
+
+@compiled
+def kicked(s: int, side: Array, dt: float) -> float:
+    """What flies back (A) from the other side's current, where that has fallen of late."""
+    fell = max(side[s, KEPT] - side[s, LAG_C], 0.0)
+    side[s, KEPT] = side[s, LAG_C]
+    side[s, KICK] = approach(side[s, KICK], 0.0, dt, 0.3) + fell
+    return float(side[1 - s, KICK])
+
+
+@compiled
 def current(
     s: int, command: float, p: Array, e: Array, side: Array, time: float, dt: float
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
+    if e[s, WINDUP] > 0.0:
+        i *= 1.0 + e[s, WINDUP] * wound_up(s, i, side, dt)
     eaten = e[s, SMALL_SIGNAL]
     if eaten > 0.0:
         i = math.sqrt(i * i + eaten * eaten) - eaten
@@ -124,6 +154,8 @@ def current(
     else:
         side[s, LAG_B] = approach(side[s, LAG_B], side[s, LAG_A], dt, 0.5 * slow)
         side[s, LAG_C] = approach(side[s, LAG_C], side[s, LAG_B], dt, 0.5 * slow)
+    if e[s, KICKS] > 0.0:
+        return float(side[s, LAG_C] + e[s, KICKS] * kicked(s, side, dt))
     return float(side[s, LAG_C])
 
 
@@ -198,6 +230,10 @@ def flow(
         share *= spun(s, share, e[s, STICTION], side, dt)
     if e[s, CLOGGING] > 0.0:
         share = throttled(s, share, e[s, CLOGGING], side, dt)
+    if e[s, PULSES] > 0.0:
+        hertz = 0.15 + 0.2 * e[2, PULSES]
+        side[s, ROLLER] += dt * hertz * share
+        share *= 1.0 + e[s, PULSES] * math.sin(2.0 * math.pi * side[s, ROLLER])
     running = share > 0.05
     side[s, PUMP_ON] = side[s, PUMP_ON] + dt if running else 0.0
     if e[s, CAVITATION] > 0.0:

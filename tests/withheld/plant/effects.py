@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Kind = Literal["known", "dev", "spent", "spent"]
+Kind = Literal["known", "dev", "spent", "sealed"]
 
 
 @dataclass(frozen=True)
@@ -183,30 +183,54 @@ EFFECTS: tuple[Effect, ...] = (
            "the heater's lead goes taut on one side of the travel and pulls back"),
     Effect("tendon_wetting", "spent", "mechanics", "mm", 0.4, 6.0,
            "the braided tendon soaks up what the pumps spill, lengthens, and dries over 40 s"),
-    Effect("tendon_stray_current", "sealed", "electrical", "1/ohm", 0.0095, 0.3,
+    Effect("tendon_stray_current", "spent", "electrical", "1/ohm", 0.0095, 0.3,
            "the metal tendon joins both springs: e(V_x − V_y) leaves one wire for the other"),
-    Effect("ripple_heating", "sealed", "electrical", "1", 0.05, 0.8,
+    Effect("ripple_heating", "spent", "electrical", "1", 0.05, 0.8,
            "chopped current heats by its mean square: R[I² + e I(4 A − I)]"),
-    Effect("worked_resistance", "sealed", "electrical", "1", 0.023, 0.4,
+    Effect("worked_resistance", "spent", "electrical", "1", 0.023, 0.4,
            "defects left by transforming raise the resistance, R[1 + e(1 − exp(−Σ|Δξ|/4))]"),
-    Effect("rtd_report_band", "sealed", "sensors", "K", 0.45, 5.0,
+    Effect("rtd_report_band", "spent", "sensors", "K", 0.45, 5.0,
            "the RTD's converter reports a new value only once it has moved by e"),
-    Effect("overload_stop", "sealed", "sensors", "1", 0.13, 0.95,
+    Effect("overload_stop", "spent", "sensors", "1", 0.13, 0.95,
            "past a load its overload stop carries a share e of the rest beside the load cell"),
-    Effect("reversal_miscount", "sealed", "sensors", "mm", 0.015, 0.6,
+    Effect("reversal_miscount", "spent", "sensors", "mm", 0.015, 0.6,
            "the decoder gains e whenever the shaft turns round, always the same way"),
-    Effect("gas_coat", "sealed", "thermal", "1", 0.6, 12.0,
+    Effect("gas_coat", "spent", "thermal", "1", 0.6, 12.0,
            "gas from warm water coats the wire, film/(1 + e c); it is swept off by the flow"),
-    Effect("strainer_clogging", "sealed", "thermal", "1", 0.07, 8.0,
+    Effect("strainer_clogging", "spent", "thermal", "1", 0.07, 8.0,
            "silt gathers with the pumped water and throttles it; at rest it settles over 30 s"),
-    Effect("phase_heat_capacity", "sealed", "phase", "1", 0.8, 6.0,
+    Effect("phase_heat_capacity", "spent", "phase", "1", 0.8, 6.0,
            "austenite holds more heat than martensite, C[1 + e(1 − ξ)]"),
-    Effect("overheated_nuclei", "sealed", "phase", "K", 0.85, 6.0,
+    Effect("overheated_nuclei", "spent", "phase", "K", 0.85, 6.0,
            "martensite starts later after overheating, by e(T_max − 38)/10 K of the last heating"),
-    Effect("coil_opening", "sealed", "mechanics", "1", 0.035, 0.6,
+    Effect("coil_opening", "spent", "mechanics", "1", 0.035, 0.6,
            "stretched coils open: the tendon's arm on the wire shrinks, exp(−e y), y in cm"),
-    Effect("tendon_twist", "sealed", "mechanics", "mm", 1.0, 6.0,
+    Effect("tendon_twist", "spent", "mechanics", "mm", 1.0, 6.0,
            "deflected springs turn their ends: its cord shortens, e y²/(1 + y²), y = x/5 mm + c"),
+    Effect("idle_windup", "sealed", "electrical", "1", 0.038, 0.5,
+           "the current loop winds up while idle (5 s): I[1 + e w] until w has gone (0.6 s)"),
+    Effect("clip_polarisation", "sealed", "electrical", "V", 0.0145, 1.5,
+           "wet sense clips polarise, V + e p: p → tanh(I/0.8 A) in 6 s, and fades over 15 s"),
+    Effect("rail_kick", "sealed", "electrical", "1", 0.028, 0.5,
+           "what one current falls by flies back into the other side, e of it, and fades in 0.3 s"),
+    Effect("rtd_binding", "sealed", "sensors", "1", 0.18, 3.0,
+           "what binds the RTD on keeps water off the coil below it: film/(1 + e) on that spot"),
+    Effect("neighbour_field", "sealed", "sensors", "1", 0.0045, 0.3,
+           "the other side's lead acts on the current sensor: i + e j/(1 + i/4 A), j its current"),
+    Effect("zero_tracking", "sealed", "sensors", "1/s", 0.008, 2.0,
+           "the load cell's indicator takes a still load near its tare for zero, and shifts to it"),
+    Effect("roller_pulses", "sealed", "thermal", "1", 0.13, 0.98,
+           "a slow roller pump falters between rollers: flow[1 + e sin φ], φ by its turning"),
+    Effect("overturning_water", "sealed", "thermal", "W/K", 0.04, 3.0,
+           "tubes hang inlet up: water colder there than at the outlet sinks, mixing e √(ΔT/10 K)"),
+    Effect("phase_fronts", "sealed", "phase", "K", 0.5, 4.0,
+           "phases nucleate hard and spread easily: at a front either way begins e sooner"),
+    Effect("quenched_martensite", "sealed", "phase", "K", 1.2, 8.0,
+           "martensite formed at rate r keeps stresses that help it back: A_s − e r/(r + 0.3 s⁻¹)"),
+    Effect("tapered_drum", "sealed", "mechanics", "1", 0.04, 0.25,
+           "the encoder's drum tapers: dy/dx = 1 + e tanh(x/1 cm) between Y and X, forces alike"),
+    Effect("rocking_anchor", "sealed", "mechanics", "mm", 0.3, 2.0,
+           "a loose anchor tips by e where tension passes 0.12–0.18 N over rest, back 0.1 N lower"),
 )  # fmt: skip
 
 SIGNED = frozenset(
@@ -227,6 +251,8 @@ SIGNED = frozenset(
         "clapeyron_bend",
         "tendon_angle",
         "converter_carry",
+        "neighbour_field",
+        "tapered_drum",
     )
 )
 """Effects whose magnitude may be negative."""

@@ -22,8 +22,9 @@ PLAYS = 6
     ARREST,
     ARRESTED,
     COAT,
+    QUENCH,
     PLAY,
-) = range(16)
+) = range(17)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -64,8 +65,15 @@ CELL_WIDTH = PLAY + PLAYS
     STRAYED,
     SILT,
     REPORTED,
+    WOUND,
+    KEPT,
+    KICK,
+    POLARISED,
+    ROLLER,
+    BATHED,
+    SPOT,
     SIDE_WIDTH,
-) = range(38)
+) = range(45)
 
 (
     TIME,
@@ -87,8 +95,13 @@ CELL_WIDTH = PLAY + PLAYS
     TURNING,
     TURNED_AT,
     MISCOUNTS,
+    TARED,
+    LOAD_MEAN,
+    TRACKED,
+    SEAT,
+    TIPPING,
     PAIR_WIDTH,
-) = range(20)
+) = range(25)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

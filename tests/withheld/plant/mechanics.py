@@ -29,8 +29,10 @@ from tests.withheld.plant.layout import (
     MOST_TURNED,
     R_PHASE,
     RELAXING,
+    SEAT,
     SPEED,
     TIME,
+    TIPPING,
     TURNED,
     WORK_DONE,
     T,
@@ -47,6 +49,7 @@ K_MART = index("k_mart_N_m")
 K_AUST = index("k_aust_N_m")
 STRAIN = index("strain_m")
 STRESS = index("stress_MPa_N")
+TURNED_AT_START = index("turned_at_start")
 Y_STIFFNESS = index("y_stiffness")
 FULL_FLOW = index("flow_W_K")
 
@@ -68,11 +71,47 @@ LEAD = slot("taut_lead")
 WETTING = slot("tendon_wetting")
 OPENING = slot("coil_opening")
 TWIST = slot("tendon_twist")
+TAPER = slot("tapered_drum")
+ROCKING = slot("rocking_anchor")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
 SHAFT_TURN_m = 0.013
+TAPER_m = 0.010
+
+
+@compiled
+def drum(x: float, e: Array) -> tuple[float, float, float]:
+    """How much further than X spring Y is moved (m), the ratio of their moves, and its slope."""
+    if e[0, TAPER] == 0.0:
+        return 0.0, 1.0, 0.0
+    on = math.tanh(x / TAPER_m)
+    further = e[0, TAPER] * TAPER_m * math.log(math.cosh(x / TAPER_m))
+    return further, 1.0 + e[0, TAPER] * on, e[0, TAPER] / TAPER_m * (1.0 - on * on)
+
+
+@compiled
+def stretched(s: int, x: float, p: Array, e: Array) -> float:
+    """Deflection (m) of spring `s` where the pair is at `x`, with a tendon of its usual length."""
+    if s == 0:
+        return float(0.5 * p[SPAN] - x)
+    further, _, _ = drum(x, e)
+    return float(0.5 * p[SPAN] + x + further)
+
+
+@compiled
+def rock(p: Array, e: Array, pair: Array, dt: float) -> None:
+    """Let the anchor of spring X tip on its seat or back, as the tension of the tendon has it."""
+    if e[0, ROCKING] <= 0.0:
+        return
+    over = pair[FORCE_X] - p[K_MART] * (0.5 * p[SPAN] - p[STRAIN] * p[TURNED_AT_START])
+    tips = 0.12 + 0.06 * e[2, ROCKING]
+    if over > tips:
+        pair[TIPPING] = 1.0
+    elif over < tips - 0.1:
+        pair[TIPPING] = 0.0
+    pair[SEAT] += (pair[TIPPING] - pair[SEAT]) * (1.0 - math.exp(-dt / 0.1))
 
 
 @compiled
@@ -199,6 +238,7 @@ def longer_tendon(force: float, x: float, e: Array, pair: Array) -> tuple[float,
         stretch += scale * tension
         slope += scale
     stretch += e[0, WETTING] * 1e-3 * pair[DAMP]
+    stretch += e[0, ROCKING] * 1e-3 * pair[SEAT]
     if e[0, TWIST] > 0.0:
         turns = x / 0.005 + 0.8 * (e[2, TWIST] - 0.5)
         slack = 1.0 + turns * turns
@@ -263,12 +303,14 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     for s in range(2):
         soften(s, p, e, cells, side)
     for _ in range(30):
-        force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
+        further, ratio, bend = drum(x, e)
+        force_y, slope_y = pull(1, 0.5 * p[SPAN] + x + further, force_y, p, e, cells, side)
         longer, slope_t, slope_l = longer_tendon(force_y, x, e, pair)
         force_x, slope_x = pull(0, 0.5 * p[SPAN] - x - longer, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, e, side, pair)
-        residual = force_x - force_y - against
-        step = residual / (slope_x * (1.0 + slope_l + slope_t * slope_y) + slope_y + slope_f)
+        residual = force_x - ratio * force_y - against
+        own = slope_x * (1.0 + slope_l + slope_t * slope_y * ratio)
+        step = residual / (own + slope_y * ratio * ratio + bend * force_y + slope_f)
         if abs(step) < 1e-9:
             break
         if step > 0.0:
@@ -283,13 +325,14 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FORCE_Y] = force_y
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
+    rock(p, e, pair, dt)
     for s in range(2):
         wire = wire_stress(s, p, e, cells, side, pair)
         turned = turned_by(wire + side[s, EASED], p)
         for i in range(CELLS):
             cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
         side[s, MOST_TURNED] = max(side[s, MOST_TURNED], turned)
-        length = 0.5 * p[SPAN] + (x if s == 1 else -x)
+        length = stretched(s, x, p, e)
         side[s, RELAXING] += (length - side[s, RELAXING]) * (1.0 - math.exp(-dt / 6.0))
 
 
@@ -298,7 +341,7 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     """Shear stress (MPa) in the wire itself, without what the tube carries beside it."""
     tendon = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     beside = 0.0
-    length = 0.5 * p[SPAN] + (pair[X] if s == 1 else -pair[X])
+    length = stretched(s, pair[X], p, e)
     off = length - PRESTRETCH_m
     if e[s, PARALLEL] > 0.0:
         beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))

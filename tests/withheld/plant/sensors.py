@@ -13,6 +13,7 @@ from tests.withheld.plant.drive import approach, drawn, late
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     AMPERE,
+    BATHED,
     CELLS,
     CONTACT,
     CORE,
@@ -27,8 +28,10 @@ from tests.withheld.plant.layout import (
     FRACTION,
     FRAME,
     GLANCE,
+    LOAD_MEAN,
     MISCOUNTS,
     OHM,
+    POLARISED,
     PUMP,
     REPORTED,
     RESERVOIR,
@@ -38,9 +41,12 @@ from tests.withheld.plant.layout import (
     RTD_B,
     SHUNT,
     SLIPPED,
+    SPOT,
     STEM,
     STRAYED,
+    TARED,
     TIME,
+    TRACKED,
     TURNED,
     TURNED_AT,
     TURNING,
@@ -54,6 +60,7 @@ Array = NDArray[np.float64]
 
 RTD_PLACE = index("rtd_place")
 RTD_LAG = index("rtd_lag_s")
+WIRE_HEAT = index("wire_J_K")
 SUPPLY = index("supply_V")
 SUPPLY_OHM = index("supply_ohm")
 
@@ -87,10 +94,15 @@ CARRY = slot("converter_carry")
 REPORT_BAND = slot("rtd_report_band")
 STOP = slot("overload_stop")
 MISCOUNT = slot("reversal_miscount")
+POLARISATION = slot("clip_polarisation")
+BINDING = slot("rtd_binding")
+NEIGHBOUR = slot("neighbour_field")
+TRACKING = slot("zero_tracking")
 
 TURN_mm = 13.0
 AXIS_OFF = 0.2  # rad between the tendon and the load cell's axis at rest
 TURN_SEEN_mm = 0.1  # way back from which a reversal counts as one
+TARE_TICKS = 100.0  # the settling before a run, in which the indicator was tared
 
 
 @compiled
@@ -102,6 +114,11 @@ def rtd(
     i = min(max(math.floor(place), 0), CELLS - 2)
     part = min(max(place - i, 0.0), 1.0)
     seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
+    if e[s, BINDING] > 0.0:
+        water = (1.0 - part) * cells[s, i, W] + part * cells[s, i + 1, W]
+        rate = max(side[s, BATHED], 1e-4) * CELLS / p[WIRE_HEAT] / (1.0 + e[s, BINDING])
+        side[s, SPOT] = approach(side[s, SPOT], e[s, BINDING] * (seen - water), dt, 1.0 / rate)
+        seen += side[s, SPOT]
     if e[s, STEM_ERROR] > 0.0:
         side[s, STEM] = approach(side[s, STEM], 0.3 * seen + 0.7 * ambient, dt, 15.0)
         seen -= e[s, STEM_ERROR] * (seen - side[s, STEM])
@@ -171,6 +188,21 @@ def travel(seen_mm: float, e: Array, pair: Array) -> float:
 
 
 @compiled
+def tracked(reading: float, strength: float, dt: float, pair: Array) -> float:
+    """What the indicator shows (N) that moves its zero after a still load near its tare."""
+    if pair[GLANCE] <= TARE_TICKS:
+        pair[TARED] = reading
+        pair[LOAD_MEAN] = reading
+        return reading
+    rate = (reading - pair[LOAD_MEAN]) / 0.5
+    pair[LOAD_MEAN] = approach(pair[LOAD_MEAN], reading, dt, 0.5)
+    off = reading - pair[TRACKED] - pair[TARED]
+    trust = math.exp(-((off / 0.3) ** 2)) / (1.0 + (rate / 0.03) ** 2)
+    pair[TRACKED] += off * trust * (1.0 - math.exp(-strength * dt))
+    return float(reading - pair[TRACKED])
+
+
+@compiled
 def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     """Load cell reading (N) for a tendon force (N)."""
     time = pair[TIME]
@@ -198,6 +230,8 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         hertz = 1.7 + 2.4 * e[2, VIBRATION]
         hum = math.sin(2.0 * math.pi * hertz * time)
         reading += e[0, VIBRATION] * (side[0, PUMP] + side[1, PUMP]) * hum
+    if e[0, TRACKING] > 0.0:
+        reading = tracked(reading, e[0, TRACKING], dt, pair)
     return float(reading)
 
 
@@ -218,12 +252,19 @@ def read(
     for s in range(2):
         warm = 1.0 + e[s, SHUNT_WARMS] * side[s, SHUNT]
         out[s] = (side[s, AMPERE] + side[s, STRAYED]) * warm
+        if e[s, NEIGHBOUR] != 0.0:
+            out[s] += e[s, NEIGHBOUR] * side[1 - s, AMPERE] / (1.0 + 0.25 * side[s, AMPERE])
         if e[s, REMANENCE] > 0.0:
             relative = side[s, AMPERE] / 4.0
             side[s, CORE] = max(approach(side[s, CORE], 0.0, dt, 12.0), relative)
             out[s] += e[s, REMANENCE] * (side[s, CORE] - relative)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
+        if e[s, POLARISATION] > 0.0:
+            pulled = math.tanh(side[s, AMPERE] / 0.8)
+            slow = 6.0 if pulled > side[s, POLARISED] else 15.0
+            side[s, POLARISED] = approach(side[s, POLARISED], pulled, dt, slow)
+            out[2 + s] += e[s, POLARISATION] * side[s, POLARISED]
         out[2 + s] += e[s, RETURN_WIRE] * (side[0, AMPERE] + side[1, AMPERE])
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
     out[6] = inlet + 0.3 * pair[RESERVOIR]

@@ -16,6 +16,7 @@ from tests.withheld.plant.layout import (
     ARREST,
     ARRESTED,
     ASLEEP,
+    BATHED,
     BUBBLE,
     CELLS,
     COAT,
@@ -32,6 +33,7 @@ from tests.withheld.plant.layout import (
     PEAK,
     PLAY,
     PLAYS,
+    QUENCH,
     QUIET,
     R_PHASE,
     RATE,
@@ -79,6 +81,7 @@ CONDUCTION = index("conduction_W_K")
 RESISTANCE = index("resistance_ohm")
 Y_RESISTANCE = index("y_resistance")
 Y_LOSS = index("y_loss")
+RTD_PLACE = index("rtd_place")
 
 RESISTIVITY = slot("resistivity")
 BUBBLES = slot("air_bubbles")
@@ -107,8 +110,13 @@ WORKED = slot("worked_resistance")
 COATING = slot("gas_coat")
 HEAT_BY_PHASE = slot("phase_heat_capacity")
 OVERHEATED = slot("overheated_nuclei")
+BINDING = slot("rtd_binding")
+OVERTURNING = slot("overturning_water")
+FRONTS = slot("phase_fronts")
+QUENCHED = slot("quenched_martensite")
 
 ARREST_K = 2.0  # width of what is remembered
+QUICK_PER_S = 0.3  # rate of forming at which half of what haste can do is done
 
 
 @compiled
@@ -134,6 +142,16 @@ def resistance(
         heat[i] = base * factor / CELLS
         total += heat[i]
     return total
+
+
+@compiled
+def front(s: int, i: int, cells: Array) -> float:
+    """How much of a phase front (0…1) one cell has towards its neighbours."""
+    apart = 0.0
+    for j in (max(i - 1, 0), min(i + 1, CELLS - 1)):
+        step = cells[s, j, FRACTION] - cells[s, i, FRACTION]
+        apart += step * step
+    return float(1.0 - math.exp(-apart / 0.06))
 
 
 @compiled
@@ -168,6 +186,12 @@ def shifts(
         heat += e[s, ARREST_MEMORY] * cells[s, i, ARRESTED] * math.exp(-off * off)
     if e[s, OVERHEATED] > 0.0:
         cool -= e[s, OVERHEATED] * max(cells[s, i, PEAK] - 38.0, 0.0) / 10.0
+    if e[s, FRONTS] > 0.0:
+        eased = e[s, FRONTS] * front(s, i, cells)
+        heat -= eased
+        cool += eased
+    if e[s, QUENCHED] > 0.0:
+        heat -= e[s, QUENCHED] * cells[s, i, QUENCH]
     return heat, cool
 
 
@@ -233,7 +257,11 @@ def coefficients(
         row[HEAT_SHARE] = 1.0 + e[s, HEAT_BY_PHASE] * (1.0 - cells[s, i, FRACTION])
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
-    return float(CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0)
+    mix = CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0
+    if e[s, OVERTURNING] > 0.0:
+        unstable = max(cells[s, CELLS - 1, W] - cells[s, 0, W], 0.0)
+        mix += e[s, OVERTURNING] * math.sqrt(unstable / 10.0)
+    return float(mix)
 
 
 @compiled
@@ -254,6 +282,9 @@ def remember(
         moved = fraction - cell[FRACTION]
         if moved > 0.0:
             cell[TURNED] = (cell[TURNED] * cell[FRACTION] + turned_new * moved) / fraction
+            if e[s, QUENCHED] > 0.0:
+                fresh = moved / (moved + QUICK_PER_S * dt)
+                cell[QUENCH] = (cell[QUENCH] * cell[FRACTION] + fresh * moved) / fraction
         if e[s, RECOVERY] > 0.0:
             excess = max(cell[TURNED] - turned_new, 0.0)
             cell[TURNED] -= excess * min(0.5, e[s, RECOVERY] * dt * math.sqrt(excess / 0.1))
@@ -309,6 +340,8 @@ def tube(
     pockets(s, e, cells, side, luck, dt)
     coat(s, e, cells, side, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)
+    if e[s, BINDING] > 0.0:
+        side[s, BATHED] = rows[int(p[RTD_PLACE] * CELLS), FILM]
     left = int(side[s, QUIET]) if calm else 0
     side[s, QUIET] = advance(
         cells[s],
