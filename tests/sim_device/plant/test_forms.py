@@ -1,0 +1,90 @@
+"""Shapes of effects: where an R-phase begins, what a sensor sits on, how a loss grows, bubbles."""
+
+import numpy as np
+import pytest
+
+from sim_device.plant import Inputs, load_parameters, simulate
+from tests.sim_device.plant.cases import alternating
+
+P = load_parameters("A")
+DRIVE = alternating(seconds=32.0, amps=2.6)
+
+
+OUTPUTS = ("true_force_N", "true_displacement_m", "T_x_K", "flow_x_m3_s")
+
+
+def played(name=None, inputs=DRIVE, **values):
+    effects = {name: values} if name else {}
+    return simulate(P, inputs, effects=effects, outputs=OUTPUTS, dt_s=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "shapes"),
+    [
+        ("r_phase", {"strain": 0.05}, {"above_K": 8.0, "width_K": 6.0}),
+        ("tube_friction", {"coulomb_N": 0.1}, {"sensor_on_x": 0.5}),
+        ("convection_exponent", {"loss_exponent": 0.2}, {"reference_K": 10.0}),
+        ("air_pockets", {"share": 0.5}, {"scatter": 1.0, "clears": 1.0}),
+    ],
+)
+def test_a_shape_that_is_not_named_is_what_was_fixed_before(name, values, shapes):
+    unnamed, named = played(name, **values), played(name, **values, **shapes)
+    for channel in OUTPUTS:
+        np.testing.assert_array_equal(unnamed[channel], named[channel])
+
+
+def test_an_r_phase_begins_and_ends_where_its_window_says():
+    """Of the deflection on cooling, nothing is changed above the window."""
+    hot = alternating(seconds=16.0, amps=3.6)
+    plain = played(inputs=hot)
+    T = plain["T_x_K"]
+    cooling = np.r_[False, np.diff(T) < 0.0]
+    for above in (2.0, 6.0):
+        wide = played("r_phase", hot, strain=0.1, above_K=above, width_K=3.0)
+        moved = np.abs(wide["true_displacement_m"] - plain["true_displacement_m"]) > 2e-5
+        first = np.flatnonzero(moved & cooling)[0]
+        assert T[first] <= P["martensite_start"] + above + 0.5
+        assert T[first] >= P["martensite_start"] + above - 3.0
+
+
+def test_a_force_sensor_on_one_side_reads_that_sides_tension():
+    rubs = {"coulomb_N": 0.1, "stribeck": 0.0}
+    x, y, middle = (
+        played("tube_friction", **rubs, sensor_on_x=side)["true_force_N"] for side in (1, 0, 0.5)
+    )
+    np.testing.assert_allclose(0.5 * (x + y), middle, atol=1e-3)
+    apart = np.abs(x - y)
+    assert apart.max() == pytest.approx(0.1, rel=0.05)
+    nothing = [played("tube_friction", coulomb_N=0.0, sensor_on_x=s) for s in (0, 1)]
+    np.testing.assert_array_equal(nothing[0]["true_force_N"], nothing[1]["true_force_N"])
+
+
+def test_a_loss_that_grows_faster_cools_what_is_hotter_than_its_reference():
+    t = np.arange(4000) * 0.01
+    held = Inputs(
+        t, np.column_stack([np.full(t.size, 2.0), np.zeros(t.size)]), np.zeros((t.size, 2))
+    )
+    plain = played(inputs=held)["T_x_K"]
+    assert plain[-1] > 325.0
+    below = played("convection_exponent", held, exponent=0.0, loss_exponent=0.5, reference_K=80.0)
+    above = played("convection_exponent", held, exponent=0.0, loss_exponent=0.5, reference_K=2.0)
+    assert above["T_x_K"][-1] < plain[-1] - 0.2
+    assert below["T_x_K"][-1] > plain[-1] + 0.2
+
+
+def test_bubbles_that_stay_when_the_pump_stops_make_the_next_heating_hotter():
+    cleared, stayed = (
+        played("air_pockets", share=0.6, scatter=0.0, clears=c)["T_x_K"] for c in (1, 0)
+    )
+    second = slice(1600, 2100)
+    assert stayed[second].max() > cleared[second].max() + 1.0
+
+
+def test_bubbles_that_do_not_scatter_take_the_same_share_at_each_start():
+    flow = {
+        scatter: played("air_pockets", share=0.6, scatter=scatter)["flow_x_m3_s"]
+        for scatter in (0, 1)
+    }
+    tops = {s: [f[600:1000].max(), f[2200:2600].max()] for s, f in flow.items()}
+    assert tops[0][0] == pytest.approx(tops[0][1])
+    assert tops[1][0] != pytest.approx(tops[1][1], rel=0.05)
