@@ -34,12 +34,12 @@ class Settings:
     Beside tied parameters a cause is unknown if the best of the library takes less than
     `since_ratio` of what a flexible correction takes, or leaves more than `unknown_left` floors and
     takes less than `since_clear_shrink`; unless it makes good `since_taken` of what the runs score
-    worse than good ones. Since known-good runs it is, too, if none enters and the
-    refit leaves more than `blind_excess` floors and `blind_ratio` times what is significant (with a
-    flexible correction that finds `found_share` of it, `structural_excess` times), where the runs
-    score worse than good ones, each predicted by the others, by `since_deficit` nats a cell; or if
-    they do on one output, by `since_spreads` times what good runs differ in it, or on one output
-    of one run, by `since_run_deficit` nats a cell.
+    worse than good ones, or gains more than `since_sure` nats a cell. Since known-good runs it is,
+    too, if none enters and the refit leaves more than `blind_excess` floors and `blind_ratio` times
+    what is significant (with a flexible correction that finds `found_share` of it,
+    `structural_excess` times), where the runs score worse than good ones, each predicted by the
+    others, by `since_deficit` nats a cell; or if they do on one output, by `since_spreads` times
+    what good runs differ in it, or on one output of one run, by `since_run_deficit` nats a cell.
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five
@@ -109,6 +109,7 @@ class Settings:
     since_clear_shrink: float = 0.75
     since_ratio: float = 0.5
     since_taken: float = 0.33
+    since_sure: float = 3.1
     rest_margin: float = 0.15
     ambiguous_d2: float = 16.0
     ambiguous_odds: float = 10.0

@@ -45,6 +45,7 @@ class Evidenced:
     runs say; `gap_free` is what a refit of all of them would leave. `taken` is the part that the
     effects take of what these runs score worse than known-good runs left out do. `imitated`: other
     values of the parameters predict as well as the effects, which do not help beside them.
+    `strongest` is the largest gain of an effect that entered, nats for each cell judged.
     `unexplained` is None without good runs that could be left out.
     `instead`: effects that parameters held to what the known-good runs say ask for, which would
     bring the gap to `gap_instead`, but whose place other values of the parameters have taken.
@@ -64,6 +65,7 @@ class Evidenced:
     tied: bool = False
     gap_free: float = 0.0
     taken: float = 0.0
+    strongest: float = 0.0
     unexplained: Unexplained | None = None
     imitated: bool = False
     instead: tuple[str, ...] = ()
@@ -177,9 +179,10 @@ def p_unknown(e: Evidenced, settings: Settings) -> float:
 
     Beside tied parameters a gap contains what the form of the bench's laws leaves, of which no
     effect takes anything and a few blocks of time may be most. A cause that takes a good part of
-    what the runs score worse than good ones is known all the same.
+    what the runs score worse than good ones is known all the same, and so is one that gains more
+    than a wrong one was ever seen to.
     """
-    if e.tied and e.taken > settings.since_taken:
+    if e.tied and (e.taken > settings.since_taken or e.strongest > settings.since_sure):
         return 0.0
     return _too_little(e.touched, settings, tied=e.tied)
 

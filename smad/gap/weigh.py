@@ -42,6 +42,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
         taken=_taken(prepared, selection),
+        strongest=max((c.gain / c.cells for c in selection.steps if c.cells), default=0.0),
         unexplained=_unexplained(prepared, track),
         visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))
         if selection.screened

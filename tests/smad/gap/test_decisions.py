@@ -56,6 +56,15 @@ def test_a_cause_that_makes_good_much_of_what_the_runs_score_worse_is_known(
     assert p_unknown(named(worth(8.0, 0.1), tied=False, taken=taken), SETTINGS) == 1.0
 
 
+@pytest.mark.parametrize(("strongest", "poor"), [(2.9, 1.0), (3.5, 0.0)])
+def test_a_cause_that_gains_more_than_a_wrong_one_ever_did_is_known(
+    strongest: float, poor: float
+) -> None:
+    weak = replace(named(worth(8.0, 0.1), tied=True), strongest=strongest)
+    assert p_unknown(weak, SETTINGS) == poor
+    assert p_unknown(replace(weak, tied=False), SETTINGS) == 1.0
+
+
 @pytest.mark.parametrize("tied", [True, False])
 def test_a_cause_is_unknown_where_a_flexible_correction_takes_twice_as_much(tied: bool) -> None:
     assert p_unknown(named(worth(2.0, 0.42, 0.9), tied=tied), SETTINGS) == 1.0
