@@ -242,7 +242,8 @@ E_READS_X = 66  # share of X's tension in what the force sensor reads, beyond on
 E_EXPONENT_REF = 67
 E_SCATTER = 68
 E_CLEARS = 69
-EFFECTS_SIZE = 70
+E_END_LOSS = 70
+EFFECTS_SIZE = 71
 # The slots once more as they are for side Y: the drivers, leads, RTDs and water lines differ. What
 # the sides share, and X, is read from the first.
 SIDES_SIZE = 2 * EFFECTS_SIZE
@@ -1566,6 +1567,8 @@ def heat(
         g_dry = bare(middle, T_air, p)
         if e[E_EXPONENT] != 0.0:
             g_dry = g_dry * steeper(middle - T_air, e[E_EXPONENT], e)
+    if e[E_END_LOSS] > 0.0:
+        g_dry += e[E_END_LOSS] * p[P_LENGTH_INV]
     net = power + gain - g_dry * (T - T_air) - g_water * (T - (T_water if warms else T_in))
     capacity = p[P_MC_H] if net >= 0.0 else p[P_MC_C]
     w[W_CAP] = capacity

@@ -28,9 +28,13 @@ THERMAL: tuple[Effect, ...] = (
         "cold_ends",
         "wire ends at the crimps stay cold",
         "thermal",
-        "δ = (1 − s) δ(ξ, ξ_S) + s δ(1, ξ_S,cold), ξ_S,cold by Eq. (12)",
-        (EffectParameter("share", k.E_COLD_ENDS, "1", 0, 0.5, 0.08, half(0.06), "share s"),),
-        ("displacement", "force"),
+        "δ = (1 − s) δ(ξ, ξ_S) + s δ(1, ξ_S,cold), ξ_S,cold by Eq. (12);"
+        " the crimps, as warm as the air, take q = G (T − T_a)",
+        (
+            EffectParameter("share", k.E_COLD_ENDS, "1", 0, 0.5, 0.08, half(0.06), "share s"),
+            EffectParameter("loss_W_K", k.E_END_LOSS, "W/K", 0, 0.1, 0.01, half(0.01), "G"),
+        ),
+        _HEAT,
         ("temperature_spread", "tube_stiffness"),
         "slow against fast heating: cold ends stay, a spread closes",
         "A. Bhattacharyya et al., Smart Mater. Struct. 2002 (heat balance cited by the paper)",
