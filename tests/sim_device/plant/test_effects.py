@@ -53,7 +53,7 @@ def test_the_registry_has_enough_entries_and_each_name_once():
 def test_every_slot_of_the_kernel_belongs_to_one_parameter():
     of_parameters = [parameter.slot for entry in EFFECTS for parameter in entry.parameters]
     slots = [slot for slot in of_parameters if slot is not None]
-    made = {k.E_ROUGH, k.E_UNEVEN_STRAIN, k.E_LATE, k.E_KNEE}
+    made = {k.E_ROUGH, k.E_UNEVEN_STRAIN, k.E_LATE, k.E_KNEE, k.E_READS_X}
     assert sorted(slots) == sorted(set(range(k.EFFECTS_SIZE)) - made)
 
 
