@@ -308,12 +308,18 @@ def _quiet(outcome: Outcome, e: Evidenced) -> str:
             "they do not excite the plant enough to answer."
         )
     if outcome is Outcome.NO_GAP:
-        return f"No gap: what is left ({e.whole.gap_refit:.2f}×) is within the floor."
+        return f"No gap: what is left ({e.whole.gap_refit:.2f}×) is {_little(e)}."
     what = "the refit of parameters and laws" if e.since_good else "the refit"
     return (
-        f"Parameters only: after {what} {e.whole.gap_refit:.2f}× is left, which is within the "
-        "floor. No effect is needed."
+        f"Parameters only: after {what} {e.whole.gap_refit:.2f}× is left, which is {_little(e)}. "
+        "No effect is needed."
     )
+
+
+def _little(e: Evidenced) -> str:
+    if e.since_good and e.whole.gap_refit > e.threshold:
+        return "more than the floor, but does not stand out of what known-good runs leave"
+    return "within the floor"
 
 
 def _unknown_sentence(e: Evidenced, title: Mapping[str, Effect], p: float) -> str:
