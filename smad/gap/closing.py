@@ -46,8 +46,9 @@ from smad.gap.summary import (
     window_records,
 )
 from smad.gap.tracks import Track
-from smad.gap.verdict import decide, standing_out, stands_out, words
+from smad.gap.verdict import decide, standing_out, stands_out
 from smad.gap.weigh import weigh
+from smad.gap.words import words
 
 LIMITS = (
     "Every figure is about this plant model and its library: a cause outside it can only be "

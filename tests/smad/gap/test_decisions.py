@@ -10,7 +10,8 @@ import pytest
 from smad.gap import Settings
 from smad.gap.assess import Worth
 from smad.gap.records import Outcome
-from smad.gap.verdict import Evidenced, _gap_sentence, decide, p_unknown
+from smad.gap.verdict import Evidenced, decide, p_unknown
+from smad.gap.words import gap_sentence
 
 SETTINGS = Settings()
 
@@ -104,5 +105,5 @@ def test_a_cause_that_other_parameters_predict_as_well_has_even_odds_and_the_ver
     outcome, p = decide(open_, SETTINGS)
     assert outcome is decide(sure, SETTINGS)[0] is Outcome.EFFECT
     assert p == pytest.approx(SETTINGS.imitated_right)
-    assert "do not tell the two apart" in _gap_sentence(open_)
-    assert "do not tell the two apart" not in _gap_sentence(sure)
+    assert "do not tell the two apart" in gap_sentence(open_)
+    assert "do not tell the two apart" not in gap_sentence(sure)

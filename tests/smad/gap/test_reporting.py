@@ -23,8 +23,8 @@ from smad.gap.select import Candidate
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from smad.gap.space import Space
-from smad.gap.verdict import next_sentence
 from smad.gap.verify import verified
+from smad.gap.words import next_sentence
 from smad.report.page import render
 from tests.smad.gap.cases import ALIKE, OTHER, ask, ask_alike, bank
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
