@@ -11,13 +11,16 @@ from tests.withheld.errors import WithheldError
 from tests.withheld.more_runs import Follow, judge_again, recorded
 from tests.withheld.second_pass import Frozen, opened, through
 
+_OPEN = ("ambiguous", "unknown", "parameters_only", "no_gap")
+"""Answers that give no name, or none alone: what an experiment may resolve."""
+
 
 def recommended(frozen: Frozen) -> dict[str, list[str]]:
     """Case → the first experiment, where one was recommended for what is left."""
     return {
         p.case: [p.said.next_experiment.name]
         for p in frozen.pairs
-        if p.said.outcome == "ambiguous" and p.said.next_experiment is not None
+        if p.said.outcome in _OPEN and p.said.next_experiment is not None
     }
 
 

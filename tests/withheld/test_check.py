@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,12 +30,13 @@ from smad.gap.check.verdicts import (
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from tests.withheld import after_why, files
+from tests.withheld.after_next import recommended
 from tests.withheld.cases import Case
 from tests.withheld.command import main
 from tests.withheld.follow import follow
 from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import BY_NAME, Active, names
-from tests.withheld.second_pass import entries
+from tests.withheld.second_pass import entries, opened
 
 RUN_S = 24.0
 LIBRARY = ("rtd_offset", "flow_shortfall")
@@ -173,6 +175,20 @@ def test_a_recommended_experiment_is_carried_out_and_the_case_asked_again(
     assert experiment.name == "one side"
     assert experiment.names_after is not None
     assert set(experiment.names_after) <= set(LIBRARY)
+
+
+def test_an_experiment_is_carried_out_where_it_may_give_a_name(bank: Path, frozen: Path) -> None:
+    key = bank.with_name("small-key") / "KEY.json"
+    opened_once = opened(frozen, key, bank)
+    asked = [pair for pair in opened_once.pairs if pair.case == "case-001"]
+
+    def cases(outcome: str) -> list[str]:
+        said = msgspec.structs.replace(asked[0].said, outcome=outcome)
+        pair = dataclasses.replace(asked[0], said=said)
+        return list(recommended(dataclasses.replace(opened_once, pairs=[pair])))
+
+    assert cases("ambiguous") == cases("unknown") == cases("parameters_only") == ["case-001"]
+    assert cases("effect") == []
 
 
 def test_one_program_is_recorded_on_another_day_under_another_number(
