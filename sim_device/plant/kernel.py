@@ -67,7 +67,7 @@ S_F = 49  # tension of the spring, N
 S_PUMP = 50  # flow of the pump before leaks, its mean over the substep, m3/s
 S_PUMP_ON_S = 51  # time since the pump was switched on, s
 S_PUMP_COUNT = 52  # times the pump was switched on
-S_WETTED = 53  # share of the wire that water touches
+S_WETTED = 53  # share of the wire that flowing water touches
 S_T_WALL = 54  # tube wall temperature, K
 S_XS_END = 55  # detwinned fraction of the cold ends
 S_R = 56  # R-phase fraction
@@ -240,10 +240,8 @@ E_R_WIDTH = 64
 E_LOSS_EXPONENT = 65
 E_READS_X = 66  # share of X's tension in what the force sensor reads, beyond one half
 E_EXPONENT_REF = 67
-E_SCATTER = 68
-E_CLEARS = 69
-E_END_LOSS = 70
-EFFECTS_SIZE = 71
+E_END_LOSS = 68
+EFFECTS_SIZE = 69
 # The slots once more as they are for side Y: the drivers, leads, RTDs and water lines differ. What
 # the sides share, and X, is read from the first.
 SIDES_SIZE = 2 * EFFECTS_SIZE
@@ -1893,13 +1891,10 @@ def pump(s: Array, p: Array, e: Array, duty: float, sign: float, dt: float) -> N
     if e[E_UNEVEN] != 0.0:
         flow = flow * (1.0 + sign * e[E_UNEVEN])
     s[S_WETTED] = 1.0
-    if e[E_POCKETS] > 0.0:
-        here = e[E_POCKETS] * (1.0 - e[E_SCATTER] * (1.0 - scattered(s[S_PUMP_COUNT])))
-        if duty > 0.0:
-            flow = flow * (1.0 - here)
-            s[S_WETTED] = 1.0 - here
-        else:
-            s[S_WETTED] = 1.0 - (1.0 - e[E_CLEARS]) * here
+    if e[E_POCKETS] > 0.0 and duty > 0.0:
+        part = 1.0 - e[E_POCKETS] * scattered(s[S_PUMP_COUNT])
+        flow = flow * part
+        s[S_WETTED] = part
     if e[E_SPINUP_S] > 0.0:
         start = s[S_PUMP_END]
         turn, before = towards(0.0, start, late * dt, e[E_SPINUP_S])

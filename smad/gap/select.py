@@ -119,9 +119,9 @@ def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
         return max(2.0, s.gain_standard_errors * c.gain_se)
     if _clear(c, s):
         return s.clear_standard_errors * c.gain_se
-    further = len(c.names) > 1
-    errors = s.further_standard_errors if further else s.since_standard_errors
-    return max(s.since_gain * c.cells, errors * c.gain_se)
+    if len(c.names) > 1:
+        return max(s.further_gain * c.cells, s.further_standard_errors * c.gain_se)
+    return max(s.since_gain * c.cells, s.since_standard_errors * c.gain_se)
 
 
 def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:

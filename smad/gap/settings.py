@@ -22,14 +22,15 @@ class Settings:
     standard deviations, without that counting as a change.
 
     Since known-good runs, an effect enters if its held-out gain exceeds `since_gain` nats for each
-    cell judged and `since_standard_errors`, a further one `further_standard_errors`. Where a
-    bench's laws have another form than the model's, some effect gains 0.1 to 0.3 nats a cell though
-    none is there, and up to 0.5 where parameters have changed (development bank). An effect that
-    takes `clear_shrink` of a gap of at least `clear_excess` floors on its outputs enters with
-    `clear_standard_errors` instead: it may show in few cells. Fitted without each regime in turn,
-    it must gain on those left out `regime_share` of what it gains on runs left out. A free refit
-    replaces the answer if it is better by `free_standard_errors`, unless the cause gains
-    `beside_standard_errors` beside what is free, or `imitated_share` of what the free refit gains.
+    cell judged and `since_standard_errors`, a further one `further_gain` and
+    `further_standard_errors`. Where a bench's laws have another form than the model's, some effect
+    gains 0.1 to 0.3 nats a cell though none is there, and up to 0.5 where parameters have changed
+    (development bank). An effect that takes `clear_shrink` of a gap of at least `clear_excess`
+    floors on its outputs enters with `clear_standard_errors` instead: it may show in few cells.
+    Fitted without each regime in turn, it must gain on those left out `regime_share` of what it
+    gains on runs left out. A free refit replaces the answer if it is better by
+    `free_standard_errors`, unless the cause gains `beside_standard_errors` beside what is free, or
+    `imitated_share` of what the free refit gains.
 
     Beside tied parameters a cause is unknown if the best of the library takes less than
     `since_ratio` of what a flexible correction takes, or leaves more than `unknown_left` floors and
@@ -85,8 +86,9 @@ class Settings:
     significance: float = 0.01
     min_excess: float = 0.35
     gain_standard_errors: float = 1.0
-    since_gain: float = 0.55
+    since_gain: float = 0.7
     since_standard_errors: float = 2.0
+    further_gain: float = 0.55
     further_standard_errors: float = 3.0
     regime_share: float = 0.1
     clear_standard_errors: float = 3.0

@@ -179,18 +179,11 @@ WATER: tuple[Effect, ...] = (
     ),
     Effect(
         "air_pockets",
-        "air bubbles in the tube cut the cooling, by another share at each start of the pump",
+        "air bubbles cut the cooling by a different share at each start of the pump",
         "water",
-        "h → h (1 − s v_n), Q → Q (1 − s v_n), v_n = 1 − b (1 − r_n), r_n scattered in 0 to 1 with"
-        " the n-th start; while the pump rests h → h [1 − (1 − c) s v_n]",
+        "h → h (1 − s v_n), Q → Q (1 − s v_n), v_n scattered in 0 to 1 with the n-th start",
         (
             EffectParameter("share", k.E_POCKETS, "1", 0, 0.95, 0.5, half(0.3), "largest share s"),
-            EffectParameter(
-                "scatter", k.E_SCATTER, "1", 0, 1, 1, about(1), "b, 0: the same each time", None
-            ),
-            EffectParameter(
-                "clears", k.E_CLEARS, "1", 0, 1, 1, about(1), "c, share gone when it stops", None
-            ),
             Y_SHARE,
         ),
         _HEAT,

@@ -1,4 +1,4 @@
-"""Shapes of effects: where an R-phase begins, what a sensor sits on, how a loss grows, bubbles."""
+"""Shapes of effects: where an R-phase begins, what a sensor sits on, how a loss grows."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,6 @@ def played(name=None, inputs=DRIVE, **values):
         ("r_phase", {"strain": 0.05}, {"above_K": 8.0, "width_K": 6.0}),
         ("tube_friction", {"coulomb_N": 0.1}, {"sensor_on_x": 0.5}),
         ("convection_exponent", {"loss_exponent": 0.2}, {"reference_K": 10.0}),
-        ("air_pockets", {"share": 0.5}, {"scatter": 1.0, "clears": 1.0}),
     ],
 )
 def test_a_shape_that_is_not_named_is_what_was_fixed_before(name, values, shapes):
@@ -70,21 +69,3 @@ def test_a_loss_that_grows_faster_cools_what_is_hotter_than_its_reference():
     above = played("convection_exponent", held, exponent=0.0, loss_exponent=0.5, reference_K=2.0)
     assert above["T_x_K"][-1] < plain[-1] - 0.2
     assert below["T_x_K"][-1] > plain[-1] + 0.2
-
-
-def test_bubbles_that_stay_when_the_pump_stops_make_the_next_heating_hotter():
-    cleared, stayed = (
-        played("air_pockets", share=0.6, scatter=0.0, clears=c)["T_x_K"] for c in (1, 0)
-    )
-    second = slice(1600, 2100)
-    assert stayed[second].max() > cleared[second].max() + 1.0
-
-
-def test_bubbles_that_do_not_scatter_take_the_same_share_at_each_start():
-    flow = {
-        scatter: played("air_pockets", share=0.6, scatter=scatter)["flow_x_m3_s"]
-        for scatter in (0, 1)
-    }
-    tops = {s: [f[600:1000].max(), f[2200:2600].max()] for s, f in flow.items()}
-    assert tops[0][0] == pytest.approx(tops[0][1])
-    assert tops[1][0] != pytest.approx(tops[1][1], rel=0.05)

@@ -19,7 +19,7 @@ def candidate(*names: str, **numbers: float) -> Candidate:
     joint: Any = SimpleNamespace(names=names)
     judged: Any = None
     sure = Candidate(
-        joint, judged, gain=700.0, gain_se=100.0, p_value=1e-6, touched=("a",),
+        joint, judged, gain=800.0, gain_se=100.0, p_value=1e-6, touched=("a",),
         shrink_gain=0.5, excess_before=2.0, regime_gain=100.0, cells=1000,
     )  # fmt: skip
     return replace(sure, **numbers)
@@ -32,8 +32,8 @@ def test_an_effect_that_shows_enters_tied_or_free() -> None:
 
 @pytest.mark.parametrize(
     ("numbers", "asked"),
-    [({}, 300.0), ({"shrink_gain": 0.4}, 550.0), ({"excess_before": 0.9}, 550.0),
-     ({"shrink_gain": 0.4, "gain_se": 300.0}, 600.0)],
+    [({}, 300.0), ({"shrink_gain": 0.4}, 700.0), ({"excess_before": 0.9}, 700.0),
+     ({"shrink_gain": 0.4, "gain_se": 400.0}, 800.0)],
     ids=["takes most of a gap", "takes less of it", "little gap to take", "uncertain"],
 )  # fmt: skip
 def test_since_good_runs_a_gain_counts_by_the_cells_that_were_judged(
@@ -50,8 +50,8 @@ def test_since_good_runs_a_gain_counts_by_the_cells_that_were_judged(
         {"gain": 250.0},
         {"p_value": 0.02},
         {"regime_gain": -1000.0},
-        {"regime_gain": 60.0},
-        {"shrink_gain": 0.4, "gain": 540.0},
+        {"regime_gain": 70.0},
+        {"shrink_gain": 0.4, "gain": 690.0},
     ],
     ids=[
         "small gain",
@@ -66,8 +66,8 @@ def test_an_effect_that_fails_one_test_stays_out(numbers: dict[str, float]) -> N
 
 
 def test_without_good_runs_other_regimes_need_only_not_take_the_gain_back() -> None:
-    assert acceptable(candidate("x", regime_gain=-600.0), SETTINGS, tied=False)
-    assert not acceptable(candidate("x", regime_gain=-800.0), SETTINGS, tied=False)
+    assert acceptable(candidate("x", regime_gain=-700.0), SETTINGS, tied=False)
+    assert not acceptable(candidate("x", regime_gain=-900.0), SETTINGS, tied=False)
 
 
 @pytest.mark.parametrize("numbers", [{"shrink_gain": 0.05}, {"excess_before": 0.3}])
@@ -77,7 +77,13 @@ def test_beside_tied_parameters_a_gain_needs_no_gap(numbers: dict[str, float]) -
 
 
 def test_a_further_cause_must_be_more_certain() -> None:
-    uncertain = {"gain": 700.0, "gain_se": 280.0, "shrink_gain": 0.2}
+    uncertain = {"gain": 800.0, "gain_se": 280.0, "shrink_gain": 0.2}
     assert acceptable(candidate("x", **uncertain), SETTINGS, tied=True)
     assert not acceptable(candidate("x", "y", **uncertain), SETTINGS, tied=True)
     assert acceptable(candidate("x", "y", **uncertain | {"gain": 900.0}), SETTINGS, tied=True)
+
+
+def test_a_further_cause_may_gain_less_than_the_first() -> None:
+    little = {"gain": 600.0, "shrink_gain": 0.2}
+    assert not acceptable(candidate("x", **little), SETTINGS, tied=True)
+    assert acceptable(candidate("x", "y", **little), SETTINGS, tied=True)
