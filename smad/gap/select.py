@@ -129,8 +129,10 @@ def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
     stands = c.gain > asked_gain(c, s, tied=tied) and c.p_value <= s.significance
     if tied:
         # Beside tied parameters an effect stands out by its score although the background is
-        # larger; but what the form of a law leaves in one regime is no help in another.
-        return stands and c.regime_gain > s.regime_share * c.gain
+        # larger; but what the form of a law leaves in one regime is no help in another. So large
+        # as a cause may be that acts in one regime only, it is not.
+        share = 0.0 if c.gain > s.regime_sure * c.cells else s.regime_share
+        return stands and c.regime_gain > share * c.gain
     takes = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
     return stands and takes and c.gain + c.regime_gain > 0.0
 

@@ -28,9 +28,9 @@ class Settings:
     (development bank). An effect that takes `clear_shrink` of a gap of at least `clear_excess`
     floors on its outputs enters with `clear_standard_errors` instead: it may show in few cells.
     Fitted without each regime in turn, it must gain on those left out `regime_share` of what it
-    gains on runs left out. A free refit replaces the answer if it is better by
-    `free_standard_errors`, unless the cause gains `beside_standard_errors` beside what is free, or
-    `imitated_share` of what the free refit gains.
+    gains on runs left out, or anything at all if that is more than `regime_sure` nats a cell. A
+    free refit replaces the answer if it is better by `free_standard_errors`, unless the cause gains
+    `beside_standard_errors` beside what is free, or `imitated_share` of what the free refit gains.
 
     Beside tied parameters a cause is unknown if the best of the library takes less than
     `since_ratio` of what a flexible correction takes, or leaves more than `unknown_left` floors and
@@ -91,6 +91,7 @@ class Settings:
     further_gain: float = 0.55
     further_standard_errors: float = 3.0
     regime_share: float = 0.1
+    regime_sure: float = 2.0
     clear_standard_errors: float = 3.0
     clear_shrink: float = 0.5
     clear_excess: float = 1.0

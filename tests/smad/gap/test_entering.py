@@ -76,6 +76,13 @@ def test_beside_tied_parameters_a_gain_needs_no_gap(numbers: dict[str, float]) -
     assert not acceptable(candidate("x", **numbers), SETTINGS, tied=False)
 
 
+def test_a_large_gain_may_come_from_one_regime_but_not_against_the_others() -> None:
+    one_regime = {"gain": 3000.0, "regime_gain": 100.0}
+    assert acceptable(candidate("x", **one_regime), SETTINGS, tied=True)
+    assert not acceptable(candidate("x", **one_regime | {"gain": 1500.0}), SETTINGS, tied=True)
+    assert not acceptable(candidate("x", **one_regime | {"regime_gain": -1.0}), SETTINGS, tied=True)
+
+
 def test_a_further_cause_must_be_more_certain() -> None:
     uncertain = {"gain": 800.0, "gain_se": 280.0, "shrink_gain": 0.2}
     assert acceptable(candidate("x", **uncertain), SETTINGS, tied=True)
