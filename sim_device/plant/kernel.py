@@ -171,7 +171,8 @@ P_DH_INV = 43
 CONSTANTS_SIZE = 44
 
 # Slots of the candidate effects; the registry in `effects` refers to them by these names. All zero
-# is the plant without any. The first three, switches, and E_KNEE are set by the host from others.
+# is the plant without any. The first three, switches, E_KNEE and E_READS_X are set by the host from
+# others.
 E_ROUGH = 0  # friction, drag, tube stiffness or a tendon that gives
 E_UNEVEN_STRAIN = 1  # anything that adds to Eq. (9) of a spring
 E_LATE = 2  # any delayed channel
@@ -234,11 +235,11 @@ E_MEMORY = 58
 E_UNIFIED = 59
 E_TAILS = 60
 E_SHARPNESS = 61
-E_KNEE = 62  # share of the current that is missing, (I/I_s)^n, at I_max
+E_KNEE = 62  # (I_max/I_s)^n
 E_R_ABOVE = 63
 E_R_WIDTH = 64
 E_LOSS_EXPONENT = 65
-E_READS_X = 66  # share of X's tension in what the force sensor reads, beyond one half
+E_READS_X = 66  # share of X's tension in what the force sensor reads, beyond one half; 0 alike
 E_EXPONENT_REF = 67
 E_END_LOSS = 68
 EFFECTS_SIZE = 69
@@ -1944,12 +1945,6 @@ def from_deflection(delta: float, s: Array, w: Array, p: Array, e: Array) -> flo
 
 
 @inlined
-def read_force(F_x: float, F_y: float, e: Array) -> float:
-    """What a sensor between the springs reads of two tensions that something holds apart."""
-    return float(0.5 * (F_x + F_y) + e[E_READS_X] * (F_x - F_y))
-
-
-@inlined
 def slack_position(u: float, wx: Array, wy: Array, p: Array) -> float:
     """Where the encoder stands when the tendon is slack: where it was, between the spring ends."""
     low = p[P_DELTA_0] - wx[W_DELTA]
@@ -1989,7 +1984,7 @@ def move_pair(
         return NOT_CONVERGED
     accept(x, g, wx, p, e, F_x, F_x, fed, dt)
     accept(y, g, wy, p, e, F_y, F_y, fed, dt)
-    finish(g, u, read_force(F_x, F_y, e), dt)
+    finish(g, u, 0.5 * (F_x + F_y), dt)
     return OK
 
 
@@ -2069,7 +2064,7 @@ def move_fed(
     elif feeds[F_DISPLACEMENT] > 0.0:
         F_x = from_deflection(p[P_DELTA_0] - u, x, wx, p, e)
         F_y = from_deflection(p[P_DELTA_0] + u, y, wy, p, e)
-        result = read_force(F_x, F_y, e)
+        result = 0.5 * (F_x + F_y)
     else:
         frozen(0.0, x, wx, p, e)
         frozen(0.0, y, wy, p, e)
@@ -2080,7 +2075,7 @@ def move_fed(
         frozen(F_x, x, wx, p, e)
         frozen(F_y, y, wy, p, e)
         u = slack_position(u, wx, wy, p) if F_x == 0.0 else p[P_DELTA_0] - wx[W_DELTA]
-        result = read_force(F_x, F_y, e)
+        result = 0.5 * (F_x + F_y)
     accept(x, g, wx, p, e, F_x, tension, fed, dt)
     accept(y, g, wy, p, e, F_y, other, fed, dt)
     finish(g, u, result, dt)
@@ -2273,7 +2268,10 @@ def sense(x: Array, y: Array, g: Array, p: Array, e: Array, ring: Array, dt: flo
             g[G_PLAY] = u + half
         u = g[G_PLAY]
     g[G_M_U] = u
+    # The tension of the tendon is the mean of what pulls on both springs.
     F = g[G_F]
+    if e[E_READS_X] != 0.0 and p[P_FIXTURE] == 0.0:
+        F += e[E_READS_X] * (x[S_F] - y[S_F])
     if e[E_CREEP] != 0.0:
         if dt > 0.0:
             g[G_CREEP] = F + (g[G_CREEP] - F) * math.exp(-dt / e[E_CREEP_S])

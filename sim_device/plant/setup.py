@@ -52,6 +52,11 @@ class Setup:
             k.lay_curves(p, e)
         return cls(parameters, resolved, p, e, table_of(variant))
 
+    @property
+    def sensor_on_x(self) -> float:
+        """X's share of what the force sensor reads, beyond one half."""
+        return float(self.e[k.E_READS_X])
+
     def film_W_per_m_K(self, wire_K: float, water_K: float, duty: float) -> float:
         """Conductance from a metre of wire to its water, Eqs (19)-(25), at a duty of the pump."""
         speed = duty * float(self.p[k.P_FLOW_MAX] * self.p[k.P_AREA_INV])

@@ -46,7 +46,7 @@ from smad.gap.summary import (
     window_records,
 )
 from smad.gap.tracks import Track
-from smad.gap.verdict import decide, standing_out, stands_out
+from smad.gap.verdict import decide
 from smad.gap.weigh import weigh
 from smad.gap.words import words
 
@@ -164,9 +164,10 @@ class Closing:
         if named:
             first = next(e for e in plant.effects if e.name == numbers.effects[0])
             sub_model = first.sub_model
-            outputs = [k for k in best.touched if k in outputs] or list(best.touched)
-        elif stands_out(numbers, settings):
-            outputs = [standing_out(numbers, settings)]
+            touched = numbers.touched.keys
+            outputs = [k for k in touched if k in outputs] or list(touched)
+        elif numbers.unexplained is not None and numbers.unexplained.output:
+            outputs = [numbers.unexplained.output]
             sub_model = self._sub_model_of(outputs[0])
         place = self._sub_model_of(outputs[0]) if outputs else sub_model
         regimes = refit_heat.worst_regimes(place)
@@ -174,7 +175,7 @@ class Closing:
         if question is not None:
             self.progress("next experiment")
         experiments = [] if question is None else parting_experiments(prepared, question)
-        channel_of = {s.key: s.channel for s in best.judged.bench.evidence.segments}
+        channel_of = {s.key: s.channel for s in prepared.segments}
         text = words(
             outcome, numbers, plant, p=p, sub_model=sub_model, regimes=regimes,
             outputs=list(dict.fromkeys(channel_of[k] for k in outputs)), values=values,
@@ -234,8 +235,7 @@ class Closing:
         )
 
     def _sub_model_of(self, key: str) -> str:
-        segments = self.selection.best.judged.bench.evidence.segments
-        return next(s.sub_model for s in segments if s.key == key)
+        return next(s.sub_model for s in self.prepared.segments if s.key == key)
 
     def _steps(self) -> list[Array]:
         return [

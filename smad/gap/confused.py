@@ -10,7 +10,7 @@ import numpy as np
 from smad.gap.assess import counted_share
 from smad.gap.fit import JointFit
 from smad.gap.nextexp import propose
-from smad.gap.records import ExperimentRecord, Outcome
+from smad.gap.records import NAMED, ExperimentRecord, Outcome
 from smad.gap.select import Candidate, Selection
 from smad.gap.stages import Prepared
 from smad.gap.tracks import Track
@@ -36,7 +36,7 @@ def confused(
     if outcome is Outcome.AMBIGUOUS:
         return _group(track.selection, groups)
     replaced = not track.tied and prepared.tied is not None and bool(track.asked.best.names)
-    if track.imitated or replaced:
+    if replaced or (track.imitated and outcome in NAMED):
         free = Candidate(JointFit(prepared.fit, ()), prepared.free)
         return Confused((track.asked.best, free), (0.5, 0.5))
     return None

@@ -24,11 +24,10 @@ _LEAST_SPREAD = 1.0
 class Usual:
     """Scores of known-good runs, nats a cell.
 
-    `whole` over all cells, `by_output` of each output; `spread` by output is the standard deviation
+    `by_output` of each output; `spread` by output is the standard deviation
     from run to run, pooled over the outputs of a view, since a few runs say little of one.
     """
 
-    whole: float
     by_output: Mapping[str, float]
     spread: Mapping[str, float]
 
@@ -37,7 +36,7 @@ class Usual:
 class Deficit:
     """What runs score worse than usual, nats a cell: on all outputs, on each, and on each in a run.
 
-    Runs are named.
+    Runs are named. Outputs that the good runs lack do not count.
     """
 
     whole: float
@@ -61,7 +60,6 @@ def usual_of(good: Problem, predicted: Array) -> Usual | None:
             variance.setdefault(view[key], []).append(float(np.var(means, ddof=1)))
     pooled = {v: float(np.sqrt(np.mean(values))) for v, values in variance.items()}
     return Usual(
-        float(scores.mean()),
         {k: float(scores[keys == k].mean()) for k in outputs},
         {k: max(_LEAST_SPREAD, pooled.get(view[k], 0.0)) for k in outputs},
     )
@@ -84,9 +82,13 @@ def deficit_of(usual: Usual, judged: Judged) -> Deficit:
     if not len(scores):
         return Deficit(0.0, {}, {})
     known = [k for k in dict.fromkeys(keys.tolist()) if k in usual.by_output]
+    if not known:
+        return Deficit(0.0, {}, {})
+    seen = np.isin(keys, known)
+    expected = np.array([usual.by_output.get(k, 0.0) for k in keys.tolist()])
     pairs = list(dict.fromkeys(zip(keys.tolist(), runs.tolist(), strict=True)))
     return Deficit(
-        usual.whole - float(scores.mean()),
+        float((expected - scores)[seen].mean()),
         {k: usual.by_output[k] - float(scores[keys == k].mean()) for k in known},
         {
             (k, r): usual.by_output[k] - float(scores[(keys == k) & (runs == r)].mean())

@@ -185,8 +185,9 @@ def project(probes: Probes, z: Array, cell_weight: Array, *, at_rest: bool = Fal
 def screen(probes: Probes) -> list[Screened]:
     """Every effect, best first. Amplitude and weights are refined a few times per probe.
 
-    Begun with the weights of the fit, and with those of least squares: what is far off in a few
-    cells, as in the one run that shows an effect, weighs next to nothing until it is explained.
+    Begun with the weights of the fit, and with those of a floor as large as the misfit: what is far
+    off in a few cells, as in the one run that shows an effect, weighs next to nothing by the first
+    until it is explained.
     """
     fit = probes.fit
     problem = fit.problem

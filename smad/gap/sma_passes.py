@@ -79,10 +79,12 @@ class Passes:
         if "phase" in names and "displacement_mm" in self.run.outputs:
             feeds["displacement_m"] = self._fed_displacement(warmed)
             held = self._pass(feeds)
-            sensor = held["force_N"] - held["true_force_N"]
             # What stands between the springs (friction, drag) pulls them apart by as much as the
-            # free model says.
+            # free model says, and a sensor that sits on one side reads as much of that.
             apart = 0.5 * (warmed["spring_force_x_N"] - warmed["spring_force_y_N"])
+            assert self.setup is not None, "a pass has been made"
+            off = held["spring_force_x_N"] - held["spring_force_y_N"] - 2.0 * apart
+            sensor = held["force_N"] - held["true_force_N"] - self.setup.sensor_on_x * off
             out["phase:X"] = held["spring_force_x_N"] - apart + sensor
             out["phase:Y"] = held["spring_force_y_N"] + apart + sensor
         return out

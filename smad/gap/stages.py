@@ -16,7 +16,7 @@ from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.noise import Floor, estimate_floors
 from smad.gap.plant import Array, EffectValues, ModelPoint, Parameter, PlantModel
 from smad.gap.refit import refit
-from smad.gap.replay import Detail, Evidence, local_views, open_views
+from smad.gap.replay import Detail, Evidence, Segment, local_views, open_views
 from smad.gap.runs import GapRun
 from smad.gap.screen import Probes
 from smad.gap.settings import Settings
@@ -56,6 +56,12 @@ class Prepared:
     def gentle(self) -> Judged:
         """The free refit by plain least squares, judged."""
         return judge([_plain(self.fit)], self.hold)[0]
+
+    @property
+    def segments(self) -> list[Segment]:
+        """The outputs of all runs, those to fit on and those held out."""
+        held = () if self.hold is None else self.hold.evidence.segments
+        return [*self.problem.evidence.segments, *held]
 
     def recalibrate(self) -> None:
         """Makes the evidence what it was when the parameters had been tied."""

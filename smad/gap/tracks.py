@@ -33,7 +33,7 @@ class Track:
     `selection` is that one, or the free refit that stands in its place. `free_gain` is what the
     free refit's held-out score is above that of the best model asked for, `free_gain_se` its
     standard error; both are 0 where nothing was tied. `imitated`: the answer is a cause, but the
-    free refit predicts as well, and the cause does not help beside it.
+    free refit predicts as well or better, and the cause does not help beside it.
     """
 
     selection: Selection

@@ -19,17 +19,18 @@ _VANISHED = 0.55
 class Unexplained:
     """What runs score worse than known-good ones do, nats a cell, where no effect is added.
 
-    `deficit` over all outputs, by the better of the tied and the free parameters; `output` stands
-    out most by both, `spreads` times what good runs differ in it. `run_deficit` is the largest on
-    one output in one run, `run_output` in `run`.
+    By the better of the tied and the free parameters: `deficit` over all outputs, `spreads` the
+    most that one output differs by, in what good runs differ in it, `run_deficit` the most on one
+    output in one run. `output` is the one that stands out by that, empty if none does, `channel`
+    what it predicts; `run` is empty if it does so in all of them together.
     """
 
     deficit: float
-    output: str
     spreads: float
-    run_output: str = ""
+    run_deficit: float
+    output: str = ""
+    channel: str = ""
     run: str = ""
-    run_deficit: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Evidenced:
     would make a single effect stand out so. `tied`: the parameters were held to what the known-good
     runs say; `gap_free` is what a refit of all of them would leave. `taken` is the part that the
     effects take of what these runs score worse than known-good runs left out do. `imitated`: other
-    values of the parameters predict as well as the effects, which do not help beside them.
+    values of the parameters predict as well as the effects or better, and these do not help there.
     `strongest` is the largest gain of an effect that entered, nats for each cell judged.
     `unexplained` is None without good runs that could be left out.
     `instead`: effects that parameters held to what the known-good runs say ask for, which would
@@ -130,25 +131,15 @@ def _structural(e: Evidenced, settings: Settings) -> bool:
     if e.unexplained is None:
         return large or seen
     worse = e.unexplained.deficit > settings.since_deficit
-    return ((large or seen) and worse) or stands_out(e, settings)
+    return ((large or seen) and worse) or stands_out(e)
 
 
-def stands_out(e: Evidenced, settings: Settings) -> bool:
+def stands_out(e: Evidenced) -> bool:
     """Whether one output differs far more from the good runs than these do among themselves.
 
     Or, in one run, by a factor that no background of another family of inputs comes to.
     """
-    u = e.unexplained
-    if u is None:
-        return False
-    return u.spreads > settings.since_spreads or u.run_deficit > settings.since_run_deficit
-
-
-def standing_out(e: Evidenced, settings: Settings) -> str:
-    """The output that `stands_out`."""
-    u = e.unexplained
-    assert u is not None
-    return u.output if u.spreads > settings.since_spreads else u.run_output
+    return e.unexplained is not None and bool(e.unexplained.output)
 
 
 def _present(e: Evidenced) -> float:

@@ -42,7 +42,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
         taken=_taken(prepared, selection),
-        strongest=max((c.gain / c.cells for c in selection.steps if c.cells), default=0.0),
+        strongest=_strongest(selection),
         unexplained=_unexplained(prepared, track),
         visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))
         if selection.screened
@@ -57,6 +57,13 @@ def _touched(selection: Selection) -> tuple[str, ...]:
     return touched_outputs(selection.base.judged, selection.best.judged)
 
 
+def _strongest(selection: Selection) -> float:
+    """Largest gain, nats a cell, of an effect that entered and is still there."""
+    named = set(selection.best.names)
+    steps = [c for c in selection.steps if c.cells and set(c.names) <= named]
+    return max((c.gain / c.cells for c in steps), default=0.0)
+
+
 def _unexplained(prepared: Prepared, track: Track) -> Unexplained | None:
     """What stands beyond known-good runs whether their parameters are kept or all are refitted."""
     usual = None if prepared.background is None else prepared.background.usual
@@ -64,7 +71,14 @@ def _unexplained(prepared: Prepared, track: Track) -> Unexplained | None:
         return None
     models = [deficit_of(usual, j) for j in (track.asked.base.judged, track.free)]
     output, spreads = clearest(usual, models)
-    return Unexplained(min(m.whole for m in models), output, spreads, *worst_run(models))
+    run_output, run, run_deficit = worst_run(models)
+    deficit = min(m.whole for m in models)
+    channel = {s.key: s.channel for s in prepared.segments}
+    if spreads > prepared.settings.since_spreads:
+        return Unexplained(deficit, spreads, run_deficit, output, channel[output])
+    if run_deficit > prepared.settings.since_run_deficit:
+        return Unexplained(deficit, spreads, run_deficit, run_output, channel[run_output], run)
+    return Unexplained(deficit, spreads, run_deficit)
 
 
 def _taken(prepared: Prepared, selection: Selection) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from smad.gap.nextexp import enough
 from smad.gap.plant import Effect, PlantModel
 from smad.gap.records import ExperimentRecord, Outcome, ValueRecord
-from smad.gap.verdict import Evidenced
+from smad.gap.verdict import Evidenced, Unexplained, stands_out
 
 
 def words(
@@ -32,6 +32,8 @@ def words(
     if outcome in (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.NO_EXCITATION):
         said.append(_quiet(outcome, e))
         said += _instead(e, title)
+        if experiments:
+            said.append(next_sentence(experiments, wanted))
         return " ".join(said)
     place = f"in {' and '.join(regimes)}" if regimes else "in all regimes"
     said.append(f"It lies in the {sub_model} part, {place}, in {_listing(outputs)}.")
@@ -82,15 +84,15 @@ def next_sentence(
 def gap_sentence(e: Evidenced) -> str:
     """How large the gap is, and what the parameters alone make of it."""
     subject = "Change since the known-good runs" if e.since_good else "Gap"
-    if e.gap_raw <= 0.05:
+    if e.gap_raw <= 0.05 and not stands_out(e):
         return f"{subject}: not above the noise floor."
     if e.tied:
         said = f"{subject} {e.gap_raw:.1f}× the noise floor."
         if e.imitated:
             said += (
                 f" Other values of the parameters hide it down to {e.gap_free:.1f}× and predict "
-                "runs not fitted to as well as the best of the library: these runs do not tell the "
-                "two apart."
+                "runs not fitted to as well as the best of the library, or better: these runs do "
+                "not tell the two apart."
             )
         elif e.effects and e.gap_free < 0.7 * e.whole.gap_refit:
             said += (
@@ -124,7 +126,10 @@ def _quiet(outcome: Outcome, e: Evidenced) -> str:
 
 def _little(e: Evidenced) -> str:
     if e.since_good and e.whole.gap_refit > e.threshold:
-        return "more than the floor, but does not stand out of what known-good runs leave"
+        return (
+            "more than is significant by its size, but does not stand out of what known-good runs "
+            "leave"
+        )
     return "within the floor"
 
 
@@ -136,14 +141,26 @@ def _unknown_sentence(e: Evidenced, title: Mapping[str, Effect], p: float) -> st
             f"{max(0.0, e.touched.shrink):.0%} of it where a flexible correction removes "
             f"{max(0.0, e.touched.ceiling):.0%}."
         )
-    alone = ""
-    u = e.unexplained
-    if u is not None and not e.effects:
-        alone = (
-            f" Of all outputs {u.output} stands out most: the runs differ from good ones in it by "
-            f"{u.spreads:.0f} times what those differ; and of all runs {u.run} in {u.run_output}."
+    return (
+        f"Cause: unknown (probability {p:.2f}); it is not in the library.{best}"
+        f"{'' if e.effects else _unexplained(e.unexplained)}"
+    )
+
+
+def _unexplained(u: Unexplained | None) -> str:
+    if u is None:
+        return ""
+    if u.run:
+        return (
+            f" In {u.run}, {u.channel} is far beyond what any known-good run leaves "
+            f"({u.run_deficit:.0f} nats a cell worse)."
         )
-    return f"Cause: unknown (probability {p:.2f}); it is not in the library.{best}{alone}"
+    if u.output:
+        return (
+            f" In {u.channel} these runs differ from known-good ones by {u.spreads:.0f} times what "
+            "those differ from one another."
+        )
+    return f" These runs score {u.deficit:.1f} nats a cell worse than known-good ones."
 
 
 def _instead(e: Evidenced, title: Mapping[str, Effect]) -> list[str]:

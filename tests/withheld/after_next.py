@@ -1,4 +1,8 @@
-"""Whether the recommended experiment resolves an ambiguity: it is carried out, and asked again."""
+"""Whether a recommended experiment gives a name where none, or none alone, was given.
+
+It is carried out, and the case asked again. A cause that has a name already, if at even odds, is
+left out: that it keeps it would say little.
+"""
 
 import functools
 from pathlib import Path

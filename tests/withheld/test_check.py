@@ -187,8 +187,10 @@ def test_an_experiment_is_carried_out_where_it_may_give_a_name(bank: Path, froze
         pair = dataclasses.replace(asked[0], said=said)
         return list(recommended(dataclasses.replace(opened_once, pairs=[pair])))
 
-    assert cases("ambiguous") == cases("unknown") == cases("parameters_only") == ["case-001"]
-    assert cases("effect") == []
+    for outcome in ("ambiguous", "unknown", "parameters_only", "no_gap"):
+        assert cases(outcome) == ["case-001"], outcome
+    for outcome in ("effect", "effect_plus_rest"):
+        assert cases(outcome) == [], outcome
 
 
 def test_one_program_is_recorded_on_another_day_under_another_number(

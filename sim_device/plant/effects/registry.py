@@ -126,7 +126,8 @@ def effect_vector(effects: Resolved) -> npt.NDArray[np.float64]:
                 value = values[parameter.name]
                 x[parameter.slot] = parameter.on_a_side(value, 2.0 - of_y)
                 y[parameter.slot] = parameter.on_a_side(value, of_y)
-    x[k.E_READS_X] = effects.get("tube_friction", {}).get("sensor_on_x", 0.5) - 0.5
+    if x[k.E_COULOMB] != 0.0 or x[k.E_PROPORTIONAL] != 0.0:
+        x[k.E_READS_X] = effects["tube_friction"]["sensor_on_x"] - 0.5
     for switch, slots in (
         (k.E_ROUGH, _ROUGH),
         (k.E_UNEVEN_STRAIN, _UNEVEN_STRAIN),

@@ -27,7 +27,7 @@ def answer(
     group = [verdict.effects[0], *verdict.group] if named and verdict.group else []
     experiment = None
     if diagnosis.experiments:
-        between = group or _confused(verdict)
+        between = group or _confused(verdict) or [n for h in causes[:2] for n in h.names]
         experiment = NextExperiment(diagnosis.experiments[0].name, between)
     return CaseVerdict(
         outcome=OUTCOMES[verdict.outcome],
@@ -46,8 +46,9 @@ def answer(
 
 
 def _confused(verdict: Verdict) -> list[str]:
-    """What an experiment is to part where no causes of a group are."""
-    return [*(verdict.effects or verdict.instead), _QUIET[Outcome.PARAMETERS]]
+    """A cause and the parameters that stand for it, if that is what an experiment is to part."""
+    causes = verdict.effects if verdict.imitated else verdict.instead
+    return [*causes, _QUIET[Outcome.PARAMETERS]] if causes else []
 
 
 def held_out(diagnosis: Diagnosis) -> dict[str, HeldOut]:

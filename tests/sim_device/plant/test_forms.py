@@ -10,7 +10,9 @@ P = load_parameters("A")
 DRIVE = alternating(seconds=32.0, amps=2.6)
 
 
-OUTPUTS = ("true_force_N", "true_displacement_m", "T_x_K", "flow_x_m3_s")
+OUTPUTS = (
+    "force_N", "true_displacement_m", "T_x_K", "spring_force_x_N", "spring_force_y_N",
+)  # fmt: skip
 
 
 def played(name=None, inputs=DRIVE, **values):
@@ -46,16 +48,28 @@ def test_an_r_phase_begins_and_ends_where_its_window_says():
         assert T[first] >= P["martensite_start"] + above - 3.0
 
 
-def test_a_force_sensor_on_one_side_reads_that_sides_tension():
-    rubs = {"coulomb_N": 0.1, "stribeck": 0.0}
-    x, y, middle = (
-        played("tube_friction", **rubs, sensor_on_x=side)["true_force_N"] for side in (1, 0, 0.5)
-    )
-    np.testing.assert_allclose(0.5 * (x + y), middle, atol=1e-3)
-    apart = np.abs(x - y)
-    assert apart.max() == pytest.approx(0.1, rel=0.05)
-    nothing = [played("tube_friction", coulomb_N=0.0, sensor_on_x=s) for s in (0, 1)]
-    np.testing.assert_array_equal(nothing[0]["true_force_N"], nothing[1]["true_force_N"])
+def test_a_force_sensor_on_one_side_reads_that_sides_tension_and_moves_nothing():
+    rubs = {"coulomb_N": 0.1, "proportional": 0.05, "stribeck": 0.0}
+    x, y, middle = (played("tube_friction", **rubs, sensor_on_x=side) for side in (1, 0, 0.5))
+    for read, side in ((x, "x"), (y, "y")):
+        np.testing.assert_array_equal(read["true_displacement_m"], middle["true_displacement_m"])
+        np.testing.assert_allclose(read["force_N"], read[f"spring_force_{side}_N"], atol=1e-12)
+    assert np.abs(x["force_N"] - y["force_N"]).max() > 0.1
+
+
+def test_where_the_sensor_sits_means_nothing_without_friction():
+    drags = {"viscous_drag": {"coefficient_N_s_m": 80.0}}
+    sides = [
+        simulate(
+            P,
+            DRIVE,
+            effects=drags | {"tube_friction": {"coulomb_N": 0.0, "sensor_on_x": side}},
+            outputs=OUTPUTS,
+            dt_s=0.01,
+        )["force_N"]
+        for side in (0.0, 1.0)
+    ]
+    np.testing.assert_array_equal(*sides)
 
 
 def test_a_loss_that_grows_faster_cools_what_is_hotter_than_its_reference():

@@ -9,6 +9,7 @@ from sim_device.plant import kernel as k
 from sim_device.plant import load_parameters, simulate
 from sim_device.plant.effects import EFFECTS, effect, effect_vector, resolve
 from sim_device.plant.effects.record import Y_SHARE
+from sim_device.plant.errors import EffectError
 from sim_device.plant.replay import OUTPUTS
 from tests.sim_device.plant.cases import alternating
 
@@ -49,13 +50,15 @@ def test_an_even_share_is_no_share_bit_by_bit(name):
     assert np.array_equal(x, y)
     given = {q.slot: values[q.name] for q in effect(name).parameters if q.slot is not None}
     assert {slot: x[slot] for slot in given} == given
-    given_even = replayed(name, y_share=1.0, fixture="antagonistic")
-    assert same(given_even, replayed(name, fixture="antagonistic"), OUTPUTS)
+    assert resolve({name: {}})[name][Y_SHARE.name] == 1.0
 
 
-@pytest.mark.parametrize("name", [entry.name for entry in EFFECTS])
-def test_every_other_effect_is_one_for_both_sides(name):
-    x, y = np.split(effect_vector(resolve({name: {}})), 2)
+@pytest.mark.parametrize("name", sorted({entry.name for entry in EFFECTS} - set(SIDED)))
+def test_what_there_is_once_takes_no_share(name):
+    with pytest.raises(EffectError, match=Y_SHARE.name):
+        resolve({name: {Y_SHARE.name: 0.5}})
+    uneven = {"driver_gain": {"gain": 0.05, Y_SHARE.name: 0.5}}
+    x, y = np.split(effect_vector(resolve(uneven | {name: {}})), 2)
     own = [q.slot for q in effect(name).parameters if q.slot is not None]
     assert np.array_equal(x[own], y[own])
 

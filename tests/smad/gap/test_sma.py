@@ -79,6 +79,19 @@ def test_a_sensor_fault_is_taken_off_before_the_reading_is_fed_on() -> None:
     assert np.std(right - truth) < 0.02 * np.std(wrong - truth)
 
 
+@pytest.mark.parametrize("side", [0.0, 0.5, 1.0])
+def test_the_phase_view_knows_on_which_side_of_the_friction_the_force_sensor_sits(
+    side: float,
+) -> None:
+    rubs = {"coulomb_N": 0.15, "stribeck": 0.2, "sensor_on_x": side}
+    bench = ModelPoint({}, {"tube_friction": rubs})
+    run = recorded("mixed", PLANT, bench, 3, noise=False, duration_s=40.0)
+    found = PLANT.simulate(bench, run, ["phase"])
+    force = run.outputs["force_N"]
+    for key in ("phase:X", "phase:Y"):
+        assert np.sqrt(np.mean((found[key] - force) ** 2)) < 0.035
+
+
 def test_the_library_depends_on_the_variant() -> None:
     assert "water_warming" in {e.name for e in PRINTED.effects}
     assert "water_warming" not in set(EXTENDED_EFFECTS)
