@@ -352,7 +352,7 @@ NEWTON_STEPS = 30  # before a bracket is only halved
 REST_SPEED = 1e-9
 SDIRK_PART = 1.0 - math.sqrt(0.5)
 SDIRK_FURTHER = (1.0 - SDIRK_PART) / SDIRK_PART
-# R-phase: starts this far above M_S, is complete over the width, reverts with the hysteresis, K.
+# R-phase: reverts so far above where it began, K.
 R_HYSTERESIS = 2.0
 # unified_kinetics: how far its curves go beyond 0 and 1, the logistic curve as steep in the middle
 # as the cosine, and what keeps ratios finite.

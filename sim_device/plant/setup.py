@@ -53,7 +53,7 @@ class Setup:
         return cls(parameters, resolved, p, e, table_of(variant))
 
     @property
-    def sensor_on_x(self) -> float:
+    def reads_x(self) -> float:
         """X's share of what the force sensor reads, beyond one half."""
         return float(self.e[k.E_READS_X])
 

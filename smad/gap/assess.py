@@ -69,10 +69,9 @@ def excess_draws(problem: Problem, squares: Array, keys: Sequence[str], weights:
     """G over the floor of `keys` for each row of bootstrap `weights` over cells; shape (draws,)."""
     ev = problem.evidence
     q = ev.cell_sum(np.where(ev.valid, squares, 0.0))
-    key_of = np.array([s.key for s in ev.segments])[ev.cell_segment]
     parts = []
     for key in keys:
-        mine = key_of == key
+        mine = ev.cell_key == key
         count = weights[:, mine] @ ev.cell_size[mine]
         parts.append(np.maximum(0.0, weights[:, mine] @ q[mine] / np.maximum(count, 1e-9) - 1.0))
     return np.sqrt(np.mean(parts, axis=0)) if parts else np.zeros(len(weights))
@@ -140,7 +139,7 @@ class Standing:
         g = [excess_draws(bench, r.squares, keys, weights) for r in (refit, final, best)]
         safe = np.maximum(g[0], 1e-9)
         draws = np.column_stack([1 - g[1] / safe, 1 - g[2] / safe])
-        mine = np.isin(np.array([s.key for s in ev.segments])[ev.cell_segment], list(keys))
+        mine = np.isin(ev.cell_key, list(keys))
         gain = [weights[:, mine] @ (r.scores - refit.scores)[mine] for r in (final, *self.flexible)]
         most = np.maximum(np.max(gain, axis=0), 1e-9)
         return Worth(

@@ -46,7 +46,7 @@ from smad.gap.summary import (
     window_records,
 )
 from smad.gap.tracks import Track
-from smad.gap.verdict import decide
+from smad.gap.verdict import decide, stands_out
 from smad.gap.weigh import weigh
 from smad.gap.words import words
 
@@ -166,20 +166,19 @@ class Closing:
             sub_model = first.sub_model
             touched = numbers.touched.keys
             outputs = [k for k in touched if k in outputs] or list(touched)
-        elif numbers.unexplained is not None and numbers.unexplained.output:
-            outputs = [numbers.unexplained.output]
-            sub_model = self._sub_model_of(outputs[0])
-        place = self._sub_model_of(outputs[0]) if outputs else sub_model
+        elif output := stands_out(numbers):
+            outputs = [output]
+            sub_model = prepared.outputs[output].sub_model
+        place = prepared.outputs[outputs[0]].sub_model if outputs else sub_model
         regimes = refit_heat.worst_regimes(place)
         question = confused(prepared, self.track, outcome, groups)
         if question is not None:
             self.progress("next experiment")
         experiments = [] if question is None else parting_experiments(prepared, question)
-        channel_of = {s.key: s.channel for s in prepared.segments}
         text = words(
             outcome, numbers, plant, p=p, sub_model=sub_model, regimes=regimes,
-            outputs=list(dict.fromkeys(channel_of[k] for k in outputs)), values=values,
-            experiments=experiments, wanted=settings.ambiguous_d2,
+            outputs=list(dict.fromkeys(prepared.outputs[k].channel for k in outputs)),
+            values=values, experiments=experiments, wanted=settings.ambiguous_d2,
         )  # fmt: skip
         opened, open_rows, shown = self._open_loop(named)
         steps = self._steps()
@@ -233,9 +232,6 @@ class Closing:
                 "effects": {k: dict(v) for k, v in final.fit.point.effects.items()},
             },
         )
-
-    def _sub_model_of(self, key: str) -> str:
-        return next(s.sub_model for s in self.prepared.segments if s.key == key)
 
     def _steps(self) -> list[Array]:
         return [

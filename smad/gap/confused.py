@@ -35,8 +35,7 @@ def confused(
     """
     if outcome is Outcome.AMBIGUOUS:
         return _group(track.selection, groups)
-    replaced = not track.tied and prepared.tied is not None and bool(track.asked.best.names)
-    if replaced or (track.imitated and outcome in NAMED):
+    if track.displaced or (track.imitated and outcome in NAMED):
         free = Candidate(JointFit(prepared.fit, ()), prepared.free)
         return Confused((track.asked.best, free), (0.5, 0.5))
     return None

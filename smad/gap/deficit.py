@@ -24,8 +24,8 @@ _LEAST_SPREAD = 1.0
 class Usual:
     """Scores of known-good runs, nats a cell.
 
-    `by_output` of each output; `spread` by output is the standard deviation
-    from run to run, pooled over the outputs of a view, since a few runs say little of one.
+    `by_output` of each output; `spread` by output is the standard deviation from run to run, pooled
+    over the outputs of a view, since a few runs say little of one.
     """
 
     by_output: Mapping[str, float]
@@ -46,12 +46,14 @@ class Deficit:
 
 def usual_of(good: Problem, predicted: Array) -> Usual | None:
     """What is usual of good runs, of which `predicted` leaves each out; None of a single run."""
-    runs = len(good.evidence.runs)
-    if runs < 2:
+    ev = good.evidence
+    if len(ev.runs) < 2:
         return None
-    scores, keys, run = _cells(good, good.cell_score(good.white(predicted)))
-    outputs = list(dict.fromkeys(keys))
-    view = {s.key: s.view for s in good.evidence.segments}
+    full = ev.cell_size > 0
+    scores = good.cell_score(good.white(predicted))[full]
+    keys, run = ev.cell_key[full], ev.cell_run[full]
+    view = {s.key: s.view for s in ev.segments}
+    outputs = list(dict.fromkeys(keys.tolist()))
     variance: dict[str, list[float]] = {}
     for key in outputs:
         mine = keys == key
@@ -67,34 +69,20 @@ def usual_of(good: Problem, predicted: Array) -> Usual | None:
 
 def deficit_of(usual: Usual, judged: Judged) -> Deficit:
     """How much worse than usual a model predicts the runs that it is judged on."""
-    parts = [(judged.problem, judged.left_out)]
-    if judged.hold is not None:
-        parts.append((judged.hold, judged.held))
-    cells = [_cells(p, p.cell_score(p.white(predicted))) for p, predicted in parts]
-    scores = np.concatenate([c[0] for c in cells])
-    keys = np.concatenate([c[1] for c in cells])
-    runs = np.concatenate(
-        [
-            np.array([r.name for r in p.evidence.runs])[c[2]]
-            for (p, _), c in zip(parts, cells, strict=True)
-        ]
-    )
-    if not len(scores):
+    parts = [p.evidence for p in (judged.problem, judged.hold) if p is not None]
+    keys = np.concatenate([ev.cell_key for ev in parts])
+    runs = np.concatenate([np.array([r.name for r in ev.runs])[ev.cell_run] for ev in parts])
+    full = np.concatenate([ev.cell_size > 0 for ev in parts])
+    counts = full & np.isin(keys, list(usual.by_output))
+    if not counts.any():
         return Deficit(0.0, {}, {})
-    known = [k for k in dict.fromkeys(keys.tolist()) if k in usual.by_output]
-    if not known:
-        return Deficit(0.0, {}, {})
-    seen = np.isin(keys, known)
-    expected = np.array([usual.by_output.get(k, 0.0) for k in keys.tolist()])
-    pairs = list(dict.fromkeys(zip(keys.tolist(), runs.tolist(), strict=True)))
+    keys, runs = keys[counts], runs[counts]
+    worse = np.array([usual.by_output[k] for k in keys.tolist()]) - judged.scores()[counts]
+    pairs = dict.fromkeys(zip(keys.tolist(), runs.tolist(), strict=True))
     return Deficit(
-        float((expected - scores)[seen].mean()),
-        {k: usual.by_output[k] - float(scores[keys == k].mean()) for k in known},
-        {
-            (k, r): usual.by_output[k] - float(scores[(keys == k) & (runs == r)].mean())
-            for k, r in pairs
-            if k in usual.by_output
-        },
+        float(worse.mean()),
+        {k: float(worse[keys == k].mean()) for k in dict.fromkeys(keys.tolist())},
+        {(k, r): float(worse[(keys == k) & (runs == r)].mean()) for k, r in pairs},
     )
 
 
@@ -111,11 +99,3 @@ def worst_run(models: Sequence[Deficit]) -> tuple[str, str, float]:
     least = {k: min(m.by_run[k] for m in models) for k in models[0].by_run}
     output, run = max(least, key=lambda k: (least[k], k), default=("", ""))
     return output, run, least.get((output, run), 0.0)
-
-
-def _cells(problem: Problem, scores: Array) -> tuple[Array, np.ndarray, np.ndarray]:
-    """Score, output and run of every cell that holds anything."""
-    ev = problem.evidence
-    full = ev.cell_size > 0
-    keys = np.array([s.key for s in ev.segments])[ev.cell_segment]
-    return scores[full], keys[full], ev.cell_run[full]

@@ -246,6 +246,7 @@ class Evidence:
         self.cell_block = np.array(block_of_cell, dtype=np.intp)
         runs = np.array([s.run for s in self.segments], dtype=np.intp)
         self.cell_run = runs[self.cell_segment]
+        self.cell_key = np.array([s.key for s in self.segments])[self.cell_segment]
         self.cell_size = np.add.reduceat(self.valid.astype(float), self.cell_starts)
         self.row_cell = np.repeat(np.arange(len(starts)), self.cell_stops - self.cell_starts)
 

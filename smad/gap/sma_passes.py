@@ -84,7 +84,7 @@ class Passes:
             apart = 0.5 * (warmed["spring_force_x_N"] - warmed["spring_force_y_N"])
             assert self.setup is not None, "a pass has been made"
             off = held["spring_force_x_N"] - held["spring_force_y_N"] - 2.0 * apart
-            sensor = held["force_N"] - held["true_force_N"] - self.setup.sensor_on_x * off
+            sensor = held["force_N"] - held["true_force_N"] - self.setup.reads_x * off
             out["phase:X"] = held["spring_force_x_N"] - apart + sensor
             out["phase:Y"] = held["spring_force_y_N"] + apart + sensor
         return out

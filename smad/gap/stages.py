@@ -57,11 +57,11 @@ class Prepared:
         """The free refit by plain least squares, judged."""
         return judge([_plain(self.fit)], self.hold)[0]
 
-    @property
-    def segments(self) -> list[Segment]:
-        """The outputs of all runs, those to fit on and those held out."""
+    @cached_property
+    def outputs(self) -> dict[str, Segment]:
+        """Every output of the runs to fit on or held out, as a segment that has it."""
         held = () if self.hold is None else self.hold.evidence.segments
-        return [*self.problem.evidence.segments, *held]
+        return {s.key: s for s in (*held, *self.problem.evidence.segments)}
 
     def recalibrate(self) -> None:
         """Makes the evidence what it was when the parameters had been tied."""

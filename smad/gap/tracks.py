@@ -44,6 +44,11 @@ class Track:
     free_gain_se: float = 0.0
     imitated: bool = False
 
+    @property
+    def displaced(self) -> tuple[str, ...]:
+        """Effects that were asked for, whose place the free refit has taken."""
+        return () if self.selection is self.asked else self.asked.best.names
+
 
 def follow_tracks(
     prepared: Prepared,
@@ -100,9 +105,10 @@ def _nearly_all(prepared: Prepared, selection: Selection, rise: float) -> bool:
     Then a handful of numbers does what dozens that are free to move by a third do: what these
     gain on top is the form of the bench's laws.
     """
-    base, best = selection.base.judged, selection.best.judged
-    gain, _ = _gain(prepared, best, base)
-    return bool(selection.best.names) and gain > prepared.settings.imitated_share * (gain + rise)
+    if not selection.best.names:
+        return False
+    gain, _ = _gain(prepared, selection.best.judged, selection.base.judged)
+    return gain > prepared.settings.imitated_share * (gain + rise)
 
 
 def _stands(
@@ -111,11 +117,10 @@ def _stands(
     """Whether the tied answer stands beside the free refit.
 
     Not if it is `beaten`: if the free refit predicts runs not fitted to clearly better, of which
-    the cause does not gain nearly all. Parameters
-    and laws that are free follow a bench that obeys other laws than the model, whatever else it
-    does: a cause stands all the same if it `helps` beside them as clearly as a cause must. Without
-    a cause the tied answer stands only if nothing of note is left, or if the free refit would not
-    help.
+    the cause does not gain nearly all. Parameters and laws that are free follow a bench that obeys
+    other laws than the model, whatever else it does: a cause stands all the same if it `helps`
+    beside them as clearly as a cause must. Without a cause the tied answer stands only if nothing
+    of note is left, or if the free refit would not help.
     """
     if best.names:
         return helps or not beaten

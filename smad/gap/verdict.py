@@ -131,15 +131,15 @@ def _structural(e: Evidenced, settings: Settings) -> bool:
     if e.unexplained is None:
         return large or seen
     worse = e.unexplained.deficit > settings.since_deficit
-    return ((large or seen) and worse) or stands_out(e)
+    return ((large or seen) and worse) or bool(stands_out(e))
 
 
-def stands_out(e: Evidenced) -> bool:
-    """Whether one output differs far more from the good runs than these do among themselves.
+def stands_out(e: Evidenced) -> str:
+    """The output that differs far more from the good runs than these do among themselves, if any.
 
     Or, in one run, by a factor that no background of another family of inputs comes to.
     """
-    return e.unexplained is not None and bool(e.unexplained.output)
+    return "" if e.unexplained is None else e.unexplained.output
 
 
 def _present(e: Evidenced) -> float:

@@ -23,7 +23,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
     selection = track.selection
     standing = Standing.of(selection, None if track.tied else prepared.gentle)
     whole = standing.worth(selection.best.judged.bench.evidence.keys)
-    outputs = _touched(selection)
+    outputs = touched_outputs(selection.base.judged, selection.best.judged)
     touched = standing.worth(outputs) if outputs else whole
     return Evidenced(
         effects=_by_importance(prepared, selection),
@@ -37,7 +37,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         gap_free=track.free.excess(),
         tied=track.tied,
         imitated=track.imitated,
-        instead=() if track.tied or prepared.tied is None else track.asked.best.names,
+        instead=track.displaced,
         gap_instead=track.asked.best.judged.excess(),
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
@@ -48,13 +48,6 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         if selection.screened
         else 1.0,
     )
-
-
-def _touched(selection: Selection) -> tuple[str, ...]:
-    """The outputs that carry what all effects of the best model change."""
-    if len(selection.best.names) < 2:
-        return selection.best.touched
-    return touched_outputs(selection.base.judged, selection.best.judged)
 
 
 def _strongest(selection: Selection) -> float:
@@ -73,11 +66,12 @@ def _unexplained(prepared: Prepared, track: Track) -> Unexplained | None:
     output, spreads = clearest(usual, models)
     run_output, run, run_deficit = worst_run(models)
     deficit = min(m.whole for m in models)
-    channel = {s.key: s.channel for s in prepared.segments}
     if spreads > prepared.settings.since_spreads:
-        return Unexplained(deficit, spreads, run_deficit, output, channel[output])
+        channel = prepared.outputs[output].channel
+        return Unexplained(deficit, spreads, run_deficit, output, channel)
     if run_deficit > prepared.settings.since_run_deficit:
-        return Unexplained(deficit, spreads, run_deficit, run_output, channel[run_output], run)
+        channel = prepared.outputs[run_output].channel
+        return Unexplained(deficit, spreads, run_deficit, run_output, channel, run)
     return Unexplained(deficit, spreads, run_deficit)
 
 
