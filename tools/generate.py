@@ -3,6 +3,7 @@
 Each generator owns its files and its `--check`; this only calls them all.
 """
 
+import argparse
 import subprocess
 import sys
 
@@ -15,10 +16,13 @@ GENERATORS = (
 
 
 def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing; name what is stale")
+    passed = ["--check"] if parser.parse_args().check else []
     stale = [
         name
         for name in GENERATORS
-        if subprocess.run([sys.executable, "-m", name, *sys.argv[1:]], check=False).returncode != 0
+        if subprocess.run([sys.executable, "-m", name, *passed], check=False).returncode != 0
     ]
     if stale:
         print("stale or failed: " + ", ".join(stale) + " (run `make generate`)", file=sys.stderr)

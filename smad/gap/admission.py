@@ -8,7 +8,7 @@ far nearer to it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +49,32 @@ def admit(runs: Sequence[GapRun], plant: PlantModel, settings: Settings) -> Admi
         findings += found
         if not any(f.refuses for f in found):
             admitted.append(kept)
+    return Admission(tuple(admitted), tuple(findings))
+
+
+def in_common(groups: Sequence[Admission]) -> list[Admission]:
+    """The same groups of runs with those channels only that each group has.
+
+    What one group was fitted on could not be judged, or called unusual, on a group without it. A
+    group of no runs asks for nothing; a run whose last channel goes is refused.
+    """
+    having = [{c for r in a.admitted for c in r.outputs} for a in groups if a.admitted]
+    common = set.intersection(*having) if having else set()
+    return [_only(a, common) for a in groups]
+
+
+def _only(group: Admission, channels: set[str]) -> Admission:
+    admitted, findings = [], list(group.findings)
+    for run in group.admitted:
+        kept = {k: v for k, v in run.outputs.items() if k in channels}
+        for name in (n for n in run.outputs if n not in channels):
+            text = f"no run of another group has {name}: its residual is switched off"
+            findings.append(Finding(run.name, "channel not shared", text, refuses=False))
+        if kept:
+            admitted.append(replace(run, outputs=kept))
+        else:
+            text = "no measured channel is in the runs to fit, those held out and the good ones"
+            findings.append(Finding(run.name, "no channel", text, refuses=True))
     return Admission(tuple(admitted), tuple(findings))
 
 
@@ -146,16 +172,7 @@ def _check_channels(run: GapRun, plant: PlantModel, settings: Settings, say: obj
                 f"the run: it is not used",
             )
             del outputs[channel.name]
-    return GapRun(
-        run.name,
-        run.t_s,
-        run.inputs,
-        {k: v for k, v in outputs.items() if k in known},
-        run.valid,
-        run.cut_short,
-        run.notes,
-        run.header,
-    )
+    return replace(run, outputs={k: v for k, v in outputs.items() if k in known})
 
 
 def _replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:

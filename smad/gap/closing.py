@@ -15,6 +15,7 @@ from smad.gap.admission import Admission, Finding
 from smad.gap.confused import confused, parting_experiments
 from smad.gap.fit import JointFit, bootstrap, intervals, polished
 from smad.gap.judge import excess_by_key, predict_by_run
+from smad.gap.localise import HeatMap
 from smad.gap.plant import Array, ModelPoint, PlantModel
 from smad.gap.records import (
     NAMED,
@@ -22,6 +23,7 @@ from smad.gap.records import (
     FindingRecord,
     LeftOutRecord,
     Outcome,
+    ValueRecord,
     Verdict,
 )
 from smad.gap.runs import GapRun
@@ -46,7 +48,7 @@ from smad.gap.summary import (
     window_records,
 )
 from smad.gap.tracks import Track
-from smad.gap.verdict import decide, stands_out
+from smad.gap.verdict import Evidenced, decide, stands_out
 from smad.gap.weigh import weigh
 from smad.gap.words import words
 
@@ -119,6 +121,16 @@ def _blank_verdict(outcome: Outcome, text: str) -> Verdict:
     )  # fmt: skip
 
 
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """Where a gap lies, and the heat map of the refit that shows it."""
+
+    sub_model: str
+    regimes: list[str]
+    channels: list[str]
+    refit_heat: HeatMap
+
+
 class Closing:
     """From a selection to the records: worth, verdict, intervals, next experiment."""
 
@@ -136,61 +148,111 @@ class Closing:
 
     def diagnosis(self, left_out: Sequence[LeftOutRecord] = ()) -> Diagnosis:
         """All records of the diagnosis; `left_out` are verdicts with a cause withheld."""
-        prepared, selection, plant = self.prepared, self.selection, self.prepared.plant
-        settings = prepared.settings
+        prepared, selection, settings = self.prepared, self.selection, self.prepared.settings
+        best = selection.best
         self.progress("judging")
-        base, best = selection.base, selection.best
         numbers = weigh(prepared, self.track)
-        groups, whole = numbers.groups, numbers.whole
         outcome, p = decide(numbers, settings)
-        named = outcome in NAMED
         self.progress("intervals")
-        final = best
-        if named:
-            # What coarser replays cost was learnt where the effect was not.
-            best.fit.problem.evidence.calibrate(best.fit.point)
-            final = dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
+        final = self._final(outcome in NAMED)
+        values = self._values(final) if outcome in NAMED else []
+        place = self._place(outcome, numbers)
+        question = confused(prepared, self.track, outcome, numbers.groups)
+        if question is not None:
+            self.progress("next experiment")
+        experiments = [] if question is None else parting_experiments(prepared, question)
+        text = words(
+            outcome, numbers, prepared.plant, p=p, sub_model=place.sub_model,
+            regimes=place.regimes, outputs=place.channels, values=values,
+            experiments=experiments, wanted=settings.ambiguous_d2,
+        )  # fmt: skip
+        opened, open_rows, shown = self._open_loop(outcome in NAMED)
+        bench = best.judged.bench
+        rivals = next(iter(selection.rivals.values()), ())
+        stand = [best, *rivals] if best.names else list(selection.tried[:5])
+        return self.shell.record(
+            self._verdict(outcome, p, numbers, place, opened=opened, text=text),
+            missing=sorted(set(prepared.problem.evidence.missing)),
+            floors=floor_records(prepared),
+            steps=[list(c.names) for c in self._chain()],
+            waterfall=waterfall("local", bench, self._steps(), prepared.plant) + open_rows,
+            heat=heat_records(heat_of(prepared.raw), place.refit_heat, heat_of(best.judged)),
+            windows=window_records(place.refit_heat),
+            candidates=candidate_records(selection, settings.false_discovery),
+            values=values,
+            parameters=parameter_records(
+                prepared, final, bootstrap(final.fit, settings.bootstrap, settings.seed)
+            ),
+            laws=law_records(prepared, final),
+            pairs=pair_records(stand) if len(stand) > 1 else [],
+            residual_tests=residual_test_records(prepared, best),
+            experiments=experiments,
+            traces=shown,
+            fitted=fitted_records(selection),
+            places=selection.probability,
+            left_out=list(left_out),
+            model={
+                "theta": dict(final.fit.point.theta),
+                "effects": {k: dict(v) for k, v in final.fit.point.effects.items()},
+            },
+        )
+
+    def _final(self, named: bool) -> Candidate:
+        """The best model; the fit of one that names a cause is polished for its values."""
+        best = self.selection.best
+        if not named:
+            return best
+        # What coarser replays cost was learnt where the effect was not.
+        best.fit.problem.evidence.calibrate(best.fit.point)
+        return dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
+
+    def _values(self, final: Candidate) -> list[ValueRecord]:
+        """Strengths and shapes of the causes with their intervals."""
+        prepared, settings = self.prepared, self.prepared.settings
         # How far the forms of laws differ has been seen on benches with known-good runs only.
         form = 0.0 if prepared.background is None else settings.form_share
-        values = (
-            value_records(intervals(final.joint, settings.seed, form), prepared.fixed)
-            if named
-            else []
-        )
-        refit_heat = heat_of(base.judged)
-        by_key = excess_by_key(base.judged.bench, base.judged.squares())
-        outputs = dominant_outputs(by_key)
-        sub_model = refit_heat.worst_sub_model
-        if named:
-            first = next(e for e in plant.effects if e.name == numbers.effects[0])
+        return value_records(intervals(final.joint, settings.seed, form), prepared.fixed)
+
+    def _place(self, outcome: Outcome, numbers: Evidenced) -> Place:
+        """Where the gap lies: on the cause's own outputs, or on those that stand out."""
+        prepared, judged = self.prepared, self.selection.base.judged
+        heat = heat_of(judged)
+        outputs = dominant_outputs(excess_by_key(judged.bench, judged.squares()))
+        sub_model = heat.worst_sub_model
+        if outcome in NAMED:
+            first = next(e for e in prepared.plant.effects if e.name == numbers.effects[0])
             sub_model = first.sub_model
             touched = numbers.touched.keys
             outputs = [k for k in touched if k in outputs] or list(touched)
         elif output := stands_out(numbers):
             outputs = [output]
             sub_model = prepared.outputs[output].sub_model
-        place = prepared.outputs[outputs[0]].sub_model if outputs else sub_model
-        regimes = refit_heat.worst_regimes(place)
-        question = confused(prepared, self.track, outcome, groups)
-        if question is not None:
-            self.progress("next experiment")
-        experiments = [] if question is None else parting_experiments(prepared, question)
-        text = words(
-            outcome, numbers, plant, p=p, sub_model=sub_model, regimes=regimes,
-            outputs=list(dict.fromkeys(prepared.outputs[k].channel for k in outputs)),
-            values=values, experiments=experiments, wanted=settings.ambiguous_d2,
-        )  # fmt: skip
-        opened, open_rows, shown = self._open_loop(named)
-        steps = self._steps()
+        part = prepared.outputs[outputs[0]].sub_model if outputs else sub_model
+        channels = list(dict.fromkeys(prepared.outputs[k].channel for k in outputs))
+        return Place(sub_model, heat.worst_regimes(part), channels, heat)
+
+    def _verdict(
+        self,
+        outcome: Outcome,
+        p: float,
+        numbers: Evidenced,
+        place: Place,
+        *,
+        opened: list[float],
+        text: str,
+    ) -> Verdict:
+        named, whole = outcome in NAMED, numbers.whole
         low, high = whole.interval
-        verdict = Verdict(
+        return Verdict(
             outcome=outcome,
             effects=list(numbers.effects) if named else [],
-            group=[n for e in numbers.effects[:1] for n in groups.get(e, ())] if named else [],
-            sub_model=sub_model,
-            regimes=regimes,
+            group=[n for e in numbers.effects[:1] for n in numbers.groups.get(e, ())]
+            if named
+            else [],
+            sub_model=place.sub_model,
+            regimes=place.regimes,
             probability=p,
-            probabilities=next(iter(selection.probability.values()), {}),
+            probabilities=next(iter(self.selection.probability.values()), {}),
             gap_raw=numbers.gap_raw,
             gap_refit=whole.gap_refit,
             gap_final=whole.gap_final,
@@ -203,34 +265,6 @@ class Closing:
             imitated=named and numbers.imitated,
             instead=list(numbers.instead),
             gap_instead=numbers.gap_instead if numbers.instead else None,
-        )
-        rivals = next(iter(selection.rivals.values()), ())
-        stand = [best, *rivals] if best.names else list(selection.tried[:5])
-        return self.shell.record(
-            verdict,
-            missing=sorted(set(prepared.problem.evidence.missing)),
-            floors=floor_records(prepared),
-            steps=[list(c.names) for c in self._chain()],
-            waterfall=waterfall("local", best.judged.bench, steps, plant) + open_rows,
-            heat=heat_records(heat_of(prepared.raw), refit_heat, heat_of(best.judged)),
-            windows=window_records(refit_heat),
-            candidates=candidate_records(selection, settings.false_discovery),
-            values=values,
-            parameters=parameter_records(
-                prepared, final, bootstrap(final.fit, settings.bootstrap, settings.seed)
-            ),
-            laws=law_records(prepared, final),
-            pairs=pair_records(stand) if len(stand) > 1 else [],
-            residual_tests=residual_test_records(prepared, best),
-            experiments=experiments,
-            traces=shown,
-            fitted=fitted_records(self.selection),
-            places=self.selection.probability,
-            left_out=list(left_out),
-            model={
-                "theta": dict(final.fit.point.theta),
-                "effects": {k: dict(v) for k, v in final.fit.point.effects.items()},
-            },
         )
 
     def _steps(self) -> list[Array]:

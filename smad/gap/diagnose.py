@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 
-from smad.gap.admission import Admission, admit
+from smad.gap.admission import Admission, admit, in_common
 from smad.gap.closing import Closing, Shell
 from smad.gap.errors import RunRefused
 from smad.gap.plant import Effect, Parameter, PlantModel
 from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
-from smad.gap.runs import GapRun
+from smad.gap.runs import GapRun, distinctly_named
 from smad.gap.settings import Settings
 from smad.gap.stages import Prepared, prepare
 from smad.gap.threads import repeatable
@@ -113,9 +113,13 @@ def _diagnose(
 def _admitted(
     groups: Iterable[Sequence[GapRun]], plant: PlantModel, settings: Settings
 ) -> tuple[list[list[GapRun]], list[Admission]]:
-    """Each group of runs in an order that does not depend on the one given, and its admission."""
-    order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in groups]
-    return order, [admit(group, plant, settings) for group in order]
+    """Each group of runs, in an order that does not depend on the one given, and its admission.
+
+    Runs are told apart by name, and groups have the same channels.
+    """
+    ordered = [sorted(group, key=lambda r: (r.digest, r.name)) for group in groups]
+    order = distinctly_named(ordered)
+    return order, in_common([admit(group, plant, settings) for group in order])
 
 
 @repeatable

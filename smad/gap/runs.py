@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -101,3 +101,19 @@ class GapRun:
             outputs={k: v[start:stop] for k, v in self.outputs.items()},
             valid=None if self.valid is None else self.valid[start:stop],
         )
+
+
+def distinctly_named(groups: Iterable[Sequence[GapRun]]) -> list[list[GapRun]]:
+    """The same groups of runs, whose findings and scores are told apart by name.
+
+    A run that has the name of an earlier one is numbered: "push (2)".
+    """
+    taken: set[str] = set()
+
+    def named(run: GapRun) -> GapRun:
+        tries = (run.name, *(f"{run.name} ({i})" for i in range(2, len(taken) + 2)))
+        name = next(n for n in tries if n not in taken)
+        taken.add(name)
+        return replace(run, name=name)
+
+    return [[named(run) for run in group] for group in groups]

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from smad.gap.records import Outcome
+from smad.gap.runs import GapRun
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
-from tests.smad.gap.heater_plant import recorded
+from tests.smad.gap.heater_plant import HeaterPlant, recorded
 
 
 def kinds(diagnosis) -> set[str]:  # type: ignore[no-untyped-def]
@@ -119,3 +120,39 @@ def test_a_channel_that_the_bench_lacks_switches_its_residual_off(missing: str) 
     assert "channel missing" in kinds(diagnosis)
     if missing == "rod_um":
         assert diagnosis.verdict.effects == ["sensor_lag"]
+
+
+def lacking(runs: list[GapRun], *channels: str) -> list[GapRun]:
+    return [
+        replace(r, outputs={k: v for k, v in r.outputs.items() if k not in channels}) for r in runs
+    ]
+
+
+@pytest.mark.parametrize("role", ["fit", "good", "hold_out"])
+def test_a_channel_that_one_group_of_runs_lacks_is_switched_off_in_all(role: str) -> None:
+    runs = bank(OTHER, {"driver_gain": SHOWN["driver_gain"]})
+    roles = {"fit": runs[:2], "hold_out": runs[2:], "good": bank(OTHER, seed=40)[:3]}
+    roles[role] = lacking(roles[role], "rod_um")
+    diagnosis = ask(roles["fit"], good=roles["good"], hold_out=roles["hold_out"])
+    assert "channel not shared" in kinds(diagnosis)
+    assert any("rod_um" in f.text for f in diagnosis.findings)
+    assert "rod_um" not in {f.channel for f in diagnosis.floors}
+    assert diagnosis.verdict.effects == ["driver_gain"], diagnosis.verdict.text
+
+
+def test_groups_of_runs_that_share_no_channel_are_refused_by_name() -> None:
+    channels = [c.name for c in HeaterPlant().channels]
+    runs = bank(OTHER)[:2]
+    diagnosis = ask(lacking(runs, channels[0]), good=lacking(runs, *channels[1:]))
+    assert diagnosis.verdict.outcome is Outcome.REFUSED
+    assert "no channel" in diagnosis.verdict.text
+
+
+def test_runs_of_one_name_are_told_apart_by_number() -> None:
+    good, short = bank(OTHER)[:2]
+    named = [replace(good, name="push"), replace(short.part(0, 30), name="push")]
+    diagnosis = ask(named)
+    assert {r.name for r in diagnosis.runs} == {"push", "push (2)"}
+    assert sorted(r.role for r in diagnosis.runs) == ["fit", "refused"]
+    (short_one,) = (f for f in diagnosis.findings if f.kind == "too short")
+    assert {r.role for r in diagnosis.runs if r.name == short_one.run} == {"refused"}
