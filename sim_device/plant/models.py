@@ -6,6 +6,7 @@ import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,13 @@ from sim_device.plant.errors import ModelError
 from sim_device.plant.parameters import ParameterSet, built_in_sets, load_parameters
 from sim_device.plant.textfile import TextFileError, beside, parsed, quoted
 
-_KEYS = {"format", "base", "variant", "overrides", "effects", "note"}
+_KEYS = {"format", "base", "variant", "overrides", "mounting", "effects", "note"}
+MOUNTING = {
+    "side_resistance": "by what share spring Y has more resistance than spring X",
+    "displacement_zero_mm": "what the encoder reads at the middle of the stroke",
+}
+"""How a bench was put together. A diagnosis refits it; the simulated bench is put together evenly,
+with its encoder at zero, and leaves it out."""
 FORMAT = "smad-model-1"
 
 
@@ -23,7 +30,8 @@ FORMAT = "smad-model-1"
 class Model:
     """What a model file says: parameters with overrides applied, variant, effects as resolved.
 
-    `base` names the parameter file it starts from, `overrides` (SI) what differs.
+    `base` names the parameter file it starts from, `overrides` (SI) what differs; `mounting` has
+    entries of MOUNTING.
     """
 
     parameters: ParameterSet
@@ -32,6 +40,7 @@ class Model:
     base: str
     overrides: dict[str, float] = field(default_factory=dict)
     note: str = ""
+    mounting: dict[str, float] = field(default_factory=dict)
 
 
 def load_model(path: str | Path) -> tuple[ParameterSet, str, Resolved]:
@@ -44,7 +53,8 @@ def read_model(path: str | Path) -> Model:
     """Read a model file.
 
     Keys: format (must be "smad-model-1"), base (a built-in set or a parameter file, relative to
-    the model file), variant, overrides (name to SI value), effects (name to parameters), note.
+    the model file), variant, overrides (name to SI value), mounting (of MOUNTING, name to value), effects (name to
+    parameters), note.
     Raises ModelError for the file itself, ParameterError and EffectError for what it asks for.
     """
     path = Path(path)
@@ -63,6 +73,12 @@ def read_model(path: str | Path) -> Model:
     for name, values in effects.items():
         if not isinstance(values, Mapping):
             raise ModelError(f"{path.name}: effects.{name} is {values!r}, not a table of values")
+    mounting = _table(path, raw, "mounting")
+    for name, value in mounting.items():
+        if name not in MOUNTING:
+            raise ModelError(f"{path.name}: unknown mounting.{name}; known are {sorted(MOUNTING)}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            raise ModelError(f"{path.name}: mounting.{name} is {value!r}, not a number")
     source = base if base in built_in_sets() else beside(path, base) or base
     return Model(
         load_parameters(source).replace(**overrides),
@@ -71,6 +87,7 @@ def read_model(path: str | Path) -> Model:
         base,
         overrides,
         str(raw.get("note", "")),
+        {name: float(value) for name, value in mounting.items()},
     )
 
 
@@ -81,6 +98,7 @@ def save_model(
     variant: str = "extended",
     overrides: Mapping[str, float] | None = None,
     effects: Mapping[str, Mapping[str, float]] | None = None,
+    mounting: Mapping[str, float] | None = None,
     note: str = "",
 ) -> None:
     """Write a model file (TOML, or JSON if the name ends so) and check that it can be read.
@@ -92,6 +110,8 @@ def save_model(
     if note:
         raw["note"] = note
     raw["overrides"] = {name: float(value) for name, value in (overrides or {}).items()}
+    if mounting:
+        raw["mounting"] = {name: float(value) for name, value in mounting.items()}
     raw["effects"] = resolve(effects or {})
     text = json.dumps(raw, indent=2) + "\n" if path.suffix == ".json" else _toml(raw)
     trial = path.with_name(f".{path.name}.new{path.suffix}")
@@ -104,9 +124,10 @@ def save_model(
 
 
 def _toml(raw: Mapping[str, Any]) -> str:
-    lines = [f"{key} = {quoted(raw[key])}" for key in raw if key not in ("overrides", "effects")]
-    lines += ["", "[overrides]"]
-    lines += [f"{name} = {value!r}" for name, value in raw["overrides"].items()]
+    tables = ("overrides", "mounting")
+    lines = [f"{key} = {quoted(raw[key])}" for key in raw if key not in (*tables, "effects")]
+    for table in (t for t in tables if t in raw):
+        lines += ["", f"[{table}]", *(f"{name} = {value!r}" for name, value in raw[table].items())]
     for name, values in raw["effects"].items():
         lines += ["", f"[effects.{name}]"]
         lines += [f"{key} = {value!r}" for key, value in values.items()]

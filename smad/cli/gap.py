@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from smad.cli.gap_check import check, score
 from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
+    from smad.gap.plant import ModelPoint
     from smad.gap.records import Diagnosis, ExperimentRecord
     from smad.gap.runs import GapRun
     from smad.gap.sma import SmaPlant
@@ -148,11 +150,16 @@ def verify(
 
 @gap.command(name="next")
 @click.argument("runs", nargs=-1, type=_RUN, metavar="[RUN…]")
+@click.option("--hold-out", multiple=True, type=_RUN, help="Runs to judge on, never fitted to.")
 @click.option("--good", multiple=True, type=_RUN, help="Runs known to be good.")
-@click.option("--run", "chosen", help="Run this experiment of the catalogue now, on the bench.")
+@click.option("--run", "chosen", metavar="NAME",
+              help="Carry out this experiment now: arms the bench and heats it.")  # fmt: skip
 @click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
 @click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
-@click.option("--folder", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
+@click.option("--effect", "bench_effects", multiple=True, metavar="NAME[:P=V,…]",
+              help="With --sim: an effect that the simulated bench has.")  # fmt: skip
+@click.option("--folder", type=click.Path(path_type=Path), default=Path("runs"), show_default=True,
+              help="With --sim: where the run log goes.")  # fmt: skip
 @bench_option
 @_params
 @_variant
@@ -160,10 +167,12 @@ def verify(
 def next_experiment(
     *,
     runs: tuple[Path, ...],
+    hold_out: tuple[Path, ...],
     good: tuple[Path, ...],
     chosen: str | None,
     sim: bool,
     model_path: Path | None,
+    bench_effects: tuple[str, ...],
     folder: Path,
     bench: str,
     params: str,
@@ -174,16 +183,25 @@ def next_experiment(
 
     Without RUNs the catalogue is listed. --run takes a name from it, and writes a run log.
     """
+    if chosen is not None and runs:
+        raise click.UsageError("--run carries an experiment out; give RUNs without it")
+    if (bench_effects or model_path) and not sim:
+        raise click.UsageError("--model and --effect are of a simulated bench; add --sim")
+    if sim and chosen is None:
+        raise click.UsageError("--sim says where --run runs; give --run NAME too")
     plant = _plant(params, variant)
     with _clean_errors():
         if chosen is not None:
-            _perform(plant, chosen, seed, folder, sim=sim, model_path=model_path, bench=bench)
+            if sim:
+                point = _simulated_point(plant, model_path, bench_effects)
+                _simulate(plant, chosen, seed, folder, point)
+            else:
+                _perform(chosen, seed, bench)
             return
         if not runs:
-            for x in plant.catalogue():
-                click.echo(f"{x.name:<16} {x.duration_s:>4.0f} s  {x.title}")
+            _list_catalogue()
             return
-        result = _diagnosed(plant, runs, good, (), seed)
+        result = _diagnosed(plant, runs, good, hold_out, seed)
     _print_verdict(result)
     _print_experiments(result.experiments, result.settings["ambiguous_d2"])
 
@@ -246,8 +264,8 @@ def _print_verdict(result: Diagnosis) -> None:
 
 
 def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None:
+    """Proposals with their commands; without any, the verdict has said why."""
     if not found:
-        click.echo("Nothing is confused: no further experiment is needed to name the cause.")
         return
     for x in found:
         counted = x.counted or 0.0
@@ -256,32 +274,60 @@ def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None
     click.echo(f"Together d² {together:.1f}, one run of each; {wanted:.0f} tell two causes apart.")
 
 
-def _perform(
-    plant: SmaPlant,
-    name: str,
-    seed: int,
-    folder: Path,
-    *,
-    sim: bool,
-    model_path: Path | None,
-    bench: str,
-) -> None:
-    """Carries an experiment out; says where its run log is."""
+def _list_catalogue() -> None:
+    from smad.gap.catalogue import CATALOGUE, ROUTINE
+
+    for heading, timelines in (
+        ("everyday runs, to fit on and to judge on", ROUTINE),
+        ("to tell causes apart", CATALOGUE),
+    ):
+        click.echo(f"{heading}:")
+        for t in timelines:
+            click.echo(f"  {t.name:<16} {t.duration_s:>4.0f} s  {t.title}")
+
+
+def _perform(name: str, seed: int, bench: str) -> None:
+    """Carries an experiment out on the bench."""
+    from smad.cli.output import client
+    from smad.experiments.live import LiveDriver
     from smad.gap.catalogue import plan_named
-    from smad.gap.plant import ModelPoint
 
     plan = plan_named(name, seed)
     with progress() as line:
-        if not sim:
-            from smad.cli.output import client
-            from smad.experiments.live import LiveDriver
+        LiveDriver(client(bench), progress=line.say).run(plan)
+    click.echo(f"done: {name}; the daemon has recorded it as {plan.name}")
 
-            LiveDriver(client(bench), progress=line.say).run(plan)
-            click.echo(f"done: {name}; the daemon has recorded it as {plan.name}")
-            return
-        from smad.experiments.virtual import VirtualDriver
 
-        point = ModelPoint({}) if model_path is None else plant.load_model(model_path)
+def _simulated_point(
+    plant: SmaPlant, model_path: Path | None, effects: Sequence[str]
+) -> ModelPoint:
+    """The simulated bench: the model, or the nominal one, with effects in place of its own."""
+    from sim_device.plant.effects.registry import from_text, resolve
+    from smad.gap.plant import ModelPoint
+
+    point = ModelPoint({}) if model_path is None else plant.load_model(model_path)
+    more = resolve(dict(from_text(text) for text in effects))
+    return ModelPoint(point.theta, {**point.effects, **more})
+
+
+def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelPoint) -> None:
+    """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
+    from smad.experiments.driver import log_name
+    from smad.experiments.virtual import VirtualDriver
+    from smad.gap.catalogue import plan_named
+    from smad.gap.errors import GapError
+
+    plan = plan_named(name, seed)
+    if seed:
+        plan = dataclasses.replace(plan, name=f"{plan.name} {seed}")
+    path = folder / f"{log_name(plan)}.mcap"
+    if path.exists():
+        raise GapError(
+            "a run log of that name is there already",
+            value=str(path),
+            action="give another --folder or --seed, or move it away",
+        )
+    with progress() as line:
         VirtualDriver(
             plant.set_of(point.theta),
             variant=plant.variant,
@@ -290,4 +336,4 @@ def _perform(
             folder=folder,
             progress=line.say,
         ).run(plan)
-    click.echo(f"done: {folder / (plan.name + '.mcap')}")
+    click.echo(f"done: {path}")

@@ -28,7 +28,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option("--out", type=_OUT, help="The verdict file  [default: BANK_FOLDER-verdicts.json]")
 @click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True,
               help="Cases at the same time, each in a process of one thread.")  # fmt: skip
-@click.option("--dask", "address", help="Address of a dask scheduler to use instead.")
+@click.option("--dask", "address",
+              help="Address of a dask scheduler, which gets all cases at once.")  # fmt: skip
 @click.option("--leave-out/--no-leave-out", default=False, show_default=True,
               help="Judge once more without the first cause in the library.")  # fmt: skip
 @click.option("--baselines/--no-baselines", default=True, show_default=True,
@@ -82,9 +83,11 @@ def check(
     make: Callable[[], contextlib.AbstractContextManager[Executor]] = (
         (lambda: pool(jobs)) if address is None else (lambda: dask_executor(address))
     )
-    _announce(order, jobs)
+    # A cluster has its own queue, and gets all of them.
+    width = jobs if address is None else len(taken)
+    _announce(order, f"{jobs} at a time" if address is None else f"on {address}")
     try:
-        file = run(order, make, jobs=jobs, report=_tell)
+        file = run(order, make, jobs=width, report=_tell)
     except KeyboardInterrupt:
         click.echo(f"finished cases are kept in {order.folder}; the same command goes on", err=True)
         raise
@@ -97,14 +100,14 @@ def _listed(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _announce(order: Order, jobs: int) -> None:
+def _announce(order: Order, where: str) -> None:
     from smad.gap.check.running import read_part
 
     known = sum(read_part(order.folder, c.id) is not None for c in order.cases)
     kept = f", {known} of them judged before" if known else ""
     click.echo(
         f"bank {order.bank.manifest.bank}: {len(order.cases)} of "
-        f"{len(order.bank.manifest.cases)} cases{kept}, {jobs} at a time",
+        f"{len(order.bank.manifest.cases)} cases{kept}, {where}",
         err=True,
     )
 

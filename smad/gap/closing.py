@@ -198,10 +198,10 @@ class Closing:
         )
 
     def _final(self, named: bool) -> Candidate:
-        """The best model; the fit of one that names a cause is polished for its values."""
-        best = self.selection.best
+        """The model that the verdict stands for: the refit, or the fit of the cause, polished."""
         if not named:
-            return best
+            return self.selection.base
+        best = self.selection.best
         # What coarser replays cost was learnt where the effect was not.
         best.fit.problem.evidence.calibrate(best.fit.point)
         return dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))

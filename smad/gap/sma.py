@@ -84,6 +84,11 @@ _MOUNTING = (
     Parameter("displacement_zero", "mm", 0.0, -2.0, 2.0, 0.15, "mechanics"),
 )
 _FLOW_EFFECT = "uneven_flow"
+# What of these a model file keeps as mounting, and its name there; the flow is kept as an effect.
+_KEPT_APART = {
+    "side_resistance": "side_resistance",
+    "displacement_zero": "displacement_zero_mm",
+}
 
 
 @dataclass(frozen=True)
@@ -245,6 +250,9 @@ class SmaPlant:
             variant=self.variant,
             overrides={n: own[n] for n in own.names if own[n] != base[n]},
             effects=self.acting(point),
+            mounting={
+                key: point.theta[name] for name, key in _KEPT_APART.items() if name in point.theta
+            },
             note=note,
         )
 
@@ -264,6 +272,7 @@ class SmaPlant:
                 action="give the same variant as the model was made with",
             )
         theta = {n: model.parameters[n] for n in REFITTED}
+        theta |= {n: model.mounting[key] for n, key in _KEPT_APART.items() if key in model.mounting}
         return ModelPoint(theta, model.effects)
 
     def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]:

@@ -17,6 +17,7 @@ def test_a_model_comes_back_as_it_was_saved(tmp_path, name):
         base="B",
         overrides={"resistivity": 0.5e-6, "austenite_start": 300.4},
         effects={"tube_friction": {"coulomb_N": 0.11, "proportional": 0.06}},
+        mounting={"side_resistance": -0.02, "displacement_zero_mm": 0.3},
         note='from a diagnosis of "run 3"',
     )
     parameters, variant, effects = load_model(path)
@@ -26,6 +27,7 @@ def test_a_model_comes_back_as_it_was_saved(tmp_path, name):
     assert effects["tube_friction"]["coulomb_N"] == 0.11
     assert effects["tube_friction"]["velocity_m_s"] > 0
     assert read_model(path).note == 'from a diagnosis of "run 3"'
+    assert read_model(path).mounting == {"side_resistance": -0.02, "displacement_zero_mm": 0.3}
 
 
 def test_a_base_beside_the_model_file_is_found(tmp_path):
@@ -45,6 +47,8 @@ def test_a_base_beside_the_model_file_is_found(tmp_path):
         ({"overrides": 3}, ModelError, "overrides"),
         ({"effects": {"warp": {}}}, EffectError, "warp"),
         ({"effects": {"rtd_lag": 3}}, ModelError, "effects.rtd_lag"),
+        ({"mounting": {"tilt": 1.0}}, ModelError, "mounting.tilt"),
+        ({"mounting": {"side_resistance": "even"}}, ModelError, "'even', not a number"),
         ({"base": "none.toml"}, ParameterError, "none.toml"),
     ],
 )

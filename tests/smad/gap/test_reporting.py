@@ -111,12 +111,15 @@ def test_a_diagnosis_without_runs_has_no_model() -> None:
 
 def test_a_model_file_of_the_spring_pair_comes_back_as_it_was(tmp_path: Path) -> None:
     plant = SmaPlant()
-    point = ModelPoint({"flow_max": 1.2e-7, "side_flow": 0.04}, {"rtd_lag": {"tau_s": 0.3}})
+    mounting = {"side_resistance": 0.03, "displacement_zero": -0.4}
+    theta = {"flow_max": 1.2e-7, "side_flow": 0.04} | mounting
+    point = ModelPoint(theta, {"rtd_lag": {"tau_s": 0.3}})
     plant.save_model(point, tmp_path / "model.toml", "a note")
     back = plant.load_model(tmp_path / "model.toml")
     assert back.theta["flow_max"] == pytest.approx(1.2e-7)
     assert back.effects["rtd_lag"]["tau_s"] == pytest.approx(0.3)
     assert back.effects["uneven_flow"]["share"] == pytest.approx(0.04)
+    assert {name: back.theta[name] for name in mounting} == mounting
     with pytest.raises(PlantMismatch, match="another variant"):
         SmaPlant(variant="printed").load_model(tmp_path / "model.toml")
 

@@ -63,9 +63,12 @@ def test_the_gap_is_put_into_the_sub_model_of_the_effect(single: tuple[str, Diag
 
 @pytest.mark.parametrize("name", sorted(set(SHOWN) - {"backlash"}))
 def test_with_the_true_effect_taken_out_of_the_library_the_verdict_is_unknown(name: str) -> None:
-    verdict = ask(bank(OTHER, {name: SHOWN[name]}), without(name)).verdict
+    diagnosis = ask(bank(OTHER, {name: SHOWN[name]}), without(name))
+    verdict = diagnosis.verdict
     assert verdict.outcome is Outcome.UNKNOWN, verdict.text
     assert verdict.effects == []
+    # What entered and was not believed is no part of the model that is handed on.
+    assert diagnosis.model["effects"] == {}
 
 
 def test_a_near_twin_of_a_missing_effect_is_never_called_the_whole_cause() -> None:
