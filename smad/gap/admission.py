@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from smad.gap.plant import Array, ModelPoint, PlantModel
-from smad.gap.replay import Grid, open_views
+from smad.gap.replay import Grid
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
+from smad.gap.views import local_views, open_views, supported_keys
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,12 @@ class Finding:
     kind: str
     text: str
     refuses: bool
+
+
+class Say(Protocol):
+    """Notes a finding about the run at hand."""
+
+    def __call__(self, kind: str, text: str, *, refuses: bool = False) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,7 @@ def admit(runs: Sequence[GapRun], plant: PlantModel, settings: Settings) -> Admi
     return Admission(tuple(admitted), tuple(findings))
 
 
-def in_common(groups: Sequence[Admission]) -> list[Admission]:
+def in_common(groups: Sequence[Admission], plant: PlantModel) -> list[Admission]:
     """The same groups of runs with those channels only that each group has.
 
     What one group was fitted on could not be judged, or called unusual, on a group without it. A
@@ -60,20 +68,21 @@ def in_common(groups: Sequence[Admission]) -> list[Admission]:
     """
     having = [{c for r in a.admitted for c in r.outputs} for a in groups if a.admitted]
     common = set.intersection(*having) if having else set()
-    return [_only(a, common) for a in groups]
+    return [_only(a, common, plant) for a in groups]
 
 
-def _only(group: Admission, channels: set[str]) -> Admission:
+def _only(group: Admission, channels: set[str], plant: PlantModel) -> Admission:
     admitted, findings = [], list(group.findings)
     for run in group.admitted:
         kept = {k: v for k, v in run.outputs.items() if k in channels}
         for name in (n for n in run.outputs if n not in channels):
-            text = f"no run of another group has {name}: its residual is switched off"
+            text = f"runs of another group all lack {name}: its residual is switched off"
             findings.append(Finding(run.name, "channel not shared", text, refuses=False))
-        if kept:
-            admitted.append(replace(run, outputs=kept))
+        left = replace(run, outputs=kept)
+        if supported_keys(local_views(plant), left):
+            admitted.append(left)
         else:
-            text = "no measured channel is in the runs to fit, those held out and the good ones"
+            text = "nothing it measured is in the runs to fit, the held out and the good ones alike"
             findings.append(Finding(run.name, "no channel", text, refuses=True))
     return Admission(tuple(admitted), tuple(findings))
 
@@ -92,22 +101,32 @@ def _admit_one(run: GapRun, plant: PlantModel, settings: Settings) -> tuple[GapR
     lacking = [s.name for s in plant.inputs if s.name not in run.inputs]
     if lacking:
         say("input missing", f"inputs are missing: {', '.join(lacking)}", refuses=True)
+    run = _filled(run, say)
+    broken = [n for n, v in run.inputs.items() if not np.isfinite(v).all()]
+    if broken:
+        say("input broken", f"inputs hold no number: {', '.join(broken)}", refuses=True)
     if any(f.refuses for f in found):
         return run, found
     if all(np.ptp(run.inputs[s.name]) < 1e-3 * (s.high - s.low) for s in plant.inputs):
         say("no excitation", "no input ever changes: nothing can be learnt", refuses=True)
         return run, found
     run = _check_channels(run, plant, settings, say)
-    if not run.outputs:
-        say("no channel", "no usable measured channel is left", refuses=True)
+    if not supported_keys(local_views(plant), run):
+        fed = sorted({f for v in local_views(plant) for f in v.feeds if f not in run.outputs})
+        why = f"; their models are fed with {', '.join(fed)}, too" if run.outputs else ""
+        say(
+            "no channel",
+            f"no measured channel is left that can be judged: usable are "
+            f"{', '.join(run.outputs) or 'none'}{why}",
+            refuses=True,
+        )
         return run, found
     _check_against_model(run, plant, settings, say)
     return run, found
 
 
-def _check_time(run: GapRun, settings: Settings, say: object) -> None:
-    assert callable(say)
-    if run.duration_s < settings.min_duration_s:
+def _check_time(run: GapRun, settings: Settings, say: Say) -> None:
+    if not run.duration_s >= settings.min_duration_s:
         say(
             "too short",
             f"{run.duration_s:.1f} s long; at least {settings.min_duration_s:g} s are needed",
@@ -115,7 +134,7 @@ def _check_time(run: GapRun, settings: Settings, say: object) -> None:
         )
         return
     steps = np.diff(run.t_s)
-    if np.any(steps <= 0):
+    if not np.all(steps > 0):
         say("time runs back", "the time axis is not increasing", refuses=True)
         return
     lost = float(np.sum(steps[steps > 1.5 * run.dt_s] - run.dt_s)) / run.duration_s
@@ -138,8 +157,27 @@ def _check_time(run: GapRun, settings: Settings, say: object) -> None:
         )
 
 
-def _check_channels(run: GapRun, plant: PlantModel, settings: Settings, say: object) -> GapRun:
-    assert callable(say)
+def _filled(run: GapRun, say: Say) -> GapRun:
+    """The run without gaps in its channels; the samples that had one do not count."""
+    gaps = {
+        name: ~np.isfinite(column)
+        for name, column in run.outputs.items()
+        if 0 < np.sum(np.isfinite(column)) < len(column)
+    }
+    if not gaps:
+        return run
+    share = float(np.mean(np.any(list(gaps.values()), axis=0)))
+    names = ", ".join(gaps)
+    say("gaps", f"{names} hold no number in {share:.1%} of the samples: these do not count")
+    index = np.arange(len(run.t_s))
+    outputs = {
+        name: np.interp(index, index[~gap], run.outputs[name][~gap]) for name, gap in gaps.items()
+    }
+    valid = run.good & ~np.any(list(gaps.values()), axis=0)
+    return replace(run, outputs={**run.outputs, **outputs}, valid=valid)
+
+
+def _check_channels(run: GapRun, plant: PlantModel, settings: Settings, say: Say) -> GapRun:
     outputs = dict(run.outputs)
     known = {c.name for c in plant.channels}
     predicted = _replay(run, plant)
@@ -190,8 +228,7 @@ def _misfit(measured: Array, predicted: Array) -> float:
     return 1.0 - max(r, 0.0) ** 2
 
 
-def _check_against_model(run: GapRun, plant: PlantModel, settings: Settings, say: object) -> None:
-    assert callable(say)
+def _check_against_model(run: GapRun, plant: PlantModel, settings: Settings, say: Say) -> None:
     grid = Grid.of(run, settings.period_s)
     predicted = {k: grid.mean(v)[grid.valid] for k, v in _replay(run, plant).items()}
     measured = {

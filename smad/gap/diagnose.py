@@ -119,7 +119,7 @@ def _admitted(
     """
     ordered = [sorted(group, key=lambda r: (r.digest, r.name)) for group in groups]
     order = distinctly_named(ordered)
-    return order, in_common([admit(group, plant, settings) for group in order])
+    return order, in_common([admit(group, plant, settings) for group in order], plant)
 
 
 @repeatable

@@ -62,7 +62,11 @@ class Basis:
             for a, b in pairwise(q):
                 parts.append((np.clip(v, a, b) - a) / span * np.sqrt(len(q)))
         masks = evidence.plant.regimes(evidence.runs[run], side)
-        parts += [grid.majority(masks[n]).astype(float) for n in self.regimes if n in masks]
+        # A run that lacks a channel may lack the regimes that are read from it.
+        never = np.zeros(len(grid.t_s))
+        parts += [
+            grid.majority(masks[n]).astype(float) if n in masks else never for n in self.regimes
+        ]
         return np.column_stack(parts)
 
 

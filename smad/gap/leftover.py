@@ -22,12 +22,13 @@ from smad.gap.admission import admit
 from smad.gap.check.bank import read_columns
 from smad.gap.errors import GapError
 from smad.gap.plant import Array, Effect
-from smad.gap.replay import Evidence, local_views
+from smad.gap.replay import Evidence
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from smad.gap.sma_signals import run_from_columns
 from smad.gap.stages import known_good
+from smad.gap.views import local_views
 
 SHOWN = ("rtd_x_degC", "rtd_y_degC", "displacement_mm", "force_N")
 

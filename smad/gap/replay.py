@@ -21,6 +21,7 @@ from smad.gap.errors import GapError
 from smad.gap.plant import Array, Mask, ModelPoint, PlantModel, View
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
+from smad.gap.views import lacking_feeds
 
 Index = NDArray[np.intp]
 
@@ -227,7 +228,7 @@ class Evidence:
         self._cut_cells()
 
     def _supported(self, view: View, run: GapRun) -> bool:
-        lacking = [f for f in view.feeds if f not in run.outputs and f not in run.inputs]
+        lacking = lacking_feeds(view, run)
         if lacking:
             self.missing.append(f"{run.name}: view {view.name} lacks {', '.join(lacking)}")
         return not lacking
@@ -270,9 +271,11 @@ class Evidence:
         detail: Detail | None = None,
     ) -> Array:
         """Predictions on the grid; shape (points, rows). Rows of runs not asked for are 0."""
-        wanted = sorted(set(range(len(self.runs)) if runs is None else runs))
+        asked = set(range(len(self.runs)) if runs is None else runs)
+        # A run of which no view can be judged has no rows.
+        wanted = sorted(r for r in asked if self._keys_of_run[r])
         out = np.zeros((len(points), self.n))
-        if not points:
+        if not points or not wanted:
             return out
         detail = detail or self.detail
         jobs = [(r, chunk) for r in wanted for chunk in self._chunks(len(points), len(wanted))]
@@ -391,13 +394,3 @@ class Evidence:
             for name, mask in cache[at].items():
                 out.setdefault(name, np.zeros(self.n, dtype=bool))[s.rows] = mask
         return out
-
-
-def local_views(plant: PlantModel) -> list[View]:
-    """The local views of a plant, upstream first."""
-    return [v for v in plant.views if not v.open_loop]
-
-
-def open_views(plant: PlantModel) -> list[View]:
-    """The open-loop view of a plant, in a list."""
-    return [v for v in plant.views if v.open_loop]

@@ -29,6 +29,9 @@ def ljung_box(x: Array, lags: int = 20) -> tuple[float, float]:
     Ljung & Box, Biometrika 65 (1978) 297.
     """
     n = len(x)
+    lags = min(lags, n - 1)
+    if lags < 1:
+        return 0.0, 1.0
     rho = autocorrelation(x, lags)
     q = float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, lags + 1))))
     return q, float(chi2.sf(q, lags))
@@ -59,6 +62,9 @@ def cross_correlation(
     filt = np.r_[1.0, -ar_coefficients(d, order)]
     d, r = lfilter(filt, [1.0], d)[order:], lfilter(filt, [1.0], r)[order:]
     n = len(d)
+    lags = min(lags, n - 1)
+    if lags < 0:
+        return 0.0, 1.0
     scale = float(np.sqrt((d @ d) * (r @ r)))
     if scale == 0:
         return 0.0, 1.0

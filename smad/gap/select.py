@@ -171,7 +171,6 @@ class Selector:
         steps: list[Candidate] = []
         tried: list[Candidate] = []
         first: list[Screened] = []
-        rivals_at: list[list[Candidate]] = []
         while len(steps) < self.settings.max_effects:
             self.progress(f"screening for effect {len(steps) + 1}")
             ranked, candidates = self._level(current, first_level=not steps)
@@ -187,16 +186,15 @@ class Selector:
             tried += candidates
             if chosen is None:
                 break
-            rivals_at.append([c for c in candidates if c is not chosen])
             steps.append(chosen)
             current = chosen
         best = self._backward(base, current) if len(steps) > 1 else current
-        best, rivals = self._rivals(base, best, steps, rivals_at, tried)
+        best, rivals = self._rivals(base, best, tried)
         probability = {
-            name: self._probability(base, best, others) for name, others in rivals.items()
+            name: self._probability(name, base, best, others) for name, others in rivals.items()
         }
         if not rivals and tried:
-            probability[""] = self._probability(base, base, tuple(tried[:4]))
+            probability[""] = self._probability("", base, base, tuple(tried[:4]))
         return Selection(base, best, tuple(steps), rivals, probability, tuple(first), tuple(tried))
 
     def _level(
@@ -296,12 +294,7 @@ class Selector:
         return current
 
     def _rivals(
-        self,
-        base: Candidate,
-        best: Candidate,
-        steps: Sequence[Candidate],
-        rivals_at: Sequence[Sequence[Candidate]],
-        tried: Sequence[Candidate],
+        self, base: Candidate, best: Candidate, tried: Sequence[Candidate]
     ) -> tuple[Candidate, dict[str, tuple[Candidate, ...]]]:
         """For each effect of the best model, the best models with another in its place.
 
@@ -335,12 +328,13 @@ class Selector:
         return best, out
 
     def _probability(
-        self, base: Candidate, best: Candidate, others: Sequence[Candidate]
+        self, place: str, base: Candidate, best: Candidate, others: Sequence[Candidate]
     ) -> dict[str, float]:
-        """Posterior of the effect in one place, by a Bayesian bootstrap over runs and blocks."""
-        models = {"": base, **{_differing(best, c): c for c in others}}
-        if best is not base:
-            models[_differing(others[0], best) if others else best.names[-1]] = best
+        """Posterior of the effect in one place, by a Bayesian bootstrap over runs and blocks.
+
+        `place` is the effect of `best` that `others` replace, "" where `best` has none.
+        """
+        models = {"": base, **{differing(best, c): c for c in others}, place: best}
         names = sorted(models)
         scores = np.array([models[n].judged.scores() for n in names])
         runs, blocks = held_cells(best.fit.problem, self.hold)
@@ -357,7 +351,7 @@ def _best_first(c: Candidate) -> tuple[float, tuple[str, ...]]:
     return -c.gain, c.names
 
 
-def _differing(model: Candidate, other: Candidate) -> str:
+def differing(model: Candidate, other: Candidate) -> str:
     """The effect of `other` that `model` lacks."""
     extra = [n for n in other.names if n not in model.names]
     return extra[0] if extra else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -113,6 +113,6 @@ def resample_weights(
     return np.asarray(weight / weight.mean(axis=1, keepdims=True))
 
 
-def top_null(null: Mapping[str, Array], names: Sequence[str] | None = None) -> Array:
-    """Largest gain over effects, draw by draw."""
-    return np.asarray(np.max([null[n] for n in (names or list(null))], axis=0))
+def top_null(null: Mapping[str, Array]) -> Array:
+    """Largest gain over effects, draw by draw; empty where there is no effect."""
+    return np.asarray(np.max(list(null.values()), axis=0)) if null else np.zeros(0)

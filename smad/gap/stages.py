@@ -11,17 +11,19 @@ import numpy as np
 
 from smad.gap.baseline import as_fixed, learn_baseline, unbound, with_laws
 from smad.gap.discrepancy import Background, fed_noise, learn_background
+from smad.gap.errors import RunRefused
 from smad.gap.judge import Judged, excess_of, judge, predict_by_run
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.noise import Floor, estimate_floors
-from smad.gap.plant import Array, EffectValues, ModelPoint, Parameter, PlantModel
+from smad.gap.plant import Array, EffectValues, ModelPoint, Parameter, PlantModel, View
 from smad.gap.refit import refit
-from smad.gap.replay import Detail, Evidence, Segment, local_views, open_views
+from smad.gap.replay import Detail, Evidence, Segment
 from smad.gap.runs import GapRun
 from smad.gap.screen import Probes
 from smad.gap.settings import Settings
 from smad.gap.significance import null_gains, top_null
 from smad.gap.threads import repeatable
+from smad.gap.views import local_views, open_views, shared_views
 from smad.gap.whiten import OutputNoise, Whitening
 
 _NULL_DRAWS = 60
@@ -91,7 +93,13 @@ def prepare(
 ) -> Prepared:
     """Noise floor, background from good runs, refit, and the held-out judgement of the refit."""
     parameters = tuple(plant.parameters if parameters is None else parameters)
-    views = local_views(plant)
+    views = shared_views(local_views(plant), (runs, hold_out, good))
+    if not views:
+        raise RunRefused(
+            "the runs share no output",
+            value="no view of the plant is fed and measured in runs to fit, held out and good ones",
+            action="give runs in which the same channels were recorded",
+        )
     progress("noise floor")
     floors = estimate_floors([*runs, *hold_out, *good], plant, settings)
 
@@ -110,6 +118,8 @@ def prepare(
         centre = dict(fit.point.theta)
         fixed = fit.point.effects
     ev = evidence(runs)
+    lost = _keys(local_views(plant)) - _keys(views)
+    ev.missing += [f"{key}: not every group of runs can be judged by it" for key in sorted(lost)]
     if background is None:
         noise = fed_noise(ev, floors, nominal, settings.seed)
 
@@ -161,6 +171,10 @@ def known_good(
     ev = Evidence(plant, runs, local_views(plant), settings, executor)
     floors = estimate_floors(runs, plant, settings)
     return _background_of(ev, floors, tuple(plant.parameters), lambda text: None)
+
+
+def _keys(views: Sequence[View]) -> set[str]:
+    return {o.key for v in views for o in v.outputs}
 
 
 def _background_of(
@@ -278,12 +292,13 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
     plant, settings = prepared.plant, prepared.settings
     bench = prepared.problem if prepared.hold is None else prepared.hold
     runs = bench.evidence.runs
-    ev = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
+    known = prepared.background
+    good_runs = () if known is None else known.fit.problem.evidence.runs
+    views = shared_views(open_views(plant), (runs, good_runs))
+    ev = Evidence(plant, runs, views, settings, executor, fast=False)
     noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
-    if prepared.background is not None:
-        known = prepared.background
-        runs = known.fit.problem.evidence.runs
-        good = Evidence(plant, runs, open_views(plant), settings, executor, fast=False)
+    if known is not None:
+        good = Evidence(plant, good_runs, views, settings, executor, fast=False)
         problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
         residual = good.residual(predict_by_run(problem, known.left_out.points, known.fit.point))
         for key in list(noise):

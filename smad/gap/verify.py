@@ -14,9 +14,10 @@ from smad.gap.judge import excess_by_key, shrink
 from smad.gap.lsq import Problem
 from smad.gap.noise import estimate_floors
 from smad.gap.plant import ModelPoint, PlantModel
-from smad.gap.replay import Evidence, open_views
+from smad.gap.replay import Evidence
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
+from smad.gap.views import open_views
 from smad.gap.whiten import OutputNoise, Whitening
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
@@ -130,6 +130,13 @@ def _look_over(path: Path, manifest: Manifest) -> None:
                 limit="at least one of role fit",
                 action="add a run or take the case out",
             )
+        if case.question == "changed" and not any(r.role == "good" for r in case.runs):
+            raise BankError(
+                f"{path}: {case.id} asks what has changed, but has no known-good run",
+                value=", ".join(r.role for r in case.runs),
+                limit="at least one of role good",
+                action="add a run from before the trouble, or ask what differs",
+            )
         for run in case.runs:
             parts = PurePosixPath(run.file)
             if parts.is_absolute() or ".." in parts.parts or not run.file:
@@ -229,10 +236,17 @@ def _require_columns(path: Path, columns: Mapping[str, Array]) -> None:
         )
 
 
+_READ = {"t_s", "valid", *(c.name for c in CHANNELS)} | {
+    n for s in INPUTS for n in (s.name, s.name.replace("applied", "cmd"))
+}
+"""Columns that a diagnosis reads."""
+
+
 def read_columns(path: Path) -> dict[str, Array]:
     """Columns of a Parquet, CSV or gzipped CSV file as float64, missing samples as NaN.
 
-    Raises BankError when the file is missing, of another kind, or holds text in a column.
+    Columns that no diagnosis reads are left out where they hold text or share a name. Raises
+    BankError when one that it reads does so, and when the file is missing or of another kind.
     """
     kinds = (".parquet", ".csv", ".csv.gz")
     if not path.name.endswith(kinds):
@@ -244,10 +258,12 @@ def read_columns(path: Path) -> dict[str, Array]:
         )
     try:
         table = _table(path)
+        times = Counter(table.column_names)
+        usable = [n for n, k in times.items() if k == 1 and not _is_text(table[n])]
+        _require_usable(path, table, set(times) - set(usable))
         return {
             name: np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=np.float64)
-            for name in table.column_names
-            if not _is_text(table[name])
+            for name in usable
         }
     except (OSError, ValueError, TypeError) as error:
         raise BankError(
@@ -255,6 +271,34 @@ def read_columns(path: Path) -> dict[str, Array]:
             value=str(error).splitlines()[0] if str(error) else type(error).__name__,
             action="restore the file, or leave the case out with --only",
         ) from error
+
+
+def _require_usable(path: Path, table: Any, unusable: Collection[str]) -> None:
+    names = [n for n in table.column_names if n in unusable and n in _READ]
+    if not names:
+        return
+    if (count := table.column_names.count(names[0])) > 1:
+        raise BankError(
+            f"run file {path} has a column more than once",
+            value=f"{names[0]}, {count} times",
+            limit="once",
+            action="keep one of them, or rename the other",
+        )
+    texts = (v for v in table[names[0]].to_pylist() if v is not None)
+    raise BankError(
+        f"run file {path}: column {names[0]} holds text",
+        value=next((v for v in texts if not _is_number(v)), "numbers as text"),
+        limit="numbers; a missing sample is empty or NaN",
+        action="replace the text in the column",
+    )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _table(path: Path) -> Any:

@@ -66,6 +66,7 @@ class CaseKey(msgspec.Struct, frozen=True):
 class Key(msgspec.Struct, frozen=True):
     """A whole key."""
 
+    format: Literal["smad-key-1"]
     bank: str
     cases: dict[str, CaseKey]
 

@@ -114,28 +114,31 @@ hysteresis may differ), all of them are the same answer.
 """
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """A name as it is compared: lower case, words joined by underscores."""
     return name.strip().lower().replace("-", "_").replace(" ", "_")
 
 
 def canonical(name: str, extra: Mapping[str, str] | None = None) -> str:
-    """The bank's name of a cause; `extra` maps a tool's own names. Unlisted names stay as they are.
+    """The bank's name of a cause. Unlisted names stay as they are.
+
+    `extra` maps a tool's own names, each as `plain` gives it.
 
     >>> canonical("Tendon slack")
     'tendon_compliance'
     """
-    plain = _plain(name)
-    plain = (extra or {}).get(plain, plain)
-    return ALIASES.get(plain, plain)
+    said = plain(name)
+    said = plain((extra or {}).get(said, said))
+    return ALIASES.get(said, said)
 
 
 def canonical_subsystem(name: str) -> str:
     """The bank's name of a subsystem."""
-    plain = _plain(name)
+    said = plain(name)
     for known, others in SUBSYSTEMS.items():
-        if plain == known or plain in others:
+        if said == known or said in others:
             return known
-    return plain
+    return said
 
 
 def subsystem_of(name: str) -> str:

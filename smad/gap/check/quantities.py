@@ -1,6 +1,6 @@
 """Fitted parameters of effects as quantities that mean the same in any functional form.
 
-docs/withheld.md lists what each quantity is. All are changes since the known-good runs.
+tests/withheld/quantities.py says what each quantity is. All are changes since the known-good runs.
 """
 
 from __future__ import annotations

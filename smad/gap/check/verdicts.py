@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 
 from smad.gap.check.errors import VerdictError
-from smad.gap.check.names import OUTCOMES, canonical, canonical_subsystem, subsystem_of
+from smad.gap.check.names import OUTCOMES, canonical, canonical_subsystem, plain, subsystem_of
 
 FORMAT = "smad-verdicts-1"
 NOT_CAUSES = frozenset(("none", "parameters", "unknown"))
@@ -23,7 +23,10 @@ class Hypothesis(msgspec.Struct, frozen=True):
 
 
 class Estimate(msgspec.Struct, frozen=True):
-    """A comparable quantity of an effect with its 95 % interval (docs/withheld.md lists them)."""
+    """A comparable quantity of an effect with its 95 % interval.
+
+    tests/withheld/quantities.py says what each is.
+    """
 
     value: float
     low: float
@@ -177,7 +180,7 @@ def read_verdict_file(path: Path) -> VerdictFile:
 def read_verdicts(path: Path) -> VerdictFile:
     """A checked verdict file in the bank's names. Raises VerdictError as `read_verdict_file`."""
     file = read_verdict_file(path)
-    extra = {k.lower(): v for k, v in file.aliases.items()}
+    extra = {plain(k): v for k, v in file.aliases.items()}
     named = {case: in_bank_names(v, extra) for case, v in file.verdicts.items()}
     return msgspec.structs.replace(file, verdicts=named)
 

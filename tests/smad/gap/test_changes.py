@@ -15,10 +15,11 @@ from smad.gap.noise import estimate_floors
 from smad.gap.plant import ModelPoint
 from smad.gap.recorded import recorded as sma_recorded
 from smad.gap.records import Outcome
-from smad.gap.replay import Detail, Evidence, Grid, local_views, thinned
+from smad.gap.replay import Detail, Evidence, Grid, thinned
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from smad.gap.space import Space
+from smad.gap.views import local_views
 from smad.gap.whiten import OutputNoise, Whitening
 from tests.smad.gap.cases import OTHER, QUICK, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded

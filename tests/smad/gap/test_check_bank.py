@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +33,18 @@ def write(folder: Path, file: str, table: Mapping[str, Any]) -> None:
     if path.suffix == ".parquet":
         pq.write_table(pa.table({n: pa.array(v, from_pandas=True) for n, v in table.items()}), path)
         return
-    rows = zip(*table.values(), strict=True)
-    text = [
-        ",".join(table),
-        *(",".join("" if np.isnan(v) else str(v) for v in row) for row in rows),
-    ]
+    write_csv(path, list(table), list(table.values()))
+
+
+def write_csv(path: Path, names: list[str], table: Sequence[Any]) -> None:
+    """Columns as they are given, of one name twice, too."""
+    rows = zip(*table, strict=True)
+    text = [",".join(names), *(",".join(_cell(v) for v in row) for row in rows)]
     path.write_text("\n".join(text) + "\n")
+
+
+def _cell(value: Any) -> str:
+    return "" if isinstance(value, float) and np.isnan(value) else str(value)
 
 
 def make(folder: Path, count: int = 1, **changes: Any) -> Path:
@@ -138,6 +144,11 @@ def _refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         ({"cases": [{"id": "a", "question": "why", "runs": []}]}, ("question", "why")),
         ({"cases": [{"id": "a", "question": "differs", "runs": []}]}, ("no run to fit on",)),
         (
+            {"cases": [{"id": "a", "question": "changed",
+                        "runs": [{"file": "x.parquet", "role": "fit"}]}]},
+            ("a asks what has changed", "got fit", "role good", "what differs"),
+        ),
+        (
             {"cases": [{"id": "../a", "question": "differs", "runs": []}]},
             ("id", "../a", "letters"),
         ),
@@ -206,6 +217,36 @@ def test_a_missing_column_is_named(gone: str, tmp_path: Path) -> None:
         read_case(bank, bank.case("case-1"))
     assert "case-1/fit.parquet" in str(caught.value)
     assert "add the column" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["force_N", "duty_x", "t_s", "valid"])
+def test_text_in_a_column_that_is_read_is_refused_and_shown(name: str, tmp_path: Path) -> None:
+    table = columns()
+    table[name] = [*table[name][:-1], "n/a"]
+    write_csv(tmp_path / "run.csv", list(table), list(table.values()))
+    with pytest.raises(BankError, match=f"column {name} holds text: got n/a"):
+        read_columns(tmp_path / "run.csv")
+
+
+def test_a_column_that_stands_twice_is_refused(tmp_path: Path) -> None:
+    table = columns()
+    twice = [*table.values(), table["force_N"]]
+    write_csv(tmp_path / "run.csv", [*table, "force_N"], twice)
+    pq.write_table(
+        pa.Table.from_arrays([pa.array(v) for v in twice], [*table, "force_N"]),
+        tmp_path / "run.parquet",
+    )
+    for path in (tmp_path / "run.csv", tmp_path / "run.parquet"):
+        with pytest.raises(BankError, match="force_N, 2 times"):
+            read_columns(path)
+
+
+def test_columns_that_nobody_reads_may_hold_text_or_stand_twice(tmp_path: Path) -> None:
+    table = columns()
+    spare = [["warm-up"] * N, np.zeros(N), np.ones(N)]
+    path = tmp_path / "run.csv"
+    write_csv(path, [*table, "comment", "x", "x"], [*table.values(), *spare])
+    assert read_columns(path).keys() == table.keys()
 
 
 def test_a_run_without_any_measured_channel_is_refused(tmp_path: Path) -> None:

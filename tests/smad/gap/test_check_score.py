@@ -13,7 +13,7 @@ from smad.cli import execute
 from smad.gap.check import page, score
 from smad.gap.check.errors import CheckError, KeyMismatchError, VerdictError
 from smad.gap.check.intervals import bootstrap, wilson
-from smad.gap.check.key import CaseKey, Key, file_digest, read_key
+from smad.gap.check.key import FORMAT, CaseKey, Key, file_digest, read_key
 from smad.gap.check.names import ALIASES, CAUSES, canonical, canonical_subsystem
 from smad.gap.check.openings import Ledger, checkout
 from smad.gap.check.places import TABLES, begin, end, into_document
@@ -46,7 +46,7 @@ def _entry(kind: str, *effects: tuple[str, str], gap: float = 3.0) -> dict[str, 
 
 
 def _key(cases: dict[str, Any], bank: str = "x") -> Key:
-    return Key(bank, msgspec.convert(cases, dict[str, CaseKey]))
+    return Key(FORMAT, bank, msgspec.convert(cases, dict[str, CaseKey]))
 
 
 LAG = ("rtd_lag", "sensors")
@@ -307,10 +307,14 @@ def test_other_names_of_a_listed_cause_are_understood(tmp_path: Path) -> None:
         "format": "smad-verdicts-1",
         "bank": "x",
         "key_sha256": SHA,
-        "aliases": {"mine": "rtd_lag"},
+        "aliases": {"mine": "rtd_lag", "Slow-RTD sheath ": "Sensor lag"},
         "verdicts": {
             "a": {"outcome": "effect", "causes": [{"names": ["Tendon slack"], "probability": 1}]},
             "b": {"outcome": "effect", "causes": [{"names": ["mine"], "probability": 1}]},
+            "c": {
+                "outcome": "effect",
+                "causes": [{"names": ["slow-rtd sheath"], "probability": 1}],
+            },
         },
     }
     path = tmp_path / "verdicts.json"
@@ -319,6 +323,7 @@ def test_other_names_of_a_listed_cause_are_understood(tmp_path: Path) -> None:
     assert file.verdicts["a"].first == ("tendon_compliance",)
     assert file.verdicts["a"].subsystem == "mechanics"
     assert file.verdicts["b"].first == ("rtd_lag",)
+    assert file.verdicts["c"].first == ("rtd_lag",)
     assert canonical_subsystem("water") == "thermal"
 
 
@@ -351,7 +356,8 @@ def test_two_entries_that_are_one_answer_share_their_probability(tmp_path: Path)
 
 
 def _scored(tmp_path: Path, bank: str) -> tuple[Path, Path]:
-    key = {"bank": bank, "cases": {"a": _entry("single", LAG), "b": _entry("none")}}
+    cases = {"a": _entry("single", LAG), "b": _entry("none")}
+    key = {"format": FORMAT, "bank": bank, "cases": cases}
     key_path = tmp_path / "KEY.json"
     key_path.write_text(json.dumps(key))
     alarm = {"smallest_rmse": Short("effect", ["rtd_lag"])}
@@ -452,6 +458,13 @@ def test_a_file_that_is_no_key_is_refused(tmp_path: Path) -> None:
         read_key(verdicts)
     with pytest.raises(KeyMismatchError, match="cannot be read"):
         read_key(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize("form", [{}, {"format": "smad-key-9"}], ids=["none", "another"])
+def test_a_key_of_another_form_is_refused(form: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "KEY.json").write_text(json.dumps(form | {"bank": "x", "cases": {}}))
+    with pytest.raises(KeyMismatchError, match="smad-key-1"):
+        read_key(tmp_path / "KEY.json")
 
 
 def test_a_sealed_key_that_was_not_committed_is_refused(

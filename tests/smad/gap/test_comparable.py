@@ -12,12 +12,13 @@ from smad.gap.judge import judge
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import ModelPoint
 from smad.gap.recorded import recorded as bench_recorded
-from smad.gap.replay import Detail, Evidence, local_views
+from smad.gap.replay import Detail, Evidence
 from smad.gap.select import Selection, Selector
 from smad.gap.sma import SmaPlant
 from smad.gap.space import Space
 from smad.gap.stages import Prepared, prepare
 from smad.gap.tracks import follow_tracks
+from smad.gap.views import local_views
 from smad.gap.weigh import weigh
 from smad.gap.whiten import OutputNoise, Whitening
 from tests.smad.gap.cases import OTHER, QUICK, SHOWN, bank

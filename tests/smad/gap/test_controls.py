@@ -156,3 +156,48 @@ def test_runs_of_one_name_are_told_apart_by_number() -> None:
     assert sorted(r.role for r in diagnosis.runs) == ["fit", "refused"]
     (short_one,) = (f for f in diagnosis.findings if f.kind == "too short")
     assert {r.role for r in diagnosis.runs if r.name == short_one.run} == {"refused"}
+
+
+def test_an_output_that_only_some_groups_can_feed_is_left_out_of_all() -> None:
+    """The good runs have both channels, but never in the same run."""
+    good = bank(OTHER, seed=40)[:3]
+    good = [*lacking(good[:1], "temp_l_degC", "temp_r_degC"), *lacking(good[1:], "rod_um")]
+    diagnosis = ask(bank(OTHER, {"driver_gain": SHOWN["driver_gain"]}), good=good)
+    assert diagnosis.verdict.effects == ["driver_gain"], diagnosis.verdict.text
+    assert any(text.startswith("rod") and "not every group" in text for text in diagnosis.missing)
+
+
+def test_a_run_that_cannot_be_judged_by_any_view_is_refused() -> None:
+    runs = bank(OTHER)[:3]
+    fed_only = lacking(runs[:1], *(c.name for c in HeaterPlant().channels if c.name != "rod_um"))
+    diagnosis = ask([*fed_only, *runs[1:]])
+    assert [r.role for r in diagnosis.runs if r.name == fed_only[0].name] == ["refused"]
+    (said,) = (f.text for f in diagnosis.findings if f.kind == "no channel")
+    assert "temp_l_degC" in said
+
+
+def test_a_run_that_lacks_a_channel_of_the_first_one_does_no_harm() -> None:
+    runs = bank(OTHER, {"driver_gain": SHOWN["driver_gain"]})
+    runs[1] = lacking(runs[1:2], "rod_um")[0]
+    assert ask(runs).verdict.effects == ["driver_gain"]
+
+
+def test_a_gap_in_a_channel_is_bridged_and_does_not_count() -> None:
+    runs = bank(OTHER, {"sensor_lag": SHOWN["sensor_lag"]})
+    spoilt = runs[0].outputs["temp_l_degC"].copy()
+    spoilt[[40, 41, 200]] = np.nan
+    runs[0] = runs[0].with_columns(outputs={"temp_l_degC": spoilt})
+    diagnosis = ask(runs)
+    assert "gaps" in kinds(diagnosis)
+    assert diagnosis.verdict.effects == ["sensor_lag"], diagnosis.verdict.text
+    assert all(np.isfinite(f.sigma) for f in diagnosis.floors)
+
+
+@pytest.mark.parametrize(("what", "kind"), [("input", "input broken"), ("time", "time runs back")])
+def test_an_input_or_a_time_that_is_no_number_is_refused(what: str, kind: str) -> None:
+    run = bank(OTHER)[0]
+    column = (run.t_s if what == "time" else next(iter(run.inputs.values()))).copy()
+    column[7] = np.nan
+    name = next(iter(run.inputs))
+    broken = replace(run, t_s=column) if what == "time" else run.with_columns(inputs={name: column})
+    assert kinds(ask([broken])) == {kind}

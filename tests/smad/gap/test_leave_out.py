@@ -10,9 +10,10 @@ import pytest
 from smad.gap import Settings
 from smad.gap.leave_out import left_out
 from smad.gap.lsq import Fitted, Problem, drive, fitting, objective
-from smad.gap.replay import Evidence, open_views
+from smad.gap.replay import Evidence
 from smad.gap.runs import GapRun
 from smad.gap.space import Space
+from smad.gap.views import open_views
 from smad.gap.whiten import OutputNoise, Whitening
 from tests.smad.gap.cases import bank
 from tests.smad.gap.heater_plant import PARAMETERS, HeaterPlant

@@ -161,7 +161,8 @@ def test_different_experiments_add_up_to_a_separation_or_do_not() -> None:
 def test_a_separation_counts_by_how_much_more_than_expected_the_runs_vary_along_it() -> None:
     """A background nine times as strong as Σ says leaves a ninth; one of its size leaves all."""
     from smad.gap.lsq import Problem
-    from smad.gap.replay import Evidence, local_views
+    from smad.gap.replay import Evidence
+    from smad.gap.views import local_views
     from smad.gap.whiten import OutputNoise, Whitening
 
     class Plain(Problem):

@@ -16,11 +16,12 @@ from smad.gap.lsq import Problem, drive, fitting
 from smad.gap.noise import estimate_floors
 from smad.gap.plant import ModelPoint
 from smad.gap.recorded import recorded
-from smad.gap.replay import Evidence, local_views
+from smad.gap.replay import Evidence
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from smad.gap.sma_signals import CHANNELS, run_from_columns
 from smad.gap.space import Space
+from smad.gap.views import local_views
 from smad.gap.whiten import Whitening
 
 PLANT, PRINTED = SmaPlant(), SmaPlant(variant="printed")
