@@ -101,9 +101,7 @@ def _listed(text: str) -> list[str]:
 
 
 def _announce(order: Order, where: str) -> None:
-    from smad.gap.check.running import read_part
-
-    known = sum(read_part(order.folder, c.id) is not None for c in order.cases)
+    known = len(order.finished())
     kept = f", {known} of them judged before" if known else ""
     click.echo(
         f"bank {order.bank.manifest.bank}: {len(order.cases)} of "

@@ -9,11 +9,13 @@ import os
 import time
 import traceback
 from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
 
 import sim_device.plant
+import smad.control
 import smad.gap
 from smad.errors import SmadError
 from smad.gap.check.answer import answer
@@ -80,27 +82,40 @@ class Task:
 
 
 class Part(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What became of one case: a verdict, or the error that prevented one."""
+    """What became of one case: a verdict, or the error that prevented one.
+
+    `runs_sha256` is of its run files before it was diagnosed, `kept_sha256` of the whole diagnosis
+    that was written beside it, if that was asked for.
+    """
 
     case: str
     seconds: float
     verdict: CaseVerdict | None = None
     error: str = ""
     note: str = ""
+    runs_sha256: str = ""
+    kept_sha256: str = ""
 
 
 @functools.cache
 def source_digest() -> str:
-    """SHA-256 over the code that a verdict depends on: the engine, the check and the plant."""
+    """SHA-256 over the code that a verdict depends on, and the versions of what it calculates with.
+
+    That is the engine, the check, the plant, and the controller of the simulated experiments.
+    """
     h = hashlib.sha256()
+    for name in ("numpy", "scipy"):
+        h.update(f"{name} {version(name)}\0".encode())
     gap, plant = Path(smad.gap.__file__).parent, Path(sim_device.plant.__file__).parent
-    files = [*gap.glob("*.py"), *(gap / "check" / n for n in _DECISIVE), *plant.rglob("*.py")]
+    control = Path(smad.control.__file__).parent
+    files = [*gap.glob("*.py"), *(gap / "check" / n for n in _DECISIVE)]
+    files += [*plant.rglob("*.py"), *control.glob("*.py")]
     for path in sorted([*files, *plant.rglob("*.toml")]):
         h.update(path.name.encode() + b"\0" + path.read_bytes())
     return h.hexdigest()
 
 
-_DECISIVE = ("answer.py", "bank.py", "baselines.py", "case.py", "quantities.py")
+_DECISIVE = ("answer.py", "bank.py", "baselines.py", "case.py", "names.py", "quantities.py")
 
 
 def judge(task: Task) -> Part:
@@ -131,10 +146,20 @@ def judge(task: Task) -> Part:
         text = f"internal error: {type(error).__name__}: {error}"
         place = f"{os.path.basename(where.filename)}:{where.lineno}"
         return Part(task.case.id, time.perf_counter() - began, error=f"{text} ({place})")
-    if task.keep is not None:
-        (task.keep / f"{task.case.id}.json").write_bytes(found.to_json())
+    kept = "" if task.keep is None else _keep(kept_path(task.keep, task.case.id), found)
     note = found.verdict.text if found.verdict.outcome is Outcome.REFUSED else ""
-    return Part(task.case.id, time.perf_counter() - began, verdict, note=note)
+    return Part(task.case.id, time.perf_counter() - began, verdict, note=note, kept_sha256=kept)
+
+
+def kept_path(folder: Path, case: str) -> Path:
+    """Where the whole diagnosis of a case is kept."""
+    return folder / f"{case}.json"
+
+
+def _keep(path: Path, found: Diagnosis) -> str:
+    data = found.to_json()
+    path.write_bytes(data)
+    return hashlib.sha256(data).hexdigest()
 
 
 def _diagnosed(how: How, runs: CaseRuns, executor: ThreadPoolExecutor) -> Diagnosis:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import hashlib
 import os
 import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from concurrent.futures.process import ProcessPoolExecutor
 from importlib.metadata import version
@@ -20,8 +21,8 @@ from pathlib import Path
 import msgspec
 
 import smad
-from smad.gap.check.bank import Bank, Case
-from smad.gap.check.case import How, Part, Task, judge, source_digest
+from smad.gap.check.bank import Bank, Case, used
+from smad.gap.check.case import How, Part, Task, judge, kept_path, source_digest
 from smad.gap.check.errors import CheckError
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile
 
@@ -49,22 +50,62 @@ class Order:
     parts: Path
     keep: Path | None = None
 
-    @property
+    @functools.cached_property
     def folder(self) -> Path:
         """Where parts of just this bank, code and way of diagnosing are kept."""
         return self.parts / self.fingerprint[:16]
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of everything that a verdict depends on."""
+        """SHA-256 of what the verdicts depend on beside the run files: bank, code and options.
+
+        A parameter file counts by what it says, not by its name alone. The Python interpreter and
+        the processor, which may turn a last digit, are not in it.
+        """
         said = {
             "manifest": self.bank.digest,
             "key": self.bank.manifest.key_sha256,
             "version": version("smad"),
             "source": source_digest(),
             "how": dataclasses.asdict(self.how),
+            "plant": self.how.plant().version,
         }
         return hashlib.sha256(msgspec.json.encode(said, order="deterministic")).hexdigest()
+
+    @functools.cached_property
+    def runs_sha256(self) -> dict[str, str]:
+        """Case → SHA-256 of its run files, as they were when first asked for.
+
+        A whole bank takes seconds: SHA-256 of a gigabyte is half a second of calculation.
+        """
+        return {case.id: _runs_digest(self.bank, case) for case in self.cases}
+
+    def finished(self) -> dict[str, Part]:
+        """The parts of earlier checks that still hold, by case.
+
+        They are of these run files, and with `keep` the whole diagnosis stands where it is wanted.
+        """
+        found = {case.id: read_part(self.folder, case.id) for case in self.cases}
+        return {c: p for c, p in found.items() if p is not None and self._holds(c, p)}
+
+    def _holds(self, case: str, part: Part) -> bool:
+        if part.runs_sha256 != self.runs_sha256[case]:
+            return False
+        return self.keep is None or part.kept_sha256 == _digest(kept_path(self.keep, case))
+
+
+def _runs_digest(bank: Bank, case: Case) -> str:
+    digests = [_digest(bank.folder / run.file) for run in used(case)]
+    return hashlib.sha256(" ".join(digests).encode()).hexdigest()
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file; of one that is not there, a word that no file has."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return "absent"
 
 
 @contextlib.contextmanager
@@ -115,14 +156,14 @@ def check(
     loses only the cases under way.
     """
     order.folder.mkdir(parents=True, exist_ok=True)
-    known = {c.id: p for c in order.cases if (p := read_part(order.folder, c.id)) is not None}
-    todo = [c for c in order.cases if c.id not in known]
-    parts = dict(known)
+    parts = order.finished()
+    todo = [c for c in order.cases if c.id not in parts]
     began_s = clock_s()
     for finished, part in enumerate(_worked(order, todo, executor, jobs, work), start=1):
         parts[part.case] = part
         if part.verdict is not None:
-            _write_part(order.folder, part)
+            whole = msgspec.structs.replace(part, runs_sha256=order.runs_sha256[part.case])
+            _write_part(order.folder, whole)
         rest = len(todo) - finished
         left_s = rest * (clock_s() - began_s) / finished
         report(Progress(part, len(parts), len(order.cases), left_s))
@@ -136,35 +177,51 @@ def _worked(
     jobs: int,
     work: Callable[[Task], Part],
 ) -> Iterator[Part]:
-    """Parts as they come. When workers die, the cases they had are tried once more, one by one."""
+    """Parts as they come.
+
+    When workers die, the cases they had are tried once more, each alone; then the others go on, as
+    many at a time as before.
+    """
     waiting = [(case, 1) for case in todo]
-    width = jobs
     while waiting:
         suspects: list[tuple[Case, int]] = []
         with executor() as workers:
             under_way: dict[Future[Part], tuple[Case, int]] = {}
-            while (waiting or under_way) and not suspects:
-                while waiting and len(under_way) < width:
+            fresh, whole = True, True
+            while whole and (waiting or under_way):
+                while waiting and len(under_way) < _width(jobs, waiting, under_way.values()):
                     case, attempt = waiting.pop(0)
                     task = Task(order.bank, case, order.how, source_digest(), order.keep)
-                    under_way[workers.submit(work, task)] = case, attempt
+                    try:
+                        under_way[workers.submit(work, task)] = case, attempt
+                    except BrokenExecutor:
+                        whole = False
+                        # It died of a case before this one, unless there was none.
+                        (suspects if fresh else waiting).insert(0, (case, attempt))
+                        break
+                    fresh = False
                 done, _ = wait(under_way, return_when=FIRST_COMPLETED)
                 for future in done:
                     case, attempt = under_way.pop(future)
                     try:
                         yield future.result()
                     except BrokenExecutor:
+                        whole = False
                         suspects.append((case, attempt))
                     except Exception as error:
                         # Whatever an executor of another kind hands back: one case, not the check.
                         yield Part(case.id, 0.0, error=f"{type(error).__name__}: {error}")
             suspects += under_way.values()
-        width = 1 if suspects else jobs
         for case, attempt in suspects:
             if attempt >= _TRIES:
                 yield Part(case.id, 0.0, error=_MEMORY)
             else:
                 waiting.insert(0, (case, attempt + 1))
+
+
+def _width(jobs: int, *cases: Iterable[tuple[Case, int]]) -> int:
+    """How many cases may be under way: a second attempt has the machine to itself."""
+    return 1 if any(attempt > 1 for some in cases for _, attempt in some) else jobs
 
 
 def part_path(folder: Path, case: str) -> Path:

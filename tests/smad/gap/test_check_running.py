@@ -5,17 +5,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import hashlib
 import os
 import sys
+import threading
 import types
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import pytest
 
+import sim_device.plant
 from smad.gap.check.bank import open_bank
-from smad.gap.check.case import How, Part, Task, judge, source_digest
+from smad.gap.check.case import How, Part, Task, judge, kept_path, source_digest
 from smad.gap.check.errors import CheckError
 from smad.gap.check.running import Order, Progress, check, dask_executor, pool
 from smad.gap.check.verdicts import CaseVerdict, read_verdicts, write_verdicts
@@ -89,6 +94,64 @@ def test_parts_made_in_another_way_are_not_taken_up(
     assert len(again) == 4
 
 
+def _parts_again(order: Order) -> list[str]:
+    """Cases that the same check asks for again, as another process would."""
+    again: list[str] = []
+    check(dataclasses.replace(order), threads, jobs=1, work=counting(again))
+    return again
+
+
+def test_parts_of_runs_that_were_recorded_anew_are_not_taken_up(order: Order) -> None:
+    check(order, threads, jobs=1, work=counting([]))
+    assert _parts_again(order) == []
+    table = columns()
+    table["force_N"] = table["force_N"] + 0.01
+    path = order.bank.folder / "case-2/fit.parquet"
+    before = path.stat()
+    write(order.bank.folder, "case-2/fit.parquet", table)
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert _parts_again(order) == ["case-2"]
+
+
+def test_parts_made_with_other_parameters_in_a_file_of_one_name_are_not_taken_up(
+    order: Order, tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.toml"
+    nominal = (Path(sim_device.plant.__file__).parent / "data" / "set_a.toml").read_text()
+    path.write_text(nominal)
+    mine = dataclasses.replace(order, how=How(params=str(path)))
+    check(mine, threads, jobs=1, work=counting([]))
+    assert _parts_again(mine) == []
+    path.write_text(nominal.replace("value = 0.75", "value = 0.76", 1))
+    assert len(_parts_again(mine)) == 4
+
+
+def test_code_counts_as_other_code_with_another_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = source_digest()
+    monkeypatch.setattr("smad.gap.check.case.version", lambda name: f"{name} of tomorrow")
+    assert source_digest.__wrapped__() != before
+
+
+def keeping(task: Task) -> Part:
+    """A worker that writes its whole diagnosis where it is wanted, as `judge` does."""
+    part = Part(task.case.id, 0.0, QUIET)
+    if task.keep is None:
+        return part
+    kept_path(task.keep, task.case.id).write_bytes(b"{}")
+    return msgspec.structs.replace(part, kept_sha256=hashlib.sha256(b"{}").hexdigest())
+
+
+def test_whole_diagnoses_that_are_wanted_later_are_made_later(order: Order, tmp_path: Path) -> None:
+    check(order, threads, jobs=1, work=keeping)
+    kept = dataclasses.replace(order, keep=tmp_path)
+    check(kept, threads, jobs=1, work=keeping)
+    assert len(list(tmp_path.glob("case-*.json"))) == 4
+    assert _parts_again(kept) == []
+    (tmp_path / "case-3.json").unlink()
+    (tmp_path / "case-4.json").write_bytes(b"of another check")
+    assert _parts_again(kept) == ["case-3", "case-4"]
+
+
 def test_parts_of_another_bank_are_not_taken_up(order: Order) -> None:
     check(order, threads, jobs=1, work=counting([]))
     other = dataclasses.replace(order, bank=dataclasses.replace(order.bank, digest="other"))
@@ -130,6 +193,50 @@ def test_a_worker_that_dies_costs_its_own_case_only(order: Order) -> None:
     file = check(order, lambda: pool(2), jobs=2, work=work)
     assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
     assert "fewer --jobs" in file.notes["case-2"]
+
+
+class Fragile(ThreadPoolExecutor):
+    """An executor whose workers are found dead at the given submission."""
+
+    def __init__(self, breaks_at: int, max_workers: int = 1) -> None:
+        super().__init__(max_workers)
+        self._left = breaks_at
+
+    def submit(self, *work: Any, **more: Any) -> Any:
+        self._left -= 1
+        if self._left == 0:
+            raise BrokenExecutor
+        return super().submit(*work, **more)
+
+
+def test_a_pool_that_dies_between_two_cases_costs_none(order: Order) -> None:
+    breaks = iter([3, 2, 0])
+    file = check(order, lambda: Fragile(next(breaks)), jobs=1, work=counting(seen := []))
+    assert len(file.verdicts) == 4
+    assert seen == ["case-1", "case-2", "case-3", "case-4"]
+
+
+def test_pools_that_never_live_end_the_cases_and_not_in_a_circle(order: Order) -> None:
+    file = check(order, lambda: Fragile(1), jobs=2, work=counting([]))
+    assert file.verdicts == {}
+    assert len(file.notes) == 4
+
+
+def test_after_a_death_only_the_suspects_are_alone(order: Order) -> None:
+    width = iter([1, 2])
+    two_at_once = threading.Barrier(2)
+    seen: list[str] = []
+
+    def work(task: Task) -> Part:
+        seen.append(task.case.id)
+        if seen == ["case-1"]:
+            raise BrokenExecutor
+        if task.case.id in ("case-3", "case-4"):
+            two_at_once.wait(timeout=5.0)
+        return Part(task.case.id, 0.0, QUIET)
+
+    file = check(order, lambda: ThreadPoolExecutor(next(width)), jobs=2, work=work)
+    assert len(file.verdicts) == 4
 
 
 def test_a_run_that_cannot_be_read_is_part_of_the_answer(order: Order) -> None:
