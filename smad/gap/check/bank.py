@@ -305,7 +305,9 @@ def _table(path: Path) -> Any:
     if path.suffix == ".parquet":
         import pyarrow.parquet as pq
 
-        return pq.read_table(path)
+        # read_table refuses names that stand twice, even of columns that nobody reads.
+        with pq.ParquetFile(path) as file:
+            return file.read()
     from pyarrow import csv
 
     missing = csv.ConvertOptions(null_values=["", "nan", "NaN", "NAN"])

@@ -224,7 +224,7 @@ def test_text_in_a_column_that_is_read_is_refused_and_shown(name: str, tmp_path:
     table = columns()
     table[name] = [*table[name][:-1], "n/a"]
     write_csv(tmp_path / "run.csv", list(table), list(table.values()))
-    with pytest.raises(BankError, match=f"column {name} holds text: got n/a"):
+    with pytest.raises(BankError, match=f"column {name} holds text; got n/a"):
         read_columns(tmp_path / "run.csv")
 
 
