@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from importlib.metadata import version
 
@@ -27,7 +27,7 @@ from smad.gap.records import (
     Verdict,
 )
 from smad.gap.runs import GapRun
-from smad.gap.select import Candidate, Selection
+from smad.gap.select import Candidate, Selection, differing
 from smad.gap.settings import Settings
 from smad.gap.stages import OpenLoop, Prepared, open_loop
 from smad.gap.summary import (
@@ -52,14 +52,27 @@ from smad.gap.verdict import Evidenced, decide, stands_out
 from smad.gap.weigh import weigh
 from smad.gap.words import words
 
+FITTED = "the run it was fitted to"
 LIMITS = (
     "Every figure is about this plant model and its library: a cause outside it can only be "
     "reported as unknown.",
-    "Probabilities are relative to the library and to the runs given; they have been calibrated on "
-    "simulated plants, not on a bench.",
+    "Probabilities are relative to the library and to the runs given; since known-good runs they "
+    "have been calibrated on simulated plants, not on a bench; without, on nothing.",
     "A refit can imitate an effect: the masked share of each candidate says how much of it these "
     "runs cannot show.",
 )
+
+SINGLE = (
+    "There was a single run to fit, and none to judge on: every figure is of the run that was "
+    "fitted to, and says how well it can be described, not what would be predicted."
+)
+
+
+def judged_on(roles: Mapping[str, Sequence[GapRun]]) -> str:
+    """What the figures of a diagnosis were taken on."""
+    if roles["hold-out"]:
+        return "runs held out"
+    return "each run left out in turn" if len(roles["fit"]) > 1 else FITTED
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,22 +107,23 @@ class Shell:
             question="what has changed since the known-good runs"
             if self.since_good
             else "what differs between model and bench",
-            judged_on="runs held out" if self.roles["hold-out"] else "each run left out in turn",
+            judged_on=judged_on(self.roles),
             verdict=verdict,
             runs=run_records(self.roles),
             findings=[FindingRecord(f.run, f.kind, f.text, f.refuses) for f in self.findings],
-            limits=list(LIMITS),
+            limits=[*LIMITS, *([] if judged_on(self.roles) != FITTED else [SINGLE])],
             seconds=time.perf_counter() - self.began,
             **(empty | {"model": {}} | parts),  # type: ignore[arg-type]
         )
 
-    def refused(self, admission: Admission) -> Diagnosis:
-        """No run could be used: the verdict names why, and nothing else."""
+    def refused(self, what: str, admission: Admission) -> Diagnosis:
+        """No run of those `what` could be used: the verdict names why, and nothing else."""
         kinds = list(dict.fromkeys(f.kind for f in admission.findings if f.refuses))
         starved = set(kinds) <= {"too short", "no excitation"}
         outcome = Outcome.NO_EXCITATION if starved else Outcome.REFUSED
         reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings if f.refuses)
-        text = f"No run can be used ({', '.join(kinds) or 'none was given'}). {reasons}".strip()
+        why = ", ".join(kinds) or "none was given"
+        text = f"No run {what} can be used ({why}). {reasons}".strip()
         return self.record(_blank_verdict(outcome, text))
 
 
@@ -129,6 +143,11 @@ class Place:
     regimes: list[str]
     channels: list[str]
     refit_heat: HeatMap
+
+
+def _first(numbers: Evidenced) -> str:
+    """The first cause, by importance; "" without any."""
+    return numbers.effects[0] if numbers.effects else ""
 
 
 class Closing:
@@ -153,6 +172,7 @@ class Closing:
         self.progress("judging")
         numbers = weigh(prepared, self.track)
         outcome, p = decide(numbers, settings)
+        first = _first(numbers)
         self.progress("intervals")
         final = self._final(outcome in NAMED)
         values = self._values(final) if outcome in NAMED else []
@@ -165,11 +185,11 @@ class Closing:
             outcome, numbers, prepared.plant, p=p, sub_model=place.sub_model,
             regimes=place.regimes, outputs=place.channels, values=values,
             experiments=experiments, wanted=settings.ambiguous_d2,
+            unseen=judged_on(self.shell.roles) != FITTED,
         )  # fmt: skip
         opened, open_rows, shown = self._open_loop(outcome in NAMED)
         bench = best.judged.bench
-        rivals = next(iter(selection.rivals.values()), ())
-        stand = [best, *rivals] if best.names else list(selection.tried[:5])
+        stand = self._in_one_place(first)
         return self.shell.record(
             self._verdict(outcome, p, numbers, place, opened=opened, text=text),
             missing=sorted(set(prepared.problem.evidence.missing)),
@@ -178,7 +198,9 @@ class Closing:
             waterfall=waterfall("local", bench, self._steps(), prepared.plant) + open_rows,
             heat=heat_records(heat_of(prepared.raw), place.refit_heat, heat_of(best.judged)),
             windows=window_records(place.refit_heat),
-            candidates=candidate_records(selection, settings.false_discovery),
+            candidates=candidate_records(
+                self.track.asked, selection.probability.get(first, {}), settings.false_discovery
+            ),
             values=values,
             parameters=parameter_records(
                 prepared, final, bootstrap(final.fit, settings.bootstrap, settings.seed)
@@ -188,7 +210,7 @@ class Closing:
             residual_tests=residual_test_records(prepared, best),
             experiments=experiments,
             traces=shown,
-            fitted=fitted_records(selection),
+            fitted=fitted_records(self.track.asked, selection),
             places=selection.probability,
             left_out=list(left_out),
             model={
@@ -196,6 +218,16 @@ class Closing:
                 "effects": {k: dict(v) for k, v in final.fit.point.effects.items()},
             },
         )
+
+    def _in_one_place(self, first: str) -> dict[str, Candidate]:
+        """The models that stand in the place of the first cause, by the effect they have there.
+
+        Where nothing has entered, the first effects that were tried.
+        """
+        s = self.selection
+        if not first:
+            return {c.names[0]: c for c in s.tried[:5] if len(c.names) == 1}
+        return {first: s.best, **{differing(s.best, c): c for c in s.rivals.get(first, ())}}
 
     def _final(self, named: bool) -> Candidate:
         """The model that the verdict stands for: the refit, or the fit of the cause, polished."""
@@ -252,7 +284,7 @@ class Closing:
             sub_model=place.sub_model,
             regimes=place.regimes,
             probability=p,
-            probabilities=next(iter(self.selection.probability.values()), {}),
+            probabilities=self.selection.probability.get(_first(numbers), {}),
             gap_raw=numbers.gap_raw,
             gap_refit=whole.gap_refit,
             gap_final=whole.gap_final,

@@ -8,7 +8,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 
 from smad.gap.admission import Admission, admit, in_common
 from smad.gap.closing import Closing, Shell
-from smad.gap.errors import RunRefused
+from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.plant import Effect, Parameter, PlantModel
 from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
 from smad.gap.runs import GapRun, distinctly_named
@@ -76,6 +76,7 @@ def _diagnose(
     candidates: Sequence[str] | None,
     leave_out: bool,
 ) -> Diagnosis:
+    library = _library(plant, candidates)
     progress("admission")
     order, admitted = _admitted(given.values(), plant, settings)
     findings = [f for a in admitted for f in a.findings]
@@ -91,9 +92,9 @@ def _diagnose(
             if r.name in a.refused
         ],
     }
-    shell = Shell(plant, settings, findings, roles, bool(good_runs), began)
-    if not fit_runs:
-        return shell.refused(admitted[0])
+    shell = Shell(plant, settings, findings, roles, bool(given["good"]), began)
+    if (refused := _none_left(order, admitted)) is not None:
+        return shell.refused(*refused)
     prepared = prepare(
         fit_runs,
         plant,
@@ -104,10 +105,37 @@ def _diagnose(
         executor=executor,
         progress=progress,
     )
-    library = [e for e in plant.effects if candidates is None or e.name in candidates]
     track = follow_tracks(prepared, library, progress)
     closing = Closing(prepared, track, shell, executor, progress)
     return closing.diagnosis(_left_out(prepared, track, library, progress) if leave_out else ())
+
+
+def _library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:
+    """The effects that may be named. Raises PlantMismatch for one that the plant does not have."""
+    known = {e.name for e in plant.effects}
+    foreign = sorted(set(candidates or ()) - known)
+    if foreign:
+        raise PlantMismatch(
+            "a candidate is no effect of this plant",
+            value=foreign[0],
+            limit=", ".join(sorted(known)),
+            action="name effects of the plant's library",
+        )
+    return [e for e in plant.effects if candidates is None or e.name in candidates]
+
+
+def _none_left(
+    groups: Sequence[Sequence[GapRun]], admitted: Sequence[Admission]
+) -> tuple[str, Admission] | None:
+    """The first group of runs that were given, and of which none can be used; what it is for.
+
+    Without it another question would be answered than was asked. Runs to fit must always be there.
+    """
+    for what, runs, admission in zip(("to fit", "held out", "known to be good"), groups, admitted,
+                                     strict=True):  # fmt: skip
+        if (runs or what == "to fit") and not admission.admitted:
+            return what, admission
+    return None
 
 
 def _admitted(
@@ -139,12 +167,13 @@ def ready(
     """
     settings = settings or Settings()
     progress("admission")
-    _, admitted = _admitted((runs, hold_out, good), plant, settings)
+    order, admitted = _admitted((runs, hold_out, good), plant, settings)
     fit_runs, hold_runs, good_runs = (a.admitted for a in admitted)
-    if not fit_runs:
+    if (refused := _none_left(order, admitted)) is not None:
+        what, admission = refused
         raise RunRefused(
-            "no run can be used",
-            value="; ".join(f.text for f in admitted[0].findings if f.refuses) or "no runs",
+            f"no run {what} can be used",
+            value="; ".join(f.text for f in admission.findings if f.refuses) or "no runs",
             action="bring runs that the diagnosis admits",
         )
     return prepare(

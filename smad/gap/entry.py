@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from smad.gap.assess import confusability, counted_share, separation
+from smad.gap.errors import PlantMismatch
 from smad.gap.nextexp import propose
 from smad.gap.plant import Array, Effect
 from smad.gap.records import NAMED, Outcome
@@ -157,8 +158,14 @@ def examine(
     together with the entries, from the same refits.
     """
     library = {e.name: e for e in prepared.plant.effects}
-    own = [library[n] for n in names]
-    track = follow_tracks(prepared, own, progress, unscreened=names)
+    own = [library[n] for n in names if any(p.strength for p in library[n].parameters)]
+    if not own:
+        raise PlantMismatch(
+            "the entry has no strength that could be looked for",
+            value=", ".join(names),
+            action="ask for an effect with a strength",
+        )
+    track = follow_tracks(prepared, own, progress, unscreened=[e.name for e in own])
     best = _best(track.asked, names)
     shown = best.names[0] if best is not None else track.asked.screened[0].effect.name
     seen = next(s for s in track.asked.screened if s.effect.name == shown)

@@ -102,7 +102,7 @@ def _waterfall(d: Diagnosis) -> list[Block]:
     out: list[Block] = [
         Text(
             "The gap of a signal is the root of its excess mean square error over the noise floor, "
-            "in floors, on runs that were not fitted to. The refit moves the parameters of the "
+            f"in floors, on {d.judged_on}. The refit moves the parameters of the "
             "model only: what it removes is not credited to any effect."
         ),
         Picture(

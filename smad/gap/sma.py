@@ -259,7 +259,8 @@ class SmaPlant:
     def load_model(self, path: Path) -> ModelPoint:
         """The point of this plant that a model file holds.
 
-        Raises ModelError when it cannot be read and PlantMismatch when it is of another variant.
+        Raises ModelError when it cannot be read and PlantMismatch when it is of another variant,
+        or of other parameters that are not refitted.
         """
         from sim_device.plant.models import read_model
 
@@ -271,6 +272,15 @@ class SmaPlant:
                 limit=self.variant,
                 action="give the same variant as the model was made with",
             )
+        own = self.parameter_set
+        for name in (n for n in own.names if n not in REFITTED):
+            if not np.isclose(model.parameters[name], own[name], rtol=1e-9, atol=0.0):
+                raise PlantMismatch(
+                    f"{path.name} was made with another parameter file: {name} differs",
+                    value=f"{model.parameters[name]:g}",
+                    limit=f"{own[name]:g}",
+                    action="give with --params the file that the model was made with",
+                )
         theta = {n: model.parameters[n] for n in REFITTED}
         theta |= {n: model.mounting[key] for n, key in _KEPT_APART.items() if key in model.mounting}
         return ModelPoint(theta, model.effects)

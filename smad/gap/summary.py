@@ -112,15 +112,19 @@ def window_records(heat: HeatMap) -> list[WindowRecord]:
     ]
 
 
-def candidate_records(selection: Selection, rate: float) -> list[CandidateRecord]:
-    """Every effect of the library with what screening and fitting said of it."""
+def candidate_records(
+    selection: Selection, probability: Mapping[str, float], rate: float
+) -> list[CandidateRecord]:
+    """Every effect of the library with what screening and fitting said of it.
+
+    `probability` is that of each effect in the first place of the answer.
+    """
     fitted: dict[str, Candidate] = {}
     # Later fits stand on an effect already named, and say nothing of their own.
     for c in selection.tried:
         if len(c.names) == 1:
             fitted[c.names[0]] = c
     found = set(benjamini_hochberg({n: c.p_value for n, c in fitted.items()}, rate))
-    first = next(iter(selection.probability.values()), {})
     base = selection.base.judged
     out = []
     for s in selection.screened:
@@ -143,15 +147,16 @@ def candidate_records(selection: Selection, rate: float) -> list[CandidateRecord
                 c.gain_se,
                 c.regime_gain,
                 1 - after / before if before > 0 else 0.0,
-                first.get(name),
+                probability.get(name),
             )
         out.append(record)
     return out
 
 
-def fitted_records(selection: Selection) -> list[FittedRecord]:
-    """Every model of the selection that was fitted jointly, the refit without effects first.
+def fitted_records(selection: Selection, answer: Selection) -> list[FittedRecord]:
+    """Every model that was fitted jointly, the refit without effects first.
 
+    Of the selection among effects, and of the `answer` where that is a free refit in its place.
     Effects that only the screening saw are not among them: it never fits them to held-out data.
     """
     known: dict[tuple[str, ...], Candidate] = {}
@@ -159,7 +164,8 @@ def fitted_records(selection: Selection) -> list[FittedRecord]:
     everyone += [c for rivals in selection.rivals.values() for c in rivals]
     for c in [*everyone, *selection.steps, selection.best]:
         known[tuple(sorted(c.names))] = c
-    return [_fitted_record(c) for c in known.values()]
+    free = [] if answer is selection else [answer.base]
+    return [_fitted_record(c) for c in (*known.values(), *free)]
 
 
 def _fitted_record(c: Candidate) -> FittedRecord:
@@ -228,10 +234,10 @@ def law_records(prepared: Prepared, best: Candidate) -> list[LawRecord]:
     ]
 
 
-def pair_records(candidates: Sequence[Candidate]) -> list[Pair]:
-    """The ambiguity matrix of fitted candidates that stand in the same place."""
-    d2 = confusability([c.fit for c in candidates])
-    names = [c.names[-1] for c in candidates]
+def pair_records(candidates: Mapping[str, Candidate]) -> list[Pair]:
+    """The ambiguity matrix of fitted candidates by the effect that stands in the same place."""
+    d2 = confusability([c.fit for c in candidates.values()])
+    names = list(candidates)
     return [
         Pair(names[i], names[j], float(d2[i, j]))
         for i in range(len(names))

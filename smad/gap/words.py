@@ -24,8 +24,12 @@ def words(
     values: Sequence[ValueRecord],
     experiments: Sequence[ExperimentRecord],
     wanted: float,
+    unseen: bool,
 ) -> str:
-    """The verdict as a paragraph; `wanted` is the d² from which on two causes are told apart."""
+    """The verdict as a paragraph; `wanted` is the d² from which on two causes are told apart.
+
+    `unseen`: it was judged on runs that were not fitted to.
+    """
     title = {x.name: x for x in plant.effects}
     gap = e.whole
     said = [gap_sentence(e)]
@@ -43,8 +47,9 @@ def words(
     else:
         said.append(_cause_sentence(outcome, e, title, values, p))
         low, high = gap.interval
+        judged = "runs it was not" if unseen else "the run it was"
         said.append(
-            f"On runs it was not fitted to, the gap falls from {gap.gap_refit:.1f}× to "
+            f"On {judged} fitted to, the gap falls from {gap.gap_refit:.1f}× to "
             f"{gap.gap_final:.1f}× (S = {gap.shrink:.2f} [{low:.2f}, {high:.2f}]; ceiling "
             f"{gap.ceiling:.2f})."
         )

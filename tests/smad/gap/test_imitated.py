@@ -57,6 +57,11 @@ def test_a_cause_that_other_parameters_predict_better_than_is_told_but_not_named
     assert found.experiments
     assert "a draught [leak] would leave" in verdict.text
     assert "other values of the parameters predict better" in verdict.text
+    # What was fitted on the way there is told all the same.
+    assert ["leak"] in [f.names for f in found.fitted]
+    assert [f.names for f in found.fitted].count([]) == 2, "the tied refit and the free one"
+    (leak,) = (c for c in found.candidates if c.name == "leak")
+    assert leak.gain is not None
 
 
 def test_a_cause_that_no_parameters_imitate_is_told_from_them() -> None:

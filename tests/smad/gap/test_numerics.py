@@ -163,3 +163,14 @@ def test_a_flexible_correction_predicts_runs_it_was_not_fitted_to() -> None:
     correction, left_out = fit_correction(made, residual, scale, key)
     assert correction.explained > 0.8
     assert np.std(residual[rows] - left_out[rows]) < 0.4 * np.std(residual[rows])
+
+
+@pytest.mark.parametrize("rows", [1, 2, 9, 16, 27])
+def test_a_series_shorter_than_the_lags_is_tested_on_those_it_has(rows: int) -> None:
+    rng = np.random.default_rng(rows)
+    q, p = ljung_box(rng.normal(size=rows))
+    assert np.isfinite(q)
+    assert 0.0 <= p <= 1.0
+    r, p = cross_correlation(rng.normal(size=rows), rng.normal(size=rows))
+    assert -1.0 <= r <= 1.0
+    assert 0.0 <= p <= 1.0

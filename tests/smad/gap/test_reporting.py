@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_device.plant import load_parameters
 from smad.gap.apply import apply, model_point
 from smad.gap.assess import counted_share
 from smad.gap.errors import PlantMismatch, RunRefused
@@ -228,3 +229,11 @@ def test_experiments_that_do_not_add_up_are_not_promised() -> None:
     )
     assert next_sentence([], 16.0) == "Next experiment: none needed."
     assert "none to propose" in next_sentence([], 16.0, settled=False)
+
+
+def test_a_model_of_another_parameter_file_is_not_loaded(tmp_path: Path) -> None:
+    plant = SmaPlant(load_parameters("A").replace(work_share=1.0))
+    plant.save_model(ModelPoint({}), tmp_path / "model.toml", "")
+    assert plant.load_model(tmp_path / "model.toml").theta
+    with pytest.raises(PlantMismatch, match="work_share differs"):
+        SmaPlant().load_model(tmp_path / "model.toml")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from smad.gap import diagnose
+from smad.gap.errors import PlantMismatch
 from smad.gap.records import NAMED, Diagnosis, Outcome
-from tests.smad.gap.cases import FAR_OFF, OTHER, SHOWN, ask, bank, without
+from tests.smad.gap.cases import FAR_OFF, OTHER, QUICK, SHOWN, ask, bank, without
+from tests.smad.gap.heater_plant import HeaterPlant
 
 
 def test_the_simulator_against_itself_has_no_gap() -> None:
@@ -111,3 +114,40 @@ def test_runs_named_to_be_held_out_are_judged_on_and_not_fitted() -> None:
     assert diagnosis.verdict.effects == ["sensor_lag"]
     assert diagnosis.judged_on == "runs held out"
     assert {t.run for t in diagnosis.traces} == {runs[3].name}
+
+
+def test_two_causes_of_a_library_of_two_are_probable_each_in_its_place() -> None:
+    both = {"sensor_lag": {"tau_s": 1.2}, "coupling": {"g_W_K": 0.12}}
+    runs = bank(OTHER, both)
+    found = diagnose(runs, plant=HeaterPlant(), settings=QUICK, candidates=sorted(both))
+    assert found.verdict.effects == ["sensor_lag", "coupling"]
+    assert found.verdict.probability > 0.9
+    assert found.verdict.probabilities["sensor_lag"] > 0.9
+    assert {place: table[place] > 0.9 for place, table in found.places.items()} == {
+        "coupling": True,
+        "sensor_lag": True,
+    }
+
+
+def test_a_library_of_nothing_names_nothing_and_a_foreign_name_is_refused() -> None:
+    runs = bank(OTHER, {"sensor_lag": {"tau_s": 1.2}})
+    found = diagnose(runs, plant=HeaterPlant(), settings=QUICK, candidates=())
+    assert found.verdict.outcome is Outcome.UNKNOWN
+    with pytest.raises(PlantMismatch, match="no effect of this plant; got sensor_lug"):
+        diagnose(runs, plant=HeaterPlant(), settings=QUICK, candidates=["sensor_lug"])
+
+
+def test_a_single_run_is_said_to_be_judged_where_it_was_fitted() -> None:
+    found = ask(bank(OTHER, {"sensor_lag": {"tau_s": 1.2}})[:1])
+    assert found.judged_on == "the run it was fitted to"
+    assert "On the run it was fitted to, the gap falls" in found.verdict.text
+    assert any("single run" in limit for limit in found.limits)
+
+
+@pytest.mark.parametrize("role", ["good", "hold_out"])
+def test_what_was_asked_is_not_exchanged_when_a_group_of_runs_is_refused(role: str) -> None:
+    short = [r.part(0, 30) for r in bank(OTHER)[:2]]
+    found = ask(bank(OTHER), **{role: short})
+    assert found.verdict.outcome is Outcome.NO_EXCITATION
+    said = {"good": "known to be good", "hold_out": "held out"}[role]
+    assert f"No run {said} can be used (too short)" in found.verdict.text
