@@ -1,4 +1,4 @@
-"""`python -m tests.withheld make|score|…`: see docs/withheld.md."""
+"""`python -m tests.withheld make|best-entry|why|…`: see docs/withheld.md."""
 
 import os
 

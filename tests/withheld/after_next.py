@@ -10,10 +10,11 @@ from pathlib import Path
 import msgspec
 
 from smad.errors import SmadError
+from smad.gap.check.key import file_digest
 from smad.gap.check.verdicts import CaseVerdict, write_verdicts
 from tests.withheld.errors import WithheldError
 from tests.withheld.more_runs import Follow, judge_again, recorded
-from tests.withheld.second_pass import Frozen, opened, through
+from tests.withheld.second_pass import Frozen, opened, parts_beside, through
 
 _OPEN = ("ambiguous", "unknown", "parameters_only", "no_gap")
 """Answers that give no name, or none alone: what an experiment may resolve."""
@@ -36,8 +37,7 @@ def run(verdicts: Path, key: Path, bank: Path, out: Path, *, jobs: int, follow: 
     try:
         frozen = opened(verdicts, key, bank)
         wanted = recommended(frozen)
-        parts = out.with_name(out.name + ".parts")
-        parts.mkdir(parents=True, exist_ok=True)
+        parts = parts_beside(out, file_digest(verdicts), "after-next")
         runs = recorded(frozen, wanted, parts, follow)
         work = functools.partial(judge_again, runs=runs)
         asked = through(frozen, list(wanted), parts, work, jobs)

@@ -3,12 +3,15 @@
 import os
 import secrets
 import shutil
+import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -49,17 +52,41 @@ class Order:
 def _settled_seed(order: Order) -> int:
     path = order.key_folder / "seed.json"
     if path.exists():
-        before = int(files.read_json(path)["seed"])
+        begun = files.read_json(path)
+        before = int(begun["seed"])
         if order.seed not in (None, before):
             raise BankError(
                 f"{order.key_folder} was begun with another seed than {order.seed}: "
                 "remove it and the bank folder, or leave --seed out to resume"
             )
+        # A seed that was written before the options were kept beside it has none to compare.
+        for option, value in _draw(order).items():
+            if begun.get(option, value) != value:
+                raise BankError(
+                    f"{order.key_folder} was begun with {_spoken(option, begun[option])}, "
+                    f"not {_spoken(option, value)}: resume with the options it was begun with, "
+                    "or remove it and the bank folder"
+                )
         return before
     fixed = {"dev": DEV_SEED, "mini": MINI_SEED}
     seed = order.seed if order.seed is not None else fixed.get(order.bank, secrets.randbits(48))
-    files.write_json(path, {"seed": seed})
+    files.write_json(path, {"seed": seed} | _draw(order))
     return seed
+
+
+def _draw(order: Order) -> dict[str, Any]:
+    """What a draw and its files depend on beside the seed, by option of the command."""
+    return {
+        "cases": order.cases,
+        "full": order.full and order.bank != "mini",
+        "csv": order.suffix != ".parquet",
+    }
+
+
+def _spoken(option: str, value: Any) -> str:
+    if value is None or value is False:
+        return f"no --{option}"
+    return f"--{option}" if value is True else f"--{option} {value}"
 
 
 def planned(order: Order, seed: int) -> tuple[list[Case], Style]:
@@ -75,7 +102,11 @@ def planned(order: Order, seed: int) -> tuple[list[Case], Style]:
 
 
 def _end_with_the_parent() -> None:
-    """A worker's first act: a maker that is killed must not leave its workers computing."""
+    """A worker's first act: a maker that is killed must not leave its workers computing.
+
+    An interruption is the parent's business.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def wait() -> None:
         parent = parent_process()
@@ -84,6 +115,21 @@ def _end_with_the_parent() -> None:
             os._exit(1)
 
     threading.Thread(target=wait, daemon=True).start()
+
+
+@contextmanager
+def _workers(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Worker processes; whatever ends the block early ends them and drops what waits."""
+    before = set(active_children())
+    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _end_with_the_parent)
+    try:
+        yield pool
+    except BaseException:
+        for process in set(active_children()) - before:
+            process.terminate()
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
 def _make_one(case: Case, folder: Path, style: Style) -> tuple[str, dict[str, Any]]:
@@ -118,8 +164,7 @@ def _run_missing(order: Order, cases: list[Case], style: Style, tell: TextIO) ->
         for case in todo:
             finish(*_make_one(case, order.folder, style))
     else:
-        spawn = get_context("spawn")
-        with ProcessPoolExecutor(order.jobs, spawn, _end_with_the_parent) as pool:
+        with _workers(order.jobs) as pool:
             waiting = [pool.submit(_make_one, case, order.folder, style) for case in todo]
             for future in as_completed(waiting):
                 finish(*future.result())

@@ -8,11 +8,12 @@ import msgspec
 
 from smad.errors import SmadError
 from smad.gap.check.case import Part, Task
+from smad.gap.check.key import file_digest
 from smad.gap.check.score import detected, of_kind
 from smad.gap.check.verdicts import CaseVerdict, write_verdicts
 from smad.gap.records import Diagnosis
 from tests.withheld.errors import WithheldError
-from tests.withheld.second_pass import diagnosed, entries, opened, part_of, through
+from tests.withheld.second_pass import diagnosed, entries, opened, part_of, parts_beside, through
 
 
 def shrink_of(found: Diagnosis) -> float | None:
@@ -48,7 +49,7 @@ def run(verdicts: Path, key: Path, bank: Path, out: Path, *, jobs: int) -> None:
             and (found := entries(library, p.truth.effects[0].name))
         }
         work = functools.partial(judge_entry, wanted=wanted)
-        parts = out.with_name(out.name + ".parts")
+        parts = parts_beside(out, file_digest(verdicts), "best-entry")
         oracle = through(frozen, list(wanted), parts, work, jobs)
         after = dict(frozen.file.verdicts)
         for case, said in oracle.items():

@@ -155,10 +155,13 @@ def _arguments() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run one command; exits with 2 and one sentence on an error."""
+    """Run one command; exits with 2 and one sentence on an error, with 130 when interrupted."""
     options = _arguments().parse_args(arguments)
     try:
         options.run(options)
     except WithheldError as error:
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("\nstopped; the same command goes on with what is not finished", file=sys.stderr)
+        raise SystemExit(130) from None

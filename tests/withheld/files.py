@@ -7,6 +7,7 @@ import gzip
 import hashlib
 import io
 import json
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -51,53 +52,81 @@ UNITS = {
 
 
 def write_run(path: Path, log: Log) -> None:
-    """Write a run log; the suffix chooses Parquet (`.parquet`) or gzipped CSV (`.csv.gz`)."""
+    """Write a run log; the suffix chooses Parquet (`.parquet`) or gzipped CSV (`.csv.gz`).
+
+    Nobody ever sees half of one.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     columns = {name: np.asarray(log[name], float) for name in UNITS}
     if path.suffix == ".parquet":
         table = pa.table({n: pa.array(v, from_pandas=True) for n, v in columns.items()})
-        pq.write_table(table, path, compression="zstd", compression_level=6)
+        partial = _partial(path)
+        pq.write_table(table, partial, compression="zstd", compression_level=6)
+        partial.replace(path)
         return
     text = io.StringIO()
     text.write(",".join(columns) + "\n")
     np.savetxt(text, np.stack(list(columns.values()), axis=1), delimiter=",", fmt="%.6f")
-    path.write_bytes(gzip.compress(text.getvalue().encode(), mtime=0))
+    _write_whole(path, gzip.compress(text.getvalue().encode(), mtime=0))
+
+
+def _partial(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    partial = _partial(path)
+    partial.write_bytes(data)
+    partial.replace(path)
 
 
 def read_run(path: Path) -> Log:
     """Columns of a run file by name, missing samples as NaN.
 
-    Raises BankError when the file is missing or of another kind.
+    Raises BankError when the file is missing, of another kind, or damaged.
     """
-    import pyarrow.parquet as pq
-
     if not path.exists():
         raise BankError(f"run file {path} is missing: make the bank again or fix its manifest")
+    if not path.name.endswith((".parquet", ".csv", ".csv.gz")):
+        raise BankError(f"{path.name}: run files are .parquet, .csv or .csv.gz; convert it")
+    try:
+        return _columns(path)
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise BankError(
+            f"run file {path} cannot be read ({said}): restore it, or record it again"
+        ) from error
+
+
+def _columns(path: Path) -> Log:
     if path.suffix == ".parquet":
+        import pyarrow.parquet as pq
+
         table = pq.read_table(path)
         return {
             n: table[n].to_numpy(zero_copy_only=False).astype(float) for n in table.column_names
         }
-    if path.name.endswith((".csv", ".csv.gz")):
-        raw = path.read_bytes()
-        text = (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode()
-        header, _, body = text.partition("\n")
-        values = np.genfromtxt(io.StringIO(body), delimiter=",", ndmin=2)
-        return dict(zip(header.strip().split(","), values.T, strict=True))
-    raise BankError(f"{path.name}: run files are .parquet, .csv or .csv.gz; convert it")
+    raw = path.read_bytes()
+    text = (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode()
+    header, _, body = text.partition("\n")
+    values = np.genfromtxt(io.StringIO(body), delimiter=",", ndmin=2)
+    return dict(zip(header.strip().split(","), values.T, strict=True))
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """SHA-256 of a file, in hexadecimal; BankError when it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise BankError(f"{path} cannot be read ({error.strerror}): check the path") from None
 
 
 def write_json(path: Path, value: Any) -> None:
     """Write JSON so that the same value always gives the same bytes."""
     text = json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n")
+    _write_whole(path, f"{text}\n".encode())
 
 
 def read_json(path: Path) -> Any:

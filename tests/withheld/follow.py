@@ -26,13 +26,20 @@ CURRENT_LIMIT_A = 4.0
 def read_program(path: Path) -> Array:
     """A program at the recorder's rate from a CSV of `t_s` and any of `COLUMNS`.
 
-    Values hold until the next row. BankError when a column is foreign, time does not rise from 0,
-    or a current, duty or duration is out of its range.
+    Values hold until the next row. BankError when a column is foreign, a value is not a number,
+    time does not rise from 0, or a current, duty or duration is out of its range.
     """
     table = files.read_run(path)
     foreign = sorted(set(table) - set(COLUMNS) - {"t_s"})
     if foreign or "t_s" not in table:
         raise BankError(f"{path.name}: columns are t_s and {', '.join(COLUMNS)}, not {foreign}")
+    for name, values in table.items():
+        if not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values)))
+            raise BankError(
+                f"{path.name}: {name} of row {row + 1} is {values[row]:g}, allowed are numbers; "
+                "give every row a value"
+            )
     t = table["t_s"]
     if len(t) < 2 or t[0] != 0.0 or not (np.diff(t) > 0).all() or t[-1] > LONGEST_s:
         raise BankError(f"{path.name}: t_s must rise from 0 to at most {LONGEST_s:.0f} s")
@@ -69,11 +76,21 @@ def follow(
     file lies beside the case's other runs, under its number, unless `out` says where.
     """
     manifest = files.read_json(folder / "manifest.json")
+    if not manifest.get("key_sha256"):
+        raise BankError(
+            f"{folder / 'manifest.json'} names no key (key_sha256 is absent or empty): a run can "
+            "be recorded on the bench of a bank that `make` made only; give such a bank"
+        )
     if files.digest(key_path) != manifest["key_sha256"]:
         raise KeyMismatchError(f"{key_path} is not the key of {folder}: bring the bank's own key")
     entry = files.read_json(key_path)["cases"].get(case)
     if entry is None:
         raise BankError(f"{case} is not in {folder}: its cases are in manifest.json")
+    if absent := [n for n in ("bench", "changed", "run_seeds") if n not in entry]:
+        raise BankError(
+            f"{key_path} does not say what the bench of {case} is (no {', '.join(absent)}): a run "
+            "can be recorded on the bench of a bank that `make` made only; give such a bank"
+        )
     place = folder / "cases" / case
     if number is None:
         number = 1 + len(list(place.glob("next-*")))

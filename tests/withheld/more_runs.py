@@ -36,7 +36,11 @@ def write_program(plant: SmaPlant, experiment: str, seed: int, path: Path) -> No
     run = plant.perform(experiment, ModelPoint({}), seed)
     columns = [run.t_s - run.t_s[0], *(run.inputs[n] for n in _COLUMNS.values())]
     head = ",".join(("t_s", *_COLUMNS))
-    np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt="%.6f")
+    partial = path.with_name(path.name + ".part")
+    np.savetxt(
+        partial, np.column_stack(columns), delimiter=",", header=head, comments="", fmt="%.6f"
+    )
+    partial.replace(path)
 
 
 def names_after(found: Diagnosis) -> list[str]:

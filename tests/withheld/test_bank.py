@@ -5,6 +5,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tests.withheld import bank, files
 from tests.withheld.cases import DEFAULT, FULL, draw, plan
 from tests.withheld.command import main
 from tests.withheld.errors import BankError
-from tests.withheld.follow import read_program
+from tests.withheld.follow import follow, read_program
 from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import EFFECTS, names
 from tests.withheld.plant.parameters import NAMES
@@ -101,6 +102,61 @@ def test_another_seed_does_not_resume_a_begun_bank(tmp_path: Path) -> None:
         bank.make_bank(order, io.StringIO())
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"cases": 30}, "begun with --cases 20, not --cases 30"),
+        ({"cases": None}, "begun with --cases 20, not no --cases"),
+        ({"full": True}, "begun with no --full, not --full"),
+        ({"suffix": ".csv.gz"}, "begun with no --csv, not --csv"),
+    ],
+)
+def test_other_options_do_not_resume_a_begun_bank(
+    change: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    order = bank.Order("dev", tmp_path, cases=20)
+    order.key_folder.mkdir()
+    seed = bank._settled_seed(order)
+    assert bank._settled_seed(order) == seed
+    with pytest.raises(BankError, match=words):
+        bank.make_bank(replace(order, **change), io.StringIO())
+
+
+def test_a_bank_begun_before_options_were_kept_is_resumed(tmp_path: Path) -> None:
+    order = bank.Order("dev", tmp_path, cases=20)
+    order.key_folder.mkdir()
+    files.write_json(order.key_folder / "seed.json", {"seed": 2})
+    assert bank._settled_seed(order) == 2
+
+
+class Interrupted(io.StringIO):
+    """A terminal at which ctrl-C is pressed once the first case is ready."""
+
+    def write(self, text: str) -> int:
+        raise KeyboardInterrupt
+
+
+def test_an_interruption_does_not_wait_for_the_cases_that_are_left(tmp_path: Path) -> None:
+    order = bank.Order("mini", tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        bank.make_bank(order, Interrupted())
+    assert len(list((order.key_folder / "parts").glob("*.json"))) == 1
+    assert len(list((order.folder / "cases").iterdir())) < 5
+
+
+def test_an_interrupted_command_ends_with_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(order: bank.Order) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bank, "make_bank", interrupt)
+    with pytest.raises(SystemExit) as stop:
+        main(["make", "mini", "--out", str(tmp_path)])
+    assert stop.value.code == 130
+    assert "the same command goes on" in capsys.readouterr().err
+
+
 def test_run_logs_have_units_gaps_and_jitter(mini: bank.Order) -> None:
     manifest = files.read_json(mini.folder / "manifest.json")
     logs = [files.read_run(mini.folder / r["file"]) for r in manifest["cases"][0]["runs"]]
@@ -134,6 +190,37 @@ def test_a_missing_or_foreign_run_file_is_named(tmp_path: Path) -> None:
         files.read_run(tmp_path / "run.mat")
 
 
+@pytest.mark.parametrize("name", ["run.parquet", "run.csv.gz", "run.csv"])
+def test_a_damaged_run_file_is_named(name: str, mini: bank.Order, tmp_path: Path) -> None:
+    first = files.read_json(mini.folder / "manifest.json")["cases"][0]["runs"][0]["file"]
+    path = tmp_path / name
+    if name == "run.csv":
+        path.write_text("t_s,i_x_A\n0,1,2\n1,2,3\n")
+    else:
+        files.write_run(path, files.read_run(mini.folder / first))
+        path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(BankError, match=rf"{name} cannot be read .*restore it"):
+        files.read_run(path)
+
+
+@pytest.mark.parametrize(
+    ("manifest", "words"),
+    [({}, "names no key"), ({"key_sha256": ""}, "names no key"), (None, "no bench, changed")],
+)
+def test_only_a_bank_that_was_made_here_can_be_followed(
+    manifest: dict[str, str] | None, words: str, tmp_path: Path
+) -> None:
+    key, program = tmp_path / "KEY.json", tmp_path / "program.csv"
+    files.write_json(key, {"format": "smad-key-1", "cases": {"case-001": {"kind": "none"}}})
+    program.write_text("t_s,i_x_A\n0,0\n8,0\n")
+    said = {"key_sha256": files.digest(key)} if manifest is None else manifest
+    files.write_json(tmp_path / "manifest.json", said)
+    with pytest.raises(BankError, match=words):
+        follow(tmp_path, key, "case-001", program)
+    with pytest.raises(BankError, match="cannot be read"):
+        files.digest(tmp_path / "none.json")
+
+
 def test_a_recommended_experiment_runs_on_the_bench_of_a_case(
     mini: bank.Order, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -156,6 +243,8 @@ def test_a_recommended_experiment_runs_on_the_bench_of_a_case(
     [
         ("t_s,i_x_A\n0,0\n1,5\n", "allowed is 0…4"),
         ("t_s,volts\n0,0\n1,1\n", "volts"),
+        ("t_s,i_x_A\n0,0\n1,\n2,0\n", "i_x_A of row 2 is nan"),
+        ("t_s,duty_x\n0,off\n1,0\n", "duty_x of row 1 is nan"),
         ("t_s,i_x_A\n0,0\n900,1\n", "at most 600 s"),
     ],
 )

@@ -6,9 +6,11 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from smad.cli import execute
@@ -29,14 +31,14 @@ from smad.gap.check.verdicts import (
 )
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
-from tests.withheld import after_why, files
+from tests.withheld import after_next, after_why, best_entry, files, more_runs
 from tests.withheld.after_next import recommended
 from tests.withheld.cases import Case
 from tests.withheld.command import main
 from tests.withheld.follow import follow
 from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import BY_NAME, Active, names
-from tests.withheld.second_pass import entries, opened
+from tests.withheld.second_pass import Frozen, entries, opened
 
 RUN_S = 24.0
 LIBRARY = ("rtd_offset", "flow_shortfall")
@@ -163,7 +165,7 @@ def test_a_recommended_experiment_is_carried_out_and_the_case_asked_again(
     before = sorted(bank.rglob("*"))
     main(["after-next", str(frozen), str(key), str(bank), "--out", str(out), "--jobs", "1"])
     assert sorted(bank.rglob("*")) == before
-    (run,) = (tmp_path / "after.json.parts").glob("case-001-one-side-*.parquet")
+    (run,) = tmp_path.glob("after.json.*.parts/case-001-one-side-*.parquet")
     log = files.read_run(run)
     assert log["t_s"][-1] - log["t_s"][0] == pytest.approx(60.0, abs=0.5)
     assert log["i_applied_x_A"].max() > 3.0
@@ -175,6 +177,61 @@ def test_a_recommended_experiment_is_carried_out_and_the_case_asked_again(
     assert experiment.name == "one side"
     assert experiment.names_after is not None
     assert set(experiment.names_after) <= set(LIBRARY)
+
+
+def test_no_second_pass_takes_up_answers_about_other_verdicts_or_to_another_question(
+    bank: Path, frozen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = read_verdict_file(frozen)
+    verdicts = dict(file.verdicts)
+    verdicts["case-001"] = msgspec.structs.replace(verdicts["case-001"], shrink=0.2)
+    other = tmp_path / "other.json"
+    write_verdicts(other, msgspec.structs.replace(file, verdicts=verdicts))
+    kept: list[Path] = []
+
+    def through(frozen: Frozen, names: list[str], parts: Path, *more: object) -> dict[str, Any]:
+        kept.append(parts)
+        return {}
+
+    for module in (after_next, best_entry):
+        monkeypatch.setattr(module, "through", through)
+    monkeypatch.setattr(after_next, "recorded", lambda *told: {})
+    key, out = bank.with_name("small-key") / "KEY.json", tmp_path / "out.json"
+    for said in (frozen, other):
+        for command in ("best-entry", "after-next"):
+            main([command, str(said), str(key), str(bank), "--out", str(out)])
+    assert len(set(kept)) == 4
+
+
+def test_half_a_recording_is_recorded_again(
+    bank: Path, frozen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(more_runs, "write_program", _rest)
+    key = bank.with_name("small-key") / "KEY.json"
+    opened_once = opened(frozen, key, bank)
+    failing = [True]
+
+    def record(case: str, program: Path, run: Path, number: int) -> None:
+        def cut(table: object, path: Path, **how: object) -> None:
+            path.write_bytes(b"PAR1 half of it")
+            raise KeyboardInterrupt
+
+        with monkeypatch.context() as during:
+            if failing.pop():
+                during.setattr(pq, "write_table", cut)
+            follow(bank, key, case, program, run, number=number)
+
+    wanted = {"case-001": ["one side"]}
+    with pytest.raises(KeyboardInterrupt):
+        more_runs.recorded(opened_once, wanted, tmp_path, record)
+    failing.append(False)
+    (run,) = more_runs.recorded(opened_once, wanted, tmp_path, record)["case-001"]
+    assert files.read_run(run)["t_s"][-1] > 7.0
+
+
+def _rest(plant: SmaPlant, experiment: str, seed: int, path: Path) -> None:
+    """In place of the simulated experiment: eight seconds of nothing."""
+    path.write_text("t_s,i_x_A\n0,0\n8,0\n")
 
 
 def test_an_experiment_is_carried_out_where_it_may_give_a_name(bank: Path, frozen: Path) -> None:
