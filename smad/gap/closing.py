@@ -29,7 +29,7 @@ from smad.gap.records import (
 from smad.gap.runs import GapRun
 from smad.gap.select import Candidate, Selection, differing
 from smad.gap.settings import Settings
-from smad.gap.stages import OpenLoop, Prepared, open_loop
+from smad.gap.stages import Prepared, open_loop
 from smad.gap.summary import (
     candidate_records,
     dominant_outputs,
@@ -315,16 +315,16 @@ class Closing:
 
     def _open_loop(self, named: bool) -> tuple[list[float], list[object], list[object]]:
         s, prepared = self.selection, self.prepared
-        opened: OpenLoop = open_loop(prepared, self.executor)
-        ev = opened.problem.evidence
+        problem = open_loop(prepared, self.executor)
+        ev = problem.evidence
         chain = self._chain() if named else []
         predictions = [ev.predict([ModelPoint(prepared.centre, prepared.fixed)])[0]]
         for c in (s.base, *chain):
             if prepared.hold is None:
-                predictions.append(predict_by_run(opened.problem, c.judged.points, c.fit.point))
+                predictions.append(predict_by_run(problem, c.judged.points, c.fit.point))
             else:
                 predictions.append(ev.predict([c.fit.point])[0])
-        rows = waterfall("open loop", opened.problem, predictions, prepared.plant)
+        rows = waterfall("open loop", problem, predictions, prepared.plant)
         total = rows[-1]
-        shown = traces("open loop", opened.problem, predictions[1], predictions[-1], prepared.plant)
+        shown = traces("open loop", problem, predictions[1], predictions[-1], prepared.plant)
         return [total.raw, total.refit, *total.effects], list(rows), list(shown)

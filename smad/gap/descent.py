@@ -41,6 +41,7 @@ _RUNGS = (0.03, 0.3, 3.0)
 _STIFFER = 1e3
 _FIRST_DAMPING, _LEAST_DAMPING = 1e-2, 1e-5
 _FRUITLESS = 2
+_TOLERANCE = 2.0
 
 
 def descent(
@@ -49,18 +50,17 @@ def descent(
     start: Array,
     *,
     rounds: int,
-    tolerance: float = 2.0,
 ) -> FitSteps:
     """Steps of a least-squares fit from `start`; returns a `Fitted`, its end replayed as usual.
 
-    Replays on the way are rough. At most `rounds` sets of slopes. A round that gains
-    little halves the steps of the next; after two such rounds the fit ends. The objective is that
-    of `lsq` with a floor as large as the misfit.
+    Replays on the way are rough. At most `rounds` sets of slopes. A round that gains little halves
+    the steps of the next; after two such rounds the fit ends. The objective is that of `lsq` with a
+    floor as large as the misfit.
 
     The evidence is calibrated anew before each round: what coarser replays cost changes over so
     long a way. Other fits must therefore not be driven beside it.
     """
-    way = _Way(problem, space, tolerance)
+    way = _Way(problem, space)
     p = np.clip(start, *space.bounds())
     axes, share, total, fruitless = np.diag(space.steps(p)), _SHARE, 0.0, 0
     for _ in range(rounds):
@@ -70,7 +70,7 @@ def descent(
         gained, around = yield from way.go_by(A)
         p = way.p
         total += gained
-        if gained < max(tolerance, 0.003 * total):
+        if gained < max(_TOLERANCE, 0.003 * total):
             share, fruitless = 0.5 * share, fruitless + 1
             if fruitless == _FRUITLESS:
                 break
@@ -81,9 +81,7 @@ def descent(
     predicted = (yield Ask([space.point(way.p)]))[0]
     z = problem.white(predicted)
     value = objective(problem, space, way.p, z)
-    return Fitted(
-        problem, space, way.p, predicted, z, way.A, value, way.count + 1, edges(space, way.p)
-    )
+    return Fitted(problem, space, way.p, predicted, z, way.A, value, edges(space, way.p))
 
 
 @dataclass(frozen=True)
@@ -106,15 +104,14 @@ class _Parabola:
 class _Way:
     """Where a descent has come to: coordinates, rough prediction, white residual, slopes."""
 
-    def __init__(self, problem: Problem, space: Space, tolerance: float) -> None:
-        self.problem, self.space, self.tolerance = problem, space, tolerance
+    def __init__(self, problem: Problem, space: Space) -> None:
+        self.problem, self.space = problem, space
         self.lo, self.hi = space.bounds()
-        self.damping, self.count = _FIRST_DAMPING, 0
+        self.damping = _FIRST_DAMPING
         self.A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
 
     def replayed(self, points: list[Array]) -> Generator[Ask, Array, Array]:
         """Predictions at these coordinates."""
-        self.count += len(points)
         return (yield Ask([self.space.point(p) for p in points], Detail.ROUGH))
 
     def begin(self, p: Array) -> Generator[Ask, Array, None]:
@@ -161,7 +158,7 @@ class _Way:
             )
             new, foretold = yield from self._step(around, value, heat, far=n == 0)
             fell, value = value - new, new
-            if fell < max(_FORETOLD * foretold, self.tolerance):
+            if fell < max(_FORETOLD * foretold, _TOLERANCE):
                 break
         return first - value, around
 

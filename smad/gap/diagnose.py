@@ -9,7 +9,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from smad.gap.admission import Admission, admit, in_common
 from smad.gap.closing import Closing, Shell
 from smad.gap.errors import PlantMismatch, RunRefused
-from smad.gap.plant import Effect, Parameter, PlantModel
+from smad.gap.plant import Effect, PlantModel
 from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
 from smad.gap.runs import GapRun, distinctly_named
 from smad.gap.settings import Settings
@@ -27,7 +27,6 @@ def diagnose(
     plant: PlantModel,
     good: Sequence[GapRun] = (),
     hold_out: Sequence[GapRun] = (),
-    parameters: Sequence[Parameter] | None = None,
     settings: Settings | None = None,
     candidates: Sequence[str] | None = None,
     leave_out: bool = False,
@@ -38,11 +37,10 @@ def diagnose(
 
     `good` are runs known to be good: they set the floor and the background, and the question
     becomes what has changed since. `hold_out` are runs to judge on; without them each run is left
-    out in turn. `parameters` replace the plant's (a parameter file). `executor` runs the replays;
-    by default a pool of two threads. `candidates` are the effects of the library that may be named;
-    known-good runs are asked for all of them. `leave_out` asks once more without the first cause in
-    the library, to see that the answer then is "unknown". The result depends on the runs, the plant
-    and the settings only.
+    out in turn. `executor` runs the replays; by default a pool of two threads. `candidates` are the
+    effects of the library that may be named; known-good runs are asked for all of them. `leave_out`
+    asks once more without the first cause in the library, to see that the answer then is "unknown".
+    The result depends on the runs, the plant and the settings only.
     """
     settings = settings or Settings()
     began = time.perf_counter()
@@ -51,7 +49,6 @@ def diagnose(
         return _diagnose(
             {"fit": runs, "hold-out": hold_out, "good": good},
             plant,
-            parameters,
             settings=settings,
             executor=pool,
             progress=progress,
@@ -67,7 +64,6 @@ def diagnose(
 def _diagnose(
     given: Mapping[str, Sequence[GapRun]],
     plant: PlantModel,
-    parameters: Sequence[Parameter] | None,
     *,
     settings: Settings,
     executor: Executor,
@@ -101,7 +97,6 @@ def _diagnose(
         settings,
         good=good_runs,
         hold_out=hold_runs,
-        parameters=parameters,
         executor=executor,
         progress=progress,
     )

@@ -96,7 +96,6 @@ class Fitted:
     z: Array
     A: NDArray[np.float32]
     objective: float
-    evaluations: int
     at_bound: tuple[bool, ...]
 
     @property
@@ -243,7 +242,6 @@ def fitting(
     p = np.clip(start, lo, hi)
     detail = Detail.ROUGH if rough else None
     predicted = (yield Ask([space.point(p)], detail))[0]
-    count = 1
     z = problem.white(predicted)
     own = list(range(space.n_theta))
     extra = [i for i in range(space.n_theta, space.size) if i not in (pinned or {})]
@@ -252,10 +250,8 @@ def fitting(
         A[:, : space.n_theta] = theta_A
     elif own:
         A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
-        count += len(own)
     follow = own + extra if steady else own
     damping, total, stuck = 1e-3, 0.0, False
-    best = objective(problem, space, p, z)
     for iteration in range(iterations + len(_COOLING)):
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(z))
@@ -263,12 +259,10 @@ def fitting(
         fresh = stuck or iteration in _RENEWALS
         if refresh_theta and fresh and own:
             A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
-            count += len(own)
         if extra and (not steady or iteration == 0 or fresh):
             A[:, extra] = yield from sensitivities(
                 problem, space, p, extra, detail=detail, predicted=predicted
             )
-            count += len(extra)
         H, g, _ = parabola(problem, space, p, z, A, heat=heat)
         gained = 0.0
         for _ in range(4):
@@ -277,7 +271,6 @@ def fitting(
             if not np.any(np.abs(step) > 1e-7):
                 break
             trial = (yield Ask([space.point(p + step)], detail))[0]
-            count += 1
             z_trial = problem.white(trial)
             value = objective(problem, space, p + step, z_trial, heat)
             if follow and teaches(problem, step, trial, detail):
@@ -295,10 +288,9 @@ def fitting(
             break
     if rough:
         predicted = (yield Ask([space.point(p)]))[0]
-        count += 1
         z = problem.white(predicted)
     best = objective(problem, space, p, z)
-    return Fitted(problem, space, p, predicted, z, A, best, count, edges(space, p))
+    return Fitted(problem, space, p, predicted, z, A, best, edges(space, p))
 
 
 def parabola(

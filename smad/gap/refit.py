@@ -19,23 +19,19 @@ def refit(
     fixed: EffectValues | None = None,
     *,
     squares: bool = False,
-    start: Fitted | None = None,
     tie: Array | None = None,
-    calibrated: bool = False,
 ) -> Fitted:
     """Fit of the model parameters within their bounds, from the prior's centre.
 
-    `fixed` are effects that belong to the model, `start` an earlier fit to begin from, `squares`
-    asks for plain least squares, `tie` holds the parameters near the centre (see `Space`).
+    `fixed` are effects that belong to the model, `squares` asks for plain least squares, `tie`
+    holds the parameters near the centre (see `Space`).
 
     Afterwards the evidence is calibrated for its coarse step, and the fit is finished with that.
-    Fits that are compared must share one calibration: `calibrated` keeps the one there is.
     """
     space = Space(tuple(parameters), (), centre, fixed or {}, tie)
     iterations = problem.evidence.settings.refit_iterations
-    begin = space.start() if start is None else start.p[: space.size]
-    if not calibrated:
-        problem.evidence.calibrate(space.point(begin))
+    begin = space.start()
+    problem.evidence.calibrate(space.point(begin))
     steps = fitting(
         problem,
         space,
@@ -47,8 +43,7 @@ def refit(
         rough=True,
     )
     fit = drive(problem.evidence, [steps])[0]
-    if not calibrated:
-        problem.evidence.calibrate(fit.point)
+    problem.evidence.calibrate(fit.point)
     if not squares:
         return polished(fit, tolerance=_TOLERANCE)
     again = fitting(

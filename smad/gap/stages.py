@@ -87,12 +87,11 @@ def prepare(
     *,
     good: Sequence[GapRun] = (),
     hold_out: Sequence[GapRun] = (),
-    parameters: Sequence[Parameter] | None = None,
     executor: Executor | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Prepared:
     """Noise floor, background from good runs, refit, and the held-out judgement of the refit."""
-    parameters = tuple(plant.parameters if parameters is None else parameters)
+    parameters = tuple(plant.parameters)
     views = shared_views(local_views(plant), (runs, hold_out, good))
     if not views:
         raise RunRefused(
@@ -244,7 +243,6 @@ def _plain(fit: Fitted) -> Fitted:
         end.z,
         end.A,
         end.objective,
-        end.evaluations,
         end.at_bound,
     )
 
@@ -280,15 +278,8 @@ def _threshold(background: Background | None, settings: Settings) -> float:
     return max(settings.min_excess, 1.1 * max(per_run) / float(np.sqrt(2.0)))
 
 
-@dataclass(frozen=True)
-class OpenLoop:
-    """The whole simulator on the runs that judge: floor of each output, and its evidence."""
-
-    problem: Problem
-
-
-def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
-    """The open-loop view of the judging runs, with the floor that good runs give it."""
+def open_loop(prepared: Prepared, executor: Executor | None = None) -> Problem:
+    """The whole simulator on the judging runs, with the floor that good runs give each output."""
     plant, settings = prepared.plant, prepared.settings
     bench = prepared.problem if prepared.hold is None else prepared.hold
     runs = bench.evidence.runs
@@ -305,4 +296,4 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> OpenLoop:
             rows = [residual[s.rows][good.valid[s.rows]] for s in good.rows_of(key)]
             power = float(np.mean(np.square(np.concatenate(rows)))) if rows else 0.0
             noise[key] = OutputNoise(max(noise[key].sigma, float(np.sqrt(power))))
-    return OpenLoop(Problem(ev, Whitening(ev, noise), np.zeros(ev.n)))
+    return Problem(ev, Whitening(ev, noise), np.zeros(ev.n))

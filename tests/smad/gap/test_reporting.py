@@ -179,7 +179,7 @@ def test_a_separation_counts_by_how_much_more_than_expected_the_runs_vary_along_
 
     def standing(left: Array) -> Candidate:
         fit = Fitted(problem, Space(()), np.zeros(0), left, left, np.zeros((ev.n, 0), np.float32),
-                     0.0, 0, ())  # fmt: skip
+                     0.0, ())  # fmt: skip
         return Candidate(JointFit(fit, ()), Judged(problem, None, ev.measured - left, np.zeros(0)))
 
     white = rng.standard_normal(ev.n) * ev.valid
