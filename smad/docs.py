@@ -1,7 +1,8 @@
-"""The reference of commands, replies and telemetry in docs/guide/clients.md, made from the types.
+"""What is generated in docs: the reference of docs/guide/clients.md, the list of decisions.
 
-`python -m smad.docs` writes what stands between `<!-- generated: NAME -->` and `<!-- end -->`;
-with `--check` it only says whether that is stale, and ends with status 1 if so.
+The reference is made from the types. `python -m smad.docs` writes what stands between
+`<!-- generated: NAME -->` and `<!-- end -->`; with `--check` it only says whether that is stale,
+and ends with status 1 if so.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from msgspec import inspect as types
 from smad import api
 from smad.control import commands
 
-GUIDE = Path(__file__).resolve().parents[1] / "docs/guide/clients.md"
+_DOCS = Path(__file__).resolve().parents[1] / "docs"
+_DECISIONS = _DOCS / "decisions"
+PAGES = (_DOCS / "guide/clients.md", _DECISIONS / "README.md")
 _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _ACCESS = {
     "watch": "anyone",
@@ -66,12 +69,22 @@ def reasons() -> str:
     return "\n".join(("| reason | code |", "|---|---|", *rows, ""))
 
 
+def decisions() -> str:
+    """Every decision with its title, which is the first line of its page."""
+    rows = []
+    for page in sorted(_DECISIONS.glob("[0-9]*.md")):
+        number, title = page.read_text().partition("\n")[0].removeprefix("# ").split(" ", 1)
+        rows.append(f"- [{number}]({page.name}) {title}\n")
+    return "".join(rows)
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "methods": methods,
     "pieces": pieces,
     "replies": replies,
     "telemetry": telemetry,
     "reasons": reasons,
+    "decisions": decisions,
 }
 
 
@@ -211,16 +224,16 @@ def _structs_in(kind: types.Type) -> Iterator[type[Struct]]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Write the page anew, or say whether it is stale."""
-    text = GUIDE.read_text()
-    fresh = refreshed(text)
+    """Write the pages anew, or say which are stale."""
+    texts = {page: page.read_text() for page in PAGES}
+    stale = [page for page, text in texts.items() if refreshed(text) != text]
     if "--check" not in arguments:
-        GUIDE.write_text(fresh)
+        for page in stale:
+            page.write_text(refreshed(texts[page]))
         return 0
-    if fresh == text:
-        return 0
-    print(f"{GUIDE.name} is stale: run python -m smad.docs", file=sys.stderr)
-    return 1
+    for page in stale:
+        print(f"docs/{page.relative_to(_DOCS)} is stale; run python -m smad.docs", file=sys.stderr)
+    return 1 if stale else 0
 
 
 if __name__ == "__main__":

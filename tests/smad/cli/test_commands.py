@@ -453,8 +453,9 @@ def test_the_link_is_tested_for_a_time_that_makes_sense(
     assert "--for" in failed(capfd, "link", "test", "--for", seconds)
 
 
-def test_the_reference_of_commands_is_not_stale() -> None:
-    from smad.docs import GUIDE, refreshed
+def test_what_is_generated_of_the_documentation_is_not_stale() -> None:
+    from smad.docs import PAGES, refreshed
 
-    text = GUIDE.read_text()
-    assert refreshed(text) == text, "run python -m smad.docs"
+    for page in PAGES:
+        text = page.read_text()
+        assert refreshed(text) == text, "run python -m smad.docs"
