@@ -42,7 +42,6 @@ class Control:
     right: frozenset[str]
     without: tuple[str, ...] = ()
     variant: str = "extended"
-    bench_variant: str = "extended"
 
 
 def other_bench(plant: SmaPlant) -> dict[str, float]:
@@ -79,7 +78,7 @@ def controls(plant: SmaPlant, level: float) -> Iterable[Control]:
 
 def run_control(control: Control, settings: Settings) -> Diagnosis:
     """Makes the runs of a control and diagnoses them."""
-    bench = SmaPlant(variant=control.bench_variant)
+    bench = SmaPlant()
     runs = [recorded(f, bench, control.bench, i) for i, f in enumerate(FAMILIES)]
     held = [recorded(f, bench, control.bench, 50 + i) for i, f in enumerate(HELD)]
     plant = SmaPlant(variant=control.variant)

@@ -17,7 +17,7 @@ from smad.gap.assess import confusability, counted_share, separation
 from smad.gap.errors import PlantMismatch
 from smad.gap.nextexp import propose
 from smad.gap.plant import Array, Effect
-from smad.gap.records import NAMED, Outcome
+from smad.gap.records import Outcome
 from smad.gap.select import Candidate, Selection, acceptable, asked_gain
 from smad.gap.stages import Prepared
 from smad.gap.threads import repeatable
@@ -130,11 +130,6 @@ class EntryRecord(msgspec.Struct, frozen=True):
     fit: Fit | None
     rivals: list[Rival]
     apart: list[Apart] = []
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the diagnosis names the entry when it has nothing else to name."""
-        return self.standing.outcome in NAMED
 
     @property
     def hidden(self) -> float:

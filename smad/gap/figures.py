@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _AMBIGUOUS_D2 = 16.0
 _LEVEL_95 = 1.92
+_MOST_OVERLAYS = 5
 
 
 def waterfall(d: Diagnosis) -> str:
@@ -67,7 +68,7 @@ def heat_map(d: Diagnosis) -> str:
     return svg_of(figure, "Excess error by sub-model, side and regime")
 
 
-def overlays(d: Diagnosis, most: int = 5) -> list[tuple[str, str]]:
+def overlays(d: Diagnosis) -> list[tuple[str, str]]:
     """Measured, refitted and final course of the signals with the largest gap: (SVG, caption)."""
     chosen: list[Trace] = []
     for _, group in groupby(sorted(d.traces, key=lambda t: t.channel), key=lambda t: t.channel):
@@ -76,7 +77,7 @@ def overlays(d: Diagnosis, most: int = 5) -> list[tuple[str, str]]:
     chosen.sort(key=lambda t: order[t.channel])
     with_effect = "with the effect" if d.verdict.effects else "best model"
     out = []
-    for t in chosen[:most]:
+    for t in chosen[:_MOST_OVERLAYS]:
         figure, axes = new_figure(2, 1, width_in=9.5, height_in=3.4, share_x=True)
         draw(axes[0], t.t_s, t.measured, "measured", "#1b1f24", width=1.6)
         draw(axes[0], t.t_s, t.refit, "simulated, refitted", "#d9822b")

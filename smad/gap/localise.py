@@ -9,16 +9,18 @@ import numpy as np
 from smad.gap.lsq import Problem
 from smad.gap.plant import Array
 
+_REGIMES = 2
+_WINDOWS = 6
+
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Excess gap of one sub-model and side in one regime, over the floor, and its share of rows."""
+    """Excess gap of one sub-model and side in one regime, over the floor."""
 
     sub_model: str
     side: str
     regime: str
     excess: float
-    rows: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +37,11 @@ class Window:
 
 @dataclass(frozen=True)
 class HeatMap:
-    """Excess gap by place. `by_sub_model` and `by_output` are over all regimes."""
+    """Excess gap by place. `by_sub_model` is over all regimes."""
 
     cells: tuple[Cell, ...]
     windows: tuple[Window, ...]
     by_sub_model: dict[str, float]
-    by_output: dict[str, float]
 
     @property
     def worst_sub_model(self) -> str:
@@ -49,20 +50,20 @@ class HeatMap:
             return ""
         return max(sorted(self.by_sub_model), key=lambda k: self.by_sub_model[k])
 
-    def worst_regimes(self, sub_model: str, count: int = 2) -> list[str]:
+    def worst_regimes(self, sub_model: str) -> list[str]:
         """Regimes with the largest excess in a sub-model, largest first; early and late apart."""
         best: dict[str, float] = {}
         for c in self.cells:
             if c.sub_model == sub_model and c.regime not in ("early", "late") and c.excess > 0:
                 best[c.regime] = max(best.get(c.regime, 0.0), c.excess)
-        return sorted(best, key=lambda k: (-best[k], k))[:count]
+        return sorted(best, key=lambda k: (-best[k], k))[:_REGIMES]
 
 
 def _root_excess(squares: Array) -> float:
     return float(np.sqrt(max(0.0, float(np.mean(squares)) - 1.0))) if len(squares) else 0.0
 
 
-def localise(problem: Problem, predicted: Array, windows: int = 6) -> HeatMap:
+def localise(problem: Problem, predicted: Array) -> HeatMap:
     """Heat map of the excess error of a prediction."""
     ev = problem.evidence
     squares = np.square(problem.scaled(predicted))
@@ -81,9 +82,7 @@ def localise(problem: Problem, predicted: Array, windows: int = 6) -> HeatMap:
         for name, mask in regimes.items():
             rows = here & mask & ev.valid
             if rows.sum() >= 10:
-                cells.append(
-                    Cell(sub_model, side, name, _root_excess(squares[rows]), int(rows.sum()))
-                )
+                cells.append(Cell(sub_model, side, name, _root_excess(squares[rows])))
     by_output = {
         key: _root_excess(
             np.concatenate([squares[s.rows][ev.valid[s.rows]] for s in ev.rows_of(key)])
@@ -95,17 +94,17 @@ def localise(problem: Problem, predicted: Array, windows: int = 6) -> HeatMap:
     for key, value in by_output.items():
         grouped.setdefault(model_of[key], []).append(value**2)
     by_sub_model = {k: float(np.sqrt(np.mean(v))) for k, v in grouped.items()}
-    return HeatMap(tuple(cells), _windows(problem, squares, windows), by_sub_model, by_output)
+    return HeatMap(tuple(cells), _windows(problem, squares), by_sub_model)
 
 
-def _windows(problem: Problem, squares: Array, count: int) -> tuple[Window, ...]:
+def _windows(problem: Problem, squares: Array) -> tuple[Window, ...]:
     ev = problem.evidence
     over = np.maximum(ev.cell_sum(np.where(ev.valid, squares - 1.0, 0.0)), 0.0)
     total = float(over.sum())
     if total <= 0:
         return ()
     found = []
-    for c in np.argsort(-over, kind="stable")[:count]:
+    for c in np.argsort(-over, kind="stable")[:_WINDOWS]:
         seg = ev.segments[ev.cell_segment[c]]
         a, b = ev.cell_starts[c], ev.cell_stops[c] - 1
         found.append(

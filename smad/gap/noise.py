@@ -1,6 +1,6 @@
 """The noise floor of each channel: from rest segments, from repeats, and from the quantum.
 
-Run-to-run spread (what repeats differ by beyond the noise) is told apart: it limits how well any
+Run-to-run spread (what repeats differ by, noise included) is told apart: it limits how well any
 model can do, but it is not sensor noise.
 """
 
@@ -27,7 +27,7 @@ class Floor:
 
     `source` is "rest", "differences" or "assumed". `rho` is the correlation between neighbouring
     rows. `resolution` is what a simulator is not trusted below. `spread` is the run-to-run standard
-    deviation beyond the noise, NaN without repeats.
+    deviation of single samples, their noise included; NaN without repeats.
     """
 
     channel: str
@@ -84,7 +84,7 @@ def estimate_floors(
 ) -> dict[str, Floor]:
     """Floor of every channel that some run has, by channel name."""
     grids = [Grid.of(run, settings.period_s) for run in runs]
-    spread = repeat_spread(runs, plant, settings)
+    spread = repeat_spread(runs, plant)
     floors = {}
     excursion = excursions(runs, plant)
     for channel in plant.channels:
@@ -137,11 +137,8 @@ def excursions(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, float]:
     return out
 
 
-def repeat_spread(
-    runs: Sequence[GapRun], plant: PlantModel, settings: Settings
-) -> dict[str, float]:
+def repeat_spread(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, float]:
     """Run-to-run standard deviation of each channel, from pairs of runs with equal inputs."""
-    del settings
     pairs = [(a, b) for a, b in combinations(runs, 2) if _same_inputs(a, b, plant)]
     out = {}
     for channel in plant.channels:

@@ -101,7 +101,6 @@ def thinned(run: GapRun, grid: Grid, pieces: int, period_s: float) -> tuple[GapR
         None if run.valid is None else np.logical_and.reduceat(run.valid, starts),
         run.cut_short,
         run.notes,
-        run.header,
         run,
     )
     bins = np.searchsorted(grid.starts, starts, side="right")

@@ -13,6 +13,9 @@ from scipy.stats import chi2
 
 from smad.gap.plant import Array
 
+LAGS = 20
+_ORDER = 8
+
 
 def autocorrelation(x: Array, lags: int) -> Array:
     """Autocorrelation at lags 1 … `lags`, with the mean taken out; shape (lags,)."""
@@ -23,13 +26,15 @@ def autocorrelation(x: Array, lags: int) -> Array:
     return np.array([float(y[k:] @ y[:-k]) / power for k in range(1, lags + 1)])
 
 
-def ljung_box(x: Array, lags: int = 20) -> tuple[float, float]:
-    """Q = n(n+2) Σ ρ_k²/(n−k) and its p-value against χ² with `lags` degrees of freedom.
+def ljung_box(x: Array) -> tuple[float, float]:
+    """Q = n(n+2) Σ ρ_k²/(n−k) and its p-value against χ² with as many degrees of freedom as lags.
+
+    Over `LAGS` lags, or as many as the series has.
 
     Ljung & Box, Biometrika 65 (1978) 297.
     """
     n = len(x)
-    lags = min(lags, n - 1)
+    lags = min(LAGS, n - 1)
     if lags < 1:
         return 0.0, 1.0
     rho = autocorrelation(x, lags)
@@ -48,10 +53,8 @@ def ar_coefficients(x: Array, order: int) -> Array:
     return np.asarray(solve_toeplitz(r[:-1], r[1:]))
 
 
-def cross_correlation(
-    driver: Array, residual: Array, lags: int = 20, order: int = 8
-) -> tuple[float, float]:
-    """Largest |correlation| of the residual with a driver 0 … `lags` rows earlier, and its p-value.
+def cross_correlation(driver: Array, residual: Array) -> tuple[float, float]:
+    """Largest |correlation| of the residual with a driver 0 … `LAGS` rows earlier, and its p-value.
 
     Both are filtered by the autoregression that makes the driver white (prewhitening), so that a
     coloured driver does not feign a correlation. The p-value is Bonferroni's over the lags.
@@ -59,10 +62,10 @@ def cross_correlation(
     d, r = driver - driver.mean(), residual - residual.mean()
     if np.std(d) < 1e-12 or np.std(r) < 1e-12:
         return 0.0, 1.0
-    filt = np.r_[1.0, -ar_coefficients(d, order)]
-    d, r = lfilter(filt, [1.0], d)[order:], lfilter(filt, [1.0], r)[order:]
+    filt = np.r_[1.0, -ar_coefficients(d, _ORDER)]
+    d, r = lfilter(filt, [1.0], d)[_ORDER:], lfilter(filt, [1.0], r)[_ORDER:]
     n = len(d)
-    lags = min(lags, n - 1)
+    lags = min(LAGS, n - 1)
     if lags < 0:
         return 0.0, 1.0
     scale = float(np.sqrt((d @ d) * (r @ r)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,7 +33,6 @@ class GapRun:
     valid: NDArray[np.bool_] | None = None
     cut_short: bool = False
     notes: tuple[str, ...] = ()
-    header: Mapping[str, str] = field(default_factory=dict)
     whole: GapRun | None = None
 
     def __post_init__(self) -> None:

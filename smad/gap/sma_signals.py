@@ -44,6 +44,7 @@ CHANNELS = (
 )
 _TEMPERATURES = ("rtd_x_degC", "rtd_y_degC")
 _CURRENTS = ("i_meas_x_A", "i_meas_y_A")
+_RATE_TAU_S = 0.3
 
 
 def _outputs(view: str, *channels: str) -> tuple[Output, ...]:
@@ -104,8 +105,8 @@ def at_ends_of_pieces(run: GapRun, means: Array) -> Array:
     return out
 
 
-def _rate(y: Array, dt_s: float, tau_s: float = 0.3) -> Array:
-    return np.asarray(np.gradient(smooth(y, dt_s, tau_s), dt_s))
+def _rate(y: Array, dt_s: float) -> Array:
+    return np.asarray(np.gradient(smooth(y, dt_s, _RATE_TAU_S), dt_s))
 
 
 def _recent(active: Mask, dt_s: float, memory_s: float) -> Mask:
@@ -192,7 +193,6 @@ def run_from_columns(
     *,
     cut_short: bool = False,
     notes: tuple[str, ...] = (),
-    header: Mapping[str, str] | None = None,
 ) -> GapRun:
     """A run from the columns of a run log (`smad.runlog.schema`).
 
@@ -214,7 +214,7 @@ def run_from_columns(
         column = _recorded(columns, channel.name)
         if column is not None:
             outputs[channel.name] = _filled(column, valid)
-    return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes, dict(header or {}))
+    return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes)
 
 
 def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
@@ -242,8 +242,5 @@ def read_gap_run(path: Path) -> GapRun:
     from smad.runlog.reader import read_run
 
     log = read_run(path)
-    header = {"source": log.header.source, "name": log.header.name}
     notes = tuple(log.notes) if not log.cut_short else ()
-    return run_from_columns(
-        path.stem, log.columns, cut_short=log.cut_short, notes=notes, header=header
-    )
+    return run_from_columns(path.stem, log.columns, cut_short=log.cut_short, notes=notes)

@@ -37,12 +37,6 @@ class Space:
     def n_theta(self) -> int:
         return len(self.theta)
 
-    @property
-    def names(self) -> list[tuple[str, str]]:
-        """(effect, parameter) of every coordinate; the effect is "" for a model parameter."""
-        own = [("", p.name) for p in self.theta]
-        return own + [(e.name, p.name) for e in self.effects for p in e.parameters]
-
     def _centre(self, p: Parameter) -> float:
         return p.nominal if self.centre is None else self.centre.get(p.name, p.nominal)
 

@@ -28,7 +28,7 @@ from smad.gap.records import (
     WindowRecord,
 )
 from smad.gap.replay import Evidence
-from smad.gap.residual_tests import cross_correlation, ljung_box
+from smad.gap.residual_tests import LAGS, cross_correlation, ljung_box
 from smad.gap.runs import GapRun
 from smad.gap.select import Candidate, Selection
 from smad.gap.significance import benjamini_hochberg
@@ -36,6 +36,7 @@ from smad.gap.stages import Prepared
 
 _MOST_POINTS = 800
 _MOST_TRACES = 14
+_DOMINANT = 0.1
 
 
 def run_records(groups: Mapping[str, Sequence[GapRun]]) -> list[RunRecord]:
@@ -257,7 +258,7 @@ def residual_test_records(prepared: Prepared, best: Candidate) -> list[ResidualT
         longest = max(segments, key=lambda s: (s.stop - s.start, -s.run))
         rows = z[longest.rows]
         q, p = ljung_box(rows)
-        out.append(ResidualTest(key, "Ljung–Box, 20 lags", q, p))
+        out.append(ResidualTest(key, f"Ljung–Box, {LAGS} lags", q, p))
         run, grid = ev.runs[longest.run], ev.grids[longest.run]
         drivers = {n: grid.mean(v) for n, v in run.inputs.items()}
         drivers |= {f"{n}²": v**2 for n, v in drivers.items()}
@@ -306,10 +307,10 @@ def _shortened(values: Array) -> list[float]:
     return [float(f"{v:.6g}") for v in values]
 
 
-def dominant_outputs(gaps: Mapping[str, float], share: float = 0.1) -> list[str]:
-    """Outputs with at least `share` of the total excess power, largest first."""
+def dominant_outputs(gaps: Mapping[str, float]) -> list[str]:
+    """Outputs with at least a tenth of the total excess power, largest first."""
     total = sum(gaps.values())
-    chosen = [k for k, v in gaps.items() if total > 0 and v >= share * total]
+    chosen = [k for k, v in gaps.items() if total > 0 and v >= _DOMINANT * total]
     return sorted(chosen, key=lambda k: (-gaps[k], k))
 
 

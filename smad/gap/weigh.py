@@ -96,13 +96,12 @@ def _chance(selection: Selection) -> float:
 
 def _groups(prepared: Prepared, s: Selection) -> dict[str, list[str]]:
     settings = prepared.settings
-    out = {}
-    for name, rivals in s.rivals.items():
-        near, _ = group_of(
+    return {
+        name: group_of(
             s.best, rivals, s.probability[name], settings.ambiguous_odds, settings.ambiguous_d2
         )
-        out[name] = near
-    return out
+        for name, rivals in s.rivals.items()
+    }
 
 
 def without(prepared: Prepared, point: ModelPoint, name: str) -> ModelPoint:

@@ -133,9 +133,9 @@ def test_the_floor_at_rest_is_the_sensors_noise_after_averaging() -> None:
 def test_repeats_show_the_spread_from_run_to_run() -> None:
     a = recorded("random", 1)
     b = a.with_columns(outputs={k: v + 0.5 for k, v in a.outputs.items()})
-    spread = repeat_spread([a, b], HeaterPlant(), Settings())
+    spread = repeat_spread([a, b], HeaterPlant())
     assert spread["rod_um"] == pytest.approx(0.5 / 2**0.5)
-    assert repeat_spread([a, recorded("sines", 2)], HeaterPlant(), Settings()) == {}
+    assert repeat_spread([a, recorded("sines", 2)], HeaterPlant()) == {}
 
 
 def test_bins_ignore_lost_samples_and_drop_out_when_most_are_lost() -> None:
