@@ -7,13 +7,13 @@ far nearer to it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from smad.gap.plant import Array, ModelPoint, PlantModel
+from smad.gap.plant import Array, PlantModel, nominal_point
 from smad.gap.replay import Grid
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
@@ -110,7 +110,8 @@ def _admit_one(run: GapRun, plant: PlantModel, settings: Settings) -> tuple[GapR
     if all(np.ptp(run.inputs[s.name]) < 1e-3 * (s.high - s.low) for s in plant.inputs):
         say("no excitation", "no input ever changes: nothing can be learnt", refuses=True)
         return run, found
-    run = _check_channels(run, plant, settings, say)
+    predicted = _replay(run, plant)
+    given, run = run, _check_channels(run, predicted, plant, settings, say=say)
     if not supported_keys(local_views(plant), run):
         fed = sorted({f for v in local_views(plant) for f in v.feeds if f not in run.outputs})
         why = f"; their models are fed with {', '.join(fed)}, too" if run.outputs else ""
@@ -121,7 +122,10 @@ def _admit_one(run: GapRun, plant: PlantModel, settings: Settings) -> tuple[GapR
             refuses=True,
         )
         return run, found
-    _check_against_model(run, plant, settings, say)
+    # A replay may begin from what was measured.
+    if run.outputs.keys() != given.outputs.keys():
+        predicted = _replay(run, plant)
+    _check_against_model(run, predicted, plant, settings, say=say)
     return run, found
 
 
@@ -177,10 +181,11 @@ def _filled(run: GapRun, say: Say) -> GapRun:
     return replace(run, outputs={**run.outputs, **outputs}, valid=valid)
 
 
-def _check_channels(run: GapRun, plant: PlantModel, settings: Settings, say: Say) -> GapRun:
+def _check_channels(
+    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, settings: Settings, *, say: Say
+) -> GapRun:
     outputs = dict(run.outputs)
     known = {c.name for c in plant.channels}
-    predicted = _replay(run, plant)
     for channel in plant.channels:
         if channel.name not in outputs:
             say("channel missing", f"{channel.name} is not recorded: its residual is switched off")
@@ -214,9 +219,9 @@ def _check_channels(run: GapRun, plant: PlantModel, settings: Settings, say: Say
 
 
 def _replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:
-    nominal = ModelPoint({p.name: p.nominal for p in plant.parameters})
+    """The nominal model's open loop, by channel."""
     views = open_views(plant)
-    values = plant.simulate(nominal, run, [v.name for v in views], fast=True)
+    values = plant.simulate(nominal_point(plant), run, [v.name for v in views], fast=True)
     return {o.channel: values[o.key] for v in views for o in v.outputs if o.key in values}
 
 
@@ -228,9 +233,11 @@ def _misfit(measured: Array, predicted: Array) -> float:
     return 1.0 - max(r, 0.0) ** 2
 
 
-def _check_against_model(run: GapRun, plant: PlantModel, settings: Settings, say: Say) -> None:
+def _check_against_model(
+    run: GapRun, replayed: Mapping[str, Array], plant: PlantModel, settings: Settings, *, say: Say
+) -> None:
     grid = Grid.of(run, settings.period_s)
-    predicted = {k: grid.mean(v)[grid.valid] for k, v in _replay(run, plant).items()}
+    predicted = {k: grid.mean(v)[grid.valid] for k, v in replayed.items()}
     measured = {
         k: grid.mean(np.nan_to_num(v))[grid.valid] for k, v in run.outputs.items() if k in predicted
     }

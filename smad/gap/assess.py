@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.gap.fit import dispersion
+from smad.gap.fit import dispersion, independent_share
 from smad.gap.flexible import Designs, fit_correction
 from smad.gap.judge import Judged, excess_of, shrink
 from smad.gap.lsq import Fitted, Problem
@@ -219,8 +219,7 @@ def _along(one: Candidate, other: Candidate) -> list[tuple[Array, Array, Array]]
 
 def _row_weights(fit: Fitted) -> tuple[Array, float]:
     """How much each row weighs in a fit, and the effective share of independent rows."""
-    shares = dispersion(fit.problem, fit.z)
-    return fit.problem.row_weight(fit.z), float(np.mean(list(shares.values())))
+    return fit.problem.row_weight(fit.z), independent_share(fit)
 
 
 def group_of(

@@ -22,7 +22,7 @@ from smad.gap.noise import Floor
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.replay import Detail, Evidence
 from smad.gap.runs import GapRun
-from smad.gap.whiten import OutputNoise, Whitening
+from smad.gap.whiten import OutputNoise, Whitening, lagged_products
 
 _MIN_ROWS = 12
 _WORTH_A_TEMPLATE = 0.2
@@ -159,13 +159,8 @@ def correlation_time(evidence: Evidence, residual: Array, key: str) -> float:
     The lag-one value is taken as the start, so that white noise on top does not shorten it.
     """
     longest = int(20.0 / evidence.settings.period_s)
-    total = np.zeros(longest + 1)
-    for seg in evidence.rows_of(key):
-        y = residual[seg.rows] - float(np.mean(residual[seg.rows]))
-        n = len(y)
-        spectrum = np.fft.rfft(y, 2 * n)
-        acf = np.fft.irfft(np.abs(spectrum) ** 2)[: min(longest + 1, n)]
-        total[: len(acf)] += acf
+    parts = [residual[seg.rows] for seg in evidence.rows_of(key)]
+    total = lagged_products([y - float(np.mean(y)) for y in parts], longest)
     if total[0] <= 0 or total[1] <= 0.05 * total[0]:
         return 0.0
     below = np.flatnonzero(total[1:] < total[1] / np.e)

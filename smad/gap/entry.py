@@ -285,7 +285,7 @@ def _by_output(prepared: Prepared, rows: Array) -> dict[str, float]:
     ev = prepared.problem.evidence
     out = {}
     for key in ev.keys:
-        own = np.concatenate([rows[s.rows][ev.valid[s.rows]] for s in ev.rows_of(key)])
+        own = ev.valid_rows(key, rows)
         out[key] = float(np.sqrt(np.mean(np.square(own)))) if len(own) else 0.0
     return out
 

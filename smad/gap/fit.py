@@ -18,6 +18,7 @@ from smad.gap.lsq import FitSteps, Fitted, Problem, drive, fitting, solve_box
 from smad.gap.plant import Array, Effect
 from smad.gap.significance import resample_weights
 from smad.gap.space import Space
+from smad.gap.whiten import lagged_products
 
 _PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
 _HALF_CHI2_95 = 1.92
@@ -74,10 +75,10 @@ def joint_fits(
 ) -> dict[tuple[str, ...], JointFit]:
     """Fits every start, in step, and keeps the best of each of the better sets of effects.
 
-    In three rounds, each for fewer: a short and rough one for every start; a longer one in detail
-    for the best start of the better sets, the first two given among them, since what is quick is
-    hidden from rough replays; and, for the best `finish` sets, one in which the sensitivities of
-    the model parameters are renewed instead of following Broyden's rule.
+    In three rounds, each for fewer: a short and rough one for every start; a longer one for the
+    best start of the better sets, rough too but for the first two sets given, since what is quick
+    is hidden from rough replays; and, for the best `finish` sets, one in detail, in which the
+    sensitivities of the model parameters are renewed instead of following Broyden's rule.
     """
     settings = base.problem.evidence.settings
     n_theta = base.space.n_theta
@@ -184,17 +185,17 @@ def dispersion(problem: Problem, z: Array) -> dict[str, float]:
     longest = int(10.0 / ev.settings.period_s)
     out = {}
     for key in ev.keys:
-        acf = np.zeros(longest + 1)
-        for seg in ev.rows_of(key):
-            y = z[seg.rows]
-            spectrum = np.fft.rfft(y, 2 * len(y))
-            part = np.fft.irfft(np.abs(spectrum) ** 2)[: min(longest + 1, len(y))]
-            acf[: len(part)] += part
+        acf = lagged_products([z[seg.rows] for seg in ev.rows_of(key)], longest)
         rho = acf / acf[0] if acf[0] > 0 else acf
         stop = np.flatnonzero(rho[1:] <= 0.02)
         last = int(stop[0]) + 1 if len(stop) else longest
         out[key] = float(1.0 / (1.0 + 2.0 * np.sum(rho[1:last])))
     return out
+
+
+def independent_share(fit: Fitted) -> float:
+    """Effective share of independent rows of a fit: the mean of `dispersion` over its outputs."""
+    return float(np.mean(list(dispersion(fit.problem, fit.z).values())))
 
 
 def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Interval]:
@@ -207,8 +208,7 @@ def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Inter
     draws = bootstrap(fit, settings.bootstrap, seed)
     columns = list(range(fit.space.n_theta, fit.space.size))
     profiles = _profiles(fit, columns, draws)
-    shares = dispersion(fit.problem, fit.z)
-    temper = float(np.mean(list(shares.values())))
+    temper = independent_share(fit)
     lo, hi = fit.space.bounds()
     before, _ = fit.space.prior()
     flat = [(e, q) for e in fit.space.effects for q in e.parameters]

@@ -83,7 +83,11 @@ def _admitted(runs: Sequence[GapRun], plant: SmaPlant, settings: Settings) -> Se
     admission = admit(runs, plant, settings)
     if not admission.admitted:
         reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings)
-        raise GapError("no good run can be used", value=reasons or "no run")
+        raise GapError(
+            "no run can be used",
+            value=reasons or "no run",
+            action="give folders with runs that the diagnosis admits",
+        )
     return admission.admitted
 
 
@@ -92,9 +96,7 @@ def _left(evidence: Evidence, predicted: Array) -> dict[str, float]:
     out = {}
     for segment in evidence.segments:
         if segment.view != "phase":
-            rows = np.concatenate(
-                [residual[s.rows][evidence.valid[s.rows]] for s in evidence.rows_of(segment.key)]
-            )
+            rows = evidence.valid_rows(segment.key, residual)
             out[segment.channel] = float(np.sqrt(np.mean(np.square(rows))))
     return out
 

@@ -83,16 +83,11 @@ def localise(problem: Problem, predicted: Array) -> HeatMap:
             rows = here & mask & ev.valid
             if rows.sum() >= 10:
                 cells.append(Cell(sub_model, side, name, _root_excess(squares[rows])))
-    by_output = {
-        key: _root_excess(
-            np.concatenate([squares[s.rows][ev.valid[s.rows]] for s in ev.rows_of(key)])
-        )
-        for key in ev.keys
-    }
     grouped: dict[str, list[float]] = {}
     model_of = {s.key: s.sub_model for s in ev.segments}
-    for key, value in by_output.items():
-        grouped.setdefault(model_of[key], []).append(value**2)
+    for key in ev.keys:
+        excess = _root_excess(ev.valid_rows(key, squares))
+        grouped.setdefault(model_of[key], []).append(excess**2)
     by_sub_model = {k: float(np.sqrt(np.mean(v))) for k, v in grouped.items()}
     return HeatMap(tuple(cells), _windows(problem, squares), by_sub_model)
 

@@ -14,7 +14,7 @@ from itertools import permutations
 
 import numpy as np
 
-from smad.gap.fit import dispersion
+from smad.gap.fit import independent_share
 from smad.gap.lsq import Fitted
 from smad.gap.plant import Array, Experiment
 from smad.gap.replay import Detail, Evidence
@@ -76,7 +76,7 @@ class Trial:
             fast=first.detail is not Detail.FINE,
         )
         self._whitening = Whitening(self._ev, noise)
-        self._share = float(np.mean(list(dispersion(fits[0].problem, fits[0].z).values())))
+        self._share = independent_share(fits[0])
         self._y = self._ev.predict([fit.point for fit in fits])
         pairs = permutations(range(len(fits)), 2)
         self._apart = {(i, j): self._whitening.white(self._y[i] - self._y[j]) for i, j in pairs}
@@ -124,8 +124,7 @@ def _moved(fit: Fitted) -> list[Array]:
 def _information(fit: Fitted) -> Array:
     H, _ = fit.normal_equations()
     _, precision = fit.space.prior()
-    share = float(np.mean(list(dispersion(fit.problem, fit.z).values())))
-    return np.asarray(share * H.sum(axis=0) + precision)
+    return np.asarray(independent_share(fit) * H.sum(axis=0) + precision)
 
 
 def propose(

@@ -167,8 +167,9 @@ class PlantModel(Protocol):
     ) -> dict[str, Array]:
         """Noise-free prediction of every output of `views`, by output key.
 
-        A view whose feeds the run lacks is left out. `fast` allows a coarser step that changes
-        nothing beyond the noise floor. Releases the GIL or is quick: it is called from threads.
+        `Evidence` leaves out views whose feeds the run lacks: they are not asked for. `fast` allows
+        a coarser step that changes nothing beyond the noise floor. Releases the GIL or is quick: it
+        is called from threads.
         """
         ...
 
@@ -188,3 +189,13 @@ class PlantModel(Protocol):
     def perform(self, experiment: str, point: ModelPoint, seed: int) -> GapRun:
         """The run that the plant at `point` would give: inputs and noise-free measured channels."""
         ...
+
+
+def nominal_point(plant: PlantModel) -> ModelPoint:
+    """Every parameter at its nominal value, and no effect."""
+    return ModelPoint({p.name: p.nominal for p in plant.parameters})
+
+
+def units(plant: PlantModel) -> dict[str, str]:
+    """Unit of each channel, by name."""
+    return {c.name: c.unit for c in plant.channels}

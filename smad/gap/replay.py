@@ -184,47 +184,43 @@ class Evidence:
         self.segments: list[Segment] = []
         self._views_of_run: list[list[str]] = []
         self._keys_of_run: list[list[tuple[str, float, float]]] = []
-        channels = {c.name: c for c in plant.channels}
-        start = 0
-        for r, run in enumerate(runs):
-            present = [v for v in views if self._supported(v, run)]
-            self._views_of_run.append([v.name for v in present])
-            keys = []
-            for view in present:
-                for out in view.outputs:
-                    if out.channel not in run.outputs:
-                        self.missing.append(f"{run.name}: {out.channel}")
-                        continue
-                    stop = start + len(self.grids[r].t_s)
-                    self.segments.append(
-                        Segment(
-                            r,
-                            view.name,
-                            view.sub_model,
-                            out.key,
-                            out.channel,
-                            out.side,
-                            start,
-                            stop,
-                        )
-                    )
-                    c = channels[out.channel]
-                    span = c.high - c.low
-                    keys.append((out.key, c.low - span, c.high + span))
-                    start = stop
-            self._keys_of_run.append(keys)
-        self.n = start
+        self.n = 0
+        for r, run in enumerate(self.runs):
+            self._lay_out(r, run)
         self.coarseness = {detail: np.zeros(self.n) for detail in Detail}
+        self._measure()
+        self._cut_cells()
+
+    def _lay_out(self, r: int, run: GapRun) -> None:
+        """Gives every output that a run can be judged by its rows, after those there are."""
+        channels = {c.name: c for c in self.plant.channels}
+        present = [v for v in self.views if self._supported(v, run)]
+        self._views_of_run.append([v.name for v in present])
+        keys = []
+        for view in present:
+            for out in view.outputs:
+                if out.channel not in run.outputs:
+                    self.missing.append(f"{run.name}: {out.channel}")
+                    continue
+                start, self.n = self.n, self.n + len(self.grids[r].t_s)
+                place = (out.key, out.channel, out.side, start, self.n)
+                self.segments.append(Segment(r, view.name, view.sub_model, *place))
+                c = channels[out.channel]
+                span = c.high - c.low
+                keys.append((out.key, c.low - span, c.high + span))
+        self._keys_of_run.append(keys)
+
+    def _measure(self) -> None:
+        """Puts what was measured into the rows, which of them count, and when they are."""
         self.measured = np.zeros(self.n)
         self.valid = np.zeros(self.n, dtype=bool)
         self.t_s = np.zeros(self.n)
         for s in self.segments:
-            grid, column = self.grids[s.run], runs[s.run].outputs[s.channel]
+            grid, column = self.grids[s.run], self.runs[s.run].outputs[s.channel]
             finite = np.isfinite(column)
             self.measured[s.rows] = np.nan_to_num(grid.mean(np.where(finite, column, 0.0)))
             self.valid[s.rows] = grid.valid & grid.majority(finite)
             self.t_s[s.rows] = grid.t_s - grid.t_s[0]
-        self._cut_cells()
 
     def _supported(self, view: View, run: GapRun) -> bool:
         lacking = lacking_feeds(view, run)
@@ -258,6 +254,10 @@ class Evidence:
     def rows_of(self, key: str) -> list[Segment]:
         """The segments of one output, in run order."""
         return [s for s in self.segments if s.key == key]
+
+    def valid_rows(self, key: str, rows: Array) -> Array:
+        """Values of a row quantity in the rows of one output that count, run after run."""
+        return np.concatenate([rows[s.rows][self.valid[s.rows]] for s in self.rows_of(key)])
 
     def cell_sum(self, rows: Array) -> Array:
         """Sum of a row quantity over each cell."""

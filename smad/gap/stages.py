@@ -15,7 +15,7 @@ from smad.gap.errors import RunRefused
 from smad.gap.judge import Judged, excess_of, judge, predict_by_run
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.noise import Floor, estimate_floors
-from smad.gap.plant import Array, EffectValues, ModelPoint, Parameter, PlantModel, View
+from smad.gap.plant import Array, EffectValues, ModelPoint, PlantModel, View, nominal_point
 from smad.gap.refit import refit
 from smad.gap.replay import Detail, Evidence, Segment
 from smad.gap.runs import GapRun
@@ -91,7 +91,6 @@ def prepare(
     progress: Callable[[str], None] = lambda text: None,
 ) -> Prepared:
     """Noise floor, background from good runs, refit, and the held-out judgement of the refit."""
-    parameters = tuple(plant.parameters)
     views = shared_views(local_views(plant), (runs, hold_out, good))
     if not views:
         raise RunRefused(
@@ -105,44 +104,30 @@ def prepare(
     def evidence(chosen: Sequence[GapRun]) -> Evidence:
         return Evidence(plant, chosen, views, settings, executor)
 
-    centre = {p.name: p.nominal for p in parameters}
-    nominal = ModelPoint(centre)
     background = None
-    fixed: EffectValues = {}
     if good:
         progress(f"fitting {len(good)} known-good runs")
-        background = _background_of(evidence(good), floors, parameters, progress)
-        fit = background.fit
-        noise = dict(background.noise)
-        centre = dict(fit.point.theta)
-        fixed = fit.point.effects
+        background = _background_of(evidence(good), floors, progress)
     ev = evidence(runs)
     lost = _keys(local_views(plant)) - _keys(views)
     ev.missing += [f"{key}: not every group of runs can be judged by it" for key in sorted(lost)]
+    hold = evidence(hold_out) if hold_out else None
+    refitting = f"refitting {len(plant.parameters)} parameters"
     if background is None:
-        noise = fed_noise(ev, floors, nominal, settings.seed)
-
-    def problem_of(e: Evidence) -> Problem:
-        own = {k: noise[k] for k in e.keys}
-        expected = np.zeros(e.n) if background is None else background.expected(e)
-        return Problem(e, Whitening(e, own), expected)
-
-    problem = problem_of(ev)
-    progress(f"refitting {len(parameters)} parameters")
-    hold = problem_of(evidence(hold_out)) if hold_out else None
-    tied = None
-    if background is None:
-        fit = refit(problem, parameters, centre)
-        free = judge([fit], hold)[0]
+        noise = fed_noise(ev, floors, nominal_point(plant), settings.seed)
+        progress(refitting)
+        stood = _from_nominal(ev, hold, noise)
     else:
-        tied = refit(problem, parameters, centre, fixed, tie=_tie(background, settings))
-        fit, free = _unbound(tied, hold)
-    start = ModelPoint(centre, fixed)
+        noise = dict(background.noise)
+        progress(refitting)
+        stood = _from_good(ev, hold, background)
+    start = stood.start
+    problem, held = stood.problem, stood.hold
     raw = Judged(
         problem,
-        hold,
+        held,
         ev.predict([start], detail=Detail.FINE)[0],
-        np.zeros(0) if hold is None else hold.evidence.predict([start], detail=Detail.FINE)[0],
+        np.zeros(0) if hold is None else hold.predict([start], detail=Detail.FINE)[0],
     )
     return Prepared(
         plant,
@@ -150,16 +135,59 @@ def prepare(
         floors,
         noise,
         problem,
-        hold,
-        fit,
-        tied,
-        free,
+        held,
+        stood.fit,
+        stood.tied,
+        stood.free,
         raw,
         background,
-        centre,
-        fixed,
+        start.theta,
+        start.effects,
         _threshold(background, settings),
     )
+
+
+@dataclass(frozen=True)
+class _Refitted:
+    """The refit of the model at `start`, in the names of `Prepared`."""
+
+    start: ModelPoint
+    problem: Problem
+    hold: Problem | None
+    fit: Fitted
+    tied: Fitted | None
+    free: Judged
+
+
+def _from_nominal(
+    ev: Evidence, hold: Evidence | None, noise: Mapping[str, OutputNoise]
+) -> _Refitted:
+    """The refit of the nominal model, every parameter free."""
+    problem = _weighed(ev, noise, None)
+    held = None if hold is None else _weighed(hold, noise, None)
+    start = nominal_point(ev.plant)
+    fit = refit(problem, ev.plant.parameters, start.theta)
+    return _Refitted(start, problem, held, fit, None, judge([fit], held)[0])
+
+
+def _from_good(ev: Evidence, hold: Evidence | None, background: Background) -> _Refitted:
+    """The refits of the model of the good runs: parameters tied to it, and free."""
+    problem = _weighed(ev, background.noise, background)
+    held = None if hold is None else _weighed(hold, background.noise, background)
+    start = background.fit.point
+    tie = _tie(background, ev.settings)
+    tied = refit(problem, ev.plant.parameters, start.theta, start.effects, tie=tie)
+    fit, free = _unbound(tied, held)
+    return _Refitted(start, problem, held, fit, tied, free)
+
+
+def _weighed(
+    ev: Evidence, noise: Mapping[str, OutputNoise], background: Background | None
+) -> Problem:
+    """Evidence with its weights, and what good runs expect of it."""
+    own = {k: noise[k] for k in ev.keys}
+    expected = np.zeros(ev.n) if background is None else background.expected(ev)
+    return Problem(ev, Whitening(ev, own), expected)
 
 
 @repeatable
@@ -169,7 +197,7 @@ def known_good(
     """What the model makes of known-good runs alone: baseline, K_δ and the fit itself."""
     ev = Evidence(plant, runs, local_views(plant), settings, executor)
     floors = estimate_floors(runs, plant, settings)
-    return _background_of(ev, floors, tuple(plant.parameters), lambda text: None)
+    return _background_of(ev, floors, lambda text: None)
 
 
 def _keys(views: Sequence[View]) -> set[str]:
@@ -179,7 +207,6 @@ def _keys(views: Sequence[View]) -> set[str]:
 def _background_of(
     ev: Evidence,
     floors: Mapping[str, Floor],
-    parameters: Sequence[Parameter],
     progress: Callable[[str], None],
 ) -> Background:
     """Baseline and K_δ of known-good runs.
@@ -187,9 +214,8 @@ def _background_of(
     First by least squares, which shares the misfit out; its size by output and regime is then the
     weight with which the baseline is sought and the fit repeated.
     """
-    nominal = ModelPoint({p.name: p.nominal for p in parameters})
-    base = fed_noise(ev, floors, nominal, ev.settings.seed)
-    effects = ev.plant.effects
+    base = fed_noise(ev, floors, nominal_point(ev.plant), ev.settings.seed)
+    parameters, effects = ev.plant.parameters, ev.plant.effects
     plain = Problem(ev, Whitening(ev, base), np.zeros(ev.n))
     rough = with_laws(plain, parameters, effects)
     noise = learn_background(rough, base, templates=False).noise
@@ -293,7 +319,7 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> Problem:
         problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
         residual = good.residual(predict_by_run(problem, known.left_out.points, known.fit.point))
         for key in list(noise):
-            rows = [residual[s.rows][good.valid[s.rows]] for s in good.rows_of(key)]
-            power = float(np.mean(np.square(np.concatenate(rows)))) if rows else 0.0
+            rows = good.valid_rows(key, residual)
+            power = float(np.mean(np.square(rows))) if len(rows) else 0.0
             noise[key] = OutputNoise(max(noise[key].sigma, float(np.sqrt(power))))
     return Problem(ev, Whitening(ev, noise), np.zeros(ev.n))

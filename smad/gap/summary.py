@@ -11,7 +11,7 @@ from smad.gap.fit import Interval
 from smad.gap.judge import Judged, excess_by_key
 from smad.gap.localise import HeatMap, localise
 from smad.gap.lsq import Problem
-from smad.gap.plant import Array, EffectValues, PlantModel
+from smad.gap.plant import Array, EffectValues, PlantModel, units
 from smad.gap.records import (
     CandidateRecord,
     CellRecord,
@@ -50,7 +50,7 @@ def run_records(groups: Mapping[str, Sequence[GapRun]]) -> list[RunRecord]:
 
 def floor_records(prepared: Prepared) -> list[FloorRecord]:
     """The noise floor of each channel."""
-    unit = {c.name: c.unit for c in prepared.plant.channels}
+    unit = units(prepared.plant)
     return [
         FloorRecord(
             f.channel,
@@ -64,17 +64,13 @@ def floor_records(prepared: Prepared) -> list[FloorRecord]:
     ]
 
 
-def _unit_of(plant: PlantModel) -> dict[str, str]:
-    return {c.name: c.unit for c in plant.channels}
-
-
 def waterfall(
     view: str, problem: Problem, predictions: Sequence[Array], plant: PlantModel
 ) -> list[WaterfallRow]:
     """Rows of one view group: raw, refit, then one prediction for each accepted step."""
     ev = problem.evidence
     gaps = [excess_by_key(problem, np.square(problem.scaled(p))) for p in predictions]
-    unit = _unit_of(plant)
+    unit = units(plant)
     rows = []
     for key in ev.keys:
         first = ev.rows_of(key)[0]
@@ -279,7 +275,7 @@ def traces(
 ) -> list[Trace]:
     """Measured, refitted and final course of the outputs of the judging runs, decimated."""
     ev: Evidence = problem.evidence
-    unit = _unit_of(plant)
+    unit = units(plant)
     gap = excess_by_key(problem, np.square(problem.scaled(refit)))
     order = sorted(ev.segments, key=lambda s: (-gap.get(s.key, 0.0), s.key, s.run))
     out = []

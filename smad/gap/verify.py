@@ -13,7 +13,7 @@ from smad.gap.errors import RunRefused
 from smad.gap.judge import excess_by_key, shrink
 from smad.gap.lsq import Problem
 from smad.gap.noise import estimate_floors
-from smad.gap.plant import ModelPoint, PlantModel
+from smad.gap.plant import ModelPoint, PlantModel, nominal_point, units
 from smad.gap.replay import Evidence
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
@@ -56,11 +56,9 @@ def verified(
     ev = Evidence(plant, admission.admitted, views, settings, executor, fast=False)
     noise = {k: OutputNoise(floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
     problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
-    nominal = ModelPoint({p.name: p.nominal for p in plant.parameters})
-    gaps = [
-        excess_by_key(problem, np.square(problem.scaled(y))) for y in ev.predict([nominal, model])
-    ]
-    unit = {c.name: c.unit for c in plant.channels}
+    predicted = ev.predict([nominal_point(plant), model])
+    gaps = [excess_by_key(problem, np.square(problem.scaled(y))) for y in predicted]
+    unit = units(plant)
     rows = []
     for key in ev.keys:
         channel = ev.rows_of(key)[0].channel

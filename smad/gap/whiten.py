@@ -7,7 +7,7 @@ grid that is an ARMA(1,1) process, whose innovations filter is exact after the f
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,6 +45,16 @@ def arma_innovations(share: float, rho: float) -> tuple[float, float]:
     half = -gamma0 / (2 * gamma1)
     theta = half - np.sign(half) * np.sqrt(half**2 - 1)
     return float(theta), float(-gamma1 / theta)
+
+
+def lagged_products(series: Sequence[Array], longest: int) -> Array:
+    """Σ y_t y_{t+k} of all series together at lags k = 0 … `longest`; shape (longest + 1,)."""
+    total = np.zeros(longest + 1)
+    for y in series:
+        spectrum = np.fft.rfft(y, 2 * len(y))
+        own = np.fft.irfft(np.abs(spectrum) ** 2)[: min(longest + 1, len(y))]
+        total[: len(own)] += own
+    return total
 
 
 class Whitening:
