@@ -30,6 +30,7 @@ from smad.gap.whiten import Whitening
 _RENEWALS = (2, 5)
 _TELLING_STEP = 0.1
 _COOLING = (1.0, 0.5, 0.15)
+_FIRST_DAMPING, _DAMPINGS = 1e-3, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,61 +237,111 @@ def fitting(
     Sensitivities of the model parameters come from rough replays. With `rough` the whole fit does;
     its end is replayed in detail.
     """
-    lo, hi = space.bounds()
-    for i, value in (pinned or {}).items():
-        lo[i] = hi[i] = value
-    p = np.clip(start, lo, hi)
-    detail = Detail.ROUGH if rough else None
-    predicted = (yield Ask([space.point(p)], detail))[0]
-    z = problem.white(predicted)
-    own = list(range(space.n_theta))
-    extra = [i for i in range(space.n_theta, space.size) if i not in (pinned or {})]
-    A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
-    if theta_A is not None:
-        A[:, : space.n_theta] = theta_A
-    elif own:
-        A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
-    follow = own + extra if steady else own
-    damping, total, stuck = 1e-3, 0.0, False
+    fit = _Fit(problem, space, Detail.ROUGH if rough else None, pinned or {}, steady=steady)
+    yield from fit.begin(start, theta_A)
+    total, stuck = 0.0, False
     for iteration in range(iterations + len(_COOLING)):
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
-        heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(z))
-        best = objective(problem, space, p, z, heat)
+        heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(fit.z))
         fresh = stuck or iteration in _RENEWALS
-        if refresh_theta and fresh and own:
-            A[:, own] = yield from sensitivities(problem, space, p, own, detail=Detail.ROUGH)
-        if extra and (not steady or iteration == 0 or fresh):
-            A[:, extra] = yield from sensitivities(
-                problem, space, p, extra, detail=detail, predicted=predicted
-            )
-        H, g, _ = parabola(problem, space, p, z, A, heat=heat)
-        gained = 0.0
-        for _ in range(4):
-            damped = H + damping * np.diag(np.diag(H))
-            step = solve_box(damped, g, lo - p, hi - p)
-            if not np.any(np.abs(step) > 1e-7):
-                break
-            trial = (yield Ask([space.point(p + step)], detail))[0]
-            z_trial = problem.white(trial)
-            value = objective(problem, space, p + step, z_trial, heat)
-            if follow and teaches(problem, step, trial, detail):
-                A[:, follow] += lesson(A, step, z - z_trial)[:, follow]
-            if value < best:
-                gained = best - value
-                p, predicted, z, best = p + step, trial, z_trial, value
-                damping = max(damping / 10, 1e-6)
-                break
-            damping = max(10 * damping, 0.03)
+        if refresh_theta and fresh:
+            yield from fit.renew_own()
+        if not steady or iteration == 0 or fresh:
+            yield from fit.renew_extra()
+        gained = yield from fit.step(heat)
         total += gained
         stuck = (heat == 1.0 or squares) and gained < max(tolerance, 0.003 * total)
         # Slopes that have grown old are renewed before a fit gives up.
         if stuck and (fresh or not steady):
             break
-    if rough:
-        predicted = (yield Ask([space.point(p)]))[0]
-        z = problem.white(predicted)
-    best = objective(problem, space, p, z)
-    return Fitted(problem, space, p, predicted, z, A, best, edges(space, p))
+    return (yield from fit.end())
+
+
+class _Fit:
+    """Where a fit has come to: coordinates, prediction, white residual, sensitivities, damping."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        space: Space,
+        detail: Detail | None,
+        pinned: Mapping[int, float],
+        *,
+        steady: bool,
+    ) -> None:
+        self.problem, self.space, self.detail = problem, space, detail
+        self.lo, self.hi = space.bounds()
+        for i, value in pinned.items():
+            self.lo[i] = self.hi[i] = value
+        self.own = list(range(space.n_theta))
+        self.extra = [i for i in range(space.n_theta, space.size) if i not in pinned]
+        self.follow = self.own + self.extra if steady else self.own
+        self.A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
+        self.damping = _FIRST_DAMPING
+
+    def begin(
+        self, start: Array, theta_A: NDArray[np.float32] | None
+    ) -> Generator[Ask, Array, None]:
+        """Takes the place to start from, and the parameters' sensitivities there."""
+        self.p = np.clip(start, self.lo, self.hi)
+        yield from self._replay(self.detail)
+        if theta_A is None:
+            yield from self.renew_own()
+        else:
+            self.A[:, : self.space.n_theta] = theta_A
+
+    def _replay(self, detail: Detail | None) -> Generator[Ask, Array, None]:
+        self.predicted = (yield Ask([self.space.point(self.p)], detail))[0]
+        self.z = self.problem.white(self.predicted)
+
+    def renew_own(self) -> Generator[Ask, Array, None]:
+        """Sensitivities of the model parameters, roughly."""
+        if self.own:
+            self.A[:, self.own] = yield from sensitivities(
+                self.problem, self.space, self.p, self.own, detail=Detail.ROUGH
+            )
+
+    def renew_extra(self) -> Generator[Ask, Array, None]:
+        """Sensitivities of the effects, in the detail of the fit."""
+        if self.extra:
+            self.A[:, self.extra] = yield from sensitivities(
+                self.problem,
+                self.space,
+                self.p,
+                self.extra,
+                detail=self.detail,
+                predicted=self.predicted,
+            )
+
+    def step(self, heat: float) -> Generator[Ask, Array, float]:
+        """One step downhill, damped the more the less that helps; returns what it gained."""
+        problem, space, p = self.problem, self.space, self.p
+        best = objective(problem, space, p, self.z, heat)
+        H, g, _ = parabola(problem, space, p, self.z, self.A, heat=heat)
+        for _ in range(_DAMPINGS):
+            damped = H + self.damping * np.diag(np.diag(H))
+            step = solve_box(damped, g, self.lo - p, self.hi - p)
+            if not np.any(np.abs(step) > 1e-7):
+                break
+            trial = (yield Ask([space.point(p + step)], self.detail))[0]
+            z = problem.white(trial)
+            value = objective(problem, space, p + step, z, heat)
+            if self.follow and teaches(problem, step, trial, self.detail):
+                self.A[:, self.follow] += lesson(self.A, step, self.z - z)[:, self.follow]
+            if value < best:
+                self.p, self.predicted, self.z = p + step, trial, z
+                self.damping = max(self.damping / 10, 1e-6)
+                return best - value
+            self.damping = max(10 * self.damping, 0.03)
+        return 0.0
+
+    def end(self) -> FitSteps:
+        """The fit as it stands, replayed in detail."""
+        if self.detail is not None:
+            yield from self._replay(None)
+        problem, space, p = self.problem, self.space, self.p
+        value = objective(problem, space, p, self.z)
+        return Fitted(problem, space, p, self.predicted, self.z, self.A, value, edges(space, p))
 
 
 def parabola(
