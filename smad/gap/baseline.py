@@ -185,7 +185,7 @@ def as_fixed(fit: Fitted) -> Fitted:
 
 
 def frozen(fit: Fitted) -> Fitted:
-    """The same fit with its effects fixed instead of free."""
+    """The fit with its effects fixed where they are, the parameters refitted in a few steps."""
     space = replace(fit.space, effects=(), fixed=fit.point.effects)
     p, A = fit.p[: space.size], fit.A[:, : space.size]
     steps = fitting(fit.problem, space, p, theta_A=A, iterations=0)

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from smad.gap.records import Diagnosis, Trace
+from smad.gap.records import HALF_CHI2_95, Diagnosis, Trace
 from smad.report.plots import draw, label, new_figure, svg_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_AMBIGUOUS_D2 = 16.0
-_LEVEL_95 = 1.92
 _MOST_OVERLAYS = 5
 
 
@@ -111,7 +109,7 @@ def ambiguity(d: Diagnosis) -> str:
         if np.isfinite(value):
             text = f"{value:.0f}" if value < 1e4 else f"{value:.0e}"
             shade = "#ffffff" if shown[i, j] > 2.4 else "#1b1f24"
-            weight = "bold" if value < _AMBIGUOUS_D2 else "normal"
+            weight = "bold" if value < d.settings["ambiguous_d2"] else "normal"
             ax.text(
                 j, i, text, ha="center", va="center", fontsize=7, color=shade, fontweight=weight
             )
@@ -127,7 +125,7 @@ def profiles(d: Diagnosis) -> str:
     for ax, v in zip(axes, values, strict=False):
         x, y = zip(*v.profile, strict=True)
         ax.plot(x, y, "o-", color="#0b5cad", markersize=3)
-        ax.axhline(_LEVEL_95, color="#8b949e", linestyle="--", linewidth=0.9)
+        ax.axhline(HALF_CHI2_95, color="#8b949e", linestyle="--", linewidth=0.9)
         ax.axvspan(v.low, v.high, color="#0b5cad", alpha=0.12, linewidth=0)
         ax.set_ylim(0, min(max(y) * 1.1 + 0.1, 12.0))
         ax.margins(x=0.05)

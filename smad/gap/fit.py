@@ -16,12 +16,12 @@ import numpy as np
 
 from smad.gap.lsq import FitSteps, Fitted, Problem, drive, fitting, solve_box
 from smad.gap.plant import Array, Effect
+from smad.gap.records import HALF_CHI2_95
 from smad.gap.significance import resample_weights
 from smad.gap.space import Space
 from smad.gap.whiten import lagged_products
 
 _PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
-_HALF_CHI2_95 = 1.92
 _TOGETHER = 8
 _TRUSTED = 2
 
@@ -143,7 +143,7 @@ def _enter(ends: dict[tuple[str, ...], JointFit], fit: Fitted) -> None:
 
 
 def _near(best: Fitted, other: Fitted) -> bool:
-    return other.objective - best.objective < _HALF_CHI2_95
+    return other.objective - best.objective < HALF_CHI2_95
 
 
 def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
@@ -273,7 +273,7 @@ def _crossing(curve: Sequence[tuple[float, float]], centre: float, side: int) ->
     """Where a profile reaches the 95 % level on one side, by linear interpolation of its root."""
     ordered = sorted((c for c in curve if side * (c[0] - centre) >= 0), key=lambda c: side * c[0])
     for (x0, y0), (x1, y1) in pairwise(ordered):
-        if y1 >= _HALF_CHI2_95 > y0:
+        if y1 >= HALF_CHI2_95 > y0:
             r0, r1 = np.sqrt(y0), np.sqrt(y1)
-            return float(x0 + (x1 - x0) * (np.sqrt(_HALF_CHI2_95) - r0) / (r1 - r0))
+            return float(x0 + (x1 - x0) * (np.sqrt(HALF_CHI2_95) - r0) / (r1 - r0))
     return None

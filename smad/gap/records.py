@@ -6,6 +6,7 @@ from enum import StrEnum
 from typing import Any
 
 import msgspec
+from msgspec import inspect
 
 
 class Outcome(StrEnum):
@@ -20,6 +21,9 @@ class Outcome(StrEnum):
     NO_EXCITATION = "not enough excitation"
     REFUSED = "runs refused"
 
+
+HALF_CHI2_95 = 1.92
+"""Rise of a profile's negative log-likelihood at the ends of its 95 % interval."""
 
 NAMED = frozenset((Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST))
 """Outcomes that name a cause."""
@@ -250,7 +254,8 @@ class Diagnosis(msgspec.Struct, frozen=True):
 
     `fitted` are all models that were fitted jointly, the refit first. `places` holds for each
     effect of the best model the probability of every effect in its place, "" being none; with no
-    effect in the best model it has one place "". `left_out` is filled when it was asked for.
+    effect in the best model it has one place "", and none at all where nothing was tried or the
+    free refit answers. `left_out` is filled when it was asked for.
     """
 
     plant: str
@@ -289,5 +294,24 @@ class Diagnosis(msgspec.Struct, frozen=True):
 
     @classmethod
     def from_json(cls, data: bytes) -> Diagnosis:
-        """The record that `to_json` wrote."""
-        return msgspec.json.decode(data, type=cls)
+        """The record that `to_json` wrote; what was NaN or infinite is NaN."""
+        known = _with_nan(msgspec.json.decode(data), inspect.type_info(cls))
+        return msgspec.convert(known, type=cls)
+
+
+def _with_nan(value: Any, wanted: inspect.Type) -> Any:
+    """A decoded value, NaN for null wherever nothing but a number is wanted."""
+    match wanted, value:
+        case inspect.FloatType(), None:
+            return float("nan")
+        case inspect.StructType(), dict():
+            kinds = {f.encode_name: f.type for f in wanted.fields}
+            return {k: _with_nan(v, kinds[k]) if k in kinds else v for k, v in value.items()}
+        case inspect.DictType(), dict():
+            return {k: _with_nan(v, wanted.value_type) for k, v in value.items()}
+        case inspect.ListType(), list():
+            return [_with_nan(v, wanted.item_type) for v in value]
+        case inspect.TupleType(), list():
+            kinds_of_items = (*wanted.item_types, *[inspect.AnyType()] * len(value))
+            return [_with_nan(v, k) for v, k in zip(value, kinds_of_items, strict=False)]
+    return value

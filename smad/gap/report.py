@@ -68,6 +68,7 @@ def _verdict(d: Diagnosis) -> list[Block]:
             )
         )
     if d.experiments:
+        limit = d.settings["ambiguous_d2"]
         out.append(
             Table(
                 ("experiment", "duration", "d² predicted", "counted", "together", "run it"),
@@ -82,8 +83,9 @@ def _verdict(d: Diagnosis) -> list[Block]:
                     )
                     for x in d.experiments
                 ],
-                "Experiments that would tell the remaining causes apart, best first; 16 is four "
-                "standard errors. Of the d² that the models predict only a part can be counted on, "
+                "Experiments that would tell the remaining causes apart, best first; "
+                f"{limit:g} is {limit**0.5:g} standard errors. Of the d² that the models predict "
+                "only a part can be counted on, "
                 "by how much more than they say the runs vary along it; together is that of this "
                 "experiment and those above it",
                 frozenset({1, 2, 3, 4}),
@@ -209,7 +211,8 @@ def _candidates(d: Diagnosis) -> list[Block]:
             Picture(
                 figures.ambiguity(d),
                 "Ambiguity: d² between the best model with the row's effect and the one with the "
-                "column's, after that one has refitted all it can. Under 16 they cannot be told "
+                "column's, after that one has refitted all it can. Under "
+                f"{d.settings['ambiguous_d2']:g} they cannot be told "
                 "apart with these runs.",
             )
         )

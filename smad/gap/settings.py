@@ -1,4 +1,9 @@
-"""Every threshold and size of the diagnosis, in one place."""
+"""The sizes of the diagnosis and the thresholds of its verdicts.
+
+What else weighs in a verdict stands at the top of its module: the least spread of good runs
+(`deficit`), what makes a template of the background worth having and how many rows tell of a regime
+(`discrepancy`), and which regimes are left out in turn (`judge`).
+"""
 
 from __future__ import annotations
 
@@ -41,6 +46,13 @@ class Settings:
     `structural_excess` times), where the runs score worse than good ones, each predicted by the
     others, by `since_deficit` nats a cell; or if they do on one output, by `since_spreads` times
     what good runs differ in it, or on one output of one run, by `since_run_deficit` nats a cell.
+
+    Without a cause the answer is that there was not enough excitation if less than `least_visible`
+    of the effects would show by more than `visible_floors` at their typical strength. Since
+    known-good runs parameters have changed if the refit leaves less than `vanished_share` of the
+    gap; a tied answer without a cause stands beside the free refit if it leaves at most
+    `same_excess` times as much. Below `min_excess` floors (`since_min_excess` beside tied
+    parameters) a cause is judged by what its scores gain, since the gap has no shrink to speak of.
 
     `quiet_right`, `named_right` and `unknown_right` are the shares of the answers of each kind that
     were exactly right where the evidence left no doubt, on the development bank (one case in five
@@ -85,6 +97,11 @@ class Settings:
 
     significance: float = 0.01
     min_excess: float = 0.35
+    since_min_excess: float = 1.5
+    least_visible: float = 0.2
+    visible_floors: float = 4.0
+    vanished_share: float = 0.55
+    same_excess: float = 1.1
     gain_standard_errors: float = 1.0
     since_gain: float = 0.7
     since_standard_errors: float = 2.0

@@ -22,8 +22,6 @@ from smad.gap.plant import Effect
 from smad.gap.select import Candidate, Selection, Selector, cluster_gain
 from smad.gap.stages import Prepared
 
-_SAME = 1.1
-
 
 @dataclass(frozen=True)
 class Track:
@@ -124,7 +122,7 @@ def _stands(
     """
     if best.names:
         return helps or not beaten
-    little = max(prepared.threshold, _SAME * free.excess())
+    little = max(prepared.threshold, prepared.settings.same_excess * free.excess())
     return not beaten and best.judged.excess() <= little
 
 

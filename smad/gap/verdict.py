@@ -11,9 +11,6 @@ from smad.gap.assess import Worth
 from smad.gap.records import NAMED, Outcome
 from smad.gap.settings import Settings
 
-# Since known-good runs, parameters have moved if moving them takes this much of the gap away.
-_VANISHED = 0.55
-
 
 @dataclass(frozen=True)
 class Unexplained:
@@ -90,11 +87,12 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
 
 def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
     if not e.effects and not _structural(e, settings):
-        if e.visible < 0.2:
+        if e.visible < settings.least_visible:
             return Outcome.NO_EXCITATION, 1.0 - e.visible
         nothing = 1.0 - _present(e)
-        vanished = e.gap_raw > e.threshold and e.whole.gap_refit < _VANISHED * e.gap_raw
-        if vanished if e.since_good else (e.moved or e.gap_raw > e.threshold):
+        gone = e.whole.gap_refit < settings.vanished_share * e.gap_raw
+        large = e.gap_raw > e.threshold
+        if large and gone if e.since_good else (e.moved or large):
             return Outcome.PARAMETERS, nothing
         return Outcome.NO_GAP, nothing
     if not e.effects:
@@ -182,7 +180,7 @@ def _too_little(worth: Worth, settings: Settings, *, tied: bool) -> float:
     Beside tied parameters a cause must also bring a large gap down to the background's size, or
     take most of it: a neighbour of the true cause leaves more.
     """
-    if worth.gap_refit < (1.5 if tied else settings.min_excess):
+    if worth.gap_refit < (settings.since_min_excess if tied else settings.min_excess):
         # A gap of the floor's size has no shrink to speak of; what its scores gain tells.
         return float(np.mean(worth.score_share < settings.unknown_ratio))
     s, ceiling = worth.draws[:, 0], worth.draws[:, 1]

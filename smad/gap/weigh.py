@@ -15,8 +15,6 @@ from smad.gap.stages import Prepared
 from smad.gap.tracks import Track
 from smad.gap.verdict import Evidenced, Unexplained
 
-_VISIBLE_FLOORS = 4.0
-
 
 def weigh(prepared: Prepared, track: Track) -> Evidenced:
     """Gaps, shrink, groups and chances of the answer that `track` gave."""
@@ -44,10 +42,18 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         taken=_taken(prepared, selection),
         strongest=_strongest(selection),
         unexplained=_unexplained(prepared, track),
-        visible=float(np.mean([s.size > _VISIBLE_FLOORS for s in selection.screened]))
+        visible=_visible(prepared, selection),
+    )
         if selection.screened
         else 1.0,
     )
+
+
+def _visible(prepared: Prepared, selection: Selection) -> float:
+    """Share of the effects screened that would show at their typical strength."""
+    floors = prepared.settings.visible_floors
+    shown = [s.size > floors for s in selection.screened]
+    return float(np.mean(shown)) if shown else 1.0
 
 
 def _strongest(selection: Selection) -> float:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from sim_device.plant import load_parameters
 from smad.gap.apply import apply, model_point
@@ -58,6 +59,25 @@ def test_the_page_shows_what_the_json_holds(found: Diagnosis) -> None:
         assert needed in text or needed in html
     assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", html)
     assert html.count("<svg") >= 5
+
+
+def test_a_record_with_numbers_that_are_none_reads_back_and_writes_the_same(
+    found: Diagnosis,
+) -> None:
+    nan = float("nan")
+    told = replace(
+        found,
+        verdict=replace(found.verdict, ceiling=nan, gap_instead=None, open_loop=[1.0, nan]),
+        values=[replace(v, low=float("-inf"), profile=[(nan, 1.0)]) for v in found.values],
+        places={"coupling": {"": nan, "backlash": 0.5}},
+    )
+    again = Diagnosis.from_json(told.to_json())
+    assert np.isnan(again.verdict.ceiling)
+    assert np.isnan(again.values[0].low)
+    assert np.isnan(again.values[0].profile[0][0])
+    assert np.isnan(again.places["coupling"][""])
+    assert again.verdict.gap_instead is None
+    assert again.to_json() == told.to_json()
 
 
 def test_every_outcome_makes_a_page() -> None:
