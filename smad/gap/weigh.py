@@ -44,9 +44,6 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         unexplained=_unexplained(prepared, track),
         visible=_visible(prepared, selection),
     )
-        if selection.screened
-        else 1.0,
-    )
 
 
 def _visible(prepared: Prepared, selection: Selection) -> float:
