@@ -53,8 +53,8 @@ def read_model(path: str | Path) -> Model:
     """Read a model file.
 
     Keys: format (must be "smad-model-1"), base (a built-in set or a parameter file, relative to
-    the model file), variant, overrides (name to SI value), mounting (of MOUNTING, name to value), effects (name to
-    parameters), note.
+    the model file), variant, overrides (name to SI value), mounting (of MOUNTING, name to value),
+    effects (name to parameters), note.
     Raises ModelError for the file itself, ParameterError and EffectError for what it asks for.
     """
     path = Path(path)
