@@ -26,15 +26,15 @@ def autocorrelation(x: Array, lags: int) -> Array:
     return np.array([float(y[k:] @ y[:-k]) / power for k in range(1, lags + 1)])
 
 
-def ljung_box(x: Array) -> tuple[float, float]:
-    """Q = n(n+2) Σ ρ_k²/(n−k) and its p-value against χ² with as many degrees of freedom as lags.
+def ljung_box(x: Array, lags: int = LAGS) -> tuple[float, float]:
+    """Q = n(n+2) Σ ρ_k²/(n−k) and its p-value against χ² with `lags` degrees of freedom.
 
-    Over `LAGS` lags, or as many as the series has.
+    A series with fewer lags is tested on those it has.
 
     Ljung & Box, Biometrika 65 (1978) 297.
     """
     n = len(x)
-    lags = min(LAGS, n - 1)
+    lags = min(lags, n - 1)
     if lags < 1:
         return 0.0, 1.0
     rho = autocorrelation(x, lags)

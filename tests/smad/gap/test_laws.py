@@ -194,5 +194,5 @@ def test_a_law_that_replaces_another_is_tried_both_ways() -> None:
 def test_leftover_asks_for_a_folder() -> None:
     with pytest.raises(SystemExit, match="give folders"):
         main([])
-    with pytest.raises(SystemExit, match="no good run"):
+    with pytest.raises(SystemExit, match="no run can be used"):
         main([str(Path(__file__).parent)])
