@@ -312,7 +312,7 @@ def _simulated_point(
 
 def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelPoint) -> None:
     """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
-    from smad.experiments.driver import log_name
+    from smad.experiments.driver import log_path
     from smad.experiments.virtual import VirtualDriver
     from smad.gap.catalogue import plan_named
     from smad.gap.errors import GapError
@@ -320,7 +320,7 @@ def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelP
     plan = plan_named(name, seed)
     if seed:
         plan = dataclasses.replace(plan, name=f"{plan.name} {seed}")
-    path = folder / f"{log_name(plan)}.mcap"
+    path = log_path(folder, plan)
     if path.exists():
         raise GapError(
             "a run log of that name is there already",

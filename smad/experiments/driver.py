@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from smad.control.plan import Cooling, Fixture, Plan
@@ -31,6 +32,11 @@ Progress = Callable[[str], None]
 def log_name(plan: Plan) -> str:
     """The name of a plan in run logs and their files, which a slash would not fit."""
     return plan.name.replace("/", "_")
+
+
+def log_path(folder: Path, plan: Plan) -> Path:
+    """The run log of a plan that a simulated bench carries out."""
+    return folder / f"{log_name(plan)}.mcap"
 
 
 @dataclass(frozen=True, order=True)

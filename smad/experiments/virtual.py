@@ -18,7 +18,7 @@ from smad.control.plan import Plan
 from smad.control.runner import run_virtual
 from smad.control.sample import Sample
 from smad.daemon.measure import row_of
-from smad.experiments.driver import PARTS, Mounting, Progress, log_name
+from smad.experiments.driver import PARTS, Mounting, Progress, log_name, log_path
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.runlog.reader import columns_of
@@ -121,7 +121,7 @@ class VirtualDriver:
 
         assert self._folder is not None
         self._folder.mkdir(parents=True, exist_ok=True)
-        path = self._folder / f"{log_name(plan)}.mcap"
+        path = log_path(self._folder, plan)
         path.unlink(missing_ok=True)
         header = RunHeader(
             source="sim",

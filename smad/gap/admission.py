@@ -15,7 +15,7 @@ import numpy as np
 
 from smad.gap.plant import Array, PlantModel, nominal_point
 from smad.gap.replay import Grid
-from smad.gap.runs import GapRun
+from smad.gap.runs import GapRun, bridged
 from smad.gap.settings import Settings
 from smad.gap.views import local_views, open_views, supported_keys
 
@@ -163,22 +163,16 @@ def _check_time(run: GapRun, settings: Settings, say: Say) -> None:
 
 def _filled(run: GapRun, say: Say) -> GapRun:
     """The run without gaps in its channels; the samples that had one do not count."""
-    gaps = {
-        name: ~np.isfinite(column)
-        for name, column in run.outputs.items()
-        if 0 < np.sum(np.isfinite(column)) < len(column)
-    }
-    if not gaps:
+    finite = {name: np.isfinite(column) for name, column in run.outputs.items()}
+    gappy = [name for name, good in finite.items() if good.any() and not good.all()]
+    if not gappy:
         return run
-    share = float(np.mean(np.any(list(gaps.values()), axis=0)))
-    names = ", ".join(gaps)
+    whole = np.ones(len(run.t_s), dtype=bool)
+    outputs = {name: bridged(run.outputs[name], whole) for name in gappy}
+    share = 1.0 - float(np.mean(whole))
+    names = ", ".join(gappy)
     say("gaps", f"{names} hold no number in {share:.1%} of the samples: these do not count")
-    index = np.arange(len(run.t_s))
-    outputs = {
-        name: np.interp(index, index[~gap], run.outputs[name][~gap]) for name, gap in gaps.items()
-    }
-    valid = run.good & ~np.any(list(gaps.values()), axis=0)
-    return replace(run, outputs={**run.outputs, **outputs}, valid=valid)
+    return replace(run, outputs={**run.outputs, **outputs}, valid=run.good & whole)
 
 
 def _check_channels(

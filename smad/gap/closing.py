@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from importlib.metadata import version
 
@@ -52,7 +52,6 @@ from smad.gap.verdict import Evidenced, decide, stands_out
 from smad.gap.weigh import weigh
 from smad.gap.words import words
 
-FITTED = "the run it was fitted to"
 LIMITS = (
     "Every figure is about this plant model and its library: a cause outside it can only be "
     "reported as unknown.",
@@ -68,13 +67,6 @@ SINGLE = (
 )
 
 
-def judged_on(roles: Mapping[str, Sequence[GapRun]]) -> str:
-    """What the figures of a diagnosis were taken on."""
-    if roles["hold-out"]:
-        return "runs held out"
-    return "each run left out in turn" if len(roles["fit"]) > 1 else FITTED
-
-
 @dataclasses.dataclass(frozen=True)
 class Shell:
     """What every diagnosis carries, whatever it found."""
@@ -85,6 +77,18 @@ class Shell:
     roles: dict[str, Sequence[GapRun]]
     since_good: bool
     began: float
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the figures are of runs that were not fitted to."""
+        return bool(self.roles["hold-out"]) or len(self.roles["fit"]) != 1
+
+    @property
+    def judged_on(self) -> str:
+        """What the figures are of."""
+        if self.roles["hold-out"]:
+            return "runs held out"
+        return "each run left out in turn" if self.unseen else "the run it was fitted to"
 
     def record(self, verdict: Verdict, **parts: object) -> Diagnosis:
         empty: dict[str, object] = {
@@ -107,11 +111,11 @@ class Shell:
             question="what has changed since the known-good runs"
             if self.since_good
             else "what differs between model and bench",
-            judged_on=judged_on(self.roles),
+            judged_on=self.judged_on,
             verdict=verdict,
             runs=run_records(self.roles),
             findings=[FindingRecord(f.run, f.kind, f.text, f.refuses) for f in self.findings],
-            limits=[*LIMITS, *([] if judged_on(self.roles) != FITTED else [SINGLE])],
+            limits=list(LIMITS if self.unseen else (*LIMITS, SINGLE)),
             seconds=time.perf_counter() - self.began,
             **(empty | {"model": {}} | parts),  # type: ignore[arg-type]
         )
@@ -185,7 +189,7 @@ class Closing:
             outcome, numbers, prepared.plant, p=p, sub_model=place.sub_model,
             regimes=place.regimes, outputs=place.channels, values=values,
             experiments=experiments, wanted=settings.ambiguous_d2,
-            unseen=judged_on(self.shell.roles) != FITTED,
+            unseen=self.shell.unseen,
         )  # fmt: skip
         opened, open_rows, shown = self._open_loop(outcome in NAMED)
         bench = best.judged.bench

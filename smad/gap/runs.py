@@ -102,6 +102,16 @@ class GapRun:
         )
 
 
+def bridged(column: Array, valid: NDArray[np.bool_]) -> Array:
+    """The column without gaps, some number in it given; unmarks the samples that had one."""
+    good = np.isfinite(column)
+    if good.all():
+        return column
+    valid &= good
+    index = np.arange(len(column))
+    return np.interp(index, index[good], column[good])
+
+
 def distinctly_named(groups: Iterable[Sequence[GapRun]]) -> list[list[GapRun]]:
     """The same groups of runs, whose findings and scores are told apart by name.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from smad.gap.plant import Array, Channel, Mask, Output, Signal, View
-from smad.gap.runs import GapRun
+from smad.gap.runs import GapRun, bridged
 
 SIDES = {"X": "x", "Y": "y"}
 
@@ -208,12 +208,12 @@ def run_from_columns(
         if column is None and wanted.startswith("i_applied"):
             column = _recorded(columns, wanted.replace("applied", "cmd"))
         if column is not None:
-            inputs[wanted] = np.maximum(_filled(column, valid), 0.0)
+            inputs[wanted] = np.maximum(bridged(column, valid), 0.0)
     outputs = {}
     for channel in CHANNELS:
         column = _recorded(columns, channel.name)
         if column is not None:
-            outputs[channel.name] = _filled(column, valid)
+            outputs[channel.name] = bridged(column, valid)
     return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes)
 
 
@@ -225,16 +225,6 @@ def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
     if raw.dtype.kind in "iu":
         column = np.where(raw < 0, np.nan, column)
     return column if np.isfinite(column).any() else None
-
-
-def _filled(column: Array, valid: Mask) -> Array:
-    """The column without gaps; marks the samples that had one."""
-    good = np.isfinite(column)
-    if good.all():
-        return column
-    valid &= good
-    index = np.arange(len(column))
-    return np.interp(index, index[good], column[good])
 
 
 def read_gap_run(path: Path) -> GapRun:

@@ -26,7 +26,8 @@ def shared_views(views: Sequence[View], groups: Sequence[Sequence[GapRun]]) -> l
     What one group was fitted on could not be judged on another; groups of no runs ask for nothing.
     """
     having = [set[str]().union(*(supported_keys(views, r) for r in g)) for g in groups if g]
-    apart = set[str]().union(*having).difference(*(set.intersection(*having),) if having else ())
+    somewhere = set[str]().union(*having)
+    apart = somewhere - somewhere.intersection(*having)
     kept = [replace(v, outputs=tuple(o for o in v.outputs if o.key not in apart)) for v in views]
     return [v for v in kept if v.outputs]
 
