@@ -145,16 +145,16 @@ def regime_gains(before: Fitted, after: Fitted, masks: dict[str, Mask]) -> dict[
 
     Linear around each fit: the step that leaving the regime's rows out would make is undone, and
     the rows are scored with what remains. Left out of the question are regimes of less than a
-    twentieth of the rows, and those without which the effect's parameters are no longer determined.
+    twentieth of the rows, and those without which the effects' parameters of either model are no
+    longer determined.
     """
     out = {}
     for name, mask in masks.items():
         if not _MIN_REGIME <= float(mask.mean()) <= 0.8:
             continue
-        own = _scored_without(after, mask)
-        if own is None:
-            continue
-        out[name] = own - (_scored_without(before, mask) or 0.0)
+        own, other = _scored_without(after, mask), _scored_without(before, mask)
+        if own is not None and other is not None:
+            out[name] = own - other
     return out
 
 

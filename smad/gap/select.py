@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from smad.gap.doubt import Doubt
 from smad.gap.fit import JointFit, Start, joint_fits
 from smad.gap.judge import Judged, judge, regime_gains, shrink
 from smad.gap.lsq import Fitted, Problem
@@ -23,11 +25,12 @@ _TOUCHED = 0.1
 class Candidate:
     """A model of the selection: a set of effects, fitted and judged.
 
-    `gain` is the rise of the held-out log-likelihood over the model it was added to, `gain_se` its
-    standard error over runs and blocks, `p_value` that of the whole selection's null, `touched` the
-    outputs that carry the effect's signature, `shrink_gain` the rise of S over them (or over all
-    outputs, if larger), `excess_before` the gap over them without it, `regime_gain` the sum of
-    gains on regimes left out, `cells` the number of cells that were judged.
+    `gain` is the rise of the held-out log-likelihood over the model it was added to, as far as that
+    model's own causes are to be believed (`doubt`), `gain_se` its standard error over runs and
+    blocks, `p_value` that of the whole selection's null, `touched` the outputs that carry the
+    effect's signature, `shrink_gain` the rise of S over them (or over all outputs, if larger),
+    `excess_before` the gap over them without it, `regime_gain` the sum of gains on regimes left
+    out, `cells` the number of cells that were judged.
     """
 
     joint: JointFit
@@ -48,6 +51,11 @@ class Candidate:
     @property
     def fit(self) -> Fitted:
         return self.joint.fit
+
+    @cached_property
+    def doubt(self) -> Doubt:
+        """What its own causes leave uncertain."""
+        return Doubt.about(self.fit, self.judged)
 
 
 @dataclass(frozen=True)
@@ -189,12 +197,12 @@ class Selector:
             steps.append(chosen)
             current = chosen
         best = self._backward(base, current) if len(steps) > 1 else current
-        best, rivals = self._rivals(base, best, tried)
-        probability = {
-            name: self._probability(name, base, best, others) for name, others in rivals.items()
-        }
-        if not rivals and tried:
-            probability[""] = self._probability("", base, base, tuple(tried[:4]))
+        best, places = self._places(base, best, tried)
+        rivals = {name: place.rivals for name, place in places.items()}
+        probability = {name: self._probability(name, p, best) for name, p in places.items()}
+        if not places and tried:
+            nothing = _Place(base, tuple(tried[:4]))
+            probability[""] = self._probability("", nothing, base)
         return Selection(base, best, tuple(steps), rivals, probability, tuple(first), tuple(tried))
 
     def _level(
@@ -228,8 +236,8 @@ class Selector:
         return sorted(out, key=_best_first)
 
     def _candidate(self, before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
-        scores = judged.scores()
-        gain, se = cluster_gain(before.fit.problem, self.hold, scores - before.judged.scores())
+        rise = before.doubt.scores(judged) - before.doubt.scores(before.judged)
+        gain, se = cluster_gain(before.fit.problem, self.hold, rise)
         touched = touched_outputs(before.judged, judged)
         rises = [
             shrink(judged.excess(keys), before.judged.excess(keys))
@@ -246,7 +254,7 @@ class Selector:
             max(rises),
             before.judged.excess(list(touched)),
             float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
-            len(scores),
+            len(rise),
         )
 
     def _first(self, candidates: Sequence[Candidate]) -> Candidate | None:
@@ -287,16 +295,16 @@ class Selector:
                 again = self._candidate(without, current.joint, current.judged)
                 # What would not be let in may still carry the others: only its gain counts here.
                 if again.gain <= asked_gain(again, self.settings, tied=self.tied):
-                    smaller.append((again.gain, without))
+                    smaller.append(without)
             if not smaller:
                 break
-            current = min(smaller, key=lambda pair: (pair[0], pair[1].names))[1]
+            current = min(smaller, key=lambda c: (-_total(c), c.names))
         return current
 
-    def _rivals(
+    def _places(
         self, base: Candidate, best: Candidate, tried: Sequence[Candidate]
-    ) -> tuple[Candidate, dict[str, tuple[Candidate, ...]]]:
-        """For each effect of the best model, the best models with another in its place.
+    ) -> tuple[Candidate, dict[str, _Place]]:
+        """For each effect of the best model, what else could stand in its place.
 
         A rival that scores better becomes the best, once: greedy steps may have begun wrongly.
         """
@@ -304,39 +312,38 @@ class Selector:
             return best, {}
         if len(best.names) == 1:
             pool = [c for c in tried if len(c.names) == 1 and c.names != best.names]
-            return best, {best.names[0]: tuple(pool[:5])}
+            return best, {best.names[0]: _Place(base, tuple(pool[:5]))}
         for attempt in range(2):
-            out: dict[str, tuple[Candidate, ...]] = {}
-            for name in best.names:
-                keep = tuple(e for e in best.fit.space.effects if e.name != name)
-                joint = self._refitted(best, keep)
-                reduced = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
-                ranked = screen(reprobe(self._probes, reduced.fit))
-                ranked = [s for s in ranked if s.effect.name not in best.names][:4]
-                values = reduced.fit.point.effects
-                starts = [
-                    Start((*keep, s.effect), {**values, s.effect.name: s.start}) for s in ranked
-                ]
-                found = self._judged(reduced, list(joint_fits(reduced.fit, starts).values()))
-                out[name] = tuple(found)
-            total = best.judged.scores().sum()
-            better = [c for found in out.values() for c in found if c.judged.scores().sum() > total]
+            out = {name: self._place(base, best, name) for name in best.names}
+            rivals = [c for place in out.values() for c in place.rivals]
+            better = [c for c in rivals if _total(c) > _total(best)]
             if not better or attempt == 1:
                 break
-            winner = max(better, key=lambda c: float(c.judged.scores().sum()))
+            winner = max(better, key=_total)
             best = self._candidate(base, winner.joint, winner.judged)
         return best, out
 
-    def _probability(
-        self, place: str, base: Candidate, best: Candidate, others: Sequence[Candidate]
-    ) -> dict[str, float]:
+    def _place(self, base: Candidate, best: Candidate, name: str) -> _Place:
+        """The best model without one of its several effects, and with others in its place."""
+        keep = tuple(e for e in best.fit.space.effects if e.name != name)
+        joint = self._refitted(best, keep)
+        reduced = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
+        ranked = screen(reprobe(self._probes, reduced.fit))
+        ranked = [s for s in ranked if s.effect.name not in best.names][:4]
+        values = reduced.fit.point.effects
+        starts = [Start((*keep, s.effect), {**values, s.effect.name: s.start}) for s in ranked]
+        found = self._judged(reduced, list(joint_fits(reduced.fit, starts).values()))
+        return _Place(reduced, tuple(found))
+
+    def _probability(self, name: str, place: _Place, best: Candidate) -> dict[str, float]:
         """Posterior of the effect in one place, by a Bayesian bootstrap over runs and blocks.
 
-        `place` is the effect of `best` that `others` replace, "" where `best` has none.
+        `name` is the effect of `best` that stands there, "" where it has none.
         """
-        models = {"": base, **{differing(best, c): c for c in others}, place: best}
+        others = {differing(best, c): c for c in place.rivals}
+        models = {"": place.empty, **others, name: best}
         names = sorted(models)
-        scores = np.array([models[n].judged.scores() for n in names])
+        scores = np.array([place.empty.doubt.scores(models[n].judged) for n in names])
         runs, blocks = held_cells(best.fit.problem, self.hold)
         rng = np.random.default_rng(self.settings.seed + 17)
         weight = resample_weights(runs, blocks, self.settings.bootstrap, rng)
@@ -345,6 +352,18 @@ class Selector:
         posterior = np.exp(total)
         posterior /= posterior.sum(axis=1, keepdims=True)
         return dict(zip(names, posterior.mean(axis=0).tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class _Place:
+    """What can stand where an effect of the best model does: nothing (`empty`), or a rival."""
+
+    empty: Candidate
+    rivals: tuple[Candidate, ...]
+
+
+def _total(c: Candidate) -> float:
+    return float(c.judged.scores().sum())
 
 
 def _best_first(c: Candidate) -> tuple[float, tuple[str, ...]]:

@@ -62,7 +62,8 @@ class Settings:
     `form_share` widens the interval of an effect's strength, in quadrature: a bench follows a law
     of another form than the library's (a gain that depends on the current), whose number differs
     from one working point to the next. On the development bank the values of rightly named effects
-    were off by such shares, many times what the data alone leave open.
+    were off by such shares, many times what the data alone leave open. As large a share of what a
+    cause changes is uncertain where a further one is judged beside it (`doubt`).
 
     `cell_dof` is the prior weight, in samples, of a cell's scale being the floor's: small values
     let a cell with an unexplained misfit speak softly.

@@ -7,6 +7,7 @@ grid that is an ARMA(1,1) process, whose innovations filter is exact after the f
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -85,6 +86,12 @@ class Whitening:
         if model.noise_rho > 0.05:
             return model.noise_rho, *arma_innovations(1.0, model.noise_rho)
         return 0.0, 0.0, 1.0
+
+    def beside(self, unsure: Array) -> Whitening:
+        """The same with another uncertainty of each row, in channel units, in quadrature."""
+        other = copy.copy(self)
+        other.s = np.hypot(self.s, unsure)
+        return other
 
     def scale(self, rows: Array) -> Array:
         """Rows over their standard deviation; invalid rows become 0."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
@@ -203,11 +203,16 @@ def read_case(bank: Bank, case: Case) -> CaseRuns:
 def _run(name: str, path: Path) -> GapRun:
     columns = read_columns(path)
     _require_columns(path, columns)
-    run = run_from_columns(name, columns)
     flagged = columns.get("valid")
-    if flagged is not None and run.valid is not None:
-        run.valid[:] &= np.nan_to_num(flagged) > 0.5
-    return run
+    if flagged is None:
+        return run_from_columns(name, columns)
+    # What was read in a flagged row is no more to be fed to a model than to be compared with it.
+    use = np.nan_to_num(flagged) > 0.5
+    measured = {c.name for c in CHANNELS}
+    kept = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
+    run = run_from_columns(name, kept)
+    assert run.valid is not None, "a run from columns says which samples are valid"
+    return replace(run, valid=run.valid & use)
 
 
 def _require_columns(path: Path, columns: Mapping[str, Array]) -> None:
