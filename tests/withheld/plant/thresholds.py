@@ -25,7 +25,7 @@ from tests.withheld.plant.layout import (
     T,
 )
 from tests.withheld.plant.parameters import index
-from tests.withheld.plant.phase import cooling_shift
+from tests.withheld.plant.phase import COOL_SLOPE, cooling_shift
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,8 @@ ARREST_MEMORY = slot("arrest_memory")
 OVERHEATED = slot("overheated_nuclei")
 FRONTS = slot("phase_fronts")
 QUENCHED = slot("quenched_martensite")
+PINNING = slot("pinned_fronts")
+GRAINS = slot("grain_slopes")
 
 ARREST_K = 2.0  # width of what is remembered
 
@@ -93,4 +95,13 @@ def shifts(
         cool += eased
     if e[s, QUENCHED] > 0.0:
         heat -= e[s, QUENCHED] * cells[s, i, QUENCH]
+    if e[s, PINNING] > 0.0:
+        bands = 3.0 * cells[s, i, FRACTION] + e[2, PINNING] + 0.08 * i
+        held = e[s, PINNING] * math.sin(2.0 * math.pi * bands)
+        heat += held
+        cool -= 0.5 * held
+    if e[s, GRAINS] > 0.0:
+        wider = e[s, GRAINS] * (0.5 - cells[s, i, FRACTION]) * (stress - 57.0)
+        heat += wider / p[HEAT_SLOPE]
+        cool += wider / p[COOL_SLOPE]
     return heat, cool

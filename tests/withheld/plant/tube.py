@@ -17,6 +17,7 @@ from tests.withheld.plant.layout import (
     ARRESTED,
     ASLEEP,
     BATHED,
+    BRIDGED,
     BUBBLE,
     CELLS,
     COAT,
@@ -64,7 +65,17 @@ from tests.withheld.plant.thermal import (
     film,
 )
 from tests.withheld.plant.thresholds import shifts
-from tests.withheld.plant.water import DRY, WALL_S, coat, entering, pockets, warm_wall, wet_shares
+from tests.withheld.plant.water import (
+    DRY,
+    WALL_S,
+    coat,
+    entering,
+    evaporate,
+    melt,
+    pockets,
+    warm_wall,
+    wet_shares,
+)
 
 Array = NDArray[np.float64]
 
@@ -105,8 +116,26 @@ HEAT_BY_PHASE = slot("phase_heat_capacity")
 BINDING = slot("rtd_binding")
 OVERTURNING = slot("overturning_water")
 QUENCHED = slot("quenched_martensite")
+SHORTS = slot("shorted_turns")
 
+BRIDGING_A = 0.5  # current that breaks the oxide between turns that touch
 QUICK_PER_S = 0.3  # rate of forming at which half of what haste can do is done
+
+
+@compiled
+def closed(contracted_mm: float) -> float:
+    """Share of the turns that touch (0…1) where a spring is so much shorter than at assembly."""
+    return 1.0 - falling((contracted_mm - 3.5) / 3.0)
+
+
+@compiled
+def bridged(s: int, side: Array, pair: Array) -> float:
+    """Share of the touching turns that are bridged: current bridges them, parting opens them."""
+    contracted_mm = 1e3 * (-pair[X] if s == 1 else pair[X])
+    if side[s, AMPERE] > BRIDGING_A:
+        side[s, BRIDGED] = max(side[s, BRIDGED], closed(contracted_mm))
+    side[s, BRIDGED] = min(side[s, BRIDGED], closed(contracted_mm + 1.5))
+    return float(side[s, BRIDGED])
 
 
 @compiled
@@ -120,6 +149,8 @@ def resistance(
         base *= 1.0 + e[s, STRAIN_GAUGE] * (stretch + 0.25 * stretch * stretch)
     if e[s, WORKED] > 0.0:
         base *= 1.0 + e[s, WORKED] * (1.0 - math.exp(-side[s, WORK_DONE] / 4.0))
+    if e[s, SHORTS] > 0.0:
+        base *= 1.0 - e[s, SHORTS] * bridged(s, side, pair)
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -279,6 +310,8 @@ def tube(
     pockets(s, e, cells, side, luck, dt)
     coat(s, e, cells, side, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)
+    evaporate(s, e, cells, side, rows, dt)
+    melt(s, e, cells, rows, dt)
     if e[s, BINDING] > 0.0:
         side[s, BATHED] = rows[int(p[RTD_PLACE] * CELLS), FILM]
     left = int(side[s, QUIET]) if calm else 0
