@@ -27,10 +27,12 @@ from tests.withheld.plant.layout import (
     OHM,
     PUMP,
     PUMP_ON,
+    REFILLING,
     RETURN,
     RING_DUTY_X,
     RING_LENGTH,
     ROLLER,
+    RUN_DOWN,
     SILT,
     SPIN,
     SPIN_RATE,
@@ -71,9 +73,12 @@ CLOGGING = slot("strainer_clogging")
 WINDUP = slot("idle_windup")
 KICKS = slot("rail_kick")
 PULSES = slot("roller_pulses")
+REFRESH = slot("gate_refresh")
 
 CURRENT_LIMIT_A = 4.0
 IDLE_A = 0.05  # command below which the current loop counts as idle
+SELF_FILLING_A = 0.8  # current up to which the bridge switches enough to keep its gates supplied
+REFILL_S = 0.25
 
 
 @compiled
@@ -123,6 +128,21 @@ def kicked(s: int, side: Array, dt: float) -> float:
 
 
 @compiled
+def refilling(s: int, i: float, side: Array, dt: float) -> float:
+    """Share of this tick in which the bridge pauses to refill the supply of its gates."""
+    if i > SELF_FILLING_A:
+        side[s, RUN_DOWN] += dt / 1.5 * (i - SELF_FILLING_A) / (CURRENT_LIMIT_A - SELF_FILLING_A)
+    else:
+        side[s, RUN_DOWN] = approach(side[s, RUN_DOWN], 0.0, dt, 1.0)
+    if side[s, RUN_DOWN] >= 1.0:
+        side[s, RUN_DOWN] = 0.0
+        side[s, REFILLING] = REFILL_S
+    spent = min(side[s, REFILLING], dt)
+    side[s, REFILLING] -= spent
+    return float(spent / dt)
+
+
+@compiled
 def current(
     s: int, command: float, p: Array, e: Array, side: Array, time: float, dt: float
 ) -> float:
@@ -146,6 +166,8 @@ def current(
         i /= 1.0 + e[s, FOLDBACK] * max(0.0, side[s, JUNCTION] - 0.12)
     if e[s, DROOP] > 0.0:
         i *= 1.0 - min(0.8, e[s, DROOP] * drawn(side) * 0.25 * i)
+    if e[s, REFRESH] > 0.0:
+        i *= 1.0 - e[s, REFRESH] * refilling(s, i, side, dt)
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:

@@ -23,8 +23,9 @@ PLAYS = 6
     ARRESTED,
     COAT,
     QUENCH,
+    MOLTEN,
     PLAY,
-) = range(17)
+) = range(18)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -72,8 +73,14 @@ CELL_WIDTH = PLAY + PLAYS
     ROLLER,
     BATHED,
     SPOT,
+    RUN_DOWN,
+    REFILLING,
+    BRIDGED,
+    HIGH_RANGE,
+    CLUNG,
+    SPILT,
     SIDE_WIDTH,
-) = range(45)
+) = range(51)
 
 (
     TIME,
@@ -100,8 +107,10 @@ CELL_WIDTH = PLAY + PLAYS
     TRACKED,
     SEAT,
     TIPPING,
+    DECODED,
+    DECODED_RATE,
     PAIR_WIDTH,
-) = range(25)
+) = range(27)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -16,6 +16,7 @@ from tests.withheld.plant.compiled import compiled
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     CELLS,
+    CLUNG,
     COMPLIANT,
     DAMP,
     EASED,
@@ -40,7 +41,7 @@ from tests.withheld.plant.layout import (
     X,
 )
 from tests.withheld.plant.parameters import index
-from tests.withheld.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
+from tests.withheld.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, falling, turned_by
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,8 @@ OPENING = slot("coil_opening")
 TWIST = slot("tendon_twist")
 TAPER = slot("tapered_drum")
 ROCKING = slot("rocking_anchor")
+PRESSURE = slot("pressure_stiffening")
+CLINGING = slot("clinging_coils")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -171,6 +174,23 @@ def prop(s: int, e: Array, cells: Array) -> float:
 
 
 @compiled
+def pressed(s: int, p: Array, e: Array, side: Array) -> float:
+    """Stiffness (N/m) that pump pressure gives the tube of spring `s`."""
+    share = max(side[s, FLOW], 0.0) / p[FULL_FLOW]
+    return float(e[s, PRESSURE] * 58.0 * share * share)
+
+
+@compiled
+def cling(s: int, length: float, e: Array, side: Array) -> None:
+    """Let closing coils take hold of one another (0…1), and opening ones tear apart later."""
+    if e[s, CLINGING] <= 0.0:
+        return
+    takes = falling((length - 0.0210) / 0.003)
+    keeps = falling((length - 0.0235) / 0.003)
+    side[s, CLUNG] = min(max(side[s, CLUNG], takes), keeps)
+
+
+@compiled
 def pull(
     s: int, length: float, guess: float, p: Array, e: Array, cells: Array, side: Array
 ) -> tuple[float, float]:
@@ -208,6 +228,12 @@ def pull(
         rate = e[s, PARALLEL] * 58.0 * max(0.3, 1.0 - 0.004 * warm)
         force += rate * off * (1.0 + 60.0 * abs(off))
         slope += rate * (1.0 + 120.0 * abs(off))
+    if e[s, PRESSURE] > 0.0:
+        rate = pressed(s, p, e, side)
+        force += rate * off
+        slope += rate
+    if e[s, CLINGING] > 0.0:
+        force += e[s, CLINGING] * side[s, CLUNG]
     if e[s, RELAXATION] > 0.0:
         force += e[s, RELAXATION] * (length - side[s, RELAXING]) / 0.005
         slope += e[s, RELAXATION] / 0.005
@@ -333,6 +359,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
             cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
         side[s, MOST_TURNED] = max(side[s, MOST_TURNED], turned)
         length = stretched(s, x, p, e)
+        cling(s, length, e, side)
         side[s, RELAXING] += (length - side[s, RELAXING]) * (1.0 - math.exp(-dt / 6.0))
 
 
@@ -345,6 +372,10 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     off = length - PRESTRETCH_m
     if e[s, PARALLEL] > 0.0:
         beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))
+    if e[s, PRESSURE] > 0.0:
+        beside += pressed(s, p, e, side) * off
+    if e[s, CLINGING] > 0.0:
+        beside += e[s, CLINGING] * side[s, CLUNG]
     if e[s, RELAXATION] > 0.0:
         beside += e[s, RELAXATION] * (length - side[s, RELAXING]) / 0.005
     if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:

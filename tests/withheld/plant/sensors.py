@@ -19,6 +19,8 @@ from tests.withheld.plant.layout import (
     CORE,
     CREEP_FAST,
     CREEP_SLOW,
+    DECODED,
+    DECODED_RATE,
     ENCODER,
     FLOW,
     FOIL_COARSE,
@@ -28,6 +30,7 @@ from tests.withheld.plant.layout import (
     FRACTION,
     FRAME,
     GLANCE,
+    HIGH_RANGE,
     LOAD_MEAN,
     MISCOUNTS,
     OHM,
@@ -98,10 +101,15 @@ POLARISATION = slot("clip_polarisation")
 BINDING = slot("rtd_binding")
 NEIGHBOUR = slot("neighbour_field")
 TRACKING = slot("zero_tracking")
+GROUND_LIFT = slot("pump_ground_lift")
+WANDERING = slot("rtd_wandering")
+DECODER = slot("tracking_decoder")
+RANGES = slot("range_switching")
 
 TURN_mm = 13.0
 AXIS_OFF = 0.2  # rad between the tendon and the load cell's axis at rest
 TURN_SEEN_mm = 0.1  # way back from which a reversal counts as one
+UP_A, DOWN_A = 1.2, 0.6  # where an ammeter of two ranges changes them
 TARE_TICKS = 100.0  # the settling before a run, in which the indicator was tared
 
 
@@ -111,6 +119,8 @@ def rtd(
 ) -> float:
     """Reading (°C) of the RTD tied to spring `s`, before the converter."""
     place = p[RTD_PLACE] * CELLS - 0.5
+    if e[s, WANDERING] != 0.0:
+        place += e[s, WANDERING] * CELLS * (pair[X] if s == 1 else -pair[X]) / 0.01
     i = min(max(math.floor(place), 0), CELLS - 2)
     part = min(max(place - i, 0.0), 1.0)
     seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
@@ -160,7 +170,21 @@ def reversals(place_mm: float, pair: Array) -> float:
 
 
 @compiled
-def travel(seen_mm: float, e: Array, pair: Array) -> float:
+def decoded(reading: float, lag: float, dt: float, pair: Array) -> float:
+    """What a loop of second type makes of the encoder's angle; locked on before a run."""
+    if pair[GLANCE] <= TARE_TICKS:
+        pair[DECODED] = reading
+        return reading
+    fast = dt / lag
+    weight = fast + fast * fast
+    place = (pair[DECODED] + dt * pair[DECODED_RATE] + weight * reading) / (1.0 + weight)
+    pair[DECODED_RATE] += fast / lag * (reading - place)
+    pair[DECODED] = place
+    return float(place)
+
+
+@compiled
+def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     """Encoder reading (mm) for the tendon's travel (mm)."""
     width = e[0, BACKLASH]
     before = pair[ENCODER]
@@ -184,6 +208,8 @@ def travel(seen_mm: float, e: Array, pair: Array) -> float:
     reading += e[0, SPOOL] * (reading / 10.0) ** 2
     if e[0, MISCOUNT] > 0.0:
         reading += e[0, MISCOUNT] * reversals(pair[ENCODER], pair)
+    if e[0, DECODER] > 0.0:
+        reading = decoded(reading, e[0, DECODER], dt, pair)
     return float(reading)
 
 
@@ -236,6 +262,16 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
 
 
 @compiled
+def low_range(s: int, side: Array) -> float:
+    """1 while the ammeter is in its low range, else 0."""
+    if side[s, AMPERE] > UP_A:
+        side[s, HIGH_RANGE] = 1.0
+    elif side[s, AMPERE] < DOWN_A:
+        side[s, HIGH_RANGE] = 0.0
+    return float(1.0 - side[s, HIGH_RANGE])
+
+
+@compiled
 def read(
     inlet: float,
     ambient: float,
@@ -258,6 +294,8 @@ def read(
             relative = side[s, AMPERE] / 4.0
             side[s, CORE] = max(approach(side[s, CORE], 0.0, dt, 12.0), relative)
             out[s] += e[s, REMANENCE] * (side[s, CORE] - relative)
+        if e[s, RANGES] != 0.0:
+            out[s] *= 1.0 + e[s, RANGES] * low_range(s, side)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         if e[s, POLARISATION] > 0.0:
@@ -266,6 +304,8 @@ def read(
             side[s, POLARISED] = approach(side[s, POLARISED], pulled, dt, slow)
             out[2 + s] += e[s, POLARISATION] * side[s, POLARISED]
         out[2 + s] += e[s, RETURN_WIRE] * (side[0, AMPERE] + side[1, AMPERE])
+        if e[s, GROUND_LIFT] != 0.0:
+            out[2 + s] += e[s, GROUND_LIFT] * drawn(side)
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
@@ -277,7 +317,7 @@ def read(
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks = e[0, DELAY] * wander / dt
-    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), e, pair)
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, pair)
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     beat = 0.0

@@ -17,6 +17,7 @@ from tests.withheld.plant.layout import (
     ARRESTED,
     ASLEEP,
     BATHED,
+    BRIDGED,
     BUBBLE,
     CELLS,
     COAT,
@@ -48,7 +49,7 @@ from tests.withheld.plant.layout import (
     X,
 )
 from tests.withheld.plant.parameters import index
-from tests.withheld.plant.phase import WEIGHT, cooling_shift, falling, turned_by
+from tests.withheld.plant.phase import WEIGHT, falling, turned_by
 from tests.withheld.plant.thermal import (
     FILM,
     HEAT_SHARE,
@@ -63,11 +64,21 @@ from tests.withheld.plant.thermal import (
     advance,
     film,
 )
-from tests.withheld.plant.water import DRY, WALL_S, coat, entering, pockets, warm_wall, wet_shares
+from tests.withheld.plant.thresholds import shifts
+from tests.withheld.plant.water import (
+    DRY,
+    WALL_S,
+    coat,
+    entering,
+    evaporate,
+    melt,
+    pockets,
+    warm_wall,
+    wet_shares,
+)
 
 Array = NDArray[np.float64]
 
-HEAT_SLOPE = index("heat_slope_MPa_K")
 WIRE_HEAT = index("wire_J_K")
 LATENT_HEAT = index("latent_J")
 WATER = index("water_J_K")
@@ -88,35 +99,43 @@ BUBBLES = slot("air_bubbles")
 RESERVOIR_WARMS = slot("reservoir_warming")
 COLD_ENDS = slot("cold_ends")
 EXPONENT = slot("convection_exponent")
-MINOR_LOOP = slot("minor_loop")
-DRIFT = slot("transformation_drift")
 STRESS_LATENT = slot("stress_latent_heat")
 SWELLING = slot("tube_swelling")
-OVERSHOOT = slot("rate_overshoot")
-STABILISED = slot("martensite_stabilisation")
 WATER_SHUNT = slot("water_shunt")
 TWO_WAY = slot("two_way_memory")
-AGED = slot("aged_segment")
 R_PHASES = slot("r_phase")
 STRAIN_GAUGE = slot("wire_strain_gauge")
 WALL_HEAT = slot("tube_wall_heat")
 RECOVERY = slot("detwin_recovery")
 FRICTION_HEAT = slot("friction_heat")
-BEND = slot("clapeyron_bend")
-ARREST_MEMORY = slot("arrest_memory")
 PITCH = slot("coil_pitch_film")
 RIPPLE = slot("ripple_heating")
 WORKED = slot("worked_resistance")
 COATING = slot("gas_coat")
 HEAT_BY_PHASE = slot("phase_heat_capacity")
-OVERHEATED = slot("overheated_nuclei")
 BINDING = slot("rtd_binding")
 OVERTURNING = slot("overturning_water")
-FRONTS = slot("phase_fronts")
 QUENCHED = slot("quenched_martensite")
+SHORTS = slot("shorted_turns")
 
-ARREST_K = 2.0  # width of what is remembered
+BRIDGING_A = 0.5  # current that breaks the oxide between turns that touch
 QUICK_PER_S = 0.3  # rate of forming at which half of what haste can do is done
+
+
+@compiled
+def closed(contracted_mm: float) -> float:
+    """Share of the turns that touch (0…1) where a spring is so much shorter than at assembly."""
+    return 1.0 - falling((contracted_mm - 3.5) / 3.0)
+
+
+@compiled
+def bridged(s: int, side: Array, pair: Array) -> float:
+    """Share of the touching turns that are bridged: current bridges them, parting opens them."""
+    contracted_mm = 1e3 * (-pair[X] if s == 1 else pair[X])
+    if side[s, AMPERE] > BRIDGING_A:
+        side[s, BRIDGED] = max(side[s, BRIDGED], closed(contracted_mm))
+    side[s, BRIDGED] = min(side[s, BRIDGED], closed(contracted_mm + 1.5))
+    return float(side[s, BRIDGED])
 
 
 @compiled
@@ -130,6 +149,8 @@ def resistance(
         base *= 1.0 + e[s, STRAIN_GAUGE] * (stretch + 0.25 * stretch * stretch)
     if e[s, WORKED] > 0.0:
         base *= 1.0 + e[s, WORKED] * (1.0 - math.exp(-side[s, WORK_DONE] / 4.0))
+    if e[s, SHORTS] > 0.0:
+        base *= 1.0 - e[s, SHORTS] * bridged(s, side, pair)
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -142,57 +163,6 @@ def resistance(
         heat[i] = base * factor / CELLS
         total += heat[i]
     return total
-
-
-@compiled
-def front(s: int, i: int, cells: Array) -> float:
-    """How much of a phase front (0…1) one cell has towards its neighbours."""
-    apart = 0.0
-    for j in (max(i - 1, 0), min(i + 1, CELLS - 1)):
-        step = cells[s, j, FRACTION] - cells[s, i, FRACTION]
-        apart += step * step
-    return float(1.0 - math.exp(-apart / 0.06))
-
-
-@compiled
-def shifts(
-    s: int, i: int, stress: float, p: Array, e: Array, cells: Array, side: Array
-) -> tuple[float, float]:
-    """How far (K) the heating and cooling curves of one cell stand above the stress-free ones."""
-    heat = stress / p[HEAT_SLOPE]
-    cool = cooling_shift(stress, p)
-    if e[s, MINOR_LOOP] > 0.0:
-        heat += e[s, MINOR_LOOP] * (1.0 - cells[s, i, HEATED_FROM])
-        cool -= 0.6 * e[s, MINOR_LOOP] * cells[s, i, COOLED_FROM]
-    if e[s, DRIFT] > 0.0:
-        fallen = e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
-        heat -= fallen
-        cool -= fallen
-    if e[s, OVERSHOOT] > 0.0:
-        apart = e[s, OVERSHOOT] * math.sqrt(side[s, RATE] / 0.2)
-        heat += apart
-        cool -= 0.5 * apart
-    if e[s, STABILISED] > 0.0:
-        heat += e[s, STABILISED] * math.log10(1.0 + side[s, ASLEEP] / 4.0)
-    if e[s, AGED] > 0.0 and i < CELLS // 3:
-        heat += e[s, AGED]
-        cool += e[s, AGED]
-    if e[s, BEND] != 0.0:
-        off = (stress - 57.0) / 30.0
-        heat += e[s, BEND] * off * off
-        cool += 0.4 * e[s, BEND] * off * off
-    if e[s, ARREST_MEMORY] > 0.0:
-        off = (cells[s, i, T] - cells[s, i, ARREST]) / ARREST_K
-        heat += e[s, ARREST_MEMORY] * cells[s, i, ARRESTED] * math.exp(-off * off)
-    if e[s, OVERHEATED] > 0.0:
-        cool -= e[s, OVERHEATED] * max(cells[s, i, PEAK] - 38.0, 0.0) / 10.0
-    if e[s, FRONTS] > 0.0:
-        eased = e[s, FRONTS] * front(s, i, cells)
-        heat -= eased
-        cool += eased
-    if e[s, QUENCHED] > 0.0:
-        heat -= e[s, QUENCHED] * cells[s, i, QUENCH]
-    return heat, cool
 
 
 @compiled
@@ -340,6 +310,8 @@ def tube(
     pockets(s, e, cells, side, luck, dt)
     coat(s, e, cells, side, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)
+    evaporate(s, e, cells, side, rows, dt)
+    melt(s, e, cells, rows, dt)
     if e[s, BINDING] > 0.0:
         side[s, BATHED] = rows[int(p[RTD_PLACE] * CELLS), FILM]
     left = int(side[s, QUIET]) if calm else 0

@@ -17,14 +17,17 @@ from tests.withheld.plant.layout import (
     COAT,
     FILL,
     FLOW,
+    MOLTEN,
     POCKET,
     RESERVOIR,
+    SPILT,
     STOOD,
     WALL,
     WET,
     T,
     W,
 )
+from tests.withheld.plant.thermal import HEAT_WATER, HEAT_WIRE
 
 Array = NDArray[np.float64]
 
@@ -33,11 +36,16 @@ BUBBLES = slot("air_bubbles")
 WALL_HEAT = slot("tube_wall_heat")
 SLUG = slot("hose_slug")
 COATING = slot("gas_coat")
+SPILL = slot("evaporating_spill")
+WAX = slot("wax_melting")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
 WALL_S = 12.0
+DEW = 14.0  # °C
+WAX_MELTS, WAX_SETS = 39.0, 34.5  # °C; it sets at the former once it has begun to
+WAX_W_K = 0.5  # between the whole wire and its wax
 HOSE_J_K = 1.0  # heat capacity of the water that stands in the supply hose
 
 
@@ -87,6 +95,35 @@ def coat(s: int, e: Array, cells: Array, side: Array, dt: float) -> None:
         comes = max(cells[s, i, T] - 33.0, 0.0) / 60.0
         rate = comes + swept
         cells[s, i, COAT] = approach(cells[s, i, COAT], comes / rate, dt, 1.0 / rate)
+
+
+@compiled
+def evaporate(s: int, e: Array, cells: Array, side: Array, rows: Array, dt: float) -> None:
+    """Let what the pump spilt on the tube evaporate; it takes heat even from cool water."""
+    if e[s, SPILL] <= 0.0:
+        return
+    spills = max(side[s, FLOW], 0.0) / 0.5 / 4.0
+    rate = spills + 1.0 / 40.0
+    side[s, SPILT] = approach(side[s, SPILT], spills / rate, dt, 1.0 / rate)
+    for i in range(CELLS):
+        # The tube's wet outside is as warm as the water in it; vapour pressure over that of the air
+        pressure = math.exp(0.06 * (cells[s, i, W] - DEW))
+        rows[i, HEAT_WATER] -= e[s, SPILL] * side[s, SPILT] * (pressure - 1.0) / CELLS
+
+
+@compiled
+def melt(s: int, e: Array, cells: Array, rows: Array, dt: float) -> None:
+    """Let the wax between the coils take heat from the wire to melt, and give it back."""
+    if e[s, WAX] <= 0.0:
+        return
+    for i in range(CELLS):
+        molten = cells[s, i, MOLTEN]
+        over = cells[s, i, T] - WAX_MELTS
+        setting = molten < 1.0 or cells[s, i, T] < WAX_SETS
+        if over > 0.0 or setting:
+            after = min(max(molten + WAX_W_K / e[s, WAX] * over * dt, 0.0), 1.0)
+            rows[i, HEAT_WIRE] -= e[s, WAX] / CELLS * (after - molten) / dt
+            cells[s, i, MOLTEN] = after
 
 
 @compiled
