@@ -705,7 +705,8 @@ def outer(progress: float, curve: int, e: Array) -> tuple[float, float]:
     where = (progress - PROGRESS_LOW) * CURVE_CELLS_PER_UNIT
     # So written that NaN reads the first cell; see `film`.
     cell = int(where) if where > 0.0 else 0
-    cell = min(cell, 3 * CURVE_CELLS_PER_UNIT - 1)
+    # Known not to be negative, it is not looked at again for each of the four places.
+    cell = min(max(cell, 0), 3 * CURVE_CELLS_PER_UNIT - 1)
     x = where - cell
     at = curve + 2 * cell
     first = e[at + 1]
@@ -929,7 +930,7 @@ def go_on(
     return False
 
 
-@compiled
+@inlined
 def keep_legs(s: Array, o: int, xi: float, a: float, c: float) -> None:
     """What `unified` has to remember of a substep that ends at the fraction `xi`."""
     end = s[S_XI_LEG + o]
@@ -965,6 +966,13 @@ def draw_lines(F: float, w: Array, p: Array, e: Array) -> None:
     if e[E_UNIFIED] > 0.0:
         w[W_LINE_HOT], w[W_LINE_COLD] = starts(p[P_C1] * F, p)
         w[W_TURNED], w[W_TURNED_F] = turned_by(p[P_C1] * F, p)
+
+
+@inlined
+def copy_lines(w: Array, other: Array) -> None:
+    """The same for a spring at the same tension: its material is the same."""
+    for slot in range(W_LINE_HOT, W_TURNED_F + 1):
+        other[slot] = w[slot]
 
 
 @inlined
@@ -1198,7 +1206,7 @@ def inelastic(F: float, xs: float, s: Array, p: Array, e: Array) -> tuple[float,
     return reach * xs + extra, reach, 0.0
 
 
-@compiled
+@inlined
 def settle(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> bool:
     """One spring at tension F: temperatures, fractions, deflection and compliance, into scratch.
 
@@ -1208,6 +1216,12 @@ def settle(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> boo
     and force can converge together.
     """
     draw_lines(F, w, p, e)
+    return settle_along(F, exact, s, w, p, e)
+
+
+@compiled
+def settle_along(F: float, exact: bool, s: Array, w: Array, p: Array, e: Array) -> bool:
+    """`settle`, with the lines for tension F in scratch already."""
     found = True
     for n in range(JOINT_STEPS + 1):
         if n == JOINT_STEPS:
@@ -1276,8 +1290,10 @@ def balance_pair(
     F = guess if guess > 0.0 else 0.0
     for n in range(ITERATIONS):
         exact = n >= JOINT_STEPS
-        found = settle(F, exact, x, wx, p, e)
-        found = settle(F, exact, y, wy, p, e) and found
+        draw_lines(F, wx, p, e)
+        copy_lines(wx, wy)
+        found = settle_along(F, exact, x, wx, p, e)
+        found = settle_along(F, exact, y, wy, p, e) and found
         g[G_ITERATIONS] += 1.0
         if not found:
             return -1.0
@@ -1755,7 +1771,7 @@ def spread_latent(s: Array, w: Array, p: Array, released: float, dt: float) -> N
         s[S_CELL_W + i] += given * more
 
 
-@compiled
+@inlined
 def remember(s: Array, w: Array, p: Array, e: Array, F_phase: float, dt: float) -> None:
     """Progress and legs of the spring or of its cells, and what their latent heat does to them.
 
@@ -1763,6 +1779,7 @@ def remember(s: Array, w: Array, p: Array, e: Array, F_phase: float, dt: float) 
     """
     tau = p[P_C1] * F_phase
     cells = cells_of(e)
+    hot, cold = starts(tau, p)
     released = 0.0
     for i in range(cells):
         o, q = cell_at(i, cells)
@@ -1776,7 +1793,6 @@ def remember(s: Array, w: Array, p: Array, e: Array, F_phase: float, dt: float) 
         released += w[W_UNIT + i] / cells
         T = w[W_GUESS + q] - w[W_SHIFT]
         if e[E_UNIFIED] > 0.0:
-            hot, cold = starts(tau, p)
             a = heating_progress(T, hot, p)
             keep_legs(s, o, xi_old + own, a, cooling_progress(T, cold, p))
             continue
@@ -1871,6 +1887,8 @@ def scattered(count: float) -> float:
 @inlined
 def towards(goal: float, start: float, span: float, tau: float) -> tuple[float, float]:
     """A first-order lag from `start` after `span`, and its integral over that time."""
+    if start == goal:
+        return goal, goal * span
     gone = 1.0 - math.exp(-span / tau)
     return start + (goal - start) * gone, goal * span + (start - goal) * tau * gone
 

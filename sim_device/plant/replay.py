@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -19,6 +21,7 @@ from sim_device.plant.setup import Setup
 
 Array = npt.NDArray[np.float64]
 ZERO_C = 273.15
+_LARGEST = sys.float_info.max
 DEFAULT_STEP_S = 1e-3
 _NO_VALUES: Mapping[str, Array] = {}
 _NO_EFFECTS: EffectValues = {}
@@ -102,6 +105,13 @@ class Inputs:
         object.__setattr__(self, "t_s", time)
         object.__setattr__(self, "rows", rows)
 
+    def surrounded(self, inlet_K: Array, ambient_K: Array) -> Inputs:
+        """The same, already checked, with other temperatures of water and air."""
+        other = copy.copy(self)
+        object.__setattr__(other, "inlet_K", inlet_K)
+        object.__setattr__(other, "ambient_K", ambient_K)
+        return other
+
     def environment(self, parameters: ParameterSet) -> Array:
         """Inlet and ambient temperature of each sample, shape (n, 2), K."""
         n = self.t_s.size
@@ -126,6 +136,10 @@ def _checked(
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.shape != shape:
         raise InputError(f"{name} has shape {array.shape}, it should be {shape}")
+    lowest, highest = float(array.min()), float(array.max())
+    # Neither comparison holds for NaN.
+    if max(low, -_LARGEST) <= lowest and highest <= min(high, _LARGEST):
+        return array
     wrong = np.flatnonzero(~(np.isfinite(array) & (array >= low) & (array <= high)).ravel())
     if wrong.size:
         first = int(wrong[0])

@@ -171,6 +171,9 @@ class Selector:
         self._null_of, self._null = null, np.zeros(0)
         self.progress = progress
         self.masks = refit.problem.evidence.regime_masks()
+        # What is asked twice of the same fit, with the fit, so that its identity stays its own.
+        self._less: dict[tuple[int, str], tuple[Fitted, Candidate]] = {}
+        self._news: dict[int, tuple[Fitted, bool]] = {}
 
     def run(self) -> Selection:
         """The whole selection."""
@@ -277,21 +280,35 @@ class Selector:
         return fairer, sorted(again, key=_best_first)
 
     def _enters(self, c: Candidate) -> bool:
-        return acceptable(c, self.settings, tied=self.tied) and self.is_new(c)
+        if not acceptable(c, self.settings, tied=self.tied):
+            return False
+        # However its gain is reckoned, its fit is judged as it was.
+        known = self._news.get(id(c.fit))
+        if known is None:
+            known = self._news[id(c.fit)] = (c.fit, self.is_new(c))
+        return known[1]
 
     def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:
         values = current.fit.point.effects
         start = Start(effects, {e.name: values[e.name] for e in effects})
         return next(iter(joint_fits(current.fit, [start], finish=1).values()))
 
+    def _without(self, base: Candidate, current: Candidate, name: str) -> Candidate:
+        """The model refitted without one of its effects; the same for whoever asks first."""
+        known = self._less.get((id(current.fit), name))
+        if known is None:
+            keep = tuple(e for e in current.fit.space.effects if e.name != name)
+            joint = self._refitted(current, keep)
+            without = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
+            known = self._less[id(current.fit), name] = (current.fit, without)
+        return known[1]
+
     def _backward(self, base: Candidate, current: Candidate) -> Candidate:
         """Drops effects that the others have made superfluous."""
         while len(current.names) > 1:
             smaller = []
             for drop in current.fit.space.effects:
-                keep = tuple(e for e in current.fit.space.effects if e is not drop)
-                joint = self._refitted(current, keep)
-                without = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
+                without = self._without(base, current, drop.name)
                 again = self._candidate(without, current.joint, current.judged)
                 # What would not be let in may still carry the others: only its gain counts here.
                 if again.gain <= asked_gain(again, self.settings, tied=self.tied):
@@ -326,8 +343,7 @@ class Selector:
     def _place(self, base: Candidate, best: Candidate, name: str) -> _Place:
         """The best model without one of its several effects, and with others in its place."""
         keep = tuple(e for e in best.fit.space.effects if e.name != name)
-        joint = self._refitted(best, keep)
-        reduced = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
+        reduced = self._without(base, best, name)
         ranked = screen(reprobe(self._probes, reduced.fit))
         ranked = [s for s in ranked if s.effect.name not in best.names][:4]
         values = reduced.fit.point.effects

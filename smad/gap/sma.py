@@ -28,9 +28,13 @@ from smad.gap.plant import (
     Signal,
     View,
 )
+from smad.gap.recent import Recent
 from smad.gap.runs import GapRun
+from smad.gap.sma_given import GivenPoint, GivenRun
 from smad.gap.sma_passes import Passes
 
+_POINTS = 64
+_RUNS = 64
 _WIDE = 0.4
 _WIDE_K = 6.0
 
@@ -89,6 +93,7 @@ _KEPT_APART = {
     "side_resistance": "side_resistance",
     "displacement_zero": "displacement_zero_mm",
 }
+_RANGES = {(e.name, q.name): (q.low, q.high) for e in EFFECTS for q in e.parameters}
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,16 @@ class SmaPlant:
     kept: dict[Any, tuple[GapRun, dict[str, Array]]] = field(
         default_factory=dict, repr=False, compare=False
     )
+
+    @cached_property
+    def given_points(self) -> Recent[ModelPoint, GivenPoint]:
+        """What the latest points give to every run: enough for those replayed together."""
+        return Recent(_POINTS)
+
+    @cached_property
+    def given_runs(self) -> Recent[GapRun, GivenRun]:
+        """What the latest runs give to every point: enough for all of a diagnosis."""
+        return Recent(_RUNS)
 
     @property
     def name(self) -> str:
@@ -296,8 +311,12 @@ class SmaPlant:
 
     def within(self, effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
         """Effect values moved into their ranges, where rounding put them outside."""
-        ranges = {(e.name, q.name): (q.low, q.high) for e in EFFECTS for q in e.parameters}
         return {
-            name: {q: float(np.clip(v, *ranges[name, q])) for q, v in values.items()}
+            name: {q: _clipped(float(v), *_RANGES[name, q]) for q, v in values.items()}
             for name, values in effects.items()
         }
+
+
+def _clipped(value: float, low: float, high: float) -> float:
+    """As `np.clip`, which takes a hundred times as long for one number."""
+    return min(max(value, low), high)
