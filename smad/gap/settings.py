@@ -28,7 +28,7 @@ class Settings:
 
     Since known-good runs, an effect enters if its held-out gain exceeds `since_gain` nats for each
     cell judged and `since_standard_errors`, a further one `further_gain` and
-    `further_standard_errors`. Where a bench's laws have another form than the model's, some effect
+    `further_standard_errors`, beside causes whose laws are doubted (`form_share`). Where a bench's laws have another form than the model's, some effect
     gains 0.1 to 0.6 nats a cell though none is there, and up to 0.9 where parameters have changed
     (development bank). An effect that takes `clear_shrink` of a gap of at least `clear_excess`
     floors on its outputs enters with `clear_standard_errors` instead: it may show in few cells.
@@ -106,8 +106,8 @@ class Settings:
     gain_standard_errors: float = 1.0
     since_gain: float = 0.7
     since_standard_errors: float = 2.0
-    further_gain: float = 0.55
-    further_standard_errors: float = 3.0
+    further_gain: float = 0.8
+    further_standard_errors: float = 2.5
     regime_share: float = 0.1
     regime_sure: float = 2.0
     clear_standard_errors: float = 3.0

@@ -84,13 +84,14 @@ def test_a_large_gain_may_come_from_one_regime_but_not_against_the_others() -> N
 
 
 def test_a_further_cause_must_be_more_certain() -> None:
-    uncertain = {"gain": 800.0, "gain_se": 280.0, "shrink_gain": 0.2}
+    uncertain = {"gain": 900.0, "gain_se": 380.0, "shrink_gain": 0.2, "regime_gain": 200.0}
     assert acceptable(candidate("x", **uncertain), SETTINGS, tied=True)
     assert not acceptable(candidate("x", "y", **uncertain), SETTINGS, tied=True)
-    assert acceptable(candidate("x", "y", **uncertain | {"gain": 900.0}), SETTINGS, tied=True)
+    assert acceptable(candidate("x", "y", **uncertain | {"gain": 1000.0}), SETTINGS, tied=True)
 
 
-def test_a_further_cause_may_gain_less_than_the_first() -> None:
-    little = {"gain": 600.0, "shrink_gain": 0.2}
-    assert not acceptable(candidate("x", **little), SETTINGS, tied=True)
-    assert acceptable(candidate("x", "y", **little), SETTINGS, tied=True)
+def test_a_further_cause_must_gain_more_than_the_first() -> None:
+    little = {"gain": 750.0, "shrink_gain": 0.2}
+    assert acceptable(candidate("x", **little), SETTINGS, tied=True)
+    assert not acceptable(candidate("x", "y", **little), SETTINGS, tied=True)
+    assert acceptable(candidate("x", "y", **little | {"gain": 850.0}), SETTINGS, tied=True)
