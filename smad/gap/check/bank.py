@@ -206,9 +206,10 @@ def _run(name: str, path: Path) -> GapRun:
     flagged = columns.get("valid")
     if flagged is None:
         return run_from_columns(name, columns)
-    # What was read in a flagged row is no more to be fed to a model than to be compared with it.
     use = np.nan_to_num(flagged) > 0.5
-    measured = {c.name for c in CHANNELS}
+    # What was read in a flagged row is no more to be fed to a model than to be compared with it. A
+    # run that has no other rows is refused at its admission, which wants to see channels.
+    measured = {c.name for c in CHANNELS} if use.any() else set()
     kept = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
     run = run_from_columns(name, kept)
     assert run.valid is not None, "a run from columns says which samples are valid"

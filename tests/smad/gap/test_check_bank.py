@@ -120,6 +120,30 @@ def test_missing_samples_and_flagged_rows_are_not_valid(tmp_path: Path) -> None:
     assert good.sum() == N - 2
 
 
+def test_what_was_read_in_a_flagged_row_is_not_fed_to_a_model(tmp_path: Path) -> None:
+    table = columns()
+    table["force_N"][:] = table["t_s"]
+    table["force_N"][7] = 99.0
+    table["valid"][7] = 0.0
+    make(tmp_path)
+    write(tmp_path, "case-1/fit.parquet", table)
+    bank = open_bank(tmp_path)
+    run = read_case(bank, bank.case("case-1")).fit[0]
+    np.testing.assert_allclose(run.outputs["force_N"], table["t_s"])
+
+
+def test_a_run_of_flagged_rows_only_keeps_its_channels_and_has_no_valid_sample(
+    tmp_path: Path,
+) -> None:
+    table = columns() | {"valid": np.zeros(N)}
+    make(tmp_path)
+    write(tmp_path, "case-1/fit.parquet", table)
+    bank = open_bank(tmp_path)
+    run = read_case(bank, bank.case("case-1")).fit[0]
+    assert "force_N" in run.outputs
+    assert not run.good.any()
+
+
 def test_the_same_run_is_read_from_parquet_and_csv(tmp_path: Path) -> None:
     table = columns()
     table["force_N"] = np.sin(table["t_s"])
