@@ -197,9 +197,10 @@ def _several_rows(pairs: Sequence[Pair]) -> list[Row]:
         for name in p.truth.names
         if name in p.said.left_out
     ]
+    # Where no cause of the list is at work there is no name that an experiment could bring.
     followed = [
         float(frozenset(after) == p.truth.names)
-        for p in pairs
+        for p in of_kind(pairs, "single", "pair", "triple")
         if p.said.next_experiment is not None
         and (after := p.said.next_experiment.names_after) is not None
     ]

@@ -90,6 +90,19 @@ def test_the_right_name_counts_one_and_a_group_counts_its_share() -> None:
     assert rows["detected at 3× the floor"].value == 0.75
 
 
+def test_an_experiment_is_asked_to_resolve_only_where_a_cause_of_the_list_is_at_work() -> None:
+    kinds = {"a": _entry("single", LAG), "b": _entry("unknown", ("x", "sensors"))}
+    key = kinds | {"c": _entry("differs"), "d": _entry("none")}
+    asked = CaseVerdict(outcome="unknown", next_experiment=NextExperiment("rest", [], []))
+    resolved = msgspec.structs.replace(
+        asked, next_experiment=NextExperiment("rest", ["rtd_lag"], ["rtd_lag"])
+    )
+    row = _rows(key, dict.fromkeys("bcd", asked) | {"a": resolved})[
+        "recommended experiment resolves"
+    ]
+    assert (row.value, row.count) == (1.0, 1)
+
+
 def test_a_group_without_the_truth_counts_nothing() -> None:
     verdict = CaseVerdict(outcome="ambiguous", group=["rtd_offset", "rtd_stem_error"])
     rows = _rows({"a": _entry("single", LAG)}, {"a": verdict})

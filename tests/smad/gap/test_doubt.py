@@ -27,9 +27,7 @@ def prepared() -> Prepared:
     """A bench whose thermometers have grown slow since its good runs."""
     good = bank(OTHER, seed=20)
     held = [recorded("sines", 31, OTHER, LAG, duration_s=50.0)]
-    return ready(
-        bank(OTHER, LAG), plant=HeaterPlant(), good=good, hold_out=held, settings=SETTINGS
-    )
+    return ready(bank(OTHER, LAG), plant=HeaterPlant(), good=good, hold_out=held, settings=SETTINGS)
 
 
 def selected(*names: str) -> Selection:
