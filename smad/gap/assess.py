@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smad.gap.candidate import Candidate, block_sums
 from smad.gap.fit import dispersion, independent_share
 from smad.gap.flexible import Designs, fit_correction
 from smad.gap.judge import Judged, excess_of, shrink
 from smad.gap.lsq import Fitted, Problem
 from smad.gap.plant import Array
-from smad.gap.select import Candidate, Selection, block_sums
+from smad.gap.select import Selection
 from smad.gap.significance import resample_weights
 
 

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from smad.gap.candidate import cluster_gain
 from smad.gap.descent import descent
 from smad.gap.fit import polished
 from smad.gap.judge import judge
@@ -22,7 +23,6 @@ from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import Array, Effect, Parameter
 from smad.gap.refit import refit
 from smad.gap.screen import Screened, probe, reprobe, screen
-from smad.gap.select import cluster_gain
 from smad.gap.space import Space
 
 _LAW_START = 0.3

@@ -12,6 +12,7 @@ from importlib.metadata import version
 import numpy as np
 
 from smad.gap.admission import Admission, Finding
+from smad.gap.candidate import Candidate, differing
 from smad.gap.confused import confused, parting_experiments
 from smad.gap.fit import JointFit, bootstrap, intervals, polished
 from smad.gap.judge import excess_by_key, predict_by_run
@@ -27,7 +28,7 @@ from smad.gap.records import (
     Verdict,
 )
 from smad.gap.runs import GapRun
-from smad.gap.select import Candidate, Selection, differing
+from smad.gap.select import Selection
 from smad.gap.settings import Settings
 from smad.gap.stages import Prepared, open_loop
 from smad.gap.summary import (

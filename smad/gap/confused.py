@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.gap.assess import counted_share
+from smad.gap.candidate import Candidate
 from smad.gap.fit import JointFit
 from smad.gap.nextexp import propose
 from smad.gap.records import NAMED, ExperimentRecord, Outcome
-from smad.gap.select import Candidate, Selection
+from smad.gap.select import Selection
 from smad.gap.stages import Prepared
 from smad.gap.tracks import Track
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from smad.gap.candidate import Candidate, cluster_gain
 from smad.gap.judge import judge
 from smad.gap.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import Effect
-from smad.gap.select import Candidate, cluster_gain
 
 _ITERATIONS = 4
 

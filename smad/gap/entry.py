@@ -14,11 +14,12 @@ import msgspec
 import numpy as np
 
 from smad.gap.assess import confusability, counted_share, separation
+from smad.gap.candidate import Candidate, acceptable, asked_gain
 from smad.gap.errors import PlantMismatch
 from smad.gap.nextexp import propose
 from smad.gap.plant import Array, Effect
 from smad.gap.records import Outcome
-from smad.gap.select import Candidate, Selection, acceptable, asked_gain
+from smad.gap.select import Selection
 from smad.gap.stages import Prepared
 from smad.gap.threads import repeatable
 from smad.gap.tracks import Track, follow_tracks

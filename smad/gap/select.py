@@ -4,58 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from smad.gap.doubt import Doubt
+from smad.gap.candidate import Candidate, acceptable, asked_gain, cluster_gain, touched_outputs
 from smad.gap.fit import JointFit, Start, joint_fits
 from smad.gap.judge import Judged, judge, regime_gains, shrink
 from smad.gap.lsq import Fitted, Problem
+from smad.gap.places import Place, posterior
 from smad.gap.plant import Array, Effect
-from smad.gap.replay import Index
 from smad.gap.screen import Probes, Screened, probe, reprobe, screen
 from smad.gap.settings import Settings
-from smad.gap.significance import block_of, resample_weights, tail_p
-
-_TOUCHED = 0.1
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A model of the selection: a set of effects, fitted and judged.
-
-    `gain` is the rise of the held-out log-likelihood over the model it was added to, as far as that
-    model's own causes are to be believed (`doubt`), `gain_se` its standard error over runs and
-    blocks, `p_value` that of the whole selection's null, `touched` the outputs that carry the
-    effect's signature, `shrink_gain` the rise of S over them (or over all outputs, if larger),
-    `excess_before` the gap over them without it, `regime_gain` the sum of gains on regimes left
-    out, `cells` the number of cells that were judged.
-    """
-
-    joint: JointFit
-    judged: Judged
-    gain: float = 0.0
-    gain_se: float = 0.0
-    p_value: float = 1.0
-    touched: tuple[str, ...] = ()
-    shrink_gain: float = 0.0
-    excess_before: float = 0.0
-    regime_gain: float = 0.0
-    cells: int = 0
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.joint.names
-
-    @property
-    def fit(self) -> Fitted:
-        return self.joint.fit
-
-    @cached_property
-    def doubt(self) -> Doubt:
-        """What its own causes leave uncertain."""
-        return Doubt.about(self.fit, self.judged)
+from smad.gap.significance import tail_p
 
 
 @dataclass(frozen=True)
@@ -79,70 +39,6 @@ class Selection:
     def without_effects(cls, refit: Candidate, asked: Selection) -> Selection:
         """Another refit, with nothing in it, as the answer to what `asked` has screened."""
         return cls(refit, refit, (), {}, {}, asked.screened, ())
-
-
-def cluster_gain(problem: Problem, hold: Problem | None, gain: Array) -> tuple[float, float]:
-    """Sum of a cell-wise gain and its standard error over blocks of time."""
-    sums = block_sums(problem, hold, gain)
-    total = float(sums.sum())
-    return total, float(np.std(sums) * np.sqrt(len(sums)))
-
-
-def block_sums(problem: Problem, hold: Problem | None, values: Array) -> Array:
-    """Sums of what `Judged.scores` would list, over the cells of each block of time of each run."""
-    block = block_of(*held_cells(problem, hold))
-    return np.asarray(np.bincount(block, weights=values), dtype=np.float64)
-
-
-def held_cells(problem: Problem, hold: Problem | None) -> tuple[Index, Index]:
-    """Run and block of every cell that `Judged.scores` lists."""
-    a = problem.evidence
-    if hold is None:
-        return a.cell_run, a.cell_block
-    b = hold.evidence
-    return np.r_[a.cell_run, b.cell_run + len(a.runs)], np.r_[a.cell_block, b.cell_block]
-
-
-def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
-    """Outputs that carry at least a tenth of what an effect changes, in floors."""
-    ev = after.bench.evidence
-    change = np.square(after.bench.whitening.scale(after.predicted - before.predicted))
-    power = {k: float(sum(change[s.rows].sum() for s in ev.rows_of(k))) for k in ev.keys}
-    total = sum(power.values())
-    return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED * total)
-
-
-def _clear(c: Candidate, s: Settings) -> bool:
-    """Whether an effect takes most of a gap that none could overlook, if only in a few cells."""
-    return c.shrink_gain >= s.clear_shrink and c.excess_before >= s.clear_excess
-
-
-def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
-    """What the held-out gain of a candidate must exceed, nats.
-
-    Beside tied parameters every effect gains something where the bench's laws have another form
-    than the model's, in proportion to the cells judged.
-    """
-    if not tied:
-        return max(2.0, s.gain_standard_errors * c.gain_se)
-    if _clear(c, s):
-        return s.clear_standard_errors * c.gain_se
-    if len(c.names) > 1:
-        return max(s.further_gain * c.cells, s.further_standard_errors * c.gain_se)
-    return max(s.since_gain * c.cells, s.since_standard_errors * c.gain_se)
-
-
-def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
-    """Whether the last effect of a candidate may enter, beside tied parameters or free ones."""
-    stands = c.gain > asked_gain(c, s, tied=tied) and c.p_value <= s.significance
-    if tied:
-        # Beside tied parameters an effect stands out by its score although the background is
-        # larger; but what the form of a law leaves in one regime is no help in another. So large
-        # as a cause may be that acts in one regime only, it is not.
-        share = 0.0 if c.gain > s.regime_sure * c.cells else s.regime_share
-        return stands and c.regime_gain > share * c.gain
-    takes = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
-    return stands and takes and c.gain + c.regime_gain > 0.0
 
 
 class Selector:
@@ -202,10 +98,10 @@ class Selector:
         best = self._backward(base, current) if len(steps) > 1 else current
         best, places = self._places(base, best, tried)
         rivals = {name: place.rivals for name, place in places.items()}
-        probability = {name: self._probability(name, p, best) for name, p in places.items()}
+        probability = {name: posterior(name, p, best, self.hold) for name, p in places.items()}
         if not places and tried:
-            nothing = _Place(base, tuple(tried[:4]))
-            probability[""] = self._probability("", nothing, base)
+            nothing = Place(base, tuple(tried[:4]))
+            probability[""] = posterior("", nothing, base, self.hold)
         return Selection(base, best, tuple(steps), rivals, probability, tuple(first), tuple(tried))
 
     def _level(
@@ -315,12 +211,12 @@ class Selector:
                     smaller.append(without)
             if not smaller:
                 break
-            current = min(smaller, key=lambda c: (-_total(c), c.names))
+            current = min(smaller, key=lambda c: (-c.score, c.names))
         return current
 
     def _places(
         self, base: Candidate, best: Candidate, tried: Sequence[Candidate]
-    ) -> tuple[Candidate, dict[str, _Place]]:
+    ) -> tuple[Candidate, dict[str, Place]]:
         """For each effect of the best model, what else could stand in its place.
 
         A rival that scores better becomes the best, once: greedy steps may have begun wrongly.
@@ -329,18 +225,18 @@ class Selector:
             return best, {}
         if len(best.names) == 1:
             pool = [c for c in tried if len(c.names) == 1 and c.names != best.names]
-            return best, {best.names[0]: _Place(base, tuple(pool[:5]))}
+            return best, {best.names[0]: Place(base, tuple(pool[:5]))}
         for attempt in range(2):
             out = {name: self._place(base, best, name) for name in best.names}
             rivals = [c for place in out.values() for c in place.rivals]
-            better = [c for c in rivals if _total(c) > _total(best)]
+            better = [c for c in rivals if c.score > best.score]
             if not better or attempt == 1:
                 break
-            winner = max(better, key=_total)
+            winner = max(better, key=lambda c: c.score)
             best = self._candidate(base, winner.joint, winner.judged)
         return best, out
 
-    def _place(self, base: Candidate, best: Candidate, name: str) -> _Place:
+    def _place(self, base: Candidate, best: Candidate, name: str) -> Place:
         """The best model without one of its several effects, and with others in its place."""
         keep = tuple(e for e in best.fit.space.effects if e.name != name)
         reduced = self._without(base, best, name)
@@ -349,47 +245,11 @@ class Selector:
         values = reduced.fit.point.effects
         starts = [Start((*keep, s.effect), {**values, s.effect.name: s.start}) for s in ranked]
         found = self._judged(reduced, list(joint_fits(reduced.fit, starts).values()))
-        return _Place(reduced, tuple(found))
-
-    def _probability(self, name: str, place: _Place, best: Candidate) -> dict[str, float]:
-        """Posterior of the effect in one place, by a Bayesian bootstrap over runs and blocks.
-
-        `name` is the effect of `best` that stands there, "" where it has none.
-        """
-        others = {differing(best, c): c for c in place.rivals}
-        models = {"": place.empty, **others, name: best}
-        names = sorted(models)
-        scores = np.array([place.empty.doubt.scores(models[n].judged) for n in names])
-        runs, blocks = held_cells(best.fit.problem, self.hold)
-        rng = np.random.default_rng(self.settings.seed + 17)
-        weight = resample_weights(runs, blocks, self.settings.bootstrap, rng)
-        total = weight @ scores.T
-        total -= total.max(axis=1, keepdims=True)
-        posterior = np.exp(total)
-        posterior /= posterior.sum(axis=1, keepdims=True)
-        return dict(zip(names, posterior.mean(axis=0).tolist(), strict=True))
-
-
-@dataclass(frozen=True)
-class _Place:
-    """What can stand where an effect of the best model does: nothing (`empty`), or a rival."""
-
-    empty: Candidate
-    rivals: tuple[Candidate, ...]
-
-
-def _total(c: Candidate) -> float:
-    return float(c.judged.scores().sum())
+        return Place(reduced, tuple(found))
 
 
 def _best_first(c: Candidate) -> tuple[float, tuple[str, ...]]:
     return -c.gain, c.names
-
-
-def differing(model: Candidate, other: Candidate) -> str:
-    """The effect of `other` that `model` lacks."""
-    extra = [n for n in other.names if n not in model.names]
-    return extra[0] if extra else ""
 
 
 def _short_list(

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from smad.gap.assess import confusability
+from smad.gap.candidate import Candidate
 from smad.gap.fit import Interval
 from smad.gap.judge import Judged, excess_by_key
 from smad.gap.localise import HeatMap, localise
@@ -30,7 +31,7 @@ from smad.gap.records import (
 from smad.gap.replay import Evidence
 from smad.gap.residual_tests import LAGS, cross_correlation, ljung_box
 from smad.gap.runs import GapRun
-from smad.gap.select import Candidate, Selection
+from smad.gap.select import Selection
 from smad.gap.significance import benjamini_hochberg
 from smad.gap.stages import Prepared
 

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from functools import partial
 
 from smad.gap.baseline import unbound
+from smad.gap.candidate import Candidate, cluster_gain
 from smad.gap.contrast import is_new
 from smad.gap.fit import JointFit
 from smad.gap.judge import Judged, judge
 from smad.gap.lsq import Fitted
 from smad.gap.plant import Effect
-from smad.gap.select import Candidate, Selection, Selector, cluster_gain
+from smad.gap.select import Selection, Selector
 from smad.gap.stages import Prepared
 
 

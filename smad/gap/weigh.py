@@ -8,9 +8,10 @@ import numpy as np
 from scipy.stats import norm
 
 from smad.gap.assess import Standing, group_of
+from smad.gap.candidate import touched_outputs
 from smad.gap.deficit import clearest, deficit_of, worst_run
 from smad.gap.plant import ModelPoint
-from smad.gap.select import Selection, touched_outputs
+from smad.gap.select import Selection
 from smad.gap.stages import Prepared
 from smad.gap.tracks import Track
 from smad.gap.verdict import Evidenced, Unexplained

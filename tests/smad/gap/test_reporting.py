@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from sim_device.plant import load_parameters
 from smad.gap.apply import apply, model_point
 from smad.gap.assess import counted_share
+from smad.gap.candidate import Candidate
 from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.fit import JointFit
 from smad.gap.judge import Judged
@@ -21,7 +22,6 @@ from smad.gap.nextexp import Trial, enough, propose
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.records import Diagnosis, ExperimentRecord, Outcome
 from smad.gap.report import page_of, summary_lines
-from smad.gap.select import Candidate
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from smad.gap.space import Space
