@@ -2390,6 +2390,30 @@ def replay(
     return OK, n
 
 
+@compiled
+def drive(
+    s: Array, p: Array, e: Array, drives: Array, times: Array, dt_max: float, out: Array
+) -> None:
+    """The drivers alone, as in `replay`: nothing else of the plant acts on a current.
+
+    out (n, 4): currents of x and y as they are measured, then as they are, after each sample.
+    """
+    x = s[0:S_SIZE]
+    y = s[S_SIZE:SHARED]
+    e_y = e[EFFECTS_SIZE:SIDES_SIZE]
+    for k in range(times.shape[0]):
+        if k > 0:
+            span = times[k] - times[k - 1]
+            steps = max(math.ceil(span / dt_max - 1e-9), 1)
+            for _ in range(steps):
+                electrify(x, p, e, drives[k, 0], False, span / steps)
+                electrify(y, p, e_y, drives[k, 1], False, span / steps)
+        out[k, 0] = x[S_I] + e[E_I_OFFSET]
+        out[k, 1] = y[S_I] + e_y[E_I_OFFSET]
+        out[k, 2] = x[S_I]
+        out[k, 3] = y[S_I]
+
+
 @inlined
 def load_feeds(feeds: Array, flags: Array, rows: Array, k: int) -> None:
     """Feeds of the sample that ends at row k. Rows: i_x, i_y, T_x, T_y, F, u, inlet, ambient."""

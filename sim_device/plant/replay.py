@@ -181,6 +181,20 @@ def simulate(
     ).run(parameters, effects, dt_s=dt_s, temperature_K=temperature_K)
 
 
+DRIVEN: tuple[str, ...] = ("i_x_A", "i_y_A", "true_i_x_A", "true_i_y_A")
+
+
+def drivers(inputs: Inputs, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) -> dict[str, Array]:
+    """The currents of a replay, DRIVEN, without the rest of the plant, on which they do not depend.
+
+    The same bits as those outputs of `Replay.run_setup` in the same steps.
+    """
+    out = np.empty((inputs.t_s.size, len(DRIVEN)))
+    state = setup.state(setup.parameters["water_temperature"])
+    k.drive(state, setup.p, setup.e, inputs.rows, inputs.t_s, dt_s, out)
+    return dict(zip(DRIVEN, np.ascontiguousarray(out.T), strict=True))
+
+
 class Replay:
     """Checked inputs and feeds, ready to be run with many parameter sets and effects."""
 

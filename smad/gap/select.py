@@ -68,6 +68,7 @@ class Selector:
         self.progress = progress
         self.masks = refit.problem.evidence.regime_masks()
         # What is asked twice of the same fit, with the fit, so that its identity stays its own.
+        self._refits: dict[tuple[int, tuple[str, ...]], tuple[Fitted, JointFit]] = {}
         self._less: dict[tuple[int, str], tuple[Fitted, Candidate]] = {}
         self._news: dict[int, tuple[Fitted, bool]] = {}
 
@@ -185,9 +186,14 @@ class Selector:
         return known[1]
 
     def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:
-        values = current.fit.point.effects
-        start = Start(effects, {e.name: values[e.name] for e in effects})
-        return next(iter(joint_fits(current.fit, [start], finish=1).values()))
+        names = tuple(e.name for e in effects)
+        known = self._refits.get((id(current.fit), names))
+        if known is None:
+            values = current.fit.point.effects
+            start = Start(effects, {name: values[name] for name in names})
+            joint = next(iter(joint_fits(current.fit, [start], finish=1).values()))
+            known = self._refits[id(current.fit), names] = (current.fit, joint)
+        return known[1]
 
     def _without(self, base: Candidate, current: Candidate, name: str) -> Candidate:
         """The model refitted without one of its effects; the same for whoever asks first."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim_device.plant.errors import SolverError
-from sim_device.plant.replay import Inputs, Replay
+from sim_device.plant.replay import Inputs, Replay, drivers
 from smad.gap import sma_signals
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.runs import GapRun
@@ -148,14 +148,7 @@ class Passes:
         known = kept.get(key)
         if known is None or known[0] is not whole:
             inputs = self._inputs(self._given_run(whole))
-            # A driver knows neither heat nor force: with both given there is little to solve.
-            n = len(whole.t_s)
-            rest = {
-                "temperature_K": np.full((n, 2), self.given.parameters["water_temperature"]),
-                "force_N": np.full(n, self.given.parameters["initial_force"]),
-            }
-            replay = Replay(inputs, variant=self.variant, feeds=rest, outputs=_DRIVER)
-            known = (whole, replay.run_setup(self.given.driver, dt_s=1.5 * whole.dt_s))
+            known = (whole, drivers(inputs, self.given.driver, dt_s=1.5 * whole.dt_s))
             while len(kept) >= _MOST_KEPT:
                 kept.pop(next(iter(kept), key), None)
             kept[key] = known
@@ -202,7 +195,6 @@ class Passes:
 
 
 _RTDS = ("rtd_x_degC", "rtd_y_degC", "rtd_inlet_degC", "rtd_ambient_degC")
-_DRIVER = ("i_x_A", "i_y_A", "true_i_x_A", "true_i_y_A")
 # What is read of each pass.
 _OPEN = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", *_RTDS, "displacement_m", "force_N")
 _HEATED = (*_RTDS, "T_x_K", "T_y_K")

@@ -5,7 +5,7 @@ import pytest
 
 from sim_device.plant import Drive, Inputs, Plant, Replay, load_parameters, simulate
 from sim_device.plant.errors import InputError
-from sim_device.plant.replay import MEASURED, OUTPUTS
+from sim_device.plant.replay import DRIVEN, MEASURED, OUTPUTS, drivers
 from tests.sim_device.plant.cases import alternating
 
 P = load_parameters("A")
@@ -50,6 +50,38 @@ def test_every_output_is_one_value_a_sample_and_can_be_asked_for_alone(inputs, w
     assert list(some) == ["force_N", "T_x_K"]
     np.testing.assert_array_equal(some["force_N"], whole["force_N"])
     assert set(MEASURED) < set(OUTPUTS)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {},
+        {"driver_lag": {"tau_s": 0.02}},
+        {"driver_gain": {"gain": 0.05}, "driver_lag": {"tau_s": 0.004}},
+        {"driver_saturation": {"deficit": 0.2, "y_share": 0.5}},
+        {"current_offset": {}},
+    ],
+)
+def test_the_drivers_alone_give_the_currents_of_the_whole_plant_to_the_last_bit(inputs, effects):
+    replay = Replay(inputs)
+    setup = replay.setup(P, effects)
+    whole = replay.run_setup(setup, dt_s=3e-3)
+    alone = drivers(inputs, setup, dt_s=3e-3)
+    assert tuple(alone) == DRIVEN
+    for name, current in alone.items():
+        np.testing.assert_array_equal(current, whole[name])
+
+
+def test_a_setup_gives_a_fresh_state_each_time(inputs):
+    replay = Replay(inputs)
+    setup = replay.setup(P)
+    before = replay.run_setup(setup)
+    warm = setup.state(310.0)
+    warm[:] = 0.0
+    assert setup.state(310.0)[OUTPUTS["T_x_K"][0]] == 310.0
+    after = replay.run_setup(setup)
+    for name, values in before.items():
+        np.testing.assert_array_equal(values, after[name])
 
 
 def test_feeding_back_the_plants_own_current_and_temperature_changes_nothing(inputs, whole):
