@@ -96,6 +96,7 @@ THERMAL: tuple[Effect, ...] = (
         ("rtd_stem", "flow_shortfall", "driver_gain"),
         "a long cool-down from two temperatures",
         _INCROPERA,
+        law=True,
     ),
     Effect(
         "thermal_crosstalk",

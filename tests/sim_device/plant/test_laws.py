@@ -166,7 +166,7 @@ def test_inlet_and_room_can_be_fed_as_they_were_measured():
 def test_laws_are_marked():
     assert {e.name for e in EFFECTS if e.law} == {
         "driver_lag", "rtd_lag", "channel_delay", "pump_lag", "cooling_front",
-        "minor_loop", "tube_wall", "unified_kinetics",
+        "minor_loop", "tube_wall", "unified_kinetics", "convection_exponent",
     }  # fmt: skip
 
 
