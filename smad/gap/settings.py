@@ -36,7 +36,9 @@ class Settings:
     Fitted without each regime in turn, it must gain on those left out `regime_share` of what it
     gains on runs left out, or anything at all if that is more than `regime_sure` nats a cell. A
     free refit replaces the answer if it is better by `free_standard_errors`, unless the cause gains
-    `beside_standard_errors` beside what is free, or `imitated_share` of what the free refit gains.
+    `beside_standard_errors` beside what is free, or `imitated_share` of what the free refit gains;
+    and a cause that does not help beside it, where that is no worse, must gain `imitated_gain` nats
+    a cell to be named at all.
 
     Beside tied parameters a cause is unknown if the best of the library takes less than
     `since_ratio` of what a flexible correction takes, or leaves more than `unknown_left` floors and
@@ -117,6 +119,7 @@ class Settings:
     free_standard_errors: float = 2.0
     beside_standard_errors: float = 4.0
     imitated_share: float = 0.9
+    imitated_gain: float = 1.5
     min_shrink_gain: float = 0.1
     blind_excess: float = 1.0
     blind_ratio: float = 2.0

@@ -84,7 +84,8 @@ def follow_tracks(
     clear = prepared.settings.free_standard_errors * error
     close = bool(best.names) and rise > -clear
     helps = close and _helps(prepared, best, free)
-    beaten = rise > clear and not _nearly_all(prepared, selection, rise)
+    slight = close and not helps and _slight(prepared, selection)
+    beaten = slight or (rise > clear and not _nearly_all(prepared, selection, rise))
     if _stands(prepared, best, free, beaten=beaten, helps=helps):
         return Track(selection, True, free, selection, rise, error, close and not helps)
     refit = Candidate(JointFit(prepared.fit, ()), free)
@@ -110,16 +111,26 @@ def _nearly_all(prepared: Prepared, selection: Selection, rise: float) -> bool:
     return gain > prepared.settings.imitated_share * (gain + rise)
 
 
+def _slight(prepared: Prepared, selection: Selection) -> bool:
+    """Whether causes that other parameters imitate gain no more than the form of laws may bring.
+
+    Where either would do, the question is which is more likely, and benches whose parameters have
+    moved since their good runs make some cause gain that much.
+    """
+    gain, _ = _gain(prepared, selection.best.judged, selection.base.judged)
+    return gain < prepared.settings.imitated_gain * len(selection.best.judged.scores())
+
+
 def _stands(
     prepared: Prepared, best: Candidate, free: Judged, *, beaten: bool, helps: bool
 ) -> bool:
     """Whether the tied answer stands beside the free refit.
 
     Not if it is `beaten`: if the free refit predicts runs not fitted to clearly better, of which
-    the cause does not gain nearly all. Parameters and laws that are free follow a bench that obeys
-    other laws than the model, whatever else it does: a cause stands all the same if it `helps`
-    beside them as clearly as a cause must. Without a cause the tied answer stands only if nothing
-    of note is left, or if the free refit would not help.
+    the cause does not gain nearly all, or as well as a cause that gains little. Parameters and laws
+    that are free follow a bench that obeys other laws than the model, whatever else it does: a
+    cause stands all the same if it `helps` beside them as clearly as a cause must. Without a cause
+    the tied answer stands only if nothing of note is left, or if the free refit would not help.
     """
     if best.names:
         return helps or not beaten

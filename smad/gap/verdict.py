@@ -44,7 +44,8 @@ class Evidenced:
     `strongest` is the largest gain of an effect that entered, nats for each cell judged.
     `unexplained` is None without good runs that could be left out.
     `instead`: effects that parameters held to what the known-good runs say ask for, which would
-    bring the gap to `gap_instead`, but whose place other values of the parameters have taken.
+    bring the gap to `gap_instead`, but whose place other values of the parameters have taken:
+    clearly better ones (`instead_better`), or as good where the effects gain little.
     """
 
     effects: tuple[str, ...]
@@ -66,6 +67,7 @@ class Evidenced:
     imitated: bool = False
     instead: tuple[str, ...] = ()
     gap_instead: float = 0.0
+    instead_better: bool = True
 
 
 def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:

@@ -169,13 +169,14 @@ def _unexplained(u: Unexplained | None) -> str:
 
 
 def _instead(e: Evidenced, title: Mapping[str, Effect]) -> list[str]:
-    """What is not named, since other values of the parameters predict better."""
+    """What is not named, since other values of the parameters predict better, or as well."""
     if not e.instead:
         return []
     names = " and ".join(f"{title[n].title} [{n}]" for n in e.instead)
+    how = "better" if e.instead_better else "as well"
     return [
         f"With the parameters of the known-good runs, {names} would leave {e.gap_instead:.2f}×; "
-        f"it is not named, because other values of the parameters predict better and leave "
+        f"it is not named, because other values of the parameters predict {how} and leave "
         f"{e.gap_free:.2f}×."
     ]
 
