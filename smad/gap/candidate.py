@@ -113,9 +113,9 @@ def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
         return max(2.0, s.gain_standard_errors * c.gain_se)
     if _clear(c, s):
         return s.clear_standard_errors * c.gain_se
-    if len(c.names) > 1:
-        return max(s.further_gain * c.cells, s.further_standard_errors * c.gain_se)
-    return max(s.since_gain * c.cells, s.since_standard_errors * c.gain_se)
+    first = len(c.names) == 1
+    errors = s.since_standard_errors if first else s.further_standard_errors
+    return max(s.since_gain * c.cells, errors * c.gain_se)
 
 
 def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:

@@ -27,10 +27,10 @@ class Settings:
     standard deviations, without that counting as a change.
 
     Since known-good runs, an effect enters if its held-out gain exceeds `since_gain` nats for each
-    cell judged and `since_standard_errors`, a further one `further_gain` and
-    `further_standard_errors`, beside causes whose laws are doubted (`form_share`). Where a bench's
-    laws have another form than the model's, some effect gains 0.1 to 0.6 nats a cell though none is
-    there, and up to 0.9 where parameters have changed
+    cell judged and `since_standard_errors`, a further one `further_standard_errors`, beside causes
+    whose laws are doubted (`form_share`). Where a bench's laws have another form than the model's,
+    some effect gains 0.1 to 0.8 nats a cell though none is there, and up to 0.95 where parameters
+    have changed
     (development bank). An effect that takes `clear_shrink` of a gap of at least `clear_excess`
     floors on its outputs enters with `clear_standard_errors` instead: it may show in few cells.
     Fitted without each regime in turn, it must gain on those left out `regime_share` of what it
@@ -107,9 +107,8 @@ class Settings:
     vanished_share: float = 0.55
     same_excess: float = 1.1
     gain_standard_errors: float = 1.0
-    since_gain: float = 0.7
+    since_gain: float = 1.0
     since_standard_errors: float = 2.0
-    further_gain: float = 0.8
     further_standard_errors: float = 2.5
     regime_share: float = 0.1
     regime_sure: float = 2.0
