@@ -8,14 +8,13 @@ the model without a cause is uncertain by.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from smad.gap.judge import Judged
 from smad.gap.lsq import Fitted, Problem
-from smad.gap.plant import Array, ModelPoint
+from smad.gap.plant import Array
 from smad.gap.replay import Detail
 
 
@@ -30,7 +29,7 @@ class Doubt:
     def about(cls, fit: Fitted, judged: Judged) -> Doubt:
         """The doubt about the causes of a model; none where it has no cause."""
         problem, hold = judged.problem, judged.hold
-        points = [fit.point, *_without_each(fit)]
+        points = [fit.point, *(fit.without(cause.name) for cause in fit.space.effects)]
         if len(points) == 1:
             return cls(problem, hold)
         return cls(
@@ -43,18 +42,6 @@ class Doubt:
     def scores(self, judged: Judged) -> Array:
         """Log-likelihood of every held-out cell, as `Judged.scores`."""
         return replace(judged, problem=self.problem, hold=self.hold).scores()
-
-
-def _without_each(fit: Fitted) -> Sequence[ModelPoint]:
-    """The point of a fit, in turn without each of its causes (as it was in known-good runs)."""
-    point, fixed = fit.point, fit.space.fixed
-    out = []
-    for cause in fit.space.effects:
-        rest = {k: v for k, v in point.effects.items() if k != cause.name}
-        if cause.name in fixed:
-            rest[cause.name] = fixed[cause.name]
-        out.append(replace(point, effects=rest))
-    return out
 
 
 def _doubted(problem: Problem, predicted: Array) -> Problem:

@@ -24,7 +24,7 @@ from smad.gap.stages import Prepared
 from smad.gap.threads import repeatable
 from smad.gap.tracks import Track, follow_tracks
 from smad.gap.verdict import decide, p_unknown
-from smad.gap.weigh import weigh, without
+from smad.gap.weigh import weigh
 
 MOST_ODDS = 1e6
 
@@ -220,7 +220,7 @@ def _standing(prepared: Prepared, track: Track) -> Standing:
 def _fit(prepared: Prepared, selection: Selection, c: Candidate) -> Fit:
     problem, settings = c.fit.problem, prepared.settings
     tied = prepared.tied is not None
-    less = problem.evidence.predict([without(prepared, c.fit.point, c.names[0])])[0]
+    less = problem.evidence.predict([c.fit.without(c.names[0])])[0]
     change = c.fit.predicted - less
     floors = _by_output(prepared, change / _floor_of_rows(prepared))
     background = _by_output(prepared, problem.whitening.scale(change))

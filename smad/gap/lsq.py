@@ -17,7 +17,7 @@ generators in step, so that their replays go to the workers together.
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,12 @@ class Fitted:
     @property
     def point(self) -> ModelPoint:
         return self.space.point(self.p)
+
+    def without(self, name: str) -> ModelPoint:
+        """Its point, with one effect as it was in known-good runs, which is mostly absent."""
+        point, known = self.point, self.space.fixed.get(name)
+        rest = {k: v for k, v in point.effects.items() if k != name}
+        return replace(point, effects=rest if known is None else {**rest, name: known})
 
     def beside(
         self, effects: Sequence[Effect], values: Mapping[str, Mapping[str, float]]

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from scipy.stats import norm
 
 from smad.gap.assess import Standing, group_of
 from smad.gap.candidate import touched_outputs
 from smad.gap.deficit import clearest, deficit_of, worst_run
-from smad.gap.plant import ModelPoint
 from smad.gap.select import Selection
 from smad.gap.stages import Prepared
 from smad.gap.tracks import Track
@@ -26,7 +23,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
     touched = standing.worth(outputs) if outputs else whole
     errors = prepared.settings.free_standard_errors
     return Evidenced(
-        effects=_by_importance(prepared, selection),
+        effects=_by_importance(selection),
         groups=_groups(prepared, selection),
         probability={k: v for table in selection.probability.values() for k, v in table.items()},
         gap_raw=prepared.raw.excess(),
@@ -110,23 +107,14 @@ def _groups(prepared: Prepared, s: Selection) -> dict[str, list[str]]:
     }
 
 
-def without(prepared: Prepared, point: ModelPoint, name: str) -> ModelPoint:
-    """The model point with one effect as it was in known-good runs, which is mostly absent."""
-    rest = {k: v for k, v in point.effects.items() if k != name}
-    if name in prepared.fixed:
-        rest[name] = prepared.fixed[name]
-    return dataclasses.replace(point, effects=rest)
-
-
-def _by_importance(prepared: Prepared, selection: Selection) -> tuple[str, ...]:
+def _by_importance(selection: Selection) -> tuple[str, ...]:
     """Effects of the best model, by what leaving each out would change of its predictions."""
     best = selection.best
     if len(best.names) < 2:
         return best.names
     ev = best.fit.problem.evidence
-    full = best.fit.point
     cost = {}
     for name in best.names:
-        change = ev.predict([without(prepared, full, name)])[0] - best.fit.predicted
+        change = ev.predict([best.fit.without(name)])[0] - best.fit.predicted
         cost[name] = float(np.sum(np.square(best.fit.problem.whitening.scale(change))))
     return tuple(sorted(cost, key=lambda n: (-cost[n], n)))
