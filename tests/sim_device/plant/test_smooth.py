@@ -9,7 +9,7 @@ import pytest
 from sim_device.plant import kernel as k
 from sim_device.plant import load_parameters, simulate
 from sim_device.plant.effects import EFFECTS
-from sim_device.plant.effects.record import Y_SHARE
+from sim_device.plant.effects.record import Y_SHARE, EffectParameter
 from tests.sim_device.plant.cases import alternating, still
 
 P = load_parameters("A")
@@ -49,12 +49,17 @@ def test_parameters_moved_by_a_hair_move_a_replay_by_a_hair(effects, dt_s: float
         assert moved < FOLLOWS[name], name
 
 
+def within(parameter: EffectParameter, value: float) -> float:
+    """The value, or the end of the parameter's range that it is beyond."""
+    return float(np.clip(value, parameter.low, parameter.high))
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_so_they_do_with_any_values_of_the_laws(seed: int) -> None:
     rng = np.random.default_rng(seed)
     effects = {
         law.name: {
-            q.name: 1.0 if q.switch else float(q.typical * np.exp(rng.normal(0.0, 0.5)))
+            q.name: 1.0 if q.switch else within(q, q.typical * np.exp(rng.normal(0.0, 0.5)))
             for q in law.parameters
             if q is not Y_SHARE
         }
