@@ -107,7 +107,7 @@ def _nearly_all(prepared: Prepared, selection: Selection, rise: float) -> bool:
     """
     if not selection.best.names:
         return False
-    gain, _ = _gain(prepared, selection.best.judged, selection.base.judged)
+    gain = _gain_of_causes(prepared, selection)
     return gain > prepared.settings.imitated_share * (gain + rise)
 
 
@@ -117,8 +117,14 @@ def _slight(prepared: Prepared, selection: Selection) -> bool:
     Where either would do, the question is which is more likely, and benches whose parameters have
     moved since their good runs make some cause gain that much.
     """
+    least = prepared.settings.imitated_gain * len(selection.best.judged.scores())
+    return _gain_of_causes(prepared, selection) < least
+
+
+def _gain_of_causes(prepared: Prepared, selection: Selection) -> float:
+    """What all causes together gain over the model without any."""
     gain, _ = _gain(prepared, selection.best.judged, selection.base.judged)
-    return gain < prepared.settings.imitated_gain * len(selection.best.judged.scores())
+    return gain
 
 
 def _stands(
