@@ -27,7 +27,7 @@ _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTAL
 _SUPERSEDED = re.compile(r"^Status: superseded by (\d{4})", re.MULTILINE)
 _ACCESS = {
     "watch": "anyone",
-    "control": "who has control",
+    "control": "the client in control",
     "stop": "anyone, also on the stop channel",
 }
 
