@@ -1,4 +1,4 @@
-"""What a page refers to exists: files, headings, and decisions by their number."""
+"""What a page refers to exists (files, headings, decisions), and its tables are whole."""
 
 import re
 from pathlib import Path
@@ -12,6 +12,7 @@ DECISIONS = {page.name[:4]: page for page in (ROOT / "docs/decisions").glob("[0-
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ +(.+?)\s*$", re.MULTILINE)
+BAR = re.compile(r"(?<!\\)\|")
 MENTION = re.compile(r"\b[Dd]ecisions?[ /]\[?(\d{4})\b|\[(0\d{3})\]\(")
 
 
@@ -56,6 +57,28 @@ def test_a_dead_link_is_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("# A page\n[here](#a-page) [gone](gone.md) [nowhere](#nowhere)\n")
     assert dead_links(page) == ["gone.md", "#nowhere"]
+
+
+def broken_rows(page: Path) -> list[str]:
+    """The rows of tables with more or fewer cells than the row above them."""
+    broken = []
+    cells = 0
+    for line in prose(page).splitlines():
+        before, cells = cells, len(BAR.findall(line)) if line.startswith("|") else 0
+        if before and cells and cells != before:
+            broken.append(line)
+    return broken
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_row_of_a_table_has_as_many_cells_as_the_one_above(page: Path) -> None:
+    assert broken_rows(page) == []
+
+
+def test_a_bar_inside_a_cell_is_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("| a | b |\n|---|---|\n| x | largest |y| |\n\n| a |\n|---|\n| \\|y\\| |\n")
+    assert broken_rows(page) == ["| x | largest |y| |"]
 
 
 def test_every_decision_that_is_mentioned_exists() -> None:
