@@ -103,6 +103,10 @@ class HostSession:
         """Board time to host time, None before the first exchange."""
         return self._time.sync.fit
 
+    def host_us(self, t_us: int) -> float | None:
+        """Return when, by this host's clock, the board's last showed `t_us`; None if unknown."""
+        return self._time.host_us(t_us, self._now_us)
+
     def connect(self, now_us: int) -> list[e.HostEvent]:
         """Begin on a port just opened: HELLO, repeated until the board answers.
 
@@ -293,7 +297,11 @@ class HostSession:
                 self._on_stranger(events)
                 return
             self._strangers = 0
-        self._handlers[type(message)](message, frame, events)
+        handler = self._handlers.get(type(message))
+        if handler is None:
+            self.stats.unhandled += 1
+            return
+        handler(message, frame, events)
 
     def _on_stranger(self, events: list[e.HostEvent]) -> None:
         self.stats.session_errors += 1

@@ -357,7 +357,8 @@ class Telemetry(Row, kw_only=True):
     """
 
     timestamp: Annotated[
-        float, Meta(description="Unix time in seconds, paced by the board's clock")
+        float,
+        Meta(description="Unix time of the sample in s: board time, steered to the host's clock"),
     ]
     sequence: Annotated[int, Meta(description="counts published samples; a gap is a loss")]
 

@@ -15,7 +15,7 @@ import zmq
 
 from firmware_protocol.events import BoardRestarted, HostEvent, HostState, LinkLost
 from firmware_protocol.host import HostSession
-from firmware_protocol.messages import Disarm
+from firmware_protocol.messages import Disarm, State
 from smad.config import Config
 from smad.control.commands import Idle
 from smad.control.controller import Controller
@@ -34,6 +34,7 @@ from smad.daemon.requests import BoardRequests
 from smad.daemon.runheader import run_header
 from smad.daemon.server import CommandServer
 from smad.daemon.service import Service
+from smad.daemon.stamps import Stamps
 from smad.daemon.status import CommandCounts, StatusReport
 from smad.daemon.telemetry import Publisher
 from smad.daemon.trace import Trace
@@ -83,7 +84,7 @@ class Daemon:
         self._wall_clock = wall_clock
         self._tasks: set[asyncio.Task[Any]] = set()
         self._publishing = False
-        self._anchor_s: float | None = None
+        self._stamps = Stamps()
         self._second_us = 0
         self._housekeeping: asyncio.TimerHandle | None = None
         self._recorder_error = ""
@@ -260,7 +261,7 @@ class Daemon:
         self._guarded("control", self.control.receive, data)
 
     def _on_open(self) -> None:
-        self._anchor_s = None
+        self._stamps.restart()
         self.control.opened()
         transport = self.link.transport
         if self.link.counts.opens > 1 and transport is not None:
@@ -294,9 +295,8 @@ class Daemon:
         for _ in range(min(len(finished), _AT_ONCE)):
             item = finished.popleft()
             row = self.status.row(item)
-            if self._anchor_s is None:
-                self._anchor_s = item.host_s - row.t_s
-            self.publisher.publish(row, self._anchor_s + row.t_s)
+            stamp_s = self._stamps.stamp(row.t_s, item.host_s, self._taken_s(item.state))
+            self.publisher.publish(row, stamp_s)
             self.recorder.row(row)
             self.watch.on_state(item.state)
         self._tell_of_host_stop()
@@ -306,6 +306,13 @@ class Daemon:
         else:
             armed = self.session.state is HostState.RUNNING
             self.collector.run(int(self._period_ns * _SPARE_SHARE), at_rest=not armed)
+
+    def _taken_s(self, state: State) -> float | None:
+        """Unix time when a sample was taken, by the fit of the clocks; None while unknown."""
+        # In this order: a pause between the two readings makes the time too early, and no jump.
+        wall_s, now_us = self._wall_clock(), self._clock_us()
+        host_us = self.session.host_us(state.t_us)
+        return None if host_us is None else wall_s + (host_us - now_us) * 1e-6
 
     def _housekeep(self) -> None:
         self._housekeeping = self.loop.call_later(HOUSEKEEPING_S, self._housekeep)

@@ -37,6 +37,8 @@ class Rig:
     def __init__(self, config: Config, bench: SimulatedBench) -> None:
         self.bench = bench
         self.plugged = True
+        self.lost_us = 0
+        """By how much the board's clock is behind: add to it to let the board stand still."""
         self.journal = Journal(stream=io.StringIO())
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._board_end: socket.socket | None = None
@@ -50,9 +52,13 @@ class Rig:
             notifier=Notifier({}),
             nonce=7,
             parameter_text="",
-            clock_us=lambda: self.bench.now_us,
-            wall_clock=lambda: 1_700_000_000.0 + self.bench.now_us * 1e-6,
+            clock_us=self.now_us,
+            wall_clock=lambda: 1_700_000_000.0 + self.now_us() * 1e-6,
         )
+
+    def now_us(self) -> int:
+        """The host's clock."""
+        return self.bench.now_us + self.lost_us
 
     def _open(self) -> Transport:
         if not self.plugged:
