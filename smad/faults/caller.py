@@ -10,8 +10,8 @@ import msgspec
 import zmq
 from msgspec import Struct
 
-from smad.api import BY_PARAMS
-from smad.client.wire import connect, new_identity
+from smad.api import BY_PARAMS, ReleaseControl, TakeControl
+from smad.client.wire import Conversation, connect, new_identity
 from smad.errors import DaemonError
 
 _ENCODER = msgspec.json.Encoder()
@@ -41,6 +41,7 @@ class Caller:
         self.sent = 0
         self.answered = 0
         self.acknowledged = Acknowledged()
+        self._conversation = Conversation()
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = connect(self._context, address, None, new_identity())
 
@@ -63,9 +64,9 @@ class Caller:
     def send(self, params: Struct) -> int:
         """Send a command; return its number."""
         self.sent += 1
-        request = {"jsonrpc": "2.0", "id": self.sent, "method": BY_PARAMS[type(params)].name}
-        self._socket.send(_ENCODER.encode({**request, "params": params}))
-        return self.sent
+        number, data = self._conversation.request(params)
+        self._socket.send(data)
+        return number
 
     def send_raw(self, data: bytes) -> None:
         """Send bytes that are no command; they are owed an answer as well."""
@@ -106,4 +107,8 @@ class Caller:
             return Answer(refused=data["error"]["data"]["reason"])
         details = msgspec.json.decode(_ENCODER.encode(params))
         self.acknowledged.commands.append((BY_PARAMS[type(params)].name, details))
+        if isinstance(params, TakeControl):
+            self._conversation.lease = data["result"]["lease"]
+        elif isinstance(params, ReleaseControl):
+            self._conversation.lease = ""
         return Answer(result=data["result"])
