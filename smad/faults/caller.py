@@ -68,6 +68,14 @@ class Caller:
         self._socket.send(data)
         return number
 
+    def next_answer(self) -> Answer:
+        """Wait for the next answer, whatever it belongs to. Raises DaemonError when none comes."""
+        if not self._socket.poll(int(_PATIENCE_S * 1000)):
+            raise DaemonError("the daemon did not answer", limit=f"{_PATIENCE_S:g} s")
+        data = msgspec.json.decode(self._socket.recv())
+        self.answered += 1
+        return _answer(data)
+
     def send_raw(self, data: bytes) -> None:
         """Send bytes that are no command; they are owed an answer as well."""
         self.sent += 1
@@ -86,10 +94,7 @@ class Caller:
 
     def drain_one(self) -> None:
         """Wait for one answer, and count it. Raises DaemonError when none comes."""
-        if not self._socket.poll(int(_PATIENCE_S * 1000)):
-            raise DaemonError("the daemon did not answer", limit=f"{_PATIENCE_S:g} s")
-        self._socket.recv()
-        self.answered += 1
+        self.next_answer()
 
     def drain_all(self) -> None:
         """Count the answers until every command has one, or none comes any more."""
@@ -102,13 +107,20 @@ class Caller:
         self._context.destroy(linger=0)
 
     def _noted(self, params: Struct, data: dict[str, Any]) -> Answer:
-        if "error" in data:
+        answer = _answer(data)
+        if answer.refused:
             self.acknowledged.refused += 1
-            return Answer(refused=data["error"]["data"]["reason"])
+            return answer
         details = msgspec.json.decode(_ENCODER.encode(params))
         self.acknowledged.commands.append((BY_PARAMS[type(params)].name, details))
         if isinstance(params, TakeControl):
             self._conversation.lease = data["result"]["lease"]
         elif isinstance(params, ReleaseControl):
             self._conversation.lease = ""
-        return Answer(result=data["result"])
+        return answer
+
+
+def _answer(data: dict[str, Any]) -> Answer:
+    if "error" in data:
+        return Answer(refused=data["error"]["data"]["reason"])
+    return Answer(result=data["result"])
