@@ -414,3 +414,5 @@ class HostSession:
             self._mirror.granted(self._now_us + reply.valid_ms * 1000)
         elif isinstance(request, m.ArmConfirm) and isinstance(reply, m.Done):
             self._mirror.confirmed(request.axis, self._time.unwrap(reply.t_us, self._now_us))
+        elif isinstance(request, m.Disarm) and isinstance(reply, m.Done):
+            self._mirror.disarmed(request.axis, self._time.unwrap(reply.t_us, self._now_us))

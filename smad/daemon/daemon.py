@@ -316,7 +316,7 @@ class Daemon:
             self.publisher.publish(row, self._anchor_s + row.t_s)
             self.recorder.row(row)
             self.watch.on_state(item.state)
-            self.stops.on_sample()
+            self.stops.on_sample(item.state)
         self._tell_of_host_stop()
         self.notifier.alive(self._clock_us())
         if finished:

@@ -14,7 +14,7 @@ from typing import Any
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import HostState
 from firmware_protocol.host import HostSession
-from firmware_protocol.messages import Disarm
+from firmware_protocol.messages import Disarm, Done, State
 from firmware_protocol.mirror import HOT, STOPPED
 from smad.api import Reason
 from smad.control.commands import Idle
@@ -27,6 +27,8 @@ PATIENCE_US = 1_000_000
 """How long a reply to a stop waits for the board."""
 
 ASK_AGAIN_US = 500_000
+_EARLIER = 1 << 31
+"""Set in a difference of two of the board's times of 32 bits: the first is before the second."""
 
 
 class Stops:
@@ -60,6 +62,8 @@ class Stops:
         self._on_begin = on_begin
         self._clock_us = clock_us
         self._confirmed = True
+        self._confirmed_us: int | None = None
+        """Board time of the confirmation, until a sample after it was published."""
         self._asking = False
         self._asked_us = 0
         self._waiting: list[asyncio.Future[None]] = []
@@ -98,6 +102,7 @@ class Stops:
         for event in self._session.withdraw_arming(self._clock_us()):
             self._requests.handle(event)
         self._confirmed = not self._could_be_armed
+        self._confirmed_us = None
         self._ask()
 
     def order(self, why: str, text: str, data: dict[str, Any]) -> None:
@@ -112,26 +117,34 @@ class Stops:
 
     async def until_confirmed(self) -> None:
         """Return once the board has confirmed the stop. Raises Refusal if it does not."""
-        await self._until(lambda mode: True, "the daemon goes on asking")
+        await self._until(lambda: True, "the daemon goes on asking")
 
     async def until_disarmed(self) -> None:
         """Return once a sample shows it, too, for a reply that tells the board's state."""
-        await self._until(lambda mode: mode not in (None, *HOT), "the daemon goes on asking")
+        await self._until(
+            lambda: self._confirmed_us is None and self._watch.mode not in (None, *HOT),
+            "the daemon goes on asking",
+        )
 
     async def until_estop(self) -> None:
         """Return once the board says ESTOP. Raises Refusal if it does not."""
-        await self._until(lambda mode: mode is BoardState.ESTOP, "ESTOP is sent until it does")
+        await self._until(
+            lambda: self._watch.mode is BoardState.ESTOP, "ESTOP is sent until it does"
+        )
 
     def link_lost(self, why: str) -> None:
         """The session is over, and with it whatever could have armed the board."""
         self.begin(why)
         self._look()
 
-    def on_sample(self) -> None:
+    def on_sample(self, state: State) -> None:
         """A sample was published: the mode of the board may be another."""
-        if self._watch.mode in STOPPED:
+        if not self._confirmed and state.mode in STOPPED:
             # From these, no request that is still on its way leads back to ARMED.
             self._confirmed = True
+            self._confirmed_us = state.t_us
+        if self._confirmed_us is not None and not (state.t_us - self._confirmed_us) & _EARLIER:
+            self._confirmed_us = None
         self._look()
 
     def tick(self) -> None:
@@ -153,22 +166,24 @@ class Stops:
 
     async def _ask_board(self) -> None:
         try:
-            await self._requests.ask(Disarm(self._axis))
+            done = await self._requests.ask(Disarm(self._axis))
         except Refusal as refusal:
             self._say("warning", f"the board did not confirm the disarm: {refusal}", {})
         else:
+            assert isinstance(done, Done)
             self._confirmed = True
+            self._confirmed_us = done.t_us
         finally:
             self._asking = False
         self._look()
 
-    async def _until(self, reached: Callable[[BoardState | None], bool], action: str) -> None:
+    async def _until(self, reached: Callable[[], bool], action: str) -> None:
         deadline_us = self._clock_us() + PATIENCE_US
         while self._could_be_armed:
-            mode = self._watch.mode
-            if self._confirmed and reached(mode):
+            if self._confirmed and reached():
                 return
             if self._clock_us() >= deadline_us:
+                mode = self._watch.mode
                 raise Refusal(
                     Reason.NO_REPLY,
                     "the board has not confirmed that it stopped",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import signal
 import tempfile
 import time
@@ -37,6 +38,7 @@ DEATH_BUDGET_J = 20.0
 
 _AFTER_STOP_S = 1.5
 _TRIES = 6
+_MOST_TRIES = 60
 _ARMING_S = 0.02
 _STOPPED_FOR_S = 2.0
 _DAEMON_STAYS = ("ended by SIGTERM",)
@@ -117,13 +119,18 @@ def _stop_against_arm(rig: Rig, client: Client) -> str:
     client.disarm()
     rig.wait("it has cooled", lambda: rig.bench.board.state is BoardState.SAFE)
     caller = Caller(client.connection.command)
-    refused = []
+    refused: list[str] = []
     try:
-        for _ in range(_TRIES):
+        while refused.count(Reason.STOPPED) < _TRIES and len(refused) < _MOST_TRIES:
             losses = client.status().link.losses
             rig.inject("unplug", seconds=0.1)
-            rig.wait("the cable is out", lambda before=losses: client.status().link.losses > before)  # type: ignore[misc]
-            rig.wait("its parameters are being read", lambda: _is_read(client))
+            again = functools.partial(_again, client, losses)
+            rig.wait("it is connected again", again, poll_s=0.001)
+            board = client.status().board
+            if board is None or board.params_agree is not None:
+                # Armed at once it would rightly be armed before the stop comes.
+                refused.append("nothing was waiting")
+                continue
             caller.send(Arm())
             time.sleep(_ARMING_S)
             if client.disarm().armed:
@@ -131,14 +138,14 @@ def _stop_against_arm(rig: Rig, client: Client) -> str:
             refused.append(caller.next_answer().refused)
     finally:
         caller.close()
-    stopped = refused.count(Reason.STOPPED)
-    return "" if stopped else f"no stop came while the bench was arming ({', '.join(refused)})"
+    if Reason.STOPPED in refused:
+        return ""
+    return f"no stop came while the bench was arming ({', '.join(refused)})"
 
 
-def _is_read(client: Client) -> bool:
-    """Whether the board is connected anew, so that an arm has to wait."""
-    board = client.status().board
-    return board is not None and board.params_agree is None
+def _again(client: Client, losses: int) -> bool:
+    link = client.status().link
+    return link.losses > losses and link.state == "monitor"
 
 
 def _lapsed_takeover(rig: Rig, client: Client) -> str:
