@@ -166,7 +166,8 @@ class LimitsConfig(Section, frozen=True, kw_only=True):
         float, Meta(ge=30.0, le=95.0, description="hottest spring; current goes to 0 above it")
     ] = 80.0
     displacement_max_mm: Annotated[
-        float, Meta(ge=0.1, le=50.0, description="largest |displacement|, and largest reference")
+        float,
+        Meta(ge=0.1, le=50.0, description="largest displacement either way, and largest reference"),
     ] = 15.0
     force_max_N: Annotated[float, Meta(ge=0.1, le=100.0, description="largest tendon force")] = 10.0
     on_time_max_s: Annotated[
