@@ -3,7 +3,7 @@
 Theory of operation. `connect` sends HELLO until IDENT echoes its nonce; from then on frames carry
 the session number that IDENT gave. STATE frames come by themselves. A setpoint waits in one slot,
 so that only the latest is ever sent. Requests go one at a time and are repeated; the board
-answers a repeat from its memory, so they act at most once.
+answers a repeat from its memory, so they act at most once. DISARM overtakes all others.
 
 Three rules:
 
@@ -174,7 +174,20 @@ class HostSession:
                 "watched. Update the older of the two"
             )
         self._codec.pack(message)
-        return self._requests.add(message, now_us)
+        return self._requests.add(message, now_us, urgent=isinstance(message, m.Disarm))
+
+    def withdraw_arming(self, now_us: int) -> list[e.HostEvent]:
+        """Give up every request to arm, waiting or in flight; return their failures.
+
+        One in flight may still arm the board: a Disarm asked for after this is carried out later.
+        """
+        self._now_us = now_us
+        events: list[e.HostEvent] = []
+        for pending in self._requests.withdraw((m.ArmRequest, m.ArmConfirm), now_us):
+            self._fail(pending, e.FailureReason.WITHDRAWN, events)
+        if self._mirror is not None:
+            self._mirror.refused()
+        return events
 
     def send_setpoint(self, setpoint: m.Setpoint) -> None:
         """Put a setpoint in the slot; only the latest of each axis is sent.
@@ -409,3 +422,5 @@ class HostSession:
             self._mirror.granted(self._now_us + reply.valid_ms * 1000)
         elif isinstance(request, m.ArmConfirm) and isinstance(reply, m.Done):
             self._mirror.confirmed(request.axis, self._time.unwrap(reply.t_us, self._now_us))
+        elif isinstance(request, m.Disarm) and isinstance(reply, m.Done):
+            self._mirror.disarmed(request.axis, self._time.unwrap(reply.t_us, self._now_us))

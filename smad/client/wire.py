@@ -12,7 +12,7 @@ import msgspec
 import zmq
 from msgspec import Struct
 
-from smad.api import BY_PARAMS, LARGEST_MESSAGE, ErrorData, Reason, Telemetry
+from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Reason, Telemetry
 from smad.client.errors import NoDaemon, Refused, refused
 from smad.control.commands import Samples, Trajectory
 from smad.daemon.endpoints import Connection, candidate_folders, read_connection
@@ -52,9 +52,15 @@ class Keys:
 
 
 class Conversation:
-    """Numbers requests and finds the reply that belongs to one; replies of old ones are dropped."""
+    """Numbers requests and finds the reply that belongs to one; replies of old ones are dropped.
+
+    `lease` is the secret of our exclusive control (empty: none). `generation` is the one in which
+    we armed (None: we did not): what we ask for after that is refused once a stop has come.
+    """
 
     def __init__(self) -> None:
+        self.lease = ""
+        self.generation: int | None = None
         self._last_id = 0
 
     def request(self, params: Struct) -> tuple[int, bytes]:
@@ -65,9 +71,17 @@ class Conversation:
         method = BY_PARAMS[type(params)]
         _refuse_infinite(method.name, "", msgspec.to_builtins(params))
         self._last_id += 1
-        data = _ENCODER.encode(
-            {"jsonrpc": "2.0", "id": self._last_id, "method": method.name, "params": params}
-        )
+        request: dict[str, Any] = {
+            "jsonrpc": "2.0",
+            "id": self._last_id,
+            "method": method.name,
+            "params": params,
+        }
+        if self.lease:
+            request["lease"] = self.lease
+        if self.generation is not None and method.ends_with_stop and not isinstance(params, Arm):
+            request["generation"] = self.generation
+        data = _ENCODER.encode(request)
         if len(data) > LARGEST_MESSAGE:
             raise Refused(
                 f"{method.name}: the command is too long to send",

@@ -7,6 +7,7 @@ Everything runs on one loop. What follows a sample (`_publish`) and what no samp
 from __future__ import annotations
 
 import asyncio
+import secrets
 import time
 from collections.abc import Callable, Coroutine
 from typing import Any
@@ -15,9 +16,8 @@ import zmq
 
 from firmware_protocol.events import BoardRestarted, HostEvent, HostState, LinkLost
 from firmware_protocol.host import HostSession
-from firmware_protocol.messages import Disarm, State
+from firmware_protocol.messages import State
 from smad.config import Config
-from smad.control.commands import Idle
 from smad.control.controller import Controller
 from smad.daemon.answers import Answers
 from smad.daemon.control import ControlTask
@@ -36,6 +36,7 @@ from smad.daemon.server import CommandServer
 from smad.daemon.service import Service
 from smad.daemon.stamps import Stamps
 from smad.daemon.status import CommandCounts, StatusReport
+from smad.daemon.stops import Stops
 from smad.daemon.telemetry import Publisher
 from smad.daemon.trace import Trace
 from smad.daemon.unwelcome import Unwelcome
@@ -120,6 +121,19 @@ class Daemon:
             say=self.say,
             spawn=self.spawn,
             on_scales=self._set_scales,
+            on_found_armed=self._stop_found,
+        )
+        self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
+        self.stops = Stops(
+            self.session,
+            self.control.controller,
+            self.requests,
+            self.watch,
+            axis=config.link.axis,
+            say=self.say,
+            spawn=self.spawn,
+            on_begin=self._dead_man.forget,
+            clock_us=clock_us,
         )
         self.recorder = Recorder(
             config.recorder,
@@ -134,9 +148,8 @@ class Daemon:
         )
         self.publisher = Publisher(context, config.telemetry)
         self.collector = IdleCollector(enabled=False)
-        self._lease = Lease()
+        self._lease = Lease(secrets.token_urlsafe)
         self._host_stop = HostStop(self.control.controller)
-        self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
         self.status = StatusReport(
             config,
             control=self.control,
@@ -145,6 +158,7 @@ class Daemon:
             recorder=self.recorder,
             lease=self._lease,
             host_stop=self._host_stop,
+            stops=self.stops,
             journal=journal,
             collector=self.collector,
             commands=self.commands,
@@ -160,6 +174,7 @@ class Daemon:
             lease=self._lease,
             host_stop=self._host_stop,
             dead_man=self._dead_man,
+            stops=self.stops,
             say=self.say,
             clock_us=clock_us,
         )
@@ -223,9 +238,10 @@ class Daemon:
         if state is HostState.FAULTED:
             return "the board has stopped already"
         hot = state in (HostState.RUNNING, HostState.READY)
-        self.control.controller.command(Idle())
+        self.stops.begin("the daemon is ending")
         try:
-            await asyncio.wait_for(self.requests.ask(Disarm(self.config.link.axis)), 2.0)
+            # Whatever died may be what lets the time of the wait itself run out.
+            await asyncio.wait_for(self.stops.until_confirmed(), 2.0)
         except (Refusal, TimeoutError) as error:
             if not hot:
                 return "nothing was armed"
@@ -269,17 +285,19 @@ class Daemon:
 
     def _on_lost(self, reason: str) -> None:
         self.control.lost()
-        self._end_motion()
+        self.stops.link_lost("the link was lost")
         self.watch.port_lost(reason)
 
     def _on_event(self, event: HostEvent) -> None:
-        if isinstance(event, BoardRestarted | LinkLost):
-            self._end_motion()
+        if isinstance(event, BoardRestarted):
+            self.stops.link_lost("the board restarted")
+        elif isinstance(event, LinkLost):
+            self.stops.link_lost("the board fell silent")
         self.watch.on_event(event)
 
-    def _end_motion(self) -> None:
-        self._dead_man.forget()
-        self.control.controller.command(Idle())
+    def _stop_found(self) -> None:
+        text = "the board was found armed by somebody else; telling it to disarm"
+        self.stops.order("the board was found armed", text, {})
 
     def _set_scales(self, scales: Any) -> None:
         self.control.scales = scales
@@ -299,6 +317,7 @@ class Daemon:
             self.publisher.publish(row, stamp_s)
             self.recorder.row(row)
             self.watch.on_state(item.state)
+            self.stops.on_sample(item.state)
         self._tell_of_host_stop()
         self.notifier.alive(self._clock_us())
         if finished:
@@ -327,11 +346,8 @@ class Daemon:
         self.server.wake()
         if self.session.state in (HostState.DISCONNECTED, HostState.SYNC):
             self.notifier.alive(now_us)
-        if self._dead_man.expired(now_us):
-            self._dead_man.forget()
-            self.say("disarm", "the client that armed has fallen silent; disarming", {})
-            self.spawn("dead man", self._disarm_by_ourselves())
-        self._end_what_was_left(now_us)
+        self.stops.tick()
+        self.service.end_what_lapsed(now_us)
         self._end_automatic_log(now_us)
         if now_us - self._second_us >= _SECOND_US:
             self._second_us = now_us
@@ -345,29 +361,12 @@ class Daemon:
             text = f"this computer kept the daemon from running for {away_s * 1000:.0f} ms"
             self.say("warning", text, {"away_s": away_s})
 
-    def _end_what_was_left(self, now_us: int) -> None:
-        gone = self._lease.lapsed(now_us)
-        if gone is None or self.session.state is not HostState.RUNNING:
-            return
-        self._dead_man.forget()
-        silent_s = gone.duration_us * 1e-6
-        text = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s; disarming"
-        self.say("disarm", text, {"holder": gone.name, "silent_s": silent_s})
-        self.spawn("lease", self._disarm_by_ourselves())
-
     def _tell_of_host_stop(self) -> None:
         fault = self._host_stop.news()
         if fault is not None:
             data = {name: getattr(fault, name) for name in fault.__struct_fields__}
             self.say("fault", f"the host stopped: {in_full(fault)}", data)
-            self.spawn("host stop", self._disarm_by_ourselves())
-
-    async def _disarm_by_ourselves(self) -> None:
-        self.control.controller.command(Idle())
-        try:
-            await self.requests.ask(Disarm(self.config.link.axis))
-        except Refusal as error:
-            self.say("warning", f"the board did not confirm the disarm: {error}", {})
+            self.stops.begin(f"a limit of the host: {fault.name}")
 
     def _each_second(self) -> None:
         self.status.refresh()

@@ -33,6 +33,8 @@ def _request_type(method: Method) -> type[Struct]:
         [
             ("params", method.params) if required else ("params", method.params, method.params()),
             ("id", int | str | None, None),
+            ("lease", str, ""),
+            ("generation", int | None, None),
             ("jsonrpc", Literal["2.0"], "2.0"),
         ],
         tag_field="method",
@@ -55,19 +57,24 @@ def _request_union(*access: Access) -> Any:
 class Call(Struct, frozen=True):
     """A valid request: what is asked, with which parameters, and the id of the reply.
 
-    `wants_reply` is false for a notification.
+    `wants_reply` is false for a notification. `lease` is the secret of the caller's exclusive
+    control, `generation` that of the last stop it knows of: both may be left out.
     """
 
     method: Method
     params: Struct
     id: Id
     wants_reply: bool
+    lease: str = ""
+    generation: int | None = None
 
 
 class _Request(Struct, frozen=True):
     # What every member of the union has; the union's own types are made at run time.
     params: Struct
     id: Id
+    lease: str
+    generation: int | None
 
 
 class _Loose(Struct, frozen=True):
@@ -107,7 +114,14 @@ class Decoder:
                 ),
             )
         method = BY_PARAMS[type(request.params)]
-        return Call(method, request.params, request.id, request.id is not None)
+        return Call(
+            method,
+            request.params,
+            request.id,
+            request.id is not None,
+            request.lease,
+            request.generation,
+        )
 
     def _refuse(self, data: bytes, message: str) -> bytes:
         call_id: Id = None

@@ -21,6 +21,7 @@ from smad.daemon.link import Link
 from smad.daemon.measure import row_of
 from smad.daemon.realtime import IdleCollector
 from smad.daemon.recorder import Recorder
+from smad.daemon.stops import Stops
 from smad.daemon.watch import BoardWatch
 from smad.runlog.schema import Row
 
@@ -51,6 +52,7 @@ class StatusReport:
         recorder: Recorder,
         lease: Lease,
         host_stop: HostStop,
+        stops: Stops,
         journal: Journal,
         collector: IdleCollector,
         commands: CommandCounts,
@@ -66,6 +68,7 @@ class StatusReport:
         self._recorder = recorder
         self._lease = lease
         self._host_stop = host_stop
+        self._stops = stops
         self._journal = journal
         self._collector = collector
         self._commands = commands
@@ -93,9 +96,10 @@ class StatusReport:
             displacement_mm=None if last is None else _mm(last.sample.displacement_m),
             board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
             fault=fault,
+            generation=self._stops.generation,
         )
 
-    def lease(self, client: bytes) -> api.Control:
+    def lease(self, secret: str) -> api.Control:
         """Return who has exclusive control."""
         now_us = self._clock_us()
         holder = self._lease.holder(now_us)
@@ -104,10 +108,10 @@ class StatusReport:
         return api.Control(
             holder=holder.name,
             left_s=(holder.until_us - now_us) * 1e-6,
-            yours=holder.client == client,
+            yours=holder.secret == secret,
         )
 
-    def full(self, client: bytes) -> api.Status:
+    def full(self, secret: str) -> api.Status:
         """Return everything."""
         last = self._control.last
         state = None if last is None else last.state
@@ -128,7 +132,7 @@ class StatusReport:
             timing=self._timing,
             realtime=self.measures,
             recorder=self._recorder.status(),
-            control=self.lease(client),
+            control=self.lease(secret),
             events=tuple(self._journal.recent),
         )
 

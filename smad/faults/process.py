@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import signal
 import tempfile
 import time
@@ -12,15 +13,19 @@ from pathlib import Path
 
 import zmq
 
+from firmware_protocol.enums import BoardState
+from smad.api import Arm, Reason
 from smad.client import Client, Refused
 from smad.control.commands import DriveCurrent
 from smad.daemon.errors import TaskDied
 from smad.errors import RunLogError, SmadError
+from smad.faults.caller import Caller
 from smad.faults.catalogue import HOLD_BUDGET_J
 from smad.faults.lockstep import gate_open_after, states_after
 from smad.faults.oracle import Ending, Expectation, LogFound, Outcome, Then
 from smad.faults.rig import PATIENCE_S, Rig, rig_in
 from smad.faults.smalldisk import small_disk
+from smad.faults.trace import HOT
 from smad.faults.victim import DAEMON_PARTS, WALL_CLOCK_PART, WRITER_PART
 from smad.runlog.paths import newest_run
 from smad.runlog.reader import read_run
@@ -32,6 +37,9 @@ DEATH_BUDGET_J = 20.0
 """A second until the part that breaks is used, and half a second to disarm or to be missed."""
 
 _AFTER_STOP_S = 1.5
+_TRIES = 6
+_MOST_TRIES = 60
+_ARMING_S = 0.02
 _STOPPED_FOR_S = 2.0
 _DAEMON_STAYS = ("ended by SIGTERM",)
 
@@ -106,6 +114,58 @@ def _second_commander(rig: Rig, client: Client) -> str:
         other.close()
 
 
+def _stop_against_arm(rig: Rig, client: Client) -> str:
+    """Right after a reconnection: arm, 20 ms later somebody else's disarm. Nothing may be armed."""
+    client.disarm()
+    rig.wait("it has cooled", lambda: rig.bench.board.state is BoardState.SAFE)
+    caller = Caller(client.connection.command)
+    refused: list[str] = []
+    try:
+        while refused.count(Reason.STOPPED) < _TRIES and len(refused) < _MOST_TRIES:
+            losses = client.status().link.losses
+            rig.inject("unplug", seconds=0.1)
+            again = functools.partial(_again, client, losses)
+            rig.wait("it is connected again", again, poll_s=0.001)
+            board = client.status().board
+            if board is None or board.params_agree is not None:
+                # Armed at once it would rightly be armed before the stop comes.
+                refused.append("nothing was waiting")
+                continue
+            caller.send(Arm())
+            time.sleep(_ARMING_S)
+            if client.disarm().armed:
+                return "a disarm was acknowledged while the bench was armed"
+            refused.append(caller.next_answer().refused)
+    finally:
+        caller.close()
+    if Reason.STOPPED in refused:
+        return ""
+    return f"no stop came while the bench was arming ({', '.join(refused)})"
+
+
+def _again(client: Client, losses: int) -> bool:
+    link = client.status().link
+    return link.losses > losses and link.state == "monitor"
+
+
+def _lapsed_takeover(rig: Rig, client: Client) -> str:
+    """Who holds the bench falls silent; somebody else asks for control all the time."""
+    client.take_control("first", lease_s=0.5)
+    other = Client(folder=rig.folder, timeout_s=PATIENCE_S)
+    deadline_s = time.monotonic() + PATIENCE_S
+    try:
+        while time.monotonic() < deadline_s:
+            try:
+                other.take_control("second")
+            except Refused:
+                continue
+            hot = rig.bench.board.state in HOT
+            return "control of an armed bench changed hands" if hot else ""
+        return "control was never given"
+    finally:
+        other.close()
+
+
 def _deaf_subscribers(rig: Rig, client: Client) -> str:
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     for _ in range(3):
@@ -141,6 +201,11 @@ _ROWS: tuple[HostFault, ...] = (
     HostFault("second_commander", "another client commands a held bench", _second_commander,
               Then.GOES_ON, watch_s=1.0,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("stop_against_arm", "after a reconnection, somebody disarms 20 ms after an arm",
+              _stop_against_arm, Then.DISARMS, words=(*_DAEMON_STAYS, "nothing was armed")),
+    HostFault("lapsed_takeover", "a lease lapses while another client asks for control",
+              _lapsed_takeover, Then.DISARMS, budget_J=DEATH_BUDGET_J,
+              words=(*_DAEMON_STAYS, "nothing was armed")),
     HostFault("deaf_subscribers", "three subscribers never read, then die", _deaf_subscribers,
               Then.GOES_ON, watch_s=1.0,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),

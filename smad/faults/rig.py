@@ -99,7 +99,13 @@ class Rig:
     def _flowing(self) -> bool:
         return self.bench.board.outputs.applied_mA[0] > _FLOWING_mA
 
-    def wait(self, what: str, done: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
+    def wait(
+        self,
+        what: str,
+        done: Callable[[], bool],
+        patience_s: float = PATIENCE_S,
+        poll_s: float = _POLL_S,
+    ) -> None:
         """Wait for something that must happen. Raises SmadError when it does not."""
         deadline = time.monotonic() + patience_s
         while not done():
@@ -108,7 +114,7 @@ class Rig:
                     f"waited in vain until {what}", limit=f"{patience_s:g} s",
                     action=f"the daemon's last line: {self.daemon.last_line}",
                 )  # fmt: skip
-            time.sleep(_POLL_S)
+            time.sleep(poll_s)
 
     def watch(self, seconds: float, after_stop_s: float) -> None:
         """Let wall time pass, until some time after the bench stopped or at most `seconds`."""

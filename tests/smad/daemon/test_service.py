@@ -193,18 +193,20 @@ async def test_a_folder_that_cannot_be_written_refuses_arming_and_names_it(tmp_p
 async def test_only_the_holder_commands_while_anyone_may_watch_and_stop(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
-        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=10.0)
+        held = await rig.ask("control.take", name="Ada", lease_s=10.0)
+        ada = {"lease": held["lease"]}
         with pytest.raises(Refused, match="Ada has exclusive control") as refused:
             await rig.ask("idle", client=b"bob")
         assert refused.value.reason == "not_in_control"
-        assert (await rig.ask("status", client=b"bob"))["control"]["holder"] == "Ada"
-        await rig.ask("idle", client=b"ada")
+        control = (await rig.ask("status", client=b"bob"))["control"]
+        assert (control["holder"], control["yours"], control["lease"]) == ("Ada", False, "")
+        assert (await rig.ask("status", told=ada))["control"]["yours"]
+        await rig.ask("idle", told=ada)
         await rig.ask("disarm", client=b"bob")
 
 
 async def test_a_lease_ends_by_itself(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.arm()
         await rig.ask("control.take", client=b"ada", name="Ada", lease_s=2.0)
         await rig.run_for(2.5)
         await rig.ask("idle", client=b"bob")
@@ -213,12 +215,12 @@ async def test_a_lease_ends_by_itself(tmp_path: Path) -> None:
 async def test_who_has_control_and_vanishes_leaves_a_disarmed_bench(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
-        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=2.0)
-        await rig.ask("move", client=b"ada", trajectories=[STEP])
+        ada = {"lease": (await rig.ask("control.take", name="Ada", lease_s=2.0))["lease"]}
+        await rig.ask("move", told=ada, trajectories=[STEP])
         for _ in range(3):
             await rig.run_for(1.5)
             # Looking is enough to be heard.
-            assert (await rig.ask("motion", client=b"ada"))["armed"]
+            assert (await rig.ask("motion", told=ada))["armed"]
         assert (await rig.ask("status", client=b"bob"))["control"]["holder"] == "Ada"
         await rig.run_for(2.2)
         await rig.run_until(not_armed(rig))
@@ -239,8 +241,8 @@ async def not_armed(rig: Rig) -> None:
 async def test_giving_control_back_leaves_the_bench_as_it_is(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
-        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=1.0)
-        await rig.ask("control.release", client=b"ada")
+        ada = {"lease": (await rig.ask("control.take", name="Ada", lease_s=1.0))["lease"]}
+        await rig.ask("control.release", told=ada)
         await rig.run_for(3.0)
         assert (await rig.ask("motion"))["armed"]
 

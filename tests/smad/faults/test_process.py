@@ -30,6 +30,12 @@ def test_a_daemon_whose_controller_dies_disarms_and_says_so() -> None:
     assert "the control task died (RuntimeError: injected)" in outcome.ending.line
 
 
+@pytest.mark.parametrize("name", ["stop_against_arm", "lapsed_takeover"])
+def test_a_real_daemon_that_was_stopped_is_not_armed_again(name: str) -> None:
+    outcome = run_host_fault(HOST_FAULTS[name], seed=1)
+    assert judge(outcome) == []
+
+
 def test_every_part_that_is_to_break_exists() -> None:
     for place in DAEMON_PARTS.values():
         module, _, path = place.partition(":")
