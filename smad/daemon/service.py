@@ -84,6 +84,7 @@ class Service:
         clock_us: Callable[[], int],
     ) -> None:
         self.stopping = False
+        self._arming = False
         self._config = config
         self._control = control
         self._controller: Controller = control.controller
@@ -181,7 +182,20 @@ class Service:
 
     def arm(self, params: api.Arm, caller: Caller) -> Awaitable[api.Motion]:
         """Ask the board for a token, begin the run log, confirm."""
-        return self._arm(params, caller, self._stops.generation)
+        if self._arming:
+            raise Refusal(
+                Reason.BUSY,
+                "the bench is being armed already",
+                action="wait for the reply to that (smad status)",
+            )
+        self._arming = True
+        return self._arm_alone(params, caller, self._stops.generation)
+
+    async def _arm_alone(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
+        try:
+            return await self._arm(params, caller, generation)
+        finally:
+            self._arming = False
 
     async def _arm(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
         def still_wanted() -> None:
