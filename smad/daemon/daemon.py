@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable, Coroutine
+from contextlib import nullcontext
 from typing import Any
 
 import zmq
@@ -21,6 +22,7 @@ from smad.control.commands import Idle
 from smad.control.controller import Controller
 from smad.daemon.answers import Answers
 from smad.daemon.control import ControlTask
+from smad.daemon.descriptors import Reserve
 from smad.daemon.errors import Refusal
 from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.journal import Journal
@@ -68,6 +70,7 @@ class Daemon:
         journal: Journal,
         notifier: Notifier,
         nonce: int,
+        reserve: Reserve = nullcontext,
         parameter_text: str | None = None,
         trace: Trace | None = None,
         clock_us: Callable[[], int] = monotonic_us,
@@ -131,7 +134,7 @@ class Daemon:
             ),
             wall_clock,
         )
-        self.publisher = Publisher(context, config.telemetry)
+        self.publisher = Publisher(loop, config.telemetry, reserve)
         self.collector = IdleCollector(enabled=False)
         self._lease = Lease()
         self._host_stop = HostStop(self.control.controller)
@@ -172,6 +175,7 @@ class Daemon:
             on_stop=self.answers.stop,
             look_at_port=self.link.read,
             queue=config.daemon.command_queue,
+            reserve=reserve,
         )
         self._unwelcome = Unwelcome(self.server, self.commands, self.say)
 

@@ -24,6 +24,7 @@ from firmware_protocol.events import IncompatibleReason
 from smad.config import Config
 from smad.daemon import realtime
 from smad.daemon.daemon import Daemon
+from smad.daemon.descriptors import Descriptors, Shares, open_descriptors, shares_of
 from smad.daemon.endpoints import (
     Connection,
     Endpoints,
@@ -39,6 +40,9 @@ from smad.daemon.port import Transport
 from smad.daemon.trace import Trace
 from smad.daemon.wirerate import check_rate
 from smad.errors import DaemonError, PortError
+
+_OPENED_LATER = 8
+"""The port and its lock, the run log, what real-time measures need, a file that is looked at."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -86,9 +90,11 @@ class _Life:
         self._endpoints = Endpoints(folder, config.daemon.bench)
         self._journal = Journal()
         self._notifier = Notifier()
+        self._descriptors = Descriptors()
         self._signal: asyncio.Future[str]
 
     async def live(self) -> Ended:
+        self._divide_descriptors()
         umask = prepare_folder(self._endpoints.folder)
         lock = self._take_lock()
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -105,6 +111,7 @@ class _Life:
             journal=self._journal,
             notifier=self._notifier,
             nonce=secrets.randbits(32),
+            reserve=self._descriptors.reserve,
             parameter_text=self._parameter_text,
             trace=self._trace,
         )
@@ -130,6 +137,10 @@ class _Life:
             lock.release()
             self._journal.close()
 
+    def _divide_descriptors(self) -> Shares:
+        used = open_descriptors() + _OPENED_LATER
+        return shares_of(self._descriptors.limit, used, tcp=self._config.daemon.tcp.enabled)
+
     def _take_lock(self) -> LockFile:
         lock = LockFile(self._endpoints.lock)
         try:
@@ -149,13 +160,15 @@ class _Life:
         if config.daemon.tcp.enabled:
             tcp = daemon.server.serve_tcp(config.daemon, endpoints)
         if config.telemetry.enabled:
-            previous = os.umask(umask)
-            daemon.publisher.bind_ipc(endpoints.telemetry)
-            os.umask(previous)
+            daemon.publisher.bind_ipc(endpoints.telemetry, umask)
             if config.telemetry.endpoint:
-                daemon.publisher.bind_extra(config.telemetry.endpoint)
+                daemon.publisher.bind_extra(config.telemetry.endpoint, umask)
             if daemon.publisher.note:
                 daemon.status.notes.append(daemon.publisher.note)
+        shares = self._divide_descriptors()
+        self._descriptors.set_reserve_aside()
+        daemon.server.share(shares)
+        daemon.publisher.share(shares.telemetry)
         return Connection(
             bench=endpoints.bench,
             pid=os.getpid(),
