@@ -23,6 +23,9 @@ Reserve = Callable[[], AbstractContextManager[Any]]
 RESERVE = 16
 """Descriptors that no connection over TCP can take: for local stops, the port, the run log."""
 
+OPENED_LATER = 8
+"""The port and its lock, the run log, what real-time measures need, a file that is looked at."""
+
 LEAST_A_SHARE = 4
 _USEFUL = 16_384
 """More are never needed; a limit far above would only make a leak slow to show."""

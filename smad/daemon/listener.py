@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import os
 import secrets
 import socket
@@ -19,9 +20,6 @@ from smad.daemon.descriptors import Reserve
 from smad.daemon.zmtp import GREETING, Broken, Greeted, Message, Peer, Reply, Subscription, ready
 
 HANDSHAKE_S = 2.0
-STANDING_S = 0.05
-"""A connection that makes room for another has had so long to say something."""
-
 _PIECE = 65_536
 _BACKLOG = 128
 _RETRY_S = 0.1
@@ -156,8 +154,10 @@ class Connection:
 class Listener:
     """Takes connections at one address, at most `most` at once, as a ZeroMQ socket of `kind`.
 
-    `on_message` is told when a connection has a message and had none before. With `makes_room`,
-    the peer that has been silent for longest gives its place to one that waits.
+    `on_message` is told when a connection has a message and had none before. When all places are
+    taken, the peer that has been silent for longest gives its place to one that waits, if that
+    was for `standing_s`. (ZeroMQ's clients connect again by themselves when they have to say
+    something.)
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class Listener:
         on_broken: Callable[[Connection, Broken], None] = lambda connection, broken: None,
         before_reading: Callable[[], None] = lambda: None,
         most: int = 256,
-        makes_room: bool = False,
+        standing_s: float = math.inf,
         reserve: Reserve = nullcontext,
     ) -> None:
         self.loop = loop
@@ -188,7 +188,7 @@ class Listener:
         self.displaced = 0
         self._accepts = accepts
         self._longest = longest
-        self._makes_room = makes_room
+        self._standing_s = standing_s
         self._reserve = reserve
         self._line = line
         # In the order in which they were last heard.
@@ -260,8 +260,8 @@ class Listener:
         if len(self) >= self.most and not self._made_room():
             self.kept_waiting += 1
             self._pause()
-            if self._makes_room:
-                self._listen_later(STANDING_S)
+            if self._standing_s < math.inf:
+                self._listen_later(self._standing_s)
             return
         try:
             with self._reserve():
@@ -278,10 +278,8 @@ class Listener:
         self._connections[Connection(self, line)] = None
 
     def _made_room(self) -> bool:
-        if not self._makes_room:
-            return False
         silent = next(iter(self._connections), None)
-        if silent is None or self.loop.time() - silent.heard_s < STANDING_S:
+        if silent is None or self.loop.time() - silent.heard_s < self._standing_s:
             return False
         self.displaced += 1
         silent.close()

@@ -61,6 +61,7 @@ class Source:
     socket: Socket
     handle: Callable[[list[bytes]], None]
     monitored: bool = False
+    admits: Callable[[str], bool] | None = None
 
     @property
     def descriptor(self) -> int:
@@ -70,10 +71,12 @@ class Source:
     def serve_one(self) -> bool:
         """Handle one message; False if there is none."""
         try:
-            frames = self.socket.recv_multipart(zmq.NOBLOCK)
+            frames = self.socket.recv_multipart(zmq.NOBLOCK, copy=False)
         except zmq.Again:
             return False
-        self.handle(frames)
+        # A key may have been struck off the list after its connection was let in.
+        if self.admits is None or self.admits(str(frames[-1].get("User-Id"))):
+            self.handle([frame.bytes for frame in frames])
         return True
 
     def close(self) -> None:
@@ -156,9 +159,9 @@ class RemoteDoor:
             (zmq.CURVE_SECRETKEY, self._secret),
             (zmq.ZAP_DOMAIN, _ZAP_DOMAIN),
         )
-        for option, value in options:
-            socket.setsockopt(option, value)
         try:
+            for option, value in options:
+                socket.setsockopt(option, value)
             gate = Gate("" if host == "*" else host, port)
             self._gates.append((gate, share))
             self._monitor(socket)
@@ -170,7 +173,12 @@ class RemoteDoor:
                 f"cannot listen on {address}: {error.strerror}",
                 action="stop what uses the address, or choose another in the configuration",
             ) from error
-        return Source(socket, lambda frames: route(socket, frames), monitored=True)
+        return Source(
+            socket,
+            lambda frames: route(socket, frames),
+            monitored=True,
+            admits=self.doorkeeper.knows,
+        )
 
     def _monitor(self, socket: Socket) -> None:
         events = self._context.socket(zmq.PAIR)

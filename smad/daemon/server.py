@@ -22,7 +22,7 @@ from smad.api import LARGEST_MESSAGE, Reason
 from smad.config import DaemonConfig
 from smad.daemon.auth import Doorkeeper, server_keys
 from smad.daemon.budget import TimeBudget
-from smad.daemon.descriptors import Reserve, Shares, open_descriptors
+from smad.daemon.descriptors import OPENED_LATER, Reserve, Shares, open_descriptors
 from smad.daemon.endpoints import Endpoints
 from smad.daemon.errors import Refusal
 from smad.daemon.listener import Connection, Listener, listen_local
@@ -36,6 +36,9 @@ COMMAND_BURST_NS = 5_000_000
 
 _CLIENTS = frozenset((b"DEALER", b"REQ", b"ROUTER"))
 _STOP_QUEUE = 100
+_STOP_STANDING_S, _COMMAND_STANDING_S = 0.05, 2.0
+"""How long a silent client keeps its place while others wait. A stop is sent at once."""
+
 _LOOK_NS = 100_000_000
 
 Send = Callable[[bytes], None]
@@ -148,8 +151,10 @@ class CommandServer:
                 limit="CURVE with daemon.tcp.allowed_keys",
                 action="list the clients' public keys, or leave daemon.tcp.enabled off",
             )
-        path = Path(tcp.secret_key_file) if tcp.secret_key_file else endpoints.server_secret
-        public, secret = server_keys(path)
+        if tcp.secret_key_file:
+            public, secret = server_keys(Path(tcp.secret_key_file), follow=True)
+        else:
+            public, secret = server_keys(endpoints.server_secret)
         self.server_key = public.decode()
         self._remote = RemoteDoor(
             self._context,
@@ -175,8 +180,7 @@ class CommandServer:
             listener.most = most
         if self._remote is not None:
             self._remote.most = shares.tcp
-            # All that is open now is ours, but for whoever has come in already.
-            self._others = open_descriptors() - sum(len(one) for one in self.listeners)
+            self._others = open_descriptors() + OPENED_LATER
 
     def wake(self) -> None:
         """Look for messages. Needed after a send: ZeroMQ's descriptor is edge-triggered."""
@@ -222,7 +226,7 @@ class CommandServer:
             on_message=on_message,
             on_broken=_say_too_long,
             before_reading=self._look_at_port,
-            makes_room=stops,
+            standing_s=_STOP_STANDING_S if stops else _COMMAND_STANDING_S,
             reserve=self._reserve,
         )
         self._local.append(local)

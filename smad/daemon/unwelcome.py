@@ -14,7 +14,7 @@ _TEXTS = {
     "handshakes": "ended {} connections over TCP that never said who they are",
     "shut": "let nobody in over TCP for a while ({} times): too many connections are open",
     "kept_waiting": "let nobody in on this machine for a while ({} times): too many are connected",
-    "displaced": "closed {} silent connections of the stop channel to let others in",
+    "displaced": "closed {} silent connections on this machine to let others in",
 }
 
 

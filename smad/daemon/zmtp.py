@@ -115,7 +115,7 @@ class Peer:
 
     def _take_greeting(self) -> bool:
         data = self._data
-        if data and data[0] != 0xFF or len(data) >= _SIGNATURE_BYTES and not data[9] & 1:
+        if (data and data[0] != 0xFF) or (len(data) >= _SIGNATURE_BYTES and not data[9] & 1):
             raise Broken("no ZMTP greeting")
         if len(data) > _SIGNATURE_BYTES and data[10] < 3:
             raise Broken("a version of ZMTP before 3")
@@ -131,7 +131,7 @@ class Peer:
         if not data:
             return None
         flags = data[0]
-        if flags & ~(_MORE | _LONG | _COMMAND) or flags & _COMMAND and flags & _MORE:
+        if flags & ~(_MORE | _LONG | _COMMAND) or (flags & _COMMAND and flags & _MORE):
             raise Broken("a frame of an unknown kind")
         head = 9 if flags & _LONG else 2
         if len(data) < head:
