@@ -155,7 +155,7 @@ class _Life:
         return shares_of(self._descriptors.limit, used, tcp=self._config.daemon.tcp.enabled)
 
     def _take_lock(self, umask: int) -> LockFile:
-        lock = LockFile(self._endpoints.lock, mode=0o666 & ~umask)
+        lock = LockFile(self._endpoints.lock, mode=0o644 & ~umask)
         try:
             lock.acquire()
         except BlockingIOError:

@@ -5,7 +5,7 @@ import os
 import resource
 import socket
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -166,10 +166,8 @@ async def test_a_peer_that_does_not_read_is_not_sent_more_than_the_queue(room: R
 
     def drained() -> bool:
         nonlocal read
-        try:
+        with suppress(BlockingIOError):
             read += len(line.recv(1_000_000))
-        except BlockingIOError:
-            pass
         return read >= taken * 10_000
 
     await until(drained)
@@ -235,17 +233,20 @@ def test_the_reserve_is_out_of_reach_but_in_its_block(limits: None) -> None:
     descriptors = Descriptors()
     descriptors.set_reserve_aside()
     taken: list[int] = []
+
+    def take(most: int) -> None:
+        while len(taken) < most:
+            taken.append(os.open("/dev/null", os.O_RDONLY))
+
     try:
         with pytest.raises(OSError, match="Too many open files"):
-            while len(taken) < descriptors.limit:
-                taken.append(os.open("/dev/null", os.O_RDONLY))
+            take(descriptors.limit)
         with descriptors.reserve(), descriptors.reserve():
-            taken += [os.open("/dev/null", os.O_RDONLY) for _ in range(RESERVE)]
+            take(len(taken) + RESERVE)
             with pytest.raises(OSError, match="Too many open files"):
-                taken.append(os.open("/dev/null", os.O_RDONLY))
-        taken.pop()
+                take(len(taken) + 1)
         with pytest.raises(OSError, match="Too many open files"):
-            os.open("/dev/null", os.O_RDONLY)
+            take(len(taken) + 1)
     finally:
         for one in taken:
             os.close(one)
