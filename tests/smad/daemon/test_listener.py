@@ -10,12 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import zmq
 
+from smad.config import TcpConfig
 from smad.daemon.descriptors import RESERVE, Descriptors, Shares, open_descriptors, shares_of
 from smad.daemon.gate import Gate
 from smad.daemon.listener import Connection, Listener, listen_local
+from smad.daemon.remote import RemoteDoor
 from smad.daemon.zmtp import GREETING, encoded, ready
 from smad.errors import DaemonError
+from smad.faults.fort import free_ports
 
 TURNS = 5000
 HELLO = GREETING + ready(b"DEALER")
@@ -274,3 +278,60 @@ def test_a_gate_that_is_shut_keeps_newcomers_out_and_those_who_are_in_stay() -> 
         inside.close()
     zeromq.close()
     gate.close()
+
+
+def test_commands_are_closed_to_newcomers_before_stops_are() -> None:
+    ports = free_ports(2)
+    tcp = TcpConfig(command_port=ports[0], stop_port=ports[1])
+    secret = zmq.curve_keypair()[1]
+
+    def lets_in(port: int) -> bool:
+        with socket.socket() as line:
+            line.settimeout(0.2)
+            with suppress(TimeoutError):
+                line.connect(("127.0.0.1", port))
+                return True
+        return False
+
+    with zmq.Context() as context:
+        door = RemoteDoor(
+            context, tcp, secret, on_command=_ignore, on_stop=_ignore, queue=10, reserve=nullcontext
+        )
+        door.most = 8
+        let_in = []
+        for connections in (3, 4, 7, 8, 7, 5, 3, 2):
+            door.look(connections)
+            let_in.append((lets_in(ports[0]), lets_in(ports[1])))
+        assert let_in == [
+            (True, True),
+            (False, True),
+            (False, True),
+            (False, False),
+            (False, False),
+            (False, True),
+            (False, True),
+            (True, True),
+        ]
+        assert door.counts.shut == 2
+        door.close()
+
+
+def test_a_port_that_is_taken_is_refused_and_leaves_nothing_open() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other, zmq.Context() as context:
+        tcp = TcpConfig(command_port=other.getsockname()[1], stop_port=free_ports(1)[0])
+        secret = zmq.curve_keypair()[1]
+        with pytest.raises(DaemonError, match="cannot listen on tcp"):
+            RemoteDoor(
+                context,
+                tcp,
+                secret,
+                on_command=_ignore,
+                on_stop=_ignore,
+                queue=10,
+                reserve=nullcontext,
+            )
+        # A socket left open would keep the context from ending here.
+
+
+def _ignore(socket: object, frames: object) -> None:
+    return None
