@@ -243,7 +243,7 @@ class TelemetryConfig(Section, frozen=True, kw_only=True):
 
     enabled: Annotated[bool, Meta(description="publish samples")] = True
     endpoint: Annotated[
-        str, Meta(description="ZeroMQ address to publish on as well as on ipc; empty: ipc only")
+        str, Meta(description="tcp://host:port to publish on as well as on ipc; empty: ipc only")
     ] = "tcp://127.0.0.1:9872"
     every_nth_sample: Annotated[
         int, Meta(ge=1, le=1000, description="1 publishes all, 10 every tenth")
