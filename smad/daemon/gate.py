@@ -17,7 +17,7 @@ from smad.daemon.descriptors import Reserve
 
 _SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
 _RETURN = 0x06
-_BACKLOG = 16
+_BACKLOG = 128
 """So many may have arrived already when the gate closes."""
 
 
