@@ -11,6 +11,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
+from smad.config.curve import KEY_CHARACTERS, is_curve_key
+
 
 class Section(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of the configuration file."""
@@ -196,11 +198,18 @@ class TcpConfig(Section, frozen=True, kw_only=True):
         str, Meta(description="file with the server's CURVE keys; empty: in the ipc folder")
     ] = ""
     allowed_keys: Annotated[
-        tuple[Annotated[str, Meta(min_length=40, max_length=40)], ...],
+        tuple[str, ...],
         Meta(description="public keys (Z85, 40 characters) of the clients let in"),
     ] = ()
 
     def __post_init__(self) -> None:
+        for number, key in enumerate(self.allowed_keys, start=1):
+            if not is_curve_key(key):
+                raise ValueError(
+                    f"`allowed_keys`, entry {number} of {len(self.allowed_keys)} is no key; "
+                    f"got {key!r}; allowed: {KEY_CHARACTERS} characters of Z85; "
+                    "copy the public key that `smad keys` printed"
+                )
         if self.enabled and not self.allowed_keys:
             raise ValueError("`enabled` with an empty `allowed_keys` lets nobody in; list a key")
         if self.command_port == self.stop_port:
@@ -235,7 +244,7 @@ class TelemetryConfig(Section, frozen=True, kw_only=True):
 
     enabled: Annotated[bool, Meta(description="publish samples")] = True
     endpoint: Annotated[
-        str, Meta(description="ZeroMQ address to publish on as well as on ipc; empty: ipc only")
+        str, Meta(description="tcp://host:port to publish on as well as on ipc; empty: ipc only")
     ] = "tcp://127.0.0.1:9872"
     every_nth_sample: Annotated[
         int, Meta(ge=1, le=1000, description="1 publishes all, 10 every tenth")

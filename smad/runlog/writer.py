@@ -31,6 +31,7 @@ from smad.runlog.schema import Event, Record
 END_METADATA_NAME = "smad.end"
 _MESSAGES_A_CHUNK = 256
 _PAUSE_BETWEEN_CHUNKS_S = 0.001
+_LOOK_S = 1.0
 _NS = 1_000_000_000
 
 
@@ -127,9 +128,14 @@ class RunWriter:
     def _run(self) -> None:
         try:
             _step_below_creator()
+            next_look_s = time.monotonic() + _LOOK_S
             while not self._stop.wait(self._flush_interval_s):
                 self._drain()
+                if time.monotonic() >= next_look_s:
+                    next_look_s = time.monotonic() + _LOOK_S
+                    self._look()
             self._drain()
+            self._look()
             if not self._file.closed:
                 self._end_file()
         except Exception as error:
@@ -161,6 +167,20 @@ class RunWriter:
             self._start_next_part_if_due(batch)
         except RunLogError as error:
             self._give_up(error)
+
+    def _look(self) -> None:
+        """Give up if the file is no longer where it was: what is written then is lost."""
+        if self._file.closed:
+            return
+        try:
+            there = os.path.samestat(os.stat(self.paths[-1]), os.fstat(self._file.fileno()))
+        except FileNotFoundError:
+            there = False
+        except OSError:
+            # What is said of the folder is not said of the file: writing will tell.
+            return
+        if not there:
+            self._give_up(RunLogError("it was deleted, moved or replaced"))
 
     def _drop_notice(self, time_ns: int) -> list[Packed]:
         missed = self._refused - self._dropped_told
