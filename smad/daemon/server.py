@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import zmq
 
-from smad.api import LARGEST_MESSAGE
+from smad.api import LARGEST_TAKEN_IN
 from smad.config import DaemonConfig
 from smad.daemon.auth import ZAP_ADDRESS, Doorkeeper, server_keys
 from smad.daemon.budget import TimeBudget
@@ -162,7 +162,7 @@ class CommandServer:
         socket = self._context.socket(zmq.ROUTER)
         stops = handler is self._on_stop
         socket.setsockopt(zmq.LINGER, 0)
-        socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
+        socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_TAKEN_IN)
         socket.setsockopt(zmq.RCVHWM, 100 if stops else self._queue)
         socket.setsockopt(zmq.SNDHWM, 100 if stops else self._queue)
         socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
