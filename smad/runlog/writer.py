@@ -25,7 +25,7 @@ from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import McapFile, Packed
 from smad.runlog.pack import RecordPacker
-from smad.runlog.paths import part_path
+from smad.runlog.paths import make_folder, part_path
 from smad.runlog.schema import Event, Record
 
 END_METADATA_NAME = "smad.end"
@@ -237,13 +237,7 @@ def write_run(path: str | Path, header: RunHeader, records: Iterable[Record]) ->
 
 
 def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunLogError(
-            f"cannot create folder {path.parent}: {error.strerror}",
-            action="check the folder ([recorder] folder in the configuration)",
-        ) from error
+    make_folder(path.parent)
     try:
         file = FileIO(path, "xb")
     except FileExistsError:
