@@ -115,7 +115,7 @@ def test_a_gap_of_exactly_zero_with_an_unknown_cause_is_put_into_words(tied: boo
     e = replace(
         evidenced(worth(0.0, 0.0)),
         tied=tied,
-        unexplained=Unexplained(4.0, "force_N", "force_N", 9.0),
+        unexplained=Unexplained(0.0, 9.0, 0.0, "rod", "force_N"),
     )
     said = words(
         Outcome.UNKNOWN, e, HeaterPlant(), p=0.5, sub_model="rod", regimes=(), outputs=(),
