@@ -89,7 +89,7 @@ class Conversation:
                 f"{method.name}: the command is too long to send",
                 value=f"{len(data)} bytes",
                 limit=f"{LARGEST_MESSAGE} bytes",
-                action="send it in pieces",
+                action="it was not sent, as the daemon would refuse it; send it in pieces",
             )
         return self._last_id, data
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import zmq
 
-from smad.api import LARGEST_MESSAGE
+from smad.api import LARGEST_TAKEN_IN
 from smad.config import TcpConfig
 from smad.daemon.auth import ZAP_ADDRESS, Doorkeeper
 from smad.daemon.descriptors import Reserve
@@ -150,7 +150,7 @@ class RemoteDoor:
         socket = self._context.socket(zmq.ROUTER)
         options: Iterable[tuple[int, int | bytes]] = (
             (zmq.LINGER, 0),
-            (zmq.MAXMSGSIZE, LARGEST_MESSAGE),
+            (zmq.MAXMSGSIZE, LARGEST_TAKEN_IN),
             (zmq.RCVHWM, queue),
             (zmq.SNDHWM, queue),
             (zmq.ROUTER_MANDATORY, 1),

@@ -18,7 +18,7 @@ from typing import Protocol
 
 import zmq
 
-from smad.api import LARGEST_MESSAGE, Reason
+from smad.api import LARGEST_MESSAGE, LARGEST_TAKEN_IN, Reason
 from smad.config import DaemonConfig
 from smad.daemon.auth import Doorkeeper, server_keys
 from smad.daemon.budget import TimeBudget
@@ -221,7 +221,7 @@ class CommandServer:
             line,
             b"ROUTER",
             accepts=_CLIENTS,
-            longest=LARGEST_MESSAGE,
+            longest=LARGEST_TAKEN_IN,
             queue=_STOP_QUEUE if stops else self._queue,
             on_message=on_message,
             on_broken=_say_too_long,
@@ -299,7 +299,7 @@ class CommandServer:
 def _say_too_long(connection: Connection, broken: Broken) -> None:
     if isinstance(broken, TooLong):
         refusal = Refusal(
-            Reason.MALFORMED,
+            Reason.NO_REQUEST,
             f"{broken}; the connection is closed",
             limit=f"{LARGEST_MESSAGE} bytes",
             action="send it in pieces",

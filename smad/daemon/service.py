@@ -42,6 +42,7 @@ from smad.daemon.recorder import Recorder
 from smad.daemon.requests import BoardRequests
 from smad.daemon.status import StatusReport
 from smad.daemon.stops import Stops
+from smad.daemon.tighter import require_tighter
 from smad.daemon.watch import BoardWatch, Say, disagreement
 
 _PARAMETER_POLLS = 100
@@ -406,6 +407,7 @@ class Service:
                 "the board's parameters are not those that were read from it",
                 action="unplug it and plug it in again, so that they are read anew",
             )
+        require_tighter(self._config, self._watch.parameters)
 
     def _require_not_faulted(self) -> None:
         by_host = self._host_stop.fault

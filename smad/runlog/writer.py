@@ -25,7 +25,7 @@ from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import McapFile, Packed
 from smad.runlog.pack import RecordPacker
-from smad.runlog.paths import part_path
+from smad.runlog.paths import make_folder, part_path
 from smad.runlog.schema import Event, Record
 
 END_METADATA_NAME = "smad.end"
@@ -74,7 +74,6 @@ class RunWriter:
         self._queue: deque[Packed] = deque()
         self._packer = RecordPacker(header.started_unix_s)
         self._dropped_told = 0
-        self._part_first_ns: int | None = None
         self._mcap, self._file = _create(self.paths[0], header)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="run log", daemon=True)
@@ -164,7 +163,7 @@ class RunWriter:
             return
         self.written += len(batch)
         try:
-            self._start_next_part_if_due(batch)
+            self._start_next_part_if_due()
         except RunLogError as error:
             self._give_up(error)
 
@@ -195,20 +194,15 @@ class RunWriter:
         )
         return [RecordPacker(0.0).pack(notice)]
 
-    def _start_next_part_if_due(self, batch: list[Packed]) -> None:
-        if self._part_first_ns is None:
-            self._part_first_ns = batch[0].time_ns
-        if (
-            self._mcap.size_bytes < self._max_file_bytes
-            and batch[-1].time_ns - self._part_first_ns < self._max_file_ns
-        ):
+    def _start_next_part_if_due(self) -> None:
+        # By the rows: an event may carry the host's clock, which somebody may set.
+        if self._mcap.size_bytes < self._max_file_bytes and self._mcap.rows_ns < self._max_file_ns:
             return
         self._end_file()
         part = len(self.paths) + 1
         path = part_path(self.paths[0], part)
         self._mcap, self._file = _create(path, msgspec.structs.replace(self._header, part=part))
         self.paths.append(path)
-        self._part_first_ns = None
 
     def _end_file(self) -> None:
         try:
@@ -263,13 +257,7 @@ def write_run(path: str | Path, header: RunHeader, records: Iterable[Record]) ->
 
 
 def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunLogError(
-            f"cannot create folder {path.parent}: {error.strerror}",
-            action="check the folder ([recorder] folder in the configuration)",
-        ) from error
+    make_folder(path.parent)
     try:
         file = FileIO(path, "xb")
     except FileExistsError:

@@ -12,7 +12,7 @@ import pytest
 import zmq
 import zmq.asyncio
 
-from smad.api import LARGEST_MESSAGE
+from smad.api import LARGEST_TAKEN_IN
 from smad.config import DaemonConfig, TcpConfig, TelemetryConfig
 from smad.daemon.auth import Doorkeeper, server_keys
 from smad.daemon.endpoints import Endpoints
@@ -129,13 +129,17 @@ async def test_a_stop_is_served_before_the_commands_that_wait(echo: Echo) -> Non
     assert echo.order.index(b"stop") < 500
 
 
-async def test_a_message_that_is_too_long_ends_that_connection_only(echo: Echo) -> None:
-    rude, polite = echo.client(), echo.client()
-    await rude.send(b"x" * (LARGEST_MESSAGE + 1))
+async def test_a_message_is_taken_in_to_be_refused_and_a_far_longer_one_ends_its_connection(
+    echo: Echo,
+) -> None:
+    clumsy, rude, polite = echo.client(), echo.client(), echo.client()
+    await clumsy.send(b"x" * LARGEST_TAKEN_IN)
+    assert len((await receive(clumsy))[0]) > LARGEST_TAKEN_IN
+    await rude.send(b"y" * (LARGEST_TAKEN_IN + 1))
     await polite.send(b"hello")
     assert await receive(polite) == [b"re:hello"]
     assert b"a message of" in (await receive(rude))[0]
-    assert not any(len(data) > LARGEST_MESSAGE for data in echo.order)
+    assert not any(data[:1] == b"y" for data in echo.order)
 
 
 async def test_a_message_of_several_parts_is_dropped_and_counted(echo: Echo) -> None:

@@ -138,6 +138,22 @@ def test_a_long_run_goes_on_in_further_files(tmp_path: Path) -> None:
     assert not any(run.cut_short for run in runs)
 
 
+@pytest.mark.parametrize("jump_s", [-86_400.0, 86_400.0])
+def test_parts_are_as_long_as_the_board_says_when_somebody_sets_the_clock(
+    tmp_path: Path, jump_s: float
+) -> None:
+    with RunWriter(
+        tmp_path / "run.mcap", HEADER, flush_interval_s=NEVER_S, max_file_s=3.0
+    ) as writer:
+        for n, row in enumerate(rows(1000)):
+            if n % 200 == 0:
+                writer.append(Event(host_time_s=1.79e9 + jump_s, kind="link", text="lost"))
+            writer.append(row)
+    lasting_s = [read_run(part).duration_s for part in writer.paths]
+    assert all(3.0 <= s < 3.0 + 2.56 for s in lasting_s[:-1])
+    assert len(lasting_s) > 1
+
+
 def test_a_log_that_is_being_written_is_not_called_cut(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with RunWriter(path, HEADER, flush_interval_s=0.001) as writer:
