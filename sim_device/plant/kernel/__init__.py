@@ -1,0 +1,60 @@
+"""The plant's equations, stepped: compiled functions over records with named fields.
+
+Read `state` and `model` first, for what there is; then `paper_kinetics`, `film`, `heat` and
+`mechanics` beside the paper; then `temperatures`, `equilibrium` and `step`, which solve them.
+Equation numbers are those of Cheng et al., J. Intell. Mater. Syst. Struct. 28(16), 2017. All
+quantities are SI. Only what this package exports is called from outside.
+"""
+
+from sim_device.plant.kernel.curves import interpolate_outer_curve, lay_curves
+from sim_device.plant.kernel.film import film_conductance
+from sim_device.plant.kernel.layout import fill, filled, numbers, place_of, zeros
+from sim_device.plant.kernel.mechanics import compliance
+from sim_device.plant.kernel.model import (
+    ANTAGONISTIC,
+    BLOCKED,
+    PROGRESS_HIGH,
+    PROGRESS_LOW,
+    STRETCH,
+    Constants,
+    Effects,
+    Model,
+)
+from sim_device.plant.kernel.replay import replay, replay_drivers
+from sim_device.plant.kernel.rest import Mounting, rest
+from sim_device.plant.kernel.state import CELLS, RING_COLUMNS, RING_ROWS, TURNS, State, Work
+from sim_device.plant.kernel.step import NOT_CONVERGED, NOT_FINITE, OK, advance
+
+__all__ = [
+    "ANTAGONISTIC",
+    "BLOCKED",
+    "CELLS",
+    "NOT_CONVERGED",
+    "NOT_FINITE",
+    "OK",
+    "PROGRESS_HIGH",
+    "PROGRESS_LOW",
+    "RING_COLUMNS",
+    "RING_ROWS",
+    "STRETCH",
+    "TURNS",
+    "Constants",
+    "Effects",
+    "Model",
+    "Mounting",
+    "State",
+    "Work",
+    "advance",
+    "compliance",
+    "fill",
+    "filled",
+    "film_conductance",
+    "interpolate_outer_curve",
+    "lay_curves",
+    "numbers",
+    "place_of",
+    "replay",
+    "replay_drivers",
+    "rest",
+    "zeros",
+]

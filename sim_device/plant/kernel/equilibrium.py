@@ -1,0 +1,191 @@
+"""The tension of the tendon: where the springs fill its length, with or without friction.
+
+Deflections grow with the tension, also with the fractions and temperatures that go with it, so
+there is one root, held in a bracket. A few steps in which tension and temperatures converge
+together come first, and are nearly always enough.
+"""
+
+from __future__ import annotations
+
+from sim_device.plant.kernel.compiled import compiled, inlined
+from sim_device.plant.kernel.mechanics import friction_at, slack_position, stretch_of_tendon
+from sim_device.plant.kernel.model import ANTAGONISTIC, Model
+from sim_device.plant.kernel.state import State, Spring, SpringWork, Work
+from sim_device.plant.kernel.temperatures import (
+    ITERATIONS,
+    JOINT_STEPS,
+    NEWTON_STEPS,
+    follow_tension,
+    solve_spring,
+    solve_spring_on_lines,
+)
+from sim_device.plant.kernel.unified_kinetics import copy_lines, set_lines
+
+DELTA_TOLERANCE = 1e-10  # m
+UNBOUNDED = 1e300
+
+
+@inlined
+def safeguarded_newton_step(
+    F: float, miss: float, slope: float, low: float, high: float, n: int
+) -> float:
+    """Newton's next tension inside its bracket, or the middle of the bracket if that has to be."""
+    if n < NEWTON_STEPS or high > 1e299:
+        F = F - miss / slope
+        if low < F < high:
+            return F
+        if low == 0.0 and F <= 0.0:
+            return 0.0
+    return 0.5 * (low + high)
+
+
+@inlined
+def is_root(F: float, miss: float, low: float, high: float) -> bool:
+    """Whether the root is found: within tolerance, in a closed bracket, or slack, at no tension."""
+    if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):
+        return True
+    return miss > 0.0 and F == 0.0
+
+
+@compiled
+def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
+    """The tension at which the pair fills its length: δ_X(F) + δ_Y(F) = 2 δ0.
+
+    No tension at all is the answer when the unloaded springs are already long enough: the tendon is
+    slack. Returns the tension, or -1 when it is not found.
+    """
+    x, y, wx, wy, p, e = state.x, state.y, work.x, work.y, model.p, model.x
+    low = 0.0
+    high = UNBOUNDED
+    F = guess if guess > 0.0 else 0.0
+    for n in range(ITERATIONS):
+        exact = n >= JOINT_STEPS
+        set_lines(F, wx, p, e)
+        copy_lines(wx, wy)
+        found = solve_spring_on_lines(F, exact, x, wx, model)
+        found = solve_spring_on_lines(F, exact, y, wy, model) and found
+        if not found:
+            return -1.0
+        miss = wx.deflection + wy.deflection - 2.0 * p.delta_0
+        settled = wx.miss == 0.0 and wy.miss == 0.0
+        if settled and is_root(F, miss, low, high):
+            return F
+        if exact:
+            if miss > 0.0:
+                high = F
+            else:
+                low = F
+        last = F
+        slope = wx.deflection_by_F + wy.deflection_by_F
+        F = safeguarded_newton_step(F, miss, slope, low, high, n)
+        follow_tension(F - last, wx, e)
+        follow_tension(F - last, wy, e)
+    return -1.0
+
+
+@compiled
+def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: Model) -> float:
+    """The tension at which one spring, with its half of the tendon, has the deflection `target`.
+
+    As `solve_pair`: one root, zero when the spring is slack, -1 when it is not found.
+    """
+    p, e = model.p, model.x
+    low = 0.0
+    high = UNBOUNDED
+    F = guess if guess > 0.0 else 0.0
+    gives = e.resists > 0.0 and p.fixture == ANTAGONISTIC
+    for n in range(ITERATIONS):
+        exact = n >= JOINT_STEPS
+        found = solve_spring(F, exact, s, w, model)
+        reach = w.deflection
+        slope = w.deflection_by_F
+        if gives:
+            stretch, stretch_F = stretch_of_tendon(F, e)
+            reach += stretch - stretch_of_tendon(p.F0, e)[0]
+            slope += stretch_F
+        if not found:
+            return -1.0
+        miss = reach - target
+        if w.miss == 0.0 and is_root(F, miss, low, high):
+            return F
+        if exact:
+            if miss > 0.0:
+                high = F
+            else:
+                low = F
+        last = F
+        F = safeguarded_newton_step(F, miss, slope, low, high, n)
+        follow_tension(F - last, w, e)
+    return -1.0
+
+
+@compiled
+def solve_sliding_pair(
+    rub: float, guess: float, state: State, work: Work, model: Model, dt: float
+) -> tuple[float, float, float]:
+    """The pair with friction `rub` (signed), drag, tube stiffness and a tendon that gives.
+
+    Unknown is the tension of X; that of Y is less by what resists the motion. Returns
+    (tension of X, of Y, displacement), tension -1 when it is not found.
+    """
+    x, y, wx, wy, p, e = state.x, state.y, work.x, work.y, model.p, model.x
+    low = 0.0
+    high = UNBOUNDED
+    F = guess if guess > 0.0 else 0.0
+    before = state.shared.displacement
+    wet = 0.5 * (x.filled + y.filled)
+    drag = e.drag * wet / dt
+    mounted = stretch_of_tendon(p.F0, e)[0]
+    for n in range(ITERATIONS):
+        found = solve_spring(F, True, x, wx, model)
+        stretch, stretch_F = stretch_of_tendon(F, e)
+        reach = wx.deflection + stretch - mounted
+        reach_F = wx.deflection_by_F + stretch_F
+        u = p.delta_0 - reach
+        other = F - rub - 2.0 * e.tube_stiffness * u - drag * (u - before)
+        other_F = 1.0 + (2.0 * e.tube_stiffness + drag) * reach_F
+        if other < 0.0:
+            other = 0.0
+            other_F = 0.0
+        found = solve_spring(other, True, y, wy, model) and found
+        stretch, stretch_F = stretch_of_tendon(other, e)
+        if not found:
+            return -1.0, 0.0, 0.0
+        miss = reach + wy.deflection + stretch - mounted - 2.0 * p.delta_0
+        slope = reach_F + (wy.deflection_by_F + stretch_F) * other_F
+        if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):
+            return F, other, u
+        if miss > 0.0:
+            if F == 0.0:
+                return F, other, slack_position(before, wx, wy, p)
+            high = F
+        else:
+            low = F
+        F = safeguarded_newton_step(F, miss, slope, low, high, n)
+    return -1.0, 0.0, 0.0
+
+
+@compiled
+def solve_resisted_pair(
+    guess: float, state: State, work: Work, model: Model, dt: float
+) -> tuple[float, float, float]:
+    """The pair where something resists its motion: stick if friction can hold it, else slide.
+
+    Returns (tension of X, of Y, displacement), tension -1 when it is not found.
+    """
+    x, y, g, p, e = state.x, state.y, state.shared, model.p, model.x
+    rub = 0.0
+    hold = friction_at(g.tension, 0.0, e)
+    if hold > 0.0:
+        u = g.displacement
+        F_x = solve_tension(p.delta_0 - u, x.tension, x, work.x, model)
+        F_y = solve_tension(p.delta_0 + u, y.tension, y, work.y, model)
+        if F_x < 0.0 or F_y < 0.0:
+            return -1.0, 0.0, 0.0
+        pull = F_x - F_y - 2.0 * e.tube_stiffness * u
+        if abs(pull) <= hold:
+            return F_x, F_y, u
+        rub = friction_at(g.tension, g.speed, e)
+        if pull < 0.0:
+            rub = -rub
+    return solve_sliding_pair(rub, guess, state, work, model, dt)

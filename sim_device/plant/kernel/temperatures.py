@@ -1,0 +1,193 @@
+"""Temperatures of a spring's parts at one tension: what the heat balance asks of T and ξ together.
+
+Part i ends at T_i = B + s (D_i + λ_i Δξ_i): D_i its distance from the mean along a front of share
+s, λ_i Δξ_i its own latent heat (of a spring without a front: one part, D = 0, s = 1).
+B = T* + λ m - s M, with m and M the means of Δξ_i and λ_i Δξ_i, makes the mean of T_i what the heat
+balance says, T* + λ m, or what is fed. Each side of it rises with B, so that there is one root.
+"""
+
+from __future__ import annotations
+
+from sim_device.plant.kernel.compiled import compiled, inlined
+from sim_device.plant.kernel.mechanics import deflect_along_step
+from sim_device.plant.kernel.model import Effects, Model
+from sim_device.plant.kernel.parts import (
+    change_of,
+    count_parts,
+    evaluate_fractions,
+    memory_of,
+    rise_by_latent_heat,
+    work_of,
+)
+from sim_device.plant.kernel.state import Memory, PartWork, Spring, SpringWork
+from sim_device.plant.kernel.unified_kinetics import set_lines
+
+T_TOLERANCE = 1e-8  # K
+ITERATIONS = 200
+JOINT_STEPS = 4  # of Newton, before temperatures are held in brackets
+NEWTON_STEPS = 30  # before a bracket is only halved
+
+
+@compiled
+def solve_part_temperature(
+    base: float, s: Spring, w: SpringWork, m: Memory, c: PartWork, model: Model
+) -> float:
+    """The temperature of a part: the one root of T = base + s λ (ξ(T) - ξ_old), in a bracket.
+
+    Returns the change of its fraction.
+    """
+    share = w.front_share
+    low = base - share * w.cell_lam_heating
+    high = base + share * w.cell_lam_cooling
+    T = c.T_wire
+    if not low <= T <= high:
+        T = base
+    change = 0.0
+    for n in range(ITERATIONS):
+        change, xi_T = evaluate_fractions(T, s, w, m, c, model)
+        lam = share * rise_by_latent_heat(change, w)
+        miss = T - base - lam * change
+        if abs(miss) <= T_TOLERANCE or high - low <= T_TOLERANCE:
+            break
+        if miss > 0.0:
+            high = T
+        else:
+            low = T
+        T = T - miss / (1.0 - lam * xi_T)
+        if n >= NEWTON_STEPS or not low < T < high:
+            T = 0.5 * (low + high)
+    c.T_wire = T
+    return change
+
+
+@compiled
+def solve_part_temperatures(s: Spring, w: SpringWork, model: Model) -> bool:
+    """The temperatures of all parts at one tension, in brackets; False if they are not found."""
+    star = w.T_star
+    parts = count_parts(model.x)
+    each = 1.0 / parts
+    share = w.front_share
+    low = star - w.lam_heating - share * w.cell_lam_cooling
+    high = star + w.lam_cooling + share * w.cell_lam_heating
+    base = star
+    for n in range(ITERATIONS):
+        mean = 0.0
+        latent_mean = 0.0
+        for i in range(parts):
+            m, c = memory_of(i, parts, s), work_of(i, parts, w)
+            goal = base + share * s.wire_off[i]
+            change = solve_part_temperature(goal, s, w, m, c, model)
+            mean += change * each
+            latent_mean += rise_by_latent_heat(change, w) * change * each
+        lam = w.lam_heating if mean < 0.0 else w.lam_cooling
+        miss = base - star - lam * mean + share * latent_mean
+        if abs(miss) <= T_TOLERANCE or high - low <= T_TOLERANCE:
+            return True
+        if miss > 0.0:
+            high = base
+        else:
+            low = base
+        steep = 1.0
+        for i in range(parts):
+            m, c = memory_of(i, parts, s), work_of(i, parts, w)
+            own = share * rise_by_latent_heat(change_of(m, c), w)
+            steep += (own - lam) * c.xi_by_T / (1.0 - own * c.xi_by_T) * each
+        base = base - miss / steep
+        if n >= NEWTON_STEPS or not low < base < high:
+            base = 0.5 * (low + high)
+    return False
+
+
+@inlined
+def step_part_temperatures(s: Spring, w: SpringWork, model: Model) -> None:
+    """Evaluate a spring at the guesses of its parts' temperatures, and make one step of Newton.
+
+    Fractions, deflection, extrapolated along the step, and its slope go to the scratch; `miss` is 0
+    if there was nothing to step.
+    """
+    parts = count_parts(model.x)
+    each = 1.0 / parts
+    share = w.front_share
+    xs = xt = mean = latent_mean = 0.0
+    for i in range(parts):
+        m, c = memory_of(i, parts, s), work_of(i, parts, w)
+        change, _ = evaluate_fractions(c.T_wire, s, w, m, c, model)
+        xs += c.xi_S * each
+        xt += c.xi_T * each
+        mean += change * each
+        latent_mean += rise_by_latent_heat(change, w) * change * each
+    lam = w.lam_heating if mean < 0.0 else w.lam_cooling
+    base = w.T_star + lam * mean - share * latent_mean
+    # One step of Newton in all temperatures, and how they follow the force.
+    worst = coupled = pulled = forced = 0.0
+    for i in range(parts):
+        m, c = memory_of(i, parts, s), work_of(i, parts, w)
+        change = change_of(m, c)
+        own = share * rise_by_latent_heat(change, w)
+        miss = c.T_wire - own * change - base - share * s.wire_off[i]
+        worst = max(worst, abs(miss))
+        part = (lam - own) / (1.0 - own * c.xi_by_T) * each
+        coupled += part * c.xi_by_T
+        pulled -= part * c.xi_by_T * miss
+        forced += part * c.xi_by_F
+    step = pulled / (1.0 - coupled)
+    base_F = forced / (1.0 - coupled)
+    rough = worst > T_TOLERANCE
+    xi_step = xs_step = xi_F = xs_F = 0.0
+    for i in range(parts):
+        m, c = memory_of(i, parts, s), work_of(i, parts, w)
+        change = change_of(m, c)
+        own = share * rise_by_latent_heat(change, w)
+        eased = 1.0 / (1.0 - own * c.xi_by_T)
+        T_F = (base_F + own * c.xi_by_F) * eased
+        c.T_by_F = T_F
+        xi_F += (c.xi_by_F + c.xi_by_T * T_F) * each
+        xs_F += (c.xi_S_by_F + c.xi_S_by_T * T_F) * each
+        if rough:
+            miss = c.T_wire - own * change - base - share * s.wire_off[i]
+            own_step = (step - miss) * eased
+            xi_step += c.xi_by_T * own_step * each
+            xs_step += c.xi_S_by_T * own_step * each
+            c.T_wire += own_step
+    w.miss = worst if rough else 0.0
+    w.T_end = w.T_star + lam * mean
+    w.xi_S = xs
+    w.xi_T = xt
+    deflect_along_step(w.F_phase, (xi_step, xs_step), (xi_F, xs_F), s, w, model.p, model.x)
+
+
+@inlined
+def solve_spring(F: float, exact: bool, s: Spring, w: SpringWork, model: Model) -> bool:
+    """One spring at tension F: temperatures, fractions, deflection and its slope, into scratch.
+
+    Exact: the temperatures that the heat balance asks for, in the end held in brackets; returns
+    False when they are not found. Otherwise one step of Newton from the guesses, with the
+    deflection extrapolated along it and the size of the step left in `miss`, so that temperatures
+    and tension can converge together.
+    """
+    set_lines(F, w, model.p, model.x)
+    return solve_spring_on_lines(F, exact, s, w, model)
+
+
+@compiled
+def solve_spring_on_lines(F: float, exact: bool, s: Spring, w: SpringWork, model: Model) -> bool:
+    """`solve_spring`, with the lines for tension F in scratch already."""
+    w.F_phase = F
+    found = True
+    for n in range(JOINT_STEPS + 1):
+        if n == JOINT_STEPS:
+            found = solve_part_temperatures(s, w, model)
+        step_part_temperatures(s, w, model)
+        if not exact or w.miss == 0.0:
+            return True
+    w.miss = 0.0
+    return found
+
+
+@inlined
+def follow_tension(dF: float, w: SpringWork, e: Effects) -> None:
+    """Move the guesses of temperature along with a step of the tension."""
+    parts = count_parts(e)
+    for i in range(parts):
+        c = work_of(i, parts, w)
+        c.T_wire += dF * c.T_by_F
