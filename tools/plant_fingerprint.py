@@ -37,7 +37,7 @@ FRONT: Effects = {"cooling_front": {"share": 0.8, "place": 0.4}}
 
 
 def driven(seed: int, seconds: float = 24.0, step_s: float = 0.02) -> Inputs:
-    """Currents and pumps held for some time each; the stage moves, and water drains now and then."""
+    """Currents and pumps held for some time each; the stage moves, water drains at times."""
     rng = np.random.default_rng(seed)
     n = int(seconds / step_s)
     t = np.arange(n) * step_s
@@ -184,7 +184,7 @@ def write(path: Path) -> int:
 
 
 def compare(first: Path, second: Path) -> int:
-    """Print how many series agree to the bit, and the worst difference by output. Status 1: too far."""
+    """Print how many series agree to the bit, and what differs most. Status 1: too far."""
     one, other = np.load(first), np.load(second)
     if missing := sorted(set(one.files) ^ set(other.files)):
         print(f"{len(missing)} series are in one of the two only, {missing[0]!r} first")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sim_device.plant import kernel as k
+from sim_device.plant.setup import Setup
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,13 @@ class EnergyBook:
         return income - (self.heat_to_water + self.heat_to_air + self.stored + self.omitted_work)
 
 
-def stored_energy(state: k.State, p: k.Constants, e: k.Effects) -> float:
+def stored_energy(state: k.State, setup: Setup) -> float:
     """Energy stored in both springs and their water at a state, J, as a function of state.
 
     Sensible heat counts from the reference temperature with the heating capacity; martensite lies
     below austenite by the latent heat of heating.
     """
+    p, e = setup.p, setup.e
     total = 0.0
     for s in (state.x, state.y):
         xi = float(s.memory.xi_S + s.memory.xi_T)
@@ -55,11 +57,11 @@ def stored_energy(state: k.State, p: k.Constants, e: k.Effects) -> float:
         )
         total += float(p.length * per_metre)
         force = float(s.tension)
-        total += 0.5 * force * force * float(k.compliance(xi, p, e))
+        total += 0.5 * force * force * float(k.compliance_of(setup.model, xi))
     return total
 
 
-def energy_book(start: k.State, end: k.State, p: k.Constants, e: k.Effects) -> EnergyBook:
+def energy_book(start: k.State, end: k.State, setup: Setup) -> EnergyBook:
     """The books between two states of one run."""
 
     def both(name: str) -> float:
@@ -72,6 +74,6 @@ def energy_book(start: k.State, end: k.State, p: k.Constants, e: k.Effects) -> E
         unequal=both("unequal_heat"),
         heat_to_water=both("heat_to_water"),
         heat_to_air=both("heat_to_air"),
-        stored=stored_energy(end, p, e) - stored_energy(start, p, e),
+        stored=stored_energy(end, setup) - stored_energy(start, setup),
         omitted_work=both("omitted_work"),
     )

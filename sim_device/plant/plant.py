@@ -140,7 +140,7 @@ class Plant:
     @property
     def energy(self) -> EnergyBook:
         """The energy books since the start."""
-        return energy_book(self._start[0], self._state[0], self._setup.p, self._setup.e)
+        return energy_book(self._start[0], self._state[0], self._setup)
 
 
 def truth_of(row: np.ndarray) -> PlantTruth:

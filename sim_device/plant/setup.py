@@ -85,7 +85,7 @@ class Setup:
     def film_W_per_m_K(self, wire_K: float, water_K: float, duty: float) -> float:
         """Conductance from a metre of wire to its water, Eqs (19)-(25), at a duty of the pump."""
         speed = duty * float(self.p.flow_max * self.p.per_annulus)
-        return float(k.film_conductance(wire_K, water_K, speed, self.p, self.table))
+        return float(k.film_conductance_of(self.model, wire_K, water_K, speed, self.table))
 
     def ring(self) -> Array:
         """Room for the history of the samples, as much as late channels need."""

@@ -70,7 +70,8 @@ WATER: tuple[Effect, ...] = (
         name="air_pockets",
         title="air bubbles cut the cooling by a different share at each start of the pump",
         subsystem="water",
-        equation="h → h (1 − s v_n), Q → Q (1 − s v_n), v_n scattered in 0 to 1 with the n-th start",
+        equation="h → h (1 − s v_n), Q → Q (1 − s v_n), v_n scattered in 0 to 1 with the n-th"
+        " start",
         parameters=(
             EffectParameter(
                 name="share",

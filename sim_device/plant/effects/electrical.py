@@ -56,7 +56,8 @@ ELECTRICAL: tuple[Effect, ...] = (
         name="driver_saturation",
         title="driver or supply runs out of headroom towards the largest current",
         subsystem="actuator",
-        equation="I = I_c/[1 + (I_c/I_s)^n]^(1/n), (I_max/I_s)^n = (1 − s)^−n − 1, so that I = (1 − s) I_max"
+        equation="I = I_c/[1 + (I_c/I_s)^n]^(1/n), (I_max/I_s)^n = (1 − s)^−n − 1, so that I = (1"
+        " − s) I_max"
         " at I_c = I_max of the parameter file",
         parameters=(
             EffectParameter(
@@ -85,7 +86,8 @@ ELECTRICAL: tuple[Effect, ...] = (
         signals=("current", "voltage", "temperature", "displacement", "force"),
         confused_with=("driver_gain",),
         separated_by="a staircase of currents up to I_max: the top steps fall short, by ever more",
-        reference="C. Rapp, Proc. 2nd European Conf. on Satellite Communications, Liège 1991, ESA SP-332,"
+        reference="C. Rapp, Proc. 2nd European Conf. on Satellite Communications, Liège 1991, ESA"
+        " SP-332,"
         " 179-184 (soft limiter of power amplifiers); used here for a current source",
     ),
     Effect(
@@ -118,7 +120,8 @@ ELECTRICAL: tuple[Effect, ...] = (
         signals=("voltage", "temperature", "displacement", "force"),
         confused_with=("contact_resistance", "driver_gain", "r_phase"),
         separated_by="sweep temperature slowly at a small sensing current and look at V/I",
-        reference="N. Ma, G. Song, H.-J. Lee, Smart Mater. Struct. 13 (2004) 777 (cited by the paper)",
+        reference="N. Ma, G. Song, H.-J. Lee, Smart Mater. Struct. 13 (2004) 777 (cited by the"
+        " paper)",
     ),
     Effect(
         name="contact_resistance",

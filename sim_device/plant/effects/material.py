@@ -17,7 +17,8 @@ PHASE: tuple[Effect, ...] = (
         name="minor_loop",
         title="partial transformations follow another law",
         subsystem="phase",
-        equation="ratios of Eqs (11), (13) raised to 1 + κ p, p the untransformed share when the leg began;"
+        equation="ratios of Eqs (11), (13) raised to 1 + κ p, p the untransformed share when the"
+        " leg began;"
         " a share m of the wire rests until the outer curve reaches its fraction",
         parameters=(
             EffectParameter(
@@ -137,7 +138,8 @@ PHASE: tuple[Effect, ...] = (
         name="unified_kinetics",
         title="one law for twinned and detwinned martensite, which remembers where it turned",
         subsystem="phase",
-        equation="ξ from a = (T − A_S − τ/C_A)/(A_F − A_S) and c = (M_S + (τ − τ_0)/C_M − T)/(M_S − M_F),"
+        equation="ξ from a = (T − A_S − τ/C_A)/(A_F − A_S) and c = (M_S + (τ − τ_0)/C_M − T)/(M_S"
+        " − M_F),"
         " τ_0 at F0, on curves that mix f with a logistic one (share t), scaled to pass through"
         " earlier turns; of what forms or is there, 1 − f(b) is detwinned",
         parameters=(
@@ -167,7 +169,8 @@ PHASE: tuple[Effect, ...] = (
         signals=_MOVES,
         confused_with=("minor_loop",),
         separated_by="first-order reversal curves at two preloads",
-        reference="D. C. Lagoudas et al., Int. J. Plasticity 32-33 (2012) 155-183; S. E. Zirka, Y. I. Moroz,"
+        reference="D. C. Lagoudas et al., Int. J. Plasticity 32-33 (2012) 155-183; S. E. Zirka,"
+        " Y. I. Moroz,"
         " IEEE Trans. Magn. 31 (1995) 3509-3511",
         law=True,
     ),
@@ -259,7 +262,8 @@ MECHANICS: tuple[Effect, ...] = (
         ),
         signals=_MOVES,
         confused_with=("encoder_backlash", "viscous_drag", "minor_loop"),
-        separated_by="reversals at two preloads: the constant part stays, the proportional part grows",
+        separated_by="reversals at two preloads: the constant part stays, the proportional part"
+        " grows",
         reference=_FRICTION,
         needs=_MOVED,
     ),

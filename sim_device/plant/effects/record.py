@@ -54,8 +54,8 @@ class EffectParameter:
 
     A strength switches the effect: at `zero` it is absent. A shape (`zero` is None) says how the
     effect acts and means nothing while every strength is zero. `low` and `high` are the range that
-    is accepted; `typical` is a value that a bench may well show. `term` is the field of the kernel's
-    `Effects` that it fills; without one it only says how others get there.
+    is accepted; `typical` is a value that a bench may well show. `term` is the field of `Effects`
+    in the kernel that it fills; without one it only says how others get there.
     """
 
     name: str

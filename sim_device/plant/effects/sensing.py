@@ -94,8 +94,10 @@ SENSORS: tuple[Effect, ...] = (
         ),
         signals=("displacement",),
         confused_with=("tube_friction", "encoder_slip"),
-        separated_by="force against displacement at a reversal: with backlash the force moves first",
-        reference="I. D. Mayergoyz, Mathematical Models of Hysteresis, Springer 1991 (play operator)",
+        separated_by="force against displacement at a reversal: with backlash the force moves"
+        " first",
+        reference="I. D. Mayergoyz, Mathematical Models of Hysteresis, Springer 1991 (play"
+        " operator)",
     ),
     Effect(
         name="encoder_slip",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_device.plant.effects.record import Y_SHARE, Effect, EffectParameter, about, either, half
+from sim_device.plant.effects.record import Effect, EffectParameter, about, either, half
 
 _HEAT = ("temperature", "displacement", "force")
 _NODE = (("cooling", ("water",)), ("variant", ("extended",)))
@@ -64,7 +64,8 @@ THERMAL: tuple[Effect, ...] = (
         signals=_HEAT,
         confused_with=("temperature_spread", "tube_stiffness"),
         separated_by="slow against fast heating: cold ends stay, a spread closes",
-        reference="A. Bhattacharyya et al., Smart Mater. Struct. 2002 (heat balance cited by the paper)",
+        reference="A. Bhattacharyya et al., Smart Mater. Struct. 2002 (heat balance cited by the"
+        " paper)",
     ),
     Effect(
         name="temperature_spread",
@@ -86,7 +87,8 @@ THERMAL: tuple[Effect, ...] = (
         signals=_HEAT,
         confused_with=("cold_ends", "rtd_lag", "minor_loop"),
         separated_by="slow against fast heating: rounded corners sharpen when slow",
-        reference="A. Bhattacharyya et al., Smart Mater. Struct. 2002 (heat balance cited by the paper)",
+        reference="A. Bhattacharyya et al., Smart Mater. Struct. 2002 (heat balance cited by the"
+        " paper)",
     ),
     Effect(
         name="cooling_front",

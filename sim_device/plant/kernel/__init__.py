@@ -6,13 +6,12 @@ Equation numbers are those of Cheng et al., J. Intell. Mater. Syst. Struct. 28(1
 quantities are SI. Only what this package exports is called from outside.
 """
 
-from sim_device.plant.kernel.curves import interpolate_outer_curve, lay_curves
-from sim_device.plant.kernel.film import film_conductance
+from sim_device.plant.kernel.curves import lay_curves
 from sim_device.plant.kernel.layout import fill, filled, numbers, place_of, zeros
-from sim_device.plant.kernel.mechanics import compliance
 from sim_device.plant.kernel.model import (
     ANTAGONISTIC,
     BLOCKED,
+    CURVE_SIZE,
     PROGRESS_HIGH,
     PROGRESS_LOW,
     STRETCH,
@@ -20,6 +19,7 @@ from sim_device.plant.kernel.model import (
     Effects,
     Model,
 )
+from sim_device.plant.kernel.probes import compliance_of, film_conductance_of, outer_curve
 from sim_device.plant.kernel.replay import replay, replay_drivers
 from sim_device.plant.kernel.rest import Mounting, rest
 from sim_device.plant.kernel.state import CELLS, RING_COLUMNS, RING_ROWS, TURNS, State, Work
@@ -29,6 +29,7 @@ __all__ = [
     "ANTAGONISTIC",
     "BLOCKED",
     "CELLS",
+    "CURVE_SIZE",
     "NOT_CONVERGED",
     "NOT_FINITE",
     "OK",
@@ -45,13 +46,13 @@ __all__ = [
     "State",
     "Work",
     "advance",
-    "compliance",
+    "compliance_of",
     "fill",
     "filled",
-    "film_conductance",
-    "interpolate_outer_curve",
+    "film_conductance_of",
     "lay_curves",
     "numbers",
+    "outer_curve",
     "place_of",
     "replay",
     "replay_drivers",

@@ -43,9 +43,7 @@ def update_r_phase(xi_old: float, xi: float, s: Spring, p: Constants, e: Effects
 
 
 @inlined
-def remember_transformation(
-    s: Spring, w: SpringWork, p: Constants, e: Effects, dt: float
-) -> None:
+def remember_transformation(s: Spring, w: SpringWork, p: Constants, e: Effects, dt: float) -> None:
     """Progress and legs of the spring or of its cells, and what their latent heat does to them.
 
     At the temperature of the last evaluation, so that progress and fractions belong together.

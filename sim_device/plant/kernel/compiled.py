@@ -29,6 +29,8 @@ _FAST: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else 
 # fast-math, so that no operation is reordered or fused.
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", **_FAST}
 
+_INTERNAL: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
 PACKAGE = Path(__file__).parent
 KEPT = 3
 """So many folders stay, the latest ones: who goes back to an earlier text need not compile anew."""
@@ -44,8 +46,9 @@ def text_digest(package: Path = PACKAGE) -> str:
 
 def _homes() -> list[Path]:
     """Where cache folders may lie, the best place first."""
-    if config.CACHE_DIR:
-        return [Path(config.CACHE_DIR) / "smad-kernel"]
+    chosen = vars(config)["CACHE_DIR"]
+    if chosen:
+        return [Path(chosen) / "smad-kernel"]
     own = hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:12]
     root = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return [PACKAGE / "__pycache__", Path(root) / "smad" / own]
@@ -100,11 +103,16 @@ def _made(function: _Function, **options: Any) -> _Function:
         settings["CACHE_DIR"] = before
 
 
-def compiled(function: _Function) -> _Function:
-    """Compile a function; plain Python, with the same bits, under NUMBA_DISABLE_JIT=1."""
+def entry(function: _Function) -> _Function:
+    """Compile a function that Python calls; plain Python under NUMBA_DISABLE_JIT=1, same bits."""
     return _made(function)
+
+
+def compiled(function: _Function) -> _Function:
+    """Compile a function that only compiled ones call: without what Python would need to."""
+    return _made(function, **_INTERNAL)
 
 
 def inlined(function: _Function) -> _Function:
     """Compile a function of the inner loop into its callers: halves the time of a substep."""
-    return _made(function, forceinline=True)
+    return _made(function, forceinline=True, **_INTERNAL)

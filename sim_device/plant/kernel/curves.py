@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from sim_device.plant.kernel.compiled import compiled, inlined
+import numpy as np
+import numpy.typing as npt
+
+from sim_device.plant.kernel.compiled import entry, inlined
 from sim_device.plant.kernel.layout import OneRecord
 from sim_device.plant.kernel.model import (
     CURVE_CELLS,
@@ -13,6 +16,8 @@ from sim_device.plant.kernel.model import (
     PROGRESS_LOW,
     Effects,
 )
+
+Row = Sequence[float] | npt.NDArray[np.float64]
 
 HALF_PI = 0.5 * math.pi
 # unified_kinetics: the logistic curve as steep in the middle as the cosine, and what keeps ratios
@@ -70,7 +75,7 @@ def remaining_with_tails(progress: float, e: Effects) -> tuple[float, float]:
     return own + LEAST_LEFT, slope
 
 
-@compiled
+@entry
 def lay_curves(models: OneRecord) -> None:
     """Fill in the outer curves of side X; that of heating with `spread` as `remaining_spread`."""
     p, e = models[0].p, models[0].x
@@ -89,7 +94,7 @@ def lay_curves(models: OneRecord) -> None:
 
 
 @inlined
-def interpolate_outer_curve(progress: float, curve: Sequence[float]) -> tuple[float, float]:
+def interpolate_outer_curve(progress: float, curve: Row) -> tuple[float, float]:
     """An outer curve as `lay_curves` has tabled it, and its slope: cubic between steps, to 1e-6."""
     where = (progress - PROGRESS_LOW) * CURVE_CELLS_PER_UNIT
     # So written that NaN reads the first cell; see `film_conductance`.

@@ -10,16 +10,17 @@ from __future__ import annotations
 from sim_device.plant.kernel.compiled import compiled, inlined
 from sim_device.plant.kernel.mechanics import friction_at, slack_position, stretch_of_tendon
 from sim_device.plant.kernel.model import ANTAGONISTIC, Model
-from sim_device.plant.kernel.state import State, Spring, SpringWork, Work
+from sim_device.plant.kernel.state import Spring, SpringWork, State, Work
 from sim_device.plant.kernel.temperatures import (
     ITERATIONS,
     JOINT_STEPS,
     NEWTON_STEPS,
+    copy_tension,
     follow_tension,
+    set_tension,
     solve_spring,
-    solve_spring_on_lines,
+    step_spring,
 )
-from sim_device.plant.kernel.unified_kinetics import copy_lines, set_lines
 
 DELTA_TOLERANCE = 1e-10  # m
 UNBOUNDED = 1e300
@@ -60,11 +61,12 @@ def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
     F = guess if guess > 0.0 else 0.0
     for n in range(ITERATIONS):
         exact = n >= JOINT_STEPS
-        set_lines(F, wx, p, e)
-        copy_lines(wx, wy)
-        found = solve_spring_on_lines(F, exact, x, wx, model)
-        found = solve_spring_on_lines(F, exact, y, wy, model) and found
-        if not found:
+        set_tension(F, wx, model)
+        copy_tension(wx, wy)
+        if not exact:
+            step_spring(x, wx, model)
+            step_spring(y, wy, model)
+        elif not (solve_spring(x, wx, model) and solve_spring(y, wy, model)):
             return -1.0
         miss = wx.deflection + wy.deflection - 2.0 * p.delta_0
         settled = wx.miss == 0.0 and wy.miss == 0.0
@@ -96,15 +98,17 @@ def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: 
     gives = e.resists > 0.0 and p.fixture == ANTAGONISTIC
     for n in range(ITERATIONS):
         exact = n >= JOINT_STEPS
-        found = solve_spring(F, exact, s, w, model)
+        set_tension(F, w, model)
+        if not exact:
+            step_spring(s, w, model)
+        elif not solve_spring(s, w, model):
+            return -1.0
         reach = w.deflection
         slope = w.deflection_by_F
         if gives:
             stretch, stretch_F = stretch_of_tendon(F, e)
             reach += stretch - stretch_of_tendon(p.F0, e)[0]
             slope += stretch_F
-        if not found:
-            return -1.0
         miss = reach - target
         if w.miss == 0.0 and is_root(F, miss, low, high):
             return F
@@ -137,7 +141,8 @@ def solve_sliding_pair(
     drag = e.drag * wet / dt
     mounted = stretch_of_tendon(p.F0, e)[0]
     for n in range(ITERATIONS):
-        found = solve_spring(F, True, x, wx, model)
+        set_tension(F, wx, model)
+        found = solve_spring(x, wx, model)
         stretch, stretch_F = stretch_of_tendon(F, e)
         reach = wx.deflection + stretch - mounted
         reach_F = wx.deflection_by_F + stretch_F
@@ -147,10 +152,10 @@ def solve_sliding_pair(
         if other < 0.0:
             other = 0.0
             other_F = 0.0
-        found = solve_spring(other, True, y, wy, model) and found
-        stretch, stretch_F = stretch_of_tendon(other, e)
-        if not found:
+        set_tension(other, wy, model)
+        if not (solve_spring(y, wy, model) and found):
             return -1.0, 0.0, 0.0
+        stretch, stretch_F = stretch_of_tendon(other, e)
         miss = reach + wy.deflection + stretch - mounted - 2.0 * p.delta_0
         slope = reach_F + (wy.deflection_by_F + stretch_F) * other_F
         if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):

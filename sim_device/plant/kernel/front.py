@@ -75,9 +75,7 @@ def wire_off_at(place: float, s: Spring) -> float:
 
 
 @inlined
-def spread_latent_heat(
-    s: Spring, w: SpringWork, p: Constants, released: float, dt: float
-) -> None:
+def spread_latent_heat(s: Spring, w: SpringWork, p: Constants, released: float, dt: float) -> None:
     """What latent heat did to each cell beyond the mean, `released`, and what its water got of it.
 
     In scratch: how much warmer each cell ends for its own. It was so for half the step on average.

@@ -1,7 +1,7 @@
 """Records with named fields that numpy stores, numba compiles and mypy checks.
 
 A record is declared as a class: `name: float` is a number, `name: Other` a record inside,
-`name: Annotated[Sequence[...], n]` n of either. Only numpy arrays of its `dtype_of` are ever made;
+`name: Annotated[list[...], n]` n of either. Only numpy arrays of its `dtype_of` are ever made;
 the class itself says what is in them, to readers and to mypy.
 """
 
@@ -27,12 +27,12 @@ def dtype_of(layout: type) -> Dtype:
     Raises TypeError for a name that numpy's own scalars have: plain Python would not see the field.
     """
     fields: list[tuple[str, Any, tuple[int, ...]]] = []
-    for name, kind in get_type_hints(layout, include_extras=True).items():
+    for name, hint in get_type_hints(layout, include_extras=True).items():
         if hasattr(np.record, name):
             raise TypeError(f"{layout.__name__}.{name}: numpy's scalars have {name!r}; rename it")
-        shape: tuple[int, ...] = ()
-        if get_origin(kind) is Annotated:
-            (kind,), shape = get_args(get_args(kind)[0]), kind.__metadata__
+        kind, shape = hint, ()
+        if get_origin(hint) is Annotated:
+            (kind,), shape = get_args(hint.__origin__), hint.__metadata__
         fields.append((name, np.float64 if kind is float else dtype_of(kind), shape))
     return np.dtype((np.record, np.dtype(fields, align=True)))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 # unified_kinetics tables its outer curves as value and slope (per cell) at even steps of the
@@ -67,8 +66,8 @@ class Constants:
 class Curves:
     """unified_kinetics: its two outer curves, see `curves.lay_curves`."""
 
-    heating: Annotated[Sequence[float], CURVE_SIZE]
-    cooling: Annotated[Sequence[float], CURVE_SIZE]
+    heating: Annotated[list[float], CURVE_SIZE]
+    cooling: Annotated[list[float], CURVE_SIZE]
 
 
 class Effects:

@@ -88,7 +88,13 @@ def raise_for_minor_loop(ratio: float, share: float, e: Effects) -> tuple[float,
 
 @inlined
 def rest_until_outer_curve(
-    ratio: float, slope: float, left: float, left_slope: float, before: float, part: float, e: Effects
+    ratio: float,
+    slope: float,
+    left: float,
+    left_slope: float,
+    before: float,
+    part: float,
+    e: Effects,
 ) -> tuple[float, float]:
     """Effect minor_loop: a share of the wire rests until the outer curve reaches its fraction.
 
@@ -134,7 +140,9 @@ def shrink_on_heating(
 
 
 @inlined
-def return_to_austenite(a: float, spread: float, m: Memory, c: PartWork, p: Constants, e: Effects) -> Fractions:
+def return_to_austenite(
+    a: float, spread: float, m: Memory, c: PartWork, p: Constants, e: Effects
+) -> Fractions:
     """Both fractions after Eq. (11)."""
     xs = m.xi_S
     xt = m.xi_T
@@ -292,9 +300,7 @@ def form_twinned(
         slope = slope * exponent * raised / ratio
         ratio = raised
     if e.minor_memory > 0.0:
-        ratio, slope = rest_until_outer_curve(
-            ratio, slope, left, outer_slope, before, austenite, e
-        )
+        ratio, slope = rest_until_outer_curve(ratio, slope, left, outer_slope, before, austenite, e)
     return Fractions(
         old.xi_S,
         1.0 - old.xi_S - austenite * ratio,

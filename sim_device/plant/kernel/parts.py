@@ -31,7 +31,7 @@ def work_of(i: int, parts: int, w: SpringWork) -> PartWork:
 def evaluate_fractions(
     T_wire: float, s: Spring, w: SpringWork, m: Memory, c: PartWork, model: Model
 ) -> tuple[float, float]:
-    """Fractions of a part at its temperature and the tension `F_phase`, with their slopes, into its scratch.
+    """Fractions of a part at a temperature and at `F_phase`, with their slopes, into scratch.
 
     Returns the change of the martensite fraction in this substep, and its slope with the
     temperature.

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from sim_device.plant.kernel.compiled import compiled, inlined
+from sim_device.plant.kernel.compiled import entry, inlined
 from sim_device.plant.kernel.layout import OneRecord
-from sim_device.plant.kernel.state import Feeds, Driven
-from sim_device.plant.kernel.step import OK, advance_sample, wake_sensors
+from sim_device.plant.kernel.state import Driven, Feeds
+from sim_device.plant.kernel.step import OK, advance, wake_sensors
 from sim_device.plant.kernel.supply import drive_current
 
 Array = npt.NDArray[np.float64]
@@ -57,7 +57,7 @@ def count_substeps(span: float, dt_max: float) -> int:
     return max(math.ceil(span / dt_max - 1e-9), 1)
 
 
-@compiled
+@entry
 def replay(
     states: OneRecord,
     works: OneRecord,
@@ -92,7 +92,7 @@ def replay(
             steps = count_substeps(span, dt_max)
             load_feeds(work.feeds, flags, rows, k)
             load_drive(work.drive, drives[k])
-            status = advance_sample(state, work, model, ring, table, span / steps, steps)
+            status = advance(states, works, models, ring, table, span / steps, steps)
             if status != OK:
                 return status, k
         for j in range(slots.shape[0]):
@@ -100,7 +100,7 @@ def replay(
     return OK, n
 
 
-@compiled
+@entry
 def replay_drivers(
     states: OneRecord, models: OneRecord, drives: Array, times: Array, dt_max: float, out: Array
 ) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from sim_device.plant.kernel.compiled import compiled, inlined
-from sim_device.plant.kernel.layout import OneRecord
+from sim_device.plant.kernel.compiled import entry, inlined
 from sim_device.plant.kernel.curves import clip01
+from sim_device.plant.kernel.layout import OneRecord
 from sim_device.plant.kernel.mechanics import compliance
 from sim_device.plant.kernel.model import PROGRESS_HIGH, Constants, Effects
 from sim_device.plant.kernel.paper_kinetics import progress_a, progress_b, progress_c
@@ -34,9 +34,7 @@ class Mounting:
 
 
 @inlined
-def rest_memory(
-    m: Memory, xi_S: float, T: float, tau: float, p: Constants, e: Effects
-) -> None:
+def rest_memory(m: Memory, xi_S: float, T: float, tau: float, p: Constants, e: Effects) -> None:
     """Kinetics of a spring or a cell that is all martensite, at a temperature and a stress."""
     m.xi_S = xi_S
     m.xi_T = 1.0 - xi_S
@@ -81,7 +79,7 @@ def rest_spring(s: Spring, loaded: float, mount: Mounting, p: Constants, e: Effe
         s.r_progress = clip01(above / e.r_width)
 
 
-@compiled
+@entry
 def rest(
     states: OneRecord, models: OneRecord, mounts: OneRecord, ring: npt.NDArray[np.float64]
 ) -> None:

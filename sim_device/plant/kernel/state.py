@@ -5,7 +5,6 @@ All quantities are SI. Thermal quantities are per metre of wire unless they say 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 CELLS = 5  # parts of a spring along its tube, with effect cooling_front
@@ -21,8 +20,8 @@ class Leg:
     """Transformation in one direction. Turns, the latest first, are those of unified_kinetics."""
 
     progress: float  # where it stands; unified_kinetics: the furthest of the present leg
-    turned_at: Annotated[Sequence[float], TURNS]  # progress at which it turned
-    left_there: Annotated[Sequence[float], TURNS]  # what was left to transform then
+    turned_at: Annotated[list[float], TURNS]  # progress at which it turned
+    left_there: Annotated[list[float], TURNS]  # what was left to transform then
 
 
 class Memory:
@@ -75,10 +74,10 @@ class Spring:
     omitted_work: float  # transformation work that the heat balance leaves out
     # Cells from the inlet on: distance from the means, K; last rates of the wire, but for what the
     # front moves, K/s.
-    wire_off: Annotated[Sequence[float], CELLS]
-    water_off: Annotated[Sequence[float], CELLS]
-    cell_rate: Annotated[Sequence[float], CELLS]
-    cells: Annotated[Sequence[Memory], CELLS]
+    wire_off: Annotated[list[float], CELLS]
+    water_off: Annotated[list[float], CELLS]
+    cell_rate: Annotated[list[float], CELLS]
+    cells: Annotated[list[Memory], CELLS]
 
 
 class Sensed:
@@ -197,7 +196,7 @@ class SpringWork:
     front_share: float  # s of `temperatures`: share of the front, 1 without one
     rounds: float  # evaluations of the kinetics in this substep
     whole: PartWork
-    cells: Annotated[Sequence[PartWork], CELLS]
+    cells: Annotated[list[PartWork], CELLS]
 
 
 class SpringFeed:

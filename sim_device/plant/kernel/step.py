@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+
 import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant.kernel.accept import accept_motion, accept_substep
-from sim_device.plant.kernel.compiled import compiled, inlined
+from sim_device.plant.kernel.compiled import compiled, entry, inlined
 from sim_device.plant.kernel.equilibrium import solve_pair, solve_resisted_pair, solve_tension
 from sim_device.plant.kernel.heat import prepare_spring
 from sim_device.plant.kernel.layout import OneRecord
@@ -23,7 +24,7 @@ from sim_device.plant.kernel.model import ANTAGONISTIC, STRETCH, Model
 from sim_device.plant.kernel.sensors import read_sensors
 from sim_device.plant.kernel.state import SpringFeed, SpringWork, State, Work
 from sim_device.plant.kernel.supply import apply_current, drive_current, run_pump, supply_water
-from sim_device.plant.kernel.temperatures import solve_spring
+from sim_device.plant.kernel.temperatures import set_tension, solve_spring
 
 Array = npt.NDArray[np.float64]
 
@@ -68,7 +69,8 @@ def move_single(state: State, work: Work, model: Model, dt: float) -> int:
     stage = work.drive.stage
     guess = g.tension + dt * g.tension_rate
     F_x = solve_tension(held_deflection(stage, model), guess, x, work.x, model)
-    if F_x < 0.0 or not solve_spring(0.0, True, y, work.y, model):
+    set_tension(0.0, work.y, model)
+    if F_x < 0.0 or not solve_spring(y, work.y, model):
         return NOT_CONVERGED
     F = F_x
     if e.resists > 0.0:
@@ -93,8 +95,9 @@ def move_fed(F: float, u: float, state: State, work: Work, model: Model, dt: flo
     push = resistance_to_motion(F, u, g, e, dt) if e.resists > 0.0 else 0.0
     tension = F + 0.5 * push if F + 0.5 * push > 0.0 else 0.0
     other = F - 0.5 * push if pair and F - 0.5 * push > 0.0 else 0.0
-    ok = solve_spring(tension, True, x, wx, model)
-    if not (solve_spring(other, True, y, wy, model) and ok):
+    set_tension(tension, wx, model)
+    set_tension(other, wy, model)
+    if not (solve_spring(x, wx, model) and solve_spring(y, wy, model)):
         return NOT_CONVERGED
     F_y = 0.0
     if not pair:
@@ -189,11 +192,21 @@ def advance_substep(
     return move_single(state, work, model, dt)
 
 
-@compiled
-def advance_sample(
-    state: State, work: Work, model: Model, ring: Array, table: Array, dt: float, steps: int
+@entry
+def advance(
+    states: OneRecord,
+    works: OneRecord,
+    models: OneRecord,
+    ring: Array,
+    table: Array,
+    dt: float,
+    steps: int,
 ) -> int:
-    """Advance the state by one sample of `steps` substeps of `dt`. Returns a status."""
+    """Advance the state by one sample of `steps` substeps of `dt`. Returns a status.
+
+    Takes arrays of one record each; what the board applies is `works[0].drive`.
+    """
+    state, work, model = states[0], works[0], models[0]
     for k in range(steps):
         status = advance_substep(state, work, model, table, (k + 1.0) / steps, dt)
         if status != OK:
@@ -204,20 +217,6 @@ def advance_sample(
     if not math.isfinite(x.T_wire + y.T_wire + x.T_water + y.T_water + seen):
         return NOT_FINITE
     return OK
-
-
-@compiled
-def advance(
-    states: OneRecord,
-    works: OneRecord,
-    models: OneRecord,
-    ring: Array,
-    table: Array,
-    dt: float,
-    steps: int,
-) -> int:
-    """`advance_sample` for callers from Python, which hand over arrays of one record each."""
-    return advance_sample(states[0], works[0], models[0], ring, table, dt, steps)
 
 
 @inlined

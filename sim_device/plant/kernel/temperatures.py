@@ -20,7 +20,7 @@ from sim_device.plant.kernel.parts import (
     work_of,
 )
 from sim_device.plant.kernel.state import Memory, PartWork, Spring, SpringWork
-from sim_device.plant.kernel.unified_kinetics import set_lines
+from sim_device.plant.kernel.unified_kinetics import copy_lines, set_lines
 
 T_TOLERANCE = 1e-8  # K
 ITERATIONS = 200
@@ -98,12 +98,13 @@ def solve_part_temperatures(s: Spring, w: SpringWork, model: Model) -> bool:
     return False
 
 
-@inlined
-def step_part_temperatures(s: Spring, w: SpringWork, model: Model) -> None:
+@compiled
+def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
     """Evaluate a spring at the guesses of its parts' temperatures, and make one step of Newton.
 
-    Fractions, deflection, extrapolated along the step, and its slope go to the scratch; `miss` is 0
-    if there was nothing to step.
+    At the tension that `set_tension` was given. Fractions, deflection, extrapolated along the step,
+    and its slope go to the scratch; `miss` is the size of the step in temperature, 0 if there was
+    nothing to step. So temperatures and tension can converge together.
     """
     parts = count_parts(model.x)
     each = 1.0 / parts
@@ -156,32 +157,37 @@ def step_part_temperatures(s: Spring, w: SpringWork, model: Model) -> None:
     deflect_along_step(w.F_phase, (xi_step, xs_step), (xi_F, xs_F), s, w, model.p, model.x)
 
 
-@inlined
-def solve_spring(F: float, exact: bool, s: Spring, w: SpringWork, model: Model) -> bool:
-    """One spring at tension F: temperatures, fractions, deflection and its slope, into scratch.
-
-    Exact: the temperatures that the heat balance asks for, in the end held in brackets; returns
-    False when they are not found. Otherwise one step of Newton from the guesses, with the
-    deflection extrapolated along it and the size of the step left in `miss`, so that temperatures
-    and tension can converge together.
-    """
-    set_lines(F, w, model.p, model.x)
-    return solve_spring_on_lines(F, exact, s, w, model)
-
-
 @compiled
-def solve_spring_on_lines(F: float, exact: bool, s: Spring, w: SpringWork, model: Model) -> bool:
-    """`solve_spring`, with the lines for tension F in scratch already."""
-    w.F_phase = F
+def solve_spring(s: Spring, w: SpringWork, model: Model) -> bool:
+    """The temperatures that the heat balance asks for at the tension `set_tension` was given.
+
+    In the end held in brackets; False when they are not found. Fractions, deflection and its slope
+    go to the scratch.
+    """
     found = True
     for n in range(JOINT_STEPS + 1):
         if n == JOINT_STEPS:
             found = solve_part_temperatures(s, w, model)
-        step_part_temperatures(s, w, model)
-        if not exact or w.miss == 0.0:
+        step_spring(s, w, model)
+        if w.miss == 0.0:
             return True
     w.miss = 0.0
     return found
+
+
+@inlined
+def set_tension(F: float, w: SpringWork, model: Model) -> None:
+    """What a tension does to the whole spring's kinetics, into scratch."""
+    w.F_phase = F
+    if model.x.unified > 0.0:
+        set_lines(F, w, model.p)
+
+
+@inlined
+def copy_tension(w: SpringWork, other: SpringWork) -> None:
+    """The same for a spring at the same tension: its material is the same."""
+    other.F_phase = w.F_phase
+    copy_lines(w, other)
 
 
 @inlined

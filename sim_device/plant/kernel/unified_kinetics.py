@@ -58,11 +58,10 @@ def detwinned_share(tau: float, p: Constants) -> tuple[float, float]:
 
 
 @inlined
-def set_lines(F: float, w: SpringWork, p: Constants, e: Effects) -> None:
+def set_lines(F: float, w: SpringWork, p: Constants) -> None:
     """What a tension does to the whole spring's kinetics, into scratch."""
-    if e.unified > 0.0:
-        w.heating_start, w.cooling_start = transformation_starts(p.C1 * F, p)
-        w.detwinned, w.detwinned_by_F = detwinned_share(p.C1 * F, p)
+    w.heating_start, w.cooling_start = transformation_starts(p.C1 * F, p)
+    w.detwinned, w.detwinned_by_F = detwinned_share(p.C1 * F, p)
 
 
 @inlined
@@ -209,9 +208,7 @@ def pop_turn(leg: Leg) -> None:
 
 
 @inlined
-def follow_leg(
-    x: float, end: float, progress: float, back: float, own: Leg, other: Leg
-) -> bool:
+def follow_leg(x: float, end: float, progress: float, back: float, own: Leg, other: Leg) -> bool:
     """One substep of a leg on which `x` falls; True when it turns out to have ended before.
 
     `own.progress` is the furthest progress of the leg, `other.progress` that on the way back from
