@@ -72,7 +72,7 @@ class Plant:
         self.effects = setup.effects
         self._setup = setup
         self._state = setup.state(temperature_K)
-        self._start = self._state.copy()
+        self._start = k.copied(self._state)
         self._row = k.numbers(self._state)
         self._ring = setup.ring()
         self._work = k.zeros(k.Work)

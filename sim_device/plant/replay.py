@@ -40,6 +40,7 @@ OUTPUTS: dict[str, tuple[str, float]] = {
     "force_N": ("shared.sensed.force", 0.0),
     "true_displacement_m": ("shared.displacement", 0.0),
     "true_force_N": ("shared.tension", 0.0),
+    "kinetics_evaluations": ("shared.rounds", 0.0),
 }
 for _side in ("x", "y"):
     OUTPUTS |= {

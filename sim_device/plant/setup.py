@@ -27,8 +27,8 @@ Array = npt.NDArray[np.float64]
 class Setup:
     """What the kernel takes: `model`, an array of one record, and the film table.
 
-    `effects` are those as resolved, `latest_rest` the latest state at rest, by its temperature. The
-    arrays must not be changed.
+    `effects` are those as resolved. `late`: some channel is read late. `latest_rest` is the latest
+    state at rest, by its temperature. The arrays must not be changed.
     """
 
     parameters: ParameterSet
@@ -37,6 +37,7 @@ class Setup:
     cooling: str
     model: Any
     table: Array
+    late: bool
     latest_rest: dict[float | None, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -59,11 +60,13 @@ class Setup:
         model = k.zeros(k.Model)
         row = k.numbers(model)
         k.fill(row, k.Model, "p", constants)
-        k.fill(row, k.Model, "x", terms_x)
-        k.fill(row, k.Model, "y", terms_y)
+        if resolved:
+            k.fill(row, k.Model, "x", terms_x)
+            k.fill(row, k.Model, "y", terms_y)
         if terms_x["unified"] > 0.0:
             k.lay_curves(model)
-        return cls(parameters, resolved, fixture, cooling, model, film_table(variant))
+        late = terms_x["late"] > 0.0
+        return cls(parameters, resolved, fixture, cooling, model, film_table(variant), late)
 
     @property
     def p(self) -> k.Constants:
@@ -89,7 +92,7 @@ class Setup:
 
     def ring(self) -> Array:
         """Room for the history of the samples, as much as late channels need."""
-        return np.zeros((k.RING_ROWS if self.e.late > 0.0 else 1, k.RING_COLUMNS))
+        return np.zeros((k.RING_ROWS if self.late else 1, k.RING_COLUMNS))
 
     def state(self, temperature_K: float | None = None) -> Any:
         """A fresh state at rest, an array of one record, sensors included."""
@@ -106,4 +109,4 @@ class Setup:
             # Replays of one run after another begin at the same temperature.
             self.latest_rest.clear()
             self.latest_rest[temperature_K] = known
-        return known.copy()
+        return k.copied(known)

@@ -7,7 +7,7 @@ quantities are SI. Only what this package exports is called from outside.
 """
 
 from sim_device.plant.kernel.curves import lay_curves
-from sim_device.plant.kernel.layout import fill, filled, numbers, place_of, zeros
+from sim_device.plant.kernel.layout import copied, fill, filled, numbers, place_of, zeros
 from sim_device.plant.kernel.model import (
     ANTAGONISTIC,
     BLOCKED,
@@ -47,6 +47,7 @@ __all__ = [
     "Work",
     "advance",
     "compliance_of",
+    "copied",
     "fill",
     "filled",
     "film_conductance_of",
