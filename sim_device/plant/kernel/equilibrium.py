@@ -14,30 +14,29 @@ from sim_device.plant.kernel.state import Spring, SpringWork, State, Work
 from sim_device.plant.kernel.temperatures import (
     ITERATIONS,
     JOINT_STEPS,
-    NEWTON_STEPS,
+    UNBOUNDED,
     copy_tension,
     follow_tension,
+    safeguarded_newton_step,
     set_tension,
     solve_spring,
     step_spring,
 )
 
 DELTA_TOLERANCE = 1e-10  # m
-UNBOUNDED = 1e300
 
 
 @inlined
-def safeguarded_newton_step(
-    F: float, miss: float, slope: float, low: float, high: float, n: int
+def next_tension(
+    F: float, miss: float, last: float, slope: float, low: float, high: float
 ) -> float:
-    """Newton's next tension inside its bracket, or the middle of the bracket if that has to be."""
-    if n < NEWTON_STEPS or high > 1e299:
-        F = F - miss / slope
-        if low < F < high:
-            return F
-        if low == 0.0 and F <= 0.0:
-            return 0.0
-    return 0.5 * (low + high)
+    """Newton's next tension, safeguarded from when its bracket is closed on; not below 0."""
+    step = F - miss / slope
+    if low == 0.0 and step <= 0.0:
+        return 0.0
+    if high == UNBOUNDED:
+        return step
+    return safeguarded_newton_step(F, miss, last, slope, low, high)
 
 
 @inlined
@@ -58,6 +57,7 @@ def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
     x, y, wx, wy, p, e = state.x, state.y, work.x, work.y, model.p, model.x
     low = 0.0
     high = UNBOUNDED
+    last_miss = UNBOUNDED
     F = guess if guess > 0.0 else 0.0
     for n in range(ITERATIONS):
         exact = n >= JOINT_STEPS
@@ -79,7 +79,8 @@ def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
                 low = F
         last = F
         slope = wx.deflection_by_F + wy.deflection_by_F
-        F = safeguarded_newton_step(F, miss, slope, low, high, n)
+        F = next_tension(F, miss, last_miss, slope, low, high)
+        last_miss = miss
         follow_tension(F - last, wx, e)
         follow_tension(F - last, wy, e)
     return -1.0
@@ -94,6 +95,7 @@ def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: 
     p, e = model.p, model.x
     low = 0.0
     high = UNBOUNDED
+    last_miss = UNBOUNDED
     F = guess if guess > 0.0 else 0.0
     gives = e.resists > 0.0 and p.fixture == ANTAGONISTIC
     for n in range(ITERATIONS):
@@ -118,7 +120,8 @@ def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: 
             else:
                 low = F
         last = F
-        F = safeguarded_newton_step(F, miss, slope, low, high, n)
+        F = next_tension(F, miss, last_miss, slope, low, high)
+        last_miss = miss
         follow_tension(F - last, w, e)
     return -1.0
 
@@ -135,12 +138,13 @@ def solve_sliding_pair(
     x, y, wx, wy, p, e = state.x, state.y, work.x, work.y, model.p, model.x
     low = 0.0
     high = UNBOUNDED
+    last_miss = UNBOUNDED
     F = guess if guess > 0.0 else 0.0
     before = state.shared.displacement
     wet = 0.5 * (x.filled + y.filled)
     drag = e.drag * wet / dt
     mounted = stretch_of_tendon(p.F0, e)[0]
-    for n in range(ITERATIONS):
+    for _ in range(ITERATIONS):
         set_tension(F, wx, model)
         found = solve_spring(x, wx, model)
         stretch, stretch_F = stretch_of_tendon(F, e)
@@ -166,7 +170,8 @@ def solve_sliding_pair(
             high = F
         else:
             low = F
-        F = safeguarded_newton_step(F, miss, slope, low, high, n)
+        F = next_tension(F, miss, last_miss, slope, low, high)
+        last_miss = miss
     return -1.0, 0.0, 0.0
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from sim_device.plant.kernel.compiled import compiled, inlined
 from sim_device.plant.kernel.mechanics import deflect_along_step
-from sim_device.plant.kernel.model import Effects, Model
+from sim_device.plant.kernel.model import Constants, Effects, Model
 from sim_device.plant.kernel.parts import (
     change_of,
     count_parts,
@@ -20,12 +20,27 @@ from sim_device.plant.kernel.parts import (
     work_of,
 )
 from sim_device.plant.kernel.state import Memory, PartWork, Spring, SpringWork
-from sim_device.plant.kernel.unified_kinetics import copy_lines, set_lines
+from sim_device.plant.kernel.unified_kinetics import branch_bounds, copy_lines, set_lines
 
 T_TOLERANCE = 1e-8  # K
 ITERATIONS = 200
-JOINT_STEPS = 4  # of Newton, before temperatures are held in brackets
-NEWTON_STEPS = 30  # before a bracket is only halved
+JOINT_STEPS = 12  # of Newton, before temperatures are held in brackets
+UNBOUNDED = 1e300
+
+
+@inlined
+def safeguarded_newton_step(
+    x: float, miss: float, last: float, slope: float, low: float, high: float
+) -> float:
+    """Newton's next place for a root in a bracket, or the middle of the bracket.
+
+    The middle where Newton leaves the bracket, and where it has not halved the miss since `last`:
+    at a kink it would go to and fro inside the bracket.
+    """
+    step = x - miss / slope
+    if low < step < high and abs(miss) <= 0.5 * abs(last):
+        return step
+    return 0.5 * (low + high)
 
 
 @compiled
@@ -43,7 +58,8 @@ def solve_part_temperature(
     if not low <= T <= high:
         T = base
     change = 0.0
-    for n in range(ITERATIONS):
+    last = UNBOUNDED
+    for _ in range(ITERATIONS):
         change, xi_T = evaluate_fractions(T, s, w, m, c, model)
         lam = share * rise_by_latent_heat(change, w)
         miss = T - base - lam * change
@@ -53,9 +69,8 @@ def solve_part_temperature(
             high = T
         else:
             low = T
-        T = T - miss / (1.0 - lam * xi_T)
-        if n >= NEWTON_STEPS or not low < T < high:
-            T = 0.5 * (low + high)
+        T = safeguarded_newton_step(T, miss, last, 1.0 - lam * xi_T, low, high)
+        last = miss
     c.T_wire = T
     return change
 
@@ -70,7 +85,8 @@ def solve_part_temperatures(s: Spring, w: SpringWork, model: Model) -> bool:
     low = star - w.lam_heating - share * w.cell_lam_cooling
     high = star + w.lam_cooling + share * w.cell_lam_heating
     base = star
-    for n in range(ITERATIONS):
+    last = UNBOUNDED
+    for _ in range(ITERATIONS):
         mean = 0.0
         latent_mean = 0.0
         for i in range(parts):
@@ -92,10 +108,26 @@ def solve_part_temperatures(s: Spring, w: SpringWork, model: Model) -> bool:
             m, c = memory_of(i, parts, s), work_of(i, parts, w)
             own = share * rise_by_latent_heat(change_of(m, c), w)
             steep += (own - lam) * c.xi_by_T / (1.0 - own * c.xi_by_T) * each
-        base = base - miss / steep
-        if n >= NEWTON_STEPS or not low < base < high:
-            base = 0.5 * (low + high)
+        base = safeguarded_newton_step(base, miss, last, steep, low, high)
+        last = miss
     return False
+
+
+@inlined
+def keep_to_branch(
+    step: float, T: float, target: float, w: SpringWork, m: Memory, p: Constants
+) -> float:
+    """Newton's step of a part, shortened where it would pass the line it comes to an end beside.
+
+    The slope changes there by the whole latent heat, so that Newton's method would go to and fro
+    between the two sides. `target` is where the part would end without its latent heat.
+    """
+    low, high = branch_bounds(target, w, m, p)
+    if low <= T + step <= high:
+        return step
+    if not low < T < high:
+        return 0.5 * (low + high) - T
+    return 0.5 * ((low if step < 0.0 else high) - T)
 
 
 @compiled
@@ -147,6 +179,9 @@ def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
         if rough:
             miss = c.T_wire - own * change - base - share * s.wire_off[i]
             own_step = (step - miss) * eased
+            if model.x.unified > 0.0:
+                target = base + step + share * s.wire_off[i]
+                own_step = keep_to_branch(own_step, c.T_wire, target, w, m, model.p)
             xi_step += c.xi_by_T * own_step * each
             xs_step += c.xi_S_by_T * own_step * each
             c.T_wire += own_step

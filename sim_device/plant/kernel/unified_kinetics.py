@@ -174,10 +174,14 @@ def unified_fractions(
         )
         more = 1.0 - left - xi
         if more > 0.0:
-            xi_T = slope * p.per_M_range
-            xi_F = -xi_T * p.C1 / p.C_M
-            xs_T += w.detwinned * xi_T
-            xs_F += w.detwinned * xi_F + w.detwinned_by_F * more
+            grown_T = slope * p.per_M_range
+            grown_F = -grown_T * p.C1 / p.C_M
+            xs_T += w.detwinned * grown_T
+            xs_F += w.detwinned * grown_F + w.detwinned_by_F * more
+            # Where both lines are passed in one substep, of what has gone a part comes back.
+            kept = left / (1.0 - xi)
+            xi_T = kept * xi_T + grown_T
+            xi_F = kept * xi_F + grown_F
             xs += w.detwinned * more
             xi = 1.0 - left
     if w.detwinned * xi > xs:
@@ -185,6 +189,18 @@ def unified_fractions(
         xs_T = w.detwinned * xi_T
         xs_F = w.detwinned * xi_F + w.detwinned_by_F * xi
     return xs, xi - xs, xi_T, xi_F, xs_T, xs_F
+
+
+@inlined
+def branch_bounds(target: float, w: SpringWork, m: Memory, p: Constants) -> tuple[float, float]:
+    """Between which temperatures a part ends that would end at `target` without latent heat.
+
+    Between the lines from which it transforms on it rests, and ends there. Beyond one of them its
+    latent heat pulls it back towards that line, but not over it.
+    """
+    up = w.heating_start + m.heating.progress / p.per_A_range + w.T_shift
+    down = w.cooling_start - m.cooling.progress / p.per_M_range + w.T_shift
+    return min(target, up), max(target, down)
 
 
 @inlined
