@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from sim_device.plant.kernel.compiled import compiled, inlined
 from sim_device.plant.kernel.mechanics import friction_at, slack_position, stretch_of_tendon
-from sim_device.plant.kernel.model import ANTAGONISTIC, Model
+from sim_device.plant.kernel.model import ANTAGONISTIC, Effects, Model
 from sim_device.plant.kernel.state import Spring, SpringWork, State, Work
 from sim_device.plant.kernel.temperatures import (
     ITERATIONS,
-    JOINT_STEPS,
     UNBOUNDED,
     copy_tension,
     follow_tension,
@@ -21,14 +20,19 @@ from sim_device.plant.kernel.temperatures import (
     set_tension,
     solve_spring,
     step_spring,
+    trusted_steps,
 )
 
 DELTA_TOLERANCE = 1e-10  # m
+# Steps in which tension and temperatures converge together. A part that turns beside others takes
+# some more to find its branch.
+JOINT_STEPS = 4
+JOINT_STEPS_ON_BRANCHES = 12
 
 
 @inlined
 def next_tension(
-    F: float, miss: float, last: float, slope: float, low: float, high: float
+    trusted: bool, F: float, miss: float, last: float, slope: float, low: float, high: float
 ) -> float:
     """Newton's next tension, safeguarded from when its bracket is closed on; not below 0."""
     step = F - miss / slope
@@ -36,7 +40,13 @@ def next_tension(
         return 0.0
     if high == UNBOUNDED:
         return step
-    return safeguarded_newton_step(F, miss, last, slope, low, high)
+    return safeguarded_newton_step(trusted, F, miss, last, slope, low, high)
+
+
+@inlined
+def count_joint_steps(e: Effects) -> int:
+    """How many steps of tension and temperatures together are tried first."""
+    return JOINT_STEPS_ON_BRANCHES if e.unified > 0.0 else JOINT_STEPS
 
 
 @inlined
@@ -58,9 +68,11 @@ def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
     low = 0.0
     high = UNBOUNDED
     last_miss = UNBOUNDED
+    trusted = trusted_steps(e)
     F = guess if guess > 0.0 else 0.0
+    joint_steps = count_joint_steps(e)
     for n in range(ITERATIONS):
-        exact = n >= JOINT_STEPS
+        exact = n >= joint_steps
         set_tension(F, wx, model)
         copy_tension(wx, wy)
         if not exact:
@@ -79,7 +91,7 @@ def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
                 low = F
         last = F
         slope = wx.deflection_by_F + wy.deflection_by_F
-        F = next_tension(F, miss, last_miss, slope, low, high)
+        F = next_tension(n < trusted, F, miss, last_miss, slope, low, high)
         last_miss = miss
         follow_tension(F - last, wx, e)
         follow_tension(F - last, wy, e)
@@ -96,10 +108,12 @@ def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: 
     low = 0.0
     high = UNBOUNDED
     last_miss = UNBOUNDED
+    trusted = trusted_steps(e)
     F = guess if guess > 0.0 else 0.0
     gives = e.resists > 0.0 and p.fixture == ANTAGONISTIC
+    joint_steps = count_joint_steps(e)
     for n in range(ITERATIONS):
-        exact = n >= JOINT_STEPS
+        exact = n >= joint_steps
         set_tension(F, w, model)
         if not exact:
             step_spring(s, w, model)
@@ -120,7 +134,7 @@ def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: 
             else:
                 low = F
         last = F
-        F = next_tension(F, miss, last_miss, slope, low, high)
+        F = next_tension(n < trusted, F, miss, last_miss, slope, low, high)
         last_miss = miss
         follow_tension(F - last, w, e)
     return -1.0
@@ -139,12 +153,13 @@ def solve_sliding_pair(
     low = 0.0
     high = UNBOUNDED
     last_miss = UNBOUNDED
+    trusted = trusted_steps(e)
     F = guess if guess > 0.0 else 0.0
     before = state.shared.displacement
     wet = 0.5 * (x.filled + y.filled)
     drag = e.drag * wet / dt
     mounted = stretch_of_tendon(p.F0, e)[0]
-    for _ in range(ITERATIONS):
+    for n in range(ITERATIONS):
         set_tension(F, wx, model)
         found = solve_spring(x, wx, model)
         stretch, stretch_F = stretch_of_tendon(F, e)
@@ -170,7 +185,7 @@ def solve_sliding_pair(
             high = F
         else:
             low = F
-        F = next_tension(F, miss, last_miss, slope, low, high)
+        F = next_tension(n < trusted, F, miss, last_miss, slope, low, high)
         last_miss = miss
     return -1.0, 0.0, 0.0
 

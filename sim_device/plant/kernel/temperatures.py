@@ -8,6 +8,8 @@ balance says, T* + λ m, or what is fed. Each side of it rises with B, so that t
 
 from __future__ import annotations
 
+import math
+
 from sim_device.plant.kernel.compiled import compiled, inlined
 from sim_device.plant.kernel.mechanics import deflect_along_step
 from sim_device.plant.kernel.model import Constants, Effects, Model
@@ -23,24 +25,43 @@ from sim_device.plant.kernel.state import Memory, PartWork, Spring, SpringWork
 from sim_device.plant.kernel.unified_kinetics import branch_bounds, copy_lines, set_lines
 
 T_TOLERANCE = 1e-8  # K
+# Where a fraction is steep, rounding leaves a larger miss at the very temperature, K.
+LEAST_STEP = 1e-12
 ITERATIONS = 200
-JOINT_STEPS = 12  # of Newton, before temperatures are held in brackets
+NEWTON_STEPS = 4  # before temperatures are held in brackets
+SMOOTH_NEWTON_STEPS = 30  # the same of the paper's kinetics in a bracket
 UNBOUNDED = 1e300
 
 
 @inlined
+def trusted_steps(e: Effects) -> int:
+    """How many steps Newton's method may make in a bracket before it has to prove itself."""
+    return NEWTON_STEPS if e.unified > 0.0 else SMOOTH_NEWTON_STEPS
+
+
+@inlined
 def safeguarded_newton_step(
-    x: float, miss: float, last: float, slope: float, low: float, high: float
+    trusted: bool, x: float, miss: float, last: float, slope: float, low: float, high: float
 ) -> float:
     """Newton's next place for a root in a bracket, or the middle of the bracket.
 
-    The middle where Newton leaves the bracket, and where it has not halved the miss since `last`:
-    at a kink it would go to and fro inside the bracket.
+    The middle where Newton leaves the bracket, and where it has not halved the miss since `last`,
+    unless it is `trusted`: at a kink it would go to and fro inside the bracket.
     """
     step = x - miss / slope
-    if low < step < high and abs(miss) <= 0.5 * abs(last):
+    if low < step < high and (trusted or abs(miss) <= 0.5 * abs(last)):
         return step
     return 0.5 * (low + high)
+
+
+@inlined
+def step_across(x: float, miss: float, low: float, high: float) -> float:
+    """Half a tolerance across the root, where the slope is so steep that Newton's step is less.
+
+    The bracket is closed then. The middle of the bracket where it does not reach so far.
+    """
+    step = x - math.copysign(0.5 * T_TOLERANCE, miss)
+    return step if low < step < high else 0.5 * (low + high)
 
 
 @compiled
@@ -57,9 +78,11 @@ def solve_part_temperature(
     T = c.T_wire
     if not low <= T <= high:
         T = base
-    change = 0.0
+    change = miss = lam = 0.0
+    branches = model.x.unified > 0.0
     last = UNBOUNDED
-    for _ in range(ITERATIONS):
+    trusted = trusted_steps(model.x)
+    for n in range(ITERATIONS):
         change, xi_T = evaluate_fractions(T, s, w, m, c, model)
         lam = share * rise_by_latent_heat(change, w)
         miss = T - base - lam * change
@@ -69,9 +92,17 @@ def solve_part_temperature(
             high = T
         else:
             low = T
-        T = safeguarded_newton_step(T, miss, last, 1.0 - lam * xi_T, low, high)
+        slope = 1.0 - lam * xi_T
+        steep = 0.5 * T_TOLERANCE * slope
+        if branches and abs(miss) < steep:
+            T = step_across(T, miss, low, high)
+        else:
+            T = safeguarded_newton_step(n < trusted, T, miss, last, slope, low, high)
         last = miss
     c.T_wire = T
+    if branches and lam > 0.0 and abs(miss) > T_TOLERANCE:
+        # The fraction is so steep that the temperature cannot tell it; the heat balance does.
+        return (T - base) / lam
     return change
 
 
@@ -86,7 +117,8 @@ def solve_part_temperatures(s: Spring, w: SpringWork, model: Model) -> bool:
     high = star + w.lam_cooling + share * w.cell_lam_heating
     base = star
     last = UNBOUNDED
-    for _ in range(ITERATIONS):
+    trusted = trusted_steps(model.x)
+    for n in range(ITERATIONS):
         mean = 0.0
         latent_mean = 0.0
         for i in range(parts):
@@ -108,7 +140,7 @@ def solve_part_temperatures(s: Spring, w: SpringWork, model: Model) -> bool:
             m, c = memory_of(i, parts, s), work_of(i, parts, w)
             own = share * rise_by_latent_heat(change_of(m, c), w)
             steep += (own - lam) * c.xi_by_T / (1.0 - own * c.xi_by_T) * each
-        base = safeguarded_newton_step(base, miss, last, steep, low, high)
+        base = safeguarded_newton_step(n < trusted, base, miss, last, steep, low, high)
         last = miss
     return False
 
@@ -166,7 +198,7 @@ def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
     step = pulled / (1.0 - coupled)
     base_F = forced / (1.0 - coupled)
     rough = worst > T_TOLERANCE
-    xi_step = xs_step = xi_F = xs_F = 0.0
+    xi_step = xs_step = xi_F = xs_F = largest = 0.0
     for i in range(parts):
         m, c = memory_of(i, parts, s), work_of(i, parts, w)
         change = change_of(m, c)
@@ -185,7 +217,8 @@ def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
             xi_step += c.xi_by_T * own_step * each
             xs_step += c.xi_S_by_T * own_step * each
             c.T_wire += own_step
-    w.miss = worst if rough else 0.0
+            largest = max(largest, abs(own_step))
+    w.miss = worst if largest > LEAST_STEP else 0.0
     w.T_end = w.T_star + lam * mean
     w.xi_S = xs
     w.xi_T = xt
@@ -200,8 +233,8 @@ def solve_spring(s: Spring, w: SpringWork, model: Model) -> bool:
     go to the scratch.
     """
     found = True
-    for n in range(JOINT_STEPS + 1):
-        if n == JOINT_STEPS:
+    for n in range(NEWTON_STEPS + 1):
+        if n == NEWTON_STEPS:
             found = solve_part_temperatures(s, w, model)
         step_spring(s, w, model)
         if w.miss == 0.0:
