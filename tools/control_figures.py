@@ -117,9 +117,9 @@ def demo(bench: Bench) -> None:
         trace = runs.follow(parameters, bench.config, CYCLE, seed=1, rate_hz=bench.rate_hz)
         sine_s = 3 * DWELL_S
         parts = {
-            "at 10 mm": (10.0, DWELL_S),
-            "at −10 mm": (DWELL_S + 10.0, 2 * DWELL_S),
-            "at 0 mm": (2 * DWELL_S + 10.0, sine_s),
+            "at 10 mm": (10.0, DWELL_S - 0.1),
+            "at −10 mm": (DWELL_S + 10.0, 2 * DWELL_S - 0.1),
+            "at 0 mm": (2 * DWELL_S + 10.0, sine_s - 0.1),
             "after the sinusoid": (LENGTH_S - 8.0, LENGTH_S),
         }
         for name, (from_s, to_s) in parts.items():

@@ -20,13 +20,13 @@ class Switch:
         self.on = False
         self._for_s = min_off_s
 
-    def step(self, demand: float, dt_s: float) -> bool:
-        """Whether it is on, `dt_s` seconds later."""
+    def step(self, demand: float, dt_s: float, *, urgent: bool = False) -> bool:
+        """Whether it is on, `dt_s` seconds later; `urgent` does not wait for the shortest times."""
         self._for_s += dt_s
         if self.on:
-            if demand < self.off_below and self._for_s >= self.min_on_s:
+            if demand < self.off_below and (urgent or self._for_s >= self.min_on_s):
                 self._turn(False)
-        elif demand > self.on_above and self._for_s >= self.min_off_s:
+        elif demand > self.on_above and (urgent or self._for_s >= self.min_off_s):
             self._turn(True)
         return self.on
 
@@ -41,7 +41,11 @@ class Switch:
 
 
 class Pump:
-    """The pump of one spring: runs while the other spring pulls, stops when this one is to heat."""
+    """The pump of one spring: runs while the other spring pulls, never while this one is heated.
+
+    A running pump keeps its shortest time on, so the spring that it cools has to wait for current
+    until `running` is False; a large demand does not wait (`urgent_A`).
+    """
 
     __slots__ = ("_config", "_switch", "mode")
 
@@ -52,17 +56,29 @@ class Pump:
             config.on_threshold_A, config.off_threshold_A, config.min_on_s, config.min_off_s
         )
 
-    def step(self, other_demand_A: float, heating: bool, dt_s: float) -> float:
-        """Duty 0…1 for the demand on the other spring.
+    @property
+    def running(self) -> bool:
+        """Whether the last step let water through."""
+        return self._switch.on
 
-        Water is no help to a spring that is to heat, so `heating` stops it at once. In mode
-        `proportional` the duty is min(1, demand / full_duty_current_A).
+    def step(self, other_demand_A: float, own_demand_A: float, dt_s: float) -> float:
+        """Duty 0…1 for the demand on the other spring, and that on its own.
+
+        In mode `proportional` the duty while on is min(1, demand / full_duty_current_A), and at
+        least that of `off_threshold_A`.
         """
-        if heating:
+        config = self._config
+        if self.mode == "off":
             self._switch.stop()
             return 0.0
-        if self.mode == "proportional":
-            return min(1.0, max(0.0, other_demand_A) / self._config.full_duty_current_A)
-        if self.mode == "off":
+        urgent = max(other_demand_A, own_demand_A) >= config.urgent_A
+        wanted_A = 0.0 if own_demand_A > 0.0 else other_demand_A
+        if not self._switch.step(wanted_A, dt_s, urgent=urgent):
             return 0.0
-        return self._config.switch_duty if self._switch.step(other_demand_A, dt_s) else 0.0
+        if self.mode == "switch":
+            return config.switch_duty
+        return min(1.0, max(config.off_threshold_A, wanted_A) / config.full_duty_current_A)
+
+    def stop(self) -> None:
+        """Off at once."""
+        self._switch.stop()
