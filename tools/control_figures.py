@@ -148,7 +148,9 @@ def frequency(bench: Bench) -> None:
         found = []
         for amplitude in AMPLITUDES_MM:
 
-            def followed(frequency_Hz: float, amplitude: float = amplitude, name: str = name) -> Score:
+            def followed(
+                frequency_Hz: float, amplitude: float = amplitude, name: str = name
+            ) -> Score:
                 piece = runs.demo_sine(6, float(amplitude), 1.0 / frequency_Hz)
                 trace = runs.follow(
                     bench.parameters, bench.config, [piece], tune=CONTROLS[name], seed=1,
@@ -175,10 +177,13 @@ TABLES: dict[str, Callable[[Bench], None]] = {
 def main() -> None:
     """Print the tables that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tables", nargs="*", choices=[[], *TABLES])
+    parser.add_argument("tables", nargs="*", metavar="TABLE", help=", ".join(TABLES))
     parser.add_argument("--parameters", default="A")
     parser.add_argument("--rate", type=int, default=100)
-    chosen = parser.parse_args()
+    chosen = parser.parse_intermixed_args()
+    unknown = sorted(set(chosen.tables) - set(TABLES))
+    if unknown:
+        parser.error(f"no table {unknown[0]}; there are: {', '.join(TABLES)}")
     bench = Bench(chosen.parameters, chosen.rate)
     print(bench.title)
     for name in chosen.tables or [name for name in TABLES if name != "frequency"]:

@@ -81,7 +81,9 @@ def follow(
     controller = Controller(config)
     rows: list[tuple[float, ...]] = []
 
-    def record(sample: Sample, state: object, setpoint: object, reference_m: float, _: float) -> None:
+    def record(
+        sample: Sample, state: object, setpoint: object, reference_m: float, _: float
+    ) -> None:
         if math.isnan(reference_m):
             return
         rows.append(
@@ -108,9 +110,7 @@ def hold_at(trace: Trace, from_s: float, to_s: float) -> HoldQuality:
     """Quality of the hold in a part of the run."""
     part = trace.between(from_s, to_s)
     error = part.reference_mm - part.displacement_mm
-    return hold_quality(
-        part.t_s, error, (part.i_x_A, part.i_y_A), (part.duty_x, part.duty_y)
-    )
+    return hold_quality(part.t_s, error, (part.i_x_A, part.i_y_A), (part.duty_x, part.duty_y))
 
 
 def true_error_um(trace: Trace, from_s: float, to_s: float) -> float:

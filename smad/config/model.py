@@ -89,9 +89,10 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     ] = 0.3
     water_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="demand that starts a pump during a hold")
-    ] = 1.0
+    ] = 2.0
     ease_s: Annotated[
-        float, Meta(ge=0.1, le=600.0, description="in the quiet the current falls so, until it acts")
+        float,
+        Meta(ge=0.1, le=600.0, description="in the quiet the current falls so, until it acts"),
     ] = 5.0
     reversal_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="demand on the other spring that turns to it")

@@ -66,10 +66,11 @@ class Direction:
     noise about zero does not heat both.
     """
 
-    __slots__ = ("_over_A", "_smooth_s", "demand_A", "sign")
+    __slots__ = ("_at_once_A", "_over_A", "_smooth_s", "demand_A", "sign")
 
-    def __init__(self, over_A: float, smooth_s: float) -> None:
+    def __init__(self, over_A: float, smooth_s: float, at_once_A: float) -> None:
         self._over_A = over_A
+        self._at_once_A = at_once_A
         self._smooth_s = smooth_s
         self.reset(0.0)
 
@@ -83,6 +84,6 @@ class Direction:
         self.demand_A += (demand_A - self.demand_A) * dt_s / (self._smooth_s + dt_s)
         if forced:
             self.sign = forced
-        elif self.demand_A * self.sign < -self._over_A:
+        elif self.demand_A * self.sign < -self._over_A or demand_A * self.sign < -self._at_once_A:
             self.sign = -self.sign
         return self.sign

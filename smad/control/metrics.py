@@ -111,8 +111,8 @@ class HoldQuality:
 
     pump_starts: tuple[int, int]
     ripple_A: float
-    """Standard deviation of the signed current (x less y) about its mean over 5 s: what switches
-    and shakes, without the slow change of the current that the spring needs."""
+    """Standard deviation of the signed current (x less y) about a straight line through each 5 s:
+    what switches and shakes, without the slow change of the current that the spring needs."""
     error_rms: float
     """Root mean square of reference less displacement, in the unit of the displacement."""
 
@@ -129,12 +129,18 @@ def hold_quality(
     signed_A = np.asarray(i_A[0], float) - np.asarray(i_A[1], float)
     period_s = float(np.median(np.diff(t)))
     window = max(1, min(t.size, round(RIPPLE_WINDOW_S / period_s)))
-    # Parts of a window each about their own mean; a last part that is shorter counts as well.
     parts = np.array_split(signed_A, max(1, t.size // window))
-    ripple = math.sqrt(float(np.mean(np.concatenate([(p - p.mean()) ** 2 for p in parts]))))
+    ripple = math.sqrt(float(np.mean(np.concatenate([_unslanted(p) ** 2 for p in parts]))))
     return HoldQuality(
         (starts(duty[0]), starts(duty[1])), ripple, math.sqrt(float(np.nanmean(e * e)))
     )
+
+
+def _unslanted(values: Array) -> Array:
+    """`values` less the straight line that fits them best."""
+    x = np.arange(values.size) - 0.5 * (values.size - 1)
+    level = values - values.mean()
+    return level - x * (float(x @ level) / max(float(x @ x), 1.0))
 
 
 def starts(duty: ArrayLike) -> int:

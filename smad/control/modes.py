@@ -74,7 +74,9 @@ class DisplacementMode:
         self._limit_A = limit_A
         self._pumps = (Pump(config.cooling), Pump(config.cooling))
         self._hold = QuietHold(config.hold)
-        self._direction = Direction(config.hold.reversal_A, config.hold.reversal_smooth_s)
+        self._direction = Direction(
+            config.hold.reversal_A, config.hold.reversal_smooth_s, config.cooling.urgent_A
+        )
         self._hold_water_A = config.hold.water_A
         self._ease_s = config.hold.ease_s
         self._u_A = 0.0
@@ -156,7 +158,7 @@ class DisplacementMode:
         """Current for the spring that pulls, water for the other."""
         pulling = 0 if direction > 0 else 1
         current_A = max(0.0, u_A * direction)
-        smooth_A = self._direction.demand_A * direction
+        smooth_A = min(self._direction.demand_A * direction, current_A)
         if self._hold.locked or (self._hold.near and smooth_A < self._hold_water_A):
             smooth_A = 0.0
         duty = [0.0, 0.0]
