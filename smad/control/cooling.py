@@ -5,6 +5,25 @@ from __future__ import annotations
 from smad.config import CoolingConfig
 
 
+class PumpStarts:
+    """Counts how often each pump went from rest to running, from the duties the board reports."""
+
+    __slots__ = ("_ran", "x", "y")
+
+    def __init__(self) -> None:
+        self.x = self.y = 0
+        self._ran = (False, False)
+
+    def step(self, duty: tuple[float, float]) -> tuple[int, int]:
+        """The counts (x, y) after a sample with these duties."""
+        runs = (duty[0] > 0.0, duty[1] > 0.0)
+        if runs != self._ran:
+            self.x += runs[0] and not self._ran[0]
+            self.y += runs[1] and not self._ran[1]
+            self._ran = runs
+        return self.x, self.y
+
+
 class Switch:
     """On above one threshold, off below another, and neither for too short a time."""
 

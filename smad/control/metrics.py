@@ -140,7 +140,8 @@ def _unslanted(values: Array) -> Array:
     """`values` less the straight line that fits them best."""
     x = np.arange(values.size) - 0.5 * (values.size - 1)
     level = values - values.mean()
-    return level - x * (float(x @ level) / max(float(x @ x), 1.0))
+    slope = float(x @ level) / max(float(x @ x), 1.0)
+    return np.asarray(level - slope * x, float)
 
 
 def starts(duty: ArrayLike) -> int:

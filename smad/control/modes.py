@@ -79,6 +79,7 @@ class DisplacementMode:
         )
         self._hold_water_A = config.hold.water_A
         self._ease_s = config.hold.ease_s
+        self._urgent_A = config.cooling.urgent_A
         self._u_A = 0.0
         self._queue = ReferenceQueue(limits, config.handover_rate_mm_per_s)
         self._anticipation = Anticipation(config.feedforward, limit_A)
@@ -158,7 +159,9 @@ class DisplacementMode:
         """Current for the spring that pulls, water for the other."""
         pulling = 0 if direction > 0 else 1
         current_A = max(0.0, u_A * direction)
-        smooth_A = min(self._direction.demand_A * direction, current_A)
+        smooth_A = current_A
+        if current_A < self._urgent_A:
+            smooth_A = min(smooth_A, self._direction.demand_A * direction)
         if self._hold.locked or (self._hold.near and smooth_A < self._hold_water_A):
             smooth_A = 0.0
         duty = [0.0, 0.0]
