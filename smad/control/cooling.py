@@ -66,10 +66,11 @@ class Pump:
     until `running` is False; a large demand does not wait (`urgent_A`).
     """
 
-    __slots__ = ("_config", "_switch", "mode")
+    __slots__ = ("_config", "_switch", "_unheated_s", "mode")
 
     def __init__(self, config: CoolingConfig) -> None:
         self._config = config
+        self._unheated_s = config.after_heat_s
         self.mode: str = config.mode
         self._switch = Switch(
             config.on_threshold_A, config.off_threshold_A, config.min_on_s, config.min_off_s
@@ -80,7 +81,9 @@ class Pump:
         """Whether the last step let water through."""
         return self._switch.on
 
-    def step(self, other_demand_A: float, own_demand_A: float, dt_s: float) -> float:
+    def step(
+        self, other_demand_A: float, own_demand_A: float, dt_s: float, *, sudden: bool = False
+    ) -> float:
         """Duty 0…1 for the demand on the other spring, and that on its own.
 
         In mode `proportional` the duty while on is min(1, demand / full_duty_current_A), and at
@@ -91,7 +94,10 @@ class Pump:
             self._switch.stop()
             return 0.0
         urgent = max(other_demand_A, own_demand_A) >= config.urgent_A
-        wanted_A = 0.0 if own_demand_A > 0.0 else other_demand_A
+        self._unheated_s = 0.0 if own_demand_A > 0.0 else self._unheated_s + dt_s
+        # A demand that grows gently starts the water gently; a sudden one would quench the spring.
+        wait_s = config.after_heat_s if sudden or self.mode == "switch" else 0.0
+        wanted_A = other_demand_A if self._unheated_s >= wait_s and own_demand_A <= 0.0 else -1.0
         if not self._switch.step(wanted_A, dt_s, urgent=urgent):
             return 0.0
         if self.mode == "switch":

@@ -18,11 +18,11 @@ FAR = 3.0
 class QuietHold:
     """Says whether the hold is quiet, and which error the current is to follow then."""
 
-    __slots__ = ("_band_m", "_config", "_inside_s", "_reference_m", "_smooth_m", "near", "quiet")
+    __slots__ = ("_config", "_inside_s", "_reference_m", "_smooth_m", "band_m", "near", "quiet")
 
     def __init__(self, config: HoldConfig) -> None:
         self._config = config
-        self._band_m = config.band_mm * 1e-3
+        self.band_m = config.band_mm * 1e-3
         self.reset()
 
     def reset(self) -> None:
@@ -38,11 +38,11 @@ class QuietHold:
     @property
     def locked(self) -> bool:
         """Whether the direction must stay: the hold is quiet and the error within the band."""
-        return self.quiet and abs(self._smooth_m) <= self._band_m
+        return self.quiet and abs(self._smooth_m) <= self.band_m
 
     def step(self, reference_m: float, error_m: float, dt_s: float) -> float:
         """The error to follow, m: all of it, or in the quiet what is beyond half the band."""
-        config, band_m = self._config, self._band_m
+        config, band_m = self._config, self.band_m
         if reference_m != self._reference_m:
             self.reset()
             self._reference_m = reference_m
@@ -84,6 +84,10 @@ class Direction:
         self.demand_A += (demand_A - self.demand_A) * dt_s / (self._smooth_s + dt_s)
         if forced:
             self.sign = forced
-        elif self.demand_A * self.sign < -self._over_A or demand_A * self.sign < -self._at_once_A:
+        elif demand_A * self.sign < -self._at_once_A:
+            # What was smoothed is of the old direction, and would turn it back.
+            self.demand_A = demand_A
+            self.sign = -self.sign
+        elif self.demand_A * self.sign < -self._over_A:
             self.sign = -self.sign
         return self.sign

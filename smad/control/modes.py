@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from smad.config import ControlConfig, LimitsConfig
+from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
 from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Tune
 from smad.control.cooling import Pump, Switch
 from smad.control.feedforward import Anticipation
@@ -106,6 +106,8 @@ class DisplacementMode:
             pi.kp = command.kp_A_per_mm * 1e3
         if command.ki_A_per_mm_s is not None:
             pi.ki = command.ki_A_per_mm_s * 1e3
+        if command.hold_band_mm is not None:
+            self._hold.band_m = command.hold_band_mm * 1e-3
         if command.current_limit_A is not None:
             self._limit_A = min(self._largest_A, command.current_limit_A)
         if command.cooling is not None:
@@ -153,9 +155,9 @@ class DisplacementMode:
                 push_A = forced * self._limit_A if advice.push else 0.0
         self._bound(forced)
         u_A = self._u_A = self._pi.step(followed_m, dt_s, push_A)
-        return self._split(u_A, self._direction.step(u_A, dt_s, forced), dt_s)
+        return self._split(u_A, self._direction.step(u_A, dt_s, forced), dt_s, forced != 0)
 
-    def _split(self, u_A: float, direction: int, dt_s: float) -> Demand:
+    def _split(self, u_A: float, direction: int, dt_s: float, sudden: bool) -> Demand:
         """Current for the spring that pulls, water for the other."""
         pulling = 0 if direction > 0 else 1
         current_A = max(0.0, u_A * direction)
@@ -165,9 +167,9 @@ class DisplacementMode:
         if self._hold.locked or (self._hold.near and smooth_A < self._hold_water_A):
             smooth_A = 0.0
         duty = [0.0, 0.0]
-        duty[1 - pulling] = self._pumps[1 - pulling].step(smooth_A, 0.0, dt_s)
+        duty[1 - pulling] = self._pumps[1 - pulling].step(smooth_A, 0.0, dt_s, sudden=sudden)
         own = self._pumps[pulling]
-        duty[pulling] = own.step(0.0, current_A, dt_s)
+        duty[pulling] = own.step(0.0, current_A, dt_s, sudden=sudden)
         if own.running:
             current_A = 0.0
         i_A = [0.0, 0.0]
@@ -192,8 +194,13 @@ class TemperatureMode:
 
     name = "temperature"
 
-    def __init__(self, config: ControlConfig, command: HoldTemperature, spring_degC: float) -> None:
-        gains = config.temperature
+    def __init__(
+        self,
+        config: ControlConfig,
+        gains: TemperatureConfig,
+        command: HoldTemperature,
+        spring_degC: float,
+    ) -> None:
         self._spring = 0 if command.spring == "x" else 1
         self._command = command
         self._pi = PI(
