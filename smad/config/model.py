@@ -65,7 +65,7 @@ class CoolingConfig(Section, frozen=True, kw_only=True):
     ] = 4.0
     after_heat_s: Annotated[
         float, Meta(ge=0.0, le=60.0, description="water waits so long after its spring was heated")
-    ] = 0.2
+    ] = 0.1
     urgent_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="demand that waits for no shortest time")
     ] = 1.0
@@ -171,8 +171,8 @@ class FeedforwardConfig(Section, frozen=True, kw_only=True):
 class ControlConfig(Section, frozen=True, kw_only=True):
     """PI control on displacement: the demand heats the spring that has to pull."""
 
-    kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 31.0
-    ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 39.0
+    kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 27.0
+    ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 34.0
     current_limit_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="largest current in a spring")
     ] = 4.0

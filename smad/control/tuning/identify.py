@@ -70,6 +70,8 @@ def pulled(
     """
     t, y = np.asarray(t_s, float), np.asarray(values, float)
     i, asked = np.asarray(current_A, float), np.asarray(asked_A, float)
+    # A sample that was passed over has no answer of its own.
+    asked = np.where(np.isfinite(asked), asked, i)
     good = np.isfinite(y) & np.isfinite(i)
     t, y, i, asked = t[good], y[good], i[good], asked[good]
     if t.size < 50:
@@ -86,7 +88,8 @@ def pulled(
             action="check supply, limits and heater, or lower control.current_limit_A",
         )
     period_s = float(np.median(np.diff(t)))
-    square = i * i
+    # What was asked for, not what was applied: the way to the board is part of the delay.
+    square = asked * asked
     at_A = 0.5 * (float(np.quantile(i, 0.1)) + float(np.quantile(i, 0.9)))
     best: tuple[float, float, float, float] | None = None
     clock = (t - t[0]) / (t[-1] - t[0])

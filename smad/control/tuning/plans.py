@@ -12,6 +12,7 @@ from smad.config import ControlConfig
 from smad.control.commands import (
     DriveCurrent,
     Follow,
+    Hold,
     HoldTemperature,
     Idle,
     Ramp,
@@ -23,7 +24,9 @@ from smad.control.commands import (
 from smad.control.plan import Action, Do, Mark, Pause, Plan, UntilDone
 
 SPRINGS: tuple[Spring, Spring] = ("x", "y")
-START_MM = 1.0
+REACH_MM = 1.0
+REACH_S = 5.0
+START_MM = 1.5
 START_RATE_MM_PER_S = 0.5
 PULSE_S = 0.4
 PULSES = 4
@@ -43,11 +46,13 @@ def displacement_plan(config: ControlConfig) -> Plan:
     """The experiment on the displacement loop of a bench with this configuration, ~1 minute."""
     actions: list[Action] = [Do(Idle()), Mark("still"), Pause(STILL_S), Mark("moving")]
     for spring, sign in zip(SPRINGS, (1.0, -1.0), strict=True):
-        # Through 0 first: the ramp then ends with the spring just pulling, whatever was before.
-        to_mm = sign * START_MM
+        # Time to get there, and a last ramp, so that the spring is just pulling at its end.
+        reach_mm, to_mm = sign * REACH_MM, sign * START_MM
         actions += [
             Do(Follow(trajectories=(
                 Ramp(displacement_mm=0.0, rate_mm_per_s=2.0 * START_RATE_MM_PER_S),
+                Ramp(displacement_mm=reach_mm, rate_mm_per_s=START_RATE_MM_PER_S),
+                Hold(duration_s=REACH_S),
                 Ramp(displacement_mm=to_mm, rate_mm_per_s=START_RATE_MM_PER_S),
             ))),
             UntilDone(60.0),

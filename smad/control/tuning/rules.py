@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-NOISE_A = 0.1
+NOISE_A = 0.2
 """The noise of the sensor may shake the current by so much, RMS, while it moves."""
 
 
