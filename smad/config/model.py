@@ -171,8 +171,8 @@ class FeedforwardConfig(Section, frozen=True, kw_only=True):
 class ControlConfig(Section, frozen=True, kw_only=True):
     """PI control on displacement: the demand heats the spring that has to pull."""
 
-    kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 27.0
-    ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 34.0
+    kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 28.0
+    ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 23.0
     current_limit_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="largest current in a spring")
     ] = 4.0

@@ -17,6 +17,8 @@ LAGS_S = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6, 2.4)
 LONGEST_DELAY_S = 0.3
 LEAST_DELAY_SAMPLES = 1.0
 """Half a sample the setpoint is held, and about as long it is on its way: no fit finds less."""
+LEFT_OUT = 0.05
+"""Share of the samples at the beginning that only fill the delay."""
 LEAST_FIT = 0.9
 MOST_DRIFT_PER_S = {"displacement_mm": 0.02, "temperature": 0.3}
 LEAST_PULL_MM = 0.3
@@ -91,24 +93,24 @@ def pulled(
     # What was asked for, not what was applied: the way to the board is part of the delay.
     square = asked * asked
     at_A = 0.5 * (float(np.quantile(i, 0.1)) + float(np.quantile(i, 0.9)))
-    best: tuple[float, float, float, float] | None = None
+    best: tuple[float, float, float, float, float] | None = None
     clock = (t - t[0]) / (t[-1] - t[0])
-    # What the lag still remembers of before the first sample decays; leave that out.
-    later = t - t[0] > 0.2
-    base = np.column_stack([clock**k for k in range(4)])[later]
-    slow = y[later] - base @ np.linalg.lstsq(base, y[later], rcond=None)[0]
-    for delay_s in np.arange(0.0, LONGEST_DELAY_S, 0.5 * period_s):
-        late = np.interp(t - delay_s, t, square - square.mean())
-        for lag_s in LAGS_S:
-            answer = _lagged(late, lag_s, period_s)[later]
-            answer = answer - base @ np.linalg.lstsq(base, answer, rcond=None)[0]
+    later = clock > LEFT_OUT
+    cubic = np.column_stack([clock**k for k in range(4)])[later]
+    for lag_s in LAGS_S:
+        # What the lag remembers of before the first sample decays with it.
+        base = np.column_stack([cubic, np.exp(-(t - t[0]) / lag_s)[later]])
+        slow = _beside(base, y[later])
+        for delay_s in np.arange(0.0, LONGEST_DELAY_S, 0.5 * period_s):
+            late = np.interp(t - delay_s, t, square - square.mean())
+            answer = _beside(base, _lagged(late, lag_s, period_s)[later])
             gain = float(answer @ slow) / max(float(answer @ answer), 1e-30)
             left = float(np.mean((slow - gain * answer) ** 2))
             if best is None or left < best[0]:
-                best = (left, float(delay_s), lag_s, gain)
+                best = (left, float(delay_s), lag_s, gain, float(np.mean(slow**2)))
     assert best is not None
-    left, delay_s, lag_s, gain = best
-    fit = 1.0 - left / max(float(np.mean(slow**2)), 1e-30)
+    left, delay_s, lag_s, gain, whole = best
+    fit = 1.0 - left / max(whole, 1e-30)
     if gain <= 0.0 or fit < LEAST_FIT:
         raise TuningError(
             f"{what}: what is measured does not follow the current",
@@ -118,6 +120,11 @@ def pulled(
         )
     delay_s = max(delay_s, LEAST_DELAY_SAMPLES * period_s)
     return Lag(gain * 2.0 * at_A, lag_s, delay_s, at_A, fit)
+
+
+def _beside(base: Array, values: Array) -> Array:
+    """What of `values` no combination of the columns of `base` accounts for."""
+    return np.asarray(values - base @ np.linalg.lstsq(base, values, rcond=None)[0], float)
 
 
 def _lagged(values: Array, lag_s: float, period_s: float) -> Array:
