@@ -1,7 +1,7 @@
 """The displacement loop over many benches, with the shipped gains and after tuning.
 
     python tools/control_campaign.py run FILE [--first 0] [--last 100] [--rate 100] [--minutes 30]
-    python tools/control_campaign.py table FILE [FILE …]
+    python tools/control_campaign.py table FILE [FILE …] [--figure TO]
 
 `run` appends a line of JSON for each case to FILE and goes on where FILE ends. Benches 0 and 1 are
 sets A and B; from 2 on every parameter is drawn evenly within its range, as in the harsh campaign
@@ -169,6 +169,23 @@ def table(files: list[Path]) -> None:
                 for c in reversed(worst)))  # fmt: skip
 
 
+def figure_data(files: list[Path], to: Path) -> None:
+    """Write what the figure on the page of `smad run fig11-tracking` is drawn from."""
+    found = [json.loads(line) for file in files for line in file.open()]
+    groups = []
+    for rate, noise in sorted({(c["rate"], c["noise"]) for c in found}):
+        part = [c for c in found if (c["rate"], c["noise"]) == (rate, noise)]
+        both = [c for c in part if c["shipped"] and c["tuned"]]
+        groups.append(
+            {
+                "rate_Hz": rate, "noise": noise, "refused": len(part) - len(both),
+                "shipped": sorted(round(c["shipped"]["r2"], 4) for c in both),
+                "tuned": sorted(round(c["tuned"]["r2"], 4) for c in both),
+            }
+        )  # fmt: skip
+    to.write_text(json.dumps(groups, indent=1) + "\n")
+
+
 def main() -> None:
     """Run or print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -178,9 +195,12 @@ def main() -> None:
     parser.add_argument("--last", type=int, default=100)
     parser.add_argument("--rate", type=int, default=100)
     parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--figure", type=Path)
     chosen = parser.parse_args()
     if chosen.what == "table":
         table(chosen.files)
+        if chosen.figure is not None:
+            figure_data(chosen.files, chosen.figure)
     else:
         run(chosen.files[0], chosen.first, chosen.last, chosen.rate, chosen.minutes)
 
