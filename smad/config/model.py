@@ -88,7 +88,7 @@ class HoldConfig(Section, frozen=True, kw_only=True):
         float, Meta(ge=0.0, le=10.0, description="time constant that smooths the error")
     ] = 0.1
     settled_s: Annotated[
-        float, Meta(ge=0.0, le=60.0, description="quiet after so long within three bands")
+        float, Meta(ge=0.0, le=60.0, description="quiet after so long within five bands")
     ] = 0.3
     water_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="demand that starts a pump during a hold")

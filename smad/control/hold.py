@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from smad.config import HoldConfig
 
-FAR = 3.0
+FAR = 5.0
 """An error of so many bands ends the quiet at once."""
 
 
