@@ -148,6 +148,8 @@ def table(files: list[Path]) -> None:
     for rate in sorted({c["rate"] for c in found}):
         for noise in sorted({c["noise"] for c in found}):
             part = [c for c in found if c["rate"] == rate and c["noise"] == noise]
+            if not part:
+                continue
             refused = sum(bool(c["refused"]) for c in part)
             both = [c for c in part if c["shipped"] and c["tuned"]]
             print(f"\n{rate} Hz, noise ×{noise:g}: {len(part)} benches, tuning refused {refused}, "
@@ -158,6 +160,9 @@ def table(files: list[Path]) -> None:
                 cells = []
                 for which in ("shipped", "tuned"):
                     v = np.sort(values([c[which] for c in part if c[which]], key))
+                    if v.size == 0:
+                        cells += ["–"] * 3
+                        continue
                     bad = 0.95 if large_is_bad else 0.05
                     worst = v[-1] if large_is_bad else v[0]
                     at = v[min(v.size - 1, round(bad * (v.size - 1)))]
