@@ -264,7 +264,13 @@ class Client:
     def _disarm_after_an_error(self) -> None:
         # What ended the block is what its caller has to hear of.
         with contextlib.suppress(SmadError):
-            self.disarm()
+            while True:
+                try:
+                    self.disarm()
+                except KeyboardInterrupt:
+                    # Whoever presses ctrl-C twice wants it stopped all the more.
+                    continue
+                return
 
     @contextlib.contextmanager
     def in_control(self, name: str, lease_s: float = 10.0) -> Iterator[None]:

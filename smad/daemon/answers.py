@@ -42,15 +42,17 @@ class Answers:
         self._commands = Decoder()
         self._stops = Decoder("stop")
 
-    def command(self, client: bytes, data: bytes, send: Send) -> None:
-        """Answer a message of the command socket."""
-        self._answer(self._commands, client, data, send)
+    def command(self, client: bytes, data: bytes, send: Send, behind: bool = False) -> None:
+        """Answer a message of the command socket; `behind`: it may have come before a stop."""
+        self._answer(self._commands, client, data, send, behind)
 
-    def stop(self, client: bytes, data: bytes, send: Send) -> None:
+    def stop(self, client: bytes, data: bytes, send: Send, behind: bool = False) -> None:
         """Answer a message of the stop channel."""
-        self._answer(self._stops, client, data, send)
+        self._answer(self._stops, client, data, send, behind)
 
-    def _answer(self, decoder: Decoder, client: bytes, data: bytes, send: Send) -> None:
+    def _answer(
+        self, decoder: Decoder, client: bytes, data: bytes, send: Send, behind: bool
+    ) -> None:
         call = decoder.decode(data)
         if not isinstance(call, Call):
             self._counts.refused += 1
@@ -66,7 +68,7 @@ class Answers:
         try:
             self._require_room(call)
             answer = self._service.perform(
-                call.method, call.params, Caller(client, call.lease), call.generation
+                call.method, call.params, Caller(client, call.lease, behind), call.generation
             )
         except Exception as error:
             self._refuse(call, error, reply)

@@ -135,7 +135,7 @@ class Daemon:
             axis=config.link.axis,
             say=self.say,
             spawn=self.spawn,
-            on_begin=self._dead_man.forget,
+            on_begin=self._on_stop_begun,
             clock_us=clock_us,
         )
         self.recorder = Recorder(
@@ -298,6 +298,10 @@ class Daemon:
         elif isinstance(event, LinkLost):
             self.stops.link_lost("the board fell silent")
         self.watch.on_event(event)
+
+    def _on_stop_begun(self) -> None:
+        self._dead_man.forget()
+        self.server.mark()
 
     def _stop_found(self) -> None:
         text = "the board was found armed by somebody else; telling it to disarm"

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import fcntl
 import math
 import os
 import secrets
+import select
 import socket
+import sys
+import termios
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
@@ -36,6 +40,8 @@ class Connection:
         self.message: list[bytes] | None = None
         self.heard_s = listener.loop.time()
         self.closed = False
+        self.behind = False
+        """Whether its next message may have been sent before the last call of `mark`."""
         self._listener = listener
         self._line = line
         self._peer = listener.peer()
@@ -52,8 +58,19 @@ class Connection:
         self._push(data)
         return not self.closed
 
+    def mark(self) -> None:
+        """Note that what has not been read by now was sent before something that happens now.
+
+        A peer that is still greeting may have a message ready that it could not send yet.
+        """
+        self.behind = self.behind or not self.greeted or self._unread()
+
+    def _unread(self) -> bool:
+        return self.message is not None or self._peer.waiting > 0 or bytes_unread(self._line) > 0
+
     def advance(self) -> None:
         """Look for the next message; it is then in `message`, or None."""
+        served = self.message is not None
         self.message = None
         try:
             while self.message is None and (taken := self._peer.take()) is not None:
@@ -62,6 +79,8 @@ class Connection:
             self._listener.on_broken(self, broken)
             self.close()
         else:
+            if self.behind and served and not self._unread():
+                self.behind = False
             if self._paused and self._peer.waiting < _PIECE and self.message is None:
                 self._paused = False
                 self._listener.loop.add_reader(self._line, self._on_readable)
@@ -195,10 +214,22 @@ class Listener:
         self._connections: dict[Connection, None] = {}
         self._names: dict[bytes, Connection] = {}
         self._listening = False
+        self._knocked_before = False
         self._retry: asyncio.TimerHandle | None = None
         self._closed = False
         line.setblocking(False)
         self._listen()
+
+    def mark(self) -> None:
+        """Note that what was sent, or knocked, until now came before something that happens now."""
+        for connection in self._connections:
+            connection.mark()
+        self._knocked_before = not self._closed and self._somebody_knocks()
+
+    def _somebody_knocks(self) -> bool:
+        look = select.poll()
+        look.register(self._line, select.POLLIN)
+        return bool(look.poll(0))
 
     def __iter__(self) -> Iterator[Connection]:
         return iter(self._connections)
@@ -275,7 +306,11 @@ class Listener:
             self._listen_later(_RETRY_S)
             return
         line.setblocking(False)
-        self._connections[Connection(self, line)] = None
+        connection = Connection(self, line)
+        self._connections[connection] = None
+        if self._knocked_before:
+            connection.mark()
+            self._knocked_before = self._somebody_knocks()
 
     def _made_room(self) -> bool:
         silent = next(iter(self._connections), None)
@@ -289,6 +324,13 @@ class Listener:
         if self._retry is not None:
             self._retry.cancel()
         self._retry = self.loop.call_later(delay_s, self._listen)
+
+
+def bytes_unread(line: socket.socket) -> int:
+    """Return how many bytes the kernel holds for us to read."""
+    count = bytearray(4)
+    fcntl.ioctl(line, termios.FIONREAD, count)
+    return int.from_bytes(count, sys.byteorder)
 
 
 def listen_local(address: str, umask: int) -> socket.socket:

@@ -37,8 +37,9 @@ def _request_type(method: Method) -> type[Struct]:
         [
             ("params", method.params) if required else ("params", method.params, method.params()),
             ("id", int | str | None | UnsetType, UNSET),
-            ("lease", str, ""),
-            ("generation", int | None, None),
+            # A stop is not refused because of what it does not need.
+            ("lease", Any if method.access == "stop" else str, ""),
+            ("generation", Any if method.access == "stop" else int | None, None),
             ("jsonrpc", Literal["2.0"], "2.0"),
         ],
         tag_field="method",
@@ -77,8 +78,8 @@ class _Request(Struct, frozen=True):
     # What every member of the union has; the union's own types are made at run time.
     params: Struct
     id: Id | UnsetType
-    lease: str
-    generation: int | None
+    lease: Any
+    generation: Any
 
 
 class _Names:
@@ -144,8 +145,8 @@ class Decoder:
             request.params,
             call_id,
             request.id is not UNSET,
-            request.lease,
-            request.generation,
+            request.lease if isinstance(request.lease, str) else "",
+            request.generation if isinstance(request.generation, int) else None,
         )
 
     def _refuse(self, data: bytes, message: str) -> bytes | None:

@@ -42,8 +42,9 @@ _STOP_STANDING_S, _COMMAND_STANDING_S = 0.05, 2.0
 _LOOK_NS = 100_000_000
 
 Send = Callable[[bytes], None]
-Handler = Callable[[bytes, bytes, Send], None]
-"""Takes the client's identity, its message, and how to reply (at once or later)."""
+Handler = Callable[[bytes, bytes, Send, bool], None]
+"""Takes the client's identity, its message, how to reply (at once or later), and whether the
+message may have been sent before the last call of `mark`."""
 
 
 @dataclass
@@ -121,6 +122,7 @@ class CommandServer:
         self._others = 0
         self._looked_ns = 0
         self._turning = False
+        self._remote_behind = False
 
     @property
     def doorkeeper(self) -> Doorkeeper | None:
@@ -181,6 +183,12 @@ class CommandServer:
         if self._remote is not None:
             self._remote.most = shares.tcp
             self._others = open_descriptors() + OPENED_LATER
+
+    def mark(self) -> None:
+        """Note that commands which have not been read by now came before what happens now."""
+        for listener in self.listeners:
+            listener.mark()
+        self._remote_behind = self._remote is not None
 
     def wake(self) -> None:
         """Look for messages. Needed after a send: ZeroMQ's descriptor is edge-triggered."""
@@ -250,6 +258,7 @@ class CommandServer:
                 self._go_on()
                 return
         self._turning = False
+        self._remote_behind = False
 
     def _go_on(self) -> None:
         delay_ns = self._budget.delay_ns()
@@ -269,7 +278,7 @@ class CommandServer:
                 # The client is gone, or does not read its replies.
                 self.counts.dropped_replies += 1
 
-        handler(connection.identity, body, reply)
+        handler(connection.identity, body, reply, connection.behind)
 
     def _route(self, socket: Socket, frames: list[bytes], handler: Handler) -> None:
         split = self._split(frames[1:])
@@ -284,7 +293,7 @@ class CommandServer:
                 self.counts.dropped_replies += 1
             self.wake()
 
-        handler(frames[0], body, reply)
+        handler(frames[0], body, reply, self._remote_behind)
 
     def _split(self, frames: list[bytes]) -> tuple[list[bytes], bytes] | None:
         # A REQ socket puts an empty frame before the message.

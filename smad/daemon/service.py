@@ -56,10 +56,14 @@ _BEGIN_A_LOG = (api.Arm, api.StartRecording)
 
 
 class Caller(Struct, frozen=True):
-    """Who asks: the name of its socket, the secret of its lease (empty: it has none)."""
+    """Who asks: the name of its socket, the secret of its lease (empty: it has none).
+
+    `behind`: what it asks may have been sent before the last stop.
+    """
 
     client: bytes
     lease: str = ""
+    behind: bool = False
 
 
 Answer = Struct | Awaitable[Struct]
@@ -143,8 +147,10 @@ class Service:
                     Reason.BUSY, "the daemon is ending", action="start it again (smad start)"
                 )
         if method.ends_with_stop:
-            self._stops.require(self._stops.generation if generation is None else generation)
             self._stops.require_confirmed()
+            before = caller.behind and generation is None
+            asked_in = self._stops.generation - 1 if before else generation
+            self._stops.require(self._stops.generation if asked_in is None else asked_in)
         answer = self.methods[type(params)](params, caller)
         logged = method.access != "watch" or type(params) in _LOGGED_BESIDES
         if logged and type(params) not in _BEGIN_A_LOG:

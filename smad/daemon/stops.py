@@ -64,6 +64,7 @@ class Stops:
         self._confirmed = True
         self._confirmed_us: int | None = None
         """Board time of the confirmation, until a sample after it was published."""
+        self._stopped = False
         self._asking = False
         self._asked_us = 0
         self._waiting: list[asyncio.Future[None]] = []
@@ -80,8 +81,11 @@ class Stops:
             )
 
     def require_confirmed(self) -> None:
-        """Raise Refusal while the board has not confirmed the last stop."""
-        if not self._confirmed:
+        """Raise Refusal until the board has confirmed the last stop, and a sample shows it.
+
+        The replies to the stop tell of that sample: nothing may come in between.
+        """
+        if not self._confirmed or self._confirmed_us is not None:
             raise Refusal(
                 Reason.STOPPED,
                 f"the bench is being stopped ({self.why}) and the board has not confirmed it yet",
@@ -134,10 +138,14 @@ class Stops:
 
     def on_sample(self, state: State) -> None:
         """A sample was published: the mode of the board may be another."""
-        if not self._confirmed and state.mode in STOPPED:
+        stopped = state.mode in STOPPED
+        if stopped and not self._stopped:
+            self.begin(f"the board went into {BoardState(state.mode).name}")
+        self._stopped = stopped
+        if stopped:
             # From these, no request that is still on its way leads back to ARMED.
             self._confirmed = True
-            self._confirmed_us = state.t_us
+            self._confirmed_us = None
         if self._confirmed_us is not None and not (state.t_us - self._confirmed_us) & _EARLIER:
             self._confirmed_us = None
         self._look()

@@ -323,6 +323,27 @@ def test_an_armed_block_disarms_when_the_arming_is_not_answered_but_not_when_it_
     assert [request["method"] for request in daemon.asked[1:]] == ["arm", "disarm", "motion"]
 
 
+def test_ctrl_c_pressed_twice_disarms_all_the_same(
+    client: Client, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disarm, presses = client.disarm, iter([KeyboardInterrupt, KeyboardInterrupt])
+
+    def interrupted() -> api.Motion:
+        for press in presses:
+            raise press
+        return disarm()
+
+    monkeypatch.setattr(client, "disarm", interrupted)
+
+    def experiment() -> None:
+        with client.armed():
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        experiment()
+    assert [request["method"] for request in daemon.asked] == ["arm", "disarm"]
+
+
 def test_what_ended_an_armed_block_is_not_hidden_by_a_disarm_that_fails(
     client: Client, daemon: FakeDaemon
 ) -> None:

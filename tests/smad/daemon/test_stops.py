@@ -1,16 +1,20 @@
 """A stop stops: nothing that was asked for before it is carried out, and nothing overtakes it."""
 
 import asyncio
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+import zmq.asyncio
 
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import DisarmRequested
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
+from smad.client.wire import connect
 from smad.config import LimitsConfig
+from smad.daemon.endpoints import Endpoints
 from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
 
 STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}
@@ -212,6 +216,63 @@ async def test_a_lost_link_and_a_board_that_restarts_end_what_was_asked_before(
         assert rig.bench.now_us < 5_000_000
         await rig.run_for(4.0)
         assert rig.daemon.stops.generation > lost
+
+
+async def test_what_waited_unread_when_the_stop_came_is_refused_however_late_it_is_read(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        endpoints = Endpoints(tmp_path, "bench")
+        rig.daemon.server.serve_ipc(endpoints, 0o077)
+        context = zmq.asyncio.Context()
+        eager = connect(context, endpoints.command, None, b"eager")
+        stopper = connect(context, endpoints.stop, None, b"stopper")
+        try:
+            await eager.send(b'{"jsonrpc":"2.0","id":0,"method":"motion"}')
+            await rig.run_until(eager.recv())
+            await stopper.send(b'{"jsonrpc":"2.0","id":0,"method":"disarm"}')
+            await rig.run_until(stopper.recv())
+            # All of it is in the kernel before the daemon looks again; the stop is served first.
+            for number in range(20):
+                await eager.send(b'{"jsonrpc":"2.0","id":%d,"method":"motion"}' % number)
+            await eager.send(b'{"jsonrpc":"2.0","id":20,"method":"arm"}')
+            await stopper.send(b'{"jsonrpc":"2.0","id":1,"method":"disarm"}')
+            time.sleep(0.3)  # ZeroMQ's own thread writes meanwhile; this loop must not read
+            assert not result_of(await rig.run_until(stopper.recv()))["armed"]
+            replies = [await rig.run_until(eager.recv()) for _ in range(21)]
+            with pytest.raises(Refused, match="stop") as refused:
+                result_of(replies[-1])
+            assert refused.value.reason == "stopped"
+            await rig.run_for(1.0)
+            assert rig.bench.board.state is BoardState.SAFE
+            await eager.send(b'{"jsonrpc":"2.0","id":21,"method":"arm"}')
+            assert result_of(await rig.run_until(eager.recv()))["armed"]
+        finally:
+            context.destroy(linger=0)
+
+
+async def test_a_fault_of_the_board_ends_what_was_asked_before(tmp_path: Path) -> None:
+    deaf = injection("lost_way", 4.0, way=0, lasts=1.5)
+    async with rig_in(tmp_path, SimulatedBench(seed=1, faults=[deaf])) as rig:
+        await rig.run_for(2.0)
+        before = {"generation": (await rig.ask("arm"))["generation"]}
+        await rig.ask("current", told=before, i_x_A=0.1)
+        await rig.run_until(_time(rig, 6.0))
+        motion = await rig.ask("motion")
+        assert (motion["mode"], motion["running"]) == ("FAULT", "idle")
+        await rig.ask("clear")
+        await rig.run_until(_safe(rig))
+        await rig.ask("arm", client=b"other")
+        with pytest.raises(Refused, match="went into FAULT"):
+            await rig.ask("current", told=before, i_x_A=0.1)
+
+
+async def test_a_stop_is_not_refused_because_of_what_it_does_not_need(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        for odd in (None, 5, [], {"a": 1}, "wrong"):
+            assert not (await rig.ask("disarm", told={"lease": odd, "generation": odd}))["armed"]
 
 
 class _Lapsed:
