@@ -43,7 +43,7 @@ class Echo:
             queue=1000,
         )
 
-    def _answer(self, client: bytes, data: bytes, send: Any) -> None:
+    def _answer(self, client: bytes, data: bytes, send: Any, behind: bool) -> None:
         self.order.append(data)
         send(b"re:" + data)
 
