@@ -130,8 +130,8 @@ def _on_simulation(
     config: Config, path: Path | None, *, paced_by_host: bool, faults: tuple[str, ...]
 ) -> int:
     from smad.cli.output import progress
-    from smad.cli.simprocess import simulated_bench
-    from smad.daemon.endpoints import default_folder, prepare_folder
+    from smad.client.endpoints import default_folder, prepare_folder
+    from smad.processes.simulator import simulated_bench
 
     folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
     prepare_folder(folder)

@@ -19,18 +19,17 @@ from typing import Any
 
 import zmq
 
-import smad
 from firmware_protocol.events import IncompatibleReason
-from smad.config import Config
-from smad.daemon import realtime
-from smad.daemon.daemon import Daemon
-from smad.daemon.endpoints import (
+from smad.client.endpoints import (
     Connection,
     Endpoints,
     default_folder,
     prepare_folder,
     write_connection,
 )
+from smad.config import Config
+from smad.daemon import realtime
+from smad.daemon.daemon import Daemon
 from smad.daemon.errors import TaskDied
 from smad.daemon.journal import Journal
 from smad.daemon.lockfile import LockFile
@@ -39,6 +38,7 @@ from smad.daemon.port import Transport
 from smad.daemon.trace import Trace
 from smad.daemon.wirerate import check_rate
 from smad.errors import DaemonError, PortError
+from smad.version import VERSION
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -159,7 +159,7 @@ class _Life:
         return Connection(
             bench=endpoints.bench,
             pid=os.getpid(),
-            version=smad.__version__,
+            version=VERSION,
             command=endpoints.command,
             stop=endpoints.stop,
             telemetry=endpoints.telemetry if config.telemetry.enabled else "",

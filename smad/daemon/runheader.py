@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import msgspec
 
-import smad
 from firmware_protocol.messages import Ident
 from firmware_protocol.schema import canonical_json, describe
 from smad.config import Config, config_to_toml
 from smad.runlog.header import RunHeader, installed_versions
+from smad.version import VERSION
 
 _VERSIONS = installed_versions()
 _SCHEMA = canonical_json(describe()).decode()
@@ -39,7 +39,7 @@ def run_header(
             "temperature_kp_A_per_K": control.temperature.kp_A_per_K,
             "temperature_ki_A_per_K_s": control.temperature.ki_A_per_K_s,
         },
-        versions={**_VERSIONS, "smad": smad.__version__},
+        versions={**_VERSIONS, "smad": VERSION},
         board={} if ident is None else _board(ident),
         message_schema=_SCHEMA,
     )

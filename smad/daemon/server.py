@@ -19,10 +19,10 @@ from dataclasses import dataclass, field
 import zmq
 
 from smad.api import LARGEST_MESSAGE
+from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig
 from smad.daemon.auth import ZAP_ADDRESS, Doorkeeper, server_keys
 from smad.daemon.budget import TimeBudget
-from smad.daemon.endpoints import Endpoints
 from smad.errors import DaemonError
 
 COMMAND_SHARE = 0.5

@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Callable
 
-import smad
 from firmware_protocol.enums import Limiter, faults_in, warnings_in
 from firmware_protocol.events import HostState
 from smad import api
@@ -18,12 +17,13 @@ from smad.daemon.hoststop import HostStop
 from smad.daemon.journal import Journal
 from smad.daemon.lease import Lease
 from smad.daemon.link import Link
-from smad.daemon.measure import row_of
 from smad.daemon.realtime import IdleCollector
 from smad.daemon.recorder import Recorder
 from smad.daemon.stops import Stops
 from smad.daemon.watch import BoardWatch
+from smad.runlog.rows import row_of
 from smad.runlog.schema import Row
+from smad.version import VERSION
 
 _MIB = 2**20
 _PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -117,7 +117,7 @@ class StatusReport:
         state = None if last is None else last.state
         return api.Status(
             bench=self._config.daemon.bench,
-            version=smad.__version__,
+            version=VERSION,
             pid=os.getpid(),
             uptime_s=(self._clock_us() - self._started_us) * 1e-6,
             memory_MiB=_resident_bytes() / _MIB,

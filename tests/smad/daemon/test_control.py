@@ -11,7 +11,7 @@ from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.control.controller import Output
 from smad.control.sample import Sample
-from smad.daemon.measure import row_of
+from smad.runlog.rows import row_of
 from tests.smad.daemon.rig import Refused, rig_in
 
 

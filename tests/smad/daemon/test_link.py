@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from smad.daemon.endpoints import (
+from smad.client.endpoints import (
     Connection,
     Endpoints,
     candidate_folders,

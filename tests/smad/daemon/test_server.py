@@ -12,9 +12,9 @@ import zmq
 import zmq.asyncio
 
 from smad.api import LARGEST_MESSAGE
+from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig, TcpConfig, TelemetryConfig
 from smad.daemon.auth import Doorkeeper, server_keys
-from smad.daemon.endpoints import Endpoints
 from smad.daemon.server import CommandServer
 from smad.daemon.telemetry import Publisher
 from smad.errors import ConfigError, DaemonError

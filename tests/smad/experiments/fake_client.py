@@ -13,8 +13,8 @@ from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Idle, M
 from smad.control.controller import Controller
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
-from smad.daemon.measure import row_of
 from smad.runlog.header import RunHeader
+from smad.runlog.rows import row_of
 from smad.runlog.schema import Event, Row
 from smad.runlog.writer import write_run
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from smad.daemon.bench import Plan, Result, percentile, unmasked
+from bench.daemon import Plan, Result, percentile, unmasked
 from smad.daemon.trace import Trace, load
 
 MS = 1_000_000

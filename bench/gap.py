@@ -1,6 +1,6 @@
 """How long a diagnosis takes, and how that grows: rows for the benchmark report.
 
-`python -m smad.gap.bench` prints them.
+`python -m bench.gap` prints them.
 """
 
 from __future__ import annotations

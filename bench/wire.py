@@ -1,4 +1,4 @@
-"""What frames cost in Python: `python -m firmware_protocol.bench`."""
+"""What frames cost in Python: `python -m bench.wire`."""
 
 from __future__ import annotations
 

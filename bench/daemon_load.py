@@ -1,4 +1,4 @@
-"""What keeps the machine busy during the benchmark: `python -m smad.daemon.benchload KIND ADDRESS`.
+"""What keeps the machine busy during the benchmark: `python -m bench.daemon_load KIND ADDRESS`.
 
 hog: computes for ever. flood: sends commands as fast as replies come. deaf: subscribes and never
 reads. answer: answers a flood where there is no daemon, so that a comparison has the same load.

@@ -1,4 +1,4 @@
-"""What a control step costs, and how fast virtual time runs: python -m smad.control.bench
+"""What a control step costs, and how fast virtual time runs: python -m bench.control
 
 Times are ratios to something measured in the same run: a step to a bare Python call with the same
 number of floats, virtual time to the time it simulates.

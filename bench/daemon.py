@@ -1,4 +1,4 @@
-"""How quick and steady the daemon is: `python -m smad.daemon.bench [--quick|--hour]`.
+"""How quick and steady the daemon is: `python -m bench.daemon [--quick|--hour]`.
 
 Every figure stands beside one of a minimal C program that does the same frame exchange on the same
 kind of port under the same load, in interleaved runs. A sentinel on each core says how late any
@@ -20,10 +20,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bench.daemon_rig import Case, Rig, arm
 from smad.api import Status
 from smad.client import Client
 from smad.control.commands import Sine
-from smad.daemon.benchrig import Case, Rig, arm
 from smad.daemon.trace import load
 
 Row = tuple[str, float, str]

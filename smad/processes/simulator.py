@@ -11,8 +11,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from smad.cli.sim import READY
 from smad.errors import DaemonError
+
+READY = "ready: "
+"""What the first line of `smad sim` begins with; the port's name follows."""
 
 START_DEADLINE_S = 120.0
 """The first start compiles the physics kernel."""

@@ -1,4 +1,4 @@
-"""What recording costs: `python -m smad.runlog.bench` prints it, `rows()` returns it.
+"""What recording costs: `python -m bench.runlog` prints it, `rows()` returns it.
 
 The wall clock and a temporary folder are used; nothing here is a test.
 """

@@ -1,4 +1,4 @@
-"""What a simulated sample costs: `python -m sim_device.bench_numbers`.
+"""What a simulated sample costs: `python -m bench.board`.
 
 CPU time of this process, best of several rounds, so that a busy machine does not count.
 """

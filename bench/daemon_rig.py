@@ -15,8 +15,6 @@ from pathlib import Path
 from typing import Literal
 
 import firmware_protocol
-from smad.cli.daemonprocess import DaemonProcess
-from smad.cli.sim import READY
 from smad.client import Client, Refused
 from smad.config import (
     Config,
@@ -25,11 +23,13 @@ from smad.config import (
     TelemetryConfig,
     config_to_toml,
 )
+from smad.processes.daemon import DaemonProcess
+from smad.processes.simulator import READY
 
 DEVICE_PRIORITY = 85
 SENTINEL_PRIORITY = 90
 HOGS = 2
-SOURCES = Path(__file__).resolve().parents[2] / "bench"
+SOURCES = Path(__file__).resolve().parent
 PROTOCOL_C = Path(firmware_protocol.__file__).parent / "c"
 
 
@@ -147,7 +147,7 @@ class Rig:
             else:
                 wanted += [("answer", command)]
         running = [
-            subprocess.Popen([sys.executable, "-m", "smad.daemon.benchload", kind, address])
+            subprocess.Popen([sys.executable, "-m", "bench.daemon_load", kind, address])
             for kind, address in wanted
         ]
         try:

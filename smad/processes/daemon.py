@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from smad.daemon.endpoints import FOLDER_VARIABLE, read_connection
+from smad.client.endpoints import FOLDER_VARIABLE, read_connection
 from smad.errors import DaemonError
 
 START_DEADLINE_S = 150.0
