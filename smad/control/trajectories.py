@@ -349,20 +349,3 @@ def _smooth(from_m: float, gap_m: float, duration_s: float) -> Position:
         return from_m + gap_m * s * s * (3.0 - 2.0 * s)
 
     return position
-
-
-def split_samples(t_s: Sequence[float], displacement_mm: Sequence[float]) -> list[Follow]:
-    """Commands that together follow the given points, each short enough for one command.
-
-    The first replaces what runs, the others queue behind it. Raises CommandError as `Samples` does.
-    """
-    commands: list[Follow] = []
-    stride = LONGEST_SAMPLES - 1
-    for first in range(0, max(1, len(t_s) - 1), stride):
-        t = t_s[first : first + LONGEST_SAMPLES]
-        piece = Samples(
-            t_s=tuple(value - t[0] if first else value for value in t),
-            displacement_mm=tuple(displacement_mm[first : first + LONGEST_SAMPLES]),
-        )
-        commands.append(Follow(trajectories=(piece,), queue=bool(first)))
-    return commands

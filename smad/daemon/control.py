@@ -22,9 +22,6 @@ from smad.daemon.histogram import Histogram
 from smad.daemon.trace import Trace
 
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
-_TICKS = 0xFFFF
-_WRAP = 0xFFFF_FFFF
-_LARGEST_GAP = 0x8000
 _AT_REST = Output()
 
 
@@ -33,7 +30,6 @@ class StepCounts:
     """Totals of the control task."""
 
     samples: int = 0
-    missed: int = 0
     skipped: int = 0
     setpoints: int = 0
     setpoints_dropped: int = 0
@@ -97,7 +93,6 @@ class ControlTask:
         self._queue = queue
         self._trace = trace
         self._time = BoardTime()
-        self._last_tick: int | None = None
         self._last_age_seq = -1
         self._arrived: tuple[int, int] | None = None
 
@@ -108,13 +103,13 @@ class ControlTask:
 
     def opened(self) -> None:
         """The port is open: begin the handshake."""
-        self._forget()
+        self._arrived = None
         self.session.connect(self._clock_us())
         self.flush()
 
     def lost(self) -> None:
         """The port went away."""
-        self._forget()
+        self._arrived = None
         for event in self.session.lost(self._clock_us()):
             self._on_event(event)
 
@@ -122,16 +117,16 @@ class ControlTask:
         """Take in bytes that were just read; step for the newest sample in them."""
         began_ns = self._stopwatch_ns()
         events = self.session.receive(data, self._clock_us())
-        states: list[State] = []
+        samples: list[StateReceived] = []
         others: list[HostEvent] = []
         for event in events:
             if type(event) is not StateReceived:
                 others.append(event)
             elif event.state.axis == self._axis:
-                states.append(event.state)
+                samples.append(event)
         try:
-            if states and self.stepping:
-                self._step(states, began_ns)
+            if samples and self.stepping:
+                self._step(samples, began_ns)
         finally:
             # Also when the step dies: somebody may be waiting for the reply that came with it.
             self._pass_on(others)
@@ -139,8 +134,7 @@ class ControlTask:
     def _pass_on(self, others: list[HostEvent]) -> None:
         for other in others:
             if isinstance(other, BoardRestarted):
-                # Its counter begins anew: the samples between are none that were missed.
-                self._forget()
+                self._arrived = None
                 self._time.restart()
             self._on_event(other)
         self.flush()
@@ -161,10 +155,11 @@ class ControlTask:
         data = self.session.data_to_send()
         return self._write(data) if data else True
 
-    def _step(self, states: list[State], began_ns: int) -> None:
+    def _step(self, samples: list[StateReceived], began_ns: int) -> None:
         # The newest is answered first; the older ones are only worth recording.
-        state = states[-1]
-        sample = self._sample(state, self._time.unwrap(state.t_us))
+        times_us = [self._time.since_first(received.board_us) for received in samples]
+        state = samples[-1].state
+        sample = self._sample(state, times_us[-1])
         output = self.controller.step(sample)
         if not sample.armed:
             # Whatever the controller last wanted: a board that is not armed by us is asked nothing.
@@ -179,10 +174,9 @@ class ControlTask:
         self.own_share.add(took_ns)
         if self._trace is not None:
             self._trace.add(began_ns, took_ns)
-        for older in states[:-1]:
+        for older, t_us in zip(samples[:-1], times_us, strict=False):
             self.counts.skipped += 1
-            t_us = sample.t_us - ((state.t_us - older.t_us) & _WRAP)
-            self._finish(self._sample(older, t_us), older, None)
+            self._finish(self._sample(older.state, t_us), older.state, None)
         self._observe(state, sample, began_ns)
         self._finish(sample, state, setpoint)
 
@@ -201,17 +195,8 @@ class ControlTask:
             self._last_age_seq = state.sp_seq
             self.setpoint_age.add(state.sp_age_us * 1000)
 
-    def _count(self, state: State) -> None:
-        counts = self.counts
-        counts.samples += 1
-        if self._last_tick is not None:
-            gap = (state.tick - self._last_tick - 1) & _TICKS
-            if gap < _LARGEST_GAP:
-                counts.missed += gap
-        self._last_tick = state.tick
-
     def _finish(self, sample: Sample, state: State, setpoint: Setpoint | None) -> None:
-        self._count(state)
+        self.counts.samples += 1
         controller = self.controller
         finished = Finished(
             sample,
@@ -227,7 +212,3 @@ class ControlTask:
             return
         self.finished.append(finished)
         self._on_finished()
-
-    def _forget(self) -> None:
-        self._last_tick = None
-        self._arrived = None

@@ -169,7 +169,7 @@ class StatusReport:
         counts = self._control.counts
         return api.Counts(
             samples=counts.samples,
-            missed=counts.missed,
+            missed=self._control.session.stats.missed_states,
             skipped=counts.skipped,
             setpoints=counts.setpoints,
             setpoints_dropped=counts.setpoints_dropped,
@@ -195,7 +195,7 @@ class StatusReport:
         return {
             **{f"host_{name}": float(value) for name, value in self._frames().items()},
             **{f"board_{name}": float(value) for name, value in self._watch.stats.items()},
-            "missed_samples": float(counts.missed),
+            "missed_samples": float(self._control.session.stats.missed_states),
             "skipped_samples": float(counts.skipped),
             "setpoints_dropped": float(counts.setpoints_dropped),
             "commands_refused": float(self._commands.refused),
