@@ -24,7 +24,9 @@ from smad.control.commands import (
 from smad.runlog.schema import Row
 
 LARGEST_MESSAGE = 65_536
-"""Bytes. A longer message ends the connection: decoding it would hold up the control loop."""
+"""Bytes. A longer message is refused unread: decoding it would hold up the control loop."""
+LARGEST_TAKEN_IN = 4 * LARGEST_MESSAGE
+"""Bytes. A message beyond this is not taken into memory to be refused: it ends the connection."""
 
 TELEMETRY_TOPIC = "smad"
 
@@ -35,6 +37,7 @@ class Reason(enum.StrEnum):
     """Why a command was refused. A program decides by this, a person reads the message."""
 
     MALFORMED = "malformed"
+    NO_REQUEST = "no_request"
     UNKNOWN_METHOD = "unknown_method"
     INVALID = "invalid"
     NOT_IN_CONTROL = "not_in_control"
@@ -53,6 +56,7 @@ class Reason(enum.StrEnum):
 
 ERROR_CODES: dict[Reason, int] = {
     Reason.MALFORMED: -32700,
+    Reason.NO_REQUEST: -32600,
     Reason.UNKNOWN_METHOD: -32601,
     Reason.INVALID: -32602,
     Reason.INTERNAL: -32603,

@@ -132,7 +132,7 @@ def _parameters(codec: Codec) -> str:
             f"`{p.name}`",
             p.unit,
             str(p.default),
-            ", ".join(map(str, p.choices)) if p.choices else f"{p.minimum} … {p.maximum}",
+            p.allowed,
             p.doc + ("; one for the board" if p.shared else ""),
         )
         for p in PARAMETERS

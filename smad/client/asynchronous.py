@@ -43,7 +43,7 @@ from smad.control.commands import (
     Trajectory,
     Tune,
 )
-from smad.errors import SmadError
+from smad.errors import ConfigError, SmadError
 
 _TOPIC = api.TELEMETRY_TOPIC.encode()
 
@@ -91,7 +91,11 @@ class AsyncClient:
         self._conversation = Conversation()
         identity = new_identity()
         self._commands = connect(self._context, connection.command, keys, identity)
-        self._stops = connect(self._context, connection.stop, keys, identity)
+        try:
+            self._stops = connect(self._context, connection.stop, keys, identity)
+        except ConfigError:
+            self._commands.close(linger=0)
+            raise
 
     async def __aenter__(self) -> AsyncClient:
         return self

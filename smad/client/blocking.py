@@ -40,7 +40,7 @@ from smad.control.commands import (
     Trajectory,
     Tune,
 )
-from smad.errors import SmadError
+from smad.errors import ConfigError, SmadError
 
 DEFAULT_TIMEOUT_S = 5.0
 POLL_S = 0.05
@@ -88,7 +88,11 @@ class Client:
         self._conversation = Conversation()
         identity = new_identity()
         self._commands = connect(self._context, connection.command, keys, identity)
-        self._stops = connect(self._context, connection.stop, keys, identity)
+        try:
+            self._stops = connect(self._context, connection.stop, keys, identity)
+        except ConfigError:
+            self._commands.close(linger=0)
+            raise
 
     def __enter__(self) -> Client:
         return self

@@ -52,10 +52,11 @@ class Answers:
 
     def _answer(self, decoder: Decoder, client: bytes, data: bytes, send: Send) -> None:
         call = decoder.decode(data)
-        if isinstance(call, bytes):
+        if not isinstance(call, Call):
             self._counts.refused += 1
             self._counts.malformed += 1
-            send(call)
+            if call is not None:
+                send(call)
             return
 
         def reply(text: bytes) -> None:

@@ -10,6 +10,7 @@ import asyncio
 import secrets
 import time
 from collections.abc import Callable, Coroutine
+from contextlib import nullcontext
 from typing import Any
 
 import zmq
@@ -21,6 +22,7 @@ from smad.config import Config
 from smad.control.controller import Controller
 from smad.daemon.answers import Answers
 from smad.daemon.control import ControlTask
+from smad.daemon.descriptors import Reserve
 from smad.daemon.errors import Refusal
 from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.journal import Journal
@@ -70,6 +72,7 @@ class Daemon:
         journal: Journal,
         notifier: Notifier,
         nonce: int,
+        reserve: Reserve = nullcontext,
         parameter_text: str | None = None,
         trace: Trace | None = None,
         clock_us: Callable[[], int] = monotonic_us,
@@ -146,7 +149,7 @@ class Daemon:
             ),
             wall_clock,
         )
-        self.publisher = Publisher(context, config.telemetry)
+        self.publisher = Publisher(loop, config.telemetry, reserve)
         self.collector = IdleCollector(enabled=False)
         self._lease = Lease(secrets.token_urlsafe)
         self._host_stop = HostStop(self.control.controller)
@@ -188,6 +191,7 @@ class Daemon:
             on_stop=self.answers.stop,
             look_at_port=self.link.read,
             queue=config.daemon.command_queue,
+            reserve=reserve,
         )
         self._unwelcome = Unwelcome(self.server, self.commands, self.say)
 

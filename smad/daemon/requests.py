@@ -165,7 +165,8 @@ def refusal(error: Error, request: Message | None = None) -> Refusal:
     cause, action = REFUSALS.get(
         error.code, (f"the board refused with code {int(error.code)}", _UPDATE)
     )
-    told = error.value != 0 or error.limit != 0
+    # A token means nothing to a person.
+    told = error.code is not ErrorCode.TOKEN_WRONG and (error.value != 0 or error.limit != 0)
     if error.code is ErrorCode.WRONG_STATE and error.value == BoardState.ESTOP:
         action = "power-cycle the board: nothing else ends ESTOP"
     worded = _state_name if error.code is ErrorCode.WRONG_STATE else int

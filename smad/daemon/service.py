@@ -42,6 +42,7 @@ from smad.daemon.recorder import Recorder
 from smad.daemon.requests import BoardRequests
 from smad.daemon.status import StatusReport
 from smad.daemon.stops import Stops
+from smad.daemon.tighter import require_tighter
 from smad.daemon.watch import BoardWatch, Say, disagreement
 
 _PARAMETER_POLLS = 100
@@ -84,6 +85,7 @@ class Service:
         clock_us: Callable[[], int],
     ) -> None:
         self.stopping = False
+        self._arming = False
         self._config = config
         self._control = control
         self._controller: Controller = control.controller
@@ -181,7 +183,20 @@ class Service:
 
     def arm(self, params: api.Arm, caller: Caller) -> Awaitable[api.Motion]:
         """Ask the board for a token, begin the run log, confirm."""
-        return self._arm(params, caller, self._stops.generation)
+        if self._arming:
+            raise Refusal(
+                Reason.BUSY,
+                "the bench is being armed already",
+                action="wait for the reply to that (smad status)",
+            )
+        self._arming = True
+        return self._arm_alone(params, caller, self._stops.generation)
+
+    async def _arm_alone(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
+        try:
+            return await self._arm(params, caller, generation)
+        finally:
+            self._arming = False
 
     async def _arm(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
         def still_wanted() -> None:
@@ -392,6 +407,7 @@ class Service:
                 "the board's parameters are not those that were read from it",
                 action="unplug it and plug it in again, so that they are read anew",
             )
+        require_tighter(self._config, self._watch.parameters)
 
     def _require_not_faulted(self) -> None:
         by_host = self._host_stop.fault

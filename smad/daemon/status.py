@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 from collections.abc import Callable
@@ -74,6 +75,7 @@ class StatusReport:
         self._commands = commands
         self._clock_us = clock_us
         self._started_us = clock_us()
+        self._resident_MiB = 0.0
         self._timing = self._measured_timing()
 
     def refresh(self) -> api.Timing:
@@ -120,7 +122,7 @@ class StatusReport:
             version=VERSION,
             pid=os.getpid(),
             uptime_s=(self._clock_us() - self._started_us) * 1e-6,
-            memory_MiB=_resident_bytes() / _MIB,
+            memory_MiB=self._memory_MiB(),
             link=self._link_status(),
             board=self._board(),
             motion=self.motion(),
@@ -188,6 +190,12 @@ class StatusReport:
             round_trip_us=None if fit is None else float(fit.round_trip_us),
             collections=self._collector.collections,
         )
+
+    def _memory_MiB(self) -> float:
+        # Without a descriptor to look with, it is what it was.
+        with contextlib.suppress(OSError):
+            self._resident_MiB = _resident_bytes() / _MIB
+        return self._resident_MiB
 
     def link_counters(self) -> dict[str, float]:
         """Return what the run log keeps about the link once a second: host's and board's counts."""

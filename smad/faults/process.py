@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import shutil
 import signal
 import tempfile
 import time
@@ -21,6 +22,7 @@ from smad.daemon.errors import TaskDied
 from smad.errors import RunLogError, SmadError
 from smad.faults.caller import Caller
 from smad.faults.catalogue import HOLD_BUDGET_J
+from smad.faults.crowd import crowd
 from smad.faults.lockstep import gate_open_after, states_after
 from smad.faults.oracle import Ending, Expectation, LogFound, Outcome, Then
 from smad.faults.rig import PATIENCE_S, Rig, rig_in
@@ -41,6 +43,10 @@ _TRIES = 6
 _MOST_TRIES = 60
 _ARMING_S = 0.02
 _STOPPED_FOR_S = 2.0
+_CROWDED_S = 2.5
+"""Longer than a stranger is let in without saying who it is."""
+
+CROWD = 400
 _DAEMON_STAYS = ("ended by SIGTERM",)
 
 
@@ -58,6 +64,9 @@ class HostFault:
     after_stop_s: float = _AFTER_STOP_S
     part: str = ""
     small_disk: bool = False
+    descriptors: int | None = None
+    """The daemon's limit on open files, if it is an unusual one."""
+    log_is_lost: bool = False
     status: int = 0
     words: tuple[str, ...] = _DAEMON_STAYS
 
@@ -178,6 +187,34 @@ def _deaf_subscribers(rig: Rig, client: Client) -> str:
     return ""
 
 
+def _stop_in_a_crowd(rig: Rig, client: Client) -> str:
+    """Have no descriptor left, look whether the bench goes on, and stop it as a new client."""
+    with crowd(client.connection, CROWD):
+        time.sleep(_CROWDED_S)
+        if not client.motion().armed:
+            return "a crowd disarmed the bench"
+        with Client(folder=rig.folder, timeout_s=PATIENCE_S) as stopper:
+            stopper.disarm()
+        rig.wait("the stop of a new client arrives", lambda: not client.motion().armed)
+    return ""
+
+
+def _delete_runs(rig: Rig, client: Client) -> str:
+    shutil.rmtree(rig.runs)
+    words = "deleted, moved or replaced"
+    rig.wait(
+        f"the daemon says: {words}",
+        lambda: (
+            words in client.status().recorder.error
+            and any("recording failed" in event.text for event in client.status().events)
+        ),
+    )
+    rows = client.status().recorder.rows
+    time.sleep(_CROWDED_S)
+    more = client.status().recorder.rows - rows
+    return f"{more} rows were counted that went nowhere" if more else ""
+
+
 def _disarm_words(part: str) -> str:
     """What the last line must say of the disarm: a dead session cannot hear its confirmation."""
     return "did not confirm the disarm" if part == "session" else "disarmed, the board cools"
@@ -198,6 +235,13 @@ _ROWS: tuple[HostFault, ...] = (
     HostFault("disk_full", "the run log's disk is full", _disk_full, Then.GOES_ON,
               watch_s=2.0, small_disk=True,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("deleted_folder", "the folder of the run log is deleted", _delete_runs, Then.GOES_ON,
+              watch_s=2.0, log_is_lost=True,
+              words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("exhausted_descriptors",
+              f"{CROWD} strangers over TCP and {CROWD} clients at a limit of 200 open files; "
+              "then a new client stops the bench", _stop_in_a_crowd, Then.DISARMS,
+              budget_J=FULL_W * 10.0, descriptors=200, words=(*_DAEMON_STAYS, "nothing was armed")),
     HostFault("second_commander", "another client commands a held bench", _second_commander,
               Then.GOES_ON, watch_s=1.0,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
@@ -235,7 +279,7 @@ def run_host_fault(fault: HostFault, seed: int) -> Outcome:
     with (
         tempfile.TemporaryDirectory(prefix="smad-fault-") as folder,
         small_disk(Path(folder) / "disk") if fault.small_disk else contextlib.nullcontext() as disk,
-        rig_in(Path(folder), seed, fault.part, disk) as rig,
+        rig_in(Path(folder), seed, fault.part, disk, fault.descriptors) as rig,
     ):
         client = rig.heat()
         onset_us = rig.bench.now_us
@@ -298,7 +342,7 @@ def _outcome(fault: HostFault, rig: Rig, seen: _Seen) -> Outcome:
         states=tuple(s for s in states if s[0] * 1e6 + onset_us <= observed_us),
         gate_open_later=safe_us is not None and gate_open_after(trace, safe_us),
         host_running_later=safe_us is not None and seen.running,
-        log=_log(rig),
+        log=None if fault.log_is_lost else _log(rig),
         ending=seen.ending,
         not_refused=seen.not_refused,
     )

@@ -152,6 +152,7 @@ def test_the_connection_file_of_a_dead_daemon_counts_as_no_daemon(tmp_path: Path
         Connection(
             bench="bench", pid=2**22 + 1, version="", command="ipc://x", stop="", telemetry=""
         ),
+        0o077,
     )
     with pytest.raises(NoDaemon):
         Client(folder=tmp_path)

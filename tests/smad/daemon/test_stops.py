@@ -279,6 +279,18 @@ async def test_control_of_a_bench_that_another_client_armed_is_refused(tmp_path:
         assert (await rig.ask("control.take", client=b"bob", name="Bob"))["yours"]
 
 
+async def test_two_who_arm_at_once_are_one_arming_and_one_refusal(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        first, second = rig.begin("arm", b"ada"), rig.begin("arm", b"bob")
+        with pytest.raises(Refused, match="being armed already"):
+            result_of(second.result())
+        assert result_of(await rig.run_until(first))["armed"]
+        await rig.ask("disarm")
+        await rig.run_until(_safe(rig))
+        assert (await rig.ask("arm", client=b"bob"))["armed"]
+
+
 async def test_who_loses_control_while_arming_does_not_arm(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.run_for(2.0)
