@@ -57,17 +57,18 @@ def command_of(piece: type[Piece]) -> click.Command | None:
     values = [_VALUES.get(type(kind)) for _, kind, _ in fields]
     if None in values:
         return None
-    lengths = {field.name for field in info.fields if field.name.endswith(_LENGTHS)}
+    names = [field.name for field in info.fields]
+    lengths = [name for name in names if name.endswith(_LENGTHS)]
     parameters = [
         _parameter(field, value, meta)
         for (field, _, meta), value in zip(fields, values, strict=True)
     ]
 
     def send(*, unit_mm: float = 1.0, queue: bool, wait: bool, bench: str, **given: Any) -> None:
-        scaled = {
-            name: value * unit_mm if name in lengths else value for name, value in given.items()
-        }
-        _send(cast("Trajectory", piece(**scaled)), queue=queue, wait=wait, bench=bench)
+        # click knows its arguments in lower case only.
+        named = {name: given[name] if name in given else given[name.lower()] for name in names}
+        scaled = {name: named[name] * unit_mm for name in lengths}
+        _send(cast("Trajectory", piece(**{**named, **scaled})), queue=queue, wait=wait, bench=bench)
 
     told = [
         f"{parameter.human_readable_name}: {meta.get('description', '')}"

@@ -183,7 +183,7 @@ def _run(
     fd: int | None = None,
 ) -> int:
     from smad.daemon.lifecycle import run
-    from smad.daemon.port import PortFinder, SocketTransport, Transport, open_serial
+    from smad.daemon.link.port import PortFinder, SocketTransport, Transport, open_serial
     from smad.daemon.trace import Trace
 
     finder = PortFinder(config.link.port)

@@ -20,29 +20,29 @@ from firmware_protocol.host import HostSession
 from firmware_protocol.messages import State
 from smad.config import Config
 from smad.control.controller import Controller
-from smad.daemon.answers import Answers
+from smad.daemon.command.answers import Answers
+from smad.daemon.command.lease import DeadMan, Lease
+from smad.daemon.command.server import CommandServer
+from smad.daemon.command.service import Service
+from smad.daemon.command.status import CommandCounts, StatusReport
+from smad.daemon.command.unwelcome import Unwelcome
 from smad.daemon.control import ControlTask
-from smad.daemon.descriptors import Reserve
 from smad.daemon.errors import Refusal
 from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.journal import Journal
-from smad.daemon.lease import DeadMan, Lease
-from smad.daemon.link import Link
+from smad.daemon.link.link import Link
+from smad.daemon.link.port import Transport
+from smad.daemon.link.requests import BoardRequests
+from smad.daemon.link.watch import BoardWatch
 from smad.daemon.notify import Notifier
-from smad.daemon.port import Transport
 from smad.daemon.realtime import IdleCollector
-from smad.daemon.recorder import Recorder
-from smad.daemon.requests import BoardRequests
-from smad.daemon.runheader import run_header
-from smad.daemon.server import CommandServer
-from smad.daemon.service import Service
-from smad.daemon.stamps import Stamps
-from smad.daemon.status import CommandCounts, StatusReport
+from smad.daemon.sockets.descriptors import Reserve
 from smad.daemon.stops import Stops
-from smad.daemon.telemetry import Publisher
+from smad.daemon.telemetry.publisher import Publisher
+from smad.daemon.telemetry.recorder import Recorder
+from smad.daemon.telemetry.runheader import run_header
+from smad.daemon.telemetry.stamps import Stamps
 from smad.daemon.trace import Trace
-from smad.daemon.unwelcome import Unwelcome
-from smad.daemon.watch import BoardWatch
 from smad.runlog.schema import Event, EventKind, LinkSample
 
 HOUSEKEEPING_S = 0.02

@@ -30,17 +30,23 @@ from smad.client.endpoints import (
 )
 from smad.config import Config
 from smad.daemon import realtime
+from smad.daemon.command.reload import has_terminal, reread_keys
+from smad.daemon.command.remote import LAST_WORDS_MS
 from smad.daemon.daemon import Daemon
-from smad.daemon.descriptors import OPENED_LATER, Descriptors, Shares, open_descriptors, shares_of
 from smad.daemon.errors import TaskDied
 from smad.daemon.journal import Journal
+from smad.daemon.link.port import Transport
+from smad.daemon.link.wirerate import check_rate
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
-from smad.daemon.port import Transport
-from smad.daemon.reload import has_terminal, reread_keys
-from smad.daemon.remote import LAST_WORDS_MS
+from smad.daemon.sockets.descriptors import (
+    OPENED_LATER,
+    Descriptors,
+    Shares,
+    open_descriptors,
+    shares_of,
+)
 from smad.daemon.trace import Trace
-from smad.daemon.wirerate import check_rate
 from smad.errors import DaemonError, PortError
 from smad.version import VERSION
 

@@ -20,8 +20,8 @@ from smad.api import Reason
 from smad.control.commands import Idle
 from smad.control.controller import Controller
 from smad.daemon.errors import Refusal
-from smad.daemon.requests import BoardRequests
-from smad.daemon.watch import BoardWatch, Say, Spawn
+from smad.daemon.link.requests import BoardRequests
+from smad.daemon.link.watch import BoardWatch, Say, Spawn
 
 PATIENCE_US = 1_000_000
 """How long a reply to a stop waits for the board."""

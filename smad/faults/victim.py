@@ -18,11 +18,11 @@ from typing import Any
 DAEMON_PARTS: dict[str, str] = {
     "session": "firmware_protocol.host:HostSession.receive",
     "controller": "smad.control.controller:Controller.step",
-    "publisher": "smad.daemon.telemetry:Publisher.publish",
-    "recorder": "smad.daemon.recorder:Recorder.row",
-    "watch": "smad.daemon.watch:BoardWatch.on_state",
+    "publisher": "smad.daemon.telemetry.publisher:Publisher.publish",
+    "recorder": "smad.daemon.telemetry.recorder:Recorder.row",
+    "watch": "smad.daemon.link.watch:BoardWatch.on_state",
     "housekeeping": "smad.daemon.daemon:Daemon._each_second",
-    "server": "smad.daemon.server:CommandServer._turn",
+    "server": "smad.daemon.command.server:CommandServer._turn",
 }
 """Parts whose death ends the daemon, by the method that raises."""
 

@@ -21,8 +21,8 @@ from sim_device.bench import SimulatedBench
 from smad.config import Config, DaemonConfig, LinkConfig, RecorderConfig
 from smad.daemon.daemon import Daemon
 from smad.daemon.journal import Journal
+from smad.daemon.link.port import SocketTransport, Transport
 from smad.daemon.notify import Notifier
-from smad.daemon.port import SocketTransport, Transport
 from smad.errors import PortError
 
 T = TypeVar("T")

@@ -13,11 +13,17 @@ import pytest
 import zmq
 
 from smad.config import TcpConfig
-from smad.daemon.descriptors import RESERVE, Descriptors, Shares, open_descriptors, shares_of
-from smad.daemon.gate import Gate
-from smad.daemon.listener import Connection, Listener, listen_local
-from smad.daemon.remote import RemoteDoor
-from smad.daemon.zmtp import GREETING, encoded, ready
+from smad.daemon.command.remote import RemoteDoor
+from smad.daemon.sockets.descriptors import (
+    RESERVE,
+    Descriptors,
+    Shares,
+    open_descriptors,
+    shares_of,
+)
+from smad.daemon.sockets.gate import Gate
+from smad.daemon.sockets.listener import Connection, Listener, listen_local
+from smad.daemon.sockets.zmtp import GREETING, encoded, ready
 from smad.errors import DaemonError
 from smad.faults.fort import free_ports
 
@@ -136,7 +142,7 @@ async def test_the_longest_silent_makes_room_for_a_stop(room: Room) -> None:
 async def test_who_says_nothing_at_all_is_sent_away(
     room: Room, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("smad.daemon.listener.HANDSHAKE_S", 0.0)
+    monkeypatch.setattr("smad.daemon.sockets.listener.HANDSHAKE_S", 0.0)
     room.open()
     line = room.enter(b"")
     await until(lambda: not is_open(line))

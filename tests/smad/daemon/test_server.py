@@ -15,10 +15,10 @@ import zmq.asyncio
 from smad.api import LARGEST_TAKEN_IN
 from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig, TcpConfig, TelemetryConfig
-from smad.daemon.auth import Doorkeeper, server_keys
-from smad.daemon.server import CommandServer
-from smad.daemon.telemetry import Publisher
-from smad.daemon.zmtp import GREETING, encoded, ready
+from smad.daemon.command.auth import Doorkeeper, server_keys
+from smad.daemon.command.server import CommandServer
+from smad.daemon.sockets.zmtp import GREETING, encoded, ready
+from smad.daemon.telemetry.publisher import Publisher
 from smad.errors import ConfigError, DaemonError
 from smad.runlog.schema import Row
 

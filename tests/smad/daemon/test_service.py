@@ -15,8 +15,8 @@ from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.api import METHODS
 from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
+from smad.daemon.command.service import Service
 from smad.daemon.errors import Refusal
-from smad.daemon.service import Service
 from smad.runlog.reader import read_run
 from tests.smad.daemon.rig import Refused, Rig, rig_in
 

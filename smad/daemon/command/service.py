@@ -34,16 +34,16 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.controller import Controller
+from smad.daemon.command.lease import DeadMan, Lease
+from smad.daemon.command.status import StatusReport
 from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
 from smad.daemon.hoststop import HostStop
-from smad.daemon.lease import DeadMan, Lease
-from smad.daemon.recorder import Recorder
-from smad.daemon.requests import BoardRequests
-from smad.daemon.status import StatusReport
+from smad.daemon.link.requests import BoardRequests
+from smad.daemon.link.tighter import require_tighter
+from smad.daemon.link.watch import BoardWatch, Say, disagreement
 from smad.daemon.stops import Stops
-from smad.daemon.tighter import require_tighter
-from smad.daemon.watch import BoardWatch, Say, disagreement
+from smad.daemon.telemetry.recorder import Recorder
 
 _PARAMETER_POLLS = 100
 _PARAMETER_POLL_S = 0.02

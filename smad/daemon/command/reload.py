@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from smad.config import Config
-from smad.daemon.auth import Doorkeeper
+from smad.daemon.command.auth import Doorkeeper
 from smad.errors import ConfigError
 
 _TERMINAL = "/dev/tty"

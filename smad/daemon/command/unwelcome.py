@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from smad.daemon.server import CommandServer
-from smad.daemon.status import CommandCounts
-from smad.daemon.watch import Say
+from smad.daemon.command.server import CommandServer
+from smad.daemon.command.status import CommandCounts
+from smad.daemon.link.watch import Say
 
 _TEXTS = {
     "keys": "turned away {} connections whose key is not on the list",

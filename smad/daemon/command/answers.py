@@ -8,12 +8,12 @@ from typing import Any
 from msgspec import Struct
 
 from smad.api import Reason
+from smad.daemon.command.rpc import Call, Decoder, error_reply, result_reply
+from smad.daemon.command.server import Send
+from smad.daemon.command.service import Caller, Service
+from smad.daemon.command.status import CommandCounts
 from smad.daemon.errors import Refusal
 from smad.daemon.journal import Journal
-from smad.daemon.rpc import Call, Decoder, error_reply, result_reply
-from smad.daemon.server import Send
-from smad.daemon.service import Caller, Service
-from smad.daemon.status import CommandCounts
 from smad.errors import SmadError
 
 MOST_WAITING = 64

@@ -16,8 +16,17 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 
-from smad.daemon.descriptors import Reserve
-from smad.daemon.zmtp import GREETING, Broken, Greeted, Message, Peer, Reply, Subscription, ready
+from smad.daemon.sockets.descriptors import Reserve
+from smad.daemon.sockets.zmtp import (
+    GREETING,
+    Broken,
+    Greeted,
+    Message,
+    Peer,
+    Reply,
+    Subscription,
+    ready,
+)
 
 HANDSHAKE_S = 2.0
 _PIECE = 65_536

@@ -6,8 +6,8 @@ from firmware_protocol.parameters import BENCH_PARAMETERS
 from smad.api import Reason
 from smad.config import Config
 from smad.config.hostlimits import looser_than
-from smad.daemon.board import Parameters
 from smad.daemon.errors import Refusal
+from smad.daemon.link.board import Parameters
 
 
 def require_tighter(config: Config, parameters: Parameters) -> None:

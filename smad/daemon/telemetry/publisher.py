@@ -12,9 +12,9 @@ import msgspec
 
 from smad.api import TELEMETRY_TOPIC
 from smad.config import TelemetryConfig
-from smad.daemon.descriptors import Reserve
-from smad.daemon.listener import Listener, listen_at
-from smad.daemon.zmtp import encoded
+from smad.daemon.sockets.descriptors import Reserve
+from smad.daemon.sockets.listener import Listener, listen_at
+from smad.daemon.sockets.zmtp import encoded
 from smad.errors import DaemonError
 from smad.runlog.schema import Row
 

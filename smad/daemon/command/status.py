@@ -12,16 +12,16 @@ from firmware_protocol.events import HostState
 from smad import api
 from smad.config import Config
 from smad.control.limits import HostLimit
-from smad.daemon.board import board_of
+from smad.daemon.command.lease import Lease
 from smad.daemon.control import ControlTask, Finished
 from smad.daemon.hoststop import HostStop
 from smad.daemon.journal import Journal
-from smad.daemon.lease import Lease
-from smad.daemon.link import Link
+from smad.daemon.link.board import board_of
+from smad.daemon.link.link import Link
+from smad.daemon.link.watch import BoardWatch
 from smad.daemon.realtime import IdleCollector
-from smad.daemon.recorder import Recorder
 from smad.daemon.stops import Stops
-from smad.daemon.watch import BoardWatch
+from smad.daemon.telemetry.recorder import Recorder
 from smad.runlog.rows import row_of
 from smad.runlog.schema import Row
 from smad.version import VERSION

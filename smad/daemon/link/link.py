@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from smad.daemon.port import Transport
+from smad.daemon.link.port import Transport
 from smad.errors import PortError
 
 READ_SIZE = 65_536

@@ -21,14 +21,14 @@ import zmq
 from smad.api import LARGEST_MESSAGE, LARGEST_TAKEN_IN, Reason
 from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig
-from smad.daemon.auth import Doorkeeper, server_keys
-from smad.daemon.budget import TimeBudget
-from smad.daemon.descriptors import OPENED_LATER, Reserve, Shares, open_descriptors
+from smad.daemon.command.auth import Doorkeeper, server_keys
+from smad.daemon.command.budget import TimeBudget
+from smad.daemon.command.remote import RemoteCounts, RemoteDoor, Socket, Source
+from smad.daemon.command.rpc import error_reply
 from smad.daemon.errors import Refusal
-from smad.daemon.listener import Connection, Listener, listen_local
-from smad.daemon.remote import RemoteCounts, RemoteDoor, Socket, Source
-from smad.daemon.rpc import error_reply
-from smad.daemon.zmtp import Broken, TooLong, encoded
+from smad.daemon.sockets.descriptors import OPENED_LATER, Reserve, Shares, open_descriptors
+from smad.daemon.sockets.listener import Connection, Listener, listen_local
+from smad.daemon.sockets.zmtp import Broken, TooLong, encoded
 from smad.errors import DaemonError
 
 COMMAND_SHARE = 0.5

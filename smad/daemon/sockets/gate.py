@@ -13,7 +13,7 @@ import os
 import socket
 import struct
 
-from smad.daemon.descriptors import Reserve
+from smad.daemon.sockets.descriptors import Reserve
 
 _SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
 _RETURN = 0x06

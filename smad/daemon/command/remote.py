@@ -17,9 +17,9 @@ import zmq
 
 from smad.api import LARGEST_TAKEN_IN
 from smad.config import TcpConfig
-from smad.daemon.auth import ZAP_ADDRESS, Doorkeeper
-from smad.daemon.descriptors import Reserve
-from smad.daemon.gate import Gate
+from smad.daemon.command.auth import ZAP_ADDRESS, Doorkeeper
+from smad.daemon.sockets.descriptors import Reserve
+from smad.daemon.sockets.gate import Gate
 from smad.errors import DaemonError
 
 LAST_WORDS_MS = 200

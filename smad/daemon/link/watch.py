@@ -27,9 +27,9 @@ from firmware_protocol.mirror import HOT, STOPPED
 from smad import api
 from smad.config import LinkConfig
 from smad.control.sample import Scales
-from smad.daemon.board import Parameters, fault_of
 from smad.daemon.errors import Refusal
-from smad.daemon.requests import BoardRequests, refusal
+from smad.daemon.link.board import Parameters, fault_of
+from smad.daemon.link.requests import BoardRequests, refusal
 from smad.runlog.schema import EventKind
 
 _REPORTS_KEPT = 16
