@@ -6,7 +6,6 @@ sample is worth to others (telemetry, run log) comes after the write, from a bou
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,14 +14,18 @@ from firmware_protocol.enums import ValidBit
 from firmware_protocol.events import BoardRestarted, HostEvent, HostState, StateReceived
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Setpoint, State
+from smad.config import LinkConfig
 from smad.control.controller import Controller, Output
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.daemon.histogram import Histogram
+from smad.daemon.means import Clocks
 from smad.daemon.trace import Trace
 
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
 _AT_REST = Output()
+_QUEUE = 1000
+"""Samples that wait to be published, at most."""
 
 
 @dataclass
@@ -48,28 +51,33 @@ class Finished:
     reference_degC: float
 
 
+@dataclass(frozen=True)
+class Outlets:
+    """Where the control task puts what it makes.
+
+    `write` says whether the port took the bytes; `on_event` gets what is not a sample;
+    `on_finished` is called when a sample waits in `finished` to be published.
+    """
+
+    write: Callable[[bytes], bool]
+    on_event: Callable[[HostEvent], None]
+    on_finished: Callable[[], None]
+
+
 class ControlTask:
-    """Turns bytes into steps. Pure but for the clocks and the `write` that it is given.
+    """Turns bytes into steps. Pure but for the clocks and the outlets that it is given.
 
     `stepping` off: the session goes on, but nothing is computed or driven any more.
-    `on_event` gets what is not a sample; `on_finished` is called when a sample waits in
-    `finished` to be published.
     """
 
     def __init__(
         self,
         session: HostSession,
         controller: Controller,
+        config: LinkConfig,
+        outlets: Outlets,
+        clocks: Clocks,
         *,
-        axis: int,
-        ttl_ms: int,
-        write: Callable[[bytes], bool],
-        on_event: Callable[[HostEvent], None],
-        on_finished: Callable[[], None],
-        clock_us: Callable[[], int],
-        wall_clock: Callable[[], float] = time.time,
-        stopwatch_ns: Callable[[], int] = time.perf_counter_ns,
-        queue: int = 1000,
         trace: Trace | None = None,
     ) -> None:
         self.session = session
@@ -80,17 +88,16 @@ class ControlTask:
         self.jitter = Histogram()
         self.finished: deque[Finished] = deque()
         self.last: Finished | None = None
-        self.scales = Scales({}, axis)
+        self.axis = config.axis
+        self.scales = Scales({}, config.axis)
         self.stepping = True
-        self._axis = axis
-        self._ttl_ms = ttl_ms
-        self._write = write
-        self._on_event = on_event
-        self._on_finished = on_finished
-        self._clock_us = clock_us
-        self._wall_clock = wall_clock
-        self._stopwatch_ns = stopwatch_ns
-        self._queue = queue
+        self._ttl_ms = config.setpoint_ttl_ms
+        self._write = outlets.write
+        self._on_event = outlets.on_event
+        self._on_finished = outlets.on_finished
+        self._clock_us = clocks.us
+        self._wall_clock = clocks.wall_s
+        self._stopwatch_ns = clocks.stopwatch_ns
         self._trace = trace
         self._time = BoardTime()
         self._last_age_seq = -1
@@ -122,7 +129,7 @@ class ControlTask:
         for event in events:
             if type(event) is not StateReceived:
                 others.append(event)
-            elif event.state.axis == self._axis:
+            elif event.state.axis == self.axis:
                 samples.append(event)
         try:
             if samples and self.stepping:
@@ -164,7 +171,7 @@ class ControlTask:
         if not sample.armed:
             # Whatever the controller last wanted: a board that is not armed by us is asked nothing.
             output = _AT_REST
-        setpoint = setpoint_of(output, t_ref_us=state.t_us, axis=self._axis, ttl_ms=self._ttl_ms)
+        setpoint = setpoint_of(output, t_ref_us=state.t_us, axis=self.axis, ttl_ms=self._ttl_ms)
         self.session.send_setpoint(setpoint)
         if self.flush():
             self.counts.setpoints += 1
@@ -207,7 +214,7 @@ class ControlTask:
             controller.target_degC,
         )
         self.last = finished
-        if len(self.finished) >= self._queue:
+        if len(self.finished) >= _QUEUE:
             self.counts.finished_dropped += 1
             return
         self.finished.append(finished)

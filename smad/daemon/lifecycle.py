@@ -32,7 +32,7 @@ from smad.config import Config
 from smad.daemon import realtime
 from smad.daemon.command.reload import has_terminal, reread_keys
 from smad.daemon.command.remote import LAST_WORDS_MS
-from smad.daemon.daemon import Daemon
+from smad.daemon.daemon import Daemon, Process
 from smad.daemon.errors import TaskDied
 from smad.daemon.journal import Journal
 from smad.daemon.link.port import Transport
@@ -120,14 +120,16 @@ class _Life:
         daemon = Daemon(
             self._config,
             self._opener,
-            loop=loop,
-            context=context,
-            journal=self._journal,
-            notifier=self._notifier,
-            nonce=secrets.randbits(32),
-            reserve=self._descriptors.reserve,
-            parameter_text=self._parameter_text,
-            trace=self._trace,
+            Process(
+                loop=loop,
+                context=context,
+                journal=self._journal,
+                notifier=self._notifier,
+                nonce=secrets.randbits(32),
+                reserve=self._descriptors.reserve,
+                parameter_text=self._parameter_text,
+                trace=self._trace,
+            ),
         )
         # A terminal that goes away ends the daemon that was started there; a service has none.
         if has_terminal():

@@ -42,6 +42,14 @@ Socket = zmq.Socket[bytes]
 Route = Callable[[Socket, list[bytes]], None]
 
 
+@dataclass(frozen=True)
+class Routes:
+    """What is done with a message at each of the two ports."""
+
+    command: Route
+    stop: Route
+
+
 @dataclass
 class RemoteCounts:
     """What happened over TCP."""
@@ -97,9 +105,8 @@ class RemoteDoor:
         context: zmq.Context[Socket],
         config: TcpConfig,
         secret: bytes,
+        routes: Routes,
         *,
-        on_command: Route,
-        on_stop: Route,
         queue: int,
         reserve: Reserve,
     ) -> None:
@@ -116,10 +123,10 @@ class RemoteDoor:
         self._open = 0
         try:
             self._serve_doorkeeper()
-            ports = ((config.stop_port, on_stop, 1.0), (config.command_port, on_command, 0.5))
-            for port, route, share in ports:
-                source = self._serve(config.host, port, route, queue, share)
-                (self.stops if route is on_stop else self.sources).append(source)
+            self.stops.append(self._serve(config.host, config.stop_port, routes.stop, queue, 1.0))
+            self.sources.append(
+                self._serve(config.host, config.command_port, routes.command, queue, 0.5)
+            )
         except BaseException:
             self.close()
             raise

@@ -23,11 +23,11 @@ from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig
 from smad.daemon.command.auth import Doorkeeper, server_keys
 from smad.daemon.command.budget import TimeBudget
-from smad.daemon.command.remote import RemoteCounts, RemoteDoor, Socket, Source
+from smad.daemon.command.remote import RemoteCounts, RemoteDoor, Routes, Socket, Source
 from smad.daemon.command.rpc import error_reply
 from smad.daemon.errors import Refusal
 from smad.daemon.sockets.descriptors import OPENED_LATER, Reserve, Shares, open_descriptors
-from smad.daemon.sockets.listener import Connection, Listener, listen_local
+from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms, listen_local
 from smad.daemon.sockets.zmtp import Broken, TooLong, encoded
 from smad.errors import DaemonError
 
@@ -44,6 +44,15 @@ _LOOK_NS = 100_000_000
 Send = Callable[[bytes], None]
 Handler = Callable[[bytes, bytes, Send], None]
 """Takes the client's identity, its message, and how to reply (at once or later)."""
+
+
+@dataclass(frozen=True)
+class Handlers:
+    """What is done with a command, with a stop, and before every message."""
+
+    command: Handler
+    stop: Handler
+    look_at_port: Callable[[], None]
 
 
 @dataclass
@@ -88,17 +97,15 @@ class _Local:
 class CommandServer:
     """Commands and stops from this machine and, with keys, over TCP.
 
-    `look_at_port` runs before every message. `share` says how many may be connected at once.
+    `share` says how many may be connected at once.
     """
 
     def __init__(
         self,
         context: zmq.Context[Socket],
+        handlers: Handlers,
         *,
         loop: asyncio.AbstractEventLoop,
-        on_command: Handler,
-        on_stop: Handler,
-        look_at_port: Callable[[], None],
         queue: int,
         reserve: Reserve = nullcontext,
         clock_ns: Callable[[], int] = time.perf_counter_ns,
@@ -107,9 +114,9 @@ class CommandServer:
         self.server_key = ""
         self._context = context
         self._loop = loop
-        self._on_command = on_command
-        self._on_stop = on_stop
-        self._look_at_port = look_at_port
+        self._on_command = handlers.command
+        self._on_stop = handlers.stop
+        self._look_at_port = handlers.look_at_port
         self._queue = queue
         self._reserve = reserve
         self._clock_ns = clock_ns
@@ -160,8 +167,10 @@ class CommandServer:
             self._context,
             tcp,
             secret,
-            on_command=lambda socket, frames: self._route(socket, frames, self._on_command),
-            on_stop=lambda socket, frames: self._route(socket, frames, self._on_stop),
+            Routes(
+                command=lambda socket, frames: self._route(socket, frames, self._on_command),
+                stop=lambda socket, frames: self._route(socket, frames, self._on_stop),
+            ),
             queue=self._queue,
             reserve=self._reserve,
         )
@@ -219,14 +228,14 @@ class CommandServer:
         local.listener = Listener(
             self._loop,
             line,
-            b"ROUTER",
-            accepts=_CLIENTS,
-            longest=LARGEST_TAKEN_IN,
-            queue=_STOP_QUEUE if stops else self._queue,
-            on_message=on_message,
-            on_broken=_say_too_long,
-            before_reading=self._look_at_port,
-            standing_s=_STOP_STANDING_S if stops else _COMMAND_STANDING_S,
+            Terms(
+                b"ROUTER",
+                accepts=_CLIENTS,
+                longest=LARGEST_TAKEN_IN,
+                queue=_STOP_QUEUE if stops else self._queue,
+                standing_s=_STOP_STANDING_S if stops else _COMMAND_STANDING_S,
+            ),
+            Hooks(on_message, _say_too_long, self._look_at_port),
             reserve=self._reserve,
         )
         self._local.append(local)

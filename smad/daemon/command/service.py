@@ -6,14 +6,14 @@ the board has to agree to are coroutines.
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 from msgspec import Struct
 
-from firmware_protocol.enums import BoardState, Capability, Fault
+from firmware_protocol.enums import Fault
 from firmware_protocol.events import HostState
 from firmware_protocol.messages import (
     ArmConfirm,
@@ -34,19 +34,13 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.controller import Controller
+from smad.daemon.boardside import BoardSide
+from smad.daemon.command.conditions import Conditions, not_connected
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.command.status import StatusReport
-from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
-from smad.daemon.hoststop import HostStop
-from smad.daemon.link.requests import BoardRequests
-from smad.daemon.link.tighter import require_tighter
-from smad.daemon.link.watch import BoardWatch, Say, disagreement
-from smad.daemon.stops import Stops
+from smad.daemon.means import Means
 from smad.daemon.telemetry.recorder import Recorder
-
-_PARAMETER_POLLS = 100
-_PARAMETER_POLL_S = 0.02
 
 _LOGGED_BESIDES = (api.AddNote, api.TakeControl, api.ReleaseControl)
 """Open to those who only watch, and yet worth a line in the run log."""
@@ -65,40 +59,43 @@ class Caller(Struct, frozen=True):
 Answer = Struct | Awaitable[Struct]
 
 
+@dataclass(frozen=True)
+class Claims:
+    """Who may command: exclusive control, and the client that armed and must be heard."""
+
+    lease: Lease
+    dead_man: DeadMan
+
+
 class Service:
     """Carries out commands. `perform` checks who asks; everything else is one method a command."""
 
     def __init__(
         self,
         config: Config,
-        *,
-        control: ControlTask,
-        requests: BoardRequests,
-        watch: BoardWatch,
+        board: BoardSide,
         recorder: Recorder,
         status: StatusReport,
-        lease: Lease,
-        host_stop: HostStop,
-        dead_man: DeadMan,
-        stops: Stops,
-        say: Say,
-        clock_us: Callable[[], int],
+        *,
+        claims: Claims,
+        means: Means,
     ) -> None:
         self.stopping = False
         self._arming = False
         self._config = config
-        self._control = control
-        self._controller: Controller = control.controller
-        self._requests = requests
-        self._watch = watch
+        self._control = board.control
+        self._controller: Controller = board.control.controller
+        self._requests = board.requests
+        self._watch = board.watch
         self._recorder = recorder
         self._status = status
-        self._lease = lease
-        self._host_stop = host_stop
-        self._dead_man = dead_man
-        self._stops = stops
-        self._say = say
-        self._clock_us = clock_us
+        self._lease = claims.lease
+        self._host_stop = board.host_stop
+        self._dead_man = claims.dead_man
+        self._stops = board.stops
+        self._say = means.say
+        self._clock_us = means.clocks.us
+        self._conditions = Conditions(config, board)
         self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
             api.GetStatus: self.status,
             api.GetMotion: self.motion,
@@ -203,9 +200,9 @@ class Service:
             self._stops.require(generation)
             self._lease.check(caller.lease, self._clock_us())
 
-        await self._parameters_read()
+        await self._conditions.parameters_read()
         still_wanted()
-        self._require_armable()
+        self._conditions.require_armable()
         axis = self._config.link.axis
         self._controller.command(Idle())
         token = await self._requests.ask(ArmRequest(axis, self._watch.parameters.crc))
@@ -224,26 +221,26 @@ class Service:
     def disarm(self, params: api.Disarm, caller: Caller) -> Awaitable[api.Motion]:
         """Current off with the next sample, the board's DISARM; replies when it is not armed."""
         self._stops.begin("disarm")
-        self._require_connected()
+        self._conditions.require_connected()
         return self._after(self._stops.until_disarmed())
 
     def estop(self, params: api.EStop, caller: Caller) -> Awaitable[api.Motion]:
         """Three copies at once, and again until the board says ESTOP; replies when it does."""
         if self._control.session.state is HostState.DISCONNECTED:
             self._stops.begin("estop")
-            raise _not_connected("ESTOP cannot be sent", "cut the power")
+            raise not_connected("ESTOP cannot be sent", "cut the power")
         self._stops.estop()
         self._control.flush()
         return self._after(self._stops.until_estop())
 
     async def _after(self, stopped: Awaitable[None]) -> api.Motion:
         await stopped
-        self._require_connected()
+        self._conditions.require_connected()
         return self._status.motion()
 
     async def clear(self, params: api.Clear, caller: Caller) -> api.Motion:
         """Acknowledge the latched fault, and a stop of the host."""
-        self._require_connected()
+        self._conditions.require_connected()
         by_host = self._host_stop.fault
         latched = self._watch.fault
         number = params.fault
@@ -277,9 +274,9 @@ class Service:
         self, params: Follow | HoldTemperature | DriveCurrent | MoveStage, caller: Caller
     ) -> api.Motion:
         """Hand a motion to the controller; it begins with the next sample."""
-        self._require_armed()
+        self._conditions.require_armed()
         if isinstance(params, MoveStage):
-            self._require_stage()
+            self._conditions.require_stage()
         self._controller.command(params)
         return self._status.motion()
 
@@ -298,8 +295,8 @@ class Service:
 
     async def set_param(self, params: api.SetParam, caller: Caller) -> api.Param:
         """Change one parameter on the board."""
-        self._require_connected()
-        self._require_disarmed()
+        self._conditions.require_connected()
+        self._conditions.require_disarmed()
         parameters = self._watch.parameters
         param = await parameters.set(params.name, params.value, self._requests.ask)
         self._watch.rescale()
@@ -307,8 +304,8 @@ class Service:
 
     async def save_params(self, params: api.SaveParams, caller: Caller) -> api.ParamList:
         """Keep the parameters over a power cycle."""
-        self._require_connected()
-        self._require_disarmed()
+        self._conditions.require_connected()
+        self._conditions.require_disarmed()
         await self._requests.ask(ParamSave())
         return self._watch.parameters.all()
 
@@ -364,95 +361,6 @@ class Service:
                 action="disarm it first (smad disarm); exclusive control does not take over an "
                 "armed bench",
             )
-
-    def _require_connected(self) -> None:
-        if self._control.session.state in (HostState.DISCONNECTED, HostState.SYNC):
-            raise _not_connected(
-                "the board is not connected",
-                "plug it in; the daemon reconnects by itself (smad status)",
-            )
-        if self._watch.incompatible is not None:
-            raise Refusal(
-                Reason.DISAGREEMENT,
-                "board and smad disagree, so the board can only be watched",
-                value=disagreement(self._watch.incompatible),
-                action="update the older of the two",
-            )
-
-    def _require_disarmed(self) -> None:
-        if self._control.session.state in (HostState.RUNNING, HostState.READY):
-            raise Refusal(Reason.ARMED, "the bench is armed", action="disarm first (smad disarm)")
-
-    async def _parameters_read(self) -> None:
-        # Right after a connection they are on their way; that is no reason to refuse.
-        for _ in range(_PARAMETER_POLLS):
-            if self._watch.parameters.agree is not None or not self._watch.reading:
-                return
-            await asyncio.sleep(_PARAMETER_POLL_S)
-
-    def _require_armable(self) -> None:
-        self._require_connected()
-        self._require_not_faulted()
-        self._require_disarmed()
-        agree = self._watch.parameters.agree
-        if agree is None:
-            raise Refusal(
-                Reason.BUSY,
-                "the board's parameters are still being read",
-                action="try again in a second",
-            )
-        if not agree:
-            raise Refusal(
-                Reason.DISAGREEMENT,
-                "the board's parameters are not those that were read from it",
-                action="unplug it and plug it in again, so that they are read anew",
-            )
-        require_tighter(self._config, self._watch.parameters)
-
-    def _require_not_faulted(self) -> None:
-        by_host = self._host_stop.fault
-        if by_host is not None:
-            raise Refusal(
-                Reason.FAULTED,
-                "a limit of the host stopped the bench",
-                value=by_host.in_words(),
-                action="smad faults explain says what to do; then smad clear",
-            )
-        if self._control.session.state is not HostState.FAULTED:
-            return
-        fault = self._watch.fault
-        stopped = self._watch.mode is BoardState.ESTOP
-        raise Refusal(
-            Reason.FAULTED,
-            f"the board is in {'ESTOP' if stopped else 'FAULT'}",
-            value=None if fault is None else fault.in_words(),
-            action="power-cycle the board: nothing else ends ESTOP"
-            if stopped
-            else "smad faults explain says what to do; then smad clear",
-        )
-
-    def _require_stage(self) -> None:
-        # Displacement is the stage's doing once one is used, and not limited any more.
-        ident = self._watch.ident
-        if ident is None or not ident.capabilities & Capability.STAGE:
-            raise Refusal(
-                Reason.INVALID,
-                "this board moves no stretching stage",
-                limit="a board with the capability `stage`",
-                action="nothing was changed; smad status --json lists what the board has",
-            )
-
-    def _require_armed(self) -> None:
-        self._require_connected()
-        self._require_not_faulted()
-        if self._control.session.state is not HostState.RUNNING:
-            raise Refusal(
-                Reason.NOT_ARMED, "the bench is not armed", action="arm it first (smad arm)"
-            )
-
-
-def _not_connected(cause: str, action: str) -> Refusal:
-    return Refusal(Reason.NOT_CONNECTED, cause, action=action)
 
 
 def _details(params: Struct) -> dict[str, Any]:

@@ -6,21 +6,19 @@ import contextlib
 import math
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from firmware_protocol.enums import Limiter, faults_in, warnings_in
 from firmware_protocol.events import HostState
 from smad import api
 from smad.config import Config
 from smad.control.limits import HostLimit
+from smad.daemon.boardside import BoardSide
 from smad.daemon.command.lease import Lease
-from smad.daemon.control import ControlTask, Finished
-from smad.daemon.hoststop import HostStop
+from smad.daemon.control import Finished
 from smad.daemon.journal import Journal
 from smad.daemon.link.board import board_of
-from smad.daemon.link.link import Link
-from smad.daemon.link.watch import BoardWatch
 from smad.daemon.realtime import IdleCollector
-from smad.daemon.stops import Stops
 from smad.daemon.telemetry.recorder import Recorder
 from smad.runlog.rows import row_of
 from smad.runlog.schema import Row
@@ -40,39 +38,42 @@ class CommandCounts:
         """Of those refused, messages that were no command at all."""
 
 
+@dataclass(frozen=True)
+class Own:
+    """What the daemon knows of itself."""
+
+    journal: Journal
+    collector: IdleCollector
+    commands: CommandCounts
+
+
 class StatusReport:
     """Builds replies about the state of the bench; changes nothing."""
 
     def __init__(
         self,
         config: Config,
-        *,
-        control: ControlTask,
-        watch: BoardWatch,
-        link: Callable[[], Link],
+        board: BoardSide,
         recorder: Recorder,
+        *,
         lease: Lease,
-        host_stop: HostStop,
-        stops: Stops,
-        journal: Journal,
-        collector: IdleCollector,
-        commands: CommandCounts,
+        own: Own,
         clock_us: Callable[[], int],
     ) -> None:
         self.measures: tuple[api.Measure, ...] = ()
         self.notes: list[str] = []
         self.telemetry_dropped = 0
         self._config = config
-        self._control = control
-        self._watch = watch
-        self._link = link
+        self._control = board.control
+        self._watch = board.watch
+        self._link = board.link
         self._recorder = recorder
         self._lease = lease
-        self._host_stop = host_stop
-        self._stops = stops
-        self._journal = journal
-        self._collector = collector
-        self._commands = commands
+        self._host_stop = board.host_stop
+        self._stops = board.stops
+        self._journal = own.journal
+        self._collector = own.collector
+        self._commands = own.commands
         self._clock_us = clock_us
         self._started_us = clock_us()
         self._resident_MiB = 0.0
@@ -221,7 +222,7 @@ class StatusReport:
         }
 
     def _link_status(self) -> api.LinkStatus:
-        link, config = self._link(), self._config.link
+        link, config = self._link, self._config.link
         notes = () if link.transport is None else link.transport.notes
         return api.LinkStatus(
             port=config.port,

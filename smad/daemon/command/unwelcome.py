@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from smad.daemon.command.server import CommandServer
 from smad.daemon.command.status import CommandCounts
-from smad.daemon.link.watch import Say
+from smad.daemon.means import Say
 
 _TEXTS = {
     "keys": "turned away {} connections whose key is not on the list",

@@ -7,7 +7,7 @@ armed is told to disarm.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from typing import Any
 
 from firmware_protocol.enums import BoardState, faults_in
@@ -30,12 +30,9 @@ from smad.control.sample import Scales
 from smad.daemon.errors import Refusal
 from smad.daemon.link.board import Parameters, fault_of
 from smad.daemon.link.requests import BoardRequests, refusal
-from smad.runlog.schema import EventKind
+from smad.daemon.means import Means
 
 _REPORTS_KEPT = 16
-
-Say = Callable[[EventKind, str, dict[str, Any]], None]
-Spawn = Callable[[str, Coroutine[Any, Any, None]], None]
 
 
 class BoardWatch:
@@ -50,9 +47,8 @@ class BoardWatch:
         self,
         config: LinkConfig,
         requests: BoardRequests,
+        means: Means,
         *,
-        say: Say,
-        spawn: Spawn,
         on_scales: Callable[[Scales], None],
         on_found_armed: Callable[[], None],
     ) -> None:
@@ -66,8 +62,8 @@ class BoardWatch:
         self.reading = False
         self._config = config
         self._requests = requests
-        self._say = say
-        self._spawn = spawn
+        self._say = means.say
+        self._spawn = means.spawn
         self._on_scales = on_scales
         self._on_found_armed = on_found_armed
 

@@ -15,6 +15,7 @@ import socket
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
+from dataclasses import dataclass
 
 from smad.daemon.sockets.descriptors import Reserve
 from smad.daemon.sockets.zmtp import (
@@ -160,44 +161,60 @@ class Connection:
         self._listener.loop.remove_writer(self._line)
 
 
-class Listener:
-    """Takes connections at one address, at most `most` at once, as a ZeroMQ socket of `kind`.
+@dataclass(frozen=True)
+class Terms:
+    """As which kind of ZeroMQ socket a listener speaks, with which kinds, and how much at once.
 
-    `on_message` is told when a connection has a message and had none before. When all places are
-    taken, the peer that has been silent for longest gives its place to one that waits, if that
-    was for `standing_s`. (ZeroMQ's clients connect again by themselves when they have to say
-    something.)
+    `longest`: bytes of a message. `queue`: messages that a peer has not read. `standing_s`: how
+    long a silent peer keeps its place while others wait.
+    """
+
+    kind: bytes
+    accepts: frozenset[bytes]
+    longest: int
+    queue: int
+    standing_s: float = math.inf
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """Whom a listener tells. `on_message`: a connection has a message and had none before."""
+
+    on_message: Callable[[Connection], None] = lambda connection: None
+    on_broken: Callable[[Connection, Broken], None] = lambda connection, broken: None
+    before_reading: Callable[[], None] = lambda: None
+
+
+class Listener:
+    """Takes connections at one address, at most `most` at once.
+
+    When all places are taken, the peer that has been silent for longest gives its place to one
+    that waits. (ZeroMQ's clients connect again by themselves when they have to say something.)
     """
 
     def __init__(
         self,
         loop: asyncio.AbstractEventLoop,
         line: socket.socket,
-        kind: bytes,
+        terms: Terms,
+        hooks: Hooks,
         *,
-        accepts: frozenset[bytes],
-        longest: int,
-        queue: int,
-        on_message: Callable[[Connection], None] = lambda connection: None,
-        on_broken: Callable[[Connection, Broken], None] = lambda connection, broken: None,
-        before_reading: Callable[[], None] = lambda: None,
         most: int = 256,
-        standing_s: float = math.inf,
         reserve: Reserve = nullcontext,
     ) -> None:
         self.loop = loop
-        self.kind = kind
-        self.queue = queue
-        self.on_message = on_message
-        self.on_broken = on_broken
-        self.before_reading = before_reading
+        self.kind = terms.kind
+        self.queue = terms.queue
+        self.on_message = hooks.on_message
+        self.on_broken = hooks.on_broken
+        self.before_reading = hooks.before_reading
         self.most = most
         self.kept_waiting = 0
         """How often somebody had to wait because all places were taken, or no descriptor was."""
         self.displaced = 0
-        self._accepts = accepts
-        self._longest = longest
-        self._standing_s = standing_s
+        self._accepts = terms.accepts
+        self._longest = terms.longest
+        self._standing_s = terms.standing_s
         self._reserve = reserve
         self._line = line
         # In the order in which they were last heard.

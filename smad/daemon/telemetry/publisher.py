@@ -13,7 +13,7 @@ import msgspec
 from smad.api import TELEMETRY_TOPIC
 from smad.config import TelemetryConfig
 from smad.daemon.sockets.descriptors import Reserve
-from smad.daemon.sockets.listener import Listener, listen_at
+from smad.daemon.sockets.listener import Hooks, Listener, Terms, listen_at
 from smad.daemon.sockets.zmtp import encoded
 from smad.errors import DaemonError
 from smad.runlog.schema import Row
@@ -108,10 +108,8 @@ class Publisher:
         listener = Listener(
             self._loop,
             listen_at(address, umask),
-            b"PUB",
-            accepts=_VIEWERS,
-            longest=_LONGEST,
-            queue=self._queue,
+            Terms(b"PUB", accepts=_VIEWERS, longest=_LONGEST, queue=self._queue),
+            Hooks(),
             reserve=self._reserve,
         )
         self.listeners.append(listener)
