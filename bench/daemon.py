@@ -1,4 +1,8 @@
-"""How quick and steady the daemon is: `python -m bench.daemon [--quick|--hour]`.
+"""How quick and steady the daemon is: `python -m bench.daemon [--quick|--hour|--steps]`.
+
+Rows are of 30 s each, five of a case, interleaved with those it is compared with; what is printed
+is their median and, in brackets, the least and the greatest. `--quick` takes two of 2 s, `--steps`
+leaves out everything but the compared rows, `--hour` runs an hour of board time for the memory.
 
 Every figure stands beside one of a minimal C program that does the same frame exchange on the same
 kind of port under the same load, in interleaved runs. A sentinel on each core says how late any
@@ -17,8 +21,9 @@ import tempfile
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from bench.daemon_rig import Case, Rig, arm
 from smad.api import Status
@@ -26,7 +31,6 @@ from smad.client import Client
 from smad.control.commands import Sine
 from smad.daemon.trace import load
 
-Row = tuple[str, float, str]
 Pairs = list[tuple[int, int]]
 
 SETTLE_S = 1.0
@@ -41,16 +45,16 @@ class Plan:
     """What is measured, how often and for how long."""
 
     repeats: int = 5
-    seconds: float = 3.0
+    seconds: float = 30.0
     memory_minutes: float = 2.0
     compared: tuple[Case, ...] = (
         Case("daemon", 500, True),
         Case("C", 500, True),
+        Case("daemon", 100, True),
         Case("daemon", 500, True, realtime=False),
     )
     single: tuple[Case, ...] = (
         Case("daemon", 100, False),
-        Case("daemon", 100, True),
         Case("daemon", 250, True),
         Case("daemon", 500, False),
         Case("C", 500, False),
@@ -58,11 +62,34 @@ class Plan:
     )
 
 
+class Row(NamedTuple):
+    """One figure: the median of its runs, and the least and greatest of several."""
+
+    name: str
+    value: float
+    unit: str
+    least: float | None = None
+    greatest: float | None = None
+
+    def __str__(self) -> str:
+        spread = ""
+        if self.least is not None and self.greatest is not None:
+            spread = f"  ({self.least:.4g} to {self.greatest:.4g})"
+        return f"{self.name:<70}{self.value:>12.4g} {self.unit}{spread}"
+
+
+def row_of(name: str, values: Sequence[float], unit: str) -> Row:
+    """Return the median of the runs, with their spread if there are several."""
+    if len(values) == 1:
+        return Row(name, values[0], unit)
+    return Row(name, statistics.median(values), unit, min(values), max(values))
+
+
 @dataclass
 class Result:
-    """What the runs of one case gave: the steps of all of them, and figures of each."""
+    """What the runs of one case gave: the steps and the figures of each."""
 
-    steps_ns: list[int] = field(default_factory=list)
+    runs_ns: list[list[int]] = field(default_factory=list)
     masked: int = 0
     late_ns: list[int] = field(default_factory=list)
     figures: dict[str, list[float]] = field(default_factory=dict)
@@ -70,29 +97,33 @@ class Result:
     def add(self, steps: Pairs, lateness: list[Pairs], figures: dict[str, float]) -> None:
         """Take in one run: its steps, what each sentinel saw, its figures."""
         kept = unmasked(steps, lateness)
-        self.steps_ns += kept
+        self.runs_ns.append(kept)
         self.masked += len(steps) - len(kept)
         self.late_ns += [late for pairs in lateness for _, late in pairs]
         for name, value in figures.items():
             self.figures.setdefault(name, []).append(value)
 
     def rows(self, name: str) -> list[Row]:
-        """Return the rows of the case: percentiles over all runs, medians of the figures."""
-        total = len(self.steps_ns) + self.masked
-        rows: list[Row] = [
-            (f"{name}: own {label}", percentile(self.steps_ns, share) / 1e3, "us")
+        """Return the rows of the case: of each percentile and figure the median of the runs."""
+        total = sum(map(len, self.runs_ns)) + self.masked
+        rows = [
+            row_of(f"{name}: own {label}", self.own_us(share), "us")
             for label, share in (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999))
         ]
-        rows.append((f"{name}: steps left out", 100 * self.masked / max(total, 1), "%"))
+        rows.append(Row(f"{name}: steps left out", 100 * self.masked / max(total, 1), "%"))
         if self.late_ns:
             rows += [
-                (f"{name}: sentinel late {label}", percentile(self.late_ns, share) / 1e3, "us")
+                Row(f"{name}: sentinel late {label}", percentile(self.late_ns, share) / 1e3, "us")
                 for label, share in (("p99", 0.99), ("p99.9", 0.999))
             ]
         return rows + [
-            (f"{name}: {what}", statistics.median(values), "us" if " p" in what else "")
+            row_of(f"{name}: {what}", values, "us" if " p" in what else "")
             for what, values in self.figures.items()
         ]
+
+    def own_us(self, share: float) -> list[float]:
+        """Return one percentile of the steps, for each run."""
+        return [percentile(run, share) / 1e3 for run in self.runs_ns]
 
 
 def percentile(values: Sequence[int], share: float) -> float:
@@ -209,10 +240,10 @@ def command_rows(rig: Rig, calls: int) -> list[Row]:
         finally:
             daemon.end()
     return [
-        ("command round trip p50", trips[calls // 2] * 1e6, "us"),
-        ("command round trip p99", trips[calls * 99 // 100] * 1e6, "us"),
-        ("smad status, start to prompt, median of 10", starts[5] * 1e3, "ms"),
-        ("smad status, start to prompt, slowest of 10", starts[-1] * 1e3, "ms"),
+        Row("command round trip p50", trips[calls // 2] * 1e6, "us"),
+        Row("command round trip p99", trips[calls * 99 // 100] * 1e6, "us"),
+        Row("smad status, start to prompt, median of 10", starts[5] * 1e3, "ms"),
+        Row("smad status, start to prompt, slowest of 10", starts[-1] * 1e3, "ms"),
     ]
 
 
@@ -258,11 +289,11 @@ def _memory_over(client: Client, minutes: float) -> list[Row]:
         _say(f"memory: {number + 1} of {stretches} stretches of {stretch_s:.0f} s of board time")
     counts = client.status().counts
     return [
-        (f"memory after {stretch_s / 60:g} min of board time at 500 Hz", seen[0], "MiB"),
-        (f"memory after {minutes:g} min of board time at 500 Hz", seen[-1], "MiB"),
-        ("samples in that time", float(counts.samples), ""),
-        ("missed samples in that time", float(counts.missed), ""),
-        ("faster than real time by", minutes * 60.0 / (time.monotonic() - began), ""),
+        Row(f"memory after {stretch_s / 60:g} min of board time at 500 Hz", seen[0], "MiB"),
+        Row(f"memory after {minutes:g} min of board time at 500 Hz", seen[-1], "MiB"),
+        Row("samples in that time", float(counts.samples), ""),
+        Row("missed samples in that time", float(counts.missed), ""),
+        Row("faster than real time by", minutes * 60.0 / (time.monotonic() - began), ""),
     ]
 
 
@@ -278,7 +309,9 @@ def rows(plan: Plan | None = None) -> list[Row]:
                 continue
             _say(f"{number + 1} of {len(cases)}: {case.name}")
             results.setdefault(case, Result()).add(*measure(rig, case, chosen.seconds))
-        rest = command_rows(rig, 2000) + memory_rows(rig, chosen.memory_minutes)
+        rest = command_rows(rig, 2000) if chosen.single else []
+        if chosen.memory_minutes:
+            rest += memory_rows(rig, chosen.memory_minutes)
     table = [row for case, result in results.items() for row in result.rows(case.name)]
     return [*table, *_ratios(results, chosen.compared), *rest]
 
@@ -287,15 +320,18 @@ def _ratios(results: dict[Case, Result], compared: Sequence[Case]) -> list[Row]:
     reference = next((c for c in compared if c.who == "C" and c in results), None)
     if reference is None:
         return []
-    base = percentile(results[reference].steps_ns, 0.999)
+    base = results[reference].own_us(0.999)
     return [
-        (
-            f"{case.name}: own p99.9 over C's",
-            percentile(results[case].steps_ns, 0.999) / max(base, 1.0),
+        row_of(
+            f"{case.name}: own p99.9 over C's, run by run",
+            [
+                ours / max(theirs, 1e-3)
+                for ours, theirs in zip(results[case].own_us(0.999), base, strict=True)
+            ],
             "",
         )
         for case in compared
-        if case is not reference
+        if case is not reference and case.rate_hz == reference.rate_hz
     ]
 
 
@@ -310,8 +346,10 @@ def main(arguments: Sequence[str]) -> None:
         plan = Plan(repeats=2, seconds=2.0, memory_minutes=1.0)
     if "--hour" in arguments:
         plan = Plan(memory_minutes=60.0)
-    for name, value, unit in rows(plan):
-        print(f"{name:<70}{value:>12.4g} {unit}")
+    if "--steps" in arguments:
+        plan = replace(plan, single=(), memory_minutes=0.0)
+    for row in rows(plan):
+        print(row)
 
 
 if __name__ == "__main__":

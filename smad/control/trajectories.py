@@ -192,7 +192,7 @@ class _Kind:
     speed_field: str = ""
 
 
-_KINDS: dict[type, _Kind] = {
+KINDS: dict[type, _Kind] = {
     Step: _Kind(_step, "displacement_mm"),
     Hold: _Kind(_hold, "duration_s"),
     Ramp: _Kind(_ramp, "displacement_mm", "rate_mm_per_s"),
@@ -202,6 +202,7 @@ _KINDS: dict[type, _Kind] = {
     RandomLevels: _Kind(_random_levels, "amplitude_mm"),
     Samples: _Kind(_samples, "displacement_mm", "displacement_mm"),
 }
+"""How each kind of piece is followed."""
 
 
 def compile_piece(
@@ -212,7 +213,7 @@ def compile_piece(
     Raises CommandError, naming the field under `where`, when the piece reaches beyond
     `limits.displacement_max_mm` or moves faster than `limits.reference_rate_max_mm_per_s`.
     """
-    kind = _KINDS[type(piece)]
+    kind = KINDS[type(piece)]
     compiled = kind.compile(piece, from_m)
     reach_mm = max(abs(compiled.low_m), abs(compiled.high_m)) / MM
     if not reach_mm <= limits.displacement_max_mm + 1e-9:

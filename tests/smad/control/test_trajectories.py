@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from smad.config import LimitsConfig
 from smad.control.commands import (
+    PIECES,
     Chirp,
     Follow,
     Hold,
@@ -17,7 +18,7 @@ from smad.control.commands import (
     Step,
     Trajectory,
 )
-from smad.control.trajectories import LONGEST_QUEUE, ReferenceQueue, compile_piece
+from smad.control.trajectories import KINDS, LONGEST_QUEUE, ReferenceQueue, compile_piece
 from smad.errors import CommandError
 
 LIMITS = LimitsConfig()
@@ -176,3 +177,7 @@ def test_an_overfull_queue_is_refused() -> None:
         reference.follow(thousand)
     with pytest.raises(CommandError, match=f"{LONGEST_QUEUE} pieces"):
         reference.follow(thousand)
+
+
+def test_every_piece_can_be_followed() -> None:
+    assert set(KINDS) == set(PIECES)
