@@ -23,7 +23,7 @@ BENCHMARKS = {
 def main(names: list[str]) -> int:
     if names == ["--list"]:
         for name, about in BENCHMARKS.items():
-            print(f"{name:14}{about} (python -m {module_of(name)})")
+            print(f"{name:14}{about} (python -m bench.{name})")
         return 0
     unknown = [name for name in names if name not in BENCHMARKS]
     if unknown:
@@ -34,16 +34,12 @@ def main(names: list[str]) -> int:
     for name in names or BENCHMARKS:
         print(f"\n{name}: {BENCHMARKS[name]}\n", flush=True)
         start_s = time.monotonic()
-        if subprocess.run([sys.executable, "-m", module_of(name)], check=False).returncode:
+        if subprocess.run([sys.executable, "-m", f"bench.{name}"], check=False).returncode:
             failed.append(name)
         print(f"({time.monotonic() - start_s:.0f} s)", flush=True)
     if failed:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0
-
-
-def module_of(name: str) -> str:
-    return "sim_device.plant.bench" if name == "plant" else f"bench.{name}"
 
 
 if __name__ == "__main__":

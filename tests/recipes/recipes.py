@@ -90,7 +90,7 @@ NEWS = Recipe(
         Insert(
             "the handler of the host's session",
             "firmware_protocol/host.py",
-            "            m.ButtonPressed: lambda it, _, to: to.append(e.ButtonReported(it.t_us)),\n",
+            "            m.ButtonPressed: lambda it, _, to: to.append(e.ButtonReported(it.t_us)),\n",  # noqa: E501
             before="            m.Description: self._on_reply,\n",
         ),
         Generate(),

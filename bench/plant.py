@@ -1,6 +1,6 @@
 """What the plant costs, each figure beside one measured in the same run.
 
-`python -m sim_device.plant.bench` prints the table; `rows()` returns it.
+`python -m bench.plant` prints the table; `rows()` returns it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -181,7 +182,7 @@ def parallel_rows(inputs: Inputs, sets: int) -> Iterator[Row]:
 _PLAIN = """
 import time
 from sim_device.plant import load_parameters, simulate
-from sim_device.plant.bench import legs
+from bench.plant import legs
 inputs = legs(2.0)
 start = time.process_time()
 simulate(load_parameters("A"), inputs)
@@ -193,7 +194,12 @@ def plain_row() -> Row:
     """2 s of the pair at 1 ms in plain Python; ratio: how much faster compiled code is."""
     env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", _PLAIN], env=env, capture_output=True, text=True, check=True
+        [sys.executable, "-c", _PLAIN],
+        cwd=Path(__file__).resolve().parents[1],
+        env=env,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     plain = float(done.stdout)
     inputs, parameters = legs(2.0), load_parameters("A")

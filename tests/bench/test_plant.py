@@ -2,7 +2,7 @@
 
 import math
 
-from sim_device.plant.bench import (
+from bench.plant import (
     advance_rows,
     kernel_row,
     legs,
