@@ -1,20 +1,17 @@
-"""From a parameter set to the arrays that the kernel takes, and the state that it starts from."""
+"""From a parameter set to the numbers that the kernel takes, and how a plant is mounted."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cache
 from typing import Literal, get_args
 
-import numpy as np
-import numpy.typing as npt
-
-from sim_device.plant import kernel as k
 from sim_device.plant.errors import ModelError
+from sim_device.plant.kernel.model import ANTAGONISTIC, BLOCKED, STRETCH
 from sim_device.plant.parameters import ParameterSet, initial_detwinned, spring_factors
-from sim_device.plant.water import GRAVITY, at, film_table, real_water
+from sim_device.plant.water import GRAVITY, at, real_water
 
-Array = npt.NDArray[np.float64]
 Variant = Literal["extended", "printed"]
 Fixture = Literal["antagonistic", "stretch", "blocked"]
 Cooling = Literal["water", "air"]
@@ -22,6 +19,7 @@ Cooling = Literal["water", "air"]
 VARIANTS: tuple[str, ...] = get_args(Variant)
 FIXTURES: tuple[str, ...] = get_args(Fixture)
 COOLINGS: tuple[str, ...] = get_args(Cooling)
+_FIXTURES = {"antagonistic": ANTAGONISTIC, "stretch": STRETCH, "blocked": BLOCKED}
 
 
 def check_options(variant: str, fixture: str, cooling: str) -> None:
@@ -37,8 +35,8 @@ def check_options(variant: str, fixture: str, cooling: str) -> None:
 
 def kernel_constants(
     parameters: ParameterSet, *, variant: str, fixture: str, cooling: str
-) -> Array:
-    """The kernel's constants, shape (CONSTANTS_SIZE,), per the slots P_… of `kernel`."""
+) -> dict[str, float]:
+    """The kernel's `Constants`, by name."""
     check_options(variant, fixture, cooling)
     value = {entry.name: entry.value for entry in parameters.entries}
     wire, tube = value["wire_diameter"], value["tube_diameter"]
@@ -48,61 +46,62 @@ def kernel_constants(
     mass = value["density"] * section
     annulus = 0.25 * math.pi * (tube * tube - wire * wire)
     heat_volume = water_heat_capacity()
-    p = np.zeros(k.CONSTANTS_SIZE)
-    p[k.P_C1] = c1
-    p[k.P_K_M] = c2 * value["modulus_martensite"] / c1
-    p[k.P_K_A] = c2 * value["modulus_austenite"] / c1
-    p[k.P_DELTA_L] = value["max_deflection"]
-    p[k.P_A_S] = value["austenite_start"]
-    p[k.P_A_INV] = 1.0 / (value["austenite_finish"] - value["austenite_start"])
-    p[k.P_C_A_INV] = 1.0 / value["slope_austenite"]
-    p[k.P_M_S] = value["martensite_start"]
-    p[k.P_M_INV] = 1.0 / (value["martensite_start"] - value["martensite_finish"])
-    p[k.P_C_M] = value["slope_martensite"]
-    p[k.P_TAU_S] = value["stress_start"]
-    p[k.P_TAU_INV] = 1.0 / (value["stress_finish"] - value["stress_start"])
-    p[k.P_MC_H] = mass * value["heat_capacity_heating"]
-    p[k.P_MC_C] = mass * value["heat_capacity_cooling"]
-    p[k.P_ML_H] = mass * value["latent_heating"]
-    p[k.P_ML_C] = mass * value["latent_cooling"]
-    p[k.P_OHM_M] = value["resistivity"] / section
-    p[k.P_LENGTH] = length
-    p[k.P_CW] = annulus * heat_volume
-    p[k.P_SHARE] = value["warming_share"]
-    p[k.P_UA] = value["tube_loss"]
-    p[k.P_FLOW_G] = heat_volume / length
-    p[k.P_FLOW_MAX] = value["flow_max"]
-    p[k.P_AREA_INV] = 1.0 / annulus
-    p[k.P_DH] = tube - wire
-    p[k.P_SQRT_DH] = math.sqrt(tube - wire)
-    p[k.P_PERIMETER] = math.pi * wire * value["film_scale"]
-    p[k.P_AIR_K] = math.pi * value["air_conductivity"]
-    p[k.P_AIR_C] = _air_factor(value, wire)
     gap = 2.0 * math.pi * value["air_conductivity"] / math.log(tube / wire)
     loss = value["tube_loss"]
-    p[k.P_GAP] = gap * loss / (gap + loss)
-    p[k.P_DRAIN_RATE] = 1.0 / value["drain_time"]
-    p[k.P_FILM] = value["drain_film"]
-    p[k.P_FILL_RATE] = 1.0 / (annulus * length)
-    p[k.P_DELTA_0] = value["initial_deflection"]
-    p[k.P_FIXTURE] = FIXTURES.index(fixture)
-    p[k.P_WARMS] = 1.0 if variant == "extended" and cooling == "water" else 0.0
-    p[k.P_WET] = 1.0 if cooling == "water" else 0.0
-    p[k.P_WORK_SHARE] = value["work_share"]
-    p[k.P_T_REF] = value["water_temperature"]
-    p[k.P_TABLE_T0] = real_water().T_K[0]
-    p[k.P_I_MAX] = value["current_max"]
-    p[k.P_F0] = value["initial_force"]
-    p[k.P_LENGTH_INV] = 1.0 / length
-    p[k.P_DH_INV] = 1.0 / (tube - wire)
-    return p
+    return {
+        "C1": c1,
+        "k_M": c2 * value["modulus_martensite"] / c1,
+        "k_A": c2 * value["modulus_austenite"] / c1,
+        "delta_L": value["max_deflection"],
+        "A_S": value["austenite_start"],
+        "per_A_range": 1.0 / (value["austenite_finish"] - value["austenite_start"]),
+        "per_C_A": 1.0 / value["slope_austenite"],
+        "M_S": value["martensite_start"],
+        "per_M_range": 1.0 / (value["martensite_start"] - value["martensite_finish"]),
+        "C_M": value["slope_martensite"],
+        "tau_start": value["stress_start"],
+        "per_tau_range": 1.0 / (value["stress_finish"] - value["stress_start"]),
+        "capacity_heating": mass * value["heat_capacity_heating"],
+        "capacity_cooling": mass * value["heat_capacity_cooling"],
+        "latent_heating": mass * value["latent_heating"],
+        "latent_cooling": mass * value["latent_cooling"],
+        "resistance_per_m": value["resistivity"] / section,
+        "length": length,
+        "water_capacity": annulus * heat_volume,
+        "warming_share": value["warming_share"],
+        "tube_loss": value["tube_loss"],
+        "flow_conductance": heat_volume / length,
+        "flow_max": value["flow_max"],
+        "per_annulus": 1.0 / annulus,
+        "D_h": tube - wire,
+        "sqrt_D_h": math.sqrt(tube - wire),
+        "film_perimeter": math.pi * wire * value["film_scale"],
+        "air_conductance": math.pi * value["air_conductivity"],
+        "air_convection": _air_factor(value, wire),
+        "gap_conductance": gap * loss / (gap + loss),
+        "drain_rate": 1.0 / value["drain_time"],
+        "drain_film": value["drain_film"],
+        "fill_rate": 1.0 / (annulus * length),
+        "delta_0": value["initial_deflection"],
+        "fixture": _FIXTURES[fixture],
+        "warms": 1.0 if variant == "extended" and cooling == "water" else 0.0,
+        "wet": 1.0 if cooling == "water" else 0.0,
+        "work_share": value["work_share"],
+        "T_ref": value["water_temperature"],
+        "table_T0": float(real_water().T_K[0]),
+        "I_max": value["current_max"],
+        "F0": value["initial_force"],
+        "per_length": 1.0 / length,
+        "per_D_h": 1.0 / (tube - wire),
+    }
 
 
-def apply_warming(p: Array, e: Array) -> None:
+def apply_warming(constants: dict[str, float], terms: Mapping[str, float]) -> None:
     """Effect water_warming: give the printed variant's water a node, with share φ = 1/κ."""
-    if e[k.E_WARMING] > 0.0 and p[k.P_WET] > 0.0 and p[k.P_WARMS] == 0.0:
-        p[k.P_WARMS] = 1.0
-        p[k.P_SHARE] = 1.0 / e[k.E_WARMING]
+    inverse = terms["inverse_warming_share"]
+    if inverse > 0.0 and constants["wet"] > 0.0 and constants["warms"] == 0.0:
+        constants["warms"] = 1.0
+        constants["warming_share"] = 1.0 / inverse
 
 
 def _air_factor(value: dict[str, float], wire: float) -> float:
@@ -133,61 +132,25 @@ def water_heat_capacity() -> float:
     return float(water.rho[0] * water.cp[0])
 
 
-def initial_state(
-    parameters: ParameterSet, p: Array, e: Array, temperature_K: float | None = None
-) -> Array:
-    """The state at rest, shape (STATE_SIZE,): cold, all martensite, mounted as the fixture says.
+def mounting(
+    parameters: ParameterSet, *, fixture: str, cooling: str, temperature_K: float | None = None
+) -> dict[str, float]:
+    """The kernel's `Mounting`, by name: cold, all martensite, mounted as the fixture says.
 
     The antagonistic pair and the blocked spring start at (δ0, F0) with ξ_S0 of Eq. (10), a spring
     to be stretched starts without load. `temperature_K` is that of wire and water; by default the
     water's inlet temperature, or the ambient one without a cooling module.
     """
-    s = np.zeros(k.STATE_SIZE)
-    shared = s[k.SHARED :]
-    shared[k.G_ENV_IN] = shared[k.G_T_IN] = parameters["water_temperature"]
-    shared[k.G_ENV_AIR] = shared[k.G_T_AIR] = parameters["ambient_temperature"]
-    start = float(shared[k.G_T_IN] if p[k.P_WET] > 0.0 else shared[k.G_T_AIR])
-    if temperature_K is not None:
-        start = temperature_K
-    fixture = FIXTURES[int(p[k.P_FIXTURE])]
-    mounted = {"antagonistic": (True, True), "stretch": (False, False), "blocked": (True, False)}
-    for first, loaded in zip((0, k.S_SIZE), mounted[fixture], strict=True):
-        spring = s[first : first + k.S_SIZE]
-        force = parameters["initial_force"] if loaded else 0.0
-        detwinned = initial_detwinned(parameters) if loaded else 0.0
-        spring[k.S_T] = start
-        spring[k.S_TW] = start
-        spring[k.S_T_WALL] = start
-        spring[k.S_XS] = detwinned
-        spring[k.S_XS_END] = detwinned
-        spring[k.S_XT] = 1.0 - detwinned
-        spring[k.S_FILL] = p[k.P_WET]
-        spring[k.S_WETTED] = 1.0
-        spring[k.S_F] = force
-        spring[k.S_DELTA] = parameters["initial_deflection"] if loaded else 0.0
-        spring[k.S_OHM] = p[k.P_OHM_M] * p[k.P_LENGTH]
-        spring[k.S_ELASTIC] = 0.5 * force * force * k.compliance(1.0, p, e)
-        tau = p[k.P_C1] * force
-        spring[k.S_TAU] = tau
-        spring[k.S_A] = k.progress_a(start, tau, p, e[k.E_SPREAD] * p[k.P_A_INV])
-        spring[k.S_B] = k.progress_b(start, tau, p)
-        spring[k.S_C] = k.progress_c(start, p)
-        if e[k.E_UNIFIED] > 0.0:
-            hot, cold = k.starts(tau, p)
-            spring[k.S_A] = k.heating_progress(start, hot, p)
-            spring[k.S_C] = k.cooling_progress(start, cold, p)
-            spring[k.S_LEG] = spring[k.S_XI_LEG] = 1.0
-            spring[k.S_HOT : k.S_DELTA : 2] = k.PROGRESS_HIGH
-        for cell in range(k.CELLS):
-            at = k.S_CELLS + cell * k.S_KINETICS
-            spring[at : at + k.S_KINETICS] = spring[k.S_XS : k.S_XS + k.S_KINETICS]
-        if e[k.E_R_WIDTH] > 0.0:
-            above = p[k.P_M_S] + e[k.E_R_ABOVE] - start
-            spring[k.S_R_PROGRESS] = k.clip01(above / e[k.E_R_WIDTH])
-    shared[k.G_F] = s[k.S_F]
-    return s
-
-
-def table_of(variant: str) -> Array:
-    """The film table of that variant, for the kernel."""
-    return film_table(variant)
+    inlet, air = parameters["water_temperature"], parameters["ambient_temperature"]
+    if temperature_K is None:
+        temperature_K = inlet if cooling == "water" else air
+    return {
+        "T_start": temperature_K,
+        "T_inlet": inlet,
+        "T_air": air,
+        "tension": parameters["initial_force"],
+        "xi_S": initial_detwinned(parameters),
+        "deflection": parameters["initial_deflection"],
+        "loads_x": float(fixture != "stretch"),
+        "loads_y": float(fixture == "antagonistic"),
+    }

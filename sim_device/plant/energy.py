@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from sim_device.plant import kernel as k
-
-Array = npt.NDArray[np.float64]
+from sim_device.plant.setup import Setup
 
 
 @dataclass(frozen=True)
@@ -40,42 +36,44 @@ class EnergyBook:
         return income - (self.heat_to_water + self.heat_to_air + self.stored + self.omitted_work)
 
 
-def stored_energy(s: Array, p: Array, e: Array) -> float:
+def stored_energy(state: k.State, setup: Setup) -> float:
     """Energy stored in both springs and their water at a state, J, as a function of state.
 
     Sensible heat counts from the reference temperature with the heating capacity; martensite lies
     below austenite by the latent heat of heating.
     """
+    p, e = setup.p, setup.e
     total = 0.0
-    for o in (0, k.S_SIZE):
-        xi = float(s[o + k.S_XS] + s[o + k.S_XT])
-        water = s[o + k.S_FILL] * p[k.P_SHARE] * p[k.P_CW] * p[k.P_WARMS]
+    for s in (state.x, state.y):
+        xi = float(s.memory.xi_S + s.memory.xi_T)
+        water = s.filled * p.warming_share * p.water_capacity * p.warms
+        wall = e.wall_ratio * p.water_capacity * p.warms
         per_metre = (
-            p[k.P_MC_H] * (s[o + k.S_T] - p[k.P_T_REF])
-            + water * (s[o + k.S_TW] - p[k.P_T_REF])
-            - p[k.P_ML_H] * xi
-            + e[k.E_WALL] * p[k.P_CW] * p[k.P_WARMS] * (s[o + k.S_T_WALL] - p[k.P_T_REF])
-            + s[o + k.S_WORK_Q]
+            p.capacity_heating * (s.T_wire - p.T_ref)
+            + water * (s.T_water - p.T_ref)
+            - p.latent_heating * xi
+            + wall * (s.T_wall - p.T_ref)
+            + s.work_heat
         )
-        total += float(p[k.P_LENGTH] * per_metre)
-        force = float(s[o + k.S_F])
-        total += 0.5 * force * force * float(k.compliance(xi, p, e))
+        total += float(p.length * per_metre)
+        force = float(s.tension)
+        total += 0.5 * force * force * float(k.compliance_of(setup.model, xi))
     return total
 
 
-def energy_book(start: Array, end: Array, p: Array, e: Array) -> EnergyBook:
+def energy_book(start: k.State, end: k.State, setup: Setup) -> EnergyBook:
     """The books between two states of one run."""
 
-    def both(slot: int) -> float:
-        at_end = end[slot] + end[k.S_SIZE + slot]
-        return float(at_end - start[slot] - start[k.S_SIZE + slot])
+    def both(name: str) -> float:
+        at_end = getattr(end.x, name) + getattr(end.y, name)
+        return float(at_end - getattr(start.x, name) - getattr(start.y, name))
 
     return EnergyBook(
-        heat_in=both(k.S_IN_J),
-        work_on=both(k.S_WORK_J),
-        unequal=both(k.S_UNEQUAL_J),
-        heat_to_water=both(k.S_WATER_J),
-        heat_to_air=both(k.S_AIR_J),
-        stored=stored_energy(end, p, e) - stored_energy(start, p, e),
-        omitted_work=both(k.S_OMITTED_J),
+        heat_in=both("heat_in"),
+        work_on=both("work_on"),
+        unequal=both("unequal_heat"),
+        heat_to_water=both("heat_to_water"),
+        heat_to_air=both("heat_to_air"),
+        stored=stored_energy(end, setup) - stored_energy(start, setup),
+        omitted_work=both("omitted_work"),
     )

@@ -22,6 +22,24 @@ _REASONS = {
     k.NOT_FINITE: "the state is no longer finite",
 }
 _NOISES = 10
+# Where the numbers of the state and of the drive stand in their rows.
+_SENSED = slice(
+    k.place_of(k.State, "shared.sensed.i_x"), k.place_of(k.State, "shared.sensed.force") + 1
+)
+_DRIVE = slice(k.place_of(k.Work, "drive.i_x"), k.place_of(k.Work, "drive.stage") + 1)
+_CURRENT_X, _CURRENT_Y = k.place_of(k.State, "x.current"), k.place_of(k.State, "y.current")
+_GIVEN_INLET = k.place_of(k.State, "shared.given_inlet")
+_GIVEN_AIR = k.place_of(k.State, "shared.given_air")
+_OF_SPRINGS = (
+    "T_wire", "T_water", "memory.xi_S", "memory.xi_T", "tension", "deflection", "current",
+    "resistance", "flow", "filled",
+)  # fmt: skip
+_OF_BOTH = ("time", "displacement", "tension", "T_inlet", "T_air")
+_TRUTH = [
+    *(k.place_of(k.State, f"x.{name}") for name in _OF_SPRINGS),
+    *(k.place_of(k.State, f"y.{name}") for name in _OF_SPRINGS),
+    *(k.place_of(k.State, f"shared.{name}") for name in _OF_BOTH),
+]
 
 
 class Plant:
@@ -52,13 +70,13 @@ class Plant:
             parameters, variant=variant, fixture=fixture, cooling=cooling, effects=effects or {}
         )
         self.effects = setup.effects
-        self._p, self._e, self._table = setup.p, setup.e, setup.table
-        self._s = setup.state(temperature_K)
-        self._start = self._s.copy()
-        self._ring = np.zeros((k.RING_ROWS, k.RING_COLUMNS))
-        self._w = np.zeros(k.SCRATCH_SIZE)
-        self._feeds = np.zeros(k.FEEDS_SIZE)
-        self._drive = np.zeros(7)
+        self._setup = setup
+        self._state = setup.state(temperature_K)
+        self._start = k.copied(self._state)
+        self._row = k.numbers(self._state)
+        self._ring = setup.ring()
+        self._work = k.zeros(k.Work)
+        self._drive = k.numbers(self._work)[_DRIVE]
         self._last: Drive | None = None
         self._max_step_s = max_step_s
         self._rng = np.random.default_rng(seed)
@@ -82,30 +100,19 @@ class Plant:
         if not 0.0 < dt_s < math.inf:
             raise InputError(f"dt_s = {dt_s} s; a sample needs a positive finite duration")
         steps = max(1, math.ceil(dt_s / self._max_step_s - 1e-9))
-        status = self._step(dt_s / steps, steps)
-        if status != k.OK:
-            raise solver_error(status, self._s)
-
-    def _step(self, dt_s: float, steps: int) -> int:
-        return k.advance(
-            self._s,
-            self._w,
-            self._p,
-            self._e,
-            self._feeds,
-            self._ring,
-            self._table,
-            self._drive,
-            dt_s,
-            steps,
+        setup = self._setup
+        status = k.advance(
+            self._state, self._work, setup.model, self._ring, setup.table, dt_s / steps, steps
         )
+        if status != k.OK:
+            raise solver_error(status, self._row)
 
     def read(self) -> Readings:
         """What the sensors say now. Every call draws new noise from the seed."""
-        seen = self._s[k.SHARED + k.G_M :].tolist()
+        seen = self._row[_SENSED].tolist()
         noise = (self._rng.standard_normal(_NOISES) * self._sigma).tolist()
         i_x, i_y, v_x, v_y, t_x, t_y, t_in, t_air, u, force = map(operator.add, seen, noise)
-        drawn = self._s[k.S_I] + self._s[k.S_SIZE + k.S_I]
+        drawn = self._row[_CURRENT_X] + self._row[_CURRENT_Y]
         return Readings(
             i_A=(i_x, i_y),
             v_V=(v_x, v_y),
@@ -119,53 +126,52 @@ class Plant:
         self, *, inlet_K: float | None = None, ambient_K: float | None = None
     ) -> None:
         """Change the temperature of the water at the inlet or of the air, from now on."""
-        for slot, value in ((k.SHARED + k.G_ENV_IN, inlet_K), (k.SHARED + k.G_ENV_AIR, ambient_K)):
+        for place, value in ((_GIVEN_INLET, inlet_K), (_GIVEN_AIR, ambient_K)):
             if value is not None:
                 if not math.isfinite(value):
                     raise InputError(f"temperature {value} K is not finite")
-                self._s[slot] = value
+                self._row[place] = value
 
     @property
     def truth(self) -> PlantTruth:
         """The state behind the readings."""
-        return truth_of(self._s.tolist())
+        return truth_of(self._row)
 
     @property
     def energy(self) -> EnergyBook:
         """The energy books since the start."""
-        return energy_book(self._start, self._s, self._p, self._e)
+        return energy_book(self._start[0], self._state[0], self._setup)
 
 
-def truth_of(s: list[float]) -> PlantTruth:
-    """The record of one state row of the kernel."""
-
-    def pair(slot: int) -> tuple[float, float]:
-        return s[slot], s[k.S_SIZE + slot]
-
-    xi_S, xi_T = pair(k.S_XS), pair(k.S_XT)
+def truth_of(row: np.ndarray) -> PlantTruth:
+    """The record of the numbers of one state of the kernel."""
+    v = row[_TRUTH].tolist()
+    pairs = list(zip(v[: len(_OF_SPRINGS)], v[len(_OF_SPRINGS) :], strict=False))
+    T, T_water, xi_S, xi_T, tension, deflection, current, resistance, flow, filled = pairs
+    time, displacement, force, inlet, air = v[2 * len(_OF_SPRINGS) :]
     return PlantTruth(
-        t_s=s[k.SHARED + k.G_TIME],
-        T_K=pair(k.S_T),
-        T_water_K=pair(k.S_TW),
+        t_s=time,
+        T_K=T,
+        T_water_K=T_water,
         xi=(xi_S[0] + xi_T[0], xi_S[1] + xi_T[1]),
         xi_S=xi_S,
         xi_T=xi_T,
-        spring_force_N=pair(k.S_F),
-        deflection_m=pair(k.S_DELTA),
-        displacement_m=s[k.SHARED + k.G_U],
-        force_N=s[k.SHARED + k.G_F],
-        i_A=pair(k.S_I),
-        resistance_Ohm=pair(k.S_OHM),
-        flow_m3_s=pair(k.S_FLOW),
-        fill=pair(k.S_FILL),
-        inlet_K=s[k.SHARED + k.G_T_IN],
-        ambient_K=s[k.SHARED + k.G_T_AIR],
+        spring_force_N=tension,
+        deflection_m=deflection,
+        displacement_m=displacement,
+        force_N=force,
+        i_A=current,
+        resistance_Ohm=resistance,
+        flow_m3_s=flow,
+        fill=filled,
+        inlet_K=inlet,
+        ambient_K=air,
     )
 
 
-def solver_error(status: int, s: np.ndarray) -> SolverError:
+def solver_error(status: int, row: np.ndarray) -> SolverError:
     """The error for a status that the kernel returned, with the state it returned it at."""
-    truth = truth_of(s.tolist())
+    truth = truth_of(row)
     return SolverError(
         _REASONS[status],
         time_s=truth.t_s,

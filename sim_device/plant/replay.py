@@ -26,37 +26,38 @@ DEFAULT_STEP_S = 1e-3
 _NO_VALUES: Mapping[str, Array] = {}
 _NO_EFFECTS: EffectValues = {}
 
-# Output name -> slot of the state and what is taken off it.
-OUTPUTS: dict[str, tuple[int, float]] = {
-    "i_x_A": (k.SHARED + k.G_M_I, 0.0),
-    "i_y_A": (k.SHARED + k.G_M_I + 1, 0.0),
-    "v_x_V": (k.SHARED + k.G_M_V, 0.0),
-    "v_y_V": (k.SHARED + k.G_M_V + 1, 0.0),
-    "rtd_x_degC": (k.SHARED + k.G_M_RTD, ZERO_C),
-    "rtd_y_degC": (k.SHARED + k.G_M_RTD + 1, ZERO_C),
-    "rtd_inlet_degC": (k.SHARED + k.G_M_RTD + 2, ZERO_C),
-    "rtd_ambient_degC": (k.SHARED + k.G_M_RTD + 3, ZERO_C),
-    "displacement_m": (k.SHARED + k.G_M_U, 0.0),
-    "force_N": (k.SHARED + k.G_M_F, 0.0),
-    "true_displacement_m": (k.SHARED + k.G_U, 0.0),
-    "true_force_N": (k.SHARED + k.G_F, 0.0),
+# Output name -> number of the kernel's `State` and what is taken off it.
+OUTPUTS: dict[str, tuple[str, float]] = {
+    "i_x_A": ("shared.sensed.i_x", 0.0),
+    "i_y_A": ("shared.sensed.i_y", 0.0),
+    "v_x_V": ("shared.sensed.v_x", 0.0),
+    "v_y_V": ("shared.sensed.v_y", 0.0),
+    "rtd_x_degC": ("shared.sensed.rtd_x", ZERO_C),
+    "rtd_y_degC": ("shared.sensed.rtd_y", ZERO_C),
+    "rtd_inlet_degC": ("shared.sensed.rtd_inlet", ZERO_C),
+    "rtd_ambient_degC": ("shared.sensed.rtd_air", ZERO_C),
+    "displacement_m": ("shared.sensed.displacement", 0.0),
+    "force_N": ("shared.sensed.force", 0.0),
+    "true_displacement_m": ("shared.displacement", 0.0),
+    "true_force_N": ("shared.tension", 0.0),
+    "kinetics_evaluations": ("shared.rounds", 0.0),
 }
-for _side, _o in (("x", 0), ("y", k.S_SIZE)):
+for _side in ("x", "y"):
     OUTPUTS |= {
-        f"true_i_{_side}_A": (_o + k.S_I, 0.0),
-        f"resistance_{_side}_Ohm": (_o + k.S_OHM, 0.0),
-        f"T_{_side}_K": (_o + k.S_T, 0.0),
-        f"T_water_{_side}_K": (_o + k.S_TW, 0.0),
-        f"xi_S_{_side}": (_o + k.S_XS, 0.0),
-        f"xi_T_{_side}": (_o + k.S_XT, 0.0),
-        f"spring_force_{_side}_N": (_o + k.S_F, 0.0),
-        f"deflection_{_side}_m": (_o + k.S_DELTA, 0.0),
-        f"flow_{_side}_m3_s": (_o + k.S_FLOW, 0.0),
-        f"fill_{_side}": (_o + k.S_FILL, 0.0),
-        f"heat_in_{_side}_J": (_o + k.S_IN_J, 0.0),
-        f"heat_to_water_{_side}_J": (_o + k.S_WATER_J, 0.0),
-        f"heat_to_air_{_side}_J": (_o + k.S_AIR_J, 0.0),
-        f"work_on_{_side}_J": (_o + k.S_WORK_J, 0.0),
+        f"true_i_{_side}_A": (f"{_side}.current", 0.0),
+        f"resistance_{_side}_Ohm": (f"{_side}.resistance", 0.0),
+        f"T_{_side}_K": (f"{_side}.T_wire", 0.0),
+        f"T_water_{_side}_K": (f"{_side}.T_water", 0.0),
+        f"xi_S_{_side}": (f"{_side}.memory.xi_S", 0.0),
+        f"xi_T_{_side}": (f"{_side}.memory.xi_T", 0.0),
+        f"spring_force_{_side}_N": (f"{_side}.tension", 0.0),
+        f"deflection_{_side}_m": (f"{_side}.deflection", 0.0),
+        f"flow_{_side}_m3_s": (f"{_side}.flow", 0.0),
+        f"fill_{_side}": (f"{_side}.filled", 0.0),
+        f"heat_in_{_side}_J": (f"{_side}.heat_in", 0.0),
+        f"heat_to_water_{_side}_J": (f"{_side}.heat_to_water", 0.0),
+        f"heat_to_air_{_side}_J": (f"{_side}.heat_to_air", 0.0),
+        f"work_on_{_side}_J": (f"{_side}.work_on", 0.0),
     }
 MEASURED: tuple[str, ...] = tuple(OUTPUTS)[:10]
 FEEDS: dict[str, int] = {
@@ -191,7 +192,7 @@ def drivers(inputs: Inputs, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) -> di
     """
     out = np.empty((inputs.t_s.size, len(DRIVEN)))
     state = setup.state(setup.parameters["water_temperature"])
-    k.drive(state, setup.p, setup.e, inputs.rows, inputs.t_s, dt_s, out)
+    k.replay_drivers(state, setup.model, inputs.rows, inputs.t_s, dt_s, out)
     return dict(zip(DRIVEN, np.ascontiguousarray(out.T), strict=True))
 
 
@@ -215,7 +216,8 @@ class Replay:
         if unknown:
             raise InputError(f"output {unknown[0]!r} is unknown; known are {', '.join(OUTPUTS)}")
         self._outputs = tuple(outputs)
-        self._slots = np.array([OUTPUTS[name][0] for name in outputs], dtype=np.int64)
+        places = [k.place_of(k.State, OUTPUTS[name][0]) for name in outputs]
+        self._places = np.array(places, dtype=np.int64)
 
     def run(
         self,
@@ -245,28 +247,28 @@ class Replay:
             raise InputError(f"dt_s = {dt_s} s; a substep must be positive and finite")
         env = self.inputs.environment(setup.parameters)
         if temperature_K is None:
-            temperature_K = float(env[0, 0 if setup.p[k.P_WET] > 0.0 else 1])
+            temperature_K = float(env[0, 0 if setup.cooling == "water" else 1])
         state = setup.state(temperature_K)
-        out = np.empty((self.inputs.t_s.size, self._slots.size))
+        row = k.numbers(state)
+        out = np.empty((self.inputs.t_s.size, self._places.size))
         status, _ = k.replay(
             state,
-            np.zeros(k.SCRATCH_SIZE),
-            setup.p,
-            setup.e,
-            np.zeros(k.FEEDS_SIZE),
-            np.zeros((k.RING_ROWS if setup.e[k.E_LATE] else 1, k.RING_COLUMNS)),
+            k.zeros(k.Work),
+            setup.model,
+            setup.ring(),
+            setup.table,
             self._flags,
             self._rows,
-            setup.table,
             self.inputs.rows,
             env,
             self.inputs.t_s,
             dt_s,
-            self._slots,
+            row,
+            self._places,
             out,
         )
         if status != k.OK:
-            raise solver_error(status, state)
+            raise solver_error(status, row)
         columns = np.ascontiguousarray(out.T)
         return {
             name: column - OUTPUTS[name][1] if OUTPUTS[name][1] else column

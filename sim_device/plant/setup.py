@@ -3,37 +3,42 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant import kernel as k
-from sim_device.plant.constants import apply_warming, initial_state, kernel_constants, table_of
+from sim_device.plant.constants import apply_warming, kernel_constants, mounting
 from sim_device.plant.effects.registry import (
     EffectValues,
     Resolved,
     check_needs,
-    effect_vector,
+    effect_terms,
     resolve,
 )
 from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.water import film_table
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Setup:
-    """Arrays for the kernel: constants `p`, effects `e`, film table; effects as resolved.
+    """What the kernel takes: `model`, an array of one record, and the film table.
 
-    `latest_rest` is the latest state at rest, by its temperature. The arrays must not be changed.
+    `effects` are those as resolved. `late`: some channel is read late. `latest_rest` is the latest
+    state at rest, by its temperature. The arrays must not be changed.
     """
 
     parameters: ParameterSet
     effects: Resolved
-    p: Array
-    e: Array
+    fixture: str
+    cooling: str
+    model: Any
     table: Array
-    latest_rest: dict[float | None, Array] = field(default_factory=dict, repr=False, compare=False)
+    late: bool
+    latest_rest: dict[float | None, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def make(
@@ -46,34 +51,62 @@ class Setup:
         effects: EffectValues,
     ) -> Setup:
         """Raises ModelError for an unknown option and EffectError for a refused effect."""
-        p = kernel_constants(parameters, variant=variant, fixture=fixture, cooling=cooling)
+        options = {"variant": variant, "fixture": fixture, "cooling": cooling}
+        constants = kernel_constants(parameters, **options)
         resolved = resolve(effects)
-        check_needs(resolved, {"variant": variant, "fixture": fixture, "cooling": cooling})
-        e = effect_vector(resolved)
-        apply_warming(p, e)
-        if e[k.E_UNIFIED] > 0.0:
-            e = np.concatenate([e, np.zeros(k.UNIFIED_SIZE - k.SIDES_SIZE)])
-            k.lay_curves(p, e)
-        return cls(parameters, resolved, p, e, table_of(variant))
+        check_needs(resolved, options)
+        terms_x, terms_y = effect_terms(resolved)
+        apply_warming(constants, terms_x)
+        model = k.zeros(k.Model)
+        row = k.numbers(model)
+        k.fill(row, k.Model, "p", constants)
+        if resolved:
+            k.fill(row, k.Model, "x", terms_x)
+            k.fill(row, k.Model, "y", terms_y)
+        if terms_x["unified"] > 0.0:
+            k.lay_curves(model)
+        late = terms_x["late"] > 0.0
+        return cls(parameters, resolved, fixture, cooling, model, film_table(variant), late)
+
+    @property
+    def p(self) -> k.Constants:
+        """Constants of the plant."""
+        constants: k.Constants = self.model[0].p
+        return constants
+
+    @property
+    def e(self) -> k.Effects:
+        """Terms of the effects, as far as the sides share them, and those of side X."""
+        terms: k.Effects = self.model[0].x
+        return terms
 
     @property
     def reads_x(self) -> float:
         """X's share of what the force sensor reads, beyond one half."""
-        return float(self.e[k.E_READS_X])
+        return float(self.e.reads_x)
 
     def film_W_per_m_K(self, wire_K: float, water_K: float, duty: float) -> float:
         """Conductance from a metre of wire to its water, Eqs (19)-(25), at a duty of the pump."""
-        speed = duty * float(self.p[k.P_FLOW_MAX] * self.p[k.P_AREA_INV])
-        return float(k.film(wire_K, water_K, speed, self.p, self.table))
+        speed = duty * float(self.p.flow_max * self.p.per_annulus)
+        return float(k.film_conductance_of(self.model, wire_K, water_K, speed, self.table))
 
-    def state(self, temperature_K: float | None = None) -> Array:
-        """A fresh state at rest, sensors included."""
+    def ring(self) -> Array:
+        """Room for the history of the samples, as much as late channels need."""
+        return np.zeros((k.RING_ROWS if self.late else 1, k.RING_COLUMNS))
+
+    def state(self, temperature_K: float | None = None) -> Any:
+        """A fresh state at rest, an array of one record, sensors included."""
         known = self.latest_rest.get(temperature_K)
         if known is None:
-            known = initial_state(self.parameters, self.p, self.e, temperature_K)
-            k.wake(known, self.p, self.e, np.zeros((k.RING_ROWS, k.RING_COLUMNS)))
-            known[k.SHARED + k.G_SAMPLES] = 0.0
+            known = k.zeros(k.State)
+            mount = mounting(
+                self.parameters,
+                fixture=self.fixture,
+                cooling=self.cooling,
+                temperature_K=temperature_K,
+            )
+            k.rest(known, self.model, k.filled(k.Mounting, mount), self.ring())
             # Replays of one run after another begin at the same temperature.
             self.latest_rest.clear()
             self.latest_rest[temperature_K] = known
-        return known.copy()
+        return k.copied(known)

@@ -64,11 +64,6 @@ class Stops:
         self._asked_us = 0
         self._waiting: list[asyncio.Future[None]] = []
 
-    @property
-    def confirmed(self) -> bool:
-        """Whether the board has confirmed the last stop, or the session it concerned is over."""
-        return self._confirmed
-
     def require(self, generation: int) -> None:
         """Raise Refusal when a stop came after `generation`."""
         if generation != self.generation:

@@ -17,34 +17,33 @@ def feedforward_of(parameters: ParameterSet, variant: str = "extended") -> Feedf
     All per metre of wire. The film coefficients are those of the plant (Eqs (19)–(25)) at a wire of
     313 K, 5 K above its water. Raises ModelError for an unknown variant.
     """
-    from sim_device.plant import kernel as k
     from sim_device.plant.setup import Setup
 
     setup = Setup.make(
         parameters, variant=variant, fixture="antagonistic", cooling="water", effects={}
     )
     p = setup.p
-    full_flow = float(p[k.P_FLOW_MAX])
+    full_flow = float(p.flow_max)
 
     def film(duty: float) -> float:
         return setup.film_W_per_m_K(WIRE_K, WIRE_K - ABOVE_WATER_K, duty)
 
     return FeedforwardConfig(
-        wire_capacity_J_per_m_K=_rounded(p[k.P_MC_H]),
-        water_capacity_J_per_m_K=_rounded(p[k.P_CW] * p[k.P_SHARE]),
+        wire_capacity_J_per_m_K=_rounded(p.capacity_heating),
+        water_capacity_J_per_m_K=_rounded(p.water_capacity * p.warming_share),
         film_still_W_per_m_K=_rounded(film(0.0)),
         film_flow_W_per_m_K=_rounded(film(1.0)),
-        flow_W_per_m_K=_rounded(p[k.P_FLOW_G] * full_flow),
-        loss_W_per_m_K=_rounded(p[k.P_UA]),
-        heat_W_per_m_A2=_rounded(p[k.P_OHM_M]),
+        flow_W_per_m_K=_rounded(p.flow_conductance * full_flow),
+        loss_W_per_m_K=_rounded(p.tube_loss),
+        heat_W_per_m_A2=_rounded(p.resistance_per_m),
         austenite_start_degC=_rounded(parameters["austenite_start"] - ZERO_C),
         slope_austenite_MPa_per_K=_rounded(parameters["slope_austenite"] * 1e-6),
         martensite_start_degC=_rounded(parameters["martensite_start"] - ZERO_C),
         slope_martensite_MPa_per_K=_rounded(parameters["slope_martensite"] * 1e-6),
         stress_start_MPa=_rounded(parameters["stress_start"] * 1e-6),
-        stress_MPa_per_N=_rounded(p[k.P_C1] * 1e-6),
+        stress_MPa_per_N=_rounded(p.C1 * 1e-6),
         inlet_degC=_rounded(parameters["water_temperature"] - ZERO_C),
-        fill_time_s=_rounded(1.0 / (p[k.P_FILL_RATE] * full_flow)),
+        fill_time_s=_rounded(1.0 / (p.fill_rate * full_flow)),
         drain_time_s=_rounded(parameters["drain_time"]),
         drain_ratio=_rounded(parameters["drain_film"]),
     )

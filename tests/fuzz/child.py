@@ -20,7 +20,14 @@ from tests.fuzz.limits import FINDINGS, kind_of, within_limits
 from tests.fuzz.mutate import Mutator
 from tests.fuzz.targets import TARGETS, Harness, Target
 
-_COMPILED = ["sim_device.plant.kernel"]
+_KERNEL = "sim_device.plant.kernel"
+_COMPILED = [
+    _KERNEL,
+    *(
+        f"{_KERNEL}.{found.stem}"
+        for found in (Path(__file__).parents[2] / "sim_device/plant/kernel").glob("*.py")
+    ),
+]
 """numba compiles these from their bytecode, which has to stay as it is."""
 
 

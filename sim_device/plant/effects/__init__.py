@@ -9,7 +9,7 @@ from sim_device.plant.effects.registry import (
     EFFECTS,
     check_needs,
     effect,
-    effect_vector,
+    effect_terms,
     resolve,
 )
 
@@ -20,7 +20,7 @@ __all__ = [
     "Prior",
     "check_needs",
     "effect",
-    "effect_vector",
+    "effect_terms",
     "format_effects",
     "parse_effects",
     "resolve",

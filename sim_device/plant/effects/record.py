@@ -34,18 +34,18 @@ class Prior:
     spread: float = 0.7
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EffectParameter:
     """One parameter of an effect, SI.
 
     A strength switches the effect: at `zero` it is absent. A shape (`zero` is None) says how the
     effect acts and means nothing while every strength is zero. `low` and `high` are the range that
-    is accepted; `typical` is a value that a bench may well show. `slot` is its place in the
-    kernel's effects vector; without one it only says how others get there.
+    is accepted; `typical` is a value that a bench may well show. `term` is the field of `Effects`
+    in the kernel that it fills; without one it only says how others get there.
     """
 
     name: str
-    slot: int | None
+    term: str | None
     unit: str
     low: float
     high: float
@@ -64,7 +64,7 @@ class EffectParameter:
         return min(max(share * value, self.low), self.high) if self.is_strength else value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Effect:
     """One candidate effect.
 
@@ -119,5 +119,13 @@ def about(median: float, spread: float = 0.7) -> Prior:
 
 
 Y_SHARE = EffectParameter(
-    "y_share", None, "1", 0, 2, 1, about(1, 0.3), "side Y gets y times the strengths, X 2 − y", None
+    name="y_share",
+    term=None,
+    unit="1",
+    low=0,
+    high=2,
+    typical=1,
+    prior=about(1, 0.3),
+    meaning="side Y gets y times the strengths, X 2 − y",
+    zero=None,
 )

@@ -1,30 +1,42 @@
-"""The one registry of candidate effects, and how a choice of them becomes the kernel's vector."""
+"""The one registry of candidate effects, and how a choice of them becomes the kernel's terms."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 
-import numpy as np
-import numpy.typing as npt
-
-from sim_device.plant import kernel as k
-from sim_device.plant.effects.electrical import ELECTRICAL, SENSORS
+from sim_device.plant.effects.cooling import WATER
+from sim_device.plant.effects.electrical import ELECTRICAL
 from sim_device.plant.effects.material import MECHANICS, PHASE
 from sim_device.plant.effects.record import Y_SHARE, Effect
-from sim_device.plant.effects.thermal import THERMAL, WATER
+from sim_device.plant.effects.sensing import SENSORS
+from sim_device.plant.effects.thermal import THERMAL
 from sim_device.plant.errors import EffectError
+from sim_device.plant.kernel.layout import places
+from sim_device.plant.kernel.model import Effects
 from sim_device.written import numbers_by_name
 
 EffectValues = Mapping[str, Mapping[str, float]]
 Resolved = dict[str, dict[str, float]]
+Terms = dict[str, float]
 
 EFFECTS: tuple[Effect, ...] = (*ELECTRICAL, *SENSORS, *THERMAL, *WATER, *PHASE, *MECHANICS)
 _BY_NAME = {effect.name: effect for effect in EFFECTS}
 
-_ROUGH = (k.E_COULOMB, k.E_PROPORTIONAL, k.E_DRAG, k.E_SLACK, k.E_TENDON, k.E_TUBE_K)
-_UNEVEN_STRAIN = (k.E_COLD_ENDS, k.E_R_STRAIN, k.E_ELONGATION, k.E_SHRINK)
-_LATE = (k.E_DELAY_T, k.E_DELAY_U, k.E_DELAY_F, k.E_SKEW_PPM)
+_TERMS = tuple(places(Effects))
+# Terms that switch others on: 1 when one of these is not zero.
+_SWITCHES = {
+    "resists": (
+        "coulomb",
+        "proportional_friction",
+        "drag",
+        "tendon_slack",
+        "tendon_compliance",
+        "tube_stiffness",
+    ),
+    "adds_strain": ("cold_ends", "r_strain", "elongation", "fatigue_shrink"),
+    "late": ("delay_T", "delay_u", "delay_F", "skew_ppm"),
+}
 
 
 def effect(name: str) -> Effect:
@@ -115,25 +127,22 @@ def check_needs(effects: Resolved, options: Mapping[str, str]) -> None:
                 )
 
 
-def effect_vector(effects: Resolved) -> npt.NDArray[np.float64]:
-    """The kernel's effects vector of what `resolve` gives, shape (SIDES_SIZE,); zero without."""
-    sides = np.zeros((2, k.EFFECTS_SIZE))
-    x, y = sides
+def effect_terms(effects: Resolved) -> tuple[Terms, Terms]:
+    """The kernel's `Effects` of side X and of side Y for what `resolve` gives; zero without."""
+    sides = x, y = dict.fromkeys(_TERMS, 0.0), dict.fromkeys(_TERMS, 0.0)
     for name, values in effects.items():
         of_y = values.get(Y_SHARE.name, 1.0)
         for parameter in effect(name).parameters:
-            if parameter.slot is not None:
+            if parameter.term is not None:
                 value = values[parameter.name]
-                x[parameter.slot] = parameter.on_a_side(value, 2.0 - of_y)
-                y[parameter.slot] = parameter.on_a_side(value, of_y)
-    if x[k.E_COULOMB] != 0.0 or x[k.E_PROPORTIONAL] != 0.0:
-        x[k.E_READS_X] = effects["tube_friction"]["sensor_on_x"] - 0.5
-    for switch, slots in (
-        (k.E_ROUGH, _ROUGH),
-        (k.E_UNEVEN_STRAIN, _UNEVEN_STRAIN),
-        (k.E_LATE, _LATE),
-    ):
-        x[switch] = 1.0 if any(x[slot] != 0.0 for slot in slots) else 0.0
+                x[parameter.term] = parameter.on_a_side(value, 2.0 - of_y)
+                y[parameter.term] = parameter.on_a_side(value, of_y)
+    if x["coulomb"] != 0.0 or x["proportional_friction"] != 0.0:
+        x["reads_x"] = effects["tube_friction"]["sensor_on_x"] - 0.5
+    for switch, terms in _SWITCHES.items():
+        x[switch] = 1.0 if any(x[term] != 0.0 for term in terms) else 0.0
     for side in sides:
-        side[k.E_KNEE] = math.expm1(-side[k.E_SHARPNESS] * math.log1p(-side[k.E_DEFICIT]))
-    return sides.ravel()
+        side["driver_knee"] = math.expm1(
+            -side["driver_sharpness"] * math.log1p(-side["driver_deficit"])
+        )
+    return sides

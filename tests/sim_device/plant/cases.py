@@ -3,6 +3,7 @@
 import numpy as np
 
 from sim_device.plant import Inputs
+from sim_device.plant.setup import Setup
 
 
 def alternating(seconds=40.0, amps=3.6, period_s=16.0, heat_s=5.0, step_s=0.01):
@@ -21,3 +22,14 @@ def alternating(seconds=40.0, amps=3.6, period_s=16.0, heat_s=5.0, step_s=0.01):
 def still(t, **series):
     """No current, no water: for replays that are fed."""
     return Inputs(t, np.zeros((t.size, 2)), np.zeros((t.size, 2)), **series)
+
+
+def setup_of(parameters, variant="extended", effects=None):
+    """The mounted pair in water, as the kernel takes it."""
+    return Setup.make(
+        parameters,
+        variant=variant,
+        fixture="antagonistic",
+        cooling="water",
+        effects=effects or {},
+    )

@@ -28,7 +28,7 @@ def fingerprints():
     inputs = Inputs(t, i_A, duty)
     found = []
     for options in CASES:
-        out = simulate(load_parameters("B"), inputs, dt_s=5e-3, **options)
+        out = simulate(load_parameters("B"), inputs, dt_s=2e-2, **options)
         found.append(hashlib.sha256(b"".join(out[name].tobytes() for name in OUTPUTS)).hexdigest())
     return found
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from sim_device.plant import Drive, Inputs, Plant, load_parameters, simulate
-from sim_device.plant import kernel as k
 from sim_device.plant.effects import (
     EFFECTS,
     effect,
-    effect_vector,
+    effect_terms,
     format_effects,
     parse_effects,
     resolve,
@@ -49,11 +48,11 @@ def test_the_registry_has_enough_entries_and_each_name_once():
     assert {entry.subsystem for entry in EFFECTS} == set(SUBSYSTEMS)
 
 
-def test_every_slot_of_the_kernel_belongs_to_one_parameter():
-    of_parameters = [parameter.slot for entry in EFFECTS for parameter in entry.parameters]
-    slots = [slot for slot in of_parameters if slot is not None]
-    made = {k.E_ROUGH, k.E_UNEVEN_STRAIN, k.E_LATE, k.E_KNEE, k.E_READS_X}
-    assert sorted(slots) == sorted(set(range(k.EFFECTS_SIZE)) - made)
+def test_every_term_of_the_kernel_belongs_to_one_parameter():
+    of_parameters = [parameter.term for entry in EFFECTS for parameter in entry.parameters]
+    terms = [term for term in of_parameters if term is not None]
+    made = {"resists", "adds_strain", "late", "driver_knee", "reads_x"}
+    assert sorted(terms) == sorted(set(effect_terms({})[0]) - made)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -252,5 +251,6 @@ def test_an_effect_that_cannot_act_in_this_plant_is_refused(name, options):
     Plant(P, effects={name: effect(name).at(0.0)}, **options)
 
 
-def test_no_effect_is_a_vector_of_zeros():
-    assert not effect_vector({}).any()
+def test_without_effects_all_terms_are_zero():
+    for side in effect_terms({}):
+        assert not any(side.values())

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from sim_device.plant import Drive, Inputs, Plant, load_parameters, simulate
-from sim_device.plant import kernel as k
-from sim_device.plant.constants import kernel_constants
 from sim_device.plant.segment import segment_angle_deg, segment_displacement_m
-from sim_device.plant.water import at, film_table, real_water
+from sim_device.plant.water import at, real_water
+from tests.sim_device.plant.cases import setup_of
 
 ZERO_C = 273.15
 
@@ -94,16 +93,16 @@ def test_the_printed_variant_cannot_move_at_any_current_of_the_bench(amps, T_K):
 
 def test_cooling_is_limited_by_the_flow_and_not_by_the_film():
     parameters = load_parameters("A")
-    p = kernel_constants(parameters, variant="extended", fixture="antagonistic", cooling="water")
-    by_flow = p[k.P_FLOW_G] * p[k.P_FLOW_MAX] * p[k.P_LENGTH]
-    speed = p[k.P_FLOW_MAX] * p[k.P_AREA_INV]
-    per_metre = k.film(310.0, 300.0, speed, p, film_table("extended"))
-    by_film = per_metre * p[k.P_LENGTH]
+    setup = setup_of(parameters)
+    p = setup.p
+    by_flow = p.flow_conductance * p.flow_max * p.length
+    per_metre = setup.film_W_per_m_K(310.0, 300.0, 1.0)
+    by_film = per_metre * p.length
     assert by_flow == pytest.approx(0.55, rel=0.01)
     assert by_film == pytest.approx(8.2, rel=0.03)
-    assert p[k.P_MC_H] == pytest.approx(1.33, rel=0.01)
-    assert p[k.P_CW] == pytest.approx(6.27, rel=0.01)
-    assert p[k.P_CW] * p[k.P_LENGTH] / by_flow == pytest.approx(4.66, rel=0.01)
+    assert p.capacity_heating == pytest.approx(1.33, rel=0.01)
+    assert p.water_capacity == pytest.approx(6.27, rel=0.01)
+    assert p.water_capacity * p.length / by_flow == pytest.approx(4.66, rel=0.01)
     biot = per_metre / np.pi / parameters["conductivity"]
     assert 0.08 < biot / 4 < 0.1 < biot < 0.4
 

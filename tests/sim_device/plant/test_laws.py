@@ -177,7 +177,7 @@ def test_the_tabled_outer_curves_are_those_of_the_formula(tails, spread_K):
         "unified_kinetics": {"on": 1.0, "tails": tails},
         "temperature_spread": {"spread_K": spread_K},
     }
-    e = Replay(heated_then_pumped()).setup(P, effects).e
+    curves = Replay(heated_then_pumped()).setup(P, effects).e.curves
     width = spread_K / (P["austenite_finish"] - P["austenite_start"])
     progress = np.linspace(k.PROGRESS_LOW, k.PROGRESS_HIGH, 1501)
 
@@ -189,8 +189,8 @@ def test_the_tabled_outer_curves_are_those_of_the_formula(tails, spread_K):
     def heating(x):
         return 0.5 * cooling(x) + 0.25 * (cooling(x - width) + cooling(x + width))
 
-    for curve, formula in ((k.E_COOLING, cooling), (k.E_HEATING, heating)):
-        table, slope = np.array([k.outer(x, curve, e) for x in progress]).T
+    for curve, formula in ((curves.cooling, cooling), (curves.heating, heating)):
+        table, slope = np.array([k.outer_curve(curve, x) for x in progress]).T
         np.testing.assert_allclose(table, formula(progress), atol=2e-6)
         rise = (formula(progress + 1e-4) - formula(progress - 1e-4)) / 2e-4
         np.testing.assert_allclose(slope, rise, atol=2e-2)

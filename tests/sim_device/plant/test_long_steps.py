@@ -7,10 +7,8 @@ import pytest
 
 from sim_device.plant import Inputs, load_parameters, simulate
 from sim_device.plant import kernel as k
-from sim_device.plant.constants import kernel_constants
 from sim_device.plant.effects import EFFECTS
-from sim_device.plant.water import film_table
-from tests.sim_device.plant.cases import alternating
+from tests.sim_device.plant.cases import alternating, setup_of
 
 P = load_parameters("A")
 LONG_S, SHORT_S = 0.15, 0.002
@@ -75,20 +73,20 @@ def test_with_any_law_temperatures_hardly_depend_on_the_step(seed: int) -> None:
 
 
 def test_the_film_of_what_has_run_away_is_read_within_the_table() -> None:
-    p = kernel_constants(P, variant="extended", fixture="antagonistic", cooling="water")
-    table = film_table("extended")
-    T, still = 1e30, 0.0
+    setup = setup_of(P)
+    p, table = setup.p, setup.table
+    T = 1e30
     conductivity, rise = table[-1, 0], table[-1, 1]
-    root = 0.60 + rise * T ** (1 / 6) * p[k.P_SQRT_DH]
-    expected = conductivity * p[k.P_DH_INV] * root**2 * p[k.P_PERIMETER]
-    assert k.film(T, 300.0, still, p, table) == pytest.approx(expected, rel=1e-9)
-    assert np.isnan(k.film(float("nan"), 300.0, 1e-3, p, table))
+    root = 0.60 + rise * T ** (1 / 6) * p.sqrt_D_h
+    expected = conductivity * p.per_D_h * root**2 * p.film_perimeter
+    assert setup.film_W_per_m_K(T, 300.0, 0.0) == pytest.approx(expected, rel=1e-9)
+    assert np.isnan(setup.film_W_per_m_K(float("nan"), 300.0, 0.5))
 
 
 def test_a_curve_is_read_within_its_table_wherever_the_progress_is() -> None:
-    e = np.ones(k.UNIFIED_SIZE)
-    assert np.isnan(k.outer(float("nan"), k.E_HEATING, e)[0])
-    assert k.outer(k.PROGRESS_HIGH, k.E_HEATING, e)[0] == pytest.approx(1.0)
+    curve = np.ones(k.CURVE_SIZE)
+    assert np.isnan(k.outer_curve(curve, float("nan"))[0])
+    assert k.outer_curve(curve, k.PROGRESS_HIGH)[0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

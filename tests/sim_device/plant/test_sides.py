@@ -5,9 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sim_device.plant import kernel as k
 from sim_device.plant import load_parameters, simulate
-from sim_device.plant.effects import EFFECTS, effect, effect_vector, resolve
+from sim_device.plant.effects import EFFECTS, effect, effect_terms, resolve
 from sim_device.plant.effects.record import Y_SHARE
 from sim_device.plant.errors import EffectError
 from sim_device.plant.replay import OUTPUTS
@@ -46,10 +45,10 @@ def test_drivers_leads_rtds_and_water_lines_have_a_side_each():
 @pytest.mark.parametrize("name", SIDED)
 def test_an_even_share_is_no_share_bit_by_bit(name):
     values = effect(name).typical()
-    x, y = np.split(effect_vector(resolve({name: values})), 2)
-    assert np.array_equal(x, y)
-    given = {q.slot: values[q.name] for q in effect(name).parameters if q.slot is not None}
-    assert {slot: x[slot] for slot in given} == given
+    x, y = effect_terms(resolve({name: values}))
+    assert x == y
+    given = {q.term: values[q.name] for q in effect(name).parameters if q.term is not None}
+    assert {term: x[term] for term in given} == given
     assert resolve({name: {}})[name][Y_SHARE.name] == 1.0
 
 
@@ -58,9 +57,9 @@ def test_what_there_is_once_takes_no_share(name):
     with pytest.raises(EffectError, match=Y_SHARE.name):
         resolve({name: {Y_SHARE.name: 0.5}})
     uneven = {"driver_gain": {"gain": 0.05, Y_SHARE.name: 0.5}}
-    x, y = np.split(effect_vector(resolve(uneven | {name: {}})), 2)
-    own = [q.slot for q in effect(name).parameters if q.slot is not None]
-    assert np.array_equal(x[own], y[own])
+    x, y = effect_terms(resolve(uneven | {name: {}}))
+    own = [q.term for q in effect(name).parameters if q.term is not None]
+    assert [x[term] for term in own] == [y[term] for term in own]
 
 
 @pytest.mark.parametrize("name", SIDED)
@@ -83,13 +82,13 @@ def test_a_share_of_nothing_leaves_a_side_untouched(name):
 @pytest.mark.parametrize("name", SIDED)
 def test_no_side_gets_more_than_the_range_of_a_strength(name):
     most = {q.name: q.high for q in effect(name).parameters if q.is_strength}
-    x, y = np.split(effect_vector(resolve({name: most | {Y_SHARE.name: 0.25}})), 2)
+    x, y = effect_terms(resolve({name: most | {Y_SHARE.name: 0.25}}))
     for q in effect(name).parameters:
         if q.is_strength:
-            assert x[q.slot] == q.high
-            assert y[q.slot] == 0.25 * q.high
-        elif q.slot is not None:
-            assert x[q.slot] == y[q.slot] == q.typical
+            assert x[q.term] == q.high
+            assert y[q.term] == 0.25 * q.high
+        elif q.term is not None:
+            assert x[q.term] == y[q.term] == q.typical
 
 
 def test_shares_are_refused_beyond_nothing_and_everything():
@@ -100,6 +99,5 @@ def test_shares_are_refused_beyond_nothing_and_everything():
 def test_a_share_alone_is_of_the_typical_effect():
     values = resolve({"rtd_lag": {"y_share": 0.6}})["rtd_lag"]
     assert values == {"tau_s": effect("rtd_lag").typical()["tau_s"], "y_share": 0.6}
-    vector = effect_vector({"rtd_lag": values})
-    of_y = k.EFFECTS_SIZE + k.E_RTD_LAG_S
-    assert vector[of_y] / vector[k.E_RTD_LAG_S] == pytest.approx(0.6 / 1.4)
+    x, y = effect_terms({"rtd_lag": values})
+    assert y["rtd_lag"] / x["rtd_lag"] == pytest.approx(0.6 / 1.4)

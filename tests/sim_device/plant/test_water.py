@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from sim_device.plant import kernel as k
 from sim_device.plant import load_parameters
-from sim_device.plant.constants import kernel_constants
-from sim_device.plant.water import at, film_table, printed_water, real_water
+from sim_device.plant.water import at, printed_water, real_water
+from tests.sim_device.plant.cases import setup_of
 
 CoolProp = pytest.importorskip("CoolProp.CoolProp")
 PROPERTIES = {"rho": "D", "cp": "C", "k": "L", "mu": "V", "beta": "ISOBARIC_EXPANSION_COEFFICIENT"}
@@ -48,7 +47,7 @@ def test_the_printed_polynomials_are_as_wrong_as_documented(name, errors):
 @pytest.mark.parametrize("flow", [0.0, 131.9e-9])
 def test_the_kernel_film_coefficient_is_the_correlation_at_the_film_temperature(variant, flow):
     parameters = load_parameters("A")
-    p = kernel_constants(parameters, variant=variant, fixture="antagonistic", cooling="water")
+    setup = setup_of(parameters, variant)
     T, T_water = 318.4, 303.1
     water = at(real_water() if variant == "extended" else printed_water(), 0.5 * (T + T_water))
     d, d_t = parameters["wire_diameter"], parameters["tube_diameter"]
@@ -61,7 +60,7 @@ def test_the_kernel_film_coefficient_is_the_correlation_at_the_film_temperature(
         u = flow / (np.pi * (d_t**2 - d**2) / 4)
         nusselt = max(nusselt, (0.255 + 0.699 * np.sqrt(u * D / nu)) * pr**0.29)
     expected = water.k[0] * nusselt / D * np.pi * d
-    got = k.film(T, T_water, flow * p[k.P_AREA_INV], p, film_table(variant))
+    got = setup.film_W_per_m_K(T, T_water, flow / parameters["flow_max"])
     assert got == pytest.approx(expected, rel=5e-6)
 
 

@@ -1,0 +1,216 @@
+"""The tension of the tendon: where the springs fill its length, with or without friction.
+
+Deflections grow with the tension, also with the fractions and temperatures that go with it, so
+there is one root, held in a bracket. A few steps in which tension and temperatures converge
+together come first, and are nearly always enough.
+"""
+
+from __future__ import annotations
+
+from sim_device.plant.kernel.compiled import compiled, inlined
+from sim_device.plant.kernel.mechanics import friction_at, slack_position, stretch_of_tendon
+from sim_device.plant.kernel.model import ANTAGONISTIC, Effects, Model
+from sim_device.plant.kernel.state import Spring, SpringWork, State, Work
+from sim_device.plant.kernel.temperatures import (
+    ITERATIONS,
+    UNBOUNDED,
+    copy_tension,
+    follow_tension,
+    safeguarded_newton_step,
+    set_tension,
+    solve_spring,
+    step_spring,
+    trusted_steps,
+)
+
+DELTA_TOLERANCE = 1e-10  # m
+# Steps in which tension and temperatures converge together. A part that turns beside others takes
+# some more to find its branch.
+JOINT_STEPS = 4
+JOINT_STEPS_ON_BRANCHES = 12
+
+
+@inlined
+def next_tension(
+    trusted: bool, F: float, miss: float, last: float, slope: float, low: float, high: float
+) -> float:
+    """Newton's next tension, safeguarded from when its bracket is closed on; not below 0."""
+    step = F - miss / slope
+    if low == 0.0 and step <= 0.0:
+        return 0.0
+    if high == UNBOUNDED:
+        return step
+    return safeguarded_newton_step(trusted, F, miss, last, slope, low, high)
+
+
+@inlined
+def count_joint_steps(e: Effects) -> int:
+    """How many steps of tension and temperatures together are tried first."""
+    return JOINT_STEPS_ON_BRANCHES if e.unified > 0.0 else JOINT_STEPS
+
+
+@inlined
+def is_root(F: float, miss: float, low: float, high: float) -> bool:
+    """Whether the root is found: within tolerance, in a closed bracket, or slack, at no tension."""
+    if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):
+        return True
+    return miss > 0.0 and F == 0.0
+
+
+@compiled
+def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
+    """The tension at which the pair fills its length: δ_X(F) + δ_Y(F) = 2 δ0.
+
+    No tension at all is the answer when the unloaded springs are already long enough: the tendon is
+    slack. Returns the tension, or -1 when it is not found.
+    """
+    x, y, wx, wy, p, e = state.x, state.y, work.x, work.y, model.p, model.x
+    low = 0.0
+    high = UNBOUNDED
+    last_miss = UNBOUNDED
+    trusted = trusted_steps(e)
+    F = guess if guess > 0.0 else 0.0
+    joint_steps = count_joint_steps(e)
+    for n in range(ITERATIONS):
+        exact = n >= joint_steps
+        set_tension(F, wx, model)
+        copy_tension(wx, wy)
+        if not exact:
+            step_spring(x, wx, model)
+            step_spring(y, wy, model)
+        elif not (solve_spring(x, wx, model) and solve_spring(y, wy, model)):
+            return -1.0
+        miss = wx.deflection + wy.deflection - 2.0 * p.delta_0
+        settled = wx.miss == 0.0 and wy.miss == 0.0
+        if settled and is_root(F, miss, low, high):
+            return F
+        if exact:
+            if miss > 0.0:
+                high = F
+            else:
+                low = F
+        last = F
+        slope = wx.deflection_by_F + wy.deflection_by_F
+        F = next_tension(n < trusted, F, miss, last_miss, slope, low, high)
+        last_miss = miss
+        follow_tension(F - last, wx, e)
+        follow_tension(F - last, wy, e)
+    return -1.0
+
+
+@compiled
+def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: Model) -> float:
+    """The tension at which one spring, with its half of the tendon, has the deflection `target`.
+
+    As `solve_pair`: one root, zero when the spring is slack, -1 when it is not found.
+    """
+    p, e = model.p, model.x
+    low = 0.0
+    high = UNBOUNDED
+    last_miss = UNBOUNDED
+    trusted = trusted_steps(e)
+    F = guess if guess > 0.0 else 0.0
+    gives = e.resists > 0.0 and p.fixture == ANTAGONISTIC
+    joint_steps = count_joint_steps(e)
+    for n in range(ITERATIONS):
+        exact = n >= joint_steps
+        set_tension(F, w, model)
+        if not exact:
+            step_spring(s, w, model)
+        elif not solve_spring(s, w, model):
+            return -1.0
+        reach = w.deflection
+        slope = w.deflection_by_F
+        if gives:
+            stretch, stretch_F = stretch_of_tendon(F, e)
+            reach += stretch - stretch_of_tendon(p.F0, e)[0]
+            slope += stretch_F
+        miss = reach - target
+        if w.miss == 0.0 and is_root(F, miss, low, high):
+            return F
+        if exact:
+            if miss > 0.0:
+                high = F
+            else:
+                low = F
+        last = F
+        F = next_tension(n < trusted, F, miss, last_miss, slope, low, high)
+        last_miss = miss
+        follow_tension(F - last, w, e)
+    return -1.0
+
+
+@compiled
+def solve_sliding_pair(
+    rub: float, guess: float, state: State, work: Work, model: Model, dt: float
+) -> tuple[float, float, float]:
+    """The pair with friction `rub` (signed), drag, tube stiffness and a tendon that gives.
+
+    Unknown is the tension of X; that of Y is less by what resists the motion. Returns
+    (tension of X, of Y, displacement), tension -1 when it is not found.
+    """
+    x, y, wx, wy, p, e = state.x, state.y, work.x, work.y, model.p, model.x
+    low = 0.0
+    high = UNBOUNDED
+    last_miss = UNBOUNDED
+    trusted = trusted_steps(e)
+    F = guess if guess > 0.0 else 0.0
+    before = state.shared.displacement
+    wet = 0.5 * (x.filled + y.filled)
+    drag = e.drag * wet / dt
+    mounted = stretch_of_tendon(p.F0, e)[0]
+    for n in range(ITERATIONS):
+        set_tension(F, wx, model)
+        found = solve_spring(x, wx, model)
+        stretch, stretch_F = stretch_of_tendon(F, e)
+        reach = wx.deflection + stretch - mounted
+        reach_F = wx.deflection_by_F + stretch_F
+        u = p.delta_0 - reach
+        other = F - rub - 2.0 * e.tube_stiffness * u - drag * (u - before)
+        other_F = 1.0 + (2.0 * e.tube_stiffness + drag) * reach_F
+        if other < 0.0:
+            other = 0.0
+            other_F = 0.0
+        set_tension(other, wy, model)
+        if not (solve_spring(y, wy, model) and found):
+            return -1.0, 0.0, 0.0
+        stretch, stretch_F = stretch_of_tendon(other, e)
+        miss = reach + wy.deflection + stretch - mounted - 2.0 * p.delta_0
+        slope = reach_F + (wy.deflection_by_F + stretch_F) * other_F
+        if abs(miss) <= DELTA_TOLERANCE or high - low <= 1e-13 * (1.0 + low):
+            return F, other, u
+        if miss > 0.0:
+            if F == 0.0:
+                return F, other, slack_position(before, wx, wy, p)
+            high = F
+        else:
+            low = F
+        F = next_tension(n < trusted, F, miss, last_miss, slope, low, high)
+        last_miss = miss
+    return -1.0, 0.0, 0.0
+
+
+@compiled
+def solve_resisted_pair(
+    guess: float, state: State, work: Work, model: Model, dt: float
+) -> tuple[float, float, float]:
+    """The pair where something resists its motion: stick if friction can hold it, else slide.
+
+    Returns (tension of X, of Y, displacement), tension -1 when it is not found.
+    """
+    x, y, g, p, e = state.x, state.y, state.shared, model.p, model.x
+    rub = 0.0
+    hold = friction_at(g.tension, 0.0, e)
+    if hold > 0.0:
+        u = g.displacement
+        F_x = solve_tension(p.delta_0 - u, x.tension, x, work.x, model)
+        F_y = solve_tension(p.delta_0 + u, y.tension, y, work.y, model)
+        if F_x < 0.0 or F_y < 0.0:
+            return -1.0, 0.0, 0.0
+        pull = F_x - F_y - 2.0 * e.tube_stiffness * u
+        if abs(pull) <= hold:
+            return F_x, F_y, u
+        rub = friction_at(g.tension, g.speed, e)
+        if pull < 0.0:
+            rub = -rub
+    return solve_sliding_pair(rub, guess, state, work, model, dt)

@@ -1,0 +1,34 @@
+"""Single equations of the kernel for callers from Python."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_device.plant.kernel.compiled import entry
+from sim_device.plant.kernel.curves import interpolate_outer_curve
+from sim_device.plant.kernel.film import film_conductance
+from sim_device.plant.kernel.layout import OneRecord
+from sim_device.plant.kernel.mechanics import compliance
+
+Array = npt.NDArray[np.float64]
+
+
+@entry
+def film_conductance_of(
+    models: OneRecord, T: float, T_water: float, speed: float, table: Array
+) -> float:
+    """Conductance from a metre of wire to water of a velocity, W/(m K): Eqs (19)-(25)."""
+    return film_conductance(T, T_water, speed, models[0].p, table)
+
+
+@entry
+def compliance_of(models: OneRecord, xi: float) -> float:
+    """Elastic deflection of a spring per newton at a martensite fraction: Eq. (9)."""
+    return compliance(xi, models[0].p, models[0].x)
+
+
+@entry
+def outer_curve(curve: Array, progress: float) -> tuple[float, float]:
+    """One of the tabled outer curves of unified_kinetics at a progress, and its slope."""
+    return interpolate_outer_curve(progress, curve)
