@@ -31,6 +31,10 @@ FORBIDDEN = {
     "smad/daemon": {"sim_device"},
     "tests/withheld/plant": {"smad", "sim_device", "firmware_protocol"},
 }
+LONGEST_FUNCTION = 60
+MOST_ARGUMENTS = 7
+"""`self` and six others."""
+
 # Imports that close a circle which is known, and why it is left.
 KNOWN_CIRCLE = {
     # The diagnosis's plant is being rewritten as a whole; until then its parts name its type.
@@ -166,6 +170,23 @@ def test_a_pure_room_imports_nothing_it_must_not_know(folder: str) -> None:
         if any(name == bad or name.startswith(bad + ".") for bad in FORBIDDEN[folder])
     ]
     assert not broken
+
+
+def test_no_function_of_the_daemon_is_long_and_no_constructor_takes_many_things() -> None:
+    functions = [
+        (path, node)
+        for path in modules_under("smad/daemon")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
+    assert len(functions) > 300
+    long = [
+        f"{path.relative_to(ROOT)}: {node.name}"
+        for path, node in functions
+        if (node.end_lineno or 0) - node.lineno >= LONGEST_FUNCTION
+        or len(node.args.args) + len(node.args.kwonlyargs) > MOST_ARGUMENTS
+    ]
+    assert long == []
 
 
 def test_no_committed_file_names_a_path_of_a_developers_machine() -> None:

@@ -7,7 +7,7 @@ sample is worth to others (telemetry, run log) comes after the write, from a bou
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from firmware_protocol.enums import ValidBit
@@ -164,9 +164,11 @@ class ControlTask:
 
     def _step(self, samples: list[StateReceived], began_ns: int) -> None:
         # The newest is answered first; the older ones are only worth recording.
-        times_us = [self._time.since_first(received.board_us) for received in samples]
-        state = samples[-1].state
-        sample = self._sample(state, times_us[-1])
+        older: Sequence[StateReceived] = samples[:-1] if len(samples) > 1 else ()
+        times_us = [self._time.since_first(received.board_us) for received in older]
+        newest = samples[-1]
+        state = newest.state
+        sample = self._sample(state, self._time.since_first(newest.board_us))
         output = self.controller.step(sample)
         if not sample.armed:
             # Whatever the controller last wanted: a board that is not armed by us is asked nothing.
@@ -181,9 +183,9 @@ class ControlTask:
         self.own_share.add(took_ns)
         if self._trace is not None:
             self._trace.add(began_ns, took_ns)
-        for older, t_us in zip(samples[:-1], times_us, strict=False):
+        for received, t_us in zip(older, times_us, strict=True):
             self.counts.skipped += 1
-            self._finish(self._sample(older.state, t_us), older.state, None)
+            self._finish(self._sample(received.state, t_us), received.state, None)
         self._observe(state, sample, began_ns)
         self._finish(sample, state, setpoint)
 
