@@ -37,6 +37,7 @@ COMMANDS: Mapping[str, str] = {
     "keys": "smad.cli.keys:keys",
     "log": "smad.cli.log:log",
     "run": "smad.cli.run:run",
+    "tune": "smad.cli.tune:tune",
     "gap": "smad.cli.gap:gap",
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""

@@ -33,6 +33,7 @@ class LeasedDriver:
         *,
         lease_s: float,
         progress: Progress,
+        who: str = "smad run",
         sleep: Callable[[float], None] = time.sleep,
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -40,6 +41,7 @@ class LeasedDriver:
         self._driver = driver
         self._lease_s = lease_s
         self._progress = progress
+        self._who = who
         self._sleep = sleep
         self._clock_s = clock_s
         self._disarmed = False
@@ -54,7 +56,7 @@ class LeasedDriver:
 
     def run(self, plan: Plan) -> Recording:
         """Carry out a plan. Raises NotInControl while somebody else has control."""
-        with self._client.in_control("smad run", self._lease_s):
+        with self._client.in_control(self._who, self._lease_s):
             try:
                 self._arm(plan)
                 return self._driver.run(plan)

@@ -83,14 +83,15 @@ def _readings(now: Status) -> Iterator[str]:
         "place",
         f"{_number(row.displacement_mm, 3)} mm, {_number(row.force_N, 2)} N",
     )
-    for name, degrees, amperes, volts, duty in (
-        ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x),
-        ("spring y", row.rtd_y_degC, row.i_meas_y_A, row.v_y_V, row.duty_y),
+    for name, degrees, amperes, volts, duty, starts in (
+        ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x, row.pump_starts_x),
+        ("spring y", row.rtd_y_degC, row.i_meas_y_A, row.v_y_V, row.duty_y, row.pump_starts_y),
     ):
         yield _line(
             name,
             f"{_number(degrees, 2)} °C, {_number(amperes, 2)} A, {_number(volts, 2)} V, "
-            f"pump {_number(None if duty is None else 100 * duty, 0)} %",
+            f"pump {_number(None if duty is None else 100 * duty, 0)} %"
+            + ("" if starts is None else f", started {starts} times"),
         )
     yield _line(
         "water, room",

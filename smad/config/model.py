@@ -81,6 +81,12 @@ class CoolingConfig(Section, frozen=True, kw_only=True):
     full_duty_current_A: Annotated[
         float, Meta(ge=0.1, le=4.0, description="demand that means duty 1, in mode proportional")
     ] = 4.0
+    after_heat_s: Annotated[
+        float, Meta(ge=0.0, le=60.0, description="water waits so long after its spring was heated")
+    ] = 0.1
+    urgent_A: Annotated[
+        float, Meta(ge=0.0, le=4.0, description="demand that waits for no shortest time")
+    ] = 1.0
 
     def __post_init__(self) -> None:
         Section.__post_init__(self)
@@ -89,6 +95,33 @@ class CoolingConfig(Section, frozen=True, kw_only=True):
                 f"`off_threshold_A` {self.off_threshold_A} is above `on_threshold_A` "
                 f"{self.on_threshold_A}; a switch without hysteresis chatters"
             )
+
+
+class HoldConfig(Section, frozen=True, kw_only=True):
+    """A quiet hold: once the reference rests and is reached, nothing is switched."""
+
+    band_mm: Annotated[
+        float, Meta(ge=0.0, le=1.0, description="errors within it change no direction")
+    ] = 0.01
+    smooth_s: Annotated[
+        float, Meta(ge=0.0, le=10.0, description="time constant that smooths the error")
+    ] = 0.1
+    settled_s: Annotated[
+        float, Meta(ge=0.0, le=60.0, description="quiet after so long within five bands")
+    ] = 0.3
+    water_A: Annotated[
+        float, Meta(ge=0.0, le=4.0, description="demand that starts a pump during a hold")
+    ] = 2.0
+    ease_s: Annotated[
+        float,
+        Meta(ge=0.1, le=600.0, description="in the quiet the current falls so, until it acts"),
+    ] = 5.0
+    reversal_A: Annotated[
+        float, Meta(ge=0.0, le=4.0, description="demand on the other spring that turns to it")
+    ] = 0.3
+    reversal_smooth_s: Annotated[
+        float, Meta(ge=0.0, le=1.0, description="time constant that smooths that demand")
+    ] = 0.03
 
 
 class TemperatureConfig(Section, frozen=True, kw_only=True):
@@ -157,8 +190,8 @@ class FeedforwardConfig(Section, frozen=True, kw_only=True):
 class ControlConfig(Section, frozen=True, kw_only=True):
     """PI control on displacement: the demand heats the spring that has to pull."""
 
-    kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 15.0
-    ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 3.0
+    kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 28.0
+    ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 23.0
     current_limit_A: Annotated[
         float,
         Meta(ge=0.0, le=_HOST.current_mA / 1000, description="largest current in a spring"),
@@ -174,6 +207,7 @@ class ControlConfig(Section, frozen=True, kw_only=True):
     drain_before_heating: Annotated[
         bool, Meta(description="let the water out of a tube while its spring is heated")
     ] = False
+    hold: HoldConfig = field(default_factory=HoldConfig)
     cooling: CoolingConfig = field(default_factory=CoolingConfig)
     feedforward: FeedforwardConfig = field(default_factory=FeedforwardConfig)
     temperature: TemperatureConfig = field(default_factory=TemperatureConfig)

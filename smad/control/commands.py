@@ -210,6 +210,17 @@ class Tune(Command, tag="tune", frozen=True, kw_only=True):
     ki_A_per_mm_s: Annotated[
         Annotated[float, Meta(ge=0.0, le=1000.0)] | None, Meta(description="integral gain")
     ] = None
+    hold_band_mm: Annotated[
+        Annotated[float, Meta(ge=0.0, le=1.0)] | None, Meta(description="band of a quiet hold")
+    ] = None
+    temperature_kp_A_per_K: Annotated[
+        Annotated[float, Meta(ge=0.0, le=100.0)] | None,
+        Meta(description="proportional gain on temperature, from the next hold on"),
+    ] = None
+    temperature_ki_A_per_K_s: Annotated[
+        Annotated[float, Meta(ge=0.0, le=100.0)] | None,
+        Meta(description="integral gain on temperature, from the next hold on"),
+    ] = None
     current_limit_A: Annotated[
         Annotated[float, Meta(ge=0.0, le=4.0)] | None,
         Meta(description="largest current; never above the configured one"),

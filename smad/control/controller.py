@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from smad.config import ControlConfig, LimitsConfig
+from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
 from smad.control.commands import (
     DriveCurrent,
     Follow,
@@ -52,6 +52,7 @@ class Controller:
         limits: LimitsConfig | None = None,
     ) -> None:
         self._config = config
+        self._warm = config.temperature
         self._limits_config = limits or LimitsConfig()
         self._limits = HostLimits(self._limits_config)
         self._displacement = DisplacementMode(config, self._limits_config)
@@ -113,6 +114,7 @@ class Controller:
                 self._stage.move(command)
             case Tune():
                 self._displacement.tune(command)
+                self._warm = _tuned(self._warm, command)
 
     def step(self, sample: Sample) -> Output:
         """The output for `sample`. A sample that brings no new time gives the last output again."""
@@ -196,9 +198,19 @@ class Controller:
             )
         k = 0 if command.spring == "x" else 1
         spring_degC = float("nan") if self._sample is None else self._sample.rtd_degC[k]
-        mode = TemperatureMode(self._config, command, spring_degC)
+        mode = TemperatureMode(self._config, self._warm, command, spring_degC)
         mode.enter(spring_degC, self._output.i_A[k])
         self._mode = mode
+
+
+def _tuned(gains: TemperatureConfig, command: Tune) -> TemperatureConfig:
+    """The gains on temperature with the fields of `command` that are not empty."""
+    kp, ki = command.temperature_kp_A_per_K, command.temperature_ki_A_per_K_s
+    return msgspec.structs.replace(
+        gains,
+        kp_A_per_K=gains.kp_A_per_K if kp is None else kp,
+        ki_A_per_K_s=gains.ki_A_per_K_s if ki is None else ki,
+    )
 
 
 class _Stage:

@@ -103,3 +103,48 @@ def _both(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
 def _first_time(t: Array, hit: NDArray[np.bool_]) -> float:
     where = np.flatnonzero(hit)
     return float(t[where[0]]) if where.size else math.nan
+
+
+@dataclass(frozen=True)
+class HoldQuality:
+    """How quietly a displacement was held. Currents and duties are those applied, (x, y)."""
+
+    pump_starts: tuple[int, int]
+    ripple_A: float
+    """Standard deviation of the signed current (x less y) about a straight line through each 5 s:
+    what switches and shakes, without the slow change of the current that the spring needs."""
+    error_rms: float
+    """Root mean square of reference less displacement, in the unit of the displacement."""
+
+
+RIPPLE_WINDOW_S = 5.0
+
+
+def hold_quality(
+    t_s: ArrayLike, error: ArrayLike, i_A: tuple[ArrayLike, ArrayLike],
+    duty: tuple[ArrayLike, ArrayLike],
+) -> HoldQuality:  # fmt: skip
+    """The quality of a hold from recorded arrays of equal length, sampled evenly."""
+    t, e = np.asarray(t_s, float), np.asarray(error, float)
+    signed_A = np.asarray(i_A[0], float) - np.asarray(i_A[1], float)
+    period_s = float(np.median(np.diff(t)))
+    window = max(1, min(t.size, round(RIPPLE_WINDOW_S / period_s)))
+    parts = np.array_split(signed_A, max(1, t.size // window))
+    ripple = math.sqrt(float(np.mean(np.concatenate([_unslanted(p) ** 2 for p in parts]))))
+    return HoldQuality(
+        (starts(duty[0]), starts(duty[1])), ripple, math.sqrt(float(np.nanmean(e * e)))
+    )
+
+
+def _unslanted(values: Array) -> Array:
+    """`values` less the straight line that fits them best."""
+    x = np.arange(values.size) - 0.5 * (values.size - 1)
+    level = values - values.mean()
+    slope = float(x @ level) / max(float(x @ x), 1.0)
+    return np.asarray(level - slope * x, float)
+
+
+def starts(duty: ArrayLike) -> int:
+    """How often a pump went from rest to running."""
+    on = np.asarray(duty, float) > 0.0
+    return int(np.count_nonzero(on[1:] & ~on[:-1]))

@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from smad.config import ControlConfig, LimitsConfig
+from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
 from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Tune
 from smad.control.cooling import Pump, Switch
 from smad.control.feedforward import Anticipation
+from smad.control.hold import Direction, QuietHold
 from smad.control.pi import PI
 from smad.control.sample import Sample
 from smad.control.trajectories import ReferenceQueue
@@ -72,6 +73,14 @@ class DisplacementMode:
         self._largest_A = limit_A
         self._limit_A = limit_A
         self._pumps = (Pump(config.cooling), Pump(config.cooling))
+        self._hold = QuietHold(config.hold)
+        self._direction = Direction(
+            config.hold.reversal_A, config.hold.reversal_smooth_s, config.cooling.urgent_A
+        )
+        self._hold_water_A = config.hold.water_A
+        self._ease_s = config.hold.ease_s
+        self._urgent_A = config.cooling.urgent_A
+        self._u_A = 0.0
         self._queue = ReferenceQueue(limits, config.handover_rate_mm_per_s)
         self._anticipation = Anticipation(config.feedforward, limit_A)
         self._anticipate = config.feedforward.enabled
@@ -97,6 +106,8 @@ class DisplacementMode:
             pi.kp = command.kp_A_per_mm * 1e3
         if command.ki_A_per_mm_s is not None:
             pi.ki = command.ki_A_per_mm_s * 1e3
+        if command.hold_band_mm is not None:
+            self._hold.band_m = command.hold_band_mm * 1e-3
         if command.current_limit_A is not None:
             self._limit_A = min(self._largest_A, command.current_limit_A)
         if command.cooling is not None:
@@ -112,38 +123,65 @@ class DisplacementMode:
         self._queue.restart(0.0 if sample is None else sample.displacement_m)
         self._bound(0)
         self._pi.preset(u_now_A)
+        self._u_A = u_now_A
+        self._hold.reset()
+        self._direction.reset(u_now_A)
         self._anticipation.reset()
 
     def follow(self, command: Follow) -> None:
         self._queue.follow(command)
 
     def step(self, sample: Sample, dt_s: float) -> Demand:
-        queue = self._queue
+        queue, hold = self._queue, self._hold
         error_m = queue.advance(dt_s) - sample.displacement_m
         if math.isnan(error_m):
             # No displacement, no feedback: better cold than blind.
+            self._still()
             return Demand()
         dt_s = min(dt_s, LONGEST_STEP_S)
+        was_quiet = hold.quiet
+        followed_m = hold.step(queue.reference_m, error_m, dt_s)
+        if hold.quiet:
+            if not was_quiet:
+                self._pi.preset(self._u_A, followed_m)
+            self._pi.integral *= math.exp(-dt_s / self._ease_s)
         push_A = 0.0
-        direction = 0
+        forced = self._direction.sign if hold.locked else 0
         if self._anticipate:
             advice = self._anticipation.step(queue.peek, sample, self._drained, dt_s)
-            direction = advice.direction
-            error_m = queue.peek(advice.lead_s) - sample.displacement_m
-            push_A = direction * self._limit_A if advice.push else 0.0
-        self._bound(direction)
-        u_A = self._pi.step(error_m, dt_s, push_A)
-        pull_x_A = u_A if u_A > 0.0 else 0.0
-        pull_y_A = -u_A if u_A < 0.0 else 0.0
-        heats_x, heats_y = pull_x_A > 0.0, pull_y_A > 0.0
-        self._drained = (self._drain and heats_x, self._drain and heats_y)
-        return Demand(
-            pull_x_A,
-            pull_y_A,
-            self._pumps[0].step(pull_y_A, heats_x, dt_s),
-            self._pumps[1].step(pull_x_A, heats_y, dt_s),
-            *self._drained,
-        )
+            if not hold.near:
+                forced = advice.direction
+                followed_m = queue.peek(advice.lead_s) - sample.displacement_m
+                push_A = forced * self._limit_A if advice.push else 0.0
+        self._bound(forced)
+        u_A = self._u_A = self._pi.step(followed_m, dt_s, push_A)
+        return self._split(u_A, self._direction.step(u_A, dt_s, forced), dt_s, forced != 0)
+
+    def _split(self, u_A: float, direction: int, dt_s: float, sudden: bool) -> Demand:
+        """Current for the spring that pulls, water for the other."""
+        pulling = 0 if direction > 0 else 1
+        current_A = max(0.0, u_A * direction)
+        smooth_A = current_A
+        if current_A < self._urgent_A:
+            smooth_A = min(smooth_A, self._direction.demand_A * direction)
+        if self._hold.locked or (self._hold.near and smooth_A < self._hold_water_A):
+            smooth_A = 0.0
+        duty = [0.0, 0.0]
+        duty[1 - pulling] = self._pumps[1 - pulling].step(smooth_A, 0.0, dt_s, sudden=sudden)
+        own = self._pumps[pulling]
+        duty[pulling] = own.step(0.0, current_A, dt_s, sudden=sudden)
+        if own.running:
+            current_A = 0.0
+        i_A = [0.0, 0.0]
+        i_A[pulling] = current_A
+        heats = (i_A[0] > 0.0, i_A[1] > 0.0)
+        self._drained = (self._drain and heats[0], self._drain and heats[1])
+        return Demand(i_A[0], i_A[1], duty[0], duty[1], *self._drained)
+
+    def _still(self) -> None:
+        for pump in self._pumps:
+            pump.stop()
+        self._hold.reset()
 
     def _bound(self, direction: int) -> None:
         """Let the output heat X (+1), Y (-1), or either (0)."""
@@ -156,8 +194,13 @@ class TemperatureMode:
 
     name = "temperature"
 
-    def __init__(self, config: ControlConfig, command: HoldTemperature, spring_degC: float) -> None:
-        gains = config.temperature
+    def __init__(
+        self,
+        config: ControlConfig,
+        gains: TemperatureConfig,
+        command: HoldTemperature,
+        spring_degC: float,
+    ) -> None:
         self._spring = 0 if command.spring == "x" else 1
         self._command = command
         self._pi = PI(

@@ -16,6 +16,7 @@ from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Setpoint, State
 from smad.config import LinkConfig
 from smad.control.controller import Controller, Output
+from smad.control.cooling import PumpStarts
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.daemon.histogram import Histogram
@@ -49,6 +50,7 @@ class Finished:
     host_s: float
     reference_m: float
     reference_degC: float
+    pump_starts: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ class ControlTask:
         self._stopwatch_ns = clocks.stopwatch_ns
         self._trace = trace
         self._time = BoardTime()
+        self._pump_starts = PumpStarts()
         self._last_age_seq = -1
         self._arrived: tuple[int, int] | None = None
 
@@ -214,6 +217,7 @@ class ControlTask:
             self._wall_clock(),
             controller.reference_m,
             controller.target_degC,
+            self._pump_starts.step(sample.pump_duty),
         )
         self.last = finished
         if len(self.finished) >= _QUEUE:

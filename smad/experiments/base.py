@@ -21,15 +21,13 @@ from smad.report.page import Block
 
 PAPER_CONTROL = Do(
     Tune(
-        kp_A_per_mm=15.0,
-        ki_A_per_mm_s=3.0,
         current_limit_A=4.0,
         cooling="proportional",
         feedforward=False,
         drain_before_heating=False,
     )
 )
-"""The control of all tracking runs: the reference's gains, 4 A, duty |u|/4 A on the other pump."""
+"""The control of all tracking runs: the configured gains, 4 A, duty |u|/4 A on the other pump."""
 
 
 class Options(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

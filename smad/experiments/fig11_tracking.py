@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from importlib import resources
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -21,8 +23,10 @@ from smad.experiments.tracking import (
     sine_plan,
 )
 from smad.report.page import Picture, Table, Text
-from smad.report.plots import draw, label, new_figure, svg_of
+from smad.report.plots import COLOURS, draw, label, new_figure, svg_of
 
+BENCHES = "data/benches.json"
+"""Written by tools/control_campaign.py table … --figure."""
 LOST = 0.9
 """A period with a smaller R² is not followed any more."""
 
@@ -113,8 +117,32 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
                     "In air neither spring cools below M_S between two pulls. Both drift towards "
                     "austenite until the pair stands still: the paper's “residual heat”.",
                 ),
+                Picture(
+                    _benches_figure(),
+                    "R² of 2 mm, 7 s with switched water on simulated benches whose parameters "
+                    "were drawn within their ranges: the share of benches below each value, with "
+                    "the shipped gains and after smad tune. From tools/control_campaign.py, not "
+                    "from this run.",
+                ),
             ),
         )
+
+
+def _benches_figure() -> str:
+    groups = json.loads(resources.files("smad.experiments").joinpath(BENCHES).read_text())
+    figure, (axes,) = new_figure(height_in=3.0)
+    for group in groups:
+        style = "-" if group["noise"] == 1 else "--"
+        for name, colour in (("shipped", "reference"), ("tuned", "actual")):
+            r2 = group[name]
+            share = np.arange(1, len(r2) + 1) / max(1, len(r2))
+            axes.step(
+                np.clip(r2, 0.0, 1.0), share, style, where="post", color=COLOURS[colour],
+                linewidth=1.0 if group["rate_Hz"] == 100 else 0.5,
+                label=f"{name}, {group['rate_Hz']} Hz, noise ×{group['noise']:g}, {len(r2)}",
+            )  # fmt: skip
+    label(axes, "R² after the first cycle (0: not followed)", "share of benches")
+    return svg_of(figure, "R² over drawn benches, before and after tuning")
 
 
 def _two_digits(r2: float) -> str:

@@ -106,6 +106,9 @@ class LiveDriver:
                 Tune(
                     kp_A_per_mm=before.kp_A_per_mm,
                     ki_A_per_mm_s=before.ki_A_per_mm_s,
+                    hold_band_mm=before.hold.band_mm,
+                    temperature_kp_A_per_K=before.temperature.kp_A_per_K,
+                    temperature_ki_A_per_K_s=before.temperature.ki_A_per_K_s,
                     current_limit_A=before.current_limit_A,
                     cooling=before.cooling.mode,
                     feedforward=before.feedforward.enabled,

@@ -13,6 +13,7 @@ from firmware_protocol.messages import Setpoint, State
 from sim_device.plant.parameters import ParameterSet, parameters_text
 from smad.config import Config, config_to_toml
 from smad.control.controller import Controller
+from smad.control.cooling import PumpStarts
 from smad.control.errors import PlanError
 from smad.control.plan import Plan
 from smad.control.runner import run_virtual
@@ -72,6 +73,7 @@ class VirtualDriver:
 
         seed = (self._seed + zlib.crc32(plan.name.encode())) & 0xFFFF_FFFF
         rows: list[Row] = []
+        pump_starts = PumpStarts()
 
         def record(
             sample: Sample, state: State, setpoint: Setpoint, reference_m: float, target: float
@@ -84,6 +86,7 @@ class VirtualDriver:
                     host_time_s=float("nan"),
                     reference_m=reference_m,
                     reference_degC=target,
+                    pump_starts=pump_starts.step(sample.pump_duty),
                 )
             )
 

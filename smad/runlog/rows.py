@@ -27,6 +27,7 @@ def row_of(
     host_time_s: float,
     reference_m: float,
     reference_degC: float,
+    pump_starts: tuple[int, int],
 ) -> Row:
     """Return the sample as a row of the run log. nan stands for what was not measured."""
     displacement_mm = sample.displacement_m * 1e3
@@ -47,6 +48,8 @@ def row_of(
         v_y_V=sample.v_V[1],
         duty_x=sample.pump_duty[0],
         duty_y=sample.pump_duty[1],
+        pump_starts_x=pump_starts[0],
+        pump_starts_y=pump_starts[1],
         drain_x=None if setpoint is None else setpoint.flags & _DRAIN_X,
         drain_y=None if setpoint is None else (setpoint.flags & _DRAIN_Y) >> 1,
         rtd_x_degC=rtd[0],

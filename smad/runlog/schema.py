@@ -63,6 +63,14 @@ class Row(Struct, kw_only=True, gc=False):
     duty_y: Annotated[
         float | None, _of("1", "STATE.pump_duty", "duty of the pump that cools Y, 0 to 1")
     ] = None
+    pump_starts_x: Annotated[
+        int | None,
+        _of("", "STATE.pump_duty", "starts of the pump that cools X, since the daemon's"),
+    ] = None
+    pump_starts_y: Annotated[
+        int | None,
+        _of("", "STATE.pump_duty", "starts of the pump that cools Y, since the daemon's"),
+    ] = None
     drain_x: Annotated[
         int | None, _of("", "SETPOINT.flags", "1 while the tube of X is being drained")
     ] = None

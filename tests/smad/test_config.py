@@ -61,9 +61,9 @@ def test_the_default_file_holds_every_key_and_gives_the_defaults() -> None:
         assert re.search(rf"^(# )?{key.name} = ", text, re.MULTILINE), key.name
 
 
-def test_the_gains_are_those_of_the_paper() -> None:
+def test_the_shipped_gains_are_those_that_tuning_the_shipped_plant_gives() -> None:
     control = Config().control
-    assert (control.kp_A_per_mm, control.ki_A_per_mm_s) == (15.0, 3.0)
+    assert (control.kp_A_per_mm, control.ki_A_per_mm_s) == (28.0, 23.0)
     assert control.current_limit_A == 4.0
 
 

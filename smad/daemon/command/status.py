@@ -149,6 +149,7 @@ class StatusReport:
             host_time_s=finished.host_s,
             reference_m=finished.reference_m,
             reference_degC=finished.reference_degC,
+            pump_starts=finished.pump_starts,
         )
 
     def _board(self) -> api.Board | None:

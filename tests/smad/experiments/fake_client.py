@@ -90,6 +90,7 @@ class FakeClient:
             host_time_s=math.nan,
             reference_m=self._controller.reference_m,
             reference_degC=self._controller.target_degC,
+            pump_starts=(0, 0),
         )
         if self.recording:
             self._records.append(self._row)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smad.config import ControlConfig
 from smad.control.commands import (
     DriveCurrent,
     Follow,
@@ -154,7 +155,7 @@ def test_a_daemon_is_left_idle_and_tuned_as_it_was(tmp_path: Path) -> None:
     client = FakeClient(tmp_path)
     LiveDriver(client, sleep=client.let_pass).run(PLAN)
     assert client.motion().running == "idle"
-    assert client.tunes[-1].kp_A_per_mm == 15.0
+    assert client.tunes[-1].kp_A_per_mm == ControlConfig().kp_A_per_mm
 
 
 def test_a_fault_on_the_bench_ends_the_run_and_the_recording(tmp_path: Path) -> None:

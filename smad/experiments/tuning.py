@@ -1,0 +1,86 @@
+"""A tuning session: the experiment and both trials carried out by a driver, as experiments are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smad.config import ControlConfig
+from smad.control.commands import Spring
+from smad.control.tuning.errors import TuningError
+from smad.control.tuning.plans import (
+    displacement_plan,
+    displacement_trial,
+    temperature_plan,
+    temperature_trial,
+)
+from smad.control.tuning.tuned import (
+    Trial,
+    Tuned,
+    WarmTrial,
+    trial_of,
+    tuned_displacement,
+    tuned_temperature,
+    warm_trial_of,
+)
+from smad.experiments.driver import Driver
+
+NEEDED = ("displacement_mm", "rtd_x_degC", "rtd_y_degC")
+
+
+@dataclass(frozen=True)
+class Session:
+    """What a session found, and how the trials with the gains before and after went, if any."""
+
+    tuned: Tuned
+    trials: tuple[Trial, Trial] | tuple[WarmTrial, WarmTrial] | None
+
+
+def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = True) -> Session:
+    """Tune the displacement loop of the bench behind `driver`, which has this configuration.
+
+    Raises TuningError with the reason when the bench cannot be tuned, and what the driver raises
+    when the bench stops.
+    """
+    lacks = [part for part in NEEDED if part not in driver.parts()]
+    if lacks:
+        raise TuningError(
+            f"the bench has no reading of {lacks[0]}",
+            action="connect the sensor; without it nothing can be tuned. Nothing was moved",
+        )
+    run = driver.run(displacement_plan(config))
+    tuned = tuned_displacement(run.columns, run.marks, config)
+    if not trial:
+        return Session(tuned, None)
+    before = driver.run(displacement_trial("before", tuned.command(tuned.before)))
+    after = driver.run(displacement_trial("after", tuned.command(tuned.after)))
+    return Session(
+        tuned, (trial_of(before.columns, before.marks), trial_of(after.columns, after.marks))
+    )
+
+
+def tune_temperature(
+    driver: Driver, config: ControlConfig, spring: Spring, *, trial: bool = True
+) -> Session:
+    """Tune the temperature loop on one spring. Raises as `tune_displacement` does."""
+    name = f"rtd_{spring}_degC"
+    if name not in driver.parts():
+        raise TuningError(
+            f"the bench has no reading of {name}",
+            action="connect the sensor; without it nothing can be tuned. Nothing was moved",
+        )
+    run = driver.run(temperature_plan(config, spring))
+    tuned = tuned_temperature(run.columns, run.marks, config, spring)
+    if not trial:
+        return Session(tuned, None)
+    at_degC = float(run[name][0])
+    before, after = (
+        driver.run(temperature_trial(which, tuned.command(gains), spring, at_degC))
+        for which, gains in (("before", tuned.before), ("after", tuned.after))
+    )
+    return Session(
+        tuned,
+        (
+            warm_trial_of(before.columns, before.marks, spring),
+            warm_trial_of(after.columns, after.marks, spring),
+        ),
+    )

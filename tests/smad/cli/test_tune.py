@@ -1,0 +1,80 @@
+"""`smad tune` on a client that only notes: what is applied, and how an interruption ends."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from smad.cli import execute
+from smad.config import Config, config_to_toml
+from smad.control.commands import Tune
+from smad.experiments.tuning import Session, tune_displacement
+from smad.experiments.virtual import VirtualDriver
+
+
+class Noting:
+    def __init__(self) -> None:
+        self.done: list[str] = []
+        self.tunes: list[Tune] = []
+
+    def config(self) -> str:
+        return config_to_toml(Config())
+
+    def disarm(self) -> None:
+        self.done.append("disarmed")
+
+    def tune(self, command: Tune) -> None:
+        self.done.append("tuned")
+        self.tunes.append(command)
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Noting:
+    noting = Noting()
+
+    @contextlib.contextmanager
+    def connected(name: str) -> Iterator[Noting]:
+        yield noting
+
+    monkeypatch.setattr("smad.cli.tune.client", connected)
+    return noting
+
+
+def conducted(*_: Any, trial: bool) -> Session:
+    from sim_device.plant import load_parameters
+
+    config = Config()
+    return tune_displacement(
+        VirtualDriver(load_parameters("A"), config=config), config.control, trial=trial
+    )
+
+
+def test_gains_are_shown_kept_and_applied_only_when_asked(
+    bench: Noting, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setattr("smad.experiments.tuning.tune_displacement", conducted)
+    assert execute(["tune", "--no-trial"]) == 0
+    assert bench.done == ["disarmed"]
+    assert "gain margin" in capsys.readouterr().out
+    kept = tmp_path / "tuned.toml"
+    assert execute(["tune", "--no-trial", "--apply", "--save", str(kept)]) == 0
+    assert bench.done == ["disarmed", "disarmed", "tuned", "tuned"]
+    assert bench.tunes[0].kp_A_per_mm is not None
+    assert bench.tunes[1].hold_band_mm == 0.01
+    assert kept.read_text().startswith("[control]\nkp_A_per_mm = ")
+    assert execute(["tune", "--save", str(kept)]) == 1
+    assert "nothing moved" in capsys.readouterr().err
+
+
+def test_an_interruption_ends_disarmed_and_applies_nothing(
+    bench: Noting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> Session:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("smad.experiments.tuning.tune_displacement", interrupted)
+    assert execute(["tune", "--apply"]) == 130
+    assert bench.done == ["disarmed"]
