@@ -26,7 +26,7 @@ check: $(VENV)/.test-installed  ## lint, format, types, generated files, import 
 	@$(PY) -m pytest -q tests/test_contracts.py
 
 bench: $(VENV)/.test-installed  ## the numbers: speed as ratios within one run
-	@$(PY) tools/bench.py $(BENCH)
+	@$(PY) -m bench $(BENCH)
 
 fuzz: $(VENV)/.test-installed  ## fuzz what reads bytes from outside: make fuzz FUZZ="frames --seconds 600"
 	@$(PY) -m tests.fuzz $(FUZZ)

@@ -22,12 +22,12 @@ import zmq
 from msgspec import Struct
 
 from smad.api import Clear, GetMotion, GetStatus
-from smad.cli.daemonprocess import DaemonProcess
-from smad.cli.simprocess import simulated_bench
 from smad.client import Client, Refused
 from smad.client.wire import Conversation, connect, new_identity
 from smad.config import Config, LinkConfig, RecorderConfig, config_to_toml
 from smad.control.commands import DriveCurrent
+from smad.processes.daemon import DaemonProcess
+from smad.processes.simulator import simulated_bench
 from smad.report.page import Table, text_table
 
 GOAL_MS = 20.0

@@ -146,16 +146,6 @@ class HostSession:
             self._run_timers(now_us, events)
         return events
 
-    def next_deadline_us(self) -> int | None:
-        """Return when `tick` is needed next, None while nothing is awaited."""
-        deadlines = [self._greeting.due_us]
-        if self._mirror is not None:
-            deadlines.append(self._heard_us + SILENCE_US)
-            deadlines += [self._mirror.deadline_us, self._requests.deadline_us]
-            if self.incompatible is None:
-                deadlines.append(self._time.due_us)
-        return min((deadline for deadline in deadlines if deadline is not None), default=None)
-
     def request(self, message: m.Message, now_us: int) -> int:
         """Ask the board for something; return the id that its RequestDone or -Failed will carry.
 

@@ -4,7 +4,7 @@ Numbers below 0x80 go from host to board, the rest from board to host, so that a
 A field's unit is in its name where it has one. (X, Y) is the order of the springs, always.
 Docstrings of the classes and the `doc` of the fields appear in docs/protocol.md.
 
-To add a message: write a class, add it to `MESSAGES`, run `python -m firmware_protocol.generate`.
+To add a message: see "Where a change belongs" in docs/architecture.md.
 """
 
 from __future__ import annotations

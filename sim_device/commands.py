@@ -4,32 +4,52 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from firmware_protocol import events as heard
 from firmware_protocol import messages as wire
+from firmware_protocol.board import BoardSession
 from firmware_protocol.enums import ErrorCode
 from firmware_protocol.events import BoardEvent, Request
+from firmware_protocol.parameters import ParameterStore
 from firmware_protocol.supervisor import (
     ArmConfirmed,
     ArmRequested,
     Disarmed,
     FaultCleared,
     Link,
+    Memory,
     Outcome,
     Stopped,
+    Supervisor,
 )
-
-if TYPE_CHECKING:
-    from sim_device.board import Board
+from firmware_protocol.supervisor.supervisor import Event
 
 STAGE_FIELD = wire.Setpoint.__struct_fields__.index("stage_um")
+
+
+class Commanded(Protocol):
+    """What the commands read and do of a board, in the words of `Board`."""
+
+    session: BoardSession
+    parameters: ParameterStore
+    supervisor: Supervisor
+    outputs: Memory
+
+    @property
+    def period_us(self) -> int: ...
+    def command(self, event: Event, now_us: int) -> Outcome: ...
+    def apply_setpoint(
+        self, setpoint: wire.Setpoint, seq: int, age_us: int, now_us: int
+    ) -> int: ...
+    def apply_parameters(self) -> None: ...
+    def save_parameters(self) -> None: ...
 
 
 class Commands:
     """The board's table of events and what each does. `rng` makes the arming tokens."""
 
-    def __init__(self, board: Board, rng: random.Random) -> None:
+    def __init__(self, board: Commanded, rng: random.Random) -> None:
         self._board = board
         self._rng = rng
         self._agreed_crc: int | None = None

@@ -8,24 +8,49 @@ the onset. An injection is a row with a time: `parse_injection("sensor_open@12:c
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from firmware_protocol.enums import Fault, ResetCause
 from sim_device import foreign
+from sim_device.board import Board
 from sim_device.errors import FaultSpecError
+from sim_device.hardware import Hardware
 from sim_device.line import PROBE, Line
 from sim_device.written import numbers_by_name
-
-if TYPE_CHECKING:
-    from sim_device.bench import SimulatedBench
 
 NEVER = 1 << 62
 WRAP_AHEAD_US = 5_000_000
 
 Parameters = Mapping[str, float]
-Action = Callable[["SimulatedBench", Parameters], None]
+
+
+class Breakable(Protocol):
+    """What an injection may read and break of a bench, in the words of `SimulatedBench`."""
+
+    now_us: int
+    rng: random.Random
+    hardware: Hardware
+    board: Board
+    uplink: Line
+    downlink: Line
+    echo: bool
+    clock_ppm: int
+    period_scale: int
+    make: dict[str, Any]
+
+    @property
+    def heater_J(self) -> float: ...
+    def receive(self, data: bytes) -> None: ...
+    def junk_to_host(self, data: bytes) -> None: ...
+    def reboot(self, cause: ResetCause, *, start_us: int = 0) -> None: ...
+    def hang(self, seconds: float) -> None: ...
+    def unplug(self, seconds: float, *, renamed: bool = False) -> None: ...
+
+
+Action = Callable[[Breakable, Parameters], None]
 
 
 @dataclass(frozen=True)
@@ -57,7 +82,7 @@ class Injection:
 class Scheduler:
     """Begins and ends injections when their time comes."""
 
-    def __init__(self, bench: SimulatedBench, injections: Sequence[Injection]) -> None:
+    def __init__(self, bench: Breakable, injections: Sequence[Injection]) -> None:
         self._bench = bench
         self._waiting: list[tuple[int, int, str, Action, Injection]] = []
         self.begun: list[tuple[int, float, Injection]] = []
@@ -90,12 +115,12 @@ class Scheduler:
         self._waiting.sort(key=lambda entry: entry[:2])
 
 
-def _touch(bench: SimulatedBench) -> None:
+def _touch(bench: Breakable) -> None:
     bench.hardware.broken = True
 
 
 def _rtd(mode: str) -> Action:
-    def begin(bench: SimulatedBench, p: Parameters) -> None:
+    def begin(bench: Breakable, p: Parameters) -> None:
         rtd = bench.hardware.rtds[int(p["channel"])]
         rtd.mode = mode
         rtd.value = p.get("value", 0.0)
@@ -105,12 +130,12 @@ def _rtd(mode: str) -> Action:
     return begin
 
 
-def _rtd_ok(bench: SimulatedBench, p: Parameters) -> None:
+def _rtd_ok(bench: Breakable, p: Parameters) -> None:
     bench.hardware.rtds[int(p["channel"])].mode = "ok"
 
 
 def _driver(mode: str) -> Action:
-    def begin(bench: SimulatedBench, p: Parameters) -> None:
+    def begin(bench: Breakable, p: Parameters) -> None:
         driver = bench.hardware.drivers[int(p["channel"])]
         driver.mode = mode
         driver.gain = p.get("gain", 1.0)
@@ -120,7 +145,7 @@ def _driver(mode: str) -> Action:
 
 
 def _pump(mode: str) -> Action:
-    def begin(bench: SimulatedBench, p: Parameters) -> None:
+    def begin(bench: Breakable, p: Parameters) -> None:
         bench.hardware.pumps[int(p["channel"])].mode = mode
         _touch(bench)
 
@@ -130,7 +155,7 @@ def _pump(mode: str) -> Action:
 def _part(**broken: object) -> Action:
     """Set fields of the hardware; a value that is a str names a parameter."""
 
-    def begin(bench: SimulatedBench, p: Parameters) -> None:
+    def begin(bench: Breakable, p: Parameters) -> None:
         for name, value in broken.items():
             setattr(bench.hardware, name, p[value] if isinstance(value, str) else value)
         _touch(bench)
@@ -138,62 +163,62 @@ def _part(**broken: object) -> Action:
     return begin
 
 
-def _slip(bench: SimulatedBench, p: Parameters) -> None:
+def _slip(bench: Breakable, p: Parameters) -> None:
     bench.hardware.encoder_slip_counts += int(p["counts"])
     _touch(bench)
 
 
-def _reboot(bench: SimulatedBench, p: Parameters) -> None:
+def _reboot(bench: Breakable, p: Parameters) -> None:
     bench.reboot(ResetCause.PIN)
 
 
-def _hang(bench: SimulatedBench, p: Parameters) -> None:
+def _hang(bench: Breakable, p: Parameters) -> None:
     bench.hang(p["seconds"])
 
 
-def _slow(bench: SimulatedBench, p: Parameters) -> None:
+def _slow(bench: Breakable, p: Parameters) -> None:
     bench.period_scale = int(p["times"])
 
 
-def _not_slow(bench: SimulatedBench, p: Parameters) -> None:
+def _not_slow(bench: Breakable, p: Parameters) -> None:
     bench.period_scale = 1
 
 
-def _drift(bench: SimulatedBench, p: Parameters) -> None:
+def _drift(bench: Breakable, p: Parameters) -> None:
     bench.clock_ppm = int(p["ppm"])
 
 
-def _wrap(bench: SimulatedBench, p: Parameters) -> None:
+def _wrap(bench: Breakable, p: Parameters) -> None:
     bench.reboot(ResetCause.PIN, start_us=(1 << 32) - WRAP_AHEAD_US)
 
 
 def _another(**changes: object) -> Action:
-    def begin(bench: SimulatedBench, p: Parameters) -> None:
+    def begin(bench: Breakable, p: Parameters) -> None:
         bench.make = bench.make | changes
         bench.reboot(ResetCause.SOFTWARE)
 
     return begin
 
 
-def _corrupt(bench: SimulatedBench, p: Parameters) -> None:
+def _corrupt(bench: Breakable, p: Parameters) -> None:
     image = bytearray(bench.board.parameters.image())
     image[int(p["byte"]) % len(image)] ^= 0x10
     bench.board.image = bytes(image)
     bench.reboot(ResetCause.PIN)
 
 
-def _lie(bench: SimulatedBench, p: Parameters) -> None:
+def _lie(bench: Breakable, p: Parameters) -> None:
     bench.board.lying_sp_seq = int(p["by"])
 
 
-def _lines(bench: SimulatedBench, p: Parameters) -> list[Line]:
+def _lines(bench: Breakable, p: Parameters) -> list[Line]:
     return [[bench.uplink], [bench.downlink], [bench.uplink, bench.downlink]][int(p["way"])]
 
 
 def _line(**fields: str | float) -> Action:
     """Set fields of the line(s); a value that is a str names a parameter."""
 
-    def begin(bench: SimulatedBench, p: Parameters) -> None:
+    def begin(bench: Breakable, p: Parameters) -> None:
         for line in _lines(bench, p):
             # Parameters are floats; a number of bytes has to be whole again.
             line.spoil(
@@ -206,7 +231,7 @@ def _line(**fields: str | float) -> Action:
     return begin
 
 
-def _junk(bench: SimulatedBench, p: Parameters) -> None:
+def _junk(bench: Breakable, p: Parameters) -> None:
     junk = bytes(bench.rng.randrange(1, 256) for _ in range(int(p["bytes"])))
     if p["way"] != 1:
         bench.receive(junk)
@@ -214,18 +239,18 @@ def _junk(bench: SimulatedBench, p: Parameters) -> None:
         bench.junk_to_host(junk)
 
 
-def _probe(bench: SimulatedBench, p: Parameters) -> None:
+def _probe(bench: Breakable, p: Parameters) -> None:
     bench.receive(PROBE)
 
 
 def _echo(on: bool) -> Action:
-    def begin(bench: SimulatedBench, p: Parameters) -> None:
+    def begin(bench: Breakable, p: Parameters) -> None:
         bench.echo = on
 
     return begin
 
 
-def _unplug(bench: SimulatedBench, p: Parameters) -> None:
+def _unplug(bench: Breakable, p: Parameters) -> None:
     bench.unplug(p["seconds"], renamed=bool(p["renamed"]))
 
 

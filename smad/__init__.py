@@ -5,10 +5,12 @@
 
 from typing import TYPE_CHECKING, Any
 
+from smad.version import VERSION
+
 if TYPE_CHECKING:
     from smad.client import AsyncClient, Client
 
-__version__ = "0.1.0"
+__version__ = VERSION
 __all__ = ["AsyncClient", "Client", "__version__"]
 
 

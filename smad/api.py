@@ -255,7 +255,7 @@ class Counts(Struct, frozen=True, kw_only=True):
     """Totals since the daemon started."""
 
     samples: Annotated[int, Meta(description="samples received")]
-    missed: Annotated[int, Meta(description="samples that the board took and we never saw")]
+    missed: Annotated[int, Meta(description="samples of a session that never reached us")]
     skipped: Annotated[int, Meta(description="samples passed over because a newer one was there")]
     setpoints: Annotated[int, Meta(description="setpoints written")]
     setpoints_dropped: Annotated[int, Meta(description="setpoints the port did not take")]

@@ -39,16 +39,7 @@ def methods() -> str:
 
 def pieces() -> str:
     """The pieces of motion that `move` takes."""
-    kinds = types.type_info(commands.Follow)
-    assert isinstance(kinds, types.StructType)
-    return "\n".join(
-        line
-        for struct in (
-            commands.Step, commands.Hold, commands.Ramp, commands.Sine, commands.Chirp,
-            commands.Staircase, commands.RandomLevels, commands.Samples,
-        )
-        for line in _piece(struct)
-    )  # fmt: skip
+    return "\n".join(line for struct in commands.PIECES for line in _piece(struct))
 
 
 def replies() -> str:

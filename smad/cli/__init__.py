@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import click
 
-import smad
 from smad.errors import SmadError
+from smad.version import VERSION
 
 COMMANDS: Mapping[str, str] = {
     "demo": "smad.cli.demo:demo",
@@ -81,7 +81,7 @@ class _Broken(click.Command):
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(smad.__version__, prog_name="smad")
+@click.version_option(VERSION, prog_name="smad")
 def root() -> None:
     """Runs a bench of antagonistic shape-memory-alloy springs.
 

@@ -33,7 +33,7 @@ def show(running: bool, bench: str) -> None:
 def check(path: Path) -> None:
     """Check a file: keys, ranges, and whether rate and baud fit."""
     from smad.config import load_config
-    from smad.daemon.wirerate import check_rate, line_share
+    from smad.daemon.link.wirerate import check_rate, line_share
 
     loaded = load_config(path)
     check_rate(loaded.link.rate_hz, loaded.link.baud)

@@ -28,10 +28,10 @@ def demo(folder: Path, seed: int) -> None:
     The same seed gives the same bench. The table's last digits still differ from run to run: the
     noise that a motion meets depends on when the bench was armed.
     """
-    from smad.cli.daemonprocess import running_daemon
     from smad.client import Client
     from smad.config import Config, RecorderConfig, TelemetryConfig, config_to_toml
     from smad.demo.job import run_cycle, run_in_real_time
+    from smad.processes.daemon import running_daemon
 
     line = Progress()
     with tempfile.TemporaryDirectory(prefix="smad-demo-") as place:

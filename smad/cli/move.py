@@ -1,20 +1,22 @@
-"""`smad move`: trajectories of the displacement loop."""
+"""`smad move`: trajectories of the displacement loop, a command for each kind of piece."""
 
 from __future__ import annotations
 
 import csv
+import inspect
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
 
 import click
+import msgspec
+from msgspec import inspect as types
 
 from smad.cli.output import NEGATIVE, bench_option, client, wait_for_motion
+from smad.control.commands import PIECES, Piece, Samples, Trajectory
 from smad.control.segment import millimetres
 from smad.errors import CommandError
-
-if TYPE_CHECKING:
-    from smad.control.commands import Samples, Trajectory
 
 TIME_COLUMN = "t_s"
 DISPLACEMENT_COLUMN = "displacement_mm"
@@ -26,25 +28,20 @@ def _unit_mm(context: click.Context, parameter: click.Parameter, degrees: bool) 
     return millimetres(1.0) if degrees else 1.0
 
 
-_degrees = click.option(
-    "--deg",
-    "unit_mm",
+_COMMON = (
+    click.Option(["--queue"], is_flag=True, help="Append to what runs instead of replacing it."),
+    click.Option(
+        ["--wait/--no-wait"], default=True, help="Wait until it is done, or return at once."
+    ),
+)
+_DEGREES = click.Option(
+    ["--deg", "unit_mm"],
     is_flag=True,
     callback=_unit_mm,
-    help="Lengths are angles of the MINIR-II segment: degrees for MM (25 degrees are 4 mm).",
+    help="Lengths are angles of the MINIR-II segment: degrees for mm (25 degrees are 4 mm).",
 )
-
-
-def _options(command: Any) -> Any:
-    for option in (
-        click.option("--queue", is_flag=True, help="Append to what runs instead of replacing it."),
-        click.option(
-            "--wait/--no-wait", default=True, help="Wait until it is done, or return at once."
-        ),
-        bench_option,
-    ):
-        command = option(command)
-    return command
+_UNITS = ("_mm_per_s", "_mm", "_s", "_Hz")
+_LENGTHS = ("_mm_per_s", "_mm")
 
 
 @click.group()
@@ -52,143 +49,83 @@ def move() -> None:
     """Move the pair along a trajectory. Positive displacement: spring X pulls."""
 
 
-@move.command(context_settings=NEGATIVE)
-@click.argument("place", type=float, metavar="MM")
-@click.option("--for", "duration_s", type=float, default=10.0, show_default=True, metavar="S")
-@_degrees
-@_options
-def step(place: float, duration_s: float, unit_mm: float, **options: Any) -> None:
-    """Jump to MM and stay there."""
-    from smad.control.commands import Step
+def command_of(piece: type[Piece]) -> click.Command | None:
+    """Return the command that sends such a piece; None if some field is no single value."""
+    info = types.type_info(piece)
+    assert isinstance(info, types.StructType)
+    fields = [(field, *_described(field.type)) for field in info.fields]
+    values = [_VALUES.get(type(kind)) for _, kind, _ in fields]
+    if None in values:
+        return None
+    names = [field.name for field in info.fields]
+    lengths = [name for name in names if name.endswith(_LENGTHS)]
+    parameters = [
+        _parameter(field, value, meta)
+        for (field, _, meta), value in zip(fields, values, strict=True)
+    ]
 
-    _send(Step(displacement_mm=place * unit_mm, duration_s=duration_s), **options)
+    def send(*, unit_mm: float = 1.0, queue: bool, wait: bool, bench: str, **given: Any) -> None:
+        # click knows its arguments in lower case only.
+        named = {name: given[name] if name in given else given[name.lower()] for name in names}
+        scaled = {name: named[name] * unit_mm for name in lengths}
+        _send(cast("Trajectory", piece(**{**named, **scaled})), queue=queue, wait=wait, bench=bench)
 
-
-@move.command(context_settings=NEGATIVE)
-@click.argument("duration_s", type=float, metavar="S")
-@_options
-def hold(duration_s: float, **options: Any) -> None:
-    """Stay where the reference is for S seconds."""
-    from smad.control.commands import Hold
-
-    _send(Hold(duration_s=duration_s), **options)
-
-
-@move.command(context_settings=NEGATIVE)
-@click.argument("place", type=float, metavar="MM")
-@click.option("--rate", type=float, default=2.0, show_default=True, metavar="MM/S")
-@_degrees
-@_options
-def ramp(place: float, rate: float, unit_mm: float, **options: Any) -> None:
-    """Go to MM at a constant speed."""
-    from smad.control.commands import Ramp
-
-    _send(Ramp(displacement_mm=place * unit_mm, rate_mm_per_s=rate * unit_mm), **options)
-
-
-@move.command(context_settings=NEGATIVE)
-@click.argument("amplitude", type=float, metavar="MM")
-@click.argument("period_s", type=float, metavar="S")
-@click.option("--cycles", type=int, default=3, show_default=True)
-@click.option("--offset", type=float, default=0.0, show_default=True, metavar="MM")
-@_degrees
-@_options
-def sine(
-    amplitude: float,
-    period_s: float,
-    cycles: int,
-    offset: float,
-    unit_mm: float,
-    **options: Any,
-) -> None:
-    """A sinusoid of amplitude MM and period S."""
-    from smad.control.commands import Sine
-
-    _send(
-        Sine(
-            amplitude_mm=amplitude * unit_mm,
-            period_s=period_s,
-            cycles=cycles,
-            offset_mm=offset * unit_mm,
-        ),
-        **options,
+    told = [
+        f"{parameter.human_readable_name}: {meta.get('description', '')}"
+        for parameter, (_, _, meta) in zip(parameters, fields, strict=True)
+        if isinstance(parameter, click.Argument)
+    ]
+    command = click.Command(
+        piece.word or str(piece.__struct_config__.tag).replace("_", "-"),
+        params=[*parameters, *([_DEGREES] if lengths else []), *_COMMON],
+        callback=send,
+        help="\n\n".join([inspect.getdoc(piece) or "", "\b\n" + "\n".join(told)]),
+        context_settings=NEGATIVE,
     )
+    return bench_option(command)
 
 
-@move.command(context_settings=NEGATIVE)
-@click.argument("amplitude", type=float, metavar="MM")
-@click.argument("start_hz", type=float, metavar="HZ")
-@click.argument("end_hz", type=float, metavar="HZ")
-@click.option("--for", "duration_s", type=float, default=60.0, show_default=True, metavar="S")
-@click.option("--offset", type=float, default=0.0, show_default=True, metavar="MM")
-@_degrees
-@_options
-def chirp(
-    amplitude: float,
-    start_hz: float,
-    end_hz: float,
-    duration_s: float,
-    offset: float,
-    *,
-    unit_mm: float,
-    **options: Any,
-) -> None:
-    """A sinusoid of amplitude MM whose frequency goes from HZ to HZ."""
-    from smad.control.commands import Chirp
-
-    _send(
-        Chirp(
-            amplitude_mm=amplitude * unit_mm,
-            start_Hz=start_hz,
-            end_Hz=end_hz,
-            duration_s=duration_s,
-            offset_mm=offset * unit_mm,
-        ),
-        **options,
-    )
+_VALUES: dict[type[types.Type], click.ParamType[Any]] = {
+    types.FloatType: click.FLOAT,
+    types.IntType: click.INT,
+    types.BoolType: click.BOOL,
+    types.StrType: click.STRING,
+}
 
 
-@move.command(context_settings=NEGATIVE)
-@click.argument("height", type=float, metavar="MM")
-@click.argument("steps", type=int)
-@click.option("--dwell", type=float, default=10.0, show_default=True, metavar="S")
-@click.option("--back", is_flag=True, help="Return the same way.")
-@_degrees
-@_options
-def staircase(
-    height: float, steps: int, dwell: float, back: bool, unit_mm: float, **options: Any
-) -> None:
-    """STEPS equal steps of MM each."""
-    from smad.control.commands import Staircase
-
-    _send(
-        Staircase(step_mm=height * unit_mm, steps=steps, dwell_s=dwell, there_and_back=back),
-        **options,
-    )
+def _described(kind: types.Type) -> tuple[types.Type, dict[str, Any]]:
+    """Return the bare type, and what its annotations say of it."""
+    meta: dict[str, Any] = {}
+    while isinstance(kind, types.Metadata):
+        meta = {**(kind.extra_json_schema or {}), **(kind.extra or {}), **meta}
+        kind = kind.type
+    return kind, meta
 
 
-@move.command(context_settings=NEGATIVE)
-@click.argument("amplitude", type=float, metavar="MM")
-@click.argument("levels", type=int)
-@click.option("--dwell", type=float, default=10.0, show_default=True, metavar="S")
-@click.option("--seed", type=int, default=0, show_default=True)
-@_degrees
-@_options
-def random(
-    amplitude: float, levels: int, dwell: float, seed: int, unit_mm: float, **options: Any
-) -> None:
-    """LEVELS random levels within ±MM; the same seed gives the same levels."""
-    from smad.control.commands import RandomLevels
-
-    _send(
-        RandomLevels(amplitude_mm=amplitude * unit_mm, levels=levels, dwell_s=dwell, seed=seed),
-        **options,
+def _parameter(
+    field: types.Field, value: click.ParamType[Any] | None, meta: Mapping[str, Any]
+) -> click.Parameter:
+    usual = meta.get("usual", field.default)
+    if usual is msgspec.NODEFAULT:
+        return click.Argument([field.name], type=value, metavar=field.name.upper())
+    unit = next((unit for unit in _UNITS if field.name.endswith(unit)), "")
+    name = meta.get("option", field.name.removesuffix(unit).replace("_", "-"))
+    text = str(meta.get("description", "")).capitalize() + "."
+    if value is click.BOOL:
+        return click.Option([f"--{name}", field.name], is_flag=True, help=text)
+    return click.Option(
+        [f"--{name}", field.name],
+        type=value,
+        default=usual,
+        show_default=True,
+        help=text,
+        metavar=unit.strip("_").replace("_per_", "/").upper() or None,
     )
 
 
 @move.command(context_settings=NEGATIVE)
 @click.argument("path", type=click.Path(path_type=Path))
-@_options
+@bench_option
 def follow(path: Path, **options: Any) -> None:
     """Follow the points of a CSV file with the columns t_s and displacement_mm.
 
@@ -199,8 +136,6 @@ def follow(path: Path, **options: Any) -> None:
 
 def read_samples(path: Path) -> Samples:
     """Return the points of a CSV file, times shifted to begin at 0. Raises CommandError."""
-    from smad.control.commands import Samples
-
     times: list[float] = []
     places: list[float] = []
     try:
@@ -245,8 +180,16 @@ def _number(path: Path, line: int, column: str, row: dict[str, Any]) -> float:
     return value
 
 
+follow.params += _COMMON
+
+
 def _send(trajectory: Trajectory, *, queue: bool, wait: bool, bench: str) -> None:
     with client(bench) as bench_client:
         bench_client.move(trajectory, queue=queue)
         what = type(trajectory).__name__.lower()
         wait_for_motion(bench_client, wait=wait and not queue, what=what)
+
+
+for _piece in PIECES:
+    if (_command := command_of(_piece)) is not None:
+        move.add_command(_command)

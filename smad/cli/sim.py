@@ -12,14 +12,11 @@ import click
 
 from smad.cli.output import Finite
 from smad.errors import SmadError
+from smad.processes.simulator import READY
 
 if TYPE_CHECKING:
     from sim_device.bench import SimulatedBench
     from smad.config import Config
-
-READY = "ready: "
-"""What the first line on standard output begins with; the port's name follows."""
-
 
 _PR_SET_PDEATHSIG = 1
 

@@ -146,8 +146,8 @@ def _on_simulation(
     faults: tuple[str, ...],
 ) -> int:
     from smad.cli.output import progress
-    from smad.cli.simprocess import simulated_bench
-    from smad.daemon.endpoints import default_folder, prepare_folder
+    from smad.client.endpoints import default_folder, prepare_folder
+    from smad.processes.simulator import simulated_bench
 
     folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
     prepare_folder(folder)
@@ -183,7 +183,7 @@ def _run(
     fd: int | None = None,
 ) -> int:
     from smad.daemon.lifecycle import run
-    from smad.daemon.port import PortFinder, SocketTransport, Transport, open_serial
+    from smad.daemon.link.port import PortFinder, SocketTransport, Transport, open_serial
     from smad.daemon.trace import Trace
 
     finder = PortFinder(config.link.port)

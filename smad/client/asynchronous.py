@@ -18,6 +18,7 @@ import zmq.asyncio
 
 from smad import api
 from smad.client.blocking import DEFAULT_TIMEOUT_S, POLL_S, no_answer
+from smad.client.endpoints import Connection
 from smad.client.errors import NoAnswer, Refused
 from smad.client.progress import Wait
 from smad.client.wire import (
@@ -42,7 +43,6 @@ from smad.control.commands import (
     Trajectory,
     Tune,
 )
-from smad.daemon.endpoints import Connection
 from smad.errors import ConfigError, SmadError
 
 _TOPIC = api.TELEMETRY_TOPIC.encode()

@@ -15,6 +15,7 @@ from typing import Any
 import zmq
 
 from smad import api
+from smad.client.endpoints import Connection
 from smad.client.errors import NoAnswer, Refused
 from smad.client.progress import Wait
 from smad.client.wire import (
@@ -39,7 +40,6 @@ from smad.control.commands import (
     Trajectory,
     Tune,
 )
-from smad.daemon.endpoints import Connection
 from smad.errors import ConfigError, SmadError
 
 DEFAULT_TIMEOUT_S = 5.0

@@ -14,10 +14,10 @@ import zmq
 from msgspec import Struct
 
 from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Reason, Telemetry
+from smad.client.endpoints import Connection, candidate_folders, read_connection
 from smad.client.errors import NoDaemon, Refused, refused
 from smad.config.curve import KEY_CHARACTERS, is_curve_key
 from smad.control.commands import Samples, Trajectory
-from smad.daemon.endpoints import Connection, candidate_folders, read_connection
 from smad.errors import ConfigError
 
 Reply = TypeVar("Reply", bound=Struct)

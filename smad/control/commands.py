@@ -7,7 +7,7 @@ field, the value and the limit.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import msgspec
 from msgspec import Meta, Struct
@@ -32,7 +32,14 @@ Temperature = Annotated[float, Meta(ge=0.0, le=120.0)]
 
 
 class Piece(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A piece of motion; `kind` says which."""
+    """A piece of motion; `kind` says which.
+
+    `smad move` has a command for each, made from its fields: one without a default is an argument,
+    one with a default an option. In `extra`, `usual` makes an option of a field that has no
+    default, and `option` gives it another name. `word` is the command's name, if not the tag.
+    """
+
+    word: ClassVar[str] = ""
 
 
 class Command(Struct, tag_field="mode", frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -43,7 +50,9 @@ class Step(Piece, tag="step", frozen=True, kw_only=True):
     """Jump to a displacement and stay there."""
 
     displacement_mm: Annotated[Displacement, Meta(description="where to go")]
-    duration_s: Annotated[Duration, Meta(description="how long to stay")]
+    duration_s: Annotated[
+        Duration, Meta(description="how long to stay", extra={"option": "for", "usual": 10.0})
+    ]
 
 
 class Hold(Piece, tag="hold", frozen=True, kw_only=True):
@@ -56,7 +65,9 @@ class Ramp(Piece, tag="ramp", frozen=True, kw_only=True):
     """Go to a displacement at a constant speed."""
 
     displacement_mm: Annotated[Displacement, Meta(description="where to go")]
-    rate_mm_per_s: Annotated[float, Meta(gt=0.0, le=1000.0, description="how fast")]
+    rate_mm_per_s: Annotated[
+        float, Meta(gt=0.0, le=1000.0, description="how fast", extra={"usual": 2.0})
+    ]
 
 
 class Sine(Piece, tag="sine", frozen=True, kw_only=True):
@@ -64,7 +75,7 @@ class Sine(Piece, tag="sine", frozen=True, kw_only=True):
 
     amplitude_mm: Annotated[Amplitude, Meta(description="from the offset to a peak")]
     period_s: Annotated[Duration, Meta(description="length of one cycle")]
-    cycles: Annotated[Count, Meta(description="how many cycles")]
+    cycles: Annotated[Count, Meta(description="how many cycles", extra={"usual": 3})]
     offset_mm: Annotated[Displacement, Meta(description="middle of the motion")] = 0.0
 
 
@@ -74,7 +85,9 @@ class Chirp(Piece, tag="chirp", frozen=True, kw_only=True):
     amplitude_mm: Annotated[Amplitude, Meta(description="from the offset to a peak")]
     start_Hz: Annotated[Frequency, Meta(description="frequency at the beginning")]
     end_Hz: Annotated[Frequency, Meta(description="frequency at the end")]
-    duration_s: Annotated[Duration, Meta(description="how long in all")]
+    duration_s: Annotated[
+        Duration, Meta(description="how long in all", extra={"option": "for", "usual": 60.0})
+    ]
     offset_mm: Annotated[Displacement, Meta(description="middle of the motion")] = 0.0
 
 
@@ -83,17 +96,23 @@ class Staircase(Piece, tag="staircase", frozen=True, kw_only=True):
 
     step_mm: Annotated[Displacement, Meta(description="height of a step, negative goes down")]
     steps: Annotated[Count, Meta(description="how many steps")]
-    dwell_s: Annotated[Duration, Meta(description="how long on each step")]
-    there_and_back: Annotated[bool, Meta(description="return the same way")] = False
+    dwell_s: Annotated[Duration, Meta(description="how long on each step", extra={"usual": 10.0})]
+    there_and_back: Annotated[
+        bool, Meta(description="return the same way", extra={"option": "back"})
+    ] = False
 
 
 class RandomLevels(Piece, tag="random_levels", frozen=True, kw_only=True):
     """Levels drawn evenly from ±amplitude; the same seed gives the same levels."""
 
+    word: ClassVar[str] = "random"
+
     amplitude_mm: Annotated[Amplitude, Meta(description="largest distance from the offset")]
     levels: Annotated[Count, Meta(description="how many levels")]
-    dwell_s: Annotated[Duration, Meta(description="how long on each level")]
-    seed: Annotated[int, Meta(ge=0, le=2**32 - 1, description="seed of the levels")]
+    dwell_s: Annotated[Duration, Meta(description="how long on each level", extra={"usual": 10.0})]
+    seed: Annotated[
+        int, Meta(ge=0, le=2**32 - 1, description="seed of the levels", extra={"usual": 0})
+    ]
     offset_mm: Annotated[Displacement, Meta(description="middle of the motion")] = 0.0
 
 
@@ -112,6 +131,9 @@ class Samples(Piece, tag="samples", frozen=True, kw_only=True):
 
 Trajectory = Step | Hold | Ramp | Sine | Chirp | Staircase | RandomLevels | Samples
 """A piece of motion. Pieces queue one after the other."""
+
+PIECES: tuple[type[Piece], ...] = get_args(Trajectory)
+"""Every kind of piece."""
 
 
 class Idle(Command, tag="idle", frozen=True, kw_only=True):

@@ -61,7 +61,6 @@ class Controller:
         self._sample: Sample | None = None
         self._armed = False
         self._output = Output()
-        self.missed_samples = 0
 
     @property
     def mode(self) -> str:
@@ -152,9 +151,6 @@ class Controller:
         previous, self._sample = self._sample, sample
         if previous is None:
             return 1e-6
-        missed = ((sample.tick - previous.tick) & 0xFFFF) - 1
-        if missed > 0:
-            self.missed_samples += missed
         return (sample.t_us - previous.t_us) * 1e-6
 
     def _stop(self) -> Output:

@@ -13,6 +13,7 @@ from typing import Protocol
 
 from firmware_protocol.enums import BoardState, faults_in
 from firmware_protocol.messages import Setpoint, State
+from firmware_protocol.timesync import Unwrapper
 from smad.control.controller import Controller
 from smad.control.errors import PlanError
 from smad.control.limits import Trip
@@ -63,6 +64,7 @@ class _Stepper:
         self._scales = scales
         self._recorder = recorder
         self._progress = progress
+        self._unwrap = Unwrapper()
         self._time = BoardTime()
         self._setpoint: Setpoint | None = None
         self._told_s = 0
@@ -70,7 +72,8 @@ class _Stepper:
 
     def step(self) -> Sample:
         state = self._bench.step_typed(self._setpoint)
-        sample = sample_of(state, self._time.unwrap(state.t_us), self._scales)
+        board_us = self._unwrap(state.t_us, self._time.now_us)
+        sample = sample_of(state, self._time.since_first(board_us), self._scales)
         controller = self._controller
         output = controller.step(sample)
         self._setpoint = setpoint_of(output, t_ref_us=state.t_us)

@@ -1,4 +1,4 @@
-"""What the board measured, in SI units and with board time unwrapped."""
+"""What the board measured, in SI units, and the time since the first sample."""
 
 from __future__ import annotations
 
@@ -37,28 +37,26 @@ class Sample(msgspec.Struct, frozen=True, gc=False):
 
 
 class BoardTime:
-    """Unwraps the board's 32-bit microseconds. A clock that jumps back stands still once."""
+    """Time since the first sample, from the board's time without wraps.
 
-    __slots__ = ("_last_raw_us", "jumps", "now_us")
+    It stands still once where the board's clock goes back or begins anew.
+    """
+
+    __slots__ = ("_last_us", "now_us")
 
     def __init__(self) -> None:
-        self._last_raw_us: int | None = None
+        self._last_us: int | None = None
         self.now_us = 0
-        self.jumps = 0
 
     def restart(self) -> None:
         """The board restarted: its next stamp says nothing of the time between."""
-        self._last_raw_us = None
+        self._last_us = None
 
-    def unwrap(self, raw_us: int) -> int:
+    def since_first(self, board_us: int) -> int:
         """Microseconds since the first sample."""
-        if self._last_raw_us is not None:
-            step_us = (raw_us - self._last_raw_us) & 0xFFFF_FFFF
-            if step_us < 0x8000_0000:
-                self.now_us += step_us
-            else:
-                self.jumps += 1
-        self._last_raw_us = raw_us
+        if self._last_us is not None and board_us > self._last_us:
+            self.now_us += board_us - self._last_us
+        self._last_us = board_us
         return self.now_us
 
 

@@ -192,7 +192,7 @@ class _Kind:
     speed_field: str = ""
 
 
-_KINDS: dict[type, _Kind] = {
+KINDS: dict[type, _Kind] = {
     Step: _Kind(_step, "displacement_mm"),
     Hold: _Kind(_hold, "duration_s"),
     Ramp: _Kind(_ramp, "displacement_mm", "rate_mm_per_s"),
@@ -202,6 +202,7 @@ _KINDS: dict[type, _Kind] = {
     RandomLevels: _Kind(_random_levels, "amplitude_mm"),
     Samples: _Kind(_samples, "displacement_mm", "displacement_mm"),
 }
+"""How each kind of piece is followed."""
 
 
 def compile_piece(
@@ -212,7 +213,7 @@ def compile_piece(
     Raises CommandError, naming the field under `where`, when the piece reaches beyond
     `limits.displacement_max_mm` or moves faster than `limits.reference_rate_max_mm_per_s`.
     """
-    kind = _KINDS[type(piece)]
+    kind = KINDS[type(piece)]
     compiled = kind.compile(piece, from_m)
     reach_mm = max(abs(compiled.low_m), abs(compiled.high_m)) / MM
     if not reach_mm <= limits.displacement_max_mm + 1e-9:
@@ -349,20 +350,3 @@ def _smooth(from_m: float, gap_m: float, duration_s: float) -> Position:
         return from_m + gap_m * s * s * (3.0 - 2.0 * s)
 
     return position
-
-
-def split_samples(t_s: Sequence[float], displacement_mm: Sequence[float]) -> list[Follow]:
-    """Commands that together follow the given points, each short enough for one command.
-
-    The first replaces what runs, the others queue behind it. Raises CommandError as `Samples` does.
-    """
-    commands: list[Follow] = []
-    stride = LONGEST_SAMPLES - 1
-    for first in range(0, max(1, len(t_s) - 1), stride):
-        t = t_s[first : first + LONGEST_SAMPLES]
-        piece = Samples(
-            t_s=tuple(value - t[0] if first else value for value in t),
-            displacement_mm=tuple(displacement_mm[first : first + LONGEST_SAMPLES]),
-        )
-        commands.append(Follow(trajectories=(piece,), queue=bool(first)))
-    return commands

@@ -6,27 +6,27 @@ sample is worth to others (telemetry, run log) comes after the write, from a bou
 
 from __future__ import annotations
 
-import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from firmware_protocol.enums import ValidBit
 from firmware_protocol.events import BoardRestarted, HostEvent, HostState, StateReceived
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Setpoint, State
+from smad.config import LinkConfig
 from smad.control.controller import Controller, Output
 from smad.control.cooling import PumpStarts
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.daemon.histogram import Histogram
+from smad.daemon.means import Clocks
 from smad.daemon.trace import Trace
 
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
-_TICKS = 0xFFFF
-_WRAP = 0xFFFF_FFFF
-_LARGEST_GAP = 0x8000
 _AT_REST = Output()
+_QUEUE = 1000
+"""Samples that wait to be published, at most."""
 
 
 @dataclass
@@ -34,7 +34,6 @@ class StepCounts:
     """Totals of the control task."""
 
     samples: int = 0
-    missed: int = 0
     skipped: int = 0
     setpoints: int = 0
     setpoints_dropped: int = 0
@@ -54,28 +53,33 @@ class Finished:
     pump_starts: tuple[int, int]
 
 
+@dataclass(frozen=True)
+class Outlets:
+    """Where the control task puts what it makes.
+
+    `write` says whether the port took the bytes; `on_event` gets what is not a sample;
+    `on_finished` is called when a sample waits in `finished` to be published.
+    """
+
+    write: Callable[[bytes], bool]
+    on_event: Callable[[HostEvent], None]
+    on_finished: Callable[[], None]
+
+
 class ControlTask:
-    """Turns bytes into steps. Pure but for the clocks and the `write` that it is given.
+    """Turns bytes into steps. Pure but for the clocks and the outlets that it is given.
 
     `stepping` off: the session goes on, but nothing is computed or driven any more.
-    `on_event` gets what is not a sample; `on_finished` is called when a sample waits in
-    `finished` to be published.
     """
 
     def __init__(
         self,
         session: HostSession,
         controller: Controller,
+        config: LinkConfig,
+        outlets: Outlets,
+        clocks: Clocks,
         *,
-        axis: int,
-        ttl_ms: int,
-        write: Callable[[bytes], bool],
-        on_event: Callable[[HostEvent], None],
-        on_finished: Callable[[], None],
-        clock_us: Callable[[], int],
-        wall_clock: Callable[[], float] = time.time,
-        stopwatch_ns: Callable[[], int] = time.perf_counter_ns,
-        queue: int = 1000,
         trace: Trace | None = None,
     ) -> None:
         self.session = session
@@ -86,21 +90,19 @@ class ControlTask:
         self.jitter = Histogram()
         self.finished: deque[Finished] = deque()
         self.last: Finished | None = None
-        self.scales = Scales({}, axis)
+        self.axis = config.axis
+        self.scales = Scales({}, config.axis)
         self.stepping = True
-        self._axis = axis
-        self._ttl_ms = ttl_ms
-        self._write = write
-        self._on_event = on_event
-        self._on_finished = on_finished
-        self._clock_us = clock_us
-        self._wall_clock = wall_clock
-        self._stopwatch_ns = stopwatch_ns
-        self._queue = queue
+        self._ttl_ms = config.setpoint_ttl_ms
+        self._write = outlets.write
+        self._on_event = outlets.on_event
+        self._on_finished = outlets.on_finished
+        self._clock_us = clocks.us
+        self._wall_clock = clocks.wall_s
+        self._stopwatch_ns = clocks.stopwatch_ns
         self._trace = trace
         self._time = BoardTime()
         self._pump_starts = PumpStarts()
-        self._last_tick: int | None = None
         self._last_age_seq = -1
         self._arrived: tuple[int, int] | None = None
 
@@ -111,13 +113,13 @@ class ControlTask:
 
     def opened(self) -> None:
         """The port is open: begin the handshake."""
-        self._forget()
+        self._arrived = None
         self.session.connect(self._clock_us())
         self.flush()
 
     def lost(self) -> None:
         """The port went away."""
-        self._forget()
+        self._arrived = None
         for event in self.session.lost(self._clock_us()):
             self._on_event(event)
 
@@ -125,16 +127,16 @@ class ControlTask:
         """Take in bytes that were just read; step for the newest sample in them."""
         began_ns = self._stopwatch_ns()
         events = self.session.receive(data, self._clock_us())
-        states: list[State] = []
+        samples: list[StateReceived] = []
         others: list[HostEvent] = []
         for event in events:
             if type(event) is not StateReceived:
                 others.append(event)
-            elif event.state.axis == self._axis:
-                states.append(event.state)
+            elif event.state.axis == self.axis:
+                samples.append(event)
         try:
-            if states and self.stepping:
-                self._step(states, began_ns)
+            if samples and self.stepping:
+                self._step(samples, began_ns)
         finally:
             # Also when the step dies: somebody may be waiting for the reply that came with it.
             self._pass_on(others)
@@ -142,8 +144,7 @@ class ControlTask:
     def _pass_on(self, others: list[HostEvent]) -> None:
         for other in others:
             if isinstance(other, BoardRestarted):
-                # Its counter begins anew: the samples between are none that were missed.
-                self._forget()
+                self._arrived = None
                 self._time.restart()
             self._on_event(other)
         self.flush()
@@ -164,15 +165,18 @@ class ControlTask:
         data = self.session.data_to_send()
         return self._write(data) if data else True
 
-    def _step(self, states: list[State], began_ns: int) -> None:
+    def _step(self, samples: list[StateReceived], began_ns: int) -> None:
         # The newest is answered first; the older ones are only worth recording.
-        state = states[-1]
-        sample = self._sample(state, self._time.unwrap(state.t_us))
+        older: Sequence[StateReceived] = samples[:-1] if len(samples) > 1 else ()
+        times_us = [self._time.since_first(received.board_us) for received in older]
+        newest = samples[-1]
+        state = newest.state
+        sample = self._sample(state, self._time.since_first(newest.board_us))
         output = self.controller.step(sample)
         if not sample.armed:
             # Whatever the controller last wanted: a board that is not armed by us is asked nothing.
             output = _AT_REST
-        setpoint = setpoint_of(output, t_ref_us=state.t_us, axis=self._axis, ttl_ms=self._ttl_ms)
+        setpoint = setpoint_of(output, t_ref_us=state.t_us, axis=self.axis, ttl_ms=self._ttl_ms)
         self.session.send_setpoint(setpoint)
         if self.flush():
             self.counts.setpoints += 1
@@ -182,10 +186,9 @@ class ControlTask:
         self.own_share.add(took_ns)
         if self._trace is not None:
             self._trace.add(began_ns, took_ns)
-        for older in states[:-1]:
+        for received, t_us in zip(older, times_us, strict=True):
             self.counts.skipped += 1
-            t_us = sample.t_us - ((state.t_us - older.t_us) & _WRAP)
-            self._finish(self._sample(older, t_us), older, None)
+            self._finish(self._sample(received.state, t_us), received.state, None)
         self._observe(state, sample, began_ns)
         self._finish(sample, state, setpoint)
 
@@ -204,17 +207,8 @@ class ControlTask:
             self._last_age_seq = state.sp_seq
             self.setpoint_age.add(state.sp_age_us * 1000)
 
-    def _count(self, state: State) -> None:
-        counts = self.counts
-        counts.samples += 1
-        if self._last_tick is not None:
-            gap = (state.tick - self._last_tick - 1) & _TICKS
-            if gap < _LARGEST_GAP:
-                counts.missed += gap
-        self._last_tick = state.tick
-
     def _finish(self, sample: Sample, state: State, setpoint: Setpoint | None) -> None:
-        self._count(state)
+        self.counts.samples += 1
         controller = self.controller
         finished = Finished(
             sample,
@@ -226,12 +220,8 @@ class ControlTask:
             self._pump_starts.step(sample.pump_duty),
         )
         self.last = finished
-        if len(self.finished) >= self._queue:
+        if len(self.finished) >= _QUEUE:
             self.counts.finished_dropped += 1
             return
         self.finished.append(finished)
         self._on_finished()
-
-    def _forget(self) -> None:
-        self._last_tick = None
-        self._arrived = None

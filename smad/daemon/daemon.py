@@ -11,6 +11,7 @@ import secrets
 import time
 from collections.abc import Callable, Coroutine
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from typing import Any
 
 import zmq
@@ -20,29 +21,32 @@ from firmware_protocol.host import HostSession
 from firmware_protocol.messages import State
 from smad.config import Config
 from smad.control.controller import Controller
-from smad.daemon.answers import Answers
-from smad.daemon.control import ControlTask
-from smad.daemon.descriptors import Reserve
+from smad.daemon.boardside import BoardSide
+from smad.daemon.command.answers import Answers
+from smad.daemon.command.lease import DeadMan, Lease
+from smad.daemon.command.server import CommandServer, Handlers
+from smad.daemon.command.service import Claims, Service
+from smad.daemon.command.status import CommandCounts, Own, StatusReport
+from smad.daemon.command.unwelcome import Unwelcome
+from smad.daemon.control import ControlTask, Outlets
 from smad.daemon.errors import Refusal
 from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.journal import Journal
-from smad.daemon.lease import DeadMan, Lease
-from smad.daemon.link import Link
+from smad.daemon.link.link import Link
+from smad.daemon.link.port import Transport
+from smad.daemon.link.requests import BoardRequests
+from smad.daemon.link.watch import BoardWatch
+from smad.daemon.means import Clocks, Means
 from smad.daemon.notify import Notifier
-from smad.daemon.port import Transport
 from smad.daemon.realtime import IdleCollector
-from smad.daemon.recorder import Recorder
-from smad.daemon.requests import BoardRequests
-from smad.daemon.runheader import run_header
-from smad.daemon.server import CommandServer
-from smad.daemon.service import Service
-from smad.daemon.stamps import Stamps
-from smad.daemon.status import CommandCounts, StatusReport
+from smad.daemon.sockets.descriptors import Reserve
 from smad.daemon.stops import Stops
-from smad.daemon.telemetry import Publisher
+from smad.daemon.telemetry.publisher import Publisher
+from smad.daemon.telemetry.recorder import Recorder
+from smad.daemon.telemetry.runheader import run_header
+from smad.daemon.telemetry.stamps import Stamps
 from smad.daemon.trace import Trace
-from smad.daemon.unwelcome import Unwelcome
-from smad.daemon.watch import BoardWatch
+from smad.runlog.header import RunHeader
 from smad.runlog.schema import Event, EventKind, LinkSample
 
 HOUSEKEEPING_S = 0.02
@@ -54,38 +58,39 @@ _AT_ONCE = 8
 _SPARE_SHARE = 0.3
 
 
-def monotonic_us() -> int:
-    """The daemon's clock, microseconds."""
-    return time.monotonic_ns() // 1000
+@dataclass(frozen=True)
+class Process:
+    """What the process gives its daemon.
+
+    `nonce` tells the board's answers to this daemon from those to an earlier one. `reserve` is a
+    block in which descriptors of the reserve may be used. `parameter_text` is the parameter file
+    of a simulated bench, None on a real one.
+    """
+
+    loop: asyncio.AbstractEventLoop
+    context: zmq.Context[zmq.Socket[bytes]]
+    journal: Journal
+    notifier: Notifier
+    nonce: int
+    reserve: Reserve = nullcontext
+    parameter_text: str | None = None
+    trace: Trace | None = None
+    clocks: Clocks = field(default_factory=Clocks)
 
 
 class Daemon:
-    """All parts of a daemon on `loop`. `failed` gets the name and error of a part that died."""
+    """All parts of a daemon. `failure` gets the name and error of a part that died."""
 
-    def __init__(
-        self,
-        config: Config,
-        opener: Callable[[], Transport],
-        *,
-        loop: asyncio.AbstractEventLoop,
-        context: zmq.Context[zmq.Socket[bytes]],
-        journal: Journal,
-        notifier: Notifier,
-        nonce: int,
-        reserve: Reserve = nullcontext,
-        parameter_text: str | None = None,
-        trace: Trace | None = None,
-        clock_us: Callable[[], int] = monotonic_us,
-        wall_clock: Callable[[], float] = time.time,
-    ) -> None:
+    def __init__(self, config: Config, opener: Callable[[], Transport], process: Process) -> None:
         self.config = config
-        self.loop = loop
-        self.journal = journal
-        self.notifier = notifier
-        self.failure: asyncio.Future[tuple[str, BaseException]] = loop.create_future()
+        self.loop = process.loop
+        self.journal = process.journal
+        self.notifier = process.notifier
+        self.failure: asyncio.Future[tuple[str, BaseException]] = self.loop.create_future()
         self.commands = CommandCounts()
-        self._clock_us = clock_us
-        self._wall_clock = wall_clock
+        self._clock_us = process.clocks.us
+        self._wall_clock = process.clocks.wall_s
+        self._means = Means(process.clocks, self.say, self.spawn)
         self._tasks: set[asyncio.Task[Any]] = set()
         self._publishing = False
         self._stamps = Stamps()
@@ -95,11 +100,21 @@ class Daemon:
         self._housekept_s = time.monotonic()
         self._left_hot_us: int | None = None
         self._period_ns = int(1e9 / config.link.rate_hz)
+        self._claims = Claims(
+            Lease(secrets.token_urlsafe), DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
+        )
+        board = self._towards_the_board(opener, process)
+        self.recorder = self._recorder_of(process)
+        self.publisher = Publisher(self.loop, config.telemetry, process.reserve)
+        self.collector = IdleCollector(enabled=False)
+        self._towards_clients(board, process)
 
-        self.session = HostSession(nonce=nonce)
+    def _towards_the_board(self, opener: Callable[[], Transport], process: Process) -> BoardSide:
+        config = self.config
+        self.session = HostSession(nonce=process.nonce)
         self.link = Link(
             opener,
-            loop=loop,
+            loop=self.loop,
             retry_s=config.link.reconnect_interval_s,
             on_bytes=self._on_bytes,
             on_open=self._on_open,
@@ -108,90 +123,68 @@ class Daemon:
         self.control = ControlTask(
             self.session,
             Controller(config.control, config.limits),
-            axis=config.link.axis,
-            ttl_ms=config.link.setpoint_ttl_ms,
-            write=self.link.write,
-            on_event=self._on_event,
-            on_finished=self._on_finished,
-            clock_us=clock_us,
-            wall_clock=wall_clock,
-            trace=trace,
+            config.link,
+            Outlets(self.link.write, self._on_event, self._on_finished),
+            process.clocks,
+            trace=process.trace,
         )
-        self.requests = BoardRequests(self.session, clock_us, self.control.flush)
+        self.requests = BoardRequests(self.session, self._clock_us, self.control.flush)
         self.watch = BoardWatch(
             config.link,
             self.requests,
-            say=self.say,
-            spawn=self.spawn,
+            self._means,
             on_scales=self._set_scales,
             on_found_armed=self._stop_found,
         )
-        self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
         self.stops = Stops(
-            self.session,
-            self.control.controller,
+            self.control,
             self.requests,
             self.watch,
-            axis=config.link.axis,
-            say=self.say,
-            spawn=self.spawn,
+            self._means,
             on_begin=self._on_stop_begun,
-            clock_us=clock_us,
         )
-        self.recorder = Recorder(
-            config.recorder,
-            lambda name: run_header(
-                config,
+        self._host_stop = HostStop(self.control.controller)
+        return BoardSide(
+            self.link, self.control, self.requests, self.watch, self.stops, self._host_stop
+        )
+
+    def _recorder_of(self, process: Process) -> Recorder:
+        def header(name: str) -> RunHeader:
+            return run_header(
+                self.config,
                 name,
                 self.watch.ident,
-                parameter_text=parameter_text,
-                now_s=wall_clock(),
-            ),
-            wall_clock,
-        )
-        self.publisher = Publisher(loop, config.telemetry, reserve)
-        self.collector = IdleCollector(enabled=False)
-        self._lease = Lease(secrets.token_urlsafe)
-        self._host_stop = HostStop(self.control.controller)
+                parameter_text=process.parameter_text,
+                now_s=self._wall_clock(),
+            )
+
+        return Recorder(self.config.recorder, header, self._wall_clock)
+
+    def _towards_clients(self, board: BoardSide, process: Process) -> None:
         self.status = StatusReport(
-            config,
-            control=self.control,
-            watch=self.watch,
-            link=lambda: self.link,
-            recorder=self.recorder,
-            lease=self._lease,
-            host_stop=self._host_stop,
-            stops=self.stops,
-            journal=journal,
-            collector=self.collector,
-            commands=self.commands,
-            clock_us=clock_us,
+            self.config,
+            board,
+            self.recorder,
+            lease=self._claims.lease,
+            own=Own(self.journal, self.collector, self.commands),
+            clock_us=self._clock_us,
         )
         self.service = Service(
-            config,
-            control=self.control,
-            requests=self.requests,
-            watch=self.watch,
-            recorder=self.recorder,
-            status=self.status,
-            lease=self._lease,
-            host_stop=self._host_stop,
-            dead_man=self._dead_man,
-            stops=self.stops,
-            say=self.say,
-            clock_us=clock_us,
+            self.config, board, self.recorder, self.status, claims=self._claims, means=self._means
         )
         self.answers = Answers(
-            self.service, self.commands, spawn=self.spawn, journal=journal, waiting=self._waiting
+            self.service,
+            self.commands,
+            spawn=self.spawn,
+            journal=self.journal,
+            waiting=self._waiting,
         )
         self.server = CommandServer(
-            context,
-            loop=loop,
-            on_command=self.answers.command,
-            on_stop=self.answers.stop,
-            look_at_port=self.link.read,
-            queue=config.daemon.command_queue,
-            reserve=reserve,
+            process.context,
+            Handlers(self.answers.command, self.answers.stop, self.link.read),
+            loop=self.loop,
+            queue=self.config.daemon.command_queue,
+            reserve=process.reserve,
         )
         self._unwelcome = Unwelcome(self.server, self.commands, self.say)
 
@@ -300,7 +293,7 @@ class Daemon:
         self.watch.on_event(event)
 
     def _on_stop_begun(self) -> None:
-        self._dead_man.forget()
+        self._claims.dead_man.forget()
         self.server.mark()
 
     def _stop_found(self) -> None:

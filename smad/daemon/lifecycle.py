@@ -19,13 +19,8 @@ from typing import Any
 
 import zmq
 
-import smad
 from firmware_protocol.events import IncompatibleReason
-from smad.config import Config
-from smad.daemon import realtime
-from smad.daemon.daemon import Daemon
-from smad.daemon.descriptors import OPENED_LATER, Descriptors, Shares, open_descriptors, shares_of
-from smad.daemon.endpoints import (
+from smad.client.endpoints import (
     Connection,
     Endpoints,
     default_folder,
@@ -33,16 +28,27 @@ from smad.daemon.endpoints import (
     write_anew,
     write_connection,
 )
+from smad.config import Config
+from smad.daemon import realtime
+from smad.daemon.command.reload import has_terminal, reread_keys
+from smad.daemon.command.remote import LAST_WORDS_MS
+from smad.daemon.daemon import Daemon, Process
 from smad.daemon.errors import TaskDied
 from smad.daemon.journal import Journal
+from smad.daemon.link.port import Transport
+from smad.daemon.link.wirerate import check_rate
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
-from smad.daemon.port import Transport
-from smad.daemon.reload import has_terminal, reread_keys
-from smad.daemon.remote import LAST_WORDS_MS
+from smad.daemon.sockets.descriptors import (
+    OPENED_LATER,
+    Descriptors,
+    Shares,
+    open_descriptors,
+    shares_of,
+)
 from smad.daemon.trace import Trace
-from smad.daemon.wirerate import check_rate
 from smad.errors import DaemonError, PortError
+from smad.version import VERSION
 
 _BOUND, _BOUND_WITH_TCP = 5, 20
 """Descriptors of lock and sockets, more or less."""
@@ -114,14 +120,16 @@ class _Life:
         daemon = Daemon(
             self._config,
             self._opener,
-            loop=loop,
-            context=context,
-            journal=self._journal,
-            notifier=self._notifier,
-            nonce=secrets.randbits(32),
-            reserve=self._descriptors.reserve,
-            parameter_text=self._parameter_text,
-            trace=self._trace,
+            Process(
+                loop=loop,
+                context=context,
+                journal=self._journal,
+                notifier=self._notifier,
+                nonce=secrets.randbits(32),
+                reserve=self._descriptors.reserve,
+                parameter_text=self._parameter_text,
+                trace=self._trace,
+            ),
         )
         # A terminal that goes away ends the daemon that was started there; a service has none.
         if has_terminal():
@@ -185,7 +193,7 @@ class _Life:
         return Connection(
             bench=endpoints.bench,
             pid=os.getpid(),
-            version=smad.__version__,
+            version=VERSION,
             command=endpoints.command,
             stop=endpoints.stop,
             telemetry=endpoints.telemetry if config.telemetry.enabled else "",

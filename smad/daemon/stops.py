@@ -13,15 +13,15 @@ from typing import Any
 
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import HostState
-from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Disarm, Done, State
 from firmware_protocol.mirror import HOT, STOPPED
 from smad.api import Reason
 from smad.control.commands import Idle
-from smad.control.controller import Controller
+from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
-from smad.daemon.requests import BoardRequests
-from smad.daemon.watch import BoardWatch, Say, Spawn
+from smad.daemon.link.requests import BoardRequests
+from smad.daemon.link.watch import BoardWatch
+from smad.daemon.means import Means
 
 PATIENCE_US = 1_000_000
 """How long a reply to a stop waits for the board."""
@@ -39,28 +39,24 @@ class Stops:
 
     def __init__(
         self,
-        session: HostSession,
-        controller: Controller,
+        control: ControlTask,
         requests: BoardRequests,
         watch: BoardWatch,
+        means: Means,
         *,
-        axis: int,
-        say: Say,
-        spawn: Spawn,
         on_begin: Callable[[], None],
-        clock_us: Callable[[], int],
     ) -> None:
         self.generation = 0
         self.why = ""
-        self._session = session
-        self._controller = controller
+        self._session = control.session
+        self._controller = control.controller
         self._requests = requests
         self._watch = watch
-        self._axis = axis
-        self._say = say
-        self._spawn = spawn
+        self._axis = control.axis
+        self._say = means.say
+        self._spawn = means.spawn
         self._on_begin = on_begin
-        self._clock_us = clock_us
+        self._clock_us = means.clocks.us
         self._confirmed = True
         self._confirmed_us: int | None = None
         """Board time of the confirmation, until a sample after it was published."""

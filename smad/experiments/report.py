@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-import smad
 from sim_device.plant.parameters import ParameterSet, parameters_text
 from smad.experiments.base import Comparison
 from smad.experiments.campaign import CampaignResult
 from smad.experiments.contradictions import numbered, reference
 from smad.experiments.estimate import Estimate
 from smad.report.page import Code, Page, Section, Table, Text
+from smad.version import VERSION
 
 
 def comparison_table(result: CampaignResult) -> Table:
@@ -125,5 +125,5 @@ def campaign_page(
         sections,
         "Cheng et al., J. Intell. Mater. Syst. Struct. 28(16), 2017: each figure and "
         "characterisation run again, and what goes beyond the paper beside it.",
-        (("smad", smad.__version__), ("model", model.title), *facts),
+        (("smad", VERSION), ("model", model.title), *facts),
     )

@@ -18,11 +18,11 @@ from smad.control.errors import PlanError
 from smad.control.plan import Plan
 from smad.control.runner import run_virtual
 from smad.control.sample import Sample
-from smad.daemon.measure import row_of
 from smad.experiments.driver import PARTS, Mounting, Progress, log_name, log_path
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.runlog.reader import columns_of
+from smad.runlog.rows import row_of
 from smad.runlog.schema import Event, Record, Row
 
 

@@ -12,8 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from firmware_protocol.enums import Fault
-from sim_device.bench import SimulatedBench
-from sim_device.faults import FAULT_KINDS, FaultKind, Injection
+from sim_device.faults import FAULT_KINDS, Breakable, FaultKind, Injection
 from smad.faults.oracle import Then
 from smad.faults.scenes import SCENES
 from smad.faults.trace import WatchedBench
@@ -93,12 +92,12 @@ class Row:
         return Injection(self.kind, at_us, parameters, lasts_s)
 
 
-def _stall_host(bench: SimulatedBench, p: Mapping[str, float]) -> None:
+def _stall_host(bench: Breakable, p: Mapping[str, float]) -> None:
     assert isinstance(bench, WatchedBench)
     bench.host.stall(p["seconds"])
 
 
-def _jump_clock(bench: SimulatedBench, p: Mapping[str, float]) -> None:
+def _jump_clock(bench: Breakable, p: Mapping[str, float]) -> None:
     assert isinstance(bench, WatchedBench)
     bench.host.jump_wall_clock(p["seconds"])
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import zmq
 
-from smad.daemon.endpoints import Connection
+from smad.client.endpoints import Connection
 from smad.errors import SmadError
 
 _SPARE = 100

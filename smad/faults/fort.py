@@ -12,9 +12,8 @@ from pathlib import Path
 
 import zmq
 
-from smad.cli.daemonprocess import DaemonProcess
-from smad.cli.simprocess import simulated_bench
 from smad.client import Client, Refused
+from smad.client.endpoints import Connection
 from smad.config import (
     Config,
     DaemonConfig,
@@ -26,8 +25,9 @@ from smad.config import (
     config_to_toml,
 )
 from smad.control.commands import Sine
-from smad.daemon.endpoints import Connection
 from smad.errors import SmadError
+from smad.processes.daemon import DaemonProcess
+from smad.processes.simulator import simulated_bench
 
 PATIENCE_S = 60.0
 POLL_S = 0.02

@@ -16,7 +16,6 @@ from pathlib import Path
 import msgspec
 import zmq
 
-import smad
 from smad.api import LARGEST_MESSAGE
 from smad.client import Client
 from smad.client.wire import Keys
@@ -27,6 +26,7 @@ from smad.faults.proxy import Proxy
 from smad.faults.soak.run import usage_of
 from smad.report.page import Table
 from smad.runlog.reader import read_run
+from smad.version import VERSION
 
 HUGE_BYTES = 100_000_000
 _BREATH_S = 2.2
@@ -306,4 +306,4 @@ def table_of(held: Sequence[Held]) -> Table:
 def json_of(held: Sequence[Held]) -> str:
     """Everything, as JSON text."""
     rows = [{**dataclasses.asdict(h), "failures": h.failures} for h in held]
-    return json.dumps({"smad": smad.__version__, "attacks": rows}, indent=1) + "\n"
+    return json.dumps({"smad": VERSION, "attacks": rows}, indent=1) + "\n"

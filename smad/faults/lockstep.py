@@ -27,11 +27,12 @@ from firmware_protocol.events import (
 from firmware_protocol.host import HostSession
 from sim_device.faults import Injection
 from sim_device.plant import load_parameters
-from smad.config import ControlConfig, LimitsConfig
+from smad.config import ControlConfig, LimitsConfig, LinkConfig
 from smad.control.commands import Idle
 from smad.control.controller import Controller
-from smad.daemon.control import ControlTask
+from smad.daemon.control import ControlTask, Outlets
 from smad.daemon.hoststop import HostStop
+from smad.daemon.means import Clocks
 from smad.errors import SmadError
 from smad.faults.catalogue import ROWS, Row
 from smad.faults.oracle import Expectation, Outcome, Then
@@ -76,14 +77,13 @@ class Host:
         self.control = ControlTask(
             self.session,
             self.controller,
-            axis=0,
-            ttl_ms=_TTL_MS,
-            write=self._write,
-            on_event=self._on_event,
-            on_finished=lambda: None,
-            clock_us=lambda: bench.now_us,
-            wall_clock=lambda: 1.7e9 + bench.now_us * 1e-6 + self._wall_offset_s,
-            stopwatch_ns=lambda: bench.now_us * 1000,
+            LinkConfig(setpoint_ttl_ms=_TTL_MS),
+            Outlets(self._write, self._on_event, lambda: None),
+            Clocks(
+                lambda: bench.now_us,
+                lambda: 1.7e9 + bench.now_us * 1e-6 + self._wall_offset_s,
+                lambda: bench.now_us * 1000,
+            ),
         )
         self.control.opened()
 

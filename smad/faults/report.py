@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import smad
 from smad.faults.oracle import CLAUSES, Outcome, Violation, judge
 from smad.report.page import Page, Section, Table, Text
+from smad.version import VERSION
 
 _HEADER = (
     "fault", "group", "injections", "passed", "stopped",
@@ -154,14 +154,14 @@ def page_of(run: CampaignRun) -> Page:
         ),
         Section("The oracle", [Text(f"Clauses: {', '.join(CLAUSES)}."), Text(_ORACLE)], "oracle"),
     ]
-    facts = [("smad", smad.__version__), ("date", run.when), ("command", run.command)]
+    facts = [("smad", VERSION), ("date", run.when), ("command", run.command)]
     return Page("Fault campaign", sections, verdict(run), facts)
 
 
 def json_of(run: CampaignRun) -> str:
     """Everything, as JSON text; a time that does not exist is null."""
     data = {
-        "smad": smad.__version__,
+        "smad": VERSION,
         "seed": run.seed,
         "when": run.when,
         "took_s": run.took_s,

@@ -17,8 +17,8 @@ import zmq
 from sim_device.faults import injection
 from sim_device.ports import PortCounts, PtyPort
 from sim_device.pty import Server
-from smad.cli.daemonprocess import DaemonProcess
 from smad.client import Client, Refused
+from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import (
     Config,
     DaemonConfig,
@@ -29,11 +29,11 @@ from smad.config import (
     config_to_toml,
 )
 from smad.control.commands import DriveCurrent
-from smad.daemon.endpoints import FOLDER_VARIABLE
 from smad.errors import SmadError
 from smad.faults.fort import free_ports
 from smad.faults.smalldisk import SmallDisk
 from smad.faults.trace import HOT, WatchedBench
+from smad.processes.daemon import DaemonProcess
 
 PATIENCE_S = 60.0
 BAUD = 921_600

@@ -1,29 +1,28 @@
-"""`python -m smad.faults.victim PART …`: a daemon whose PART breaks when it gets SIGUSR1.
+"""`python -m smad.faults.victim PART start …`: a daemon whose PART breaks when it gets SIGUSR1.
 
-The words after PART are those of `smad`, so the daemon is the real one in a process of its own.
-Until the signal comes it runs unchanged.
+The words after PART are those of `smad`, which is then run as `python -m smad` runs it: the daemon
+is the real one in a process of its own. Until the signal comes it runs unchanged.
 """
 
 from __future__ import annotations
 
 import functools
 import importlib
+import runpy
 import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from smad.cli import execute
-
 DAEMON_PARTS: dict[str, str] = {
     "session": "firmware_protocol.host:HostSession.receive",
     "controller": "smad.control.controller:Controller.step",
-    "publisher": "smad.daemon.telemetry:Publisher.publish",
-    "recorder": "smad.daemon.recorder:Recorder.row",
-    "watch": "smad.daemon.watch:BoardWatch.on_state",
+    "publisher": "smad.daemon.telemetry.publisher:Publisher.publish",
+    "recorder": "smad.daemon.telemetry.recorder:Recorder.row",
+    "watch": "smad.daemon.link.watch:BoardWatch.on_state",
     "housekeeping": "smad.daemon.daemon:Daemon._each_second",
-    "server": "smad.daemon.server:CommandServer._turn",
+    "server": "smad.daemon.command.server:CommandServer._turn",
 }
 """Parts whose death ends the daemon, by the method that raises."""
 
@@ -37,15 +36,16 @@ class _Trigger:
     pulled = False
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Prepare the part, then be `smad`."""
+def main(arguments: Sequence[str]) -> None:
+    """Prepare the part, then be `smad`, which exits with its own status."""
     part, words = arguments[0], arguments[1:]
     signal.signal(signal.SIGUSR1, _pull)
     if part == WALL_CLOCK_PART:
         _jumping_clock()
     else:
         _break((DAEMON_PARTS | {WRITER_PART: _WRITER})[part])
-    return execute(words)
+    sys.argv[1:] = words
+    runpy.run_module("smad", run_name="__main__")
 
 
 def _pull(number: int, frame: object) -> None:
@@ -76,4 +76,4 @@ def _jumping_clock() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main(sys.argv[1:])

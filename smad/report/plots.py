@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -138,16 +137,3 @@ def label(axes: Axes, x: str, y: str, title: str = "", *, legend: bool = True) -
         axes.set_title(title, fontsize=10, loc="left")
     if legend and axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best", frameon=False, fontsize=8)
-
-
-def bars_with_values(
-    axes: Axes, names: Sequence[str], values: Sequence[float], colour: str, form: str = "{:.3g}"
-) -> None:
-    """Bars with their numbers written above them."""
-    positions = np.arange(len(names))
-    axes.bar(positions, values, color=COLOURS.get(colour, colour), width=0.6)
-    axes.set_xticks(positions, names)
-    for position, value in zip(positions, values, strict=True):
-        axes.annotate(
-            form.format(value), (float(position), value), ha="center", va="bottom", fontsize=8
-        )

@@ -22,8 +22,8 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 from msgspec import Struct
 
-import smad
 from smad.runlog.schema import TOPICS, Row, json_schema
+from smad.version import VERSION
 
 MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_OVERHEAD = MESSAGE.size - 9
@@ -83,7 +83,7 @@ class McapFile:
         self.size_bytes = 0
         opening = RecordBuilder()
         opening.write(MCAP0_MAGIC)
-        records.Header(profile="", library=f"smad {smad.__version__}").write(opening)
+        records.Header(profile="", library=f"smad {VERSION}").write(opening)
         opening.write(_definitions())
         self._write(_taken(opening))
 

@@ -54,6 +54,12 @@ def hear(host: HostSession, frame: bytes, now_us: int) -> list[e.HostEvent]:
     return host.receive(b"\0" + frame, now_us)
 
 
+def test_every_message_that_is_written_is_in_the_table() -> None:
+    written = {cls for cls in vars(m).values() if isinstance(cls, type)}
+    written = {cls for cls in written if issubclass(cls, m.Message) and cls is not m.Message}
+    assert written == set(m.MESSAGES)
+
+
 @pytest.mark.parametrize("cls", TO_HOST)
 def test_the_host_has_a_handler_for_every_message_of_a_board(cls: type[m.Message]) -> None:
     pair = Pair().connect()

@@ -70,7 +70,6 @@ def test_another_major_version_is_identified_and_nothing_more() -> None:
     assert pair.board.session.session == 0
     pair.run(300)
     assert pair.told(e.StateReceived) == []
-    assert pair.host.next_deadline_us() is None
 
 
 def test_a_board_reflashed_to_our_version_is_taken_up_when_it_boots() -> None:

@@ -66,9 +66,6 @@ def test_hello_is_repeated_ever_more_slowly_until_somebody_answers() -> None:
         if pair.host.data_to_send():
             sent.append(now_us)
     assert sent == [0, 100_000, 300_000, 700_000, 1_700_000, 2_700_000, 3_700_000, 4_700_000]
-    deadline_us = pair.host.next_deadline_us()
-    assert deadline_us is not None
-    assert deadline_us >= 5_000_000
 
 
 def test_samples_arrive_with_their_time_unwrapped() -> None:

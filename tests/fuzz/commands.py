@@ -11,8 +11,8 @@ import msgspec
 from firmware_protocol.events import HostState
 from smad.api import LARGEST_MESSAGE, Reason
 from smad.control.commands import Tune
-from smad.daemon.auth import Doorkeeper
-from smad.daemon.rpc import Call, Decoder
+from smad.daemon.command.auth import Doorkeeper
+from smad.daemon.command.rpc import Call, Decoder
 from tests.fuzz.desk import CLIENTS, desk, discard
 from tests.fuzz.program import require
 

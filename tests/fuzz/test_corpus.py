@@ -18,8 +18,8 @@ from sim_device.plant import parameters
 from sim_device.plant.models import save_model
 from smad.config import default_toml
 from smad.control.sample import sample_of
+from smad.daemon.command.service import Service
 from smad.daemon.control import ControlTask
-from smad.daemon.service import Service
 from smad.runlog import importer, scan
 from tests.fuzz import commands, config
 from tests.fuzz.limits import kind_of, within_limits

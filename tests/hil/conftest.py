@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from smad.api import Status
-from smad.cli.daemonprocess import DaemonProcess
 from smad.client import Client, Refused
 from smad.config import (
     Config,
@@ -22,6 +21,7 @@ from smad.config import (
     TelemetryConfig,
     config_to_toml,
 )
+from smad.processes.daemon import DaemonProcess
 
 PATIENCE_S = 120.0
 """A loaded machine may take its time; nothing is asserted on how long anything took."""

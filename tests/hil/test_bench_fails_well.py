@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from smad.client import Client, NoDaemon, Refused, Stopped
+from smad.client.endpoints import FOLDER_VARIABLE, read_connection
 from smad.control.commands import Step
-from smad.daemon.endpoints import FOLDER_VARIABLE, read_connection
 from tests.hil.conftest import PATIENCE_S, Hil, arm, wait_for
 
 STEP = Step(displacement_mm=5.0, duration_s=3000.0)

@@ -14,7 +14,7 @@ import msgspec
 import zmq
 
 from smad import api
-from smad.daemon.endpoints import Connection, Endpoints, write_connection
+from smad.client.endpoints import Connection, Endpoints, write_connection
 
 MOTION = api.Motion(
     running="idle",

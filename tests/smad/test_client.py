@@ -23,10 +23,10 @@ from smad.client import (
     Refused,
     Stopped,
 )
+from smad.client.endpoints import Connection, write_connection
 from smad.client.progress import Wait
 from smad.client.wire import POINTS_A_PIECE, in_pieces
 from smad.control.commands import DriveCurrent, Hold, Samples, Sine, Step, Tune
-from smad.daemon.endpoints import Connection, write_connection
 from tests.smad.fakedaemon import MOTION, FakeDaemon, Silent, fake_daemon
 
 

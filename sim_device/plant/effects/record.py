@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,19 +32,6 @@ class Prior:
     kind: Literal["normal", "half-normal", "log-normal"]
     scale: float
     spread: float = 0.7
-
-    def log_density(self, value: float) -> float:
-        """Natural logarithm of the density; minus infinity outside the support."""
-        if self.kind == "log-normal":
-            if value <= 0.0:
-                return -math.inf
-            z = math.log(value / self.scale) / self.spread
-            return -0.5 * z * z - math.log(value * self.spread * math.sqrt(2.0 * math.pi))
-        if self.kind == "half-normal" and value < 0.0:
-            return -math.inf
-        z = value / self.scale
-        sides = math.log(2.0) if self.kind == "half-normal" else 0.0
-        return sides - 0.5 * z * z - math.log(self.scale * math.sqrt(2.0 * math.pi))
 
 
 @dataclass(frozen=True, kw_only=True)

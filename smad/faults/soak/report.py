@@ -9,9 +9,9 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import smad
 from smad.faults.soak.found import LOOKING, Found, Usage
 from smad.report.page import Table
+from smad.version import VERSION
 
 EXPECTED_FAULTS = frozenset({"SETPOINT_LOST", "ESTOP_PRESSED"})
 """What a pulled cable while armed and the emergency stop lead to; every other is a nuisance."""
@@ -107,7 +107,7 @@ def json_of(results: Sequence[Found]) -> str:
         }
         for found in results
     ]
-    return json.dumps({"smad": smad.__version__, "stages": stages}, indent=1) + "\n"
+    return json.dumps({"smad": VERSION, "stages": stages}, indent=1) + "\n"
 
 
 def _growth(

@@ -23,7 +23,7 @@ import zmq
 from msgspec import Struct
 
 from smad import api
-from smad.cli.daemonprocess import DaemonProcess
+from smad.client.endpoints import read_connection
 from smad.client.wire import subscribe
 from smad.config import (
     Config,
@@ -33,12 +33,12 @@ from smad.config import (
     TelemetryConfig,
     config_to_toml,
 )
-from smad.daemon.endpoints import read_connection
 from smad.errors import DaemonError, RunLogError
 from smad.faults.caller import Caller
 from smad.faults.soak.bench import READY
 from smad.faults.soak.draws import SAFE_ONLY, draw_command
 from smad.faults.soak.found import Found, Logged, Stage, Usage, not_logged
+from smad.processes.daemon import DaemonProcess
 from smad.runlog.reader import read_run
 
 Say = Callable[[str], None]

@@ -1,6 +1,7 @@
 """Each row of the check table: what trips it, after how long, and what comes close and does not."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -462,3 +463,9 @@ def test_an_idle_spring_that_stays_at_room_temperature_beside_cold_water_is_not_
     rig.spoil = cold_inlet
     rig.setpoint_mA = (700, 0)
     stays(rig, 120.0)
+
+
+def test_every_fault_of_the_check_table_is_tripped_by_a_test_of_this_file() -> None:
+    here = Path(__file__).read_text()
+    tripped = {fault for fault in Fault if f"Fault.{fault.name}" in here}
+    assert {check.fault for check in CHECKS} - tripped == set()

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from bench.plant import OVERLAPPING, evaluations_per_substep
 from sim_device.plant import load_parameters, simulate
-from sim_device.plant.bench import OVERLAPPING, evaluations_per_substep
 from tests.sim_device.plant.cases import alternating
 
 

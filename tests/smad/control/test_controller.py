@@ -206,7 +206,6 @@ def test_the_trajectory_keeps_board_time_through_missed_samples() -> None:
     controller = started(Follow(trajectories=(Ramp(displacement_mm=5.0, rate_mm_per_s=1.0),)))
     drive(controller, [1, 2, 3, 50, 51, 100])
     assert controller.reference_m == pytest.approx(0.001, abs=1e-6)
-    assert controller.missed_samples == 46 + 48
 
 
 def test_a_sample_that_comes_twice_changes_nothing() -> None:

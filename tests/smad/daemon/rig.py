@@ -19,10 +19,11 @@ import zmq
 
 from sim_device.bench import SimulatedBench
 from smad.config import Config, DaemonConfig, LinkConfig, RecorderConfig
-from smad.daemon.daemon import Daemon
+from smad.daemon.daemon import Daemon, Process
 from smad.daemon.journal import Journal
+from smad.daemon.link.port import SocketTransport, Transport
+from smad.daemon.means import Clocks
 from smad.daemon.notify import Notifier
-from smad.daemon.port import SocketTransport, Transport
 from smad.errors import PortError
 
 T = TypeVar("T")
@@ -46,14 +47,15 @@ class Rig:
         self.daemon = Daemon(
             config,
             self._open,
-            loop=asyncio.get_running_loop(),
-            context=self.context,
-            journal=self.journal,
-            notifier=Notifier({}),
-            nonce=7,
-            parameter_text="",
-            clock_us=self.now_us,
-            wall_clock=lambda: 1_700_000_000.0 + self.now_us() * 1e-6,
+            Process(
+                loop=asyncio.get_running_loop(),
+                context=self.context,
+                journal=self.journal,
+                notifier=Notifier({}),
+                nonce=7,
+                parameter_text="",
+                clocks=Clocks(self.now_us, lambda: 1_700_000_000.0 + self.now_us() * 1e-6),
+            ),
         )
 
     def now_us(self) -> int:

@@ -11,7 +11,7 @@ from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.control.controller import Output
 from smad.control.sample import Sample
-from smad.daemon.measure import row_of
+from smad.runlog.rows import row_of
 from tests.smad.daemon.rig import Refused, rig_in
 
 
@@ -22,7 +22,8 @@ async def test_every_sample_is_answered_by_one_setpoint(tmp_path: Path) -> None:
         await rig.run(500)
         counts = rig.daemon.control.counts
         assert counts.setpoints - before == 500
-        assert (counts.missed, counts.skipped, counts.setpoints_dropped) == (0, 0, 0)
+        assert (counts.skipped, counts.setpoints_dropped) == (0, 0)
+        assert rig.daemon.session.stats.missed_states == 0
 
 
 async def test_a_connection_lands_in_monitor_and_reads_the_parameters(tmp_path: Path) -> None:
@@ -72,7 +73,7 @@ async def test_the_newest_of_several_samples_is_acted_on_and_the_others_are_coun
         counts = rig.daemon.control.counts
         assert counts.skipped == 4
         assert counts.setpoints == before + 1
-        assert counts.missed == 0
+        assert rig.daemon.session.stats.missed_states == 0
 
 
 async def test_lost_samples_are_counted_from_the_boards_counter(tmp_path: Path) -> None:
@@ -81,7 +82,7 @@ async def test_lost_samples_are_counted_from_the_boards_counter(tmp_path: Path) 
         for _ in range(3):
             rig.bench.step()
         await rig.run(10)
-        assert rig.daemon.control.counts.missed == 3
+        assert rig.daemon.session.stats.missed_states == 3
 
 
 async def test_pulling_the_plug_lands_in_monitor_and_never_arms_again(tmp_path: Path) -> None:
@@ -163,7 +164,7 @@ async def test_the_rate_of_the_configuration_is_set_on_the_board(tmp_path: Path)
         await rig.run(400)
         assert rig.bench.board.rate_hz == 500
         await rig.run(500)
-        assert rig.daemon.control.counts.missed == 0
+        assert rig.daemon.session.stats.missed_states == 0
         assert (await rig.ask("params.get", name="state_rate_hz"))["value"] == 500
 
 
@@ -292,4 +293,4 @@ async def test_a_restart_of_the_board_is_not_counted_as_missed_samples(tmp_path:
         bench.reboot(ResetCause.PIN)
         await rig.run(200)
         assert bench.board.tick < 300
-        assert rig.daemon.control.counts.missed == 0
+        assert rig.daemon.session.stats.missed_states == 0

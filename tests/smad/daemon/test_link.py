@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from smad.daemon.endpoints import (
+from smad.client.endpoints import (
     Connection,
     Endpoints,
     candidate_folders,
@@ -19,9 +19,9 @@ from smad.daemon.endpoints import (
     read_connection,
     write_connection,
 )
-from smad.daemon.link import Link
+from smad.daemon.link.link import Link
+from smad.daemon.link.port import PortFinder, SocketTransport, Transport, open_serial
 from smad.daemon.lockfile import LockFile
-from smad.daemon.port import PortFinder, SocketTransport, Transport, open_serial
 from smad.errors import DaemonError, PortError
 
 

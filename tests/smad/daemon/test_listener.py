@@ -1,6 +1,7 @@
 """Connections that wait, are displaced, or find no descriptor; ports that close to newcomers."""
 
 import asyncio
+import math
 import os
 import resource
 import socket
@@ -13,11 +14,17 @@ import pytest
 import zmq
 
 from smad.config import TcpConfig
-from smad.daemon.descriptors import RESERVE, Descriptors, Shares, open_descriptors, shares_of
-from smad.daemon.gate import Gate
-from smad.daemon.listener import Connection, Listener, listen_local
-from smad.daemon.remote import RemoteDoor
-from smad.daemon.zmtp import GREETING, encoded, ready
+from smad.daemon.command.remote import RemoteDoor, Routes
+from smad.daemon.sockets.descriptors import (
+    RESERVE,
+    Descriptors,
+    Shares,
+    open_descriptors,
+    shares_of,
+)
+from smad.daemon.sockets.gate import Gate
+from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms, listen_local
+from smad.daemon.sockets.zmtp import GREETING, encoded, ready
 from smad.errors import DaemonError
 from smad.faults.fort import free_ports
 
@@ -33,15 +40,14 @@ class Room:
         self.lines: list[socket.socket] = []
         self.listener: Listener
 
-    def open(self, **options: Any) -> None:
+    def open(self, *, standing_s: float = math.inf, **options: Any) -> None:
         self.listener = Listener(
             asyncio.get_running_loop(),
             listen_local(f"ipc://{self.path}", 0o077),
-            b"ROUTER",
-            accepts=frozenset((b"DEALER",)),
-            longest=1000,
-            queue=10,
-            on_message=self._answer,
+            Terms(
+                b"ROUTER", frozenset((b"DEALER",)), longest=1000, queue=10, standing_s=standing_s
+            ),
+            Hooks(self._answer),
             **options,
         )
 
@@ -136,7 +142,7 @@ async def test_the_longest_silent_makes_room_for_a_stop(room: Room) -> None:
 async def test_who_says_nothing_at_all_is_sent_away(
     room: Room, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("smad.daemon.listener.HANDSHAKE_S", 0.0)
+    monkeypatch.setattr("smad.daemon.sockets.listener.HANDSHAKE_S", 0.0)
     room.open()
     line = room.enter(b"")
     await until(lambda: not is_open(line))
@@ -294,9 +300,7 @@ def test_commands_are_closed_to_newcomers_before_stops_are() -> None:
         return False
 
     with zmq.Context() as context:
-        door = RemoteDoor(
-            context, tcp, secret, on_command=_ignore, on_stop=_ignore, queue=10, reserve=nullcontext
-        )
+        door = RemoteDoor(context, tcp, secret, _IGNORED, queue=10, reserve=nullcontext)
         door.most = 8
         let_in = []
         for connections in (3, 4, 7, 8, 7, 5, 3, 2):
@@ -325,8 +329,7 @@ def test_a_port_that_is_taken_is_refused_and_leaves_nothing_open() -> None:
                 context,
                 tcp,
                 secret,
-                on_command=_ignore,
-                on_stop=_ignore,
+                _IGNORED,
                 queue=10,
                 reserve=nullcontext,
             )
@@ -335,3 +338,6 @@ def test_a_port_that_is_taken_is_refused_and_leaves_nothing_open() -> None:
 
 def _ignore(socket: object, frames: object) -> None:
     return None
+
+
+_IGNORED = Routes(_ignore, _ignore)

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import zmq
 
+from smad.client.endpoints import write_anew
 from smad.config import Config, DaemonConfig, LinkConfig, TcpConfig, parse_config
 from smad.config.curve import is_curve_key
-from smad.daemon.auth import Doorkeeper, server_keys
-from smad.daemon.endpoints import write_anew
-from smad.daemon.reload import reread_keys
+from smad.daemon.command.auth import Doorkeeper, server_keys
+from smad.daemon.command.reload import reread_keys
 from smad.errors import ConfigError
 
 FIRST, SECOND = (zmq.curve_keypair()[0].decode() for _ in range(2))

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from smad import api
 from smad.api import METHODS
+from smad.daemon.command.rpc import Call, Decoder, error_reply, result_reply
 from smad.daemon.errors import Refusal
-from smad.daemon.rpc import Call, Decoder, error_reply, result_reply
 
 ALL = Decoder()
 STOPS = Decoder("stop")

@@ -13,12 +13,12 @@ import zmq
 import zmq.asyncio
 
 from smad.api import LARGEST_TAKEN_IN
+from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig, TcpConfig, TelemetryConfig
-from smad.daemon.auth import Doorkeeper, server_keys
-from smad.daemon.endpoints import Endpoints
-from smad.daemon.server import CommandServer
-from smad.daemon.telemetry import Publisher
-from smad.daemon.zmtp import GREETING, encoded, ready
+from smad.daemon.command.auth import Doorkeeper, server_keys
+from smad.daemon.command.server import CommandServer, Handlers
+from smad.daemon.sockets.zmtp import GREETING, encoded, ready
+from smad.daemon.telemetry.publisher import Publisher
 from smad.errors import ConfigError, DaemonError
 from smad.runlog.schema import Row
 
@@ -36,10 +36,8 @@ class Echo:
         self.clients = zmq.asyncio.Context()
         self.server = CommandServer(
             self.context,
+            Handlers(self._answer, self._answer, self._look),
             loop=asyncio.get_running_loop(),
-            on_command=self._answer,
-            on_stop=self._answer,
-            look_at_port=self._look,
             queue=1000,
         )
 

@@ -11,15 +11,15 @@ import pytest
 from firmware_protocol.enums import BoardState, ErrorCode
 from firmware_protocol.messages import NO_FIELD, Error
 from firmware_protocol.rates import USUAL_BAUDS, USUAL_RATES_HZ
-from smad.daemon.budget import TimeBudget
+from smad.daemon.command.budget import TimeBudget
+from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.errors import Refusal
 from smad.daemon.histogram import Histogram
 from smad.daemon.journal import Journal
-from smad.daemon.lease import DeadMan, Lease
 from smad.daemon.lifecycle import part_of
+from smad.daemon.link.requests import refusal
+from smad.daemon.link.wirerate import check_rate, line_share
 from smad.daemon.notify import Notifier
-from smad.daemon.requests import refusal
-from smad.daemon.wirerate import check_rate, line_share
 from smad.errors import ConfigError
 
 SECOND = 1_000_000

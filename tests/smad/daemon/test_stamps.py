@@ -12,7 +12,7 @@ from firmware_protocol.messages import TimeReply
 from firmware_protocol.timesync import WRAP, TimeExchanges
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
-from smad.daemon.stamps import GAP_S, MOST_RATE, SETTLING_S, Stamps
+from smad.daemon.telemetry.stamps import GAP_S, MOST_RATE, SETTLING_S, Stamps
 from tests.smad.daemon.rig import rig_in
 
 STEP_US = 10_000

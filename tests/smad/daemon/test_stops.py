@@ -12,9 +12,9 @@ from firmware_protocol.enums import BoardState
 from firmware_protocol.events import DisarmRequested
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
+from smad.client.endpoints import Endpoints
 from smad.client.wire import connect
 from smad.config import LimitsConfig
-from smad.daemon.endpoints import Endpoints
 from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
 
 STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}

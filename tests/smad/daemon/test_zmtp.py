@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from smad.daemon.zmtp import (
+from smad.daemon.sockets.zmtp import (
     GREETING,
     Broken,
     Greeted,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from firmware_protocol.timesync import Unwrapper
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad import api
@@ -13,8 +14,8 @@ from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Idle, M
 from smad.control.controller import Controller
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
-from smad.daemon.measure import row_of
 from smad.runlog.header import RunHeader
+from smad.runlog.rows import row_of
 from smad.runlog.schema import Event, Row
 from smad.runlog.writer import write_run
 
@@ -58,6 +59,7 @@ class FakeClient:
         self._controller = Controller(self._config.control)
         self._folder = folder
         self._scales = Scales({})
+        self._unwrap = Unwrapper()
         self._time = BoardTime()
         self._setpoint = None
         self._row: Row | None = None
@@ -77,7 +79,8 @@ class FakeClient:
 
     def _step(self) -> None:
         state = self._bench.step_typed(self._setpoint)
-        self._sample = sample_of(state, self._time.unwrap(state.t_us), self._scales)
+        board_us = self._unwrap(state.t_us, self._time.now_us)
+        self._sample = sample_of(state, self._time.since_first(board_us), self._scales)
         output = self._controller.step(self._sample)
         self._setpoint = setpoint_of(output, t_ref_us=state.t_us)
         self._row = row_of(

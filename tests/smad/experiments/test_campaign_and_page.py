@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import json
+import pkgutil
 import re
 import signal
 from concurrent.futures import ThreadPoolExecutor
@@ -11,11 +14,12 @@ from pathlib import Path
 
 import pytest
 
+import smad.experiments
 from sim_device.plant import Plant
 from sim_device.plant.errors import SolverError
 from smad.cli import execute as command
 from smad.cli.run import ended_by_signals
-from smad.experiments.base import Comparison, Findings
+from smad.experiments.base import Comparison, Experiment, Findings
 from smad.experiments.campaign import Bench, CampaignResult, run_campaign
 from smad.experiments.contradictions import CONTRADICTIONS
 from smad.experiments.dsc import Dsc, DscOptions
@@ -116,12 +120,27 @@ def test_the_recovery_table_says_when_a_value_is_not_within_its_tolerance() -> N
     assert any(row[-1].startswith("NOT within") for row in wrong.rows)
 
 
+def test_every_experiment_is_registered() -> None:
+    modules = [
+        importlib.import_module(f"smad.experiments.{found.name}")
+        for found in pkgutil.iter_modules(smad.experiments.__path__)
+    ]
+    written = {
+        f"{kind.__module__}:{kind.__name__}"
+        for module in modules
+        for kind in vars(module).values()
+        if inspect.isclass(kind) and issubclass(kind, Experiment) and not inspect.isabstract(kind)
+    }
+    assert written == set(EXPERIMENTS.values())
+
+
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_has_its_page_of_documentation(name: str) -> None:
     page = Path(__file__).resolve().parents[3] / "docs/experiments" / f"{name}.md"
     text = page.read_text(encoding="utf-8")
     for setting in make_experiment(name).options.__struct_fields__:
         assert f"`{setting}`" in text, f"{page.name} does not tell of {setting}"
+    assert f"| [{name}]({name}.md) |" in (page.parent / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

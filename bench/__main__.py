@@ -1,0 +1,46 @@
+"""Print every number of the project: speed as ratios within one run, memory, sizes.
+
+python -m bench [NAME …]     all benchmarks, or the named ones; `--list` names them
+"""
+
+import subprocess
+import sys
+import time
+
+BENCHMARKS = {
+    "wire": "frames and sessions",
+    "plant": "the physics kernel against solve_ivp, alone and in parallel",
+    "board": "the simulated board and bench",
+    "control": "a control step, and virtual time",
+    "runlog": "recording and reading runs",
+    "daemon": "the control path beside a C program, idle and under load",
+    "stop_latency": "a third party's stop, idle and under floods",
+    "gap": "the diagnosis",
+}
+"""By module of this folder."""
+
+
+def main(names: list[str]) -> int:
+    if names == ["--list"]:
+        for name, about in BENCHMARKS.items():
+            print(f"{name:14}{about} (python -m bench.{name})")
+        return 0
+    unknown = [name for name in names if name not in BENCHMARKS]
+    if unknown:
+        known = ", ".join(BENCHMARKS)
+        print(f"no benchmark named {unknown[0]}; there are: {known}", file=sys.stderr)
+        return 2
+    failed = []
+    for name in names or BENCHMARKS:
+        print(f"\n{name}: {BENCHMARKS[name]}\n", flush=True)
+        start_s = time.monotonic()
+        if subprocess.run([sys.executable, "-m", f"bench.{name}"], check=False).returncode:
+            failed.append(name)
+        print(f"({time.monotonic() - start_s:.0f} s)", flush=True)
+    if failed:
+        print(f"failed: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

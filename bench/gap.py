@@ -1,0 +1,134 @@
+"""How long a diagnosis takes, and how that grows: rows for the benchmark report.
+
+`python -m bench.gap` prints them.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from smad.gap.plant import PlantModel
+    from smad.gap.runs import GapRun
+    from smad.gap.sma import SmaPlant
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+RUN_S = 75.0
+CANDIDATES = 25
+_PASSES = 3
+
+
+@dataclass(frozen=True)
+class Row:
+    """One result. `ratio` compares with what `name` says; NaN without comparison."""
+
+    name: str
+    value: float
+    unit: str
+    ratio: float = float("nan")
+
+
+def rows() -> list[Row]:
+    """All measurements; about three minutes on two free cores."""
+    from smad.gap.plant import ModelPoint
+    from smad.gap.recorded import recorded
+    from smad.gap.sma import SmaPlant
+
+    plant = SmaPlant()
+    names = tuple(e.name for e in plant.effects)
+    theta = {"flow_max": 0.93 * plant.parameter_set["flow_max"]}
+    bench = ModelPoint(theta, {"rtd_lag": {"tau_s": 0.4}})
+    families = ("pulses", "levels", "stairs", "mixed", "sines", "quick levels")
+    runs = [recorded(f, plant, bench, i) for i, f in enumerate(families)]
+    some = replace(plant, only=("rtd_lag", *[n for n in names if n != "rtd_lag"][: CANDIDATES - 1]))
+    _seconds(some, [r.part(0, 1500) for r in runs[:2]])
+    whole, evaluations, cpu = _seconds(some, runs)
+    half, _, _ = _seconds(some, [r.part(0, len(r.t_s) // 2) for r in runs])
+    fewer, _, _ = _seconds(replace(some, only=some.only[:13] if some.only else None), runs)
+    one, solver = _replay_s(some, runs[0])
+    slow = _PASSES * solver
+    return [
+        Row(f"diagnosis, 6 runs of {RUN_S:g} s, {CANDIDATES} candidates", whole, "s"),
+        Row("  processor time of it", cpu, "s"),
+        Row("  replays of one run in it", float(evaluations), "1"),
+        Row("  peak memory of the process", _peak_MB(), "MB"),
+        Row("half as long runs (ratio to whole; linear is 0.5)", half, "s", half / whole),
+        Row("13 of 25 candidates (ratio to whole; linear is 0.5)", fewer, "s", fewer / whole),
+        Row("one replay of one run in all views", 1e3 * one, "ms"),
+        Row("same replays by solve_ivp, estimated", slow * evaluations, "s", slow / one),
+    ]
+
+
+def _seconds(plant: SmaPlant, runs: Sequence[GapRun]) -> tuple[float, int, float]:
+    """Wall seconds, replays and processor seconds of one diagnosis."""
+    from smad.gap import diagnose
+
+    counted = _Counting(plant)
+    began, cpu = time.perf_counter(), time.process_time()
+    diagnose(runs, plant=cast("PlantModel", counted))
+    return time.perf_counter() - began, counted.count, time.process_time() - cpu
+
+
+class _Counting:
+    """A plant that counts its replays."""
+
+    def __init__(self, plant: SmaPlant) -> None:
+        self._plant, self.count = plant, 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
+
+    def simulate(self, *args: Any, **options: Any) -> dict[str, Any]:
+        self.count += 1
+        return self._plant.simulate(*args, **options)
+
+
+def _replay_s(plant: SmaPlant, run: GapRun) -> tuple[float, float]:
+    """Processor seconds of one replay by the kernel in all views, and of one pass by solve_ivp.
+
+    The reference solves the open loop only; a replay in all views is three passes.
+    """
+    import numpy as np
+
+    from sim_device.plant.reference import Reference
+    from smad.gap.plant import ModelPoint
+
+    views = [v.name for v in plant.views if not v.open_loop]
+
+    def kernel() -> None:
+        plant.simulate(ModelPoint({}), run, views, fast=True)
+
+    drives = np.column_stack(
+        [run.inputs[n] for n in ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")]
+    )
+    reference = Reference.make(plant.parameter_set)
+
+    def solver() -> None:
+        reference.solve(run.t_s, drives, rtol=1e-5, atol=1e-7)
+
+    kernel()
+    solver()
+    return min(_timed(kernel) for _ in range(5)), min(_timed(solver) for _ in range(2))
+
+
+def _timed(call: Callable[[], object]) -> float:
+    began = time.process_time()
+    call()
+    return time.process_time() - began
+
+
+def _peak_MB() -> float:
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+if __name__ == "__main__":
+    for row in rows():
+        ratio = "" if row.ratio != row.ratio else f"   ×{row.ratio:.3g}"
+        print(f"{row.name:<58} {row.value:>9.1f} {row.unit}{ratio}")

@@ -1,0 +1,1 @@
+"""Towards the clients: sockets to messages to commands to replies, who may command, the status."""

@@ -1,0 +1,1 @@
+"""Towards the board: the port and its reopening, requests, and what the board says of itself."""

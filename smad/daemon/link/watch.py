@@ -1,0 +1,201 @@
+"""What follows from the board's messages that are no samples: connection, faults, parameters.
+
+A session always begins as a watcher's: nothing is armed, whatever was before, and a board found
+armed is told to disarm.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from firmware_protocol.enums import BoardState, faults_in
+from firmware_protocol.events import (
+    BoardRestarted,
+    Connected,
+    ErrorReceived,
+    FaultReported,
+    HostEvent,
+    Incompatible,
+    IncompatibleReason,
+    LinkLost,
+    StatsReceived,
+)
+from firmware_protocol.messages import FaultGet, FaultReport, Ident, State
+from firmware_protocol.mirror import HOT, STOPPED
+from smad import api
+from smad.config import LinkConfig
+from smad.control.sample import Scales
+from smad.daemon.errors import Refusal
+from smad.daemon.link.board import Parameters, fault_of
+from smad.daemon.link.requests import BoardRequests, refusal
+from smad.daemon.means import Means
+
+_REPORTS_KEPT = 16
+
+
+class BoardWatch:
+    """Keeps what is known of the board, and tells the journal and the run log what changes.
+
+    `on_scales` gets the scales of the readings once the parameters are read; `on_found_armed` is
+    called for a board that is armed when it connects; `identified` is set once it was heard of;
+    `incompatible` holds why this board cannot be used, or only be watched.
+    """
+
+    def __init__(
+        self,
+        config: LinkConfig,
+        requests: BoardRequests,
+        means: Means,
+        *,
+        on_scales: Callable[[Scales], None],
+        on_found_armed: Callable[[], None],
+    ) -> None:
+        self.parameters = Parameters(config.axis)
+        self.ident: Ident | None = None
+        self.incompatible: Incompatible | None = None
+        self.fault: api.Fault | None = None
+        self.mode: BoardState | None = None
+        self.stats: dict[str, int] = {}
+        self.identified = asyncio.Event()
+        self.reading = False
+        self._config = config
+        self._requests = requests
+        self._say = means.say
+        self._spawn = means.spawn
+        self._on_scales = on_scales
+        self._on_found_armed = on_found_armed
+
+    def on_event(self, event: HostEvent) -> None:
+        """Take one event of the session."""
+        if self._requests.handle(event):
+            return
+        match event:
+            case Connected(ident):
+                self._connected(ident)
+            case Incompatible():
+                self._incompatible(event)
+            case FaultReported(report):
+                self.fault = fault_of(report)
+                self._say(
+                    "fault", f"the board stopped: {self.fault.in_words()}", _plain(self.fault)
+                )
+            case BoardRestarted(ident):
+                cause = "" if ident is None else f" ({ident.reset_cause.name.lower()})"
+                self._disconnected(f"the board restarted{cause}; it is not armed any more")
+            case LinkLost(silent_us):
+                self._disconnected(f"the board fell silent for {silent_us / 1000:.0f} ms")
+            case StatsReceived(stats):
+                self.stats = {name: getattr(stats, name) for name in stats.__struct_fields__}
+            case ErrorReceived(error):
+                self._say("warning", f"the board complains: {refusal(error)}", {})
+            case _:
+                pass
+
+    def port_lost(self, reason: str) -> None:
+        """The port went away."""
+        self._disconnected(f"the port was lost ({reason}); trying to reopen it")
+
+    def on_state(self, state: State) -> None:
+        """Take the mode of a published sample; notes changes."""
+        mode = state.mode
+        if mode == self.mode:
+            return
+        before, self.mode = self.mode, BoardState(mode)
+        if before is None:
+            if mode in HOT:
+                self._on_found_armed()
+            elif mode in STOPPED and self.fault is None:
+                self._spawn("fault report", self._read_fault(state))
+            return
+        self._say("state", f"{before.name} → {self.mode.name}", {})
+        if mode not in STOPPED and before is BoardState.FAULT:
+            self.fault = None
+
+    def _connected(self, ident: Ident) -> None:
+        self.ident = ident
+        self.incompatible = None
+        self.fault = None
+        self.mode = None
+        self.reading = True
+        self.identified.set()
+        self._say(
+            "link",
+            f"connected to {ident.firmware} ({ident.uid.hex()}), boot {ident.boot_count}, "
+            f"{ident.state_rate_hz} Hz; monitoring, not armed",
+            {},
+        )
+        self._spawn("parameters", self._learn(ident))
+
+    def _incompatible(self, event: Incompatible) -> None:
+        self.incompatible = event
+        self.identified.set()
+        if event.reason is IncompatibleReason.MAJOR:
+            text = f"this board cannot be used: {event.fields[0]}"
+        else:
+            text = f"only watching, arming is refused: {disagreement(event)}"
+        self._say("link", text, {"fields": list(event.fields)})
+
+    def _disconnected(self, text: str) -> None:
+        if self.ident is not None or self.mode is not None:
+            self._say("link", text, {})
+        self.ident = None
+        self.mode = None
+        self.incompatible = None
+        self.parameters.complete = False
+
+    async def _read_fault(self, state: State) -> None:
+        """Learn of a fault that the board latched before this session; it tells on being asked."""
+        standing = faults_in(state.faults)
+        for index in range(_REPORTS_KEPT):
+            try:
+                report = await self._requests.ask(FaultGet(self._config.axis, index))
+            except Refusal:
+                break
+            if isinstance(report, FaultReport) and report.fault in standing:
+                self.fault = fault_of(report)
+        if self.fault is None and standing:
+            self.fault = api.Fault(number=int(standing[0]), name=standing[0].name)
+        if self.fault is not None:
+            self._say("fault", f"the board had stopped: {self.fault.in_words()}", {})
+
+    def rescale(self) -> None:
+        """Use the parameters as they now are for the readings."""
+        self._on_scales(Scales(self.parameters.values, self._config.axis))
+
+    async def _learn(self, ident: Ident) -> None:
+        try:
+            if self._requests.watch_only:
+                return
+            await self.parameters.read(ident, self._requests.ask)
+            self.rescale()
+        except Refusal as error:
+            self._say("warning", f"the board's parameters were not read: {error}", {})
+            return
+        finally:
+            self.reading = False
+        await self._set_rate(ident)
+
+    async def _set_rate(self, ident: Ident) -> None:
+        wanted = self._config.rate_hz
+        if ident.state_rate_hz == wanted:
+            return
+        try:
+            await self.parameters.set("state_rate_hz", wanted, self._requests.ask)
+        except Refusal as error:
+            text = f"the board's rate stays at {ident.state_rate_hz} Hz, not {wanted}: {error}"
+            self._say("warning", text, {})
+            return
+        self._say("link", f"set the board's rate from {ident.state_rate_hz} to {wanted} Hz", {})
+
+
+def disagreement(event: Incompatible) -> str:
+    """Return what differs between board and host, in one line."""
+    shown = "; ".join(event.fields[:3]) or "its description has not been read yet"
+    more = len(event.fields) - 3
+    return shown + (f"; and {more} more" if more > 0 else "")
+
+
+def _plain(fault: api.Fault) -> dict[str, Any]:
+    return {name: getattr(fault, name) for name in fault.__struct_fields__}

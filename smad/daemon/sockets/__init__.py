@@ -1,0 +1,1 @@
+"""ZeroMQ connections that the daemon holds itself, and how many there may be."""

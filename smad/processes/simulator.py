@@ -1,0 +1,77 @@
+"""The simulated bench as a child process, for `smad start --sim` and the demo."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from smad.errors import DaemonError
+
+READY = "ready: "
+"""What the first line of `smad sim` begins with; the port's name follows."""
+
+START_DEADLINE_S = 120.0
+"""The first start compiles the physics kernel."""
+
+_END_DEADLINE_S = 10.0
+
+
+@contextlib.contextmanager
+def simulated_bench(
+    arguments: Sequence[str], symlink: Path, *, waiting: Callable[[str], None]
+) -> Iterator[str]:
+    """Run `smad sim` beside us for as long as the block lasts; yields the name of its port.
+
+    `waiting` is told now and then that it is still starting. Raises DaemonError when it does not
+    come up.
+    """
+    child = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "smad", "sim"),
+            *("--symlink", str(symlink), "--parent", str(os.getpid())),
+            *arguments,
+        ],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # ctrl-C goes to the whole group of the terminal; the daemon has to disarm first.
+        start_new_session=True,
+    )
+    try:
+        _wait_until_ready(child, waiting)
+        yield str(symlink)
+    finally:
+        child.terminate()
+        try:
+            child.communicate(timeout=_END_DEADLINE_S)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.communicate()
+
+
+def _wait_until_ready(child: subprocess.Popen[str], waiting: Callable[[str], None]) -> None:
+    assert child.stdout is not None
+    deadline = time.monotonic() + START_DEADLINE_S
+    while time.monotonic() < deadline:
+        waiting("starting the simulated bench (the first time compiles its physics)")
+        readable, _, _ = select.select([child.stdout], [], [], 0.5)
+        if not readable:
+            continue
+        if child.stdout.readline().startswith(READY):
+            return
+        break
+    if child.poll() is None:
+        child.kill()
+    _, complaint = child.communicate()
+    last = complaint.strip().splitlines()[-1:] or ["it said nothing"]
+    raise DaemonError(
+        f"the simulated bench did not start: {last[0].removeprefix('smad: ')}",
+        action="run smad sim by itself to see why",
+    )

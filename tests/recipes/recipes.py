@@ -1,0 +1,303 @@
+"""The recipes of "Where a change belongs": one made-up addition of each kind."""
+
+from tests.recipes.steps import Generate, Insert, Recipe
+
+REQUEST = Recipe(
+    "message to the board",
+    (
+        Insert(
+            "its class",
+            "firmware_protocol/messages.py",
+            '''class Blink(Message, frozen=True, gc=False):
+    """Lets the board's lamp blink, to find it among others."""
+
+    info = MessageInfo(number=0x30, direction=Direction.TO_BOARD, pace="request", replies=("Done",))
+    times: Annotated[int, Wire("u8", "how often")]
+
+
+''',
+            before="MESSAGES: tuple[type[Message], ...] = (",
+        ),
+        Insert(
+            "its line in MESSAGES",
+            "firmware_protocol/messages.py",
+            "    Blink,\n",
+            before="    Ident,\n    Description,\n",
+        ),
+        Insert(
+            "the board's event",
+            "firmware_protocol/events.py",
+            '''class BlinkRequested(BoardEvent, frozen=True, gc=False):
+    """Answer with DONE."""
+
+    request: Request
+
+
+''',
+            before="class ClearFaultRequested(",
+        ),
+        Insert(
+            "the handler of the board's session",
+            "firmware_protocol/board.py",
+            "            m.Blink: lambda _, request, __: e.BlinkRequested(request),\n",
+            before="            m.Describe: self._on_describe,\n",
+        ),
+        Insert(
+            "what the simulated board does",
+            "sim_device/commands.py",
+            "            heard.BlinkRequested: lambda e, us: board.session.done(e.request, us),\n",
+            before="            heard.ParameterChanged: self._parameter,\n",
+        ),
+        Generate(),
+    ),
+    (
+        "tests/firmware_protocol/test_every_message.py",
+        "tests/sim_device/test_told_anything.py::test_the_board_acts_on_every_event_of_its_session",
+    ),
+)
+
+NEWS = Recipe(
+    "message to the host",
+    (
+        Insert(
+            "its class",
+            "firmware_protocol/messages.py",
+            '''class ButtonPressed(Message, frozen=True, gc=False):
+    """Somebody pressed the button on the board."""
+
+    info = MessageInfo(number=0xA0, direction=Direction.TO_HOST, pace="when it happens")
+    t_us: Annotated[int, Wire("u32", "board time when it was pressed", unit="us")]
+
+
+''',
+            before="MESSAGES: tuple[type[Message], ...] = (",
+        ),
+        Insert(
+            "its line in MESSAGES",
+            "firmware_protocol/messages.py",
+            "    ButtonPressed,\n",
+            before=')\n"""All messages, in the order of the document."""',
+        ),
+        Insert(
+            "the host's event",
+            "firmware_protocol/events.py",
+            '''class ButtonReported(HostEvent, frozen=True, gc=False):
+    """Somebody pressed the button on the board."""
+
+    t_us: int
+
+
+''',
+            before="class ErrorReceived(",
+        ),
+        Insert(
+            "the handler of the host's session",
+            "firmware_protocol/host.py",
+            "            m.ButtonPressed: lambda it, _, to: to.append(e.ButtonReported(it.t_us)),\n",  # noqa: E501
+            before="            m.Description: self._on_reply,\n",
+        ),
+        Generate(),
+    ),
+    ("tests/firmware_protocol/test_every_message.py",),
+)
+
+CHECK = Recipe(
+    "safety check",
+    (
+        Insert(
+            "the fault's number",
+            "firmware_protocol/enums.py",
+            "    SUPPLY_HIGH = 32\n",
+            before="\n\nclass Warning(enum.IntEnum):",
+        ),
+        Insert(
+            "the fault's text",
+            "firmware_protocol/supervisor/faults.py",
+            """    Fault.SUPPLY_HIGH: FaultText(
+        "mV",
+        False,
+        "The supply voltage is above what the driver stands.",
+        "Set the power supply to 12 V.",
+    ),
+""",
+            before="    Fault.LOOP_OVERRUN: FaultText(\n",
+        ),
+        Insert(
+            "its limit",
+            "firmware_protocol/supervisor/limits.py",
+            '    supply_high_mV: Annotated[int, Row(15_000, 15_000, "mV", "driver: 18 V")]\n',
+            before='    pump_rpm: Annotated[int, Row(6000, 6000, "rpm"',
+        ),
+        Insert(
+            "the check",
+            "firmware_protocol/supervisor/checks.py",
+            '''def supply_high(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
+    """The supply is above what the driver stands."""
+    if m.vbus_mV > lim.supply_high_mV:
+        return bad(s, m.vbus_mV, lim.supply_high_mV)
+    return GOOD
+
+
+''',
+            before="def sensor_open(",
+        ),
+        Insert(
+            "its row of the check table",
+            "firmware_protocol/supervisor/table.py",
+            """    _row(
+        Fault.SUPPLY_HIGH, checks.supply_high, _BOARD, ALWAYS,
+        "supply > {supply_high_mV}", samples=_TWO,
+    ),
+""",
+            before='    _row(Fault.LEAK, checks.leak, _BOARD, ALWAYS, "leak',
+        ),
+        Insert(
+            "a case that trips it",
+            "tests/firmware_protocol/supervisor/test_checks.py",
+            '    ("supply high", put("vbus_mV", 15_001), Fault.SUPPLY_HIGH, 4, 0.02, 0.02),\n',
+            before='    ("parameters damaged", put("parameters_ok", 0)',
+        ),
+        Generate(),
+    ),
+    (
+        "tests/firmware_protocol/supervisor/test_checks.py",
+        "tests/firmware_protocol/supervisor/test_limits.py",
+    ),
+)
+
+TRAJECTORY = Recipe(
+    "trajectory",
+    (
+        Insert(
+            "its class",
+            "smad/control/commands.py",
+            '''class Triangle(Piece, tag="triangle", frozen=True, kw_only=True):
+    """To a displacement and back, both at a constant speed."""
+
+    displacement_mm: Annotated[Displacement, Meta(description="where to turn")]
+    rate_mm_per_s: Annotated[float, Meta(gt=0.0, le=1000.0, description="how fast")]
+
+
+''',
+            before="class Sine(Piece",
+        ),
+        Insert(
+            "its place in the union",
+            "smad/control/commands.py",
+            "Triangle | ",
+            before="Step | Hold | Ramp | Sine",
+        ),
+        Insert(
+            "how it is followed",
+            "smad/control/trajectories.py",
+            """def _triangle(piece: Triangle, from_m: float) -> Compiled:
+    to_m = piece.displacement_mm * MM
+    rate = piece.rate_mm_per_s * MM
+    turn_s = abs(to_m - from_m) / rate
+    sign = math.copysign(1.0, to_m - from_m)
+    return Compiled(
+        lambda t: to_m - sign * rate * abs(turn_s - t),
+        2.0 * turn_s,
+        from_m,
+        from_m,
+        min(from_m, to_m),
+        max(from_m, to_m),
+        rate,
+    )
+
+
+""",
+            before="def _sine(piece: Sine",
+        ),
+        Insert(
+            "its row of the table of kinds",
+            "smad/control/trajectories.py",
+            '    Triangle: _Kind(_triangle, "displacement_mm", "rate_mm_per_s"),\n',
+            before="    Sine: _Kind(_sine",
+        ),
+        Insert(
+            "its import there",
+            "smad/control/trajectories.py",
+            "    Triangle,\n",
+            before=")\nfrom smad.errors import CommandError",
+        ),
+        Generate(),
+    ),
+    ("tests/smad/control/test_trajectories.py", "tests/smad/cli/test_move.py"),
+)
+
+EXPERIMENT = Recipe(
+    "experiment",
+    (
+        Insert(
+            "its module",
+            "smad/experiments/rest.py",
+            '''"""At rest: how warm the springs are while nothing is asked of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from msgspec import Meta
+
+from sim_device.plant.parameters import ParameterSet
+from smad.control.plan import Mark, Pause, Plan
+from smad.experiments.base import Comparison, Experiment, Findings, Options
+from smad.experiments.driver import Driver
+from smad.experiments.recording import Recording
+
+
+class RestOptions(Options, frozen=True, kw_only=True):
+    """Settings of rest."""
+
+    seconds_s: Annotated[float, Meta(ge=1.0, le=600.0)] = 5.0
+
+
+class Rest(Experiment[RestOptions]):
+    """Nothing, for a while."""
+
+    name: ClassVar[str] = "rest"
+    title: ClassVar[str] = "The springs at rest"
+    needs: ClassVar[frozenset[str]] = frozenset({"rtd_x_degC"})
+    options_type: ClassVar[type[Options]] = RestOptions
+
+    def conduct(self, trial: str, driver: Driver) -> Recording:
+        plan = Plan(self.name, (Mark("begin"), Pause(self.options.seconds_s), Mark("end")))
+        return driver.run(plan).between("begin", "end")
+
+    def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
+        mean_degC = float(np.mean(outcomes[self.name]["rtd_x_degC"]))
+        return Findings((Comparison("temperature of X", "not printed", f"{mean_degC:.1f} °C"),), ())
+''',
+        ),
+        Insert(
+            "its line in the registry",
+            "smad/experiments/registry.py",
+            '    "rest": "smad.experiments.rest:Rest",\n',
+            before='}\n"""In the order of the report.',
+        ),
+        Insert(
+            "its page",
+            "docs/experiments/rest.md",
+            "# rest: the springs at rest\n\nNothing is asked of the springs for `seconds_s`.\n",
+        ),
+        Insert(
+            "its row in the list of experiments",
+            "docs/experiments/README.md",
+            "| [rest](rest.md) | the springs at rest |\n",
+            before="\nAll of them, with every figure",
+        ),
+    ),
+    (
+        "tests/smad/experiments/test_campaign_and_page.py::test_every_experiment_is_registered",
+        "tests/smad/experiments/test_campaign_and_page.py::"
+        "test_every_experiment_has_its_page_of_documentation",
+        "tests/smad/experiments/test_drivers.py::"
+        "test_each_part_an_experiment_needs_is_missed_by_name_before_anything_moves",
+        "tests/docs/test_links.py",
+    ),
+)
+
+RECIPES = (REQUEST, NEWS, CHECK, TRAJECTORY, EXPERIMENT)

@@ -1,0 +1,96 @@
+"""A recipe of docs/architecture.md as edits of a copy of the tree, and what must pass then."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+COPIED = ("bench", "docs", "firmware_protocol", "packaging", "sim_device", "smad", "tests", "tools")
+FILES = ("Makefile", "README.md", "pyproject.toml")
+
+
+@dataclass(frozen=True)
+class Insert:
+    """Put `text` in front of `before` in a file; with `before` empty, make the file."""
+
+    name: str
+    path: str
+    text: str
+    before: str = ""
+
+    def carry_out(self, tree: Path) -> None:
+        """Edit the copy. Raises AssertionError when the place is gone from the file."""
+        file = tree / self.path
+        if not self.before:
+            assert not file.exists(), f"{self.path} is there already"
+            file.write_text(self.text)
+            return
+        old = file.read_text()
+        assert old.count(self.before) == 1, f"{self.path} has not exactly one {self.before!r}"
+        file.write_text(old.replace(self.before, self.text + self.before))
+
+
+@dataclass(frozen=True)
+class Generate:
+    """`make generate`."""
+
+    name: str = "make generate"
+
+    def carry_out(self, tree: Path) -> None:
+        """Write the generated files of the copy anew; a step left out may keep it from that."""
+        run(tree, "tools/generate.py")
+
+
+Step = Insert | Generate
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """The steps, and the tests that show that all of them were done."""
+
+    name: str
+    steps: tuple[Step, ...]
+    tests: tuple[str, ...]
+
+    def complaints(self, tree: Path, left_out: Step | None) -> str:
+        """Carry out the recipe without one step; return what complains, or nothing."""
+        for step in self.steps:
+            if step is not left_out:
+                step.carry_out(tree)
+        checks = [("tools/generate.py", "--check"), ("-m", "ruff", "check", "-q", ".")]
+        checks += [("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *self.tests)]
+        if left_out is None:
+            checks.insert(2, ("-m", "ruff", "format", "-q", "--check", "."))
+            checks.append(("-m", "mypy"))
+        for check in checks:
+            done = run(tree, *check)
+            if done.returncode:
+                return f"{' '.join(check)}:\n{done.stdout}{done.stderr}"
+        return ""
+
+
+def copy_of_the_tree(folder: Path) -> Path:
+    """Return a copy of the sources, with what was compiled of the physics."""
+    for name in COPIED:
+        ignored = shutil.ignore_patterns("*.mcap", ".*")
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+    for name in FILES:
+        shutil.copy2(ROOT / name, folder / name)
+    return folder
+
+
+def run(tree: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run Python in a copy, on the copy's packages."""
+    return subprocess.run(
+        [sys.executable, *words],
+        cwd=tree,
+        env={**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )

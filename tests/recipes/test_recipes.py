@@ -1,0 +1,33 @@
+"""The recipes of docs/architecture.md are complete, and no step of them can be left out."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.recipes.recipes import RECIPES
+from tests.recipes.steps import ROOT, Insert, Recipe, Step, copy_of_the_tree
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
+
+WITHOUT = [
+    pytest.param(recipe, step, id=f"{recipe.name} without {step.name}")
+    for recipe in RECIPES
+    for step in recipe.steps
+]
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.name)
+def test_what_a_recipe_says_is_enough(recipe: Recipe, tmp_path: Path) -> None:
+    assert recipe.complaints(copy_of_the_tree(tmp_path), None) == ""
+
+
+@pytest.mark.parametrize(("recipe", "step"), WITHOUT)
+def test_a_step_that_is_left_out_is_noticed(recipe: Recipe, step: Step, tmp_path: Path) -> None:
+    assert recipe.complaints(copy_of_the_tree(tmp_path), step) != ""
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.name)
+def test_the_page_names_every_file_that_a_recipe_edits(recipe: Recipe) -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    edited = {step.path for step in recipe.steps if isinstance(step, Insert)}
+    assert [path for path in edited if Path(path).name not in page] == []
