@@ -44,21 +44,26 @@ static int32_t get_i32(const uint8_t *data)
     return value < 0x80000000u ? (int32_t)value : -(int32_t)(0xFFFFFFFFu - value) - 1;
 }
 
-uint32_t smad_crc32(const uint8_t *data, size_t size)
+uint32_t smad_crc32_more(uint32_t crc, const uint8_t *data, size_t size)
 {
     /* One entry for each half byte: 64 bytes of table instead of 1024. */
-    static const uint32_t table[16] = {
+    static const SMAD_FLASH uint32_t table[16] = {
         0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u,
         0x4DB26158u, 0x5005713Cu, 0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu,
         0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu,
     };
-    uint32_t crc = 0xFFFFFFFFu;
+    crc ^= 0xFFFFFFFFu;
     for (size_t i = 0; i < size; i++) {
         crc ^= data[i];
         crc = table[crc & 0x0Fu] ^ (crc >> 4);
         crc = table[crc & 0x0Fu] ^ (crc >> 4);
     }
     return crc ^ 0xFFFFFFFFu;
+}
+
+uint32_t smad_crc32(const uint8_t *data, size_t size)
+{
+    return smad_crc32_more(0, data, size);
 }
 
 size_t smad_frame_encode(uint8_t type, uint8_t seq, uint16_t session, const uint8_t *payload,
@@ -790,7 +795,7 @@ bool smad_unpack_link_stats(struct smad_link_stats *m, const uint8_t *data, size
     return true;
 }
 
-const struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {
+const SMAD_FLASH struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {
     {1, 1, true, 100, 100, 500, "state_rate_hz"},
     {10, 0, false, 1000, -1000000, 1000000, "encoder_nm_per_count"},
     {11, 0, false, 0, -1073741824, 1073741824, "encoder_offset_counts"},
@@ -825,7 +830,7 @@ const struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {
     {48, 0, false, 7500, 7500, 10500, "brown_out_mV"},
 };
 
-const uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {
+const SMAD_FLASH uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {
     0x78, 0xda, 0xb5, 0x59, 0x5b, 0x57, 0xa3, 0x48, 0x10, 0xfe, 0x2f, 0x3c, 0x67, 0xcf, 0x0a, 0xb9,
     0x18, 0x7d, 0x23, 0x09, 0x31, 0x8c, 0x04, 0x58, 0x20, 0x89, 0x9e, 0x39, 0x73, 0xfa, 0x90, 0xd0,
     0x2a, 0x3b, 0x5c, 0xb2, 0x5c, 0xc6, 0x75, 0xe6, 0xf8, 0xdf, 0xb7, 0xaa, 0x1b, 0x42, 0x13, 0x83,

@@ -440,6 +440,95 @@ void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *li
     s->need_us[62] = 0;
 }
 
+void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value)
+{
+    switch (number) {
+    case 20:
+        lim->current_limit_mA = value;
+        break;
+    case 27:
+        lim->current_slew_mA_per_ms = value;
+        break;
+    case 28:
+        lim->fold_start_cC = value;
+        break;
+    case 29:
+        lim->fold_end_cC = value;
+        break;
+    case 30:
+        lim->i2t_rated_mA = value;
+        break;
+    case 31:
+        lim->i2t_budget_A2s = value;
+        break;
+    case 21:
+        lim->temperature_limit_cC = value;
+        break;
+    case 22:
+        lim->cold_cC = value;
+        break;
+    case 32:
+        lim->below_surroundings_cC = value;
+        break;
+    case 33:
+        lim->jump_cC = value;
+        break;
+    case 34:
+        lim->jumps = value;
+        break;
+    case 35:
+        lim->stuck_us = value;
+        break;
+    case 36:
+        lim->unheated_energy_mJ = value;
+        break;
+    case 37:
+        lim->off_rise_cC = value;
+        break;
+    case 38:
+        lim->residual_cC = value;
+        break;
+    case 39:
+        lim->residual_us = value;
+        break;
+    case 40:
+        lim->current_error_permille = value;
+        break;
+    case 41:
+        lim->current_error_us = value;
+        break;
+    case 42:
+        lim->resistance_tolerance_permille = value;
+        break;
+    case 43:
+        lim->setpoint_age_us = value;
+        break;
+    case 26:
+        lim->setpoint_ttl_ms = value;
+        break;
+    case 44:
+        lim->hold_us = value;
+        break;
+    case 45:
+        lim->token_us = value;
+        break;
+    case 46:
+        lim->cool_cap_us = value;
+        break;
+    case 23:
+        lim->on_time_limit_s = value;
+        break;
+    case 47:
+        lim->overrun_us = value;
+        break;
+    case 48:
+        lim->brown_out_mV = value;
+        break;
+    default:
+        break;
+    }
+}
+
 static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
 {
     int64_t inlet_cC;

@@ -212,6 +212,9 @@ extern const struct smad_sv_limits smad_sv_limits_compiled;
 void smad_sv_init(struct smad_sv_memory *s);
 void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
 
+/* Puts the value of a parameter in force; other parameters than limits change nothing. */
+void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value);
+
 void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t now_us);
 int64_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c);
 int64_t smad_sv_on_arm_request(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);

@@ -19,21 +19,26 @@ from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.wire import fields_of
 
 _FRAMES = """\
-uint32_t smad_crc32(const uint8_t *data, size_t size)
+uint32_t smad_crc32_more(uint32_t crc, const uint8_t *data, size_t size)
 {
     /* One entry for each half byte: 64 bytes of table instead of 1024. */
-    static const uint32_t table[16] = {
+    static const SMAD_FLASH uint32_t table[16] = {
         0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u,
         0x4DB26158u, 0x5005713Cu, 0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu,
         0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu,
     };
-    uint32_t crc = 0xFFFFFFFFu;
+    crc ^= 0xFFFFFFFFu;
     for (size_t i = 0; i < size; i++) {
         crc ^= data[i];
         crc = table[crc & 0x0Fu] ^ (crc >> 4);
         crc = table[crc & 0x0Fu] ^ (crc >> 4);
     }
     return crc ^ 0xFFFFFFFFu;
+}
+
+uint32_t smad_crc32(const uint8_t *data, size_t size)
+{
+    return smad_crc32_more(0, data, size);
 }
 
 size_t smad_frame_encode(uint8_t type, uint8_t seq, uint16_t session, const uint8_t *payload,
@@ -261,7 +266,7 @@ def _parameters() -> str:
         f'{p.maximum}, "{p.name}"}},'
         for p in PARAMETERS
     ]
-    head = "const struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {\n"
+    head = "const SMAD_FLASH struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {\n"
     return head + "\n".join(rows) + "\n};\n"
 
 
@@ -270,4 +275,4 @@ def _schema(blob: bytes) -> str:
         "    " + " ".join(f"0x{byte:02x}," for byte in blob[start : start + 16])
         for start in range(0, len(blob), 16)
     ]
-    return "const uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {\n" + "\n".join(rows) + "\n};\n"
+    return "const SMAD_FLASH uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {\n" + "\n".join(rows) + "\n};\n"

@@ -99,7 +99,9 @@ def header() -> str:
         *records,
         "extern const struct smad_sv_limits smad_sv_limits_compiled;",
         "void smad_sv_init(struct smad_sv_memory *s);\n"
-        "void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim);",
+        "void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim);\n\n"
+        "/* Puts the value of a parameter in force; other parameters than limits change nothing. */\n"
+        "void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value);",
         "\n".join(prototypes),
         "#endif",
     ]
@@ -133,6 +135,7 @@ def source() -> str:
         _function_table(),
         _init(),
         _configure(),
+        _tighten(),
         "\n".join(definitions).rstrip(),
     ]
     return "\n\n".join(parts) + "\n"
@@ -215,4 +218,16 @@ def _configure() -> str:
     return (
         "void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim)\n"
         f"{{\n{body}\n}}"
+    )
+
+
+def _tighten() -> str:
+    cases = "\n".join(
+        f"    case {row.number}:\n        lim->{name} = value;\n        break;"
+        for name, row in LIMIT_ROWS.items()
+        if row.number
+    )
+    return (
+        "void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value)\n"
+        f"{{\n    switch (number) {{\n{cases}\n    default:\n        break;\n    }}\n}}"
     )

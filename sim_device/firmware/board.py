@@ -1,0 +1,216 @@
+"""The firmware's process as a board: what SimulatedBench asks of one, over the lockstep link."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+
+from firmware_protocol import messages as wire
+from firmware_protocol.codec import CODEC
+from firmware_protocol.enums import BoardState, ResetCause
+from firmware_protocol.errors import PayloadError
+from firmware_protocol.framing import FrameDecoder
+from firmware_protocol.parameters import BY_NAME, ParameterStore
+from firmware_protocol.supervisor import Measurements
+from sim_device.errors import BenchError, FaultSpecError
+from sim_device.firmware import store
+from sim_device.firmware.frontend import encode
+from sim_device.firmware.link import MOST_BYTES, PATIENCE_S, Outputs, exchange
+from sim_device.hardware import Hardware
+from sim_device.plant import Readings
+
+WRAP = 1 << 32
+HEATING = (BoardState.ARMED, BoardState.HOLD)
+_RATE = BY_NAME["state_rate_hz"].number
+
+
+class Listener:
+    """Reads along on the line, both ways: what the board told last, and what it was told."""
+
+    def __init__(self) -> None:
+        self.state: wire.State | None = None
+        self.rate_hz = 0
+        self.setpoint_ref_us = -1
+        self.states = 0
+        self._from_board = FrameDecoder()
+        self._to_board = FrameDecoder()
+
+    def heard(self, data: bytes) -> None:
+        """Take in bytes of the board."""
+        for frame in self._from_board.feed(data):
+            message = _read(frame.type, frame.payload)
+            if isinstance(message, wire.State):
+                self.state = message
+                self.states += 1
+            elif isinstance(message, wire.Ident):
+                self.rate_hz = message.state_rate_hz
+            elif isinstance(message, wire.ParamValue) and message.param == _RATE:
+                self.rate_hz = message.value
+
+    def told(self, data: bytes) -> None:
+        """Take in bytes to the board."""
+        for frame in self._to_board.feed(data):
+            message = _read(frame.type, frame.payload)
+            if isinstance(message, wire.Setpoint):
+                self.setpoint_ref_us = message.t_ref_us
+
+
+def _read(number: int, payload: bytes) -> wire.Message | None:
+    try:
+        return CODEC.unpack(number, payload)
+    except PayloadError:
+        return None
+
+
+class FirmwareBoard:
+    """One power-up of the firmware, as a process. `close` ends it.
+
+    program: command line of the port. path: file of its store. start_us: chip time at power-up.
+    Raises LinkError when the process does not come up.
+    """
+
+    def __init__(
+        self,
+        program: Sequence[str],
+        path: Path,
+        *,
+        hardware: Hardware,
+        cause: ResetCause = ResetCause.POWER_ON,
+        start_us: int = 0,
+    ) -> None:
+        self.hardware = hardware
+        self.now_us = start_us
+        self.session = self
+        """The bytes to send are asked of `board.session`."""
+        self.line = Listener()
+        self.measurements = Measurements()
+        self.outputs = SimpleNamespace(gate=0, applied_mA=[0, 0], duty=[0, 0])
+        self.drain = (False, False)
+        self.stage_m = 0.0
+        self.stall_us = 0
+        """The loop hangs for so long, from the next step on."""
+        self.resets = 0
+        self._path = path
+        self._to_send = bytearray()
+        self._clock_us = start_us
+        self._codes = encode(self.measurements, hardware)
+        self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._end.settimeout(PATIENCE_S)
+        arguments = ["--link", str(theirs.fileno()), "--store", str(path), "--time", str(start_us)]
+        try:
+            self._process = subprocess.Popen(
+                [*program, *arguments, "--cause", str(int(cause))], pass_fds=[theirs.fileno()]
+            )
+        except OSError as error:
+            raise BenchError(f"cannot run {program[0]}: {error}; build it again") from error
+        finally:
+            theirs.close()
+        self._step(0)
+        self._set_scales()
+
+    # What the bench asks
+
+    @property
+    def period_us(self) -> int:
+        """Time from one sample to the next."""
+        return 1_000_000 // (self.line.rate_hz or 100)
+
+    @property
+    def state(self) -> BoardState:
+        """State that the last STATE told; past it, the gate tells whether heating has ended."""
+        mode = self.last_mode
+        return BoardState.COOL if mode in HEATING and not self.outputs.gate else mode
+
+    @property
+    def last_mode(self) -> BoardState:
+        """Mode that the last STATE told."""
+        return BoardState.BOOT if self.line.state is None else self.line.state.mode
+
+    @property
+    def sp_ref_us(self) -> int:
+        """Board time (32 bits) of the sample that the last setpoint on the line answers."""
+        return self.line.setpoint_ref_us
+
+    @property
+    def parameters(self) -> ParameterStore:
+        """The parameters as the store has them."""
+        return store.read_parameters(self._path)
+
+    @property
+    def image(self) -> bytes:
+        """What the store holds, as one image."""
+        return self.parameters.image()
+
+    @image.setter
+    def image(self, image: bytes) -> None:
+        store.write_image(self._path, image)
+
+    @property
+    def lying_sp_seq(self) -> int:
+        """The firmware tells the truth."""
+        return 0
+
+    @lying_sp_seq.setter
+    def lying_sp_seq(self, value: int) -> None:
+        raise FaultSpecError("lying_sp_seq changes the Python board's code; take --firmware python")
+
+    def receive(self, data: bytes, now_us: int) -> None:
+        """Let bytes arrive at board time `now_us`."""
+        self.line.told(data)
+        self._step(now_us - self._clock_us)
+        for start in range(0, len(data), MOST_BYTES):
+            self._step(0, data[start : start + MOST_BYTES])
+
+    def sample(self, readings: Readings, now_us: int, *, talk: bool = True) -> wire.State | None:
+        """Run to board time `now_us` with these readings; return the STATE sent, if one was."""
+        if not talk:
+            raise BenchError("a bench with firmware is driven by bytes: connect a host to it")
+        before = self.line.states
+        m = self.measurements
+        self.hardware.measure(readings, self.outputs, m, (now_us - self.now_us) * 1e-6)
+        self._codes = encode(m, self.hardware)
+        self.now_us = now_us
+        self._step(now_us - self._clock_us)
+        return self.line.state if self.line.states > before else None
+
+    def data_to_send(self) -> bytes:
+        """Return all bytes to write now; a second call returns none."""
+        data = bytes(self._to_send)
+        self._to_send.clear()
+        return data
+
+    def close(self) -> None:
+        """Take the power away."""
+        self._process.kill()
+        self._process.wait()
+        self._end.close()
+
+    def _set_scales(self) -> None:
+        parameters = self.parameters
+        self.hardware.set_scales(
+            encoder_nm=parameters.get("encoder_nm_per_count"),
+            encoder_offset=parameters.get("encoder_offset_counts"),
+            force_uN=parameters.get("force_uN_per_count"),
+            force_offset=parameters.get("force_offset_counts"),
+        )
+
+    def _step(self, dt_us: int, data: bytes = b"") -> None:
+        stall_us, self.stall_us = self.stall_us, 0
+        self._take(exchange(self._end, self._codes, max(dt_us, 0), data, stall_us))
+
+    def _take(self, out: Outputs) -> None:
+        self._clock_us = out.t_us
+        if out.resets != self.resets:
+            self.resets = out.resets
+            self.now_us = out.t_us
+        s = self.outputs
+        s.gate = out.gate
+        s.applied_mA[:] = out.current_mA
+        s.duty[:] = out.pump
+        self.drain = (bool(out.drain & 1), bool(out.drain & 2))
+        if out.data:
+            self.line.heard(out.data)
+            self._to_send += out.data
