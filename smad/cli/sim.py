@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import functools
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,6 +54,19 @@ class SimulatorError(SmadError):
 @click.option(
     "--fault", "faults", multiple=True, metavar="NAME@S[:KEY=VALUE,…]", help="Something to break."
 )
+@click.option(
+    "--firmware",
+    type=click.Choice(["python", "host", "avr"]),
+    default="python",
+    show_default=True,
+    help="The board: Python, the C firmware as a process, or its chip emulated.",
+)
+@click.option(
+    "--store",
+    "store_path",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="With --firmware: file of the parameter memory, to survive this process.",
+)
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after so long.")
 @click.option("--transport", default="pty", show_default=True, help="pty, or fd:N (a socket).")
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
@@ -65,6 +81,8 @@ def sim(
     effects: tuple[str, ...],
     paced_by_host: bool,
     faults: tuple[str, ...],
+    firmware: str,
+    store_path: Path | None,
     seconds: float | None,
     transport: str,
     parent: int | None,
@@ -92,16 +110,19 @@ def sim(
             faults=faults,
             model_path=model_path,
             effects=effects,
+            firmware=firmware,
+            store_path=store_path,
         )
-        stats, counts = serve(
-            bench,
-            speed=config.plant.speed_ratio if speed is None else speed,
-            symlink=symlink,
-            transport=transport,
-            paced_by_host=paced_by_host,
-            max_seconds=seconds,
-            on_ready=_announce,
-        )
+        with contextlib.closing(bench):
+            stats, counts = serve(
+                bench,
+                speed=config.plant.speed_ratio if speed is None else speed,
+                symlink=symlink,
+                transport=transport,
+                paced_by_host=paced_by_host,
+                max_seconds=seconds,
+                on_ready=_announce,
+            )
     except (BenchError, PlantError) as error:
         raise SimulatorError(str(error), action="see smad sim --help") from error
     click.echo(
@@ -119,10 +140,13 @@ def build(
     faults: tuple[str, ...] = (),
     model_path: Path | None = None,
     effects: tuple[str, ...] = (),
+    firmware: str = "python",
+    store_path: Path | None = None,
 ) -> SimulatedBench:
     """Return the bench that the configuration describes, with the plant of a model file if given.
 
     `effects` are added to those of configuration or model, in place of one of the same name.
+    `firmware`: "python", or a port of the C firmware, with its parameter memory in `store_path`.
 
     Raises BenchError and PlantError.
     """
@@ -139,7 +163,8 @@ def build(
         file = plant.parameter_file
         parameters = load_parameters(Path(file) if file else "A")
         variant, own = plant.variant, plant.effects
-    return SimulatedBench(
+    make = SimulatedBench if firmware == "python" else _with_firmware(firmware, store_path)
+    return make(
         parameters=parameters,
         variant=variant,
         effects={**own, **dict(from_text(text) for text in effects)},
@@ -148,6 +173,13 @@ def build(
         seed=seed,
         faults=[parse_injection(text) for text in faults],
     )
+
+
+def _with_firmware(port: str, store_path: Path | None) -> Callable[..., SimulatedBench]:
+    from sim_device.firmware.bench import FirmwareBench
+    from sim_device.firmware.build import build as compiled
+
+    return functools.partial(FirmwareBench, compiled(port), store_path=store_path)
 
 
 def _end_with(parent: int) -> None:
