@@ -17,7 +17,7 @@ from firmware_protocol.parameters import BY_NAME, ParameterStore
 from firmware_protocol.supervisor import Measurements
 from sim_device.errors import BenchError, FaultSpecError
 from sim_device.firmware import store
-from sim_device.firmware.frontend import encode
+from sim_device.firmware.frontend import Codes, encode
 from sim_device.firmware.link import MOST_BYTES, PATIENCE_S, Outputs, exchange
 from sim_device.hardware import Hardware
 from sim_device.plant import Readings
@@ -93,9 +93,10 @@ class FirmwareBoard:
         self.stall_us = 0
         """The loop hangs for so long, from the next step on."""
         self.resets = 0
+        self.clock_us = start_us
+        """The chip's time at the end of the last step."""
         self._path = path
         self._to_send = bytearray()
-        self._clock_us = start_us
         self._codes = encode(self.measurements, hardware)
         self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._end.settimeout(PATIENCE_S)
@@ -160,7 +161,7 @@ class FirmwareBoard:
     def receive(self, data: bytes, now_us: int) -> None:
         """Let bytes arrive at board time `now_us`."""
         self.line.told(data)
-        self._step(now_us - self._clock_us)
+        self._step(now_us - self.clock_us)
         for start in range(0, len(data), MOST_BYTES):
             self._step(0, data[start : start + MOST_BYTES])
 
@@ -168,12 +169,16 @@ class FirmwareBoard:
         """Run to board time `now_us` with these readings; return the STATE sent, if one was."""
         if not talk:
             raise BenchError("a bench with firmware is driven by bytes: connect a host to it")
-        before = self.line.states
         m = self.measurements
         self.hardware.measure(readings, self.outputs, m, (now_us - self.now_us) * 1e-6)
-        self._codes = encode(m, self.hardware)
+        return self.run(encode(m, self.hardware), now_us)
+
+    def run(self, codes: Codes, now_us: int) -> wire.State | None:
+        """Run to board time `now_us` with these codes; return the STATE sent, if one was."""
+        before = self.line.states
+        self._codes = codes
         self.now_us = now_us
-        self._step(now_us - self._clock_us)
+        self._step(now_us - self.clock_us)
         return self.line.state if self.line.states > before else None
 
     def data_to_send(self) -> bytes:
@@ -202,7 +207,7 @@ class FirmwareBoard:
         self._take(exchange(self._end, self._codes, max(dt_us, 0), data, stall_us))
 
     def _take(self, out: Outputs) -> None:
-        self._clock_us = out.t_us
+        self.clock_us = out.t_us
         if out.resets != self.resets:
             self.resets = out.resets
             self.now_us = out.t_us
