@@ -27,7 +27,13 @@ from firmware_protocol.errors import NotARequestError, PayloadError
 from firmware_protocol.framing import Frame, FrameDecoder
 from firmware_protocol.outbox import Outbox
 from firmware_protocol.parameters import BY_NAME, ParameterRefusedError, ParameterStore
-from firmware_protocol.replies import ERRORS_PER_SECOND, Budget, RequestMemory, Verdict
+from firmware_protocol.replies import (
+    ERRORS_PER_SECOND,
+    Budget,
+    RequestMemory,
+    Verdict,
+    error_of,
+)
 from firmware_protocol.reports import FaultReports
 from firmware_protocol.schema import compress, describe, schema_crc
 from firmware_protocol.setpoints import SetpointGate
@@ -142,7 +148,17 @@ class BoardSession:
     ) -> None:
         """Answer that the request was refused, with the field, the value and the limit."""
         number = request.message.info.number
-        self.reply(request, m.Error(number, request.seq, code, field, value, limit), now_us)
+        self.reply(
+            request, error_of(number, request.seq, code, field, value=value, limit=limit), now_us
+        )
+
+    def refuse_setpoint(
+        self, setpoint: e.SetpointReceived, code: ErrorCode, field: int, limit: int, now_us: int
+    ) -> None:
+        """Tell the host of a setpoint that the board does not take: the field, and its limit."""
+        number, name = m.Setpoint.info.number, m.Setpoint.__struct_fields__[field]
+        value = getattr(setpoint.setpoint, name)
+        self._complain(number, setpoint.seq, code, now_us, field=field, value=value, limit=limit)
 
     def send_state(self, state: m.State) -> None:
         """Put a sample in the slot of its axis; one that was not sent yet is replaced."""
@@ -204,7 +220,7 @@ class BoardSession:
             self.stats.payload_errors += 1
             known = self._codec.knows(frame.type)
             code = ErrorCode.BAD_PAYLOAD if known else ErrorCode.UNKNOWN_TYPE
-            self._complain(frame, code, now_us, value=len(frame.payload))
+            self._complain(frame.type, frame.seq, code, now_us, value=len(frame.payload))
             return None
         if isinstance(message, m.Estop):
             return e.EstopReceived()
@@ -212,12 +228,11 @@ class BoardSession:
             return self._on_hello(message, frame, now_us)
         if self.session == 0 or frame.session != self.session:
             self.stats.session_errors += 1
-            self._complain(
-                frame, ErrorCode.NO_SESSION, now_us, value=frame.session, limit=self.session
-            )
+            code, ours = ErrorCode.NO_SESSION, self.session
+            self._complain(frame.type, frame.seq, code, now_us, value=frame.session, limit=ours)
             return None
         if not self.schema_agrees and not message.info.frozen:
-            self._complain(frame, ErrorCode.SCHEMA_DIFFERS, now_us)
+            self._complain(frame.type, frame.seq, ErrorCode.SCHEMA_DIFFERS, now_us)
             return None
         if isinstance(message, m.TimeRequest):
             stamp = now_us % WRAP
@@ -247,8 +262,9 @@ class BoardSession:
 
     def _on_setpoint(self, setpoint: m.Setpoint, frame: Frame, now_us: int) -> e.BoardEvent | None:
         if setpoint.axis >= self._ident.axes:
-            axis, limit = setpoint.axis, self._ident.axes - 1
-            self._complain(frame, ErrorCode.NO_SUCH_AXIS, now_us, field=0, value=axis, limit=limit)
+            event = e.SetpointReceived(setpoint, frame.seq, 0)
+            code, last = ErrorCode.NO_SUCH_AXIS, self._ident.axes - 1
+            self.refuse_setpoint(event, code, 0, last, now_us)
             return None
         age_us = self._gate.admit(setpoint.axis, setpoint.t_ref_us, frame.seq, now_us)
         if age_us is None:
@@ -257,6 +273,11 @@ class BoardSession:
         return e.SetpointReceived(setpoint, frame.seq, age_us)
 
     def _on_request(self, message: m.Message, frame: Frame, now_us: int) -> e.BoardEvent | None:
+        handler = self._handlers.get(type(message))
+        if handler is None:
+            self.stats.unhandled += 1
+            self._complain(frame.type, frame.seq, ErrorCode.UNKNOWN_TYPE, now_us)
+            return None
         verdict = self._memory.judge(frame.seq)
         if verdict is Verdict.BUSY:
             self.stats.busy_requests += 1
@@ -272,7 +293,7 @@ class BoardSession:
             limit = self._ident.axes - 1
             self.reject(request, ErrorCode.NO_SUCH_AXIS, 0, limit, now_us, value=axis)
             return None
-        return self._handlers[type(message)](message, request, now_us)
+        return handler(message, request, now_us)
 
     # Requests that the session answers itself
 
@@ -381,7 +402,8 @@ class BoardSession:
 
     def _complain(
         self,
-        frame: Frame,
+        number: int,
+        seq: int,
         code: ErrorCode,
         now_us: int,
         *,
@@ -392,5 +414,5 @@ class BoardSession:
         if not self._complaints.spend(now_us):
             self.stats.dropped_errors += 1
             return
-        error = m.Error(frame.type, frame.seq, code, field, value, limit)
-        self._put(self._codec.frame(error, frame.seq, self.session))
+        error = error_of(number, seq, code, field, value=value, limit=limit)
+        self._put(self._codec.frame(error, seq, self.session))

@@ -293,7 +293,11 @@ class HostSession:
                 self._on_stranger(events)
                 return
             self._strangers = 0
-        self._handlers[type(message)](message, frame, events)
+        handler = self._handlers.get(type(message))
+        if handler is None:
+            self.stats.unhandled += 1
+            return
+        handler(message, frame, events)
 
     def _on_stranger(self, events: list[e.HostEvent]) -> None:
         self.stats.session_errors += 1

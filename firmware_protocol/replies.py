@@ -5,7 +5,28 @@ from __future__ import annotations
 import enum
 from collections import deque
 
+from firmware_protocol.enums import ErrorCode
+from firmware_protocol.messages import Error
+from firmware_protocol.wire import Field, fields_of
+
 ERRORS_PER_SECOND = 10
+_FIELDS: dict[str, Field] = {field.name: field for field in fields_of(Error)}
+
+
+def error_of(
+    number: int, seq: int, code: ErrorCode, field: int, *, value: int, limit: int
+) -> Error:
+    """Return the ERROR that refuses message `number`; what was found may be any whole number.
+
+    The wire holds 32 bits with a sign, and a token, a time or a parameter's number may need more:
+    value and limit are cut off at the ends of that span.
+    """
+    return Error(number, seq, code, field, _saturated("value", value), _saturated("limit", limit))
+
+
+def _saturated(name: str, value: int) -> int:
+    low, high = _FIELDS[name].span
+    return min(max(value, low), high)
 
 
 class Verdict(enum.Enum):

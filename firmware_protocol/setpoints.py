@@ -47,7 +47,11 @@ class SetpointSlot:
 
 
 class SetpointGate:
-    """The board's door for setpoints: old ones, and ones that were overtaken, stay outside."""
+    """The board's door for setpoints: old ones, and ones that were overtaken, stay outside.
+
+    What came last is remembered by the board's whole clock. By the 32 bits of the wire, whatever
+    came after a pause of 36 to 72 minutes would lie before it. In C: `smad_setpoint_gate_admit`.
+    """
 
     def __init__(self, max_age_us: int) -> None:
         self._max_age_us = max_age_us
@@ -56,19 +60,20 @@ class SetpointGate:
     def admit(self, axis: int, t_ref_us: int, seq: int, now_us: int) -> int | None:
         """Return the age in µs of a setpoint that may pass, None for one that may not.
 
-        A reference time in the future is as wrong as one too far back: modulo 2³² it is older
-        than anything.
+        `now_us` is the board's time, not wrapped; `t_ref_us` has 32 bits, as on the wire. A
+        reference time in the future is as wrong as one too far back: modulo 2³² it is older than
+        anything.
         """
         age_us = (now_us - t_ref_us) % WRAP
         if age_us > self._max_age_us:
             return None
+        ref_us = now_us - age_us
         if axis in self._last:
-            last_t_ref_us, last_seq = self._last[axis]
-            step_us = (t_ref_us - last_t_ref_us) % WRAP
+            last_ref_us, last_seq = self._last[axis]
             step = (seq - last_seq) & 0xFF
-            if step_us >= WRAP // 2 or (step_us == 0 and not 0 < step < 128):
+            if ref_us < last_ref_us or (ref_us == last_ref_us and not 0 < step < 128):
                 return None
-        self._last[axis] = (t_ref_us, seq)
+        self._last[axis] = (ref_us, seq)
         return age_us
 
     def open_for(self, axis: int) -> bool:

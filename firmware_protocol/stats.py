@@ -23,6 +23,8 @@ class HostLinkStats(msgspec.Struct):
     repeats: int = 0
     timeouts: int = 0
     unmatched_replies: int = 0
+    unhandled: int = 0
+    """Messages of the table that the session does nothing with."""
     setpoints_sent: int = 0
     setpoints_dropped: int = 0
 
@@ -40,3 +42,5 @@ class BoardLinkStats(msgspec.Struct):
     dropped_frames: int = 0
     dropped_errors: int = 0
     echoes: int = 0
+    unhandled: int = 0
+    """Messages of the table that the session does nothing with."""

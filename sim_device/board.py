@@ -177,20 +177,26 @@ class Board:
         self._report_fault()
         return outcome
 
-    def apply_setpoint(self, setpoint: wire.Setpoint, seq: int, age_us: int, now_us: int) -> None:
-        """Put a fresh setpoint in force, from this moment on."""
+    def apply_setpoint(self, setpoint: wire.Setpoint, seq: int, age_us: int, now_us: int) -> int:
+        """Put a fresh setpoint in force, from this moment on; return the refusal's code or 0."""
+        flags = int(setpoint.flags)
         refused = self.supervisor.setpoint(
-            setpoint.i_mA, setpoint.pump_duty, age_us, setpoint.ttl_ms * 1000, now_us
+            setpoint.i_mA,
+            setpoint.pump_duty,
+            age_us,
+            setpoint.ttl_ms * 1000,
+            now_us,
+            stage_um=setpoint.stage_um if flags & _STAGE else 0,
         )
         if refused:
-            return
+            return refused
         self.sp_seq = seq
         self.sp_ref_us = setpoint.t_ref_us
         self.sp_age_us = min(age_us, AGE_MOST_US)
-        flags = int(setpoint.flags)
         self.drain = ((flags & _DRAIN_X) != 0, (flags & _DRAIN_Y) != 0)
         if flags & _STAGE:
             self.stage_m = setpoint.stage_um * 1e-6
+        return 0
 
     def sample(self, readings: Readings, now_us: int, *, talk: bool = True) -> wire.State:
         """Take one sample at board time `now_us`; return what the host is told.

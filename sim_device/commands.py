@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_protocol import events as heard
 from firmware_protocol import messages as wire
+from firmware_protocol.enums import ErrorCode
 from firmware_protocol.events import BoardEvent, Request
 from firmware_protocol.supervisor import (
     ArmConfirmed,
@@ -21,6 +22,8 @@ from firmware_protocol.supervisor import (
 
 if TYPE_CHECKING:
     from sim_device.board import Board
+
+STAGE_FIELD = wire.Setpoint.__struct_fields__.index("stage_um")
 
 
 class Commands:
@@ -66,7 +69,12 @@ class Commands:
         )
 
     def _setpoint(self, event: heard.SetpointReceived, now_us: int) -> None:
-        self._board.apply_setpoint(event.setpoint, event.seq, event.age_us, now_us)
+        board = self._board
+        refused = board.apply_setpoint(event.setpoint, event.seq, event.age_us, now_us)
+        # Not armed, or too old: STATE tells. That a stage does not go so far, nothing else tells.
+        if refused == ErrorCode.OUT_OF_RANGE:
+            limit = board.outputs.limit
+            board.session.refuse_setpoint(event, ErrorCode(refused), STAGE_FIELD, limit, now_us)
 
     def _arm_request(self, event: heard.ArmRequested, now_us: int) -> None:
         token = self.new_token()

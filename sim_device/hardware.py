@@ -18,6 +18,8 @@ from sim_device.plant import Drive, Readings
 RTD_RAIL_HIGH_cC = 32_767
 RTD_RAIL_LOW_cC = -24_200
 FORCE_RAIL_counts = 50_000
+I16_MOST, U16_MOST, I32_MOST = 0x7FFF, 0xFFFE, 0x7FFF_FFFF
+"""Most that a field of STATE can tell: one less than all where that stands for "no reading"."""
 PUMP_FULL_rpm = 6000
 PUMP_LAG_s = 0.15
 DRIVER_DROP_V = 0.5
@@ -187,6 +189,20 @@ class Hardware:
         m.force_invalid = int(self.force_saturated)
         if self.force_saturated:
             self.force_counts = FORCE_RAIL_counts
+        self._stop_at_rails(m)
+
+    def _stop_at_rails(self, m: Measurements) -> None:
+        """However broken a part is, its converter goes no further than STATE can tell."""
+        for k in (0, 1):
+            m.i_mA[k] = _between(m.i_mA[k], -I16_MOST, I16_MOST)
+            m.v_mV[k] = _between(m.v_mV[k], -I16_MOST, U16_MOST)
+        m.vbus_mV = _between(m.vbus_mV, 0, U16_MOST)
+        self.encoder_counts = _between(self.encoder_counts, -I32_MOST, I32_MOST)
+        self.force_counts = _between(self.force_counts, -I32_MOST, I32_MOST)
+
+
+def _between(value: int, low: int, high: int) -> int:
+    return min(max(value, low), high)
 
 
 def _with(pair: tuple[float, float], k: int, value: float) -> tuple[float, float]:

@@ -25,6 +25,7 @@
 #define SMAD_MAX_PAYLOAD 120
 #define SMAD_MAX_ENCODED 129
 #define SMAD_MAX_WIRE 130
+#define SMAD_SETPOINT_AGE_US 50000
 #define SMAD_NO_FIELD 0xFF
 #define SMAD_INVALID_U8 0xFF
 #define SMAD_INVALID_U16 0xFFFF
@@ -516,6 +517,19 @@ void smad_decoder_init(struct smad_decoder *decoder);
 
 /* Takes in one byte. Returns true, and fills `frame`, if it completed a good frame. */
 bool smad_decoder_byte(struct smad_decoder *decoder, uint8_t byte, struct smad_frame *frame);
+
+/* The door for setpoints, one for each axis; clear it when a session begins. */
+struct smad_setpoint_gate {
+    int64_t ref_us;
+    uint8_t seq;
+    bool passed;
+};
+
+/* Returns the age in us of a setpoint that may pass, -1 for one that is too old or was overtaken.
+ * `now_us` is the board's time, not wrapped: 32 bits cannot tell a setpoint that comes after a
+ * pause of 36 to 72 minutes from one that was overtaken. */
+int64_t smad_setpoint_gate_admit(struct smad_setpoint_gate *gate, uint32_t t_ref_us, uint8_t seq,
+                                 int64_t now_us);
 
 struct smad_parameter {
     uint16_t number;

@@ -10,6 +10,8 @@
 #define SMAD_SV_DT_MOST_US INT64_C(10000000)
 #define SMAD_SV_DUTY_FULL INT64_C(255)
 #define SMAD_SV_GOOD INT64_C(0)
+#define SMAD_SV_I32_LEAST INT64_C(-2147483648)
+#define SMAD_SV_I32_MOST INT64_C(2147483647)
 #define SMAD_SV_LINK_CLOCK INT64_C(8)
 #define SMAD_SV_LINK_PARAMETERS INT64_C(4)
 #define SMAD_SV_LINK_SCHEMA INT64_C(2)
@@ -29,6 +31,7 @@ const struct smad_sv_limits smad_sv_limits_compiled = {
     .fold_end_cC = 8800,
     .i2t_rated_mA = 3000,
     .i2t_budget_A2s = 2100,
+    .stage_travel_um = 200000,
     .temperature_limit_cC = 9500,
     .temperature_hysteresis_cC = 500,
     .cold_cC = 4500,
@@ -218,6 +221,7 @@ static int64_t smad_sv_loop_overrun(struct smad_sv_memory *s, const struct smad_
 static int64_t smad_sv_param_crc(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
 static int64_t smad_sv_armed_too_long(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
 static int64_t smad_sv_fire(struct smad_sv_memory *s, int64_t trigger);
+static int64_t smad_sv_saturated(int64_t value);
 static void smad_sv_latch(struct smad_sv_memory *s, int64_t fault, int64_t channel, int64_t trigger);
 static void smad_sv_run_checks(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_run_timers(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
@@ -1166,6 +1170,11 @@ static int64_t smad_sv_fire(struct smad_sv_memory *s, int64_t trigger)
     return 1;
 }
 
+static int64_t smad_sv_saturated(int64_t value)
+{
+    return smad_sv_min(smad_sv_max(value, SMAD_SV_I32_LEAST), SMAD_SV_I32_MOST);
+}
+
 static void smad_sv_latch(struct smad_sv_memory *s, int64_t fault, int64_t channel, int64_t trigger)
 {
     s->faults |= (INT64_C(1) << ((fault - 1)));
@@ -1173,8 +1182,8 @@ static void smad_sv_latch(struct smad_sv_memory *s, int64_t fault, int64_t chann
         s->latched = 1;
         s->first_fault = fault;
         s->first_channel = channel;
-        s->first_value = s->value;
-        s->first_limit = s->limit;
+        s->first_value = smad_sv_saturated(s->value);
+        s->first_limit = smad_sv_saturated(s->limit);
         s->first_us = s->now_us;
     }
     smad_sv_fire(s, trigger);
@@ -1379,8 +1388,8 @@ int64_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limi
 static int64_t smad_sv_refuse(struct smad_sv_memory *s, int64_t code, int64_t channel, int64_t value, int64_t limit)
 {
     s->channel = channel;
-    s->value = value;
-    s->limit = limit;
+    s->value = smad_sv_saturated(value);
+    s->limit = smad_sv_saturated(limit);
     return code;
 }
 
@@ -1502,6 +1511,12 @@ int64_t smad_sv_on_setpoint(struct smad_sv_memory *s, const struct smad_sv_limit
     }
     if (!(GATE[s->state])) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_WRONG_STATE, SMAD_CHANNEL_BOARD, s->state, SMAD_BOARD_STATE_ARMED);
+    }
+    if (c->stage_um < 0) {
+        return smad_sv_refuse(s, SMAD_ERROR_CODE_OUT_OF_RANGE, SMAD_CHANNEL_BOARD, c->stage_um, 0);
+    }
+    if (c->stage_um > lim->stage_travel_um) {
+        return smad_sv_refuse(s, SMAD_ERROR_CODE_OUT_OF_RANGE, SMAD_CHANNEL_BOARD, c->stage_um, lim->stage_travel_um);
     }
     for (k = 0; k < 2; k++) {
         s->setpoint_mA[k] = c->i_mA[k];

@@ -39,6 +39,7 @@ struct smad_sv_limits {
     int64_t fold_end_cC; /* cC */
     int64_t i2t_rated_mA; /* mA */
     int64_t i2t_budget_A2s; /* A2s */
+    int64_t stage_travel_um; /* um */
     int64_t temperature_limit_cC; /* cC */
     int64_t temperature_hysteresis_cC; /* cC */
     int64_t cold_cC; /* cC */
@@ -130,6 +131,7 @@ struct smad_sv_command {
     int64_t duty[2];
     int64_t age_us;
     int64_t ttl_us;
+    int64_t stage_um;
 };
 
 struct smad_sv_memory {

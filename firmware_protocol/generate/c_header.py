@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from firmware_protocol import framing
+from firmware_protocol.board import MAX_SETPOINT_AGE_US
 from firmware_protocol.codec import Codec
 from firmware_protocol.generate.c_names import declared, enums_of, macro, struct_name, upper
 from firmware_protocol.messages import NO_FIELD, PROTOCOL_MAJOR, PROTOCOL_MINOR, Message
@@ -57,6 +58,19 @@ void smad_decoder_init(struct smad_decoder *decoder);
 /* Takes in one byte. Returns true, and fills `frame`, if it completed a good frame. */
 bool smad_decoder_byte(struct smad_decoder *decoder, uint8_t byte, struct smad_frame *frame);
 
+/* The door for setpoints, one for each axis; clear it when a session begins. */
+struct smad_setpoint_gate {
+    int64_t ref_us;
+    uint8_t seq;
+    bool passed;
+};
+
+/* Returns the age in us of a setpoint that may pass, -1 for one that is too old or was overtaken.
+ * `now_us` is the board's time, not wrapped: 32 bits cannot tell a setpoint that comes after a
+ * pause of 36 to 72 minutes from one that was overtaken. */
+int64_t smad_setpoint_gate_admit(struct smad_setpoint_gate *gate, uint32_t t_ref_us, uint8_t seq,
+                                 int64_t now_us);
+
 struct smad_parameter {
     uint16_t number;
     uint8_t kind;
@@ -103,6 +117,7 @@ def _constants(schema_size: int) -> str:
         "MAX_PAYLOAD": framing.MAX_PAYLOAD,
         "MAX_ENCODED": framing.MAX_ENCODED,
         "MAX_WIRE": framing.MAX_ENCODED + 1,
+        "SETPOINT_AGE_US": MAX_SETPOINT_AGE_US,
         "NO_FIELD": f"0x{NO_FIELD:02X}",
         "INVALID_U8": "0xFF",
         "INVALID_U16": "0xFFFF",

@@ -145,6 +145,28 @@ bool smad_decoder_byte(struct smad_decoder *decoder, uint8_t byte, struct smad_f
 }
 """
 
+_GATE = """\
+int64_t smad_setpoint_gate_admit(struct smad_setpoint_gate *gate, uint32_t t_ref_us, uint8_t seq,
+                                 int64_t now_us)
+{
+    /* A time in the future is as wrong as one too far back: modulo 2^32 it is a great age. */
+    uint32_t age_us = (uint32_t)now_us - t_ref_us;
+    int64_t ref_us = now_us - (int64_t)age_us;
+    uint8_t step = (uint8_t)(seq - gate->seq);
+    if (age_us > SMAD_SETPOINT_AGE_US) {
+        return -1;
+    }
+    if (gate->passed
+        && (ref_us < gate->ref_us || (ref_us == gate->ref_us && (step == 0 || step > 127)))) {
+        return -1;
+    }
+    gate->ref_us = ref_us;
+    gate->seq = seq;
+    gate->passed = true;
+    return (int64_t)age_us;
+}
+"""
+
 _PUT = """\
 static void put_u8(uint8_t *out, uint8_t value)
 {
@@ -214,6 +236,7 @@ def render(codec: Codec, blob: bytes) -> str:
         '#include "smad_protocol.h"\n\n#include <string.h>\n',
         _PUT,
         _FRAMES,
+        _GATE,
         *(_known(kind) for kind in checked_enums(codec)),
         *(_pack(cls) + "\n" + _unpack(cls) for cls in codec.messages if fields_of(cls)),
         _parameters(),

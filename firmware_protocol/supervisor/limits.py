@@ -59,6 +59,10 @@ class Limits:
     i2t_rated_mA: Annotated[int, Row(3000, 200, "mA", "warms a flushed spring by 12 K only", 30)]
     i2t_budget_A2s: Annotated[int, Row(2100, 50, "A2s", "4 A for five minutes above the rated", 31)]
 
+    stage_travel_um: Annotated[
+        int, Row(200_000, 200_000, "um", "no experiment stretches a spring further; 0 is its start")
+    ]
+
     # Temperatures.
     temperature_limit_cC: Annotated[
         int, Row(9500, 4500, "cC", "below boiling; silicone tube and cement stand 150 degC", 21)

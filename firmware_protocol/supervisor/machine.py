@@ -37,6 +37,8 @@ from firmware_protocol.supervisor.table import (
 )
 
 DT_MOST_US = 10_000_000
+I32_MOST = 0x7FFF_FFFF
+I32_LEAST = -0x8000_0000
 
 LINK_SESSION = 1
 LINK_SCHEMA = 2
@@ -55,6 +57,11 @@ def fire(s: Memory, trigger: int) -> bool:
     return True
 
 
+def saturated(value: int) -> int:
+    """Return the value as far as the wire can hold it: ERROR and FAULT_REPORT carry 32 bits."""
+    return min(max(value, I32_LEAST), I32_MOST)
+
+
 def latch(s: Memory, fault: int, channel: int, trigger: int) -> None:
     """Add a fault; remember it with s.value and s.limit if it is the first one."""
     s.faults |= 1 << (fault - 1)
@@ -62,8 +69,8 @@ def latch(s: Memory, fault: int, channel: int, trigger: int) -> None:
         s.latched = 1
         s.first_fault = fault
         s.first_channel = channel
-        s.first_value = s.value
-        s.first_limit = s.limit
+        s.first_value = saturated(s.value)
+        s.first_limit = saturated(s.limit)
         s.first_us = s.now_us
     fire(s, trigger)
 
@@ -219,8 +226,8 @@ def on_self_test(s: Memory, lim: Limits, c: Command) -> int:
 def refuse(s: Memory, code: int, channel: int, value: int, limit: int) -> int:
     """Leave what a refusal must name, and return its code."""
     s.channel = channel
-    s.value = value
-    s.limit = limit
+    s.value = saturated(value)
+    s.limit = saturated(limit)
     return code
 
 
@@ -306,13 +313,17 @@ def forget_bad(s: Memory) -> None:
 
 
 def on_setpoint(s: Memory, lim: Limits, c: Command, now_us: int) -> int:
-    """Take a setpoint unless it is stale; it counts at once, below ceiling and slew."""
+    """Take a setpoint unless it is stale or moves the stage too far; it counts at once."""
     if c.age_us < 0 or c.age_us > lim.setpoint_age_us:
         s.stale_setpoints += 1
         s.stale_at_us = now_us
         return refuse(s, ErrorCode.SETPOINT_STALE, Channel.BOARD, c.age_us, lim.setpoint_age_us)
     if not GATE[s.state]:
         return refuse(s, ErrorCode.WRONG_STATE, Channel.BOARD, s.state, BoardState.ARMED)
+    if c.stage_um < 0:
+        return refuse(s, ErrorCode.OUT_OF_RANGE, Channel.BOARD, c.stage_um, 0)
+    if c.stage_um > lim.stage_travel_um:
+        return refuse(s, ErrorCode.OUT_OF_RANGE, Channel.BOARD, c.stage_um, lim.stage_travel_um)
     for k in range(2):
         s.setpoint_mA[k] = c.i_mA[k]
         s.setpoint_duty[k] = c.duty[k]

@@ -52,6 +52,8 @@ class Command:
     duty: list[int] = field(default_factory=_pair)
     age_us: int = 0
     ttl_us: int = 0
+    stage_um: int = 0
+    """0 when the setpoint does not mean the stage."""
 
 
 @dataclass(slots=True)

@@ -28,6 +28,9 @@ _TEXT: dict[ErrorCode, str] = {
     ErrorCode.SETPOINT_STALE: (
         "the setpoint is {value} us old, at most {limit} us are taken; the link or the host is slow"
     ),
+    ErrorCode.OUT_OF_RANGE: (
+        "the stage was sent to {value} um, which is beyond its end at {limit} um; send it less far"
+    ),
 }
 
 

@@ -65,6 +65,7 @@ class SetpointArrived:
     duty: tuple[int, int]
     age_us: int
     ttl_us: int
+    stage_um: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,14 +194,25 @@ class Supervisor:
         return Outcome(ErrorCode(code), Channel(s.channel), s.value, s.limit)
 
     def setpoint(
-        self, i_mA: Sequence[int], duty: Sequence[int], age_us: int, ttl_us: int, now_us: int
+        self,
+        i_mA: Sequence[int],
+        duty: Sequence[int],
+        age_us: int,
+        ttl_us: int,
+        now_us: int,
+        *,
+        stage_um: int = 0,
     ) -> int:
-        """Take a setpoint, as `event` does, at less cost; return the refusal's code or 0."""
+        """Take a setpoint, as `event` does, at less cost; return the refusal's code or 0.
+
+        A refusal leaves what was found and what is allowed in `memory.value` and `memory.limit`.
+        """
         c = self._command
         c.i_mA[0], c.i_mA[1] = i_mA
         c.duty[0], c.duty[1] = duty
         c.age_us = age_us
         c.ttl_us = ttl_us
+        c.stage_um = stage_um
         return machine.on_setpoint(self.memory, self.limits, c, now_us)
 
     def _self_test(self, event: SelfTest, now_us: int) -> int:
@@ -215,7 +227,9 @@ class Supervisor:
         return machine.on_arm_confirm(self.memory, self.measurements, self.limits, c, now_us)
 
     def _setpoint(self, event: SetpointArrived, now_us: int) -> int:
-        return self.setpoint(event.i_mA, event.duty, event.age_us, event.ttl_us, now_us)
+        return self.setpoint(
+            event.i_mA, event.duty, event.age_us, event.ttl_us, now_us, stage_um=event.stage_um
+        )
 
     def _disarm(self, event: Disarmed, now_us: int) -> int:
         return machine.on_disarm(self.memory, self.limits)

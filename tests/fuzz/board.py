@@ -1,12 +1,15 @@
 """The board's end, with the supervisor behind it: whatever a host says, no current unarmed.
 
 The board is the simulated one without its plant: readings come from the input, as integers that
-the fuzzer chooses. ARMED may only be reached through a confirmation with the token last granted.
+the fuzzer chooses. ARMED may only be reached through a confirmation with the token last granted,
+and a fresh setpoint is always let in, however long the pause before it. `bench` has the plant too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+
+import msgspec
 
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC
@@ -15,7 +18,7 @@ from firmware_protocol.framing import MAX_PAYLOAD, FrameDecoder, encode_frame
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import own_crc
 from firmware_protocol.wire import Direction
-from sim_device.board import Board
+from sim_device.board import CAPABILITIES, Board
 from sim_device.plant import Readings
 from tests.fuzz.program import Program, require
 
@@ -27,6 +30,7 @@ AT_REST = Readings(
     force_N=1.0,
     supply_V=12.0,
 )
+FIXTURES = tuple(CAPABILITIES)
 MOST_OUTPUT_BYTES = 8192 + 1024
 _PERIOD_US = 10_000
 _HOT = (BoardState.ARMED, BoardState.HOLD)
@@ -38,16 +42,17 @@ _FROM_HOST = tuple(
 
 
 def run(data: bytes) -> None:
-    """The input is a program: frames, a host's real requests, readings, time."""
-    _Bench().play(Program(data))
+    """The input is the fixture, then a program: frames, a host's requests, readings, time."""
+    program = Program(data)
+    BoardHarness(FIXTURES[program.u8() % len(FIXTURES)]).play(program)
 
 
-class _Bench:
+class BoardHarness:
     """A board with a host that can do everything right, and whoever else writes to the line."""
 
-    def __init__(self) -> None:
+    def __init__(self, fixture: str) -> None:
         self.now_us = 0
-        self.board = Board(seed=3)
+        self.power_up(fixture)
         self._heard = FrameDecoder()
         self._said = FrameDecoder()
         self._seq = 0
@@ -64,8 +69,30 @@ class _Bench:
             self._arm,
             self._setpoint,
             self._measure,
+            self._confirm,
+            self._drive,
+            self._pause,
         )
         self._step(6)
+
+    # What there is to drive
+
+    def power_up(self, fixture: str) -> None:
+        """Make the board."""
+        self.made = Board(fixture=fixture, seed=3)
+
+    @property
+    def board(self) -> Board:
+        """The board in use."""
+        return self.made
+
+    def deliver(self, data: bytes) -> None:
+        """Hand bytes from the host to the board."""
+        self.board.receive(data, self.now_us)
+
+    def sample(self) -> m.State | None:
+        """Take a sample at the present time; None if the board took none."""
+        return self.board.sample(self._readings, self.now_us)
 
     def play(self, program: Program) -> None:
         while program:
@@ -109,13 +136,39 @@ class _Bench:
     def _setpoint(self, program: Program) -> None:
         setpoint = m.Setpoint(
             axis=0,
-            t_ref_us=self.now_us & 0xFFFF_FFFF,
+            t_ref_us=0,
             i_mA=(program.u8() * 16, program.u8() * 16),
             pump_duty=(program.u8(), 0),
             flags=0,
             ttl_ms=program.u8(),
         )
-        self._request(setpoint)
+        self._send_fresh(setpoint)
+
+    def _drive(self, program: Program) -> None:
+        """A setpoint on time with any numbers in it."""
+        layout = CODEC.layout(m.Setpoint)
+        drawn: m.Setpoint = layout.unpack(program.take(layout.size))
+        self._send_fresh(msgspec.structs.replace(drawn, axis=0))
+
+    def _send_fresh(self, setpoint: m.Setpoint) -> None:
+        """Send a setpoint that answers a sample of this moment."""
+        self._step(1)
+        t_ref_us = self.board.now_us & 0xFFFF_FFFF
+        stats = self.board.session.stats
+        before = stats.stale_setpoints
+        self._request(msgspec.structs.replace(setpoint, t_ref_us=t_ref_us))
+        require(stats.stale_setpoints == before, "the newest setpoint was taken for an old one")
+        self._step(1)
+
+    def _confirm(self, program: Program) -> None:
+        """A confirmation with any token, after a request or without one."""
+        if program.u8() & 1:
+            self._request(m.ArmRequest(0, self.board.parameters.crc))
+        self._request(m.ArmConfirm(0, int.from_bytes(program.take(4), "little")))
+
+    def _pause(self, program: Program) -> None:
+        """Up to two hours without a sample."""
+        self.now_us += program.u16() * 110_000
         self._step(1)
 
     def _measure(self, program: Program) -> None:
@@ -140,15 +193,15 @@ class _Bench:
         for frame in self._heard.feed(data):
             if frame.type == m.ArmConfirm.info.number and len(frame.payload) == 5:
                 self._confirmed.add(int.from_bytes(frame.payload[1:], "little"))
-        self.board.receive(data, self.now_us)
+        self.deliver(data)
         self._check()
 
     def _step(self, samples: int) -> None:
         for _ in range(samples):
             self.now_us += _PERIOD_US
-            state = self.board.sample(self._readings, self.now_us)
+            state = self.sample()
             require(
-                state.mode is BoardState.ARMED or state.i_applied_mA == (0, 0),
+                state is None or state.mode is BoardState.ARMED or state.i_applied_mA == (0, 0),
                 "{} mA applied in {}",
                 state.i_applied_mA,
                 state.mode.name,

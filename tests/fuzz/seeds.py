@@ -18,7 +18,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC
-from firmware_protocol.enums import BoardState
+from firmware_protocol.enums import BoardState, SetpointFlag
 from firmware_protocol.schema import canonical_json, compress, describe, own_crc
 from sim_device.bench import SimulatedBench
 from smad.api import METHODS
@@ -28,6 +28,7 @@ from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.reader import read_run
 from smad.runlog.schema import EVENT_TOPIC, LINK_TOPIC, ROW_TOPIC
 from tests.firmware_protocol.pair import SAMPLE
+from tests.fuzz.board import FIXTURES
 from tests.fuzz.log_import import SEPARATOR
 from tests.fuzz.targets import TARGETS
 from tests.smad.runlog.helpers import write_small_run
@@ -63,22 +64,41 @@ def _frames() -> Seeds:
     yield "cut", b"\x03\x20" + stream[40:140]
 
 
-_GREET, _ARM, _SETPOINT, _MEASURE, _SAMPLES = 4, 5, 6, 7, 3
+_SAMPLES, _GREET, _ARM, _SETPOINT, _MEASURE, _CONFIRM, _DRIVE, _PAUSE = range(3, 11)
+_TOKENS = (0, 1, 0x7FFF_FFFF, 0x8000_0000, 0xFFFF_FFFF)
+_STAGES_um = (0, 1, 200_000, 200_001, 2**31 - 1, -1, -(2**31))
+
+
+def _drives() -> Seeds:
+    """What both the board alone and the whole bench begin with, on each fixture."""
+    drive = bytes([_SETPOINT, 100, 50, 0, 100])
+    for at, fixture in enumerate(FIXTURES):
+        begin = bytes([at, _GREET, 9, _SAMPLES, 5])
+        yield f"{fixture}-driven", begin + bytes([_ARM]) + drive * 4 + bytes([_SAMPLES, 30])
+        tokens = b"".join(bytes([_CONFIRM, 1]) + token.to_bytes(4, "little") for token in _TOKENS)
+        yield f"{fixture}-tokens", begin + tokens + bytes([_ARM]) + drive
+        stages = b"".join(
+            bytes([_DRIVE])
+            + CODEC.pack(m.Setpoint(0, 0, (500, 0), (0, 0), SetpointFlag.STAGE, 100, stage_um))
+            for stage_um in _STAGES_um
+        )
+        yield f"{fixture}-stages", begin + bytes([_ARM]) + stages + drive
+        pauses = b"".join(bytes([_PAUSE, 0, high]) + drive for high in (85, 100, 140, 180, 255))
+        yield f"{fixture}-pauses", begin + drive + pauses
 
 
 def _board() -> Seeds:
-    yield (
-        "armed-and-driven",
-        bytes([_GREET, 9, _SAMPLES, 5, _ARM, *(_SETPOINT, 100, 50, 0, 100) * 4, _SAMPLES, 30]),
-    )
-    yield "hot", bytes([_GREET, 9, _ARM, _SETPOINT, 250, 0, 0, 100, _MEASURE, 1, 1, 250, 70, 0, 9])
+    yield from _drives()
+    hot = [0, _GREET, 9, _ARM, _SETPOINT, 250, 0, 0, 100, _MEASURE, 1, 1, 250, 70, 0, 9]
+    yield "hot", bytes(hot)
     for number in sorted(CODEC.layouts):
         layout = CODEC.layouts[number]
         if number >= m.FIRST_BOARD_NUMBER:
             break
         at = [n for n in sorted(CODEC.layouts) if n < m.FIRST_BOARD_NUMBER].index(number)
         body = bytes(range(layout.size))
-        yield f"message-{number:02x}", bytes([_GREET, 1, 2, at]) + body + bytes([1, _SAMPLES, 2])
+        begin = bytes([at % len(FIXTURES), _GREET, 1, 2, at])
+        yield f"message-{number:02x}", begin + body + bytes([1, _SAMPLES, 2])
 
 
 _HOST_MESSAGE, _HOST_WAIT, _HOST_SAMPLE, _HOST_ASK, _HOST_ARM, _HOST_PORT = 2, 3, 4, 5, 6, 7
@@ -250,6 +270,7 @@ SEEDS: Mapping[str, Callable[[], Seeds]] = {
     "host": _host,
     "description": _description,
     "board": _board,
+    "bench": _drives,
     "commands": _commands,
     "runlog": _runlog,
     "config": _config,

@@ -52,6 +52,7 @@ TARGETS: Mapping[str, Target] = {
         Target("host", "host", "host session with the control task", _DAEMON, 1024),
         Target("description", "description", "another board's messages", _PROTOCOL, 16_384),
         Target("board", "board", "board session with the supervisor", _BOARD, 1024),
+        Target("bench", "bench", "the whole simulated bench", _BOARD, 512),
         # An input may cost the next one a new daemon.
         Target("commands", "commands", "command server and its daemon", _DAEMON, 2048, 8.0),
         Target("runlog", "runlog", "run-log reader and recovery", _LOGS, 16_384),

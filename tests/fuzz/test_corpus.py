@@ -12,6 +12,7 @@ import pytest
 from firmware_protocol.description import ForeignCodec, Reader
 from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.messages import Description
+from firmware_protocol.supervisor import Supervisor
 from sim_device.board import Board
 from sim_device.plant import parameters
 from sim_device.plant.models import save_model
@@ -104,6 +105,15 @@ def leak_current(patch: pytest.MonkeyPatch) -> None:
     )
 
 
+def let_the_stage_go_anywhere(patch: pytest.MonkeyPatch) -> None:
+    honest = Supervisor.setpoint
+
+    def blind(self: Supervisor, *arguments: Any, stage_um: int = 0) -> int:
+        return honest(self, *arguments)
+
+    patch.setattr(Supervisor, "setpoint", blind)
+
+
 def raise_in_a_command(patch: pytest.MonkeyPatch) -> None:
     def broken(self: Service, params: Any, client: bytes) -> Any:
         raise KeyError(params)
@@ -139,6 +149,7 @@ PLANTED: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
     "host": believe_to_be_armed,
     "description": trust_any_description,
     "board": leak_current,
+    "bench": let_the_stage_go_anywhere,
     "commands": raise_in_a_command,
     "runlog": let_parse_errors_through,
     "config": write_another_configuration,

@@ -74,7 +74,8 @@ class Walk:
             link = 15 if rng.random() < 0.9 else rng.randrange(16)
             token = rng.randrange(1 << 32)
             self.command(2, Command(link=link, token=token))
-            self.command(3, Command(link=link, token=token + (rng.random() < 0.1)))
+            guess = rng.choice((token + 1, rng.randrange(1 << 40), -rng.randrange(1 << 40)))
+            self.command(3, Command(link=link, token=guess if rng.random() < 0.1 else token))
         elif state is BoardState.FAULT:
             named = self.sv.memory.first_fault if rng.random() < 0.8 else rng.randrange(1, 32)
             self.broken.clear()
@@ -93,6 +94,8 @@ class Walk:
         age_us = rng.randrange(3000) if rng.random() < 0.98 else rng.randrange(-5, 80_000)
         ttl_us = rng.choice((100_000, 100_000, 30_000, 500_000))
         c = Command(i_mA=list(self.wanted), duty=list(self.duty), age_us=age_us, ttl_us=ttl_us)
+        if rng.random() < 0.01:
+            c.stage_um = rng.choice((-1, 200_000, 200_001, rng.randrange(-(1 << 31), 1 << 31)))
         self.command(4, c)
 
     def sample(self) -> None:
