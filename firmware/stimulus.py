@@ -101,8 +101,9 @@ class Stimulus:
             t_ref_us=(self.twins.now_us - age_us) % (1 << 32),
             i_mA=(self._wanted[0], self._wanted[1]),
             pump_duty=(self._duty[0], self._duty[1]),
-            flags=rng.choice((0, 0, 1, 2)),
+            flags=rng.choice((0, 0, 0, 1, 2, 4)),
             ttl_ms=rng.choice((100, 100, 20, 1000)),
+            stage_um=rng.choice((0, 0, 50_000, 300_000, -1)),
         )
         seq = self._setpoint_seq
         self._deliver("setpoint", lambda session, token: CODEC.frame(message, seq, session))
@@ -151,6 +152,7 @@ class Stimulus:
             self.twins.saving = saves and self.twins.python.state is BoardState.SAFE
 
     def _spoil_line(self) -> None:
+        self._wait_for_store()
         rng = self.rng
         kind = rng.randrange(5)
         if kind == 0:

@@ -10,7 +10,7 @@ import msgspec
 
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
-from firmware_protocol.enums import ResetCause
+from firmware_protocol.enums import ErrorCode, ResetCause
 from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.supervisor import Measurements, Memory
 from sim_device.board import Board
@@ -81,6 +81,8 @@ def _blanked(message: wire.Message) -> wire.Message:
         return msgspec.structs.replace(message, uid=bytes(12), firmware="", baud=0)
     if isinstance(message, wire.ArmToken):
         return msgspec.structs.replace(message, token=0)
+    if isinstance(message, wire.Error) and message.code is ErrorCode.TOKEN_WRONG:
+        return msgspec.structs.replace(message, value=0)
     return message
 
 

@@ -16,6 +16,7 @@
 #define LINK_PARAMETERS 4
 #define LINK_CLOCK 8
 #define RTDS 4u
+#define STAGE_FIELD 6u /* of SETPOINT */
 
 static struct smad_sv_memory sv;
 static struct smad_sv_measurements measured;
@@ -257,6 +258,7 @@ void board_on_setpoint(const struct smad_setpoint *setpoint, uint8_t seq, uint16
                        int64_t at_us)
 {
     struct smad_sv_command command;
+    uint8_t code;
     memset(&command, 0, sizeof command);
     for (uint8_t k = 0; k < 2; k++) {
         command.i_mA[k] = setpoint->i_mA[k];
@@ -264,7 +266,13 @@ void board_on_setpoint(const struct smad_setpoint *setpoint, uint8_t seq, uint16
     }
     command.age_us = age_us;
     command.ttl_us = (int32_t)setpoint->ttl_ms * 1000;
-    if (smad_sv_on_setpoint(&sv, &limits, &command, at_us) != 0) {
+    command.stage_um = (setpoint->flags & SMAD_SETPOINT_FLAG_STAGE) != 0 ? setpoint->stage_um : 0;
+    code = (uint8_t)smad_sv_on_setpoint(&sv, &limits, &command, at_us);
+    if (code == SMAD_ERROR_CODE_OUT_OF_RANGE) {
+        /* Not armed, or too old: STATE tells. That a stage does not go so far, nothing else. */
+        session_refuse_setpoint(code, STAGE_FIELD, command.stage_um, sv.limit, at_us);
+    }
+    if (code != 0) {
         return;
     }
     sp_seq = seq;

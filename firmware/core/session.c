@@ -7,7 +7,6 @@
 #include <string.h>
 
 #define AXES 1u
-#define MAX_SETPOINT_AGE_US 50000u
 #define PAUSE_US 100000
 #define COMPLAINTS 10u
 #define SECOND_US 1000000
@@ -37,9 +36,7 @@ static bool answered;
 static uint8_t answer[SMAD_MAX_WIRE];
 static uint8_t answer_size;
 
-static bool gate_open;
-static int64_t gate_ref_us;
-static uint8_t gate_seq;
+static struct smad_setpoint_gate gate;
 
 static bool ever_wrote;
 static int64_t wrote_us;
@@ -185,7 +182,7 @@ void session_send_state(const struct smad_state *state)
         counts.dropped_states++;
     }
     waiting = *state;
-    if ((waiting.valid & SMAD_VALID_BIT_SETPOINT) && !gate_open) {
+    if ((waiting.valid & SMAD_VALID_BIT_SETPOINT) && !gate.passed) {
         /* The setpoint in use came from an earlier session: its number means nothing now. */
         waiting.valid &= (uint16_t)~SMAD_VALID_BIT_SETPOINT;
         waiting.sp_seq = 0;
@@ -252,7 +249,7 @@ static void on_hello(const struct smad_hello *hello, int64_t now_us)
         request_seq = 0;
         answered = true;
         answer_size = 0;
-        gate_open = false;
+        memset(&gate, 0, sizeof gate);
         send_ident(session, hello->nonce, frame.seq, now_us);
         board_on_session(now_us);
         return;
@@ -260,29 +257,25 @@ static void on_hello(const struct smad_hello *hello, int64_t now_us)
     send_ident(session, hello->nonce, frame.seq, now_us);
 }
 
-/* Lets a setpoint pass that is young, and not overtaken. The time it refers to is kept in full,
- * so that one after any pause is compared rightly. */
 static void on_setpoint(const struct smad_setpoint *setpoint, int64_t now_us)
 {
-    uint32_t age_us;
-    int64_t ref_us;
+    int64_t age_us;
     if (setpoint->axis >= AXES) {
         complain(SMAD_ERROR_CODE_NO_SUCH_AXIS, 0, setpoint->axis, AXES - 1u, now_us);
         return;
     }
-    age_us = (uint32_t)now_us - setpoint->t_ref_us;
-    ref_us = now_us - (int64_t)age_us;
-    if (age_us > MAX_SETPOINT_AGE_US
-        || (gate_open
-            && (ref_us < gate_ref_us
-                || (ref_us == gate_ref_us && (uint8_t)(frame.seq - gate_seq - 1u) >= 127u)))) {
+    age_us = smad_setpoint_gate_admit(&gate, setpoint->t_ref_us, frame.seq, now_us);
+    if (age_us < 0) {
         counts.stale_setpoints++;
         return;
     }
-    gate_open = true;
-    gate_ref_us = ref_us;
-    gate_seq = frame.seq;
     board_on_setpoint(setpoint, frame.seq, (uint16_t)age_us, now_us);
+}
+
+void session_refuse_setpoint(uint8_t code, uint8_t field, int64_t value, int64_t limit,
+                             int64_t now_us)
+{
+    complain(code, field, saturated(value), saturated(limit), now_us);
 }
 
 static void on_describe(uint16_t offset, int64_t now_us)

@@ -41,6 +41,10 @@ void session_reply(uint8_t number, const uint8_t *payload, uint8_t size, int64_t
 void session_done(int64_t now_us);
 void session_refuse(uint8_t code, uint8_t field, int64_t value, int64_t limit, int64_t now_us);
 
+/* Tells the host of the setpoint being handled that it is not taken: the field and its limit. */
+void session_refuse_setpoint(uint8_t code, uint8_t field, int64_t value, int64_t limit,
+                             int64_t now_us);
+
 bool session_is_open(void);
 
 /* Mode that the latest sample told. */
