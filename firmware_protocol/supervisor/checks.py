@@ -205,7 +205,7 @@ def resistance_out_of_band(s: Memory, m: Measurements, lim: Limits, k: int) -> i
     """V/I is not that of a spring."""
     if not resistance_is_measurable(s, m, lim, k):
         return GOOD
-    r_mohm = s.v_uV[k] * 1000 // s.i_uA[k]
+    r_mohm = s.v_uV[k] * 1000 // max(s.i_uA[k], 1)
     if r_mohm > lim.resistance_max_mohm:
         return bad(s, r_mohm, lim.resistance_max_mohm)
     if r_mohm < lim.resistance_min_mohm:
@@ -220,8 +220,8 @@ def resistance_rtd_disagree(s: Memory, m: Measurements, lim: Limits, k: int) -> 
         return GOOD
     if not resistance_is_measurable(s, m, lim, k):
         return BETWEEN
-    r_mohm = s.v_uV[k] * 1000 // s.i_uA[k]
-    change_permille = abs(r_mohm - reference_mohm) * 1000 // reference_mohm
+    r_mohm = s.v_uV[k] * 1000 // max(s.i_uA[k], 1)
+    change_permille = abs(r_mohm - reference_mohm) * 1000 // max(reference_mohm, 1)
     change_cC = abs(s.t_cC[k] - s.reference_cC[k])
     allowed = (
         lim.resistance_tolerance_permille + lim.resistance_tempco_ppm_per_K * change_cC // 100_000

@@ -156,3 +156,11 @@ class Memory:
         self.bad_us = [0] * self.lines
         self.need_samples = [0] * self.lines
         self.need_us = [0] * self.lines
+
+
+def follow(value: int, target: int, dt_us: int, lag_us: int) -> int:
+    """Return `value` after `dt_us` on its way to `target`, with a lag; never beyond it.
+
+    The translation to C writes this one itself: its ranges could not show the "never".
+    """
+    return value + (target - value) * dt_us // (lag_us + dt_us)

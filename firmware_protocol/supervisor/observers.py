@@ -8,14 +8,14 @@ integrated; with mJ/K and nJ the units cancel without factors: nJ / (mJ/K) = uK.
 from __future__ import annotations
 
 from firmware_protocol.supervisor.limits import Limits
-from firmware_protocol.supervisor.memory import Measurements, Memory
+from firmware_protocol.supervisor.memory import Measurements, Memory, follow
 
 UK_PER_CC = 10_000
 NJ_PER_MJ = 1_000_000
 DUTY_FULL = 255
 SUM_MOST = 10_000_000_000_000_000
 """Sums stop here, far above every limit, so that 64 bits are always enough."""
-MODEL_MOST_UK = 3_000_000_000
+MODEL_MOST_UK = 2_000_000_000
 
 
 def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
@@ -77,13 +77,11 @@ def observe_electrical(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     The band spans what was regulated to lately, so that a driver that lags stays inside.
     """
     s.power_mW[k] = max(m.i_mA[k] * m.v_mV[k] // 1000, 0)
-    filter_us = lim.current_filter_us + s.dt_us
-    s.i_uA[k] += (m.i_mA[k] * 1000 - s.i_uA[k]) * s.dt_us // filter_us
-    s.v_uV[k] += (m.v_mV[k] * 1000 - s.v_uV[k]) * s.dt_us // filter_us
+    s.i_uA[k] = follow(s.i_uA[k], m.i_mA[k] * 1000, s.dt_us, lim.current_filter_us)
+    s.v_uV[k] = follow(s.v_uV[k], m.v_mV[k] * 1000, s.dt_us, lim.current_filter_us)
     applied_uA = m.applied_mA[k] * 1000
-    band_us = lim.current_band_us + s.dt_us
-    low_uA = s.band_low_uA[k] + (applied_uA - s.band_low_uA[k]) * s.dt_us // band_us
-    high_uA = s.band_high_uA[k] + (applied_uA - s.band_high_uA[k]) * s.dt_us // band_us
+    low_uA = follow(s.band_low_uA[k], applied_uA, s.dt_us, lim.current_band_us)
+    high_uA = follow(s.band_high_uA[k], applied_uA, s.dt_us, lim.current_band_us)
     s.band_low_uA[k] = min(low_uA, applied_uA)
     s.band_high_uA[k] = max(high_uA, applied_uA)
 
@@ -112,10 +110,9 @@ def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
     loss_mW = loss_mW_per_K * (excess_cC + lim.sensor_offset_cC) // 100
     net_nJ = s.anchor_net_nJ[k] + (s.power_mW[k] - loss_mW) * s.dt_us
     if net_nJ < 0:
-        net_nJ = 0
         s.anchor_other_cC[k] = s.t_cC[other]
         s.anchor_other_nJ[k] = 0
-    s.anchor_net_nJ[k] = min(net_nJ, SUM_MOST)
+    s.anchor_net_nJ[k] = min(max(net_nJ, 0), SUM_MOST)
     s.anchor_other_nJ[k] = min(s.anchor_other_nJ[k] + s.power_mW[other] * s.dt_us, SUM_MOST)
 
 
@@ -169,8 +166,7 @@ def observe_envelope(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None
     out_nJ = low_loss * above_mK * s.dt_us // 1000
     low_uK = s.low_uK[k] + (in_nJ - out_nJ) // lim.envelope_heavy_mJ_per_K
     s.low_uK[k] = min(low_uK, MODEL_MOST_UK)
-    lag_us = lim.envelope_lag_us + s.dt_us
-    s.low_seen_uK[k] += (s.low_uK[k] - s.low_seen_uK[k]) * s.dt_us // lag_us
+    s.low_seen_uK[k] = follow(s.low_seen_uK[k], s.low_uK[k], s.dt_us, lim.envelope_lag_us)
 
     above_mK = (s.high_uK[k] - s.warmest_cC * UK_PER_CC) // 1000
     high_loss = lim.envelope_loss_least_mW_per_K
@@ -193,7 +189,7 @@ def observe_cooling(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
 def observe_resistance(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     """Take the first resistance that can be measured after arming as the reference."""
     if s.reference_mohm[k] == 0 and resistance_is_measurable(s, m, lim, k):
-        s.reference_mohm[k] = s.v_uV[k] * 1000 // s.i_uA[k]
+        s.reference_mohm[k] = s.v_uV[k] * 1000 // max(s.i_uA[k], 1)
         s.reference_cC[k] = s.t_cC[k]
 
 
