@@ -86,7 +86,7 @@ static uint16_t valid_bits(void)
     uint16_t valid = SMAD_VALID_BIT_I_X | SMAD_VALID_BIT_I_Y | SMAD_VALID_BIT_V_X
                      | SMAD_VALID_BIT_V_Y | SMAD_VALID_BIT_VBUS;
     for (uint8_t j = 0; j < RTDS; j++) {
-        if (measured.rtd_cC[j] > limits.rail_low_cC && measured.rtd_cC[j] < limits.rail_high_cC) {
+        if (measured.rtd_cC[j] > SMAD_SV_LIMIT_RAIL_LOW_CC && measured.rtd_cC[j] < SMAD_SV_LIMIT_RAIL_HIGH_CC) {
             valid = (uint16_t)(valid | SMAD_VALID_BIT_RTD_X << j);
         }
     }

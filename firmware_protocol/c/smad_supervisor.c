@@ -101,7 +101,7 @@ static const SMAD_SV_FLASH uint8_t ACTIVE_LINES[] = {
     28, 29, 38, 39, 58, 59
 };
 
-static const SMAD_SV_FLASH uint16_t ACTIVE_LINES_START[] = {
+static const SMAD_SV_FLASH int16_t ACTIVE_LINES_START[] = {
     0, 0, 12, 75, 138, 176, 198, 198
 };
 

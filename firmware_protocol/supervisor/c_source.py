@@ -287,7 +287,7 @@ def _rows(name: str, rows: Sequence[Sequence[int]]) -> str:
     everything = [number for row in rows for number in row]
     return (
         f"static const SMAD_SV_FLASH uint8_t {name}[] = {{\n{_numbers(everything)}\n}};\n\n"
-        f"static const SMAD_SV_FLASH uint16_t {name}_START[] = {{\n{_numbers(starts)}\n}};"
+        f"static const SMAD_SV_FLASH int16_t {name}_START[] = {{\n{_numbers(starts)}\n}};"
     )
 
 

@@ -12,7 +12,11 @@ from firmware_protocol.enums import ResetCause
 from sim_device.bench import SimulatedBench
 from sim_device.errors import FaultSpecError
 from sim_device.firmware import store
-from sim_device.firmware.board import FirmwareBoard
+from sim_device.firmware.board import ChipBoard, FirmwareBoard
+from sim_device.firmware.build import build
+
+STEP_US = 1000
+"""An emulated chip and the plant exchange what they have this often."""
 
 
 class FirmwareBench(SimulatedBench):
@@ -23,6 +27,7 @@ class FirmwareBench(SimulatedBench):
     """
 
     board: FirmwareBoard  # type: ignore[assignment]
+    board_type: type[FirmwareBoard] = FirmwareBoard
 
     def __init__(
         self, program: Sequence[str], *, store_path: Path | None = None, **options: Any
@@ -31,6 +36,7 @@ class FirmwareBench(SimulatedBench):
         self._folder = tempfile.TemporaryDirectory(prefix="smad-firmware-")
         self._store_path = store_path or Path(self._folder.name) / "store"
         self._to_stall = 0
+        self._slow_by = 1
         image = options.get("image") or store.initial_image(options.get("rate_hz", 100))
         if image is not None and not self._store_path.exists():
             store.write_image(self._store_path, image)
@@ -47,18 +53,25 @@ class FirmwareBench(SimulatedBench):
 
     def advance(self) -> wire.State | None:
         """Advance by one sample; None where the firmware sent none."""
-        scale, self.period_scale = self.period_scale, 1
-        if scale > 1:
+        if self._slow_by > 1:
             self._to_stall -= 1
             if self._to_stall <= 0:
-                self._to_stall = scale
-                self.board.stall_us = (scale - 1) * self.board.period_us
-        try:
-            return super().advance()
-        finally:
-            # A fault that has just begun or ended has set it.
-            if self.period_scale == 1:
-                self.period_scale = scale
+                self._to_stall = self._slow_by
+                self.board.stall_us = (self._slow_by - 1) * self.board.period_us
+        return self._run()
+
+    def _run(self) -> wire.State | None:
+        return super().advance()
+
+    @property
+    def period_scale(self) -> int:
+        """Samples take one period of the bench's time, whatever the board's loop does."""
+        return 1
+
+    @period_scale.setter
+    def period_scale(self, times: int) -> None:
+        # A slow loop is one that hangs again and again.
+        self._slow_by = times
 
     def _power_up(self, cause: ResetCause, start_us: int) -> FirmwareBoard:  # type: ignore[override]
         if self.make:
@@ -67,10 +80,45 @@ class FirmwareBench(SimulatedBench):
         board = getattr(self, "board", None)
         if board is not None:
             board.close()
-        return FirmwareBoard(
+        return self.board_type(
             self._program,
             self._store_path,
             hardware=self.hardware,
             cause=cause,
             start_us=start_us,
         )
+
+
+class ChipBench(FirmwareBench):
+    """A bench around an emulated chip, in steps of a millisecond.
+
+    The chip samples when its own timer says so, somewhere inside a step. A sample of the bench
+    ends with the step in which the chip's STATE has been sent.
+    """
+
+    board: ChipBoard  # type: ignore[assignment]
+    board_type = ChipBoard
+
+    def _run(self) -> wire.State | None:
+        if self.faults.due_us <= self.now_us:
+            self.faults.run()
+        if self.uplink.spoilt:
+            self._deliver(self.uplink.carry(b"", self.now_us), None)
+        state = None
+        most_us = self.now_us + 2 * self.board.period_us
+        while state is None and self.now_us < most_us:
+            self.now_us += STEP_US
+            self._move_plant(self.now_us)
+            state = self.board.advance(self.plant.read(), STEP_US)
+            if self.now_us >= self._plugged_at_us:
+                self._plug_in()
+        return state
+
+
+def firmware_bench(port: str, **options: Any) -> FirmwareBench:
+    """Return a bench with the firmware of a port ("host" or "avr"), compiled if need be.
+
+    Raises BuildError, LinkError and what SimulatedBench does.
+    """
+    kind = ChipBench if port == "avr" else FirmwareBench
+    return kind(build(port), **options)

@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
@@ -109,7 +110,7 @@ class FirmwareBoard:
             raise BenchError(f"cannot run {program[0]}: {error}; build it again") from error
         finally:
             theirs.close()
-        self._step(0)
+        self.step(0)
         self._set_scales()
 
     # What the bench asks
@@ -161,25 +162,34 @@ class FirmwareBoard:
     def receive(self, data: bytes, now_us: int) -> None:
         """Let bytes arrive at board time `now_us`."""
         self.line.told(data)
-        self._step(now_us - self.clock_us)
+        self.step(now_us - self.clock_us)
         for start in range(0, len(data), MOST_BYTES):
-            self._step(0, data[start : start + MOST_BYTES])
+            self.step(0, data[start : start + MOST_BYTES])
 
     def sample(self, readings: Readings, now_us: int, *, talk: bool = True) -> wire.State | None:
         """Run to board time `now_us` with these readings; return the STATE sent, if one was."""
         if not talk:
             raise BenchError("a bench with firmware is driven by bytes: connect a host to it")
+        return self.run(self.seen(readings, (now_us - self.now_us) * 1e-6), now_us)
+
+    def seen(self, readings: Readings, dt_s: float) -> Codes:
+        """Return what the chip reads, `dt_s` after the last time."""
         m = self.measurements
-        self.hardware.measure(readings, self.outputs, m, (now_us - self.now_us) * 1e-6)
-        return self.run(encode(m, self.hardware), now_us)
+        self.hardware.measure(readings, self.outputs, m, dt_s)
+        return encode(m, self.hardware)
 
     def run(self, codes: Codes, now_us: int) -> wire.State | None:
         """Run to board time `now_us` with these codes; return the STATE sent, if one was."""
         before = self.line.states
-        self._codes = codes
         self.now_us = now_us
-        self._step(now_us - self.clock_us)
+        self.step(now_us - self.clock_us, codes=codes)
         return self.line.state if self.line.states > before else None
+
+    def step(self, dt_us: int, data: bytes = b"", codes: Codes | None = None) -> None:
+        """Run for so long; bytes (at most `MOST_BYTES`) arrive, and new codes show."""
+        stall_us, self.stall_us = self.stall_us, 0
+        self._codes = codes or self._codes
+        self._take(exchange(self._end, self._codes, max(dt_us, 0), data, stall_us))
 
     def data_to_send(self) -> bytes:
         """Return all bytes to write now; a second call returns none."""
@@ -202,10 +212,6 @@ class FirmwareBoard:
             force_offset=parameters.get("force_offset_counts"),
         )
 
-    def _step(self, dt_us: int, data: bytes = b"") -> None:
-        stall_us, self.stall_us = self.stall_us, 0
-        self._take(exchange(self._end, self._codes, max(dt_us, 0), data, stall_us))
-
     def _take(self, out: Outputs) -> None:
         self.clock_us = out.t_us
         if out.resets != self.resets:
@@ -219,3 +225,28 @@ class FirmwareBoard:
         if out.data:
             self.line.heard(out.data)
             self._to_send += out.data
+
+
+class ChipBoard(FirmwareBoard):
+    """A chip emulated to the cycle: bytes take their time on the line, and its clock is its own."""
+
+    def __init__(self, program: Sequence[str], path: Path, **options: Any) -> None:
+        self._inbox = bytearray()
+        super().__init__(program, path, **options)
+
+    def receive(self, data: bytes, now_us: int) -> None:
+        """Let bytes arrive with the next step, one after the other."""
+        self.line.told(data)
+        self._inbox += data
+
+    def advance(self, readings: Readings, dt_us: int) -> wire.State | None:
+        """Run for `dt_us` with these readings; return the STATE sent, if one was."""
+        before = self.line.states
+        data = bytes(self._inbox[:MOST_BYTES])
+        del self._inbox[:MOST_BYTES]
+        self.step(dt_us, data, self.seen(readings, dt_us * 1e-6))
+        state = self.line.state
+        if state is None or self.line.states == before:
+            return None
+        self.now_us = state.t_us
+        return state

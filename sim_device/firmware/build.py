@@ -7,6 +7,7 @@ checkout; a wheel has no firmware in it.
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import subprocess
 import sys
@@ -20,7 +21,6 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "firmware"
 PROTOCOL = ROOT / "firmware_protocol" / "c"
 OUTPUT = ROOT / "build" / "firmware"
-AVR_PACKAGES = "gcc-avr binutils-avr avr-libc libsimavr-dev libelf-dev"
 WARNINGS = ("-Wall", "-Wextra", "-Werror")
 
 
@@ -30,32 +30,66 @@ class BuildError(BenchError):
 
 @dataclass(frozen=True)
 class Step:
-    """One call of a compiler."""
+    """One call of a compiler. `header` is one of the library's, to see whether it is there."""
 
     compiler: str
-    packages: str
     flags: tuple[str, ...]
-    folders: tuple[Path, ...]
+    sources: tuple[Path, ...]
+    """Folders of which every C file is compiled, or single files."""
     output: str
     libraries: tuple[str, ...] = ()
+    header: Path | None = None
+
+
+@dataclass(frozen=True)
+class Port:
+    """What a port is made of, what to install for it, and what runs it behind the link."""
+
+    packages: str
+    steps: tuple[Step, ...]
+    program: tuple[str, ...] = ()
 
 
 _CORE = (SOURCES / "core", PROTOCOL)
+_SMALL = ("-Os", "-std=gnu99", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
+_MEGA = Step(
+    "avr-gcc",
+    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", *_SMALL),
+    (*_CORE, SOURCES / "avr"),
+    "smad-mega.elf",
+)
+_SIMAVR = Step(
+    "gcc",
+    ("-std=gnu99", "-O2", "-isystem/usr/include/simavr"),
+    (SOURCES / "sim" / "simavr_board.c",),
+    "smad-simavr",
+    libraries=("-lsimavr", "-lelf"),
+    header=Path("/usr/include/simavr/sim_avr.h"),
+)
 _HOST = Step(
     "gcc",
-    "gcc libc6-dev",
     ("-std=gnu99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
     (*_CORE, SOURCES / "host"),
     "smad-firmware-host",
 )
-PORTS: dict[str, tuple[Step, ...]] = {"host": (_HOST,)}
-"""What each port is made of, in order."""
+PORTS: dict[str, Port] = {
+    "host": Port("gcc libc6-dev", (_HOST,), ("smad-firmware-host",)),
+    "mega": Port("gcc-avr binutils-avr avr-libc", (_MEGA,)),
+    "avr": Port(
+        "gcc libc6-dev gcc-avr binutils-avr avr-libc libsimavr-dev libelf-dev",
+        (_MEGA, _SIMAVR),
+        ("smad-simavr", "--elf", "smad-mega.elf"),
+    ),
+}
 
 
 def missing(port: str) -> str:
-    """Return the packages to install before `port` can be built, empty if none is missing."""
-    wanted = [step.packages for step in PORTS[port] if shutil.which(step.compiler) is None]
-    return " ".join(wanted)
+    """Return what to install before `port` can be built, as a command; empty if nothing is."""
+    for step in PORTS[port].steps:
+        there = step.header is None or step.header.exists()
+        if shutil.which(step.compiler) is None or not there:
+            return f"apt-get install --no-install-recommends {PORTS[port].packages}"
+    return ""
 
 
 def build(port: str) -> tuple[str, ...]:
@@ -68,30 +102,39 @@ def build(port: str) -> tuple[str, ...]:
     if not SOURCES.is_dir():
         raise BuildError(f"{SOURCES} is not there; the firmware is built in a checkout of smad")
     if missing(port):
-        raise BuildError(f"no compiler for {port}: apt-get install {missing(port)}")
+        raise BuildError(f"the compiler for {port} is missing: {missing(port)}")
     OUTPUT.mkdir(parents=True, exist_ok=True)
-    for step in PORTS[port]:
+    for step in PORTS[port].steps:
         _run(step)
-    return (str(OUTPUT / PORTS[port][-1].output),)
+    words = PORTS[port].program
+    return tuple(word if word.startswith("--") else str(OUTPUT / word) for word in words)
 
 
 def _run(step: Step) -> None:
-    sources = [path for folder in step.folders for path in sorted(folder.glob("*.c"))]
-    headers = [path for folder in (*step.folders, SOURCES / "sim") for path in folder.glob("*.h")]
+    folders = [place if place.is_dir() else place.parent for place in step.sources]
+    sources = [
+        path for place in step.sources for path in (sorted(place.glob("*.c")) or [place])
+    ]
+    headers = [path for folder in (*folders, SOURCES / "sim") for path in folder.glob("*.h")]
     output = OUTPUT / step.output
     newest = max(path.stat().st_mtime for path in (*sources, *headers, Path(__file__)))
     if output.exists() and output.stat().st_mtime >= newest:
         return
-    includes = [f"-I{folder}" for folder in (*step.folders, SOURCES / "sim")]
+    includes = [f"-I{folder}" for folder in (*folders, SOURCES / "sim")]
     # Beside, then in one step: another process may be running the old one.
-    beside = output.with_suffix(".new")
+    beside = output.with_name(f"{output.name}.{os.getpid()}")
     command = [step.compiler, *step.flags, *WARNINGS, *includes, *map(str, sources)]
-    done = subprocess.run(
-        [*command, "-o", str(beside), *step.libraries], capture_output=True, text=True, check=False
-    )
-    if done.returncode != 0:
-        raise BuildError(f"{step.compiler} refuses {step.output}:\n{done.stderr.strip()}")
+    _call([*command, "-o", str(beside), *step.libraries])
+    if step is _MEGA:
+        image = output.with_suffix(".hex")
+        _call(["avr-objcopy", "-O", "ihex", "-R", ".eeprom", str(beside), str(image)])
     beside.replace(output)
+
+
+def _call(command: Sequence[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise BuildError(f"{command[0]} failed:\n{done.stderr.strip()}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -100,7 +143,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("ports", nargs="*", metavar="PORT", help=", ".join(PORTS))
     try:
         for port in parser.parse_args(arguments).ports or PORTS:
-            print(f"{port}: {' '.join(build(port))}")
+            build(port)
+            made = ", ".join(str(OUTPUT / step.output) for step in PORTS[port].steps)
+            print(f"{port}: {made}")
     except BuildError as error:
         print(f"firmware: {error}", file=sys.stderr)
         return 1

@@ -176,10 +176,9 @@ def build(
 
 
 def _with_firmware(port: str, store_path: Path | None) -> Callable[..., SimulatedBench]:
-    from sim_device.firmware.bench import FirmwareBench
-    from sim_device.firmware.build import build as compiled
+    from sim_device.firmware.bench import firmware_bench
 
-    return functools.partial(FirmwareBench, compiled(port), store_path=store_path)
+    return functools.partial(firmware_bench, port, store_path=store_path)
 
 
 def _end_with(parent: int) -> None:

@@ -1,0 +1,512 @@
+/* An Arduino Mega with the parts of the wiring page around it, on libsimavr, behind sim/link.h.
+ *
+ *   smad-simavr --elf FILE --link FD --store FILE [--cause N]
+ *
+ * This program is linked with libsimavr, which is under the GNU General Public License, version 3;
+ * so is this program as a whole. It is a tool of the tests and the simulated bench. Nothing of it
+ * is in the image that is flashed.
+ *
+ * The chip runs exactly as many cycles as the link says, so that a run is the same to the bit each
+ * time. What the pins show changes at the beginning of a step, the encoder's edges are spread over
+ * its first half. Bytes go in and out at the speed of the serial port. */
+
+#include "link.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "avr_adc.h"
+#include "avr_eeprom.h"
+#include "avr_extint.h"
+#include "avr_ioport.h"
+#include "avr_uart.h"
+#include "sim_avr.h"
+#include "sim_cycle_timers.h"
+#include "sim_elf.h"
+#include "sim_irq.h"
+
+#define MHZ 16u
+#define SUPPLY_MV 5000u
+#define ADC_TOP 1023u
+#define STORE_SIZE 1024u
+#define STEP_CYCLES 2000u
+#define REG_MCUSR 0x54
+#define REG_OCR4AL 0xA8
+#define REG_OCR4BL 0xAA
+#define REG_PORTC 0x28
+#define REG_DDRC 0x27
+#define GATE 7
+#define DRAIN_X 6
+#define DRAIN_Y 5
+#define LEAK 4
+#define ENCODER_ALARM 7
+#define BRIDGE_DATA 5
+#define BRIDGE_CLOCK 6
+#define DAC 4
+#define CAUSE_PIN 2
+#define CAUSE_WATCHDOG 4
+#define CAUSE_BROWN_OUT 5
+
+static avr_t *avr;
+static avr_uart_t *uart;
+static avr_cycle_count_t byte_cycles;
+static avr_run_t usual_run;
+static avr_cycle_count_t reset_cycle;
+static avr_cycle_count_t stall_end;
+static uint16_t resets;
+static int store_fd;
+static uint8_t stored[STORE_SIZE];
+
+static struct {
+    struct link_in head;
+    uint8_t bytes[LINK_BYTES];
+} in;
+static struct {
+    struct link_out head;
+    uint8_t bytes[LINK_BYTES];
+} out;
+
+/* Bytes on their way to the chip. */
+static uint8_t *queue;
+static size_t queue_size;
+static size_t queue_at;
+static size_t queue_room;
+static bool uart_full;
+
+static avr_irq_t *pin(char port, int number)
+{
+    return avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), number);
+}
+
+static void fail(const char *what)
+{
+    fprintf(stderr, "smad-simavr: %s: %s\n", what, strerror(errno));
+    exit(1);
+}
+
+/* Serial port */
+
+static void feed(void)
+{
+    avr_irq_t *input = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT);
+    while (!uart_full && queue_at < queue_size) {
+        avr_raise_irq(input, queue[queue_at++]);
+    }
+    if (queue_at == queue_size) {
+        queue_at = queue_size = 0;
+    }
+}
+
+static void enqueue(const uint8_t *data, size_t size)
+{
+    if (queue_size + size > queue_room) {
+        queue_room = 2u * (queue_size + size);
+        queue = realloc(queue, queue_room);
+        if (queue == NULL) {
+            fail("no memory");
+        }
+    }
+    memcpy(queue + queue_size, data, size);
+    queue_size += size;
+}
+
+static void on_room(struct avr_irq_t *irq, uint32_t value, void *unused)
+{
+    (void)irq, (void)value, (void)unused;
+    uart_full = false;
+    feed();
+}
+
+static void on_full(struct avr_irq_t *irq, uint32_t value, void *unused)
+{
+    (void)irq, (void)value, (void)unused;
+    uart_full = true;
+}
+
+static void on_byte(struct avr_irq_t *irq, uint32_t value, void *unused)
+{
+    (void)irq, (void)unused;
+    if (out.head.size < LINK_BYTES) {
+        out.bytes[out.head.size++] = (uint8_t)value;
+    }
+}
+
+/* Converters on the bit-banged bus: four MAX31865, one MCP4922, one HX711 */
+
+static uint8_t selects = 0x1F;
+static uint8_t mosi;
+static uint8_t bits_in;
+static uint32_t word_in;
+static uint32_t word_out;
+static uint16_t current_mA[2];
+static uint32_t bridge_word;
+static uint8_t bridge_bits;
+
+static void on_select(struct avr_irq_t *irq, uint32_t value, void *which)
+{
+    uint8_t bit = (uint8_t)(1u << (uintptr_t)which);
+    (void)irq;
+    if (value == 0) {
+        selects &= (uint8_t)~bit;
+        bits_in = 0;
+        word_in = 0;
+        word_out = 0;
+    } else {
+        if ((selects & bit) == 0 && (uintptr_t)which == DAC && bits_in == 16) {
+            bool active = (word_in & 0x1000u) != 0;
+            current_mA[word_in >> 15 & 1u] = active ? (uint16_t)(word_in & 0x0FFFu) : 0;
+        }
+        selects |= bit;
+    }
+}
+
+static void on_mosi(struct avr_irq_t *irq, uint32_t value, void *unused)
+{
+    (void)irq, (void)unused;
+    mosi = (uint8_t)(value & 1u);
+}
+
+static void on_clock(struct avr_irq_t *irq, uint32_t value, void *unused)
+{
+    (void)irq, (void)unused;
+    if (value == 0) {
+        return;
+    }
+    word_in = word_in << 1 | mosi;
+    bits_in++;
+    avr_raise_irq(pin('B', 3), word_out >> 31);
+    word_out <<= 1;
+    if (bits_in == 8 && (word_in & 0xFFu) == 0x01u) {
+        for (int k = 0; k < 4; k++) {
+            if ((selects & 1u << k) == 0) {
+                word_out = (uint32_t)in.head.rtd[k] << 16;
+            }
+        }
+    }
+}
+
+static void on_bridge_clock(struct avr_irq_t *irq, uint32_t value, void *unused)
+{
+    (void)irq, (void)unused;
+    if (value == 0) {
+        return;
+    }
+    if (bridge_bits == 0) {
+        bridge_word = (uint32_t)in.head.bridge << 8;
+    }
+    if (++bridge_bits == 25) {
+        bridge_bits = 0;
+        avr_raise_irq(pin('A', BRIDGE_DATA), 0); /* the next conversion is there */
+        return;
+    }
+    avr_raise_irq(pin('A', BRIDGE_DATA), bridge_word >> 31);
+    bridge_word <<= 1;
+}
+
+/* Encoder and tachometers */
+
+static int32_t encoder_at;
+static avr_cycle_count_t edge_cycles;
+
+static void show_encoder(void)
+{
+    /* A leads on the way up: 00, 10, 11, 01. */
+    static const uint8_t A[4] = {0, 1, 1, 0};
+    static const uint8_t B[4] = {0, 0, 1, 1};
+    uint8_t phase = (uint8_t)((uint32_t)encoder_at & 3u);
+    avr_raise_irq(pin('E', 4), A[phase]);
+    avr_raise_irq(pin('E', 5), B[phase]);
+}
+
+static avr_cycle_count_t on_edge(avr_t *chip, avr_cycle_count_t when, void *unused)
+{
+    (void)chip, (void)unused;
+    if (encoder_at == in.head.encoder) {
+        return 0;
+    }
+    encoder_at += encoder_at < in.head.encoder ? 1 : -1;
+    show_encoder();
+    return encoder_at == in.head.encoder ? 0 : when + edge_cycles;
+}
+
+static bool turning[2];
+static uint8_t pulse[2];
+
+static avr_cycle_count_t on_pulse(avr_t *chip, avr_cycle_count_t when, void *which)
+{
+    uintptr_t pump = (uintptr_t)which;
+    (void)chip;
+    if (in.head.tacho_us[pump] == 0) {
+        turning[pump] = false;
+        return 0;
+    }
+    pulse[pump] ^= 1u;
+    avr_raise_irq(pin('D', pump == 0 ? 3 : 2), pulse[pump]);
+    /* Every other edge counts. */
+    return when + (avr_cycle_count_t)in.head.tacho_us[pump] * MHZ / 2u;
+}
+
+/* Steps */
+
+static void show_pins(uint32_t dt_us)
+{
+    int32_t edges = abs(in.head.encoder - encoder_at);
+    for (int k = 0; k < 5; k++) {
+        avr_irq_t *adc = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + k);
+        /* In millivolts, the least that gives this code. */
+        avr_raise_irq(adc, (in.head.analog[k] * SUPPLY_MV + ADC_TOP - 1u) / ADC_TOP);
+    }
+    avr_raise_irq(pin('C', LEAK), (in.head.inputs & 1u) == 0);
+    avr_raise_irq(pin('A', ENCODER_ALARM), (in.head.inputs & 2u) == 0);
+    if (edges > 0 && dt_us > 0) {
+        edge_cycles = (avr_cycle_count_t)dt_us * MHZ / 2u / (uint32_t)edges;
+        edge_cycles = edge_cycles < 200u ? 200u : edge_cycles;
+        avr_cycle_timer_cancel(avr, on_edge, NULL);
+        avr_cycle_timer_register(avr, edge_cycles, on_edge, NULL);
+    }
+    for (uintptr_t k = 0; k < 2; k++) {
+        if (in.head.tacho_us[k] != 0 && !turning[k]) {
+            turning[k] = true;
+            avr_cycle_timer_register(avr, (avr_cycle_count_t)in.head.tacho_us[k] * MHZ / 2u,
+                                     on_pulse, (void *)k);
+        }
+    }
+}
+
+/* After every reset: timers are gone, and pins have to be shown anew. */
+static void on_reset(struct avr_io_t *unused)
+{
+    (void)unused;
+    turning[0] = turning[1] = false;
+    selects = 0x1F;
+    bridge_bits = 0;
+    uart_full = false;
+    for (uint8_t k = 0; k < 8; k++) {
+        avr_extint_set_strict_lvl_trig(avr, k, 0);
+    }
+}
+
+static void after_reset(void)
+{
+    reset_cycle = avr->cycle;
+    avr_raise_irq(pin('A', BRIDGE_DATA), 0);
+    show_encoder();
+    show_pins(0);
+}
+
+static avr_io_t watcher = {.kind = "smad", .reset = on_reset};
+
+static avr_cycle_count_t on_end(avr_t *chip, avr_cycle_count_t when, void *unused)
+{
+    (void)chip, (void)when, (void)unused;
+    return 0;
+}
+
+static void run_until(avr_cycle_count_t end)
+{
+    /* Only so that the chip does not run past the end. */
+    avr_cycle_timer_register(avr, end - avr->cycle, on_end, NULL);
+    while (avr->cycle < end) {
+        bool biting = avr->run != usual_run;
+        int state = avr_run(avr);
+        if (biting) {
+            /* What ran was the reset of the watchdog. */
+            resets++;
+            after_reset();
+            avr_cycle_timer_register(avr, end - avr->cycle, on_end, NULL);
+        }
+        if (state == cpu_Done || state == cpu_Crashed) {
+            fprintf(stderr, "smad-simavr: the chip stopped at 0x%x\n", (unsigned)avr->pc);
+            exit(1);
+        }
+        if (uart != NULL && uart->cycles_per_byte != byte_cycles) {
+            /* Newly set: simavr counts eleven bits to a byte; there are ten. */
+            byte_cycles = uart->cycles_per_byte * 10u / 11u;
+            uart->cycles_per_byte = byte_cycles;
+        }
+    }
+}
+
+/* The loop hangs: time passes, timers run, and no instruction is carried out. */
+static void stall(avr_cycle_count_t step_end)
+{
+    avr_cycle_count_t end = stall_end < step_end ? stall_end : step_end;
+    while (avr->cycle < end) {
+        avr_cycle_count_t step = end - avr->cycle;
+        if (avr->run != usual_run) {
+            stall_end = avr->cycle; /* the watchdog ends it */
+            return;
+        }
+        avr->cycle += step < STEP_CYCLES ? step : STEP_CYCLES;
+        avr_cycle_timer_process(avr);
+    }
+}
+
+static void save_store(void)
+{
+    avr_eeprom_desc_t now = {.ee = NULL, .offset = 0, .size = STORE_SIZE};
+    avr_ioctl(avr, AVR_IOCTL_EEPROM_GET, &now);
+    for (uint16_t at = 0; now.ee != NULL && at < STORE_SIZE; at++) {
+        if (now.ee[at] != stored[at]) {
+            stored[at] = now.ee[at];
+            if (pwrite(store_fd, stored + at, 1, at) != 1) {
+                fail("cannot write the store");
+            }
+        }
+    }
+}
+
+static void load_store(const char *name)
+{
+    avr_eeprom_desc_t desc = {.ee = stored, .offset = 0, .size = STORE_SIZE};
+    ssize_t size;
+    memset(stored, 0xFF, sizeof stored);
+    store_fd = open(name, O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    if (store_fd < 0) {
+        fail(name);
+    }
+    size = pread(store_fd, stored, sizeof stored, 0);
+    if (size < (ssize_t)sizeof stored && pwrite(store_fd, stored, sizeof stored, 0) < 0) {
+        fail(name);
+    }
+    avr_ioctl(avr, AVR_IOCTL_EEPROM_SET, &desc);
+}
+
+static void answer(int link)
+{
+    uint8_t driven = avr->data[REG_PORTC] & avr->data[REG_DDRC];
+    out.head.t_us = (avr->cycle - reset_cycle) / MHZ;
+    out.head.current_mA[0] = current_mA[0];
+    out.head.current_mA[1] = current_mA[1];
+    out.head.pump[0] = avr->data[REG_OCR4AL];
+    out.head.pump[1] = avr->data[REG_OCR4BL];
+    out.head.gate = driven >> GATE & 1u;
+    out.head.drain = (uint8_t)((driven >> DRAIN_X & 1u) | (driven >> DRAIN_Y & 1u) << 1);
+    out.head.resets = resets;
+    save_store();
+    if (send(link, &out, sizeof out.head + out.head.size, 0) < 0) {
+        exit(errno == EPIPE ? 0 : 1);
+    }
+    out.head.size = 0;
+}
+
+static void serve(int link)
+{
+    avr_cycle_count_t end = avr->cycle;
+    ssize_t size;
+    while ((size = recv(link, &in, sizeof in, 0)) > 0) {
+        if ((size_t)size != sizeof in.head + in.head.size) {
+            fprintf(stderr, "smad-simavr: a message of %zd bytes does not fit\n", size);
+            exit(1);
+        }
+        end += (avr_cycle_count_t)in.head.dt_us * MHZ;
+        show_pins(in.head.dt_us);
+        enqueue(in.bytes, in.head.size);
+        feed();
+        if (in.head.stall_us > 0) {
+            stall_end = avr->cycle + (avr_cycle_count_t)in.head.stall_us * MHZ;
+        }
+        stall(end);
+        run_until(end);
+        answer(link);
+    }
+}
+
+static void no_sleep(avr_t *chip, avr_cycle_count_t how_long)
+{
+    (void)chip, (void)how_long; /* time is the link's */
+}
+
+static void quiet(avr_t *chip, const int level, const char *format, va_list arguments)
+{
+    (void)chip;
+    if (level <= LOG_ERROR) {
+        vfprintf(stderr, format, arguments);
+    }
+}
+
+static void wire_up(void)
+{
+    uint32_t flags = 0; /* no copy of the bytes on standard output */
+    avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT),
+                            on_byte, NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON),
+                            on_room, NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF),
+                            on_full, NULL);
+    for (uintptr_t k = 0; k < 5; k++) {
+        avr_irq_register_notify(pin('A', (int)k), on_select, (void *)k);
+    }
+    avr_irq_register_notify(pin('A', BRIDGE_CLOCK), on_bridge_clock, NULL);
+    avr_irq_register_notify(pin('B', 1), on_clock, NULL);
+    avr_irq_register_notify(pin('B', 2), on_mosi, NULL);
+    for (avr_io_t *io = avr->io_port; io != NULL; io = io->next) {
+        if (strcmp(io->kind, "uart") == 0 && ((avr_uart_t *)io)->name == '0') {
+            uart = (avr_uart_t *)io;
+        }
+    }
+    avr_register_io(avr, &watcher);
+}
+
+static void set_cause(int cause)
+{
+    uint8_t bit = cause == CAUSE_PIN ? 2 : cause == CAUSE_BROWN_OUT ? 4 : 1;
+    avr->data[REG_MCUSR] = cause == CAUSE_WATCHDOG ? 8 : bit;
+}
+
+int main(int count, char **arguments)
+{
+    elf_firmware_t image;
+    const char *elf = NULL;
+    const char *store = NULL;
+    int link = -1;
+    int cause = 1;
+    for (int i = 1; i + 1 < count; i += 2) {
+        if (strcmp(arguments[i], "--elf") == 0) {
+            elf = arguments[i + 1];
+        } else if (strcmp(arguments[i], "--store") == 0) {
+            store = arguments[i + 1];
+        } else if (strcmp(arguments[i], "--link") == 0) {
+            link = atoi(arguments[i + 1]);
+        } else if (strcmp(arguments[i], "--cause") == 0) {
+            cause = atoi(arguments[i + 1]);
+        }
+    }
+    if (elf == NULL || store == NULL || link < 0) {
+        fprintf(stderr, "usage: %s --elf FILE --link FD --store FILE [--cause N]\n", arguments[0]);
+        return 2;
+    }
+    avr_global_logger_set(quiet);
+    memset(&image, 0, sizeof image);
+    if (elf_read_firmware(elf, &image) != 0) {
+        errno = ENOENT;
+        fail(elf);
+    }
+    avr = avr_make_mcu_by_name("atmega2560");
+    if (avr == NULL) {
+        errno = ENODEV;
+        fail("atmega2560");
+    }
+    avr_init(avr);
+    avr->frequency = MHZ * 1000000u;
+    avr->vcc = avr->avcc = avr->aref = SUPPLY_MV;
+    avr_load_firmware(avr, &image);
+    avr->frequency = MHZ * 1000000u;
+    avr->sleep = no_sleep;
+    avr->run_cycle_limit = STEP_CYCLES;
+    usual_run = avr->run;
+    wire_up();
+    load_store(store);
+    on_reset(NULL);
+    set_cause(cause);
+    after_reset();
+    serve(link);
+    return 0;
+}
