@@ -194,17 +194,21 @@ uint32_t hal_serial_baud(void)
     return BAUD;
 }
 
-/* Sleeps until an interrupt, unless something waits already: the instruction after sei comes
+static volatile bool store_ready;
+
+/* Sleeps until there is something to do, unless something waits already: the instruction after sei comes
  * before any interrupt, so nothing can slip in between. */
 void hal_sleep(void)
 {
     cli();
-    if (!tick_waits && received_tail == received_head) {
+    while (!tick_waits && received_tail == received_head && !store_ready) {
         sleep_enable();
         sei();
         sleep_cpu();
         sleep_disable();
+        cli();
     }
+    store_ready = false;
     sei();
 }
 
@@ -429,6 +433,7 @@ uint8_t hal_store_read(uint16_t address)
 ISR(EE_READY_vect)
 {
     EECR &= (uint8_t)~_BV(EERIE);
+    store_ready = true;
 }
 
 void hal_store_write(uint16_t address, uint8_t value)

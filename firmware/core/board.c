@@ -457,11 +457,13 @@ void board_poll(void)
         session_flush(time_now());
     }
     while ((byte = hal_serial_read()) >= 0) {
-        session_byte((uint8_t)byte, time_now());
+        /* Only the byte that ends a frame makes anything happen, and needs the time. */
+        session_byte((uint8_t)byte, byte == 0 ? time_now() : 0);
         if (byte == 0) {
             break; /* a frame may have taken its time: look for a tick first */
         }
     }
-    carry_on_saving(time_now());
-    session_flush(time_now());
+    if (params_saving()) {
+        carry_on_saving(time_now());
+    }
 }

@@ -290,6 +290,11 @@ void params_save(void)
     }
 }
 
+bool params_saving(void)
+{
+    return writing;
+}
+
 static bool image_stands(void)
 {
     for (uint16_t i = 0; i < image_size; i++) {

@@ -40,6 +40,9 @@ void params_save(void);
 
 enum params_saving { SAVING_IDLE, SAVING_GOES_ON, SAVING_DONE, SAVING_FAILED };
 
+/* Whether a write is going on. */
+bool params_saving(void);
+
 /* Carries the write on by one byte at most. Says once how it ended. */
 enum params_saving params_poll(void);
 

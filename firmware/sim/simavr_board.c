@@ -59,6 +59,7 @@ static avr_cycle_count_t byte_cycles;
 static avr_run_t usual_run;
 static avr_cycle_count_t reset_cycle;
 static avr_cycle_count_t stall_end;
+static avr_cycle_count_t slept;
 static uint16_t resets;
 static int store_fd;
 static uint8_t stored[STORE_SIZE];
@@ -405,6 +406,8 @@ static void serve(int link)
             fprintf(stderr, "smad-simavr: a message of %zd bytes does not fit\n", size);
             exit(1);
         }
+        avr_cycle_count_t began = avr->cycle;
+        slept = 0;
         end += (avr_cycle_count_t)in.head.dt_us * MHZ;
         show_pins(in.head.dt_us);
         enqueue(in.bytes, in.head.size);
@@ -414,13 +417,15 @@ static void serve(int link)
         }
         stall(end);
         run_until(end);
+        out.head.busy_cycles = (uint32_t)(avr->cycle - began - slept);
         answer(link);
     }
 }
 
 static void no_sleep(avr_t *chip, avr_cycle_count_t how_long)
 {
-    (void)chip, (void)how_long; /* time is the link's */
+    (void)chip;
+    slept += how_long + 1u; /* no waiting: time is the link's */
 }
 
 static void quiet(avr_t *chip, const int level, const char *format, va_list arguments)

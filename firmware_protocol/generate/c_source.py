@@ -21,17 +21,12 @@ from firmware_protocol.wire import fields_of
 _FRAMES = """\
 uint32_t smad_crc32_more(uint32_t crc, const uint8_t *data, size_t size)
 {
-    /* One entry for each half byte: 64 bytes of table instead of 1024. */
-    static const SMAD_FLASH uint32_t table[16] = {
-        0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u,
-        0x4DB26158u, 0x5005713Cu, 0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu,
-        0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu,
+    static const SMAD_FLASH uint32_t table[256] = {
+CRC_TABLE
     };
     crc ^= 0xFFFFFFFFu;
     for (size_t i = 0; i < size; i++) {
-        crc ^= data[i];
-        crc = table[crc & 0x0Fu] ^ (crc >> 4);
-        crc = table[crc & 0x0Fu] ^ (crc >> 4);
+        crc = table[(uint8_t)crc ^ data[i]] ^ (crc >> 8);
     }
     return crc ^ 0xFFFFFFFFu;
 }
@@ -235,7 +230,7 @@ def render(codec: Codec, blob: bytes) -> str:
         "/* Made by `python -m firmware_protocol.generate`; do not edit. */\n",
         '#include "smad_protocol.h"\n\n#include <string.h>\n',
         _PUT,
-        _FRAMES,
+        _FRAMES.replace("CRC_TABLE", _crc_table()),
         _GATE,
         *(_known(kind) for kind in checked_enums(codec)),
         *(_pack(cls) + "\n" + _unpack(cls) for cls in codec.messages if fields_of(cls)),
@@ -243,6 +238,17 @@ def render(codec: Codec, blob: bytes) -> str:
         _schema(blob),
     ]
     return "\n".join(parts)
+
+
+def _crc_table() -> str:
+    entries = []
+    for byte in range(256):
+        crc = byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0xEDB88320 if crc & 1 else 0)
+        entries.append(f"0x{crc:08X}u,")
+    rows = [" ".join(entries[start : start + 7]) for start in range(0, 256, 7)]
+    return "\n".join(f"        {row}" for row in rows)
 
 
 def _known(kind: type[enum.IntEnum]) -> str:

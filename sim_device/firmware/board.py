@@ -96,6 +96,8 @@ class FirmwareBoard:
         self.resets = 0
         self.clock_us = start_us
         """The chip's time at the end of the last step."""
+        self.busy_cycles = 0
+        """Cycles that an emulated chip was not asleep, since power-up."""
         self._path = path
         self._to_send = bytearray()
         self._codes = encode(self.measurements, hardware)
@@ -214,6 +216,7 @@ class FirmwareBoard:
 
     def _take(self, out: Outputs) -> None:
         self.clock_us = out.t_us
+        self.busy_cycles += out.busy_cycles
         if out.resets != self.resets:
             self.resets = out.resets
             self.now_us = out.t_us

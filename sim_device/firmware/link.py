@@ -12,7 +12,7 @@ from sim_device.firmware.frontend import Codes
 MOST_BYTES = 4096
 PATIENCE_S = 60.0
 _IN = struct.Struct("<II8H4Hii2IBBH")
-_OUT = struct.Struct("<Q2H2BBBHH4x")
+_OUT = struct.Struct("<Q2H2BBBHHI")
 
 
 class LinkError(BenchError):
@@ -28,6 +28,7 @@ class Outputs(NamedTuple):
     gate: int
     drain: int
     resets: int
+    busy_cycles: int
     data: bytes
 
 
@@ -49,7 +50,7 @@ def exchange(
         raise LinkError(f"the firmware does not answer ({error}); start it again") from error
     if len(message) < _OUT.size:
         raise LinkError("the firmware's process ended; its last words are on standard error")
-    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size = _OUT.unpack_from(message)
+    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, busy = _OUT.unpack_from(message)
     return Outputs(
-        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, message[_OUT.size :][:size]
+        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, busy, message[_OUT.size :][:size]
     )
