@@ -9,6 +9,8 @@
 #define SMAD_SV_BETWEEN 1
 #define SMAD_SV_DT_MOST_US 10000000
 #define SMAD_SV_DUTY_FULL 255
+#define SMAD_SV_FCC_PER_CC 65536
+#define SMAD_SV_FCC_PER_K_LOG2 12
 #define SMAD_SV_GOOD 0
 #define SMAD_SV_I32_LEAST (-2147483648)
 #define SMAD_SV_I32_MOST 2147483647
@@ -16,12 +18,13 @@
 #define SMAD_SV_LINK_PARAMETERS 4
 #define SMAD_SV_LINK_SCHEMA 2
 #define SMAD_SV_LINK_SESSION 1
-#define SMAD_SV_MODEL_MOST_UK 2000000000
+#define SMAD_SV_MA2US_PER_A2S 1000000000000
+#define SMAD_SV_MODEL_MOST_FCC 1966080000
 #define SMAD_SV_NJ_PER_MJ 1000000
+#define SMAD_SV_POWER_MOST_MW 100000
 #define SMAD_SV_RTD_INVALID_CC (-32768)
 #define SMAD_SV_SUM_MOST 10000000000000000
 #define SMAD_SV_TRIGGER_COUNT 10
-#define SMAD_SV_UK_PER_CC 10000
 #define SMAD_SV_UNKNOWN (-1)
 
 const SMAD_SV_FLASH struct smad_sv_limits smad_sv_limits_compiled = {
@@ -210,13 +213,16 @@ static int64_t smad_sv_div64(int64_t a, int64_t b)
     return -1 - (int64_t)smad_sv_long_quotient(~(uint64_t)a, (uint32_t)b);
 }
 
-/* A step towards a target: value + (target - value) * dt // (lag + dt). */
-static int32_t smad_sv_follow(int32_t value, int32_t target, int32_t dt_us, int32_t lag_us)
+/* A step towards a target: value + ((target - value) * share >> 16), in two halves. */
+static int32_t smad_sv_follow(int32_t value, int32_t target, uint16_t share)
 {
-    int64_t far = (int64_t)(target - value) * dt_us;
-    return value + (int32_t)smad_sv_div64(far, lag_us + dt_us);
+    int32_t far = target - value;
+    int32_t high = (int32_t)(int16_t)(far >> 16) * share;
+    uint32_t low = (uint32_t)(uint16_t)far * share;
+    return value + high + (int32_t)(low >> 16);
 }
 
+static void smad_sv_set_pace(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
 static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
@@ -233,6 +239,8 @@ static void smad_sv_observe_i2t(struct smad_sv_memory *s, const struct smad_sv_m
 static void smad_sv_reset_spring(struct smad_sv_memory *s, uint8_t k);
 static void smad_sv_forget_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m);
 static uint8_t smad_sv_bad(struct smad_sv_memory *s, int32_t value, int32_t limit);
+static int64_t smad_sv_heat_limit_nJ(const struct smad_sv_limits *lim);
+static int32_t smad_sv_resistance_mohm(struct smad_sv_memory *s, uint8_t k);
 static uint8_t smad_sv_sensor_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static uint8_t smad_sv_sensor_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static uint8_t smad_sv_sensor_short(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
@@ -353,6 +361,7 @@ void smad_sv_init(struct smad_sv_memory *s)
 {
     memset(s, 0, sizeof *s);
     s->lines = 63;
+    s->paced_us = -1;
     s->coldest_cC = 2500;
     s->warmest_cC = 2500;
     s->t_cC[0] = 2500;
@@ -487,6 +496,7 @@ void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *li
     s->need_us[61] = 0;
     s->need_samples[62] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[62] = 0;
+    s->paced_us = -1;
 }
 
 void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value)
@@ -578,6 +588,21 @@ void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value)
     }
 }
 
+static void smad_sv_set_pace(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
+{
+    if ((int32_t)s->dt_us == s->paced_us) {
+        return;
+    }
+    s->paced_us = s->dt_us;
+    s->filter_share = smad_sv_hold32((int32_t)smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 16)), (int64_t)(SMAD_SV_LIMIT_CURRENT_FILTER_US + (int32_t)s->dt_us)), 0, 65535);
+    s->band_share = smad_sv_hold32((int32_t)smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 16)), (int64_t)(SMAD_SV_LIMIT_CURRENT_BAND_US + (int32_t)s->dt_us)), 0, 65535);
+    s->lag_share = smad_sv_hold32((int32_t)smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 16)), (int64_t)(SMAD_SV_LIMIT_ENVELOPE_LAG_US + (int32_t)s->dt_us)), 0, 65535);
+    s->heavy_share = smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 28)), (int64_t)((int32_t)SMAD_SV_LIMIT_ENVELOPE_HEAVY_MJ_PER_K * (int32_t)10000));
+    s->light_share = smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 28)), (int64_t)((int32_t)SMAD_SV_LIMIT_ENVELOPE_LIGHT_MJ_PER_K * (int32_t)10000));
+    s->drift_fcC = smad_sv_div64(((int64_t)((int32_t)SMAD_SV_LIMIT_OFF_DRIFT_CC_PER_S * (int32_t)s->dt_us) * ((int64_t)1 << 16)), (int64_t)1000000);
+    s->slew_step_mA = smad_sv_div64(((int64_t)lim->current_slew_mA_per_ms * (int64_t)s->dt_us), (int64_t)1000);
+}
+
 static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
 {
     int16_t inlet_cC;
@@ -609,7 +634,7 @@ static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv
             s->jump_us[j] = 0;
             s->jump_cC[j] = smad_sv_abs32(step_cC);
             if (j < 2) {
-                s->off_uK[j] = smad_sv_hold64(((int64_t)s->off_uK[j] + (int64_t)(step_cC * (int32_t)SMAD_SV_UK_PER_CC)), -2000000000, 2000000000);
+                s->off_fcC[j] = smad_sv_hold64(((int64_t)s->off_fcC[j] + ((int64_t)step_cC * (int64_t)SMAD_SV_FCC_PER_CC)), -2147483647 - 1, 2147418112);
             }
         } else if ((int32_t)s->jumps[j] > (int32_t)0) {
             s->jump_us[j] = smad_sv_hold32(((int32_t)s->jump_us[j] + (int32_t)s->dt_us), 0, 1000000000);
@@ -651,12 +676,12 @@ static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct sm
     int32_t low_uA;
     int32_t high_uA;
     (void)lim;
-    s->power_mW[k] = smad_sv_max32(smad_sv_div32(((int32_t)m->i_mA[k] * m->v_mV[k]), (int32_t)1000), (int32_t)0);
-    s->i_uA[k] = smad_sv_follow(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000), (int32_t)s->dt_us, SMAD_SV_LIMIT_CURRENT_FILTER_US);
-    s->v_uV[k] = smad_sv_follow(s->v_uV[k], (m->v_mV[k] * (int32_t)1000), (int32_t)s->dt_us, SMAD_SV_LIMIT_CURRENT_FILTER_US);
+    s->power_mW[k] = smad_sv_min32(smad_sv_max32(smad_sv_div32(((int32_t)m->i_mA[k] * m->v_mV[k]), (int32_t)1000), (int32_t)0), SMAD_SV_POWER_MOST_MW);
+    s->i_uA[k] = smad_sv_follow(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000), s->filter_share);
+    s->v_uV[k] = smad_sv_follow(s->v_uV[k], (m->v_mV[k] * (int32_t)1000), s->filter_share);
     applied_uA = ((int32_t)m->applied_mA[k] * (int32_t)1000);
-    low_uA = smad_sv_follow((int32_t)s->band_low_uA[k], applied_uA, (int32_t)s->dt_us, SMAD_SV_LIMIT_CURRENT_BAND_US);
-    high_uA = smad_sv_follow((int32_t)s->band_high_uA[k], applied_uA, (int32_t)s->dt_us, SMAD_SV_LIMIT_CURRENT_BAND_US);
+    low_uA = smad_sv_follow((int32_t)s->band_low_uA[k], applied_uA, s->band_share);
+    high_uA = smad_sv_follow((int32_t)s->band_high_uA[k], applied_uA, s->band_share);
     s->band_low_uA[k] = smad_sv_min32(low_uA, applied_uA);
     s->band_high_uA[k] = smad_sv_max32(high_uA, applied_uA);
 }
@@ -701,7 +726,7 @@ static void smad_sv_observe_stuck(struct smad_sv_memory *s, const struct smad_sv
     if (s->t_cC[k] != s->stuck_cC[k]) {
         s->stuck_cC[k] = s->t_cC[k];
         s->stuck_us[k] = 0;
-        s->stuck_low_uK[k] = s->low_uK[k];
+        s->stuck_low_fcC[k] = s->low_fcC[k];
     } else {
         s->stuck_us[k] = smad_sv_hold32(((int32_t)s->stuck_us[k] + (int32_t)s->dt_us), 0, 1000000000);
     }
@@ -710,53 +735,53 @@ static void smad_sv_observe_stuck(struct smad_sv_memory *s, const struct smad_sv
 static uint8_t smad_sv_is_heated(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)lim;
-    return ((int32_t)m->applied_mA[k] > (int32_t)0) || (s->i_uA[k] > ((int32_t)SMAD_SV_LIMIT_OFF_CURRENT_MA * (int32_t)1000));
+    return ((int16_t)m->applied_mA[k] > 0) || (s->i_uA[k] > ((int32_t)SMAD_SV_LIMIT_OFF_CURRENT_MA * (int32_t)1000));
 }
 
 static void smad_sv_observe_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int32_t now_uK;
-    now_uK = ((int32_t)s->t_cC[k] * (int32_t)SMAD_SV_UK_PER_CC);
+    int32_t now_fcC;
+    now_fcC = ((int32_t)s->t_cC[k] * SMAD_SV_FCC_PER_CC);
     if (smad_sv_is_heated(s, m, lim, k)) {
         s->off_us[k] = 0;
     } else {
         s->off_us[k] = smad_sv_hold32(((int32_t)s->off_us[k] + (int32_t)s->dt_us), 0, 1000000000);
     }
-    if (((int32_t)s->off_us[k] < SMAD_SV_LIMIT_OFF_LAG_US) || (now_uK < s->off_uK[k])) {
-        s->off_uK[k] = now_uK;
+    if (((int32_t)s->off_us[k] < SMAD_SV_LIMIT_OFF_LAG_US) || (now_fcC < s->off_fcC[k])) {
+        s->off_fcC[k] = now_fcC;
     } else {
-        s->off_uK[k] = smad_sv_min32(now_uK, (s->off_uK[k] + smad_sv_div32(((int32_t)SMAD_SV_LIMIT_OFF_DRIFT_CC_PER_S * (int32_t)s->dt_us), (int32_t)100)));
+        s->off_fcC[k] = smad_sv_min64((int64_t)now_fcC, ((int64_t)s->off_fcC[k] + (int64_t)s->drift_fcC));
     }
 }
 
 static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K)
 {
-    int64_t in_nJ;
-    int32_t above_mK;
+    int32_t power_mW;
+    int32_t above_cC;
     int16_t low_loss;
-    int64_t out_nJ;
-    int64_t low_uK;
+    int32_t net_mW;
+    int64_t low_fcC;
     int16_t high_loss;
-    int64_t high_uK;
+    int64_t high_fcC;
     (void)lim;
-    in_nJ = ((int64_t)s->power_mW[k] * (int64_t)s->dt_us);
-    above_mK = smad_sv_div64(((int64_t)s->low_uK[k] - (int64_t)((int32_t)s->coldest_cC * (int32_t)SMAD_SV_UK_PER_CC)), (int64_t)1000);
+    power_mW = s->power_mW[k];
+    above_cC = ((s->low_fcC[k] >> 16) - (int32_t)s->coldest_cC);
     low_loss = loss_mW_per_K;
-    if (above_mK < (int32_t)0) {
+    if (above_cC < (int32_t)0) {
         low_loss = SMAD_SV_LIMIT_ENVELOPE_LOSS_LEAST_MW_PER_K;
     }
-    out_nJ = smad_sv_div64((((int64_t)low_loss * (int64_t)above_mK) * (int64_t)s->dt_us), (int64_t)1000);
-    low_uK = ((int64_t)s->low_uK[k] + smad_sv_div64((in_nJ - out_nJ), (int64_t)SMAD_SV_LIMIT_ENVELOPE_HEAVY_MJ_PER_K));
-    s->low_uK[k] = smad_sv_hold64(smad_sv_min64(low_uK, (int64_t)SMAD_SV_MODEL_MOST_UK), -2000000000, 2000000000);
-    s->low_seen_uK[k] = smad_sv_follow(s->low_seen_uK[k], s->low_uK[k], (int32_t)s->dt_us, SMAD_SV_LIMIT_ENVELOPE_LAG_US);
-    above_mK = smad_sv_div64(((int64_t)s->high_uK[k] - (int64_t)((int32_t)s->warmest_cC * (int32_t)SMAD_SV_UK_PER_CC)), (int64_t)1000);
+    net_mW = (power_mW - smad_sv_div32(((int32_t)low_loss * above_cC), (int32_t)100));
+    low_fcC = ((int64_t)s->low_fcC[k] + (((int64_t)net_mW * (int64_t)s->heavy_share) >> (int64_t)SMAD_SV_FCC_PER_K_LOG2));
+    s->low_fcC[k] = smad_sv_hold64(smad_sv_min64(low_fcC, (int64_t)SMAD_SV_MODEL_MOST_FCC), -2147483647 - 1, 2147418112);
+    s->low_seen_fcC[k] = smad_sv_follow(s->low_seen_fcC[k], s->low_fcC[k], s->lag_share);
+    above_cC = ((s->high_fcC[k] >> 16) - (int32_t)s->warmest_cC);
     high_loss = SMAD_SV_LIMIT_ENVELOPE_LOSS_LEAST_MW_PER_K;
-    if (above_mK < (int32_t)0) {
+    if (above_cC < (int32_t)0) {
         high_loss = loss_mW_per_K;
     }
-    out_nJ = smad_sv_div64((((int64_t)high_loss * (int64_t)above_mK) * (int64_t)s->dt_us), (int64_t)1000);
-    high_uK = ((int64_t)s->high_uK[k] + smad_sv_div64((in_nJ - out_nJ), (int64_t)SMAD_SV_LIMIT_ENVELOPE_LIGHT_MJ_PER_K));
-    s->high_uK[k] = smad_sv_hold64(smad_sv_min64(high_uK, (int64_t)(((int32_t)s->t_cC[k] + (int32_t)SMAD_SV_LIMIT_ENVELOPE_SPAN_CC) * (int32_t)SMAD_SV_UK_PER_CC)), -2000000000, 2000000000);
+    net_mW = (power_mW - smad_sv_div32(((int32_t)high_loss * above_cC), (int32_t)100));
+    high_fcC = ((int64_t)s->high_fcC[k] + (((int64_t)net_mW * (int64_t)s->light_share) >> (int64_t)SMAD_SV_FCC_PER_K_LOG2));
+    s->high_fcC[k] = smad_sv_hold64(smad_sv_min64(high_fcC, ((int64_t)((int32_t)s->t_cC[k] + (int32_t)SMAD_SV_LIMIT_ENVELOPE_SPAN_CC) * (int64_t)SMAD_SV_FCC_PER_CC)), -2147483647 - 1, 2147418112);
 }
 
 static void smad_sv_observe_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
@@ -805,12 +830,12 @@ static void smad_sv_reset_spring(struct smad_sv_memory *s, uint8_t k)
     s->anchor_net_nJ[k] = 0;
     s->anchor_other_nJ[k] = 0;
     s->stuck_us[k] = 0;
-    s->stuck_low_uK[k] = ((int32_t)t_cC * (int32_t)SMAD_SV_UK_PER_CC);
+    s->stuck_low_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
     s->off_us[k] = 0;
-    s->off_uK[k] = ((int32_t)t_cC * (int32_t)SMAD_SV_UK_PER_CC);
-    s->low_uK[k] = ((int32_t)t_cC * (int32_t)SMAD_SV_UK_PER_CC);
-    s->low_seen_uK[k] = ((int32_t)t_cC * (int32_t)SMAD_SV_UK_PER_CC);
-    s->high_uK[k] = ((int32_t)t_cC * (int32_t)SMAD_SV_UK_PER_CC);
+    s->off_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
+    s->low_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
+    s->low_seen_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
+    s->high_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
     s->cool_us[k] = 0;
     s->cool_from_cC[k] = t_cC;
     s->reference_mohm[k] = 0;
@@ -831,6 +856,16 @@ static uint8_t smad_sv_bad(struct smad_sv_memory *s, int32_t value, int32_t limi
     s->value = value;
     s->limit = limit;
     return SMAD_SV_BAD;
+}
+
+static int64_t smad_sv_heat_limit_nJ(const struct smad_sv_limits *lim)
+{
+    return ((int64_t)lim->unheated_energy_mJ * (int64_t)SMAD_SV_NJ_PER_MJ);
+}
+
+static int32_t smad_sv_resistance_mohm(struct smad_sv_memory *s, uint8_t k)
+{
+    return smad_sv_hold64(smad_sv_div64(((int64_t)s->v_uV[k] * (int64_t)1000), (int64_t)smad_sv_max32(s->i_uA[k], (int32_t)1)), -2147483647 - 1, 2147483647);
 }
 
 static uint8_t smad_sv_sensor_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
@@ -897,15 +932,13 @@ static uint8_t smad_sv_over_temperature(struct smad_sv_memory *s, const struct s
 
 static uint8_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int32_t warmed_cC;
-    int64_t net_mJ;
+    int64_t warmed_fcC;
     (void)m;
-    warmed_cC = smad_sv_div64(((int64_t)s->low_uK[k] - (int64_t)s->stuck_low_uK[k]), (int64_t)SMAD_SV_UK_PER_CC);
-    if (((int32_t)s->stuck_us[k] >= (int32_t)lim->stuck_us) && (warmed_cC >= (int32_t)SMAD_SV_LIMIT_STUCK_MODEL_CC)) {
+    warmed_fcC = ((int64_t)s->low_fcC[k] - (int64_t)s->stuck_low_fcC[k]);
+    if (((int32_t)s->stuck_us[k] >= (int32_t)lim->stuck_us) && (warmed_fcC >= (int64_t)((int32_t)SMAD_SV_LIMIT_STUCK_MODEL_CC * SMAD_SV_FCC_PER_CC))) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
-    net_mJ = smad_sv_div64(s->anchor_net_nJ[k], (int64_t)SMAD_SV_NJ_PER_MJ);
-    if ((((int64_t)4 * (int64_t)s->stuck_us[k]) >= (int64_t)lim->stuck_us) && (net_mJ >= (int64_t)lim->unheated_energy_mJ)) {
+    if ((((int64_t)4 * (int64_t)s->stuck_us[k]) >= (int64_t)lim->stuck_us) && (s->anchor_net_nJ[k] >= smad_sv_heat_limit_nJ(lim))) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
     return SMAD_SV_GOOD;
@@ -933,16 +966,13 @@ static uint8_t smad_sv_sensor_below_surroundings(struct smad_sv_memory *s, const
 
 static uint8_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t net_mJ;
-    int64_t other_mJ;
-    int16_t other;
     int32_t rise_cC;
     (void)m;
-    net_mJ = smad_sv_div64(s->anchor_net_nJ[k], (int64_t)SMAD_SV_NJ_PER_MJ);
-    other_mJ = smad_sv_div64(s->anchor_other_nJ[k], (int64_t)SMAD_SV_NJ_PER_MJ);
-    other = (1 - (int16_t)k);
-    rise_cC = ((int32_t)s->t_cC[other] - (int32_t)s->anchor_other_cC[k]);
-    if ((((int64_t)2 * net_mJ) >= (int64_t)lim->unheated_energy_mJ) && (rise_cC >= (int32_t)SMAD_SV_LIMIT_SWAPPED_RISE_CC) && (((int64_t)8 * other_mJ) < net_mJ)) {
+    if (((int64_t)2 * s->anchor_net_nJ[k]) < smad_sv_heat_limit_nJ(lim)) {
+        return SMAD_SV_GOOD;
+    }
+    rise_cC = ((int32_t)s->t_cC[(1 - (int16_t)k)] - (int32_t)s->anchor_other_cC[k]);
+    if ((rise_cC >= (int32_t)SMAD_SV_LIMIT_SWAPPED_RISE_CC) && (((int64_t)8 * s->anchor_other_nJ[k]) < s->anchor_net_nJ[k])) {
         return smad_sv_bad(s, rise_cC, SMAD_SV_LIMIT_SWAPPED_RISE_CC);
     }
     return SMAD_SV_GOOD;
@@ -950,11 +980,9 @@ static uint8_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct sm
 
 static uint8_t smad_sv_not_heating(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t net_mJ;
     (void)m;
-    net_mJ = smad_sv_div64(s->anchor_net_nJ[k], (int64_t)SMAD_SV_NJ_PER_MJ);
-    if (net_mJ >= (int64_t)lim->unheated_energy_mJ) {
-        return smad_sv_bad(s, smad_sv_hold64(net_mJ, -2147483647 - 1, 2147483647), lim->unheated_energy_mJ);
+    if (s->anchor_net_nJ[k] >= smad_sv_heat_limit_nJ(lim)) {
+        return smad_sv_bad(s, smad_sv_hold64(smad_sv_div64(s->anchor_net_nJ[k], (int64_t)SMAD_SV_NJ_PER_MJ), -2147483647 - 1, 2147483647), lim->unheated_energy_mJ);
     }
     return SMAD_SV_GOOD;
 }
@@ -963,7 +991,7 @@ static uint8_t smad_sv_heating_while_off(struct smad_sv_memory *s, const struct 
 {
     int32_t rise_cC;
     (void)m;
-    rise_cC = ((int32_t)s->t_cC[k] - smad_sv_div32(s->off_uK[k], (int32_t)SMAD_SV_UK_PER_CC));
+    rise_cC = ((int32_t)s->t_cC[k] - (s->off_fcC[k] >> 16));
     if ((rise_cC >= (int32_t)lim->off_rise_cC) && ((int32_t)s->t_cC[k] > ((int32_t)s->warmest_cC + (int32_t)100))) {
         return smad_sv_bad(s, rise_cC, lim->off_rise_cC);
     }
@@ -979,8 +1007,8 @@ static uint8_t smad_sv_model_residual(struct smad_sv_memory *s, const struct sma
     if (!(s->sensor_ok[k])) {
         return SMAD_SV_GOOD;
     }
-    below_cC = (smad_sv_div32(s->low_seen_uK[k], (int32_t)SMAD_SV_UK_PER_CC) - (int32_t)s->t_cC[k]);
-    above_cC = ((int32_t)s->t_cC[k] - smad_sv_div32(s->high_uK[k], (int32_t)SMAD_SV_UK_PER_CC));
+    below_cC = ((s->low_seen_fcC[k] >> 16) - (int32_t)s->t_cC[k]);
+    above_cC = ((int32_t)s->t_cC[k] - (s->high_fcC[k] >> 16));
     residual_cC = smad_sv_max32(below_cC, above_cC);
     if (residual_cC > (int32_t)lim->residual_cC) {
         return smad_sv_bad(s, residual_cC, lim->residual_cC);
@@ -1002,7 +1030,7 @@ static uint8_t smad_sv_uncommanded_current(struct smad_sv_memory *s, const struc
     int32_t extra_uA;
     (void)lim;
     extra_uA = (smad_sv_min32(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000)) - (int32_t)s->band_high_uA[k]);
-    if (((int32_t)m->applied_mA[k] == (int32_t)0) && (extra_uA > ((int32_t)SMAD_SV_LIMIT_OFF_CURRENT_MA * (int32_t)1000))) {
+    if (((int16_t)m->applied_mA[k] == 0) && (extra_uA > ((int32_t)SMAD_SV_LIMIT_OFF_CURRENT_MA * (int32_t)1000))) {
         return smad_sv_bad(s, smad_sv_div32(s->i_uA[k], (int32_t)1000), SMAD_SV_LIMIT_OFF_CURRENT_MA);
     }
     return SMAD_SV_GOOD;
@@ -1011,9 +1039,12 @@ static uint8_t smad_sv_uncommanded_current(struct smad_sv_memory *s, const struc
 static uint8_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     int32_t most_uA;
+    if (((int16_t)m->applied_mA[k] == 0) || (((int32_t)m->i_mA[k] * (int32_t)1000) <= (int32_t)s->band_high_uA[k])) {
+        return SMAD_SV_GOOD;
+    }
     most_uA = s->band_high_uA[k];
-    most_uA = (most_uA + (((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000) + (int32_t)smad_sv_div64(((int64_t)lim->current_error_permille * (int64_t)most_uA), (int64_t)1000)));
-    if (((int32_t)m->applied_mA[k] > (int32_t)0) && (smad_sv_min32(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000)) > most_uA)) {
+    most_uA = (most_uA + (((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000) + smad_sv_div32(((int32_t)lim->current_error_permille * most_uA), (int32_t)1000)));
+    if (smad_sv_min32(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000)) > most_uA) {
         return smad_sv_bad(s, smad_sv_div32(s->i_uA[k], (int32_t)1000), smad_sv_div32(most_uA, (int32_t)1000));
     }
     return SMAD_SV_GOOD;
@@ -1022,9 +1053,12 @@ static uint8_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_
 static uint8_t smad_sv_current_low(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     int32_t least_uA;
+    if ((m->i_mA[k] <= SMAD_SV_LIMIT_OFF_CURRENT_MA) || (((int32_t)m->i_mA[k] * (int32_t)1000) >= (int32_t)s->band_low_uA[k])) {
+        return SMAD_SV_GOOD;
+    }
     least_uA = s->band_low_uA[k];
-    least_uA = (least_uA - (((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000) + (int32_t)smad_sv_div64(((int64_t)lim->current_error_permille * (int64_t)least_uA), (int64_t)1000)));
-    if ((m->i_mA[k] > SMAD_SV_LIMIT_OFF_CURRENT_MA) && (smad_sv_max32(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000)) < least_uA)) {
+    least_uA = (least_uA - (((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000) + smad_sv_div32(((int32_t)lim->current_error_permille * least_uA), (int32_t)1000)));
+    if (smad_sv_max32(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000)) < least_uA) {
         return smad_sv_bad(s, smad_sv_div32(s->i_uA[k], (int32_t)1000), smad_sv_div32(least_uA, (int32_t)1000));
     }
     return SMAD_SV_GOOD;
@@ -1034,7 +1068,7 @@ static uint8_t smad_sv_no_current(struct smad_sv_memory *s, const struct smad_sv
 {
     (void)s;
     (void)lim;
-    return ((int32_t)m->applied_mA[k] > (int32_t)(3 * SMAD_SV_LIMIT_OFF_CURRENT_MA)) && (m->i_mA[k] <= SMAD_SV_LIMIT_OFF_CURRENT_MA);
+    return ((int16_t)m->applied_mA[k] > (3 * SMAD_SV_LIMIT_OFF_CURRENT_MA)) && (m->i_mA[k] <= SMAD_SV_LIMIT_OFF_CURRENT_MA);
 }
 
 static uint8_t smad_sv_wire_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
@@ -1055,16 +1089,14 @@ static uint8_t smad_sv_driver_open(struct smad_sv_memory *s, const struct smad_s
 
 static uint8_t smad_sv_resistance_out_of_band(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t r_mohm;
     if (!(smad_sv_resistance_is_measurable(s, m, lim, k))) {
         return SMAD_SV_GOOD;
     }
-    r_mohm = smad_sv_div64(((int64_t)s->v_uV[k] * (int64_t)1000), (int64_t)smad_sv_max32(s->i_uA[k], (int32_t)1));
-    if (r_mohm > (int64_t)SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM) {
-        return smad_sv_bad(s, smad_sv_hold64(r_mohm, -2147483647 - 1, 2147483647), SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM);
+    if (((int64_t)s->v_uV[k] * (int64_t)1000) >= ((int64_t)(SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM + 1) * (int64_t)s->i_uA[k])) {
+        return smad_sv_bad(s, smad_sv_resistance_mohm(s, k), SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM);
     }
-    if (r_mohm < (int64_t)SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM) {
-        return smad_sv_bad(s, smad_sv_hold64(r_mohm, -2147483647 - 1, 2147483647), SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM);
+    if (((int64_t)s->v_uV[k] * (int64_t)1000) < ((int64_t)SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM * (int64_t)s->i_uA[k])) {
+        return smad_sv_bad(s, smad_sv_resistance_mohm(s, k), SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM);
     }
     return SMAD_SV_GOOD;
 }
@@ -1072,7 +1104,7 @@ static uint8_t smad_sv_resistance_out_of_band(struct smad_sv_memory *s, const st
 static uint8_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     int32_t reference_mohm;
-    int64_t r_mohm;
+    int32_t r_mohm;
     int64_t change_permille;
     int32_t change_cC;
     int16_t allowed;
@@ -1083,8 +1115,8 @@ static uint8_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const s
     if (!(smad_sv_resistance_is_measurable(s, m, lim, k))) {
         return SMAD_SV_BETWEEN;
     }
-    r_mohm = smad_sv_div64(((int64_t)s->v_uV[k] * (int64_t)1000), (int64_t)smad_sv_max32(s->i_uA[k], (int32_t)1));
-    change_permille = smad_sv_div64((smad_sv_abs64((r_mohm - (int64_t)reference_mohm)) * (int64_t)1000), (int64_t)smad_sv_max32(reference_mohm, (int32_t)1));
+    r_mohm = smad_sv_resistance_mohm(s, k);
+    change_permille = smad_sv_div64((smad_sv_abs64(((int64_t)r_mohm - (int64_t)reference_mohm)) * (int64_t)1000), (int64_t)smad_sv_max32(reference_mohm, (int32_t)1));
     change_cC = smad_sv_abs32(((int32_t)s->t_cC[k] - (int32_t)s->reference_cC[k]));
     allowed = ((int16_t)lim->resistance_tolerance_permille + (int16_t)smad_sv_div32(((int32_t)SMAD_SV_LIMIT_RESISTANCE_TEMPCO_PPM_PER_K * change_cC), 100000));
     if (change_permille > (int64_t)allowed) {
@@ -1095,11 +1127,9 @@ static uint8_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const s
 
 static uint8_t smad_sv_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int16_t total_A2s;
     (void)m;
-    total_A2s = smad_sv_div64(s->i2t_mA2us[k], 1000000000000);
-    if (((int32_t)10 * (int32_t)total_A2s) > (int32_t)(11 * (int16_t)lim->i2t_budget_A2s)) {
-        return smad_sv_bad(s, total_A2s, lim->i2t_budget_A2s);
+    if (s->i2t_mA2us[k] >= ((int64_t)(smad_sv_div16((11 * (int16_t)lim->i2t_budget_A2s), 10) + 1) * SMAD_SV_MA2US_PER_A2S)) {
+        return smad_sv_bad(s, smad_sv_div64(s->i2t_mA2us[k], SMAD_SV_MA2US_PER_A2S), lim->i2t_budget_A2s);
     }
     return SMAD_SV_GOOD;
 }
@@ -1111,6 +1141,9 @@ static uint8_t smad_sv_pump_stalled(struct smad_sv_memory *s, const struct smad_
     if ((m->pump_rpm[k] == (int32_t)SMAD_SV_UNKNOWN) || ((int16_t)m->duty[k] < SMAD_SV_LIMIT_PUMP_DUTY_LEAST)) {
         return SMAD_SV_GOOD;
     }
+    if (m->pump_rpm[k] >= smad_sv_div32(((int32_t)SMAD_SV_LIMIT_PUMP_RPM * (int32_t)SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE), (int32_t)1000)) {
+        return SMAD_SV_GOOD;
+    }
     least_rpm = smad_sv_div32((smad_sv_div32(((int32_t)SMAD_SV_LIMIT_PUMP_RPM * (int32_t)m->duty[k]), (int32_t)SMAD_SV_DUTY_FULL) * (int32_t)SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE), (int32_t)1000);
     if (m->pump_rpm[k] < (int32_t)least_rpm) {
         return smad_sv_bad(s, m->pump_rpm[k], least_rpm);
@@ -1120,14 +1153,14 @@ static uint8_t smad_sv_pump_stalled(struct smad_sv_memory *s, const struct smad_
 
 static uint8_t smad_sv_pump_dry(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int16_t most_rpm;
+    int16_t wet_rpm;
     (void)lim;
     if ((m->pump_rpm[k] == (int32_t)SMAD_SV_UNKNOWN) || ((int16_t)m->duty[k] < SMAD_SV_LIMIT_PUMP_DUTY_LEAST)) {
         return SMAD_SV_GOOD;
     }
-    most_rpm = smad_sv_div32((smad_sv_div32(((int32_t)SMAD_SV_LIMIT_PUMP_RPM * (int32_t)m->duty[k]), (int32_t)SMAD_SV_DUTY_FULL) * (int32_t)SMAD_SV_LIMIT_PUMP_DRY_PERMILLE), (int32_t)1000);
-    if (m->pump_rpm[k] > (int32_t)most_rpm) {
-        return smad_sv_bad(s, m->pump_rpm[k], most_rpm);
+    wet_rpm = smad_sv_div32(((int32_t)SMAD_SV_LIMIT_PUMP_RPM * (int32_t)m->duty[k]), (int32_t)SMAD_SV_DUTY_FULL);
+    if ((m->pump_rpm[k] * (int32_t)1000) > ((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_DRY_PERMILLE)) {
+        return smad_sv_bad(s, m->pump_rpm[k], smad_sv_div32(((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_DRY_PERMILLE), (int32_t)1000));
     }
     return SMAD_SV_GOOD;
 }
@@ -1201,12 +1234,12 @@ static uint8_t smad_sv_param_crc(struct smad_sv_memory *s, const struct smad_sv_
 
 static uint8_t smad_sv_armed_too_long(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t armed_s;
+    int64_t armed_us;
     (void)m;
     (void)k;
-    armed_s = smad_sv_div64((s->now_us - s->armed_at_us), (int64_t)1000000);
-    if (armed_s > (int64_t)lim->on_time_limit_s) {
-        return smad_sv_bad(s, smad_sv_hold64(armed_s, -2147483647 - 1, 2147483647), lim->on_time_limit_s);
+    armed_us = (s->now_us - s->armed_at_us);
+    if (armed_us >= ((int64_t)((int16_t)lim->on_time_limit_s + 1) * (int64_t)1000000)) {
+        return smad_sv_bad(s, smad_sv_hold64(smad_sv_div64(armed_us, (int64_t)1000000), -2147483647 - 1, 2147483647), lim->on_time_limit_s);
     }
     return SMAD_SV_GOOD;
 }
@@ -1231,7 +1264,7 @@ static int32_t smad_sv_saturated(int32_t value)
 
 static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t channel, uint8_t trigger)
 {
-    s->faults = ((int32_t)s->faults | ((int32_t)1 << (int32_t)((int16_t)fault - 1)));
+    s->faults = ((int32_t)s->faults | ((int32_t)1 * ((int32_t)1 << ((int16_t)fault - 1))));
     if (!(s->latched)) {
         s->latched = 1;
         s->first_fault = fault;
@@ -1300,28 +1333,28 @@ static void smad_sv_set_warnings(struct smad_sv_memory *s, const struct smad_sv_
     int16_t warnings;
     warnings = 0;
     if ((s->stale_setpoints) && ((s->now_us - s->stale_at_us) < (int64_t)1000000)) {
-        warnings = (warnings | (1 << SMAD_WARNING_SETPOINT_STALE));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_SETPOINT_STALE)));
     }
     if (((((int32_t)s->jumps[0] + (int32_t)s->jumps[1]) + (int32_t)s->jumps[2]) + (int32_t)s->jumps[3])) {
-        warnings = (warnings | (1 << SMAD_WARNING_RTD_JUMP));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_RTD_JUMP)));
     }
     if (smad_sv_max16(s->t_cC[0], s->t_cC[1]) > (int16_t)lim->fold_start_cC) {
-        warnings = (warnings | (1 << SMAD_WARNING_NEAR_TEMPERATURE_LIMIT));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_NEAR_TEMPERATURE_LIMIT)));
     }
     if (smad_sv_max64(s->i2t_mA2us[0], s->i2t_mA2us[1]) >= ((int64_t)lim->i2t_budget_A2s * 800000000000)) {
-        warnings = (warnings | (1 << SMAD_WARNING_NEAR_I2T_LIMIT));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_NEAR_I2T_LIMIT)));
     }
     if (m->vbus_mV < (int32_t)((int16_t)lim->brown_out_mV + 1000)) {
-        warnings = (warnings | (1 << SMAD_WARNING_SUPPLY_LOW));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_SUPPLY_LOW)));
     }
     if (((int32_t)2 * (int32_t)s->dt_us) > (int32_t)lim->overrun_us) {
-        warnings = (warnings | (1 << SMAD_WARNING_LOOP_LATE));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_LOOP_LATE)));
     }
     if ((s->capped) && ((int16_t)s->state == SMAD_BOARD_STATE_SAFE)) {
-        warnings = (warnings | (1 << SMAD_WARNING_COOL_CAP));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_COOL_CAP)));
     }
     if (!((s->sensor_ok[0]) && (s->sensor_ok[1]))) {
-        warnings = (warnings | (1 << SMAD_WARNING_SENSOR_INVALID));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_SENSOR_INVALID)));
     }
     s->warnings = warnings;
 }
@@ -1330,7 +1363,7 @@ static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_
 {
     int32_t ceiling_mA;
     int16_t limiter;
-    int32_t t_cC;
+    int16_t t_cC;
     int16_t span_cC;
     int32_t left_cC;
     int32_t folded_mA;
@@ -1340,10 +1373,10 @@ static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_
         ceiling_mA = lim->i2t_rated_mA;
         limiter = SMAD_LIMITER_I2T;
     }
-    t_cC = smad_sv_max32((int32_t)s->t_cC[k], smad_sv_div32(s->low_uK[k], (int32_t)SMAD_SV_UK_PER_CC));
-    if (t_cC > (int32_t)lim->fold_start_cC) {
+    t_cC = smad_sv_max16(s->t_cC[k], (int16_t)(s->low_fcC[k] >> 16));
+    if (t_cC > (int16_t)lim->fold_start_cC) {
         span_cC = smad_sv_max16(((int16_t)lim->fold_end_cC - (int16_t)lim->fold_start_cC), 1);
-        left_cC = smad_sv_max32(((int32_t)lim->fold_end_cC - t_cC), (int32_t)0);
+        left_cC = smad_sv_max32(((int32_t)lim->fold_end_cC - (int32_t)t_cC), (int32_t)0);
         folded_mA = smad_sv_div32(((int32_t)lim->current_limit_mA * left_cC), (int32_t)span_cC);
         if (folded_mA < ceiling_mA) {
             ceiling_mA = folded_mA;
@@ -1406,6 +1439,7 @@ void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements 
         s->dt_us = smad_sv_min64(smad_sv_max64((now_us - s->now_us), (int64_t)0), (int64_t)SMAD_SV_DT_MOST_US);
     }
     s->now_us = now_us;
+    smad_sv_set_pace(s, lim);
     smad_sv_observe_surroundings(s, m, lim);
     if (!(s->started)) {
         smad_sv_forget_jumps(s, m);
@@ -1418,7 +1452,6 @@ void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements 
         }
         s->slew_from_mA[k] = s->applied_mA[k];
     }
-    s->slew_step_mA = smad_sv_div64(((int64_t)lim->current_slew_mA_per_ms * (int64_t)s->dt_us), (int64_t)1000);
     s->started = 1;
     smad_sv_run_timers(s, lim);
     smad_sv_run_checks(s, m, lim);

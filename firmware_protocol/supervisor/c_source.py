@@ -127,11 +127,13 @@ static int64_t smad_sv_div64(int64_t a, int64_t b)
     return -1 - (int64_t)smad_sv_long_quotient(~(uint64_t)a, (uint32_t)b);
 }
 
-/* A step towards a target: value + (target - value) * dt // (lag + dt). */
-static int32_t smad_sv_follow(int32_t value, int32_t target, int32_t dt_us, int32_t lag_us)
+/* A step towards a target: value + ((target - value) * share >> 16), in two halves. */
+static int32_t smad_sv_follow(int32_t value, int32_t target, uint16_t share)
 {
-    int64_t far = (int64_t)(target - value) * dt_us;
-    return value + (int32_t)smad_sv_div64(far, lag_us + dt_us);
+    int32_t far = target - value;
+    int32_t high = (int32_t)(int16_t)(far >> 16) * share;
+    uint32_t low = (uint32_t)(uint16_t)far * share;
+    return value + high + (int32_t)(low >> 16);
 }
 """
 
@@ -324,7 +326,7 @@ def _configure() -> str:
     for number, line in enumerate(table.LINES):
         lines.append(f"    s->need_samples[{number}] = {_limit(line.check.samples)};")
         lines.append(f"    s->need_us[{number}] = {_limit(line.check.time)};")
-    body = "\n".join(lines)
+    body = "\n".join([*lines, "    s->paced_us = -1;"])
     return (
         "void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim)\n"
         f"{{\n{body}\n}}"

@@ -21,12 +21,13 @@ from firmware_protocol.supervisor.limits import Limits
 from firmware_protocol.supervisor.memory import Command, Measurements, Memory
 from firmware_protocol.supervisor.observers import (
     DUTY_FULL,
-    UK_PER_CC,
+    FCC_PER_CC,
     forget_jumps,
     observe_jumps,
     observe_spring,
     observe_surroundings,
     reset_spring,
+    set_pace,
 )
 from firmware_protocol.supervisor.states import PumpPolicy, Trigger
 from firmware_protocol.supervisor.table import (
@@ -142,7 +143,7 @@ def find_ceiling(s: Memory, lim: Limits, k: int) -> None:
         ceiling_mA = lim.i2t_rated_mA
         limiter = Limiter.I2T
     # The heaviest good spring is never warmer than the true one: it stands in for a slow sensor.
-    t_cC = max(s.t_cC[k], s.low_uK[k] // UK_PER_CC)
+    t_cC = max(s.t_cC[k], s.low_fcC[k] // FCC_PER_CC)
     if t_cC > lim.fold_start_cC:
         span_cC = max(lim.fold_end_cC - lim.fold_start_cC, 1)
         left_cC = max(lim.fold_end_cC - t_cC, 0)
@@ -194,6 +195,7 @@ def sample(s: Memory, m: Measurements, lim: Limits, now_us: int) -> None:
     if s.started:
         s.dt_us = min(max(now_us - s.now_us, 0), DT_MOST_US)
     s.now_us = now_us
+    set_pace(s, lim)
     observe_surroundings(s, m, lim)
     if not s.started:
         forget_jumps(s, m)
@@ -203,7 +205,6 @@ def sample(s: Memory, m: Measurements, lim: Limits, now_us: int) -> None:
         if not s.started:
             reset_spring(s, k)
         s.slew_from_mA[k] = s.applied_mA[k]
-    s.slew_step_mA = lim.current_slew_mA_per_ms * s.dt_us // 1000
     s.started = 1
     run_timers(s, lim)
     run_checks(s, m, lim)

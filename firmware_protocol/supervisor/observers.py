@@ -1,8 +1,8 @@
 """What the checks look at besides the raw sample: energies, envelopes and timers of each spring.
 
 This module is translated to C (see translate): integers, no allocation, no exceptions.
-Temperatures are cC as measured and uK (micro-kelvin on the Celsius scale) where they are
-integrated; with mJ/K and nJ the units cancel without factors: nJ / (mJ/K) = uK.
+Temperatures are cC as measured, and fcC (a cC in 65536 parts) where they are integrated: small
+steps count, 32 bits hold them, and a chip without a divider gets cC from them by moving bytes.
 """
 
 from __future__ import annotations
@@ -10,12 +10,34 @@ from __future__ import annotations
 from firmware_protocol.supervisor.limits import Limits
 from firmware_protocol.supervisor.memory import Measurements, Memory, follow
 
-UK_PER_CC = 10_000
+FCC_PER_CC = 1 << 16
+FCC_PER_K_LOG2 = 12
+"""Shares of heat capacity keep so many bits of a step's (mW) to fcC."""
 NJ_PER_MJ = 1_000_000
 DUTY_FULL = 255
 SUM_MOST = 10_000_000_000_000_000
 """Sums stop here, far above every limit, so that 64 bits are always enough."""
-MODEL_MOST_UK = 2_000_000_000
+MODEL_MOST_fcC = 30_000 * FCC_PER_CC
+POWER_MOST_mW = 100_000
+"""Above what the supply can give; a reading beyond it is a broken sense wire."""
+
+
+def set_pace(s: Memory, lim: Limits) -> None:
+    """Work out what follows from the time step; as long as it stays the same, once is enough.
+
+    A share is the part of the way to its target that a filter goes in one step, in 1/65536. Heat:
+    1 mW for 1 us into 1 mJ/K is 1 uK, and 10 000 uK are a cC.
+    """
+    if s.dt_us == s.paced_us:
+        return
+    s.paced_us = s.dt_us
+    s.filter_share = (s.dt_us << 16) // (lim.current_filter_us + s.dt_us)
+    s.band_share = (s.dt_us << 16) // (lim.current_band_us + s.dt_us)
+    s.lag_share = (s.dt_us << 16) // (lim.envelope_lag_us + s.dt_us)
+    s.heavy_share = (s.dt_us << 28) // (lim.envelope_heavy_mJ_per_K * 10_000)
+    s.light_share = (s.dt_us << 28) // (lim.envelope_light_mJ_per_K * 10_000)
+    s.drift_fcC = (lim.off_drift_cC_per_s * s.dt_us << 16) // 1_000_000
+    s.slew_step_mA = lim.current_slew_mA_per_ms * s.dt_us // 1000
 
 
 def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
@@ -42,7 +64,7 @@ def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
             s.jump_cC[j] = abs(step_cC)
             if j < 2:
                 # A jump is the sensor's; it must not pass for warming.
-                s.off_uK[j] += step_cC * UK_PER_CC
+                s.off_fcC[j] += step_cC * FCC_PER_CC
         elif s.jumps[j] > 0:
             s.jump_us[j] += s.dt_us
             if s.jump_us[j] >= lim.jump_decay_us:
@@ -76,12 +98,12 @@ def observe_electrical(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
 
     The band spans what was regulated to lately, so that a driver that lags stays inside.
     """
-    s.power_mW[k] = max(m.i_mA[k] * m.v_mV[k] // 1000, 0)
-    s.i_uA[k] = follow(s.i_uA[k], m.i_mA[k] * 1000, s.dt_us, lim.current_filter_us)
-    s.v_uV[k] = follow(s.v_uV[k], m.v_mV[k] * 1000, s.dt_us, lim.current_filter_us)
+    s.power_mW[k] = min(max(m.i_mA[k] * m.v_mV[k] // 1000, 0), POWER_MOST_mW)
+    s.i_uA[k] = follow(s.i_uA[k], m.i_mA[k] * 1000, s.filter_share)
+    s.v_uV[k] = follow(s.v_uV[k], m.v_mV[k] * 1000, s.filter_share)
     applied_uA = m.applied_mA[k] * 1000
-    low_uA = follow(s.band_low_uA[k], applied_uA, s.dt_us, lim.current_band_us)
-    high_uA = follow(s.band_high_uA[k], applied_uA, s.dt_us, lim.current_band_us)
+    low_uA = follow(s.band_low_uA[k], applied_uA, s.band_share)
+    high_uA = follow(s.band_high_uA[k], applied_uA, s.band_share)
     s.band_low_uA[k] = min(low_uA, applied_uA)
     s.band_high_uA[k] = max(high_uA, applied_uA)
 
@@ -125,7 +147,7 @@ def observe_stuck(s: Memory, lim: Limits, k: int) -> None:
     if s.t_cC[k] != s.stuck_cC[k]:
         s.stuck_cC[k] = s.t_cC[k]
         s.stuck_us[k] = 0
-        s.stuck_low_uK[k] = s.low_uK[k]
+        s.stuck_low_fcC[k] = s.low_fcC[k]
     else:
         s.stuck_us[k] += s.dt_us
 
@@ -140,15 +162,15 @@ def observe_off(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
 
     Begins when the current has been off for longer than the sensor and the wall may lag.
     """
-    now_uK = s.t_cC[k] * UK_PER_CC
+    now_fcC = s.t_cC[k] * FCC_PER_CC
     if is_heated(s, m, lim, k):
         s.off_us[k] = 0
     else:
         s.off_us[k] += s.dt_us
-    if s.off_us[k] < lim.off_lag_us or now_uK < s.off_uK[k]:
-        s.off_uK[k] = now_uK
+    if s.off_us[k] < lim.off_lag_us or now_fcC < s.off_fcC[k]:
+        s.off_fcC[k] = now_fcC
     else:
-        s.off_uK[k] = min(now_uK, s.off_uK[k] + lim.off_drift_cC_per_s * s.dt_us // 100)
+        s.off_fcC[k] = min(now_fcC, s.off_fcC[k] + s.drift_fcC)
 
 
 def observe_envelope(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
@@ -157,24 +179,23 @@ def observe_envelope(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None
     The heavy one takes the most energy to warm and loses most; its reading lags. The light one
     is the opposite. A good spring stays between them.
     """
-    in_nJ = s.power_mW[k] * s.dt_us
-
-    above_mK = (s.low_uK[k] - s.coldest_cC * UK_PER_CC) // 1000
+    power_mW = s.power_mW[k]
+    above_cC = s.low_fcC[k] // FCC_PER_CC - s.coldest_cC
     low_loss = loss_mW_per_K
-    if above_mK < 0:
+    if above_cC < 0:
         low_loss = lim.envelope_loss_least_mW_per_K
-    out_nJ = low_loss * above_mK * s.dt_us // 1000
-    low_uK = s.low_uK[k] + (in_nJ - out_nJ) // lim.envelope_heavy_mJ_per_K
-    s.low_uK[k] = min(low_uK, MODEL_MOST_UK)
-    s.low_seen_uK[k] = follow(s.low_seen_uK[k], s.low_uK[k], s.dt_us, lim.envelope_lag_us)
+    net_mW = power_mW - low_loss * above_cC // 100
+    low_fcC = s.low_fcC[k] + (net_mW * s.heavy_share >> FCC_PER_K_LOG2)
+    s.low_fcC[k] = min(low_fcC, MODEL_MOST_fcC)
+    s.low_seen_fcC[k] = follow(s.low_seen_fcC[k], s.low_fcC[k], s.lag_share)
 
-    above_mK = (s.high_uK[k] - s.warmest_cC * UK_PER_CC) // 1000
+    above_cC = s.high_fcC[k] // FCC_PER_CC - s.warmest_cC
     high_loss = lim.envelope_loss_least_mW_per_K
-    if above_mK < 0:
+    if above_cC < 0:
         high_loss = loss_mW_per_K
-    out_nJ = high_loss * above_mK * s.dt_us // 1000
-    high_uK = s.high_uK[k] + (in_nJ - out_nJ) // lim.envelope_light_mJ_per_K
-    s.high_uK[k] = min(high_uK, (s.t_cC[k] + lim.envelope_span_cC) * UK_PER_CC)
+    net_mW = power_mW - high_loss * above_cC // 100
+    high_fcC = s.high_fcC[k] + (net_mW * s.light_share >> FCC_PER_K_LOG2)
+    s.high_fcC[k] = min(high_fcC, (s.t_cC[k] + lim.envelope_span_cC) * FCC_PER_CC)
 
 
 def observe_cooling(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
@@ -215,12 +236,12 @@ def reset_spring(s: Memory, k: int) -> None:
     s.anchor_net_nJ[k] = 0
     s.anchor_other_nJ[k] = 0
     s.stuck_us[k] = 0
-    s.stuck_low_uK[k] = t_cC * UK_PER_CC
+    s.stuck_low_fcC[k] = t_cC * FCC_PER_CC
     s.off_us[k] = 0
-    s.off_uK[k] = t_cC * UK_PER_CC
-    s.low_uK[k] = t_cC * UK_PER_CC
-    s.low_seen_uK[k] = t_cC * UK_PER_CC
-    s.high_uK[k] = t_cC * UK_PER_CC
+    s.off_fcC[k] = t_cC * FCC_PER_CC
+    s.low_fcC[k] = t_cC * FCC_PER_CC
+    s.low_seen_fcC[k] = t_cC * FCC_PER_CC
+    s.high_fcC[k] = t_cC * FCC_PER_CC
     s.cool_us[k] = 0
     s.cool_from_cC[k] = t_cC
     s.reference_mohm[k] = 0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from firmware_protocol.supervisor.errors import TranslationError
 from firmware_protocol.supervisor.limits import LIMIT_ROWS
-from firmware_protocol.supervisor.observers import MODEL_MOST_UK, SUM_MOST
+from firmware_protocol.supervisor.observers import FCC_PER_CC, POWER_MOST_mW, SUM_MOST
 
 
 class Range(NamedTuple):
@@ -44,13 +44,14 @@ LIMITER = Range(0, 5)
 CURRENT = Range(0, LIMIT_ROWS["current_limit_mA"].compiled)
 TIMER = Range(0, 1_000_000_000)
 UA = Range(-32_768_000, 65_535_000)
+BAND = Range(0, 1000 * CURRENT.high)
 UV = Range(-65_535_000, 65_535_000)
-UK = Range(-2_000_000_000, MODEL_MOST_UK)
+FCC = Range(-32_768 * FCC_PER_CC, 32_767 * FCC_PER_CC)
 SUM = Range(0, SUM_MOST)
 COUNT = Range(0, 60_000)
 
 MEASUREMENTS: dict[str, Range] = {
-    "i_mA": I16, "applied_mA": U16, "v_mV": Range(-65_535, 65_535), "rtd_cC": I16, "duty": U8,
+    "i_mA": I16, "applied_mA": CURRENT, "v_mV": Range(-65_535, 65_535), "rtd_cC": I16, "duty": U8,
     "pump_rpm": Range(-1, 65_535), "vbus_mV": Range(-65_535, 65_535), "leak": FLAG,
     "parameters_ok": FLAG, "encoder_invalid": FLAG, "force_invalid": FLAG,
 }  # fmt: skip
@@ -62,6 +63,8 @@ COMMAND: dict[str, Range] = {
 
 MEMORY: dict[str, Range] = {
     "lines": U8, "now_us": TIME, "dt_us": Range(0, 10_000_000), "started": FLAG,
+    "paced_us": Range(-1, 10_000_000), "filter_share": U16, "band_share": U16, "lag_share": U16,
+    "heavy_share": I32, "light_share": Range(0, 2_000_000_000), "drift_fcC": Range(0, 20_000_000),
     "state": STATE, "entered_us": TIME, "armed_at_us": TIME,
     "gate": FLAG, "ceiling_mA": CURRENT, "ceiling_limiter": LIMITER, "applied_mA": CURRENT,
     "duty": U8, "limiter": LIMITER, "warnings": U16,
@@ -73,12 +76,12 @@ MEMORY: dict[str, Range] = {
     "first_channel": CHANNEL, "first_value": I32, "first_limit": I32, "first_us": TIME,
     "value": I32, "limit": I32, "channel": CHANNEL,
     "coldest_cC": I16, "warmest_cC": I16, "sensor_ok": FLAG, "t_cC": I16,
-    "power_mW": Range(0, 2_147_483), "i_uA": UA, "v_uV": UV,
-    "band_low_uA": Range(0, 65_535_000), "band_high_uA": Range(0, 65_535_000),
+    "power_mW": Range(0, POWER_MOST_mW), "i_uA": UA, "v_uV": UV,
+    "band_low_uA": BAND, "band_high_uA": BAND,
     "anchor_cC": I16, "anchor_peak_cC": I16, "anchor_other_cC": I16,
     "anchor_net_nJ": SUM, "anchor_other_nJ": SUM,
-    "stuck_cC": I16, "stuck_us": TIMER, "stuck_low_uK": UK, "off_us": TIMER, "off_uK": UK,
-    "low_uK": UK, "low_seen_uK": UK, "high_uK": UK, "i2t_mA2us": SUM,
+    "stuck_cC": I16, "stuck_us": TIMER, "stuck_low_fcC": FCC, "off_us": TIMER, "off_fcC": FCC,
+    "low_fcC": FCC, "low_seen_fcC": FCC, "high_fcC": FCC, "i2t_mA2us": SUM,
     "cool_us": TIMER, "cool_from_cC": I16, "reference_mohm": I32, "reference_cC": I16,
     "last_cC": I16, "jumps": COUNT, "jump_us": TIMER, "jump_cC": U16,
     "bad_samples": COUNT, "bad_us": TIMER, "need_samples": U8, "need_us": TIMER,
@@ -100,11 +103,15 @@ ARGUMENTS: dict[str, Range] = {
 }  # fmt: skip
 """Of the arguments that are numbers, by name."""
 
-RESULTS: dict[str, Range] = {"saturated": I32}
+RESULTS: dict[str, Range] = {
+    "saturated": I32, "resistance_mohm": I32,
+    "heat_limit_nJ": Range(0, LIMITS["unheated_energy_mJ"].high * 1_000_000),
+}  # fmt: skip
 RESULT = Range(0, 63)
 """Of every other function that returns a number: codes and verdicts."""
 
 _LONG = "a timer: the limits it is compared with are far below a thousand seconds"
+_SHARE = "a step over step plus lag: less than 1, which is 65536"
 SATURATED: dict[str, str] = {
     "state": "the table of transitions has -1 for none, which is looked at before",
     "ceiling_mA": "folded back from the current limit, so never above it",
@@ -117,10 +124,14 @@ SATURATED: dict[str, str] = {
     "bad_us": _LONG,
     "jumps": "forgotten one in two seconds; a line so bad trips long before",
     "bad_samples": "compared with three at most",
-    "off_uK": "follows the sensor; jumps add up only while none is believed",
-    "low_uK": "no spring is colder than absolute zero, and the loss goes to zero before",
-    "high_uK": "as low_uK",
-    "reference_mohm": "taken at half an ampere and more: below 132 ohm",
+    "off_fcC": "follows the sensor; jumps add up only while none is believed",
+    "low_fcC": "no spring is colder than absolute zero, and the loss goes to zero before",
+    "high_fcC": "as low_uK",
+    "filter_share": _SHARE,
+    "band_share": _SHARE,
+    "lag_share": _SHARE,
+    "reference_mohm": "as resistance_mohm",
+    "resistance_mohm": "taken at half an ampere and more: below 132 ohm",
     "value": "what a report names; the wire holds 32 bits, and Python is held at their ends too",
 }
 """Fields and arguments held at the end of their range, and why none gets there."""

@@ -88,6 +88,7 @@ class Translator:
         self._widest: dict[str, Range] = {}
         """Range of each local in the whole function, which its type has to hold."""
         self._arguments: dict[str, str] = {}
+        self._function = ""
         self._result = RESULT
         self.saturated: set[str] = set()
         """Fields and arguments that are held at the ends of their range somewhere."""
@@ -118,7 +119,7 @@ class Translator:
         }
         body = [node for node in function.body if not _is_docstring(node)]
         self._widest = {}
-        self._result = _result_of(function.name)
+        self._function, self._result = function.name, _result_of(function.name)
         # Once to learn how far each local goes, and once to write it down.
         for _ in range(2):
             self._spans = {}
@@ -150,7 +151,9 @@ class Translator:
                 return [f"{pad}return;"]
             case ast.Return(value=value) if value is not None:
                 result = self._expression(value)
-                if not self._result.holds(result.span):
+                if self._function in RESULTS:
+                    result = self._fitted(result, self._result, self._function)
+                elif not self._result.holds(result.span):
                     raise self._error(node, f"a result of {result.span} has no counterpart")
                 return [f"{pad}return {result.text};"]
             case ast.Expr(value=ast.Call() as call):

@@ -48,7 +48,7 @@ def truth(text: str) -> Expression:
 
 
 _SYMBOL: dict[type[ast.operator], str] = {
-    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.BitAnd: "&", ast.BitOr: "|", ast.LShift: "<<",
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.BitAnd: "&", ast.BitOr: "|", ast.LShift: "<<", ast.RShift: ">>",
 }  # fmt: skip
 OPERATORS = (*_SYMBOL, ast.FloorDiv)
 
@@ -58,6 +58,12 @@ def binary(left: Expression, op: ast.operator, right: Expression) -> Expression:
     span = _span(left.span, op, right.span)
     kind = counted_as(left.span, right.span, span)
     one, two = left.as_kind(kind), right.as_kind(kind)
+    power = right.span.low.bit_length() - 1
+    if isinstance(op, ast.FloorDiv) and right.span == (1 << power, 1 << power):
+        return Expression(f"({one} >> {power})", kind, span)
+    if isinstance(op, ast.LShift):
+        # As a product: shifting a negative number to the left is undefined.
+        return Expression(f"({one} * (({kind})1 << {right.text}))", kind, span)
     if isinstance(op, ast.FloorDiv):
         bits = kind.removeprefix("int").removesuffix("_t")
         return Expression(f"{PREFIX}div{bits}({one}, {two})", kind, span)
@@ -76,6 +82,8 @@ def _span(left: Range, op: ast.operator, right: Range) -> Range:
             if right.low < 1:
                 raise ValueError(f"the divisor can be {right.low}; make it at least 1")
             ends = [a // b for a, b in product(left, right)]
+        case ast.RShift():
+            ends = [a >> b for a, b in product(left, right)]
         case ast.LShift():
             ends = [a << b for a, b in product(left, right)]
         case _:
@@ -122,14 +130,12 @@ def negative(value: Expression) -> Expression:
 
 
 def followed(arguments: list[Expression]) -> Expression:
-    """Return a step towards a target (see observers.follow): it never leaves the span of both."""
-    value, target, dt_us, lag_us = arguments
+    """Return a step towards a target (see memory.follow): it never leaves the span of both."""
+    value, target, share = arguments
     span = value.span.joined(target.span)
-    text = ", ".join(argument.as_kind("int32_t") for argument in (value, target, dt_us, lag_us))
-    if any(counted_as(argument.span) == "int64_t" for argument in arguments):
-        raise ValueError("a step towards a target is made in 32 bits")
-    if dt_us.span.low < 0 or lag_us.span.low < 1:
-        raise ValueError("a step needs a time of 0 or more and a lag of 1 or more")
+    if counted_as(span) == "int64_t" or not Range(0, 65_535).holds(share.span):
+        raise ValueError("a step towards a target is made in 32 bits, by a share of 16")
+    text = f"{value.as_kind('int32_t')}, {target.as_kind('int32_t')}, {share.text}"
     return Expression(f"{PREFIX}follow({text})", "int32_t", span)
 
 
