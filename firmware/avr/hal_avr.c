@@ -499,7 +499,7 @@ int main(void)
     /* Pumps: phase-correct 8 bits, 31 kHz; a duty of 0 is off. */
     TCCR4A = _BV(COM4A1) | _BV(COM4B1) | _BV(WGM40);
     TCCR4B = _BV(CS40);
-    ADCSRA = _BV(ADEN) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0);
+    ADCSRA = _BV(ADEN) | _BV(ADPS2) | _BV(ADPS1); /* 250 kHz: 52 us, and still 10 bits */
     /* Encoder on both edges, tachometers on the falling one. */
     EICRA = _BV(ISC21) | _BV(ISC31);
     EICRB = _BV(ISC40) | _BV(ISC50);

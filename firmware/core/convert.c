@@ -7,6 +7,7 @@
 #define RTD_NO_VALUE (-32767 - 1)
 #define RTD_OPEN_CC 32767
 #define RTD_SHORT_CC (-24200)
+#define RTD_FULL 0x7FFFu /* whatever the fault bit says: an open sensor may set it too */
 #define PULSE_RPM_US 30000000u
 #define RPM_MOST 65535u
 
@@ -21,8 +22,11 @@ int16_t convert_rtd(uint16_t rtd_register)
     uint16_t code = rtd_register >> 1;
     uint16_t index = code / RTD_TABLE_STEP;
     uint16_t part = code % RTD_TABLE_STEP;
-    int32_t low;
-    int32_t high;
+    int16_t low;
+    uint16_t rise;
+    if (code == RTD_FULL) {
+        return RTD_OPEN_CC;
+    }
     if ((rtd_register & 1u) != 0) {
         return RTD_NO_VALUE;
     }
@@ -33,9 +37,9 @@ int16_t convert_rtd(uint16_t rtd_register)
         return RTD_OPEN_CC;
     }
     low = rtd_table_cC[index];
-    high = rtd_table_cC[index + 1u];
-    return (int16_t)(low + ((high - low) * (int32_t)part + (int32_t)RTD_TABLE_STEP / 2)
-                               / (int32_t)RTD_TABLE_STEP);
+    rise = (uint16_t)(rtd_table_cC[index + 1u] - low);
+    return (int16_t)(low + (int16_t)(((uint32_t)rise * part + RTD_TABLE_STEP / 2u)
+                                     / RTD_TABLE_STEP));
 }
 
 uint16_t convert_tacho(uint32_t period_us)

@@ -153,11 +153,6 @@ static inline int64_t smad_sv_max64(int64_t a, int64_t b)
     return a > b ? a : b;
 }
 
-static inline int64_t smad_sv_abs64(int64_t a)
-{
-    return (int64_t)(a < 0 ? -a : a);
-}
-
 static inline int64_t smad_sv_hold64(int64_t a, int64_t low, int64_t high)
 {
     return a < low ? low : a > high ? high : a;
@@ -223,6 +218,9 @@ static int32_t smad_sv_follow(int32_t value, int32_t target, uint16_t share)
 }
 
 static void smad_sv_set_pace(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
+static uint16_t smad_sv_of_duty(uint16_t full, uint8_t duty);
+static int32_t smad_sv_loss_mW(uint16_t loss_mW_per_K, int32_t above_cC);
+static uint32_t smad_sv_power_mW(int16_t i_mA, int32_t v_mV);
 static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
@@ -233,14 +231,13 @@ static uint8_t smad_sv_is_heated(struct smad_sv_memory *s, const struct smad_sv_
 static void smad_sv_observe_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K);
 static void smad_sv_observe_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint32_t smad_sv_resistance_mohm(struct smad_sv_memory *s, uint8_t k);
 static void smad_sv_observe_resistance(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static uint8_t smad_sv_resistance_is_measurable(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static void smad_sv_observe_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static void smad_sv_reset_spring(struct smad_sv_memory *s, uint8_t k);
 static void smad_sv_forget_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m);
 static uint8_t smad_sv_bad(struct smad_sv_memory *s, int32_t value, int32_t limit);
-static int64_t smad_sv_heat_limit_nJ(const struct smad_sv_limits *lim);
-static int32_t smad_sv_resistance_mohm(struct smad_sv_memory *s, uint8_t k);
 static uint8_t smad_sv_sensor_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static uint8_t smad_sv_sensor_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static uint8_t smad_sv_sensor_short(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
@@ -601,6 +598,26 @@ static void smad_sv_set_pace(struct smad_sv_memory *s, const struct smad_sv_limi
     s->light_share = smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 28)), (int64_t)((int32_t)SMAD_SV_LIMIT_ENVELOPE_LIGHT_MJ_PER_K * (int32_t)10000));
     s->drift_fcC = smad_sv_div64(((int64_t)((int32_t)SMAD_SV_LIMIT_OFF_DRIFT_CC_PER_S * (int32_t)s->dt_us) * ((int64_t)1 << 16)), (int64_t)1000000);
     s->slew_step_mA = smad_sv_div64(((int64_t)lim->current_slew_mA_per_ms * (int64_t)s->dt_us), (int64_t)1000);
+    s->rpm_share = smad_sv_div32(((int32_t)SMAD_SV_DUTY_FULL * ((int32_t)1 << 16)), (int32_t)SMAD_SV_LIMIT_PUMP_RPM);
+    s->heat_limit_nJ = ((int64_t)lim->unheated_energy_mJ * (int64_t)SMAD_SV_NJ_PER_MJ);
+    s->i2t_near_mA2us = ((int64_t)lim->i2t_budget_A2s * 800000000000);
+    s->i2t_budget_mA2us = ((int64_t)lim->i2t_budget_A2s * SMAD_SV_MA2US_PER_A2S);
+    s->i2t_trip_mA2us = ((int64_t)(smad_sv_div16((11 * (int16_t)lim->i2t_budget_A2s), 10) + 1) * SMAD_SV_MA2US_PER_A2S);
+}
+
+static uint16_t smad_sv_of_duty(uint16_t full, uint8_t duty)
+{
+    return ((((int32_t)full * (int32_t)duty) * (int32_t)257) >> (int32_t)16);
+}
+
+static int32_t smad_sv_loss_mW(uint16_t loss_mW_per_K, int32_t above_cC)
+{
+    return ((((int32_t)loss_mW_per_K * (above_cC >> (int32_t)2)) * (int32_t)41) >> (int32_t)10);
+}
+
+static uint32_t smad_sv_power_mW(int16_t i_mA, int32_t v_mV)
+{
+    return smad_sv_min32(smad_sv_max32((((((int32_t)i_mA * v_mV) >> (int32_t)10) * (int32_t)131) >> (int32_t)7), (int32_t)0), SMAD_SV_POWER_MOST_MW);
 }
 
 static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
@@ -659,12 +676,12 @@ static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_s
         s->sensor_ok[k] = 0;
     }
     smad_sv_observe_electrical(s, m, lim, k);
-    flow = smad_sv_max16((int16_t)m->duty[k], smad_sv_min16((int16_t)smad_sv_div32((m->pump_rpm[k] * (int32_t)SMAD_SV_DUTY_FULL), (int32_t)SMAD_SV_LIMIT_PUMP_RPM), SMAD_SV_DUTY_FULL));
-    loss_mW_per_K = (SMAD_SV_LIMIT_LOSS_STATIC_MW_PER_K + (int16_t)smad_sv_div32(((int32_t)SMAD_SV_LIMIT_LOSS_FLOW_MW_PER_K * (int32_t)flow), (int32_t)SMAD_SV_DUTY_FULL));
-    smad_sv_observe_energy(s, lim, k, loss_mW_per_K);
+    flow = smad_sv_max16((int16_t)m->duty[k], (int16_t)smad_sv_min32((int32_t)(((int64_t)m->pump_rpm[k] * (int64_t)s->rpm_share) >> (int64_t)16), (int32_t)SMAD_SV_DUTY_FULL));
+    loss_mW_per_K = (SMAD_SV_LIMIT_LOSS_STATIC_MW_PER_K + (int16_t)smad_sv_of_duty(SMAD_SV_LIMIT_LOSS_FLOW_MW_PER_K, flow));
+    smad_sv_observe_energy(s, lim, k, smad_sv_hold16(loss_mW_per_K, 0, 1020));
     smad_sv_observe_stuck(s, lim, k);
     smad_sv_observe_off(s, m, lim, k);
-    smad_sv_observe_envelope(s, lim, k, loss_mW_per_K);
+    smad_sv_observe_envelope(s, lim, k, smad_sv_hold16(loss_mW_per_K, 0, 1020));
     smad_sv_observe_cooling(s, m, lim, k);
     smad_sv_observe_resistance(s, m, lim, k);
     smad_sv_observe_i2t(s, m, lim, k);
@@ -676,7 +693,7 @@ static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct sm
     int32_t low_uA;
     int32_t high_uA;
     (void)lim;
-    s->power_mW[k] = smad_sv_min32(smad_sv_max32(smad_sv_div32(((int32_t)m->i_mA[k] * m->v_mV[k]), (int32_t)1000), (int32_t)0), SMAD_SV_POWER_MOST_MW);
+    s->power_mW[k] = smad_sv_power_mW(m->i_mA[k], m->v_mV[k]);
     s->i_uA[k] = smad_sv_follow(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000), s->filter_share);
     s->v_uV[k] = smad_sv_follow(s->v_uV[k], (m->v_mV[k] * (int32_t)1000), s->filter_share);
     applied_uA = ((int32_t)m->applied_mA[k] * (int32_t)1000);
@@ -692,7 +709,7 @@ static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_s
     int16_t other;
     int16_t fell;
     int32_t excess_cC;
-    int32_t loss_mW;
+    int32_t net_mW;
     int64_t net_nJ;
     (void)lim;
     t_cC = s->t_cC[k];
@@ -710,8 +727,8 @@ static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_s
     }
     excess_cC = ((int32_t)t_cC - (int32_t)s->coldest_cC);
     excess_cC = smad_sv_max32(excess_cC, (int32_t)0);
-    loss_mW = smad_sv_div32(((int32_t)loss_mW_per_K * (excess_cC + (int32_t)SMAD_SV_LIMIT_SENSOR_OFFSET_CC)), (int32_t)100);
-    net_nJ = (s->anchor_net_nJ[k] + ((int64_t)((int32_t)s->power_mW[k] - loss_mW) * (int64_t)s->dt_us));
+    net_mW = ((int32_t)s->power_mW[k] - smad_sv_loss_mW(loss_mW_per_K, (excess_cC + (int32_t)SMAD_SV_LIMIT_SENSOR_OFFSET_CC)));
+    net_nJ = (s->anchor_net_nJ[k] + ((int64_t)net_mW * (int64_t)s->dt_us));
     if (net_nJ < (int64_t)0) {
         s->anchor_other_cC[k] = s->t_cC[other];
         s->anchor_other_nJ[k] = 0;
@@ -756,7 +773,6 @@ static void smad_sv_observe_off(struct smad_sv_memory *s, const struct smad_sv_m
 
 static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K)
 {
-    int32_t power_mW;
     int32_t above_cC;
     int16_t low_loss;
     int32_t net_mW;
@@ -764,13 +780,12 @@ static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad
     int16_t high_loss;
     int64_t high_fcC;
     (void)lim;
-    power_mW = s->power_mW[k];
     above_cC = ((s->low_fcC[k] >> 16) - (int32_t)s->coldest_cC);
     low_loss = loss_mW_per_K;
     if (above_cC < (int32_t)0) {
         low_loss = SMAD_SV_LIMIT_ENVELOPE_LOSS_LEAST_MW_PER_K;
     }
-    net_mW = (power_mW - smad_sv_div32(((int32_t)low_loss * above_cC), (int32_t)100));
+    net_mW = ((int32_t)s->power_mW[k] - smad_sv_loss_mW(low_loss, above_cC));
     low_fcC = ((int64_t)s->low_fcC[k] + (((int64_t)net_mW * (int64_t)s->heavy_share) >> (int64_t)SMAD_SV_FCC_PER_K_LOG2));
     s->low_fcC[k] = smad_sv_hold64(smad_sv_min64(low_fcC, (int64_t)SMAD_SV_MODEL_MOST_FCC), -2147483647 - 1, 2147418112);
     s->low_seen_fcC[k] = smad_sv_follow(s->low_seen_fcC[k], s->low_fcC[k], s->lag_share);
@@ -779,7 +794,7 @@ static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad
     if (above_cC < (int32_t)0) {
         high_loss = loss_mW_per_K;
     }
-    net_mW = (power_mW - smad_sv_div32(((int32_t)high_loss * above_cC), (int32_t)100));
+    net_mW = ((int32_t)s->power_mW[k] - smad_sv_loss_mW(high_loss, above_cC));
     high_fcC = ((int64_t)s->high_fcC[k] + (((int64_t)net_mW * (int64_t)s->light_share) >> (int64_t)SMAD_SV_FCC_PER_K_LOG2));
     s->high_fcC[k] = smad_sv_hold64(smad_sv_min64(high_fcC, ((int64_t)((int32_t)s->t_cC[k] + (int32_t)SMAD_SV_LIMIT_ENVELOPE_SPAN_CC) * (int64_t)SMAD_SV_FCC_PER_CC)), -2147483647 - 1, 2147418112);
 }
@@ -794,10 +809,15 @@ static void smad_sv_observe_cooling(struct smad_sv_memory *s, const struct smad_
     }
 }
 
+static uint32_t smad_sv_resistance_mohm(struct smad_sv_memory *s, uint8_t k)
+{
+    return smad_sv_hold32(smad_sv_max32(smad_sv_div32(((s->v_uV[k] >> (int32_t)6) * (int32_t)1000), smad_sv_max32((s->i_uA[k] >> (int32_t)6), (int32_t)1)), (int32_t)0), 0, 2000000);
+}
+
 static void smad_sv_observe_resistance(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    if ((s->reference_mohm[k] == (int32_t)0) && (smad_sv_resistance_is_measurable(s, m, lim, k))) {
-        s->reference_mohm[k] = smad_sv_hold64(smad_sv_div64(((int64_t)s->v_uV[k] * (int64_t)1000), (int64_t)smad_sv_max32(s->i_uA[k], (int32_t)1)), -2147483647 - 1, 2147483647);
+    if (((int32_t)s->reference_mohm[k] == (int32_t)0) && (smad_sv_resistance_is_measurable(s, m, lim, k))) {
+        s->reference_mohm[k] = smad_sv_resistance_mohm(s, k);
         s->reference_cC[k] = s->t_cC[k];
     }
 }
@@ -815,6 +835,9 @@ static void smad_sv_observe_i2t(struct smad_sv_memory *s, const struct smad_sv_m
 {
     int32_t rated_mA2;
     int64_t total;
+    if ((m->i_mA[k] <= (int16_t)lim->i2t_rated_mA) && (s->i2t_mA2us[k] == (int64_t)0)) {
+        return;
+    }
     rated_mA2 = ((int32_t)lim->i2t_rated_mA * (int32_t)lim->i2t_rated_mA);
     total = (s->i2t_mA2us[k] + ((int64_t)(((int32_t)m->i_mA[k] * (int32_t)m->i_mA[k]) - rated_mA2) * (int64_t)s->dt_us));
     s->i2t_mA2us[k] = smad_sv_min64(smad_sv_max64(total, (int64_t)0), SMAD_SV_SUM_MOST);
@@ -856,16 +879,6 @@ static uint8_t smad_sv_bad(struct smad_sv_memory *s, int32_t value, int32_t limi
     s->value = value;
     s->limit = limit;
     return SMAD_SV_BAD;
-}
-
-static int64_t smad_sv_heat_limit_nJ(const struct smad_sv_limits *lim)
-{
-    return ((int64_t)lim->unheated_energy_mJ * (int64_t)SMAD_SV_NJ_PER_MJ);
-}
-
-static int32_t smad_sv_resistance_mohm(struct smad_sv_memory *s, uint8_t k)
-{
-    return smad_sv_hold64(smad_sv_div64(((int64_t)s->v_uV[k] * (int64_t)1000), (int64_t)smad_sv_max32(s->i_uA[k], (int32_t)1)), -2147483647 - 1, 2147483647);
 }
 
 static uint8_t smad_sv_sensor_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
@@ -938,7 +951,7 @@ static uint8_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_
     if (((int32_t)s->stuck_us[k] >= (int32_t)lim->stuck_us) && (warmed_fcC >= (int64_t)((int32_t)SMAD_SV_LIMIT_STUCK_MODEL_CC * SMAD_SV_FCC_PER_CC))) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
-    if ((((int64_t)4 * (int64_t)s->stuck_us[k]) >= (int64_t)lim->stuck_us) && (s->anchor_net_nJ[k] >= smad_sv_heat_limit_nJ(lim))) {
+    if ((((int64_t)4 * (int64_t)s->stuck_us[k]) >= (int64_t)lim->stuck_us) && (s->anchor_net_nJ[k] >= s->heat_limit_nJ)) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
     return SMAD_SV_GOOD;
@@ -968,7 +981,8 @@ static uint8_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct sm
 {
     int32_t rise_cC;
     (void)m;
-    if (((int64_t)2 * s->anchor_net_nJ[k]) < smad_sv_heat_limit_nJ(lim)) {
+    (void)lim;
+    if (((int64_t)2 * s->anchor_net_nJ[k]) < s->heat_limit_nJ) {
         return SMAD_SV_GOOD;
     }
     rise_cC = ((int32_t)s->t_cC[(1 - (int16_t)k)] - (int32_t)s->anchor_other_cC[k]);
@@ -981,7 +995,7 @@ static uint8_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct sm
 static uint8_t smad_sv_not_heating(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)m;
-    if (s->anchor_net_nJ[k] >= smad_sv_heat_limit_nJ(lim)) {
+    if (s->anchor_net_nJ[k] >= s->heat_limit_nJ) {
         return smad_sv_bad(s, smad_sv_hold64(smad_sv_div64(s->anchor_net_nJ[k], (int64_t)SMAD_SV_NJ_PER_MJ), -2147483647 - 1, 2147483647), lim->unheated_energy_mJ);
     }
     return SMAD_SV_GOOD;
@@ -1089,13 +1103,17 @@ static uint8_t smad_sv_driver_open(struct smad_sv_memory *s, const struct smad_s
 
 static uint8_t smad_sv_resistance_out_of_band(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
+    int32_t v_milli;
+    int32_t i_uA;
     if (!(smad_sv_resistance_is_measurable(s, m, lim, k))) {
         return SMAD_SV_GOOD;
     }
-    if (((int64_t)s->v_uV[k] * (int64_t)1000) >= ((int64_t)(SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM + 1) * (int64_t)s->i_uA[k])) {
+    v_milli = ((s->v_uV[k] >> (int32_t)6) * (int32_t)1000);
+    i_uA = (s->i_uA[k] >> (int32_t)6);
+    if (v_milli >= ((int32_t)(SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM + 1) * i_uA)) {
         return smad_sv_bad(s, smad_sv_resistance_mohm(s, k), SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM);
     }
-    if (((int64_t)s->v_uV[k] * (int64_t)1000) < ((int64_t)SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM * (int64_t)s->i_uA[k])) {
+    if (v_milli < ((int32_t)SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM * i_uA)) {
         return smad_sv_bad(s, smad_sv_resistance_mohm(s, k), SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM);
     }
     return SMAD_SV_GOOD;
@@ -1105,9 +1123,10 @@ static uint8_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const s
 {
     int32_t reference_mohm;
     int32_t r_mohm;
-    int64_t change_permille;
-    int32_t change_cC;
+    int32_t change_mohm;
     int16_t allowed;
+    int32_t change_cC;
+    int32_t change_permille;
     reference_mohm = s->reference_mohm[k];
     if (reference_mohm == (int32_t)0) {
         return SMAD_SV_GOOD;
@@ -1116,11 +1135,16 @@ static uint8_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const s
         return SMAD_SV_BETWEEN;
     }
     r_mohm = smad_sv_resistance_mohm(s, k);
-    change_permille = smad_sv_div64((smad_sv_abs64(((int64_t)r_mohm - (int64_t)reference_mohm)) * (int64_t)1000), (int64_t)smad_sv_max32(reference_mohm, (int32_t)1));
+    change_mohm = smad_sv_abs32((r_mohm - reference_mohm));
+    allowed = lim->resistance_tolerance_permille;
+    if ((change_mohm * (int32_t)1000) < ((int32_t)(allowed + 1) * reference_mohm)) {
+        return SMAD_SV_GOOD;
+    }
     change_cC = smad_sv_abs32(((int32_t)s->t_cC[k] - (int32_t)s->reference_cC[k]));
-    allowed = ((int16_t)lim->resistance_tolerance_permille + (int16_t)smad_sv_div32(((int32_t)SMAD_SV_LIMIT_RESISTANCE_TEMPCO_PPM_PER_K * change_cC), 100000));
-    if (change_permille > (int64_t)allowed) {
-        return smad_sv_bad(s, smad_sv_hold64(change_permille, -2147483647 - 1, 2147483647), allowed);
+    allowed = (allowed + (int16_t)smad_sv_div32(((int32_t)SMAD_SV_LIMIT_RESISTANCE_TEMPCO_PPM_PER_K * change_cC), 100000));
+    change_permille = smad_sv_div32((change_mohm * (int32_t)1000), smad_sv_max32(reference_mohm, (int32_t)1));
+    if (change_permille > (int32_t)allowed) {
+        return smad_sv_bad(s, change_permille, allowed);
     }
     return SMAD_SV_GOOD;
 }
@@ -1128,7 +1152,7 @@ static uint8_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const s
 static uint8_t smad_sv_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)m;
-    if (s->i2t_mA2us[k] >= ((int64_t)(smad_sv_div16((11 * (int16_t)lim->i2t_budget_A2s), 10) + 1) * SMAD_SV_MA2US_PER_A2S)) {
+    if (s->i2t_mA2us[k] >= s->i2t_trip_mA2us) {
         return smad_sv_bad(s, smad_sv_div64(s->i2t_mA2us[k], SMAD_SV_MA2US_PER_A2S), lim->i2t_budget_A2s);
     }
     return SMAD_SV_GOOD;
@@ -1136,17 +1160,14 @@ static uint8_t smad_sv_i2t(struct smad_sv_memory *s, const struct smad_sv_measur
 
 static uint8_t smad_sv_pump_stalled(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int16_t least_rpm;
+    int16_t wet_rpm;
     (void)lim;
     if ((m->pump_rpm[k] == (int32_t)SMAD_SV_UNKNOWN) || ((int16_t)m->duty[k] < SMAD_SV_LIMIT_PUMP_DUTY_LEAST)) {
         return SMAD_SV_GOOD;
     }
-    if (m->pump_rpm[k] >= smad_sv_div32(((int32_t)SMAD_SV_LIMIT_PUMP_RPM * (int32_t)SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE), (int32_t)1000)) {
-        return SMAD_SV_GOOD;
-    }
-    least_rpm = smad_sv_div32((smad_sv_div32(((int32_t)SMAD_SV_LIMIT_PUMP_RPM * (int32_t)m->duty[k]), (int32_t)SMAD_SV_DUTY_FULL) * (int32_t)SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE), (int32_t)1000);
-    if (m->pump_rpm[k] < (int32_t)least_rpm) {
-        return smad_sv_bad(s, m->pump_rpm[k], least_rpm);
+    wet_rpm = smad_sv_of_duty(SMAD_SV_LIMIT_PUMP_RPM, m->duty[k]);
+    if ((m->pump_rpm[k] * (int32_t)1000) < ((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE)) {
+        return smad_sv_bad(s, m->pump_rpm[k], smad_sv_div32(((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE), (int32_t)1000));
     }
     return SMAD_SV_GOOD;
 }
@@ -1158,7 +1179,7 @@ static uint8_t smad_sv_pump_dry(struct smad_sv_memory *s, const struct smad_sv_m
     if ((m->pump_rpm[k] == (int32_t)SMAD_SV_UNKNOWN) || ((int16_t)m->duty[k] < SMAD_SV_LIMIT_PUMP_DUTY_LEAST)) {
         return SMAD_SV_GOOD;
     }
-    wet_rpm = smad_sv_div32(((int32_t)SMAD_SV_LIMIT_PUMP_RPM * (int32_t)m->duty[k]), (int32_t)SMAD_SV_DUTY_FULL);
+    wet_rpm = smad_sv_of_duty(SMAD_SV_LIMIT_PUMP_RPM, m->duty[k]);
     if ((m->pump_rpm[k] * (int32_t)1000) > ((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_DRY_PERMILLE)) {
         return smad_sv_bad(s, m->pump_rpm[k], smad_sv_div32(((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_DRY_PERMILLE), (int32_t)1000));
     }
@@ -1341,7 +1362,7 @@ static void smad_sv_set_warnings(struct smad_sv_memory *s, const struct smad_sv_
     if (smad_sv_max16(s->t_cC[0], s->t_cC[1]) > (int16_t)lim->fold_start_cC) {
         warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_NEAR_TEMPERATURE_LIMIT)));
     }
-    if (smad_sv_max64(s->i2t_mA2us[0], s->i2t_mA2us[1]) >= ((int64_t)lim->i2t_budget_A2s * 800000000000)) {
+    if (smad_sv_max64(s->i2t_mA2us[0], s->i2t_mA2us[1]) >= s->i2t_near_mA2us) {
         warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_NEAR_I2T_LIMIT)));
     }
     if (m->vbus_mV < (int32_t)((int16_t)lim->brown_out_mV + 1000)) {
@@ -1369,7 +1390,7 @@ static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_
     int32_t folded_mA;
     ceiling_mA = lim->current_limit_mA;
     limiter = SMAD_LIMITER_MAXIMUM;
-    if ((s->i2t_mA2us[k] >= ((int64_t)lim->i2t_budget_A2s * 1000000000000)) && ((int16_t)ceiling_mA > (int16_t)lim->i2t_rated_mA)) {
+    if ((s->i2t_mA2us[k] >= s->i2t_budget_mA2us) && ((int16_t)ceiling_mA > (int16_t)lim->i2t_rated_mA)) {
         ceiling_mA = lim->i2t_rated_mA;
         limiter = SMAD_LIMITER_I2T;
     }

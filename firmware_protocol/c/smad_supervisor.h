@@ -145,6 +145,10 @@ struct smad_sv_command {
 
 struct smad_sv_memory {
     int64_t now_us;
+    int64_t heat_limit_nJ;
+    int64_t i2t_near_mA2us;
+    int64_t i2t_budget_mA2us;
+    int64_t i2t_trip_mA2us;
     int64_t entered_us;
     int64_t armed_at_us;
     int64_t setpoint_us;
@@ -168,7 +172,6 @@ struct smad_sv_memory {
     int32_t low_fcC[2];
     int32_t low_seen_fcC[2];
     int32_t high_fcC[2];
-    int32_t reference_mohm[2];
     uint32_t dt_us;
     uint32_t light_share;
     uint32_t drift_fcC;
@@ -182,6 +185,7 @@ struct smad_sv_memory {
     uint32_t stuck_us[2];
     uint32_t off_us[2];
     uint32_t cool_us[2];
+    uint32_t reference_mohm[2];
     uint32_t jump_us[4];
     uint32_t bad_us[63];
     uint32_t need_us[63];
@@ -198,6 +202,7 @@ struct smad_sv_memory {
     uint16_t filter_share;
     uint16_t band_share;
     uint16_t lag_share;
+    uint16_t rpm_share;
     uint16_t ceiling_mA[2];
     uint16_t applied_mA[2];
     uint16_t warnings;

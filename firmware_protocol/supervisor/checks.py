@@ -11,17 +11,17 @@ from __future__ import annotations
 from firmware_protocol.supervisor.limits import Limits
 from firmware_protocol.supervisor.memory import UNKNOWN, Measurements, Memory, RTD_INVALID_cC
 from firmware_protocol.supervisor.observers import (
-    DUTY_FULL,
-    NJ_PER_MJ,
     FCC_PER_CC,
+    MA2US_PER_A2S,
+    NJ_PER_MJ,
+    of_duty,
     resistance_is_measurable,
+    resistance_mohm,
 )
 
 GOOD = 0
 BETWEEN = 1
 BAD = 2
-
-MA2US_PER_A2S = 1_000_000_000_000
 
 
 def bad(s: Memory, value: int, limit: int) -> int:
@@ -29,16 +29,6 @@ def bad(s: Memory, value: int, limit: int) -> int:
     s.value = value
     s.limit = limit
     return BAD
-
-
-def heat_limit_nJ(lim: Limits) -> int:
-    """Return the energy above the losses that must show."""
-    return lim.unheated_energy_mJ * NJ_PER_MJ
-
-
-def resistance_mohm(s: Memory, k: int) -> int:
-    """Return V/I of spring k, where it can be measured."""
-    return s.v_uV[k] * 1000 // max(s.i_uA[k], 1)
 
 
 def sensor_invalid(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
@@ -96,7 +86,7 @@ def sensor_stuck(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     warmed_fcC = s.low_fcC[k] - s.stuck_low_fcC[k]
     if s.stuck_us[k] >= lim.stuck_us and warmed_fcC >= lim.stuck_model_cC * FCC_PER_CC:
         return bad(s, s.stuck_us[k], lim.stuck_us)
-    if 4 * s.stuck_us[k] >= lim.stuck_us and s.anchor_net_nJ[k] >= heat_limit_nJ(lim):
+    if 4 * s.stuck_us[k] >= lim.stuck_us and s.anchor_net_nJ[k] >= s.heat_limit_nJ:
         return bad(s, s.stuck_us[k], lim.stuck_us)
     return GOOD
 
@@ -118,7 +108,7 @@ def sensor_below_surroundings(s: Memory, m: Measurements, lim: Limits, k: int) -
 
 def sensors_swapped(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Spring k got half the energy that must show, and the other sensor shows it."""
-    if 2 * s.anchor_net_nJ[k] < heat_limit_nJ(lim):
+    if 2 * s.anchor_net_nJ[k] < s.heat_limit_nJ:
         return GOOD
     rise_cC = s.t_cC[1 - k] - s.anchor_other_cC[k]
     if rise_cC >= lim.swapped_rise_cC and 8 * s.anchor_other_nJ[k] < s.anchor_net_nJ[k]:
@@ -128,7 +118,7 @@ def sensors_swapped(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 def not_heating(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Energy went in and the temperature did not rise."""
-    if s.anchor_net_nJ[k] >= heat_limit_nJ(lim):
+    if s.anchor_net_nJ[k] >= s.heat_limit_nJ:
         return bad(s, s.anchor_net_nJ[k] // NJ_PER_MJ, lim.unheated_energy_mJ)
     return GOOD
 
@@ -215,9 +205,12 @@ def resistance_out_of_band(s: Memory, m: Measurements, lim: Limits, k: int) -> i
     """V/I is not that of a spring."""
     if not resistance_is_measurable(s, m, lim, k):
         return GOOD
-    if s.v_uV[k] * 1000 >= (lim.resistance_max_mohm + 1) * s.i_uA[k]:
+    # V against R times I, which takes no division.
+    v_milli = (s.v_uV[k] >> 6) * 1000
+    i_uA = s.i_uA[k] >> 6
+    if v_milli >= (lim.resistance_max_mohm + 1) * i_uA:
         return bad(s, resistance_mohm(s, k), lim.resistance_max_mohm)
-    if s.v_uV[k] * 1000 < lim.resistance_min_mohm * s.i_uA[k]:
+    if v_milli < lim.resistance_min_mohm * i_uA:
         return bad(s, resistance_mohm(s, k), lim.resistance_min_mohm)
     return GOOD
 
@@ -230,11 +223,13 @@ def resistance_rtd_disagree(s: Memory, m: Measurements, lim: Limits, k: int) -> 
     if not resistance_is_measurable(s, m, lim, k):
         return BETWEEN
     r_mohm = resistance_mohm(s, k)
-    change_permille = abs(r_mohm - reference_mohm) * 1000 // max(reference_mohm, 1)
+    change_mohm = abs(r_mohm - reference_mohm)
+    allowed = lim.resistance_tolerance_permille
+    if change_mohm * 1000 < (allowed + 1) * reference_mohm:
+        return GOOD
     change_cC = abs(s.t_cC[k] - s.reference_cC[k])
-    allowed = (
-        lim.resistance_tolerance_permille + lim.resistance_tempco_ppm_per_K * change_cC // 100_000
-    )
+    allowed += lim.resistance_tempco_ppm_per_K * change_cC // 100_000
+    change_permille = change_mohm * 1000 // max(reference_mohm, 1)
     if change_permille > allowed:
         return bad(s, change_permille, allowed)
     return GOOD
@@ -242,7 +237,7 @@ def resistance_rtd_disagree(s: Memory, m: Measurements, lim: Limits, k: int) -> 
 
 def i2t(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """A tenth more than the budget, although the ceiling is at the rated current by then."""
-    if s.i2t_mA2us[k] >= (11 * lim.i2t_budget_A2s // 10 + 1) * MA2US_PER_A2S:
+    if s.i2t_mA2us[k] >= s.i2t_trip_mA2us:
         return bad(s, s.i2t_mA2us[k] // MA2US_PER_A2S, lim.i2t_budget_A2s)
     return GOOD
 
@@ -251,11 +246,9 @@ def pump_stalled(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Driven, and turning too slowly."""
     if m.pump_rpm[k] == UNKNOWN or m.duty[k] < lim.pump_duty_least:
         return GOOD
-    if m.pump_rpm[k] >= lim.pump_rpm * lim.pump_stalled_permille // 1000:
-        return GOOD
-    least_rpm = lim.pump_rpm * m.duty[k] // DUTY_FULL * lim.pump_stalled_permille // 1000
-    if m.pump_rpm[k] < least_rpm:
-        return bad(s, m.pump_rpm[k], least_rpm)
+    wet_rpm = of_duty(lim.pump_rpm, m.duty[k])
+    if m.pump_rpm[k] * 1000 < wet_rpm * lim.pump_stalled_permille:
+        return bad(s, m.pump_rpm[k], wet_rpm * lim.pump_stalled_permille // 1000)
     return GOOD
 
 
@@ -263,7 +256,7 @@ def pump_dry(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Driven, and turning faster than water allows."""
     if m.pump_rpm[k] == UNKNOWN or m.duty[k] < lim.pump_duty_least:
         return GOOD
-    wet_rpm = lim.pump_rpm * m.duty[k] // DUTY_FULL
+    wet_rpm = of_duty(lim.pump_rpm, m.duty[k])
     if m.pump_rpm[k] * 1000 > wet_rpm * lim.pump_dry_permille:
         return bad(s, m.pump_rpm[k], wet_rpm * lim.pump_dry_permille // 1000)
     return GOOD

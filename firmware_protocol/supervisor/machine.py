@@ -122,7 +122,7 @@ def set_warnings(s: Memory, m: Measurements, lim: Limits) -> None:
         warnings |= 1 << Warning.RTD_JUMP
     if max(s.t_cC[0], s.t_cC[1]) > lim.fold_start_cC:
         warnings |= 1 << Warning.NEAR_TEMPERATURE_LIMIT
-    if max(s.i2t_mA2us[0], s.i2t_mA2us[1]) >= lim.i2t_budget_A2s * 800_000_000_000:
+    if max(s.i2t_mA2us[0], s.i2t_mA2us[1]) >= s.i2t_near_mA2us:
         warnings |= 1 << Warning.NEAR_I2T_LIMIT
     if m.vbus_mV < lim.brown_out_mV + 1000:
         warnings |= 1 << Warning.SUPPLY_LOW
@@ -139,7 +139,7 @@ def find_ceiling(s: Memory, lim: Limits, k: int) -> None:
     """Set the ceiling of spring k: the maximum, lowered by I2t and by temperature."""
     ceiling_mA = lim.current_limit_mA
     limiter = int(Limiter.MAXIMUM)
-    if s.i2t_mA2us[k] >= lim.i2t_budget_A2s * 1_000_000_000_000 and ceiling_mA > lim.i2t_rated_mA:
+    if s.i2t_mA2us[k] >= s.i2t_budget_mA2us and ceiling_mA > lim.i2t_rated_mA:
         ceiling_mA = lim.i2t_rated_mA
         limiter = Limiter.I2T
     # The heaviest good spring is never warmer than the true one: it stands in for a slow sensor.

@@ -67,7 +67,7 @@ class Memory:
     dt_us: int = 0
     started: int = 0
 
-    # What follows from the time step, worked out when it changes (see set_pace).
+    # What follows from the time step and the limits, worked out when they change (see set_pace).
     paced_us: int = -1
     filter_share: int = 0
     band_share: int = 0
@@ -75,6 +75,11 @@ class Memory:
     heavy_share: int = 0
     light_share: int = 0
     drift_fcC: int = 0
+    rpm_share: int = 0
+    heat_limit_nJ: int = 0
+    i2t_near_mA2us: int = 0
+    i2t_budget_mA2us: int = 0
+    i2t_trip_mA2us: int = 0
 
     state: int = 0
     entered_us: int = 0

@@ -47,6 +47,7 @@ UA = Range(-32_768_000, 65_535_000)
 BAND = Range(0, 1000 * CURRENT.high)
 UV = Range(-65_535_000, 65_535_000)
 FCC = Range(-32_768 * FCC_PER_CC, 32_767 * FCC_PER_CC)
+OHMS = Range(0, 2_000_000)
 SUM = Range(0, SUM_MOST)
 COUNT = Range(0, 60_000)
 
@@ -65,6 +66,8 @@ MEMORY: dict[str, Range] = {
     "lines": U8, "now_us": TIME, "dt_us": Range(0, 10_000_000), "started": FLAG,
     "paced_us": Range(-1, 10_000_000), "filter_share": U16, "band_share": U16, "lag_share": U16,
     "heavy_share": I32, "light_share": Range(0, 2_000_000_000), "drift_fcC": Range(0, 20_000_000),
+    "rpm_share": U16, "heat_limit_nJ": SUM, "i2t_near_mA2us": SUM, "i2t_budget_mA2us": SUM,
+    "i2t_trip_mA2us": SUM,
     "state": STATE, "entered_us": TIME, "armed_at_us": TIME,
     "gate": FLAG, "ceiling_mA": CURRENT, "ceiling_limiter": LIMITER, "applied_mA": CURRENT,
     "duty": U8, "limiter": LIMITER, "warnings": U16,
@@ -82,7 +85,7 @@ MEMORY: dict[str, Range] = {
     "anchor_net_nJ": SUM, "anchor_other_nJ": SUM,
     "stuck_cC": I16, "stuck_us": TIMER, "stuck_low_fcC": FCC, "off_us": TIMER, "off_fcC": FCC,
     "low_fcC": FCC, "low_seen_fcC": FCC, "high_fcC": FCC, "i2t_mA2us": SUM,
-    "cool_us": TIMER, "cool_from_cC": I16, "reference_mohm": I32, "reference_cC": I16,
+    "cool_us": TIMER, "cool_from_cC": I16, "reference_mohm": OHMS, "reference_cC": I16,
     "last_cC": I16, "jumps": COUNT, "jump_us": TIMER, "jump_cC": U16,
     "bad_samples": COUNT, "bad_us": TIMER, "need_samples": U8, "need_us": TIMER,
 }  # fmt: skip
@@ -99,13 +102,14 @@ RECORDS: dict[str, dict[str, Range]] = {
 ARGUMENTS: dict[str, Range] = {
     "k": CHANNEL, "now_us": TIME, "trigger": Range(0, 9), "fault": Range(1, 31),
     "channel": CHANNEL, "code": Range(0, 63), "value": I32, "limit": I32, "link": Range(0, 15),
-    "loss_mW_per_K": Range(0, 2000),
+    "loss_mW_per_K": Range(0, 1020), "full": Range(0, 6000), "duty": U8,
+    "above_cC": Range(-65_735, 65_735), "i_mA": I16, "v_mV": Range(-65_535, 65_535),
 }  # fmt: skip
 """Of the arguments that are numbers, by name."""
 
 RESULTS: dict[str, Range] = {
-    "saturated": I32, "resistance_mohm": I32,
-    "heat_limit_nJ": Range(0, LIMITS["unheated_energy_mJ"].high * 1_000_000),
+    "saturated": I32, "resistance_mohm": OHMS, "of_duty": Range(0, 10_000),
+    "loss_mW": Range(-10_000_000, 10_000_000), "power_mW": Range(0, POWER_MOST_mW),
 }  # fmt: skip
 RESULT = Range(0, 63)
 """Of every other function that returns a number: codes and verdicts."""
@@ -130,7 +134,7 @@ SATURATED: dict[str, str] = {
     "filter_share": _SHARE,
     "band_share": _SHARE,
     "lag_share": _SHARE,
-    "reference_mohm": "as resistance_mohm",
+    "loss_mW_per_K": "at full duty it is the sum of two limits, 1020",
     "resistance_mohm": "taken at half an ampere and more: below 132 ohm",
     "value": "what a report names; the wire holds 32 bits, and Python is held at their ends too",
 }

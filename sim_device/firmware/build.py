@@ -51,10 +51,10 @@ class Port:
 
 
 _CORE = (SOURCES / "core", PROTOCOL)
-_SMALL = ("-Os", "-std=gnu99", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
+_CHIP = ("-O2", "-std=gnu99", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
 _MEGA = Step(
     "avr-gcc",
-    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", *_SMALL),
+    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", *_CHIP),
     (*_CORE, SOURCES / "avr"),
     "smad-mega.elf",
 )

@@ -103,9 +103,11 @@ def rtd_register(t_cC: int) -> int:
 
 def rtd_cC(register: int) -> int:
     """Return what the firmware reads from an RTD register."""
+    code = register >> 1
+    if code == RTD_FULL - 1:
+        return RTD_RAIL_HIGH_cC
     if register & RTD_FAULT:
         return RTD_INVALID_cC
-    code = register >> 1
     if code == 0:
         return RTD_RAIL_LOW_cC
     index, part = divmod(code, RTD_TABLE_STEP)
