@@ -272,10 +272,13 @@ static void show_pins(uint32_t dt_us)
         avr_cycle_timer_register(avr, edge_cycles, on_edge, NULL);
     }
     for (uintptr_t k = 0; k < 2; k++) {
-        if (in.head.tacho_us[k] != 0 && !turning[k]) {
+        avr_cycle_count_t half = (avr_cycle_count_t)in.head.tacho_us[k] * MHZ / 2u;
+        /* A pump that speeds up does not wait for the pulse of its slow time. */
+        bool late = turning[k] && avr_cycle_timer_status(avr, on_pulse, (void *)k) > half;
+        if (half != 0 && (late || !turning[k])) {
             turning[k] = true;
-            avr_cycle_timer_register(avr, (avr_cycle_count_t)in.head.tacho_us[k] * MHZ / 2u,
-                                     on_pulse, (void *)k);
+            avr_cycle_timer_cancel(avr, on_pulse, (void *)k);
+            avr_cycle_timer_register(avr, half, on_pulse, (void *)k);
         }
     }
 }

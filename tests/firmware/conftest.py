@@ -1,0 +1,37 @@
+"""Benches around each port of the firmware; a port whose compiler is missing is skipped."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from sim_device.firmware.bench import FirmwareBench, firmware_bench
+from sim_device.firmware.build import missing
+from sim_device.firmware.store import write_image
+
+PORTS = ("host", "avr")
+Make = Callable[..., FirmwareBench]
+
+__all__ = ["PORTS", "Make", "needs", "write_image"]
+
+
+def needs(port: str) -> None:
+    """Skip the test, saying what to install, where the port cannot be built."""
+    command = missing(port)
+    if command:
+        pytest.skip(f"the firmware for {port} cannot be compiled here: {command}")
+
+
+@pytest.fixture(params=PORTS)
+def make(request: pytest.FixtureRequest) -> Iterator[Make]:
+    """Makes benches around one port after the other; they end with the test."""
+    needs(request.param)
+    benches: list[FirmwareBench] = []
+
+    def make_bench(**options: Any) -> FirmwareBench:
+        benches.append(firmware_bench(request.param, **options))
+        return benches[-1]
+
+    yield make_bench
+    for bench in benches:
+        bench.close()
