@@ -28,6 +28,7 @@
 #define SCK _BV(PB1)
 #define MOSI _BV(PB2)
 #define MISO _BV(PB3)
+#define MARK _BV(PB7) /* the board's own light */
 /* Port A: their selects, and the bridge's two lines. */
 #define RTD_SELECTS (_BV(PA0) | _BV(PA1) | _BV(PA2) | _BV(PA3))
 #define DAC_SELECT _BV(PA4)
@@ -97,11 +98,16 @@ uint32_t hal_time_us(void)
 }
 
 static volatile bool tick_waits;
+static volatile uint8_t converting = HAL_ANALOGS;
 static volatile uint32_t tick_us;
 static uint32_t tick_period_us;
 
 ISR(TIMER3_COMPA_vect)
 {
+    /* The first reading is taken at the tick itself, however late the loop comes. */
+    ADMUX = _BV(REFS0) | HAL_I_X;
+    ADCSRA |= _BV(ADSC);
+    converting = HAL_I_X;
     tick_us += tick_period_us;
     tick_waits = true;
 }
@@ -182,11 +188,17 @@ uint16_t hal_serial_room(void)
 
 void hal_serial_write(const uint8_t *data, uint16_t size)
 {
-    for (uint16_t i = 0; i < size; i++) {
-        to_send[to_send_head] = data[i];
-        to_send_head++;
+    uint8_t head = to_send_head;
+    for (uint8_t left = (uint8_t)size; left > 0; left--) {
+        to_send[head] = *data++;
+        head++;
     }
-    UCSR0B |= _BV(UDRIE0);
+    to_send_head = head;
+}
+
+uint16_t hal_most_rate_hz(void)
+{
+    return 100; /* a sample takes 3 ms of its 10 */
 }
 
 uint32_t hal_serial_baud(void)
@@ -201,6 +213,10 @@ static volatile bool store_ready;
 void hal_sleep(void)
 {
     cli();
+    if (to_send_head != to_send_tail) {
+        /* Only now: its interrupts would lengthen the sample that made the bytes. */
+        UCSR0B |= _BV(UDRIE0);
+    }
     while (!tick_waits && received_tail == received_head && !store_ready) {
         sleep_enable();
         sei();
@@ -214,13 +230,29 @@ void hal_sleep(void)
 
 /* Readings */
 
-uint16_t hal_analog(enum hal_analog channel)
+static void convert(uint8_t channel)
 {
     ADMUX = (uint8_t)(_BV(REFS0) | channel);
     ADCSRA |= _BV(ADSC);
+    converting = channel;
+}
+
+/* Begins the following channel before it returns, for the loop to do something else meanwhile. */
+uint16_t hal_analog(enum hal_analog channel)
+{
+    uint16_t code;
+    if (converting != channel) {
+        convert(channel);
+    }
     while ((ADCSRA & _BV(ADSC)) != 0) {
     }
-    return ADC;
+    code = ADC;
+    if (channel + 1u < HAL_ANALOGS) {
+        convert((uint8_t)(channel + 1u));
+    } else {
+        converting = HAL_ANALOGS;
+    }
+    return code;
 }
 
 /* One byte out and one in. The converters put out on the rising edge and the DAC takes in on it;
@@ -474,6 +506,15 @@ uint8_t hal_reset_cause(void)
     return (reset_cause & _BV(EXTRF)) != 0 ? SMAD_RESET_CAUSE_PIN : SMAD_RESET_CAUSE_UNKNOWN;
 }
 
+void hal_mark(bool on)
+{
+    if (on) {
+        PORTB |= MARK;
+    } else {
+        PORTB &= (uint8_t)~MARK;
+    }
+}
+
 void hal_uid(uint8_t uid[12])
 {
     eeprom_read_block(uid, (const void *)UID_AT, 12);
@@ -483,7 +524,7 @@ static void start_pins(void)
 {
     PORTA = RTD_SELECTS | DAC_SELECT | ENCODER_ALARM;
     DDRA = RTD_SELECTS | DAC_SELECT | BRIDGE_CLOCK;
-    DDRB = SCK | MOSI;
+    DDRB = SCK | MOSI | MARK;
     PORTC = LEAK;
     DDRC = GATE | DRAIN_X | DRAIN_Y;
     PORTD = _BV(PD2) | _BV(PD3);

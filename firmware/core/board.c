@@ -129,7 +129,7 @@ static void fill_state(struct smad_state *state)
 }
 
 /* Sends a fault when the supervisor latched one; clearing lets the next one be sent. */
-static void report_fault(void)
+static void report_fault_with(const struct smad_state *state)
 {
     if (sv.latched && !fault_reported) {
         struct smad_fault_report report;
@@ -139,10 +139,19 @@ static void report_fault(void)
         report.t_us = (uint32_t)sv.first_us;
         report.measured = saturated(sv.first_value);
         report.limit = saturated(sv.first_limit);
-        fill_state(&report.snapshot);
+        report.snapshot = *state;
         session_send_fault(&report, now_us);
     }
     fault_reported = sv.latched != 0;
+}
+
+static void report_fault(void)
+{
+    struct smad_state state;
+    if (sv.latched && !fault_reported) {
+        fill_state(&state);
+    }
+    report_fault_with(&state);
 }
 
 /* Sampling */
@@ -150,19 +159,21 @@ static void report_fault(void)
 static void measure(void)
 {
     uint8_t inputs = hal_inputs();
+    uint16_t codes[HAL_ANALOGS];
+    for (uint8_t j = 0; j < HAL_ANALOGS; j++) {
+        codes[j] = hal_analog((enum hal_analog)j);
+        if (j < RTDS) {
+            measured.rtd_cC[j] = convert_rtd(hal_rtd(j));
+        }
+    }
     for (uint8_t k = 0; k < 2; k++) {
         measured.applied_mA[k] = sv.applied_mA[k];
         measured.duty[k] = sv.duty[k];
-        measured.i_mA[k] = convert_analog(hal_analog(k == 0 ? HAL_I_X : HAL_I_Y),
-                                          CONVERT_CURRENT_MA);
-        measured.v_mV[k] = convert_analog(hal_analog(k == 0 ? HAL_V_X : HAL_V_Y),
-                                          CONVERT_SPRING_MV);
+        measured.i_mA[k] = (int16_t)convert_analog(codes[HAL_I_X + k], CONVERT_CURRENT_MA);
+        measured.v_mV[k] = convert_analog(codes[HAL_V_X + k], CONVERT_SPRING_MV);
         measured.pump_rpm[k] = convert_tacho(hal_tacho_us(k));
     }
-    measured.vbus_mV = convert_analog(hal_analog(HAL_VBUS), CONVERT_SUPPLY_MV);
-    for (uint8_t j = 0; j < RTDS; j++) {
-        measured.rtd_cC[j] = convert_rtd(hal_rtd(j));
-    }
+    measured.vbus_mV = convert_analog(codes[HAL_VBUS], CONVERT_SUPPLY_MV);
     encoder_counts = hal_encoder();
     force_counts = hal_bridge();
     measured.leak = (inputs & HAL_INPUT_LEAK) != 0;
@@ -205,8 +216,10 @@ static void take_sample(uint32_t t_us)
     watch_loop(dt_us);
     fill_state(&state);
     session_send_state(&state);
-    report_fault();
-    if (at_us >= stats_due_us) {
+    if (fault_reported != (sv.latched != 0)) {
+        report_fault_with(&state);
+    } else if (at_us >= stats_due_us) {
+        /* Not in the sample of a fault, which is the longest as it is. */
         stats_due_us += STATS_EVERY_US;
         session_send_stats(overruns, longest_loop_us, at_us);
         longest_loop_us = 0;
@@ -453,8 +466,10 @@ void board_poll(void)
     uint32_t t_us;
     int byte;
     if (hal_sample_due(&t_us)) {
+        hal_mark(true);
         take_sample(t_us);
         session_flush(time_now());
+        hal_mark(false);
     }
     while ((byte = hal_serial_read()) >= 0) {
         /* Only the byte that ends a frame makes anything happen, and needs the time. */

@@ -43,6 +43,9 @@ uint16_t hal_serial_room(void);
 /* Queues bytes; never more than there is room for. */
 void hal_serial_write(const uint8_t *data, uint16_t size);
 
+/* Highest rate of samples, in Hz, that the chip has the time for; 0 for any. */
+uint16_t hal_most_rate_hz(void);
+
 /* Speed of the port in Bd; 0 for one without, such as USB. */
 uint32_t hal_serial_baud(void);
 
@@ -55,7 +58,8 @@ enum hal_analog {
     HAL_ANALOGS
 };
 
-/* Converts one channel now: 0 to 1023 for 0 to 5 V. */
+/* Converts one channel: 0 to 1023 for 0 to 5 V. Asked for in rising order, with something else in
+ * between, a port can convert the next one meanwhile. */
 uint16_t hal_analog(enum hal_analog channel);
 
 /* RTD register of converter 0 to 3 (spring X, spring Y, inlet, ambient), as MAX31865 has it:
@@ -112,6 +116,9 @@ uint8_t hal_reset_cause(void);
 
 /* Unique number of the chip. */
 void hal_uid(uint8_t uid[12]);
+
+/* A pin for an oscilloscope: on while a sample is taken and its STATE is written. */
+void hal_mark(bool on);
 
 /* Name of the port, for IDENT. */
 extern const char hal_name[];

@@ -105,13 +105,17 @@ static bool is_choice(int32_t value)
     return false;
 }
 
-/* Highest rate whose STATE frames leave enough of the line free; see firmware_protocol/rates.py. */
+/* Highest rate that the chip has the time for, and whose STATE frames leave enough of the line
+ * free; see firmware_protocol/rates.py. */
 static uint16_t most_rate_hz(void)
 {
     uint32_t baud = hal_serial_baud();
     for (uint8_t i = 0; i < sizeof RATES_HZ / sizeof RATES_HZ[0]; i++) {
         uint32_t bytes = (uint32_t)RATES_HZ[i] * (SMAD_STATE_SIZE + 10u)
                          + (SMAD_LINK_STATS_SIZE + 10u) + (SMAD_TIME_REPLY_SIZE + 10u);
+        if (hal_most_rate_hz() != 0 && RATES_HZ[i] > hal_most_rate_hz()) {
+            continue;
+        }
         if (baud == 0 || bytes * 10u <= baud / 100u * LEAST_SHARE_PERCENT) {
             return RATES_HZ[i];
         }
@@ -203,7 +207,9 @@ static void take_over(uint16_t slot, uint16_t size)
         int8_t index = index_of(read_u16((uint16_t)(at + 1u)));
         int32_t value = (int32_t)read_u32((uint16_t)(at + 3u));
         int32_t limit;
-        if (hal_store_read(at) == 0 && index >= 0 && check(index, value, &limit) == 0) {
+        bool fits = hal_store_read(at) == 0 && index >= 0 && check(index, value, &limit) == 0;
+        bool rate = fits && smad_parameters[index].number == PARAM_STATE_RATE_HZ;
+        if (fits && (!rate || value <= (int32_t)most_rate_hz())) {
             values[index] = value;
         }
     }

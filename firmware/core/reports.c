@@ -1,7 +1,5 @@
 #include "reports.h"
 
-#include <string.h>
-
 #define KEPT 16u
 #define REPEATS 2u
 
@@ -17,7 +15,7 @@ static uint8_t slot_of(uint8_t index)
     return index == 0 ? 0 : (uint8_t)(1u + (index - 1u) % (KEPT - 1u));
 }
 
-void reports_add(struct smad_fault_report *report, uint8_t payload[SMAD_FAULT_REPORT_SIZE])
+const uint8_t *reports_add(struct smad_fault_report *report)
 {
     uint8_t slot;
     report->index = (uint8_t)(count < 255u ? count : 255u);
@@ -26,11 +24,11 @@ void reports_add(struct smad_fault_report *report, uint8_t payload[SMAD_FAULT_RE
     }
     slot = slot_of(report->index);
     smad_pack_fault_report(report, kept[slot]);
-    memcpy(payload, kept[slot], SMAD_FAULT_REPORT_SIZE);
     repeats_left[slot] = REPEATS;
     if (first_fault == 0) {
         first_fault = report->fault;
     }
+    return kept[slot];
 }
 
 const uint8_t *reports_repeat(void)

@@ -6,7 +6,7 @@
 #include "smad_protocol.h"
 
 /* Keeps a report; fills in its index and returns it packed. */
-void reports_add(struct smad_fault_report *report, uint8_t payload[SMAD_FAULT_REPORT_SIZE]);
+const uint8_t *reports_add(struct smad_fault_report *report);
 
 /* Returns the next report of which a copy goes with the sample now being sent, NULL after the
  * last one. */

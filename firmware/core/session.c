@@ -41,6 +41,12 @@ static struct smad_setpoint_gate gate;
 static bool ever_wrote;
 static int64_t wrote_us;
 
+/* The last fault as it went on the line, for its copies. */
+static uint8_t fault_wire[SMAD_MAX_WIRE];
+static uint8_t fault_wire_size;
+static uint8_t fault_wire_index;
+static uint16_t fault_wire_session;
+
 static bool state_waits;
 static struct smad_state waiting;
 static uint8_t last_mode;
@@ -113,7 +119,9 @@ static void send_ident(uint16_t in_session, uint32_t echoed, uint8_t seq, int64_
     ident.state_rate_hz = (uint16_t)params_get(PARAM_STATE_RATE_HZ);
     ident.baud = hal_serial_baud();
     hal_uid(ident.uid);
-    strncpy(ident.firmware, hal_name, sizeof ident.firmware);
+    for (uint8_t i = 0; i < sizeof ident.firmware && hal_name[i] != 0; i++) {
+        ident.firmware[i] = hal_name[i];
+    }
     smad_pack_ident(&ident, payload);
     send(SMAD_IDENT_NUMBER, seq, in_session, payload, sizeof payload, now_us);
 }
@@ -192,11 +200,22 @@ void session_send_state(const struct smad_state *state)
     state_waits = true;
 }
 
+static void put_fault(const uint8_t *payload, int64_t now_us)
+{
+    uint8_t index = payload[1];
+    if (fault_wire_size == 0 || fault_wire_index != index || fault_wire_session != session) {
+        fault_wire_index = index;
+        fault_wire_session = session;
+        fault_wire_size = (uint8_t)smad_frame_encode(SMAD_FAULT_REPORT_NUMBER, index, session,
+                                                     payload, SMAD_FAULT_REPORT_SIZE, fault_wire);
+    }
+    put(fault_wire, fault_wire_size, now_us);
+}
+
 void session_send_fault(struct smad_fault_report *report, int64_t now_us)
 {
-    uint8_t payload[SMAD_FAULT_REPORT_SIZE];
-    reports_add(report, payload);
-    send(SMAD_FAULT_REPORT_NUMBER, report->index, session, payload, sizeof payload, now_us);
+    fault_wire_size = 0;
+    put_fault(reports_add(report), now_us);
 }
 
 void session_send_stats(uint32_t overruns, uint32_t longest_loop_us, int64_t now_us)
@@ -229,7 +248,7 @@ void session_flush(int64_t now_us)
     state_waits = false;
     send(SMAD_STATE_NUMBER, ++state_seq, session, payload, sizeof payload, now_us);
     while ((report = reports_repeat()) != NULL) {
-        send(SMAD_FAULT_REPORT_NUMBER, report[1], session, report, SMAD_FAULT_REPORT_SIZE, now_us);
+        put_fault(report, now_us);
     }
 }
 

@@ -222,6 +222,11 @@ void hal_serial_write(const uint8_t *data, uint16_t size)
     out.head.size = (uint16_t)(out.head.size + size);
 }
 
+uint16_t hal_most_rate_hz(void)
+{
+    return 0; /* virtual time stands still meanwhile */
+}
+
 uint32_t hal_serial_baud(void)
 {
     return BAUD;
@@ -326,6 +331,11 @@ void hal_watchdog_kick(void)
 uint8_t hal_reset_cause(void)
 {
     return run.cause;
+}
+
+void hal_mark(bool on)
+{
+    (void)on; /* virtual time stands still meanwhile */
 }
 
 void hal_uid(uint8_t uid[12])

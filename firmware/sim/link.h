@@ -33,7 +33,7 @@ struct link_out {
     uint8_t drain;
     uint16_t resets; /* of the watchdog, since power-up */
     uint16_t size;
-    uint32_t busy_cycles; /* of an emulated chip in this step, not asleep */
+    uint32_t sample_cycles; /* of an emulated chip: the longest sample that ended in this step */
 };
 
 #endif

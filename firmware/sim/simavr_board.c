@@ -58,8 +58,11 @@ static avr_uart_t *uart;
 static avr_cycle_count_t byte_cycles;
 static avr_run_t usual_run;
 static avr_cycle_count_t reset_cycle;
+static const uint8_t JUMP_TO_ITSELF[2] = {0xFF, 0xCF};
 static avr_cycle_count_t stall_end;
-static avr_cycle_count_t slept;
+static bool hung;
+static avr_flashaddr_t hung_at;
+static uint8_t hung_word[2];
 static uint16_t resets;
 static int store_fd;
 static uint8_t stored[STORE_SIZE];
@@ -210,6 +213,20 @@ static void on_bridge_clock(struct avr_irq_t *irq, uint32_t value, void *unused)
     bridge_word <<= 1;
 }
 
+/* The pin that is on while a sample is taken */
+
+static avr_cycle_count_t mark_cycle;
+
+static void on_mark(struct avr_irq_t *irq, uint32_t value, void *unused)
+{
+    (void)irq, (void)unused;
+    if (value != 0) {
+        mark_cycle = avr->cycle;
+    } else if (avr->cycle - mark_cycle > out.head.sample_cycles) {
+        out.head.sample_cycles = (uint32_t)(avr->cycle - mark_cycle);
+    }
+}
+
 /* Encoder and tachometers */
 
 static int32_t encoder_at;
@@ -312,12 +329,30 @@ static avr_cycle_count_t on_end(avr_t *chip, avr_cycle_count_t when, void *unuse
     return 0;
 }
 
+/* The loop hangs: where the program is, outside of interrupts, it jumps to itself for a while. */
+static void hang(void)
+{
+    if (!hung && avr->cycle < stall_end && avr->sreg[S_I]) {
+        hung = true;
+        hung_at = avr->pc;
+        memcpy(hung_word, avr->flash + hung_at, sizeof hung_word);
+        memcpy(avr->flash + hung_at, JUMP_TO_ITSELF, sizeof hung_word);
+    } else if (hung && avr->cycle >= stall_end) {
+        hung = false;
+        memcpy(avr->flash + hung_at, hung_word, sizeof hung_word);
+    }
+}
+
 static void run_until(avr_cycle_count_t end)
 {
     /* Only so that the chip does not run past the end. */
     avr_cycle_timer_register(avr, end - avr->cycle, on_end, NULL);
     while (avr->cycle < end) {
         bool biting = avr->run != usual_run;
+        if (biting) {
+            stall_end = 0; /* the watchdog ends it */
+        }
+        hang();
         int state = avr_run(avr);
         if (biting) {
             /* What ran was the reset of the watchdog. */
@@ -334,21 +369,6 @@ static void run_until(avr_cycle_count_t end)
             byte_cycles = uart->cycles_per_byte * 10u / 11u;
             uart->cycles_per_byte = byte_cycles;
         }
-    }
-}
-
-/* The loop hangs: time passes, timers run, and no instruction is carried out. */
-static void stall(avr_cycle_count_t step_end)
-{
-    avr_cycle_count_t end = stall_end < step_end ? stall_end : step_end;
-    while (avr->cycle < end) {
-        avr_cycle_count_t step = end - avr->cycle;
-        if (avr->run != usual_run) {
-            stall_end = avr->cycle; /* the watchdog ends it */
-            return;
-        }
-        avr->cycle += step < STEP_CYCLES ? step : STEP_CYCLES;
-        avr_cycle_timer_process(avr);
     }
 }
 
@@ -398,6 +418,7 @@ static void answer(int link)
         exit(errno == EPIPE ? 0 : 1);
     }
     out.head.size = 0;
+    out.head.sample_cycles = 0;
 }
 
 static void serve(int link)
@@ -409,8 +430,6 @@ static void serve(int link)
             fprintf(stderr, "smad-simavr: a message of %zd bytes does not fit\n", size);
             exit(1);
         }
-        avr_cycle_count_t began = avr->cycle;
-        slept = 0;
         end += (avr_cycle_count_t)in.head.dt_us * MHZ;
         show_pins(in.head.dt_us);
         enqueue(in.bytes, in.head.size);
@@ -418,9 +437,7 @@ static void serve(int link)
         if (in.head.stall_us > 0) {
             stall_end = avr->cycle + (avr_cycle_count_t)in.head.stall_us * MHZ;
         }
-        stall(end);
         run_until(end);
-        out.head.busy_cycles = (uint32_t)(avr->cycle - began - slept);
         answer(link);
     }
 }
@@ -428,7 +445,7 @@ static void serve(int link)
 static void no_sleep(avr_t *chip, avr_cycle_count_t how_long)
 {
     (void)chip;
-    slept += how_long + 1u; /* no waiting: time is the link's */
+    (void)how_long; /* no waiting: time is the link's */
 }
 
 static void quiet(avr_t *chip, const int level, const char *format, va_list arguments)
@@ -455,6 +472,7 @@ static void wire_up(void)
     avr_irq_register_notify(pin('A', BRIDGE_CLOCK), on_bridge_clock, NULL);
     avr_irq_register_notify(pin('B', 1), on_clock, NULL);
     avr_irq_register_notify(pin('B', 2), on_mosi, NULL);
+    avr_irq_register_notify(pin('B', 7), on_mark, NULL);
     for (avr_io_t *io = avr->io_port; io != NULL; io = io->next) {
         if (strcmp(io->kind, "uart") == 0 && ((avr_uart_t *)io)->name == '0') {
             uart = (avr_uart_t *)io;

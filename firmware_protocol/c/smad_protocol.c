@@ -103,25 +103,31 @@ size_t smad_frame_encode(uint8_t type, uint8_t seq, uint16_t session, const uint
     if (size > SMAD_MAX_PAYLOAD) {
         return 0;
     }
-    uint8_t body[SMAD_MAX_DECODED];
-    put_u8(body, type);
-    put_u8(body + 1, seq);
-    put_u16(body + 2, session);
-    if (size > 0) {
-        memcpy(body + 4, payload, size);
-    }
-    put_u32(body + 4 + size, smad_crc32(body, 4 + size));
+    uint8_t header[4];
+    uint8_t trailer[4];
+    put_u8(header, type);
+    put_u8(header + 1, seq);
+    put_u16(header + 2, session);
+    put_u32(trailer, smad_crc32_more(smad_crc32(header, 4), payload, size));
 
     /* COBS: each zero becomes the distance to the next one. Frames are short, so that no
      * distance reaches 255, where COBS would need another byte. */
-    size_t length = size + 8;
-    size_t mark = 0;
-    for (size_t i = 0; i < length; i++) {
-        if (body[i] == 0) {
+    uint8_t length = (uint8_t)(size + 8);
+    uint8_t mark = 0;
+    const uint8_t *from = header;
+    for (uint8_t i = 0; i < length; i++) {
+        if (i == 4) {
+            from = payload;
+        }
+        if (i == (uint8_t)(size + 4)) {
+            from = trailer;
+        }
+        uint8_t byte = *from++;
+        if (byte == 0) {
             out[mark] = (uint8_t)(i + 1 - mark);
-            mark = i + 1;
+            mark = (uint8_t)(i + 1);
         } else {
-            out[i + 1] = body[i];
+            out[i + 1] = byte;
         }
     }
     out[mark] = (uint8_t)(length + 1 - mark);

@@ -1053,7 +1053,10 @@ static uint8_t smad_sv_uncommanded_current(struct smad_sv_memory *s, const struc
 static uint8_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     int32_t most_uA;
-    if (((int16_t)m->applied_mA[k] == 0) || (((int32_t)m->i_mA[k] * (int32_t)1000) <= (int32_t)s->band_high_uA[k])) {
+    if ((int16_t)m->applied_mA[k] == 0) {
+        return SMAD_SV_GOOD;
+    }
+    if (((int32_t)m->i_mA[k] * (int32_t)1000) <= ((int32_t)s->band_high_uA[k] + ((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000))) {
         return SMAD_SV_GOOD;
     }
     most_uA = s->band_high_uA[k];
@@ -1067,7 +1070,10 @@ static uint8_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_
 static uint8_t smad_sv_current_low(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     int32_t least_uA;
-    if ((m->i_mA[k] <= SMAD_SV_LIMIT_OFF_CURRENT_MA) || (((int32_t)m->i_mA[k] * (int32_t)1000) >= (int32_t)s->band_low_uA[k])) {
+    if (m->i_mA[k] <= SMAD_SV_LIMIT_OFF_CURRENT_MA) {
+        return SMAD_SV_GOOD;
+    }
+    if (((int32_t)m->i_mA[k] * (int32_t)1000) >= ((int32_t)s->band_low_uA[k] - ((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000))) {
         return SMAD_SV_GOOD;
     }
     least_uA = s->band_low_uA[k];

@@ -162,7 +162,9 @@ def uncommanded_current(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 def current_high(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """More current than was regulated to lately."""
     # Most are told by this alone, and the chip is spared a division.
-    if m.applied_mA[k] == 0 or m.i_mA[k] * 1000 <= s.band_high_uA[k]:
+    if m.applied_mA[k] == 0:
+        return GOOD
+    if m.i_mA[k] * 1000 <= s.band_high_uA[k] + lim.current_error_mA * 1000:
         return GOOD
     most_uA = s.band_high_uA[k]
     most_uA += lim.current_error_mA * 1000 + lim.current_error_permille * most_uA // 1000
@@ -173,7 +175,9 @@ def current_high(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 def current_low(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Less current than was regulated to lately, but some."""
-    if m.i_mA[k] <= lim.off_current_mA or m.i_mA[k] * 1000 >= s.band_low_uA[k]:
+    if m.i_mA[k] <= lim.off_current_mA:
+        return GOOD
+    if m.i_mA[k] * 1000 >= s.band_low_uA[k] - lim.current_error_mA * 1000:
         return GOOD
     least_uA = s.band_low_uA[k]
     least_uA -= lim.current_error_mA * 1000 + lim.current_error_permille * least_uA // 1000

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import subprocess
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -96,8 +97,8 @@ class FirmwareBoard:
         self.resets = 0
         self.clock_us = start_us
         """The chip's time at the end of the last step."""
-        self.busy_cycles = 0
-        """Cycles that an emulated chip was not asleep, since power-up."""
+        self.sample_cycles = 0
+        """Cycles that an emulated chip took for its last sample."""
         self._path = path
         self._to_send = bytearray()
         self._codes = encode(self.measurements, hardware)
@@ -216,7 +217,7 @@ class FirmwareBoard:
 
     def _take(self, out: Outputs) -> None:
         self.clock_us = out.t_us
-        self.busy_cycles += out.busy_cycles
+        self.sample_cycles = out.sample_cycles or self.sample_cycles
         if out.resets != self.resets:
             self.resets = out.resets
             self.now_us = out.t_us
@@ -235,6 +236,8 @@ class ChipBoard(FirmwareBoard):
 
     def __init__(self, program: Sequence[str], path: Path, **options: Any) -> None:
         self._inbox = bytearray()
+        self._unseen_us = 0
+        self._told = False
         super().__init__(program, path, **options)
 
     def receive(self, data: bytes, now_us: int) -> None:
@@ -243,11 +246,22 @@ class ChipBoard(FirmwareBoard):
         self._inbox += data
 
     def advance(self, readings: Readings, dt_us: int) -> wire.State | None:
-        """Run for `dt_us` with these readings; return the STATE sent, if one was."""
+        """Run for `dt_us` with these readings; return the STATE sent, if one was.
+
+        The parts convert once a sample, as on the Python board: what happens "every so many
+        samples" counts on it. Only the encoder moves all the time.
+        """
         before = self.line.states
         data = bytes(self._inbox[:MOST_BYTES])
         del self._inbox[:MOST_BYTES]
-        self.step(dt_us, data, self.seen(readings, dt_us * 1e-6))
+        self._unseen_us += dt_us
+        if self._unseen_us >= self.period_us or self._told:
+            codes = self.seen(readings, self._unseen_us * 1e-6)
+            self._unseen_us = 0
+        else:
+            codes = replace(self._codes, encoder=self.hardware.encoder_at(readings))
+        self.step(dt_us, data, codes)
+        self._told = self.line.states > before
         state = self.line.state
         if state is None or self.line.states == before:
             return None

@@ -51,10 +51,10 @@ class Port:
 
 
 _CORE = (SOURCES / "core", PROTOCOL)
-_CHIP = ("-O2", "-std=gnu99", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
+_CHIP = ("-std=gnu99", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
 _MEGA = Step(
     "avr-gcc",
-    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", *_CHIP),
+    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", "-O3", *_CHIP),
     (*_CORE, SOURCES / "avr"),
     "smad-mega.elf",
 )
@@ -72,8 +72,20 @@ _HOST = Step(
     (*_CORE, SOURCES / "host"),
     "smad-firmware-host",
 )
+_M4 = Step(
+    "arm-none-eabi-gcc",
+    (
+        "-mcpu=cortex-m4", "-mthumb", "-Os", *_CHIP, "-ffreestanding", "-fno-tree-loop-distribute-patterns",
+        "-nostdlib", f"-T{SOURCES / 'cortex_m' / 'stm32f446.ld'}",
+        f"-I{SOURCES / 'cortex_m' / 'freestanding'}",
+    ),
+    (*_CORE, SOURCES / "cortex_m"),
+    "smad-nucleo.elf",
+    libraries=("-lgcc",),
+)  # fmt: skip
 PORTS: dict[str, Port] = {
     "host": Port("gcc libc6-dev", (_HOST,), ("smad-firmware-host",)),
+    "cortex-m": Port("gcc-arm-none-eabi", (_M4,)),
     "mega": Port("gcc-avr binutils-avr avr-libc", (_MEGA,)),
     "avr": Port(
         "gcc libc6-dev gcc-avr binutils-avr avr-libc libsimavr-dev libelf-dev",

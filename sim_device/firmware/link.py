@@ -28,7 +28,7 @@ class Outputs(NamedTuple):
     gate: int
     drain: int
     resets: int
-    busy_cycles: int
+    sample_cycles: int
     data: bytes
 
 
@@ -50,7 +50,7 @@ def exchange(
         raise LinkError(f"the firmware does not answer ({error}); start it again") from error
     if len(message) < _OUT.size:
         raise LinkError("the firmware's process ended; its last words are on standard error")
-    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, busy = _OUT.unpack_from(message)
+    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles = _OUT.unpack_from(message)
     return Outputs(
-        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, busy, message[_OUT.size :][:size]
+        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles, message[_OUT.size :][:size]
     )

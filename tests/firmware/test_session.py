@@ -11,6 +11,7 @@ from firmware_protocol.events import Connected, HostState
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
 from sim_device.faults import injection
+from sim_device.firmware.bench import ChipBench
 from tests.firmware.conftest import Make
 from tests.sim_device.loop import Loop, hold
 
@@ -64,8 +65,14 @@ def test_it_describes_itself_as_the_tables_do(make: Make) -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [250, 500])
-def test_it_keeps_a_faster_rate(make: Make, rate_hz: int) -> None:
+def test_it_keeps_a_faster_rate_or_says_that_it_has_not_the_time(make: Make, rate_hz: int) -> None:
     loop = Loop(make(rate_hz=rate_hz)).connected()
+    if isinstance(loop.bench, ChipBench):
+        assert identity(loop).state_rate_hz == 100
+        refused = loop.request(wire.ParamSet(0, 1, rate_hz))
+        assert isinstance(refused, wire.Error)
+        assert (refused.code, refused.limit) == (ErrorCode.RATE_TOO_HIGH, 100)
+        return
     begin = len(loop.states)
     loop.step(300)
     times = [state.t_us for state in loop.states[begin:]]
@@ -182,6 +189,7 @@ def test_a_damaged_store_stops_the_board_until_it_is_mended(make: Make) -> None:
     loop.until(lambda: loop.mode is BoardState.FAULT)
     assert loop.reports[-1].fault is Fault.PARAM_CRC
     assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+    loop.step(2)
     assert isinstance(loop.request(wire.ClearFault(0, Fault.PARAM_CRC)), wire.Done)
     loop.until(lambda: loop.mode is BoardState.SAFE, 20)
     assert restarted(loop).mode is BoardState.SAFE
