@@ -39,8 +39,11 @@ int main(void)
     static struct smad_sv_memory s;
     struct smad_sv_measurements m;
     struct smad_sv_command c;
-    const struct smad_sv_limits *lim = &smad_sv_limits_compiled;
+    /* A copy: on a chip the compiled limits are in flash, where no pointer reaches. */
+    static struct smad_sv_limits limits;
+    const struct smad_sv_limits *lim = &limits;
     int64_t row[ROW], code, count = 0, n;
+    limits = smad_sv_limits_compiled;
     smad_sv_init(&s);
     smad_sv_configure(&s, lim);
     while (fread(row, sizeof row, 1, stdin) == 1) {
@@ -51,7 +54,7 @@ MEASUREMENTS
         } else {
 COMMAND
         }
-        switch (row[0]) {
+        switch ((int)row[0]) {
         case 0: smad_sv_sample(&s, &m, lim, now); code = 0; break;
         case 1: code = smad_sv_on_self_test(&s, lim, &c); break;
         case 2: code = smad_sv_on_arm_request(&s, &m, lim, &c, now); break;
@@ -73,8 +76,8 @@ MEMORY
 """
 
 
-def build(folder: Path) -> Path:
-    """Compile the generated C with a program around it; return the program."""
+def write_main(folder: Path) -> Path:
+    """Write the program around the generated C; return its path."""
     memory = Memory(LINE_COUNT)
     text = _MAIN
     for word, lines in (
@@ -87,6 +90,12 @@ def build(folder: Path) -> Path:
     text = text.replace("[ROW]", f"[{ROW}]").replace("FULL_EVERY", str(FULL_EVERY))
     main = folder / "main.c"
     main.write_text(text)
+    return main
+
+
+def build(folder: Path) -> Path:
+    """Compile the generated C with a program around it; return the program."""
+    main = write_main(folder)
     program = folder / "supervisor"
     command = [str(COMPILER), *FLAGS, f"-I{FOLDER}", str(main), str(FOLDER / "smad_supervisor.c")]
     subprocess.run([*command, "-o", str(program)], check=True, capture_output=True, text=True)
