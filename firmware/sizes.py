@@ -25,7 +25,10 @@ from sim_device.firmware.build import OUTPUT, build, missing
 MEGA_HZ = 16_000_000
 LIMIT_CYCLES = 52_800
 """3.3 ms of the 10 ms at 100 Hz."""
-SIZED = {"mega": ("avr-size", "smad-mega.elf"), "cortex-m": ("arm-none-eabi-size", "smad-nucleo.elf")}
+SIZED = {
+    "mega": ("avr-size", "smad-mega.elf"),
+    "cortex-m": ("arm-none-eabi-size", "smad-nucleo.elf"),
+}
 SCENE_SAMPLES = 1600
 FAULT_AT_S = 7.0
 
@@ -81,9 +84,7 @@ class Scene:
 
 def cycles() -> dict[BoardState, list[int]]:
     """Return the cycles of every sample of the scene on the emulated Mega, by state."""
-    bench = firmware_bench(
-        "avr", seed=1, faults=[injection("sensor_open", FAULT_AT_S, lasts=1.0)]
-    )
+    bench = firmware_bench("avr", seed=1, faults=[injection("sensor_open", FAULT_AT_S, lasts=1.0)])
     try:
         return Scene(bench).run()
     finally:

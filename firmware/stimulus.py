@@ -7,12 +7,12 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from firmware.twin import Build, Twins
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import BoardState, Fault
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import own_crc
-from firmware.twin import Build, Twins
 
 CALM_TICKS = 40
 """Between disturbances, so that armed states last."""
@@ -114,9 +114,7 @@ class Stimulus:
         wrong = self.rng.random() < 0.05
         self._request("arm request", wire.ArmRequest(0, crc ^ int(wrong)))
         forged = int(self.rng.random() < 0.1)
-        self._request(
-            "arm confirm", lambda token: wire.ArmConfirm(0, (token + forged) % (1 << 32))
-        )
+        self._request("arm confirm", lambda token: wire.ArmConfirm(0, (token + forged) % (1 << 32)))
 
     def _clear(self) -> None:
         s = self.twins.python.outputs
@@ -177,9 +175,7 @@ class Stimulus:
         elif rng.random() < 0.1:
             self.begin()
 
-    def _request(
-        self, name: str, message: wire.Message | Callable[[int], wire.Message]
-    ) -> None:
+    def _request(self, name: str, message: wire.Message | Callable[[int], wire.Message]) -> None:
         self._wait_for_store()
         self._request_seq = (self._request_seq + 1) & 0xFF
         seq = self._request_seq

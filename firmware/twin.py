@@ -102,6 +102,8 @@ class Twins:
         self._seen = Measurements()
         self._codes = encode(self._seen, self.hardware)
         self.saving = False
+        self.python: Board
+        self.c: FirmwareBoard
         self.power_up()
 
     def power_up(self) -> None:
@@ -171,9 +173,11 @@ class Twins:
             names = ([type(message).__name__ for message in said] for said in (python, c))
             found.append("messages: Python {}, C {}".format(*names))
         s, out = self.python.outputs, self.c.outputs
-        for name in ("gate", "applied_mA", "duty"):
-            if getattr(s, name) != getattr(out, name):
-                found.append(f"pins: {name}: Python {getattr(s, name)}, C {getattr(out, name)}")
+        found.extend(
+            f"pins: {name}: Python {getattr(s, name)}, C {getattr(out, name)}"
+            for name in ("gate", "applied_mA", "duty")
+            if getattr(s, name) != getattr(out, name)
+        )
         return found
 
     def _listen(self) -> None:

@@ -1,4 +1,4 @@
-/* Made by `python -m firmware.make_rtd_table`; do not edit. */
+/* Made by `python -m firmware.generate`; do not edit. */
 
 #define RTD_TABLE_STEP 256u
 #define RTD_TABLE_SIZE 68u

@@ -173,7 +173,7 @@ static uint32_t smad_sv_quotient(uint32_t a, uint32_t b)
     return a / b;
 }
 
-/* Of 64 bits by up to 31, where the quotient fits 32 bits: the same, digit by digit. */
+/* Of 64 bits by up to 31; most that come are small enough for the short way. */
 static uint64_t smad_sv_long_quotient(uint64_t a, uint32_t b)
 {
     if ((a >> 32) == 0) {

@@ -235,7 +235,7 @@ extern const SMAD_SV_FLASH struct smad_sv_limits smad_sv_limits_compiled;
 void smad_sv_init(struct smad_sv_memory *s);
 void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
 
-/* Puts the value of a parameter in force; other parameters than limits change nothing. */
+/* Puts a parameter's value in force; one that is no limit changes nothing. */
 void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value);
 
 void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t now_us);

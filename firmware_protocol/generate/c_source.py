@@ -310,4 +310,6 @@ def _schema(blob: bytes) -> str:
         "    " + " ".join(f"0x{byte:02x}," for byte in blob[start : start + 16])
         for start in range(0, len(blob), 16)
     ]
-    return "const SMAD_FLASH uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {\n" + "\n".join(rows) + "\n};\n"
+    return (
+        "const SMAD_FLASH uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {\n" + "\n".join(rows) + "\n};\n"
+    )

@@ -18,8 +18,8 @@ from firmware_protocol.supervisor import (
     ranges,
     table,
 )
-from firmware_protocol.supervisor.limits import LIMIT_ROWS
 from firmware_protocol.supervisor.errors import TranslationError
+from firmware_protocol.supervisor.limits import LIMIT_ROWS
 from firmware_protocol.supervisor.memory import Command, Measurements, Memory
 from firmware_protocol.supervisor.ranges import Range, stored_as
 from firmware_protocol.supervisor.states import PumpPolicy, Trigger
@@ -92,7 +92,7 @@ static uint32_t smad_sv_quotient(uint32_t a, uint32_t b)
     return a / b;
 }
 
-/* Of 64 bits by up to 31, where the quotient fits 32 bits: the same, digit by digit. */
+/* Of 64 bits by up to 31; most that come are small enough for the short way. */
 static uint64_t smad_sv_long_quotient(uint64_t a, uint32_t b)
 {
     if ((a >> 32) == 0) {
@@ -187,7 +187,7 @@ def header() -> str:
         "extern const SMAD_SV_FLASH struct smad_sv_limits smad_sv_limits_compiled;",
         "void smad_sv_init(struct smad_sv_memory *s);\n"
         "void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim);\n\n"
-        "/* Puts the value of a parameter in force; other parameters than limits change nothing. */\n"
+        "/* Puts a parameter's value in force; one that is no limit changes nothing. */\n"
         "void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value);",
         "\n".join(prototypes),
         "#endif",
@@ -299,7 +299,8 @@ def _function_table() -> str:
         "typedef uint8_t (*smad_sv_check)(struct smad_sv_memory *,\n"
         "                                 const struct smad_sv_measurements *,\n"
         "                                 const struct smad_sv_limits *, uint8_t);\n\n"
-        f"static const SMAD_SV_FLASH smad_sv_check CHECK_FUNCTION[SMAD_SV_LINES] = {{\n{entries}\n}};"
+        "static const SMAD_SV_FLASH smad_sv_check CHECK_FUNCTION[SMAD_SV_LINES] = "
+        f"{{\n{entries}\n}};"
     )
 
 
@@ -353,7 +354,8 @@ def _helpers(definitions: Sequence[str]) -> str:
 
 def _tighten() -> str:
     cases = "\n".join(
-        f"    case {row.number}:\n        lim->{name} = ({stored_as(ranges.LIMITS[name])})value;\n        break;"
+        f"    case {row.number}:\n        lim->{name} = ({stored_as(ranges.LIMITS[name])})value;\n"
+        "        break;"
         for name, row in LIMIT_ROWS.items()
         if row.number
     )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from firmware_protocol.supervisor.errors import TranslationError
 from firmware_protocol.supervisor.limits import LIMIT_ROWS
-from firmware_protocol.supervisor.observers import FCC_PER_CC, POWER_MOST_mW, SUM_MOST
+from firmware_protocol.supervisor.observers import FCC_PER_CC, SUM_MOST, POWER_MOST_mW
 
 
 class Range(NamedTuple):

@@ -48,7 +48,8 @@ def truth(text: str) -> Expression:
 
 
 _SYMBOL: dict[type[ast.operator], str] = {
-    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.BitAnd: "&", ast.BitOr: "|", ast.LShift: "<<", ast.RShift: ">>",
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.BitAnd: "&", ast.BitOr: "|",
+    ast.LShift: "<<", ast.RShift: ">>",
 }  # fmt: skip
 OPERATORS = (*_SYMBOL, ast.FloorDiv)
 

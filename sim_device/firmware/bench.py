@@ -96,7 +96,7 @@ class ChipBench(FirmwareBench):
     ends with the step in which the chip's STATE has been sent.
     """
 
-    board: ChipBoard  # type: ignore[assignment]
+    board: ChipBoard
     board_type = ChipBoard
 
     def _run(self) -> wire.State | None:

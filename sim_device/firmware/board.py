@@ -7,7 +7,6 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from firmware_protocol import messages as wire
@@ -16,7 +15,7 @@ from firmware_protocol.enums import BoardState, ResetCause
 from firmware_protocol.errors import PayloadError
 from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.parameters import BY_NAME, ParameterStore
-from firmware_protocol.supervisor import Measurements
+from firmware_protocol.supervisor import Measurements, Memory
 from sim_device.errors import BenchError, FaultSpecError
 from sim_device.firmware import store
 from sim_device.firmware.frontend import Codes, encode
@@ -89,7 +88,8 @@ class FirmwareBoard:
         """The bytes to send are asked of `board.session`."""
         self.line = Listener()
         self.measurements = Measurements()
-        self.outputs = SimpleNamespace(gate=0, applied_mA=[0, 0], duty=[0, 0])
+        self.outputs = Memory(0)
+        """What the pins do, in the fields that the plant and the tests look at."""
         self.drain = (False, False)
         self.stage_m = 0.0
         self.stall_us = 0

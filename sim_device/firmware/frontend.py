@@ -10,8 +10,8 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
-from firmware_protocol.supervisor import RTD_INVALID_cC, Measurements
-from sim_device.hardware import RTD_RAIL_HIGH_cC, RTD_RAIL_LOW_cC, Hardware
+from firmware_protocol.supervisor import Measurements, RTD_INVALID_cC
+from sim_device.hardware import Hardware, RTD_RAIL_HIGH_cC, RTD_RAIL_LOW_cC
 
 ADC_CODES = 1024
 CURRENT_FULL_mA = 5000

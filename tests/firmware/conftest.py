@@ -6,20 +6,19 @@ from typing import Any
 import pytest
 
 from sim_device.firmware.bench import FirmwareBench, firmware_bench
-from sim_device.firmware.build import missing
-from sim_device.firmware.store import write_image
+from sim_device.firmware.build import reason_to_skip
 
 PORTS = ("host", "avr")
 Make = Callable[..., FirmwareBench]
 
-__all__ = ["PORTS", "Make", "needs", "write_image"]
+__all__ = ["PORTS", "Make", "needs"]
 
 
 def needs(port: str) -> None:
     """Skip the test, saying what to install, where the port cannot be built."""
-    command = missing(port)
-    if command:
-        pytest.skip(f"the firmware for {port} cannot be compiled here: {command}")
+    reason = reason_to_skip(port)
+    if reason:
+        pytest.skip(reason)
 
 
 @pytest.fixture(params=PORTS)

@@ -1,5 +1,6 @@
 """The firmware at the other end of a session: greeted, asked, refused, flooded, restarted."""
 
+import itertools
 import random
 from pathlib import Path
 
@@ -48,7 +49,7 @@ def test_it_says_who_it_is_and_streams_at_its_rate(make: Make) -> None:
     begin = len(loop.states)
     loop.step(200)
     times = [state.t_us for state in loop.states[begin:]]
-    assert {b - a for a, b in zip(times, times[1:], strict=False)} == {10_000}
+    assert {b - a for a, b in itertools.pairwise(times)} == {10_000}
     assert loop.host.stats.missed_states == 0
 
 
@@ -76,7 +77,7 @@ def test_it_keeps_a_faster_rate_or_says_that_it_has_not_the_time(make: Make, rat
     begin = len(loop.states)
     loop.step(300)
     times = [state.t_us for state in loop.states[begin:]]
-    assert {b - a for a, b in zip(times, times[1:], strict=False)} == {1_000_000 // rate_hz}
+    assert {b - a for a, b in itertools.pairwise(times)} == {1_000_000 // rate_hz}
 
 
 def test_arming_takes_the_right_token_once_and_the_parameters_as_they_are(make: Make) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_device.firmware.build import PORTS, missing
+from sim_device.firmware.build import PORTS, reason_to_skip
 from smad.api import Status
 from smad.cli.daemonprocess import DaemonProcess
 from smad.client import Client, Refused
@@ -165,9 +165,9 @@ class Hil:
 def hil(request: pytest.FixtureRequest) -> Iterator[Hil]:
     kind = getattr(request, "param", "python")
     if kind in PORTS:
-        command = missing(kind)
-        if command:
-            pytest.skip(f"the firmware for {kind} cannot be compiled here: {command}")
+        reason = reason_to_skip(kind)
+        if reason:
+            pytest.skip(reason)
     # Socket paths are short; pytest's own folders are not.
     with tempfile.TemporaryDirectory(prefix="smad-hil-") as folder:
         hil = Hil(Path(folder), kind)
