@@ -1,8 +1,8 @@
 #include "board.h"
 
-#include "convert.h"
 #include "hal.h"
 #include "params.h"
+#include "sample.h"
 #include "session.h"
 #include "smad_supervisor.h"
 
@@ -15,24 +15,17 @@
 #define LINK_SCHEMA 2
 #define LINK_PARAMETERS 4
 #define LINK_CLOCK 8
-#define RTDS 4u
 #define STAGE_FIELD 6u /* of SETPOINT */
 
 static struct smad_sv_memory sv;
-static struct smad_sv_measurements measured;
+static struct sample now;
 static struct smad_sv_limits limits;
 
 static int64_t now_us;
-static int64_t sampled_us;
 static uint32_t last_time_us;
 static uint32_t period_us;
-static uint16_t tick;
-static int32_t encoder_counts;
-static int32_t force_counts;
 
 static uint8_t drain;
-static uint8_t sp_seq;
-static uint16_t sp_age_us;
 
 static bool fault_reported;
 static int64_t stats_due_us;
@@ -79,56 +72,6 @@ static void apply(void)
     }
 }
 
-/* What the host is told */
-
-static uint16_t valid_bits(void)
-{
-    uint16_t valid = SMAD_VALID_BIT_I_X | SMAD_VALID_BIT_I_Y | SMAD_VALID_BIT_V_X
-                     | SMAD_VALID_BIT_V_Y | SMAD_VALID_BIT_VBUS;
-    for (uint8_t j = 0; j < RTDS; j++) {
-        if (measured.rtd_cC[j] > SMAD_SV_LIMIT_RAIL_LOW_CC && measured.rtd_cC[j] < SMAD_SV_LIMIT_RAIL_HIGH_CC) {
-            valid = (uint16_t)(valid | SMAD_VALID_BIT_RTD_X << j);
-        }
-    }
-    if (!measured.encoder_invalid) {
-        valid |= SMAD_VALID_BIT_ENCODER;
-    }
-    if (!measured.force_invalid) {
-        valid |= SMAD_VALID_BIT_FORCE;
-    }
-    if (sp_age_us != SMAD_INVALID_U16) {
-        valid |= SMAD_VALID_BIT_SETPOINT;
-    }
-    return valid;
-}
-
-static void fill_state(struct smad_state *state)
-{
-    memset(state, 0, sizeof *state);
-    state->t_us = (uint32_t)sampled_us;
-    state->tick = tick;
-    state->mode = (uint8_t)sv.state;
-    state->limiter = (uint8_t)(sv.limiter[0] > sv.limiter[1] ? sv.limiter[0] : sv.limiter[1]);
-    state->faults = (uint32_t)sv.faults;
-    state->warnings = (uint16_t)sv.warnings;
-    for (uint8_t k = 0; k < 2; k++) {
-        state->i_meas_mA[k] = (int16_t)measured.i_mA[k];
-        state->i_applied_mA[k] = (int16_t)sv.applied_mA[k];
-        state->v_mV[k] = (uint16_t)measured.v_mV[k];
-        state->pump_duty[k] = (uint8_t)sv.duty[k];
-    }
-    for (uint8_t j = 0; j < RTDS; j++) {
-        state->rtd_cC[j] = (int16_t)measured.rtd_cC[j];
-    }
-    state->encoder_counts = measured.encoder_invalid ? SMAD_INVALID_I32 : encoder_counts;
-    state->force_counts = force_counts;
-    state->vbus_mV = (uint16_t)measured.vbus_mV;
-    state->valid = valid_bits();
-    state->sp_seq = sp_seq;
-    state->sp_age_us = sp_age_us;
-}
-
-/* Sends a fault when the supervisor latched one; clearing lets the next one be sent. */
 static void report_fault_with(const struct smad_state *state)
 {
     if (sv.latched && !fault_reported) {
@@ -149,44 +92,19 @@ static void report_fault(void)
 {
     struct smad_state state;
     if (sv.latched && !fault_reported) {
-        fill_state(&state);
+        sample_tell(&now, &sv, &state);
     }
     report_fault_with(&state);
 }
 
 /* Sampling */
 
-static void measure(void)
-{
-    uint8_t inputs = hal_inputs();
-    uint16_t codes[HAL_ANALOGS];
-    for (uint8_t j = 0; j < HAL_ANALOGS; j++) {
-        codes[j] = hal_analog((enum hal_analog)j);
-        if (j < RTDS) {
-            measured.rtd_cC[j] = convert_rtd(hal_rtd(j));
-        }
-    }
-    for (uint8_t k = 0; k < 2; k++) {
-        measured.applied_mA[k] = sv.applied_mA[k];
-        measured.duty[k] = sv.duty[k];
-        measured.i_mA[k] = (int16_t)convert_analog(codes[HAL_I_X + k], CONVERT_CURRENT_MA);
-        measured.v_mV[k] = convert_analog(codes[HAL_V_X + k], CONVERT_SPRING_MV);
-        measured.pump_rpm[k] = convert_tacho(hal_tacho_us(k));
-    }
-    measured.vbus_mV = convert_analog(codes[HAL_VBUS], CONVERT_SUPPLY_MV);
-    encoder_counts = hal_encoder();
-    force_counts = hal_bridge();
-    measured.leak = (inputs & HAL_INPUT_LEAK) != 0;
-    measured.encoder_invalid = (inputs & HAL_INPUT_ENCODER_ALARM) != 0;
-    measured.force_invalid = !convert_bridge_valid(force_counts);
-}
-
 static void watch_loop(uint32_t dt_us)
 {
     if (dt_us > longest_loop_us) {
         longest_loop_us = dt_us;
     }
-    if (dt_us > period_us + period_us / 2u && tick > 1) {
+    if (dt_us > period_us + period_us / 2u && now.tick > 1) {
         overruns++;
     }
 }
@@ -203,18 +121,18 @@ static void take_sample(uint32_t t_us)
 {
     struct smad_state state;
     int64_t at_us = full_time(t_us);
-    uint32_t dt_us = (uint32_t)(at_us - sampled_us);
-    sampled_us = at_us;
-    measure();
-    tick++;
-    if (sv.state == SMAD_BOARD_STATE_BOOT && tick >= SELF_TEST_SAMPLES) {
+    uint32_t dt_us = (uint32_t)(at_us - now.t_us);
+    now.t_us = at_us;
+    sample_read(&now, &sv);
+    now.tick++;
+    if (sv.state == SMAD_BOARD_STATE_BOOT && now.tick >= SELF_TEST_SAMPLES) {
         pass_self_test();
     }
-    smad_sv_sample(&sv, &measured, &limits, at_us);
+    smad_sv_sample(&sv, &now.measured, &limits, at_us);
     apply();
     hal_watchdog_kick();
     watch_loop(dt_us);
-    fill_state(&state);
+    sample_tell(&now, &sv, &state);
     session_send_state(&state);
     if (fault_reported != (sv.latched != 0)) {
         report_fault_with(&state);
@@ -288,8 +206,8 @@ void board_on_setpoint(const struct smad_setpoint *setpoint, uint8_t seq, uint16
     if (code != 0) {
         return;
     }
-    sp_seq = seq;
-    sp_age_us = age_us < AGE_MOST_US ? age_us : AGE_MOST_US;
+    now.sp_seq = seq;
+    now.sp_age_us = age_us < AGE_MOST_US ? age_us : AGE_MOST_US;
     drain = setpoint->flags & (SMAD_SETPOINT_FLAG_DRAIN_X | SMAD_SETPOINT_FLAG_DRAIN_Y);
     apply();
 }
@@ -307,7 +225,7 @@ void board_on_arm_request(uint32_t param_crc, int64_t at_us)
     crc_agreed = true;
     command.link = link_word();
     command.token = new_token(at_us);
-    code = (uint8_t)smad_sv_on_arm_request(&sv, &measured, &limits, &command, at_us);
+    code = (uint8_t)smad_sv_on_arm_request(&sv, &now.measured, &limits, &command, at_us);
     answer(code, at_us);
     if (code == 0) {
         struct smad_arm_token token;
@@ -327,7 +245,7 @@ void board_on_arm_confirm(uint32_t token, int64_t at_us)
     memset(&command, 0, sizeof command);
     command.link = link_word();
     command.token = token;
-    code = (uint8_t)smad_sv_on_arm_confirm(&sv, &measured, &limits, &command, at_us);
+    code = (uint8_t)smad_sv_on_arm_confirm(&sv, &now.measured, &limits, &command, at_us);
     answer(code, at_us);
     if (code == 0) {
         session_done(at_us);
@@ -433,7 +351,7 @@ static void carry_on_saving(int64_t at_us)
 {
     switch (params_poll()) {
     case SAVING_DONE:
-        measured.parameters_ok = 1;
+        now.measured.parameters_ok = 1;
         session_done(at_us);
         break;
     case SAVING_FAILED:
@@ -450,12 +368,12 @@ void board_start(void)
 {
     last_time_us = hal_time_us();
     now_us = last_time_us;
-    sampled_us = now_us;
+    now.t_us = now_us;
     stats_due_us = now_us + STATS_EVERY_US;
-    sp_age_us = SMAD_INVALID_U16;
+    now.sp_age_us = SMAD_INVALID_U16;
     smad_sv_init(&sv);
     apply();
-    measured.parameters_ok = params_load();
+    now.measured.parameters_ok = params_load();
     token_state = params_count_boot();
     session_boot(token_state, hal_reset_cause(), now_us);
     apply_parameters();

@@ -1,15 +1,14 @@
 #include "session.h"
 
 #include "hal.h"
+#include "inbox.h"
+#include "line.h"
 #include "params.h"
 #include "reports.h"
 
 #include <string.h>
 
 #define AXES 1u
-#define PAUSE_US 100000
-#define COMPLAINTS 10u
-#define SECOND_US 1000000
 #define SLICE sizeof(((struct smad_description *)0)->data)
 
 #define CAPABILITIES                                                                     \
@@ -38,9 +37,6 @@ static uint8_t answer_size;
 
 static struct smad_setpoint_gate gate;
 
-static bool ever_wrote;
-static int64_t wrote_us;
-
 /* The last fault as it went on the line, for its copies. */
 static uint8_t fault_wire[SMAD_MAX_WIRE];
 static uint8_t fault_wire_size;
@@ -52,11 +48,6 @@ static struct smad_state waiting;
 static uint8_t last_mode;
 static uint8_t state_seq;
 static uint8_t stats_seq;
-
-/* When the last complaints were made, the oldest at `complaint_at`. */
-static int64_t complaint_us[COMPLAINTS];
-static uint8_t complaint_count;
-static uint8_t complaint_at;
 
 int32_t saturated(int64_t value)
 {
@@ -78,26 +69,11 @@ bool session_schema_agrees(void)
 
 /* Writing */
 
-static void put(const uint8_t *wire, uint16_t size, int64_t now_us)
-{
-    static const uint8_t delimiter = 0;
-    if (hal_serial_room() < size + 1u) {
-        counts.dropped_frames++;
-        return;
-    }
-    if (!ever_wrote || now_us - wrote_us > PAUSE_US) {
-        hal_serial_write(&delimiter, 1);
-    }
-    hal_serial_write(wire, size);
-    ever_wrote = true;
-    wrote_us = now_us;
-}
-
 static void send(uint8_t number, uint8_t seq, uint16_t in_session, const uint8_t *payload,
                  uint8_t size, int64_t now_us)
 {
     uint8_t wire[SMAD_MAX_WIRE];
-    put(wire, (uint16_t)smad_frame_encode(number, seq, in_session, payload, size, wire), now_us);
+    line_put(wire, (uint16_t)smad_frame_encode(number, seq, in_session, payload, size, wire), now_us);
 }
 
 static void send_ident(uint16_t in_session, uint32_t echoed, uint8_t seq, int64_t now_us)
@@ -133,7 +109,7 @@ void session_reply(uint8_t number, const uint8_t *payload, uint8_t size, int64_t
     }
     answer_size = (uint8_t)smad_frame_encode(number, request_seq, session, payload, size, answer);
     answered = true;
-    put(answer, answer_size, now_us);
+    line_put(answer, answer_size, now_us);
 }
 
 void session_done(int64_t now_us)
@@ -170,16 +146,9 @@ void session_refuse(uint8_t code, uint8_t field, int64_t value, int64_t limit, i
 static void complain(uint8_t code, uint8_t field, int32_t value, int32_t limit, int64_t now_us)
 {
     uint8_t payload[SMAD_ERROR_SIZE];
-    if (complaint_count == COMPLAINTS) {
-        int64_t since_us = now_us - complaint_us[complaint_at];
-        if (since_us >= 0 && since_us < SECOND_US) {
-            return;
-        }
-    } else {
-        complaint_count++;
+    if (!line_may_complain(now_us)) {
+        return;
     }
-    complaint_us[complaint_at] = now_us;
-    complaint_at = (uint8_t)((complaint_at + 1u) % COMPLAINTS);
     pack_error(payload, frame.type, frame.seq, code, field, value, limit);
     send(SMAD_ERROR_NUMBER, frame.seq, session, payload, sizeof payload, now_us);
 }
@@ -209,7 +178,7 @@ static void put_fault(const uint8_t *payload, int64_t now_us)
         fault_wire_size = (uint8_t)smad_frame_encode(SMAD_FAULT_REPORT_NUMBER, index, session,
                                                      payload, SMAD_FAULT_REPORT_SIZE, fault_wire);
     }
-    put(fault_wire, fault_wire_size, now_us);
+    line_put(fault_wire, fault_wire_size, now_us);
 }
 
 void session_send_fault(struct smad_fault_report *report, int64_t now_us)
@@ -322,63 +291,6 @@ static void on_fault_get(uint8_t index, int64_t now_us)
     session_reply(SMAD_FAULT_REPORT_NUMBER, report, SMAD_FAULT_REPORT_SIZE, now_us);
 }
 
-/* A message whose layout is right, by its type. */
-union message {
-    struct smad_hello hello;
-    struct smad_describe describe;
-    struct smad_setpoint setpoint;
-    struct smad_arm_request arm_request;
-    struct smad_arm_confirm arm_confirm;
-    struct smad_disarm disarm;
-    struct smad_clear_fault clear_fault;
-    struct smad_fault_get fault_get;
-    struct smad_param_get param_get;
-    struct smad_param_set param_set;
-    struct smad_time_request time_request;
-};
-
-enum reading { READ_UNKNOWN, READ_BAD, READ_GOOD };
-
-static enum reading as_reading(bool good)
-{
-    return good ? READ_GOOD : READ_BAD;
-}
-
-static enum reading read_message(union message *m)
-{
-    const uint8_t *data = frame.payload;
-    size_t size = frame.size;
-    switch (frame.type) {
-    case SMAD_HELLO_NUMBER:
-        return as_reading(smad_unpack_hello(&m->hello, data, size));
-    case SMAD_DESCRIBE_NUMBER:
-        return as_reading(smad_unpack_describe(&m->describe, data, size));
-    case SMAD_ESTOP_NUMBER:
-    case SMAD_PARAM_SAVE_NUMBER:
-        return as_reading(size == 0);
-    case SMAD_SETPOINT_NUMBER:
-        return as_reading(smad_unpack_setpoint(&m->setpoint, data, size));
-    case SMAD_ARM_REQUEST_NUMBER:
-        return as_reading(smad_unpack_arm_request(&m->arm_request, data, size));
-    case SMAD_ARM_CONFIRM_NUMBER:
-        return as_reading(smad_unpack_arm_confirm(&m->arm_confirm, data, size));
-    case SMAD_DISARM_NUMBER:
-        return as_reading(smad_unpack_disarm(&m->disarm, data, size));
-    case SMAD_CLEAR_FAULT_NUMBER:
-        return as_reading(smad_unpack_clear_fault(&m->clear_fault, data, size));
-    case SMAD_FAULT_GET_NUMBER:
-        return as_reading(smad_unpack_fault_get(&m->fault_get, data, size));
-    case SMAD_PARAM_GET_NUMBER:
-        return as_reading(smad_unpack_param_get(&m->param_get, data, size));
-    case SMAD_PARAM_SET_NUMBER:
-        return as_reading(smad_unpack_param_set(&m->param_set, data, size));
-    case SMAD_TIME_REQUEST_NUMBER:
-        return as_reading(smad_unpack_time_request(&m->time_request, data, size));
-    default:
-        return READ_UNKNOWN;
-    }
-}
-
 static void on_time(uint32_t t1_us, int64_t now_us)
 {
     struct smad_time_reply reply;
@@ -388,13 +300,6 @@ static void on_time(uint32_t t1_us, int64_t now_us)
     reply.t3_us = (uint32_t)now_us;
     smad_pack_time_reply(&reply, payload);
     send(SMAD_TIME_REPLY_NUMBER, frame.seq, session, payload, sizeof payload, now_us);
-}
-
-/* The axis that a request names; all of them but two begin with it. */
-static uint8_t axis_named(void)
-{
-    bool none = frame.type == SMAD_DESCRIBE_NUMBER || frame.type == SMAD_PARAM_SAVE_NUMBER;
-    return none ? 0 : frame.payload[0];
 }
 
 static void carry_out(const union message *m, int64_t now_us)
@@ -434,11 +339,11 @@ static void carry_out(const union message *m, int64_t now_us)
 static void on_request(const union message *m, int64_t now_us)
 {
     uint8_t step = (uint8_t)(frame.seq - request_seq);
-    uint8_t axis = axis_named();
+    uint8_t axis = inbox_axis(&frame);
     if (step == 0 && answered) {
         counts.repeated_requests++;
         if (answer_size > 0) {
-            put(answer, answer_size, now_us);
+            line_put(answer, answer_size, now_us);
         }
         return;
     }
@@ -466,7 +371,7 @@ static void on_frame(int64_t now_us)
     if (frame.type >= 0x80u) {
         return; /* an echo */
     }
-    reading = read_message(&m);
+    reading = inbox_read(&frame, &m);
     if (reading != READ_GOOD) {
         bool known = reading == READ_BAD;
         counts.payload_errors++;

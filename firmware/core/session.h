@@ -16,7 +16,6 @@ struct session_counts {
     uint32_t stale_setpoints;
     uint32_t repeated_requests;
     uint32_t dropped_states;
-    uint32_t dropped_frames;
 };
 
 /* Starts with nobody connected and announces the board: IDENT with session 0. */

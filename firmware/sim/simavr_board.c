@@ -11,6 +11,7 @@
  * its first half. Bytes go in and out at the speed of the serial port. */
 
 #include "link.h"
+#include "parts.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -21,19 +22,14 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "avr_adc.h"
 #include "avr_eeprom.h"
-#include "avr_extint.h"
-#include "avr_ioport.h"
 #include "avr_uart.h"
 #include "sim_avr.h"
 #include "sim_cycle_timers.h"
 #include "sim_elf.h"
 #include "sim_irq.h"
 
-#define MHZ 16u
 #define SUPPLY_MV 5000u
-#define ADC_TOP 1023u
 #define STORE_SIZE 1024u
 #define STEP_CYCLES 2000u
 #define REG_MCUSR 0x54
@@ -44,11 +40,6 @@
 #define GATE 7
 #define DRAIN_X 6
 #define DRAIN_Y 5
-#define LEAK 4
-#define ENCODER_ALARM 7
-#define BRIDGE_DATA 5
-#define BRIDGE_CLOCK 6
-#define DAC 4
 #define CAUSE_PIN 2
 #define CAUSE_WATCHDOG 4
 #define CAUSE_BROWN_OUT 5
@@ -82,11 +73,6 @@ static size_t queue_size;
 static size_t queue_at;
 static size_t queue_room;
 static bool uart_full;
-
-static avr_irq_t *pin(char port, int number)
-{
-    return avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), number);
-}
 
 static void fail(const char *what)
 {
@@ -141,184 +127,20 @@ static void on_byte(struct avr_irq_t *irq, uint32_t value, void *unused)
     }
 }
 
-/* Converters on the bit-banged bus: four MAX31865, one MCP4922, one HX711 */
-
-static uint8_t selects = 0x1F;
-static uint8_t mosi;
-static uint8_t bits_in;
-static uint32_t word_in;
-static uint32_t word_out;
-static uint16_t current_mA[2];
-static uint32_t bridge_word;
-static uint8_t bridge_bits;
-
-static void on_select(struct avr_irq_t *irq, uint32_t value, void *which)
-{
-    uint8_t bit = (uint8_t)(1u << (uintptr_t)which);
-    (void)irq;
-    if (value == 0) {
-        selects &= (uint8_t)~bit;
-        bits_in = 0;
-        word_in = 0;
-        word_out = 0;
-    } else {
-        if ((selects & bit) == 0 && (uintptr_t)which == DAC && bits_in == 16) {
-            bool active = (word_in & 0x1000u) != 0;
-            current_mA[word_in >> 15 & 1u] = active ? (uint16_t)(word_in & 0x0FFFu) : 0;
-        }
-        selects |= bit;
-    }
-}
-
-static void on_mosi(struct avr_irq_t *irq, uint32_t value, void *unused)
-{
-    (void)irq, (void)unused;
-    mosi = (uint8_t)(value & 1u);
-}
-
-static void on_clock(struct avr_irq_t *irq, uint32_t value, void *unused)
-{
-    (void)irq, (void)unused;
-    if (value == 0) {
-        return;
-    }
-    word_in = word_in << 1 | mosi;
-    bits_in++;
-    avr_raise_irq(pin('B', 3), word_out >> 31);
-    word_out <<= 1;
-    if (bits_in == 8 && (word_in & 0xFFu) == 0x01u) {
-        for (int k = 0; k < 4; k++) {
-            if ((selects & 1u << k) == 0) {
-                word_out = (uint32_t)in.head.rtd[k] << 16;
-            }
-        }
-    }
-}
-
-static void on_bridge_clock(struct avr_irq_t *irq, uint32_t value, void *unused)
-{
-    (void)irq, (void)unused;
-    if (value == 0) {
-        return;
-    }
-    if (bridge_bits == 0) {
-        bridge_word = (uint32_t)in.head.bridge << 8;
-    }
-    if (++bridge_bits == 25) {
-        bridge_bits = 0;
-        avr_raise_irq(pin('A', BRIDGE_DATA), 0); /* the next conversion is there */
-        return;
-    }
-    avr_raise_irq(pin('A', BRIDGE_DATA), bridge_word >> 31);
-    bridge_word <<= 1;
-}
-
-/* The pin that is on while a sample is taken */
-
-static avr_cycle_count_t mark_cycle;
-
-static void on_mark(struct avr_irq_t *irq, uint32_t value, void *unused)
-{
-    (void)irq, (void)unused;
-    if (value != 0) {
-        mark_cycle = avr->cycle;
-    } else if (avr->cycle - mark_cycle > out.head.sample_cycles) {
-        out.head.sample_cycles = (uint32_t)(avr->cycle - mark_cycle);
-    }
-}
-
-/* Encoder and tachometers */
-
-static int32_t encoder_at;
-static avr_cycle_count_t edge_cycles;
-
-static void show_encoder(void)
-{
-    /* A leads on the way up: 00, 10, 11, 01. */
-    static const uint8_t A[4] = {0, 1, 1, 0};
-    static const uint8_t B[4] = {0, 0, 1, 1};
-    uint8_t phase = (uint8_t)((uint32_t)encoder_at & 3u);
-    avr_raise_irq(pin('E', 4), A[phase]);
-    avr_raise_irq(pin('E', 5), B[phase]);
-}
-
-static avr_cycle_count_t on_edge(avr_t *chip, avr_cycle_count_t when, void *unused)
-{
-    (void)chip, (void)unused;
-    if (encoder_at == in.head.encoder) {
-        return 0;
-    }
-    encoder_at += encoder_at < in.head.encoder ? 1 : -1;
-    show_encoder();
-    return encoder_at == in.head.encoder ? 0 : when + edge_cycles;
-}
-
-static bool turning[2];
-static uint8_t pulse[2];
-
-static avr_cycle_count_t on_pulse(avr_t *chip, avr_cycle_count_t when, void *which)
-{
-    uintptr_t pump = (uintptr_t)which;
-    (void)chip;
-    if (in.head.tacho_us[pump] == 0) {
-        turning[pump] = false;
-        return 0;
-    }
-    pulse[pump] ^= 1u;
-    avr_raise_irq(pin('D', pump == 0 ? 3 : 2), pulse[pump]);
-    /* Every other edge counts. */
-    return when + (avr_cycle_count_t)in.head.tacho_us[pump] * MHZ / 2u;
-}
-
 /* Steps */
 
-static void show_pins(uint32_t dt_us)
-{
-    int32_t edges = abs(in.head.encoder - encoder_at);
-    for (int k = 0; k < 5; k++) {
-        avr_irq_t *adc = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + k);
-        /* In millivolts, the least that gives this code. */
-        avr_raise_irq(adc, (in.head.analog[k] * SUPPLY_MV + ADC_TOP - 1u) / ADC_TOP);
-    }
-    avr_raise_irq(pin('C', LEAK), (in.head.inputs & 1u) == 0);
-    avr_raise_irq(pin('A', ENCODER_ALARM), (in.head.inputs & 2u) == 0);
-    if (edges > 0 && dt_us > 0) {
-        edge_cycles = (avr_cycle_count_t)dt_us * MHZ / 2u / (uint32_t)edges;
-        edge_cycles = edge_cycles < 200u ? 200u : edge_cycles;
-        avr_cycle_timer_cancel(avr, on_edge, NULL);
-        avr_cycle_timer_register(avr, edge_cycles, on_edge, NULL);
-    }
-    for (uintptr_t k = 0; k < 2; k++) {
-        avr_cycle_count_t half = (avr_cycle_count_t)in.head.tacho_us[k] * MHZ / 2u;
-        /* A pump that speeds up does not wait for the pulse of its slow time. */
-        bool late = turning[k] && avr_cycle_timer_status(avr, on_pulse, (void *)k) > half;
-        if (half != 0 && (late || !turning[k])) {
-            turning[k] = true;
-            avr_cycle_timer_cancel(avr, on_pulse, (void *)k);
-            avr_cycle_timer_register(avr, half, on_pulse, (void *)k);
-        }
-    }
-}
-
-/* After every reset: timers are gone, and pins have to be shown anew. */
 static void on_reset(struct avr_io_t *unused)
 {
     (void)unused;
-    turning[0] = turning[1] = false;
-    selects = 0x1F;
-    bridge_bits = 0;
     uart_full = false;
-    for (uint8_t k = 0; k < 8; k++) {
-        avr_extint_set_strict_lvl_trig(avr, k, 0);
-    }
+    parts_reset();
 }
 
 static void after_reset(void)
 {
     reset_cycle = avr->cycle;
-    avr_raise_irq(pin('A', BRIDGE_DATA), 0);
-    show_encoder();
-    show_pins(0);
+    parts_reset();
+    parts_show(&in.head, 0);
 }
 
 static avr_io_t watcher = {.kind = "smad", .reset = on_reset};
@@ -406,8 +228,8 @@ static void answer(int link)
 {
     uint8_t driven = avr->data[REG_PORTC] & avr->data[REG_DDRC];
     out.head.t_us = (avr->cycle - reset_cycle) / MHZ;
-    out.head.current_mA[0] = current_mA[0];
-    out.head.current_mA[1] = current_mA[1];
+    parts_currents(out.head.current_mA);
+    out.head.sample_cycles = parts_sample_cycles();
     out.head.pump[0] = avr->data[REG_OCR4AL];
     out.head.pump[1] = avr->data[REG_OCR4BL];
     out.head.gate = driven >> GATE & 1u;
@@ -418,7 +240,6 @@ static void answer(int link)
         exit(errno == EPIPE ? 0 : 1);
     }
     out.head.size = 0;
-    out.head.sample_cycles = 0;
 }
 
 static void serve(int link)
@@ -431,7 +252,7 @@ static void serve(int link)
             exit(1);
         }
         end += (avr_cycle_count_t)in.head.dt_us * MHZ;
-        show_pins(in.head.dt_us);
+        parts_show(&in.head, in.head.dt_us);
         enqueue(in.bytes, in.head.size);
         feed();
         if (in.head.stall_us > 0) {
@@ -466,13 +287,7 @@ static void wire_up(void)
                             on_room, NULL);
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF),
                             on_full, NULL);
-    for (uintptr_t k = 0; k < 5; k++) {
-        avr_irq_register_notify(pin('A', (int)k), on_select, (void *)k);
-    }
-    avr_irq_register_notify(pin('A', BRIDGE_CLOCK), on_bridge_clock, NULL);
-    avr_irq_register_notify(pin('B', 1), on_clock, NULL);
-    avr_irq_register_notify(pin('B', 2), on_mosi, NULL);
-    avr_irq_register_notify(pin('B', 7), on_mark, NULL);
+    parts_wire(avr);
     for (avr_io_t *io = avr->io_port; io != NULL; io = io->next) {
         if (strcmp(io->kind, "uart") == 0 && ((avr_uart_t *)io)->name == '0') {
             uart = (avr_uart_t *)io;

@@ -54,14 +54,14 @@ _CORE = (SOURCES / "core", PROTOCOL)
 _CHIP = ("-std=gnu99", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
 _MEGA = Step(
     "avr-gcc",
-    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", "-O3", *_CHIP),
+    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", "-O3", "-flto", *_CHIP),
     (*_CORE, SOURCES / "avr"),
     "smad-mega.elf",
 )
 _SIMAVR = Step(
     "gcc",
     ("-std=gnu99", "-O2", "-isystem/usr/include/simavr"),
-    (SOURCES / "sim" / "simavr_board.c",),
+    (SOURCES / "sim",),
     "smad-simavr",
     libraries=("-lsimavr", "-lelf"),
     header=Path("/usr/include/simavr/sim_avr.h"),
