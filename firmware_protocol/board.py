@@ -4,7 +4,8 @@ Theory of operation. HELLO with a new nonce begins a session; frames of any othe
 refused, ESTOP and HELLO excepted. Every request has a sequence number, counted from 1 in each
 session. The board keeps the last number and the answer it gave: the same number again gets the
 same answer again without a second action, an older number is dropped, and a newer one is dropped
-while the last is unanswered, so that the host asks again. That is the whole of "at most once".
+while the last is unanswered, so that the host asks again; but DISARM is carried out at once. That
+is the whole of "at most once".
 
 What the session knows, it answers by itself: HELLO, DESCRIBE, TIME_REQUEST, PARAM_GET, PARAM_SET,
 FAULT_GET. What the board has to decide comes out as an event, to be answered with `reply`, `done`
@@ -126,10 +127,12 @@ class BoardSession:
                 f"{type(message).__name__} does not answer {type(request.message).__name__}; "
                 f"{' or '.join(request.message.info.replies)} does"
             )
-        if request.session != self.session or request.seq != self._memory.seq:
+        if request.session != self.session:
             return
-        self._memory.answer = self._codec.frame(message, request.seq, self.session)
-        self._put(self._memory.answer)
+        answer = self._codec.frame(message, request.seq, self.session)
+        if request.seq == self._memory.seq:
+            self._memory.answer = answer
+        self._put(answer)
 
     def done(self, request: e.Request, now_us: int) -> None:
         """Answer that the request was carried out."""
@@ -278,7 +281,7 @@ class BoardSession:
             self.stats.unhandled += 1
             self._complain(frame.type, frame.seq, ErrorCode.UNKNOWN_TYPE, now_us)
             return None
-        verdict = self._memory.judge(frame.seq)
+        verdict = self._memory.judge(frame.seq, urgent=isinstance(message, m.Disarm))
         if verdict is Verdict.BUSY:
             self.stats.busy_requests += 1
         elif verdict is not Verdict.NEW:

@@ -41,6 +41,7 @@ class FailureReason(enum.Enum):
     REFUSED = "the board refused"
     LINK_LOST = "the port went away or fell silent"
     BOARD_RESTARTED = "the board restarted"
+    WITHDRAWN = "taken back by the host: a stop came first"
 
 
 class IncompatibleReason(enum.Enum):

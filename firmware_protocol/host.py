@@ -3,7 +3,7 @@
 Theory of operation. `connect` sends HELLO until IDENT echoes its nonce; from then on frames carry
 the session number that IDENT gave. STATE frames come by themselves. A setpoint waits in one slot,
 so that only the latest is ever sent. Requests go one at a time and are repeated; the board
-answers a repeat from its memory, so they act at most once.
+answers a repeat from its memory, so they act at most once. DISARM overtakes all others.
 
 Three rules:
 
@@ -103,6 +103,10 @@ class HostSession:
         """Board time to host time, None before the first exchange."""
         return self._time.sync.fit
 
+    def host_us(self, t_us: int) -> float | None:
+        """Return when, by this host's clock, the board's last showed `t_us`; None if unknown."""
+        return self._time.host_us(t_us, self._now_us)
+
     def connect(self, now_us: int) -> list[e.HostEvent]:
         """Begin on a port just opened: HELLO, repeated until the board answers.
 
@@ -170,7 +174,20 @@ class HostSession:
                 "watched. Update the older of the two"
             )
         self._codec.pack(message)
-        return self._requests.add(message, now_us)
+        return self._requests.add(message, now_us, urgent=isinstance(message, m.Disarm))
+
+    def withdraw_arming(self, now_us: int) -> list[e.HostEvent]:
+        """Give up every request to arm, waiting or in flight; return their failures.
+
+        One in flight may still arm the board: a Disarm asked for after this is carried out later.
+        """
+        self._now_us = now_us
+        events: list[e.HostEvent] = []
+        for pending in self._requests.withdraw((m.ArmRequest, m.ArmConfirm), now_us):
+            self._fail(pending, e.FailureReason.WITHDRAWN, events)
+        if self._mirror is not None:
+            self._mirror.refused()
+        return events
 
     def send_setpoint(self, setpoint: m.Setpoint) -> None:
         """Put a setpoint in the slot; only the latest of each axis is sent.
@@ -405,3 +422,5 @@ class HostSession:
             self._mirror.granted(self._now_us + reply.valid_ms * 1000)
         elif isinstance(request, m.ArmConfirm) and isinstance(reply, m.Done):
             self._mirror.confirmed(request.axis, self._time.unwrap(reply.t_us, self._now_us))
+        elif isinstance(request, m.Disarm) and isinstance(reply, m.Done):
+            self._mirror.disarmed(request.axis, self._time.unwrap(reply.t_us, self._now_us))

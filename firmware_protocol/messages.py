@@ -98,7 +98,9 @@ class Setpoint(Message, frozen=True, gc=False):
     pump_duty: Annotated[tuple[int, int], Wire("u8", "pump drive", unit="1/255", count=2)]
     flags: Annotated[int, Wire("u8", "drain valves; whether the stage is meant", bits=SetpointFlag)]
     ttl_ms: Annotated[int, Wire("u16", "applied for so long without a fresh one", unit="ms")]
-    stage_um: Annotated[int, Wire("i32", "position of the stretch fixture's stage", unit="um")] = 0
+    stage_um: Annotated[
+        int, Wire("i32", "position of the stretch fixture's stage, from 0", unit="um")
+    ] = 0
 
 
 class ArmRequest(Message, frozen=True, gc=False):
@@ -230,7 +232,7 @@ class Error(Message, frozen=True, gc=False):
         int,
         Wire("u8", "codes below 32: the channel; others: index of the field", invalid=NO_FIELD),
     ]
-    value: Annotated[int, Wire("i32", "what was found")]
+    value: Annotated[int, Wire("i32", "what was found; a number too large stops at the end")]
     limit: Annotated[int, Wire("i32", "what is allowed, in the unit of the value")]
 
 

@@ -44,6 +44,13 @@ class Mirror:
         self._token_until_us = None
         self._settle()
 
+    def disarmed(self, axis: int, board_us: int) -> None:
+        """Note that the board disarmed an axis."""
+        if self._modes.get(axis) in HOT:
+            self._enter(axis, BoardState.COOL, board_us)
+        self._armed.discard(axis)
+        self._settle()
+
     def refused(self) -> None:
         """Note that the board did not arm."""
         self._token_until_us = None

@@ -33,6 +33,20 @@ class Parameter:
     doc: str
     choices: tuple[int, ...] = ()
     shared: bool = False
+    never_zero: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """What is taken, in words."""
+        if self.choices:
+            return ", ".join(map(str, self.choices))
+        return f"{self.minimum} … {self.maximum}{', not 0' if self.never_zero else ''}"
+
+    def takes(self, value: int) -> bool:
+        """Whether `value` is allowed."""
+        if self.choices:
+            return value in self.choices
+        return self.minimum <= value <= self.maximum and (value != 0 or not self.never_zero)
 
     @property
     def kind(self) -> ParameterKind:
@@ -56,6 +70,7 @@ BENCH_PARAMETERS: tuple[Parameter, ...] = (
         1_000_000,
         "nm",
         "displacement of one encoder count; negative if it counts the other way",
+        never_zero=True,
     ),
     Parameter(11, "encoder_offset_counts", 0, -(2**30), 2**30, "counts", "encoder reading at 0 mm"),
     Parameter(
@@ -66,6 +81,7 @@ BENCH_PARAMETERS: tuple[Parameter, ...] = (
         1_000_000,
         "uN",
         "force of one count; negative if it counts the other way",
+        never_zero=True,
     ),
     Parameter(13, "force_offset_counts", 0, -(2**30), 2**30, "counts", "force reading at 0 N"),
 )
@@ -164,14 +180,13 @@ class ParameterStore:
     def set(self, axis: int, number: int, value: int) -> None:
         """Change a value; raises ParameterRefusedError if it is out of range."""
         parameter = self.find(axis, number)
-        low, high = parameter.minimum, parameter.maximum
-        if not low <= value <= high or (parameter.choices and value not in parameter.choices):
-            allowed = parameter.choices or f"{low}…{high}"
+        if not parameter.takes(value):
             raise ParameterRefusedError(
-                f"{parameter.name} = {value} {parameter.unit} is not allowed; give {allowed}",
+                f"{parameter.name} = {value} {parameter.unit} is not allowed; "
+                f"give {parameter.allowed}",
                 ErrorCode.OUT_OF_RANGE,
                 value,
-                low if value < low else high,
+                parameter.minimum if value < parameter.minimum else parameter.maximum,
             )
         self.values[axis, number] = value
 

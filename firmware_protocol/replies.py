@@ -49,14 +49,17 @@ class RequestMemory:
         self.seq = 0
         self.answer: bytes | None = b""
 
-    def judge(self, seq: int) -> Verdict:
-        """Return what to do with the request `seq`; a NEW one becomes the last."""
+    def judge(self, seq: int, *, urgent: bool) -> Verdict:
+        """Return what to do with the request `seq`; a NEW one becomes the last.
+
+        An urgent one does not wait for the answer to the one before.
+        """
         step = (seq - self.seq) & 0xFF
         if step == 0:
             return Verdict.REPEATED if self.answer is not None else Verdict.BUSY
         if step > 127:
             return Verdict.OLD
-        if self.answer is None:
+        if self.answer is None and not urgent:
             return Verdict.BUSY
         self.seq = seq
         self.answer = None

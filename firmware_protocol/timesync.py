@@ -6,6 +6,10 @@ Its round trip is (t4 − t1) − (t3 − t2); the board's time (t2 + t3)/2 belo
 shortest round trips are the truest: of each eight in a row the best one is kept, which spreads the
 kept ones over the window, and the shorter its round trip, the more it weighs in the fit.
 
+A clock can step: a board that was kept from running, or set. No line fits both sides of a step, so
+when two exchanges in a row agree with each other and not with the line, whatever is older is
+forgotten. What was merely late does not count: an exchange is only as exact as its round trip.
+
 The rate is fitted only once the kept exchanges span `RATE_SPAN_US`; before, a microsecond of
 noise would be read as a drift that no crystal has, so the clocks are taken to run alike.
 """
@@ -28,6 +32,7 @@ INTERVAL_US = 1_000_000
 RATE_SPAN_US = 5_000_000
 LARGEST_DRIFT = 1000e-6
 LONGEST_GAP_US = 1_800_000_000
+STEP_LEAST_US = 2_000
 WRAP = 1 << 32
 
 
@@ -37,6 +42,13 @@ class Exchange(NamedTuple):
     board_us: float
     host_us: float
     round_trip_us: int
+
+    def agrees(self, other: Exchange) -> bool:
+        """Whether one clock, as fast as a crystal may be, can have shown both."""
+        apart_us = self.board_us - other.board_us
+        trips_us = max(0, self.round_trip_us) + max(0, other.round_trip_us)
+        moved_us = (self.host_us - other.host_us) - apart_us
+        return abs(moved_us) <= trips_us / 2 + LARGEST_DRIFT * abs(apart_us)
 
 
 class ClockFit(msgspec.Struct, frozen=True, gc=False):
@@ -97,10 +109,18 @@ class TimeSync:
     def __init__(self) -> None:
         self._window: deque[Exchange] = deque(maxlen=WINDOW)
         self.fit: ClockFit | None = None
+        self.doubtful = False
+        """Whether the latest exchange is off the line that was: another one will tell why."""
 
     def add(self, t1: int, t2: int, t3: int, t4: int) -> ClockFit:
         """Take in one exchange (all 64-bit µs) and return the new fit."""
-        self._window.append(Exchange((t2 + t3) / 2, (t1 + t4) / 2, (t4 - t1) - (t3 - t2)))
+        newest = Exchange((t2 + t3) / 2, (t1 + t4) / 2, (t4 - t1) - (t3 - t2))
+        self.doubtful = self._off_the_line(newest)
+        before = self._window[-1] if self._window else newest
+        if self.doubtful and newest.agrees(before) and self._off_the_line(before):
+            self._window.clear()
+            self._window.append(before)
+        self._window.append(newest)
         newest_first = list(self._window)[::-1]
         groups = [
             newest_first[start : start + GROUP]
@@ -109,6 +129,16 @@ class TimeSync:
         kept = [min(group, key=lambda exchange: exchange.round_trip_us) for group in groups]
         self.fit = self._line(kept)
         return self.fit
+
+    def _off_the_line(self, exchange: Exchange) -> bool:
+        fit = self.fit
+        if fit is None:
+            return False
+        slack_us = STEP_LEAST_US + (max(0, exchange.round_trip_us) + fit.round_trip_us) / 2
+        if fit.drift == 0.0:
+            # The rate is not known yet.
+            slack_us += LARGEST_DRIFT * abs(exchange.board_us - fit.board_ref_us)
+        return abs(exchange.host_us - fit.host_us(exchange.board_us)) > slack_us
 
     def _line(self, kept: list[Exchange]) -> ClockFit:
         weights = [1.0 / (1.0 + max(0, exchange.round_trip_us)) ** 2 for exchange in kept]
@@ -170,4 +200,20 @@ class TimeExchanges:
             return None
         self._asked_us = None
         t2, t3 = self.unwrap(reply.t2_us, now_us), self.unwrap(reply.t3_us, now_us)
-        return self.sync.add(asked, t2, t3, now_us)
+        before = self.sync.fit
+        fit = self.sync.add(asked, t2, t3, now_us)
+        if before is not None and fit.exchanges < before.exchanges:
+            self.begin(now_us)
+        elif before is not None and before.plausible and self.sync.doubtful:
+            self.due_us = now_us + FIRST_INTERVAL_US
+        return fit
+
+    def host_us(self, t_us: int, now_us: int) -> float | None:
+        """Return the host's time of a recent stamp of the board's; None while it is not known.
+
+        It is not before the first exchange, nor for a simulation that is not real time.
+        """
+        fit = self.sync.fit
+        if fit is None or not fit.plausible:
+            return None
+        return fit.host_us(self.unwrap(t_us, now_us))

@@ -24,7 +24,9 @@ from smad.control.commands import (
 from smad.runlog.schema import Row
 
 LARGEST_MESSAGE = 65_536
-"""Bytes. A longer message ends the connection: decoding it would hold up the control loop."""
+"""Bytes. A longer message is refused unread: decoding it would hold up the control loop."""
+LARGEST_TAKEN_IN = 4 * LARGEST_MESSAGE
+"""Bytes. A message beyond this is not taken into memory to be refused: it ends the connection."""
 
 TELEMETRY_TOPIC = "smad"
 
@@ -35,6 +37,7 @@ class Reason(enum.StrEnum):
     """Why a command was refused. A program decides by this, a person reads the message."""
 
     MALFORMED = "malformed"
+    NO_REQUEST = "no_request"
     UNKNOWN_METHOD = "unknown_method"
     INVALID = "invalid"
     NOT_IN_CONTROL = "not_in_control"
@@ -45,6 +48,7 @@ class Reason(enum.StrEnum):
     DISAGREEMENT = "disagreement"
     BOARD_REFUSED = "board_refused"
     NO_REPLY = "no_reply"
+    STOPPED = "stopped"
     BUSY = "busy"
     RECORDER = "recorder"
     INTERNAL = "internal"
@@ -52,6 +56,7 @@ class Reason(enum.StrEnum):
 
 ERROR_CODES: dict[Reason, int] = {
     Reason.MALFORMED: -32700,
+    Reason.NO_REQUEST: -32600,
     Reason.UNKNOWN_METHOD: -32601,
     Reason.INVALID: -32602,
     Reason.INTERNAL: -32603,
@@ -289,6 +294,9 @@ class Control(Struct, frozen=True, kw_only=True):
     holder: Annotated[str, Meta(description="name given with `control.take`; empty: nobody")] = ""
     left_s: Annotated[float, Meta(description="until the lease ends")] = 0.0
     yours: Annotated[bool, Meta(description="whether it is you")] = False
+    lease: Annotated[
+        str, Meta(description="its secret, told to who took it only: send it with each request")
+    ] = ""
 
 
 class Motion(Struct, frozen=True, kw_only=True):
@@ -302,6 +310,9 @@ class Motion(Struct, frozen=True, kw_only=True):
     displacement_mm: Annotated[float | None, Meta(description="where it is")]
     board_time_s: Annotated[float, Meta(description="board time of the last sample")]
     fault: Annotated[Fault | None, Meta(description="the latched fault")] = None
+    generation: Annotated[
+        int, Meta(description="stops so far; a request that carries it is refused after the next")
+    ] = 0
 
 
 class Status(Struct, frozen=True, kw_only=True):
@@ -357,7 +368,8 @@ class Telemetry(Row, kw_only=True):
     """
 
     timestamp: Annotated[
-        float, Meta(description="Unix time in seconds, paced by the board's clock")
+        float,
+        Meta(description="Unix time of the sample in s: board time, steered to the host's clock"),
     ]
     sequence: Annotated[int, Meta(description="counts published samples; a gap is a loss")]
 
@@ -370,13 +382,15 @@ class Method:
     """One thing a client can ask: name on the wire, parameters, reply, and who may ask it.
 
     `watch`: anyone; `control`: the holder of exclusive control, or anyone while there is none;
-    `stop`: anyone, also on the stop channel.
+    `stop`: anyone, also on the stop channel. What `ends_with_stop` is refused when a stop came
+    after it was asked for, and until the board has confirmed that stop.
     """
 
     name: str
     params: type[Struct]
     reply: type[Struct]
     access: Access
+    ends_with_stop: bool = False
 
     @property
     def summary(self) -> str:
@@ -389,16 +403,16 @@ METHODS: tuple[Method, ...] = (
     Method("motion", GetMotion, Motion, "watch"),
     Method("config", GetConfig, ConfigText, "watch"),
     Method("timing.reset", ResetTiming, Timing, "watch"),
-    Method("arm", Arm, Motion, "control"),
+    Method("arm", Arm, Motion, "control", ends_with_stop=True),
     Method("disarm", Disarm, Motion, "stop"),
     Method("estop", EStop, Motion, "stop"),
     Method("clear", Clear, Motion, "control"),
-    Method("move", Follow, Motion, "control"),
-    Method("heat", HoldTemperature, Motion, "control"),
-    Method("current", DriveCurrent, Motion, "control"),
-    Method("stage", MoveStage, Motion, "control"),
+    Method("move", Follow, Motion, "control", ends_with_stop=True),
+    Method("heat", HoldTemperature, Motion, "control", ends_with_stop=True),
+    Method("current", DriveCurrent, Motion, "control", ends_with_stop=True),
+    Method("stage", MoveStage, Motion, "control", ends_with_stop=True),
     Method("idle", Idle, Motion, "control"),
-    Method("tune", Tune, Motion, "control"),
+    Method("tune", Tune, Motion, "control", ends_with_stop=True),
     Method("params.list", ListParams, ParamList, "watch"),
     Method("params.get", GetParam, Param, "watch"),
     Method("params.set", SetParam, Param, "control"),

@@ -24,9 +24,10 @@ _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
 PAGES = (_DOCS / "guide/clients.md", _DECISIONS / "README.md")
 _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_SUPERSEDED = re.compile(r"^Status: superseded by (\d{4})", re.MULTILINE)
 _ACCESS = {
     "watch": "anyone",
-    "control": "who has control",
+    "control": "the client in control",
     "stop": "anyone, also on the stop channel",
 }
 
@@ -70,11 +71,14 @@ def reasons() -> str:
 
 
 def decisions() -> str:
-    """Every decision with its title, which is the first line of its page."""
+    """Every decision with its title, the first line of its page; a superseded one says by which."""
     rows = []
     for page in sorted(_DECISIONS.glob("[0-9]*.md")):
-        number, title = page.read_text().partition("\n")[0].removeprefix("# ").split(" ", 1)
-        rows.append(f"- [{number}]({page.name}) {title}\n")
+        text = page.read_text()
+        number, title = text.partition("\n")[0].removeprefix("# ").split(" ", 1)
+        superseded = _SUPERSEDED.search(text)
+        note = f" (superseded by {superseded[1]})" if superseded else ""
+        rows.append(f"- [{number}]({page.name}) {title}{note}\n")
     return "".join(rows)
 
 

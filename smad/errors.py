@@ -41,11 +41,18 @@ class SmadError(Exception):
             parts.append(f"allowed: {_one_line(self.limit)}")
         if self.action:
             parts.append(self.action)
-        return "; ".join(" ".join(part.split()) for part in parts)
+        return _visible("; ".join(" ".join(part.split()) for part in parts))
 
 
 def _rebuild(kind: type[SmadError], cause: str, value: Any, limit: Any, action: str) -> SmadError:
     return kind(cause, value=value, limit=limit, action=action)
+
+
+def _visible(text: str) -> str:
+    # A NUL, or an escape sequence in a name that a stranger chose, is not for the terminal.
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def _one_line(value: Any) -> str:

@@ -17,6 +17,7 @@ BENCHES = {
     "control": ("smad.control.bench", "a control step, and virtual time"),
     "log": ("smad.runlog.bench", "recording and reading runs"),
     "daemon": ("smad.daemon.bench", "the control path beside a C program, idle and under load"),
+    "stops": ("bench.stop_latency", "a third party's stop, idle and under floods"),
     "gap": ("smad.gap.bench", "the diagnosis"),
 }
 

@@ -75,6 +75,7 @@ struct smad_parameter {
     uint16_t number;
     uint8_t kind;
     bool shared; /* one for the whole board, kept by axis 0 */
+    bool never_zero;
     int32_t initial;
     int32_t minimum;
     int32_t maximum;

@@ -297,8 +297,8 @@ def _lines(cls: type[Message], templates: dict[str, str]) -> Iterator[str]:
 
 def _parameters() -> str:
     rows = [
-        f"    {{{p.number}, {int(p.kind)}, {str(p.shared).lower()}, {p.default}, {p.minimum}, "
-        f'{p.maximum}, "{p.name}"}},'
+        f"    {{{p.number}, {int(p.kind)}, {str(p.shared).lower()}, {str(p.never_zero).lower()}, "
+        f'{p.default}, {p.minimum}, {p.maximum}, "{p.name}"}},'
         for p in PARAMETERS
     ]
     head = "const SMAD_FLASH struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {\n"

@@ -20,7 +20,7 @@ from firmware_protocol import (
 from firmware_protocol.codec import Codec
 from firmware_protocol.errors import SchemaError
 from firmware_protocol.generate.c_names import enums_of
-from firmware_protocol.messages import Message
+from firmware_protocol.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import own_crc, wire_name
 from firmware_protocol.wire import Field, fields_of
@@ -54,6 +54,7 @@ def _frame(codec: Codec) -> str:
         ("longest frame before COBS", f"{framing.MAX_DECODED} bytes"),
         ("longest payload", f"{framing.MAX_PAYLOAD} bytes"),
         ("longest frame on the wire, delimiter included", f"{framing.MAX_ENCODED + 1} bytes"),
+        ("protocol version", f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}"),
         ("schema CRC of this version", f"`0x{own_crc():08x}`"),
     ]
     return table(("quantity", "value"), rows)
@@ -131,7 +132,7 @@ def _parameters(codec: Codec) -> str:
             f"`{p.name}`",
             p.unit,
             str(p.default),
-            ", ".join(map(str, p.choices)) if p.choices else f"{p.minimum} … {p.maximum}",
+            p.allowed,
             p.doc + ("; one for the board" if p.shared else ""),
         )
         for p in PARAMETERS

@@ -23,6 +23,7 @@ class HostRow:
 HOST_ROWS: dict[str, HostRow] = {
     "temperature_cC": HostRow("fold_start_cC", 99, "folds the current back to zero"),
     "current_mA": HostRow("current_limit_mA", 100, "never asks for more current"),
+    "current_slew_mA_per_ms": HostRow("current_slew_mA_per_ms", 100, "raises a current no faster"),
     "on_time_s": HostRow("on_time_limit_s", 95, "ends a run"),
     "setpoint_ttl_ms": HostRow("setpoint_ttl_ms", 100, "gives its setpoints this life"),
     "setpoint_age_us": HostRow("setpoint_age_us", 80, "counts a sample as answered late"),
@@ -36,6 +37,7 @@ class HostLimits:
 
     temperature_cC: int
     current_mA: int
+    current_slew_mA_per_ms: int
     on_time_s: int
     setpoint_ttl_ms: int
     setpoint_age_us: int

@@ -116,8 +116,18 @@ def execute(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
-        return _complain(_internal(error), _INTERNAL)
+        told = _unusable_path(error)
+        return _complain(told, 1) if told else _complain(_internal(error), _INTERNAL)
     return result if isinstance(result, int) else 0
+
+
+def _unusable_path(error: Exception) -> str:
+    """Say that a path given by the user cannot be used; nothing when that is not what happened."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"cannot use {error.filename}: {error.strerror}; check the path, or name another"
+    if isinstance(error, ValueError) and "embedded null" in str(error):
+        return "a path contains a NUL character; leave it out"
+    return ""
 
 
 def _internal(error: Exception) -> str:

@@ -17,10 +17,14 @@ from smad.errors import DaemonError
 START_DEADLINE_S = 150.0
 END_DEADLINE_S = 30.0
 _POLL_S = 0.02
+_WITH_LIMIT = ("/bin/sh", "-c", 'ulimit -n "$0" && exec "$@"')
 
 
 class DaemonProcess:
-    """A running `smad start`. `folder` holds its sockets, `log` what it says."""
+    """A running `smad start`. `folder` holds its sockets, `log` what it says.
+
+    `descriptors` is its limit on open files, where it must have one of its own.
+    """
 
     def __init__(
         self,
@@ -30,13 +34,15 @@ class DaemonProcess:
         bench: str = "bench",
         environment: Mapping[str, str] | None = None,
         pass_fds: Sequence[int] = (),
+        descriptors: int | None = None,
     ) -> None:
         self.folder = folder
         self.bench = bench
         self.log = folder / f"{bench}.log"
+        limited = [] if descriptors is None else [*_WITH_LIMIT, str(descriptors)]
         with self.log.open("ab") as output:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "smad", "start", "--bench", bench, *arguments],
+                [*limited, sys.executable, "-m", "smad", "start", "--bench", bench, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,16 +62,19 @@ def start(
 
     Clients then command it: smad status, smad arm, smad move …, or smad.Client in Python.
     """
+    from smad.config import load_config
+
     config = _settled(path, bench=bench, rate=rate, baud=baud)
     if no_realtime:
         config = without_realtime(config)
+    reread = None if path is None else functools.partial(load_config, path)
     if not simulated:
         if speed is not None or seed is not None or paced_by_host or faults or firmware != "python":
             raise ConfigError(
                 "--speed, --seed, --paced-by-host, --fault and --firmware need --sim",
                 action="add --sim, or leave them out",
             )
-        return _on_board(config, port, trace_path, fd)
+        return _on_board(config, port, trace_path, fd, reread)
     if port is not None:
         raise ConfigError(
             "--port and --sim exclude each other",
@@ -90,7 +95,7 @@ def start(
         speed_ratio=plant.speed_ratio if speed is None else speed,
     )
     return _on_simulation(
-        config, path, paced_by_host=paced_by_host, faults=faults, firmware=firmware
+        config, path, reread, paced_by_host=paced_by_host, faults=faults, firmware=firmware
     )
 
 
@@ -123,7 +128,13 @@ def _settled(path: Path | None, *, bench: str | None, rate: str | None, baud: in
     return config
 
 
-def _on_board(config: Config, port: str | None, trace_path: Path | None, fd: int | None) -> int:
+def _on_board(
+    config: Config,
+    port: str | None,
+    trace_path: Path | None,
+    fd: int | None,
+    reread: Callable[[], Config] | None,
+) -> int:
     if port is not None:
         config = replaced(config, "link", port=port)
     if fd is None and not config.link.port:
@@ -132,12 +143,13 @@ def _on_board(config: Config, port: str | None, trace_path: Path | None, fd: int
             limit="--port DEVICE, or link.port in the configuration",
             action="look in /dev/serial/by-id, or try smad start --sim",
         )
-    return _run(config, None, trace_path=trace_path, fd=fd)
+    return _run(config, None, reread, trace_path=trace_path, fd=fd)
 
 
 def _on_simulation(
     config: Config,
     path: Path | None,
+    reread: Callable[[], Config] | None,
     *,
     paced_by_host: bool,
     faults: tuple[str, ...],
@@ -162,7 +174,7 @@ def _on_simulation(
     with progress() as line, simulated_bench(arguments, symlink, waiting=line.say) as port:
         line.done()
         config = replaced(config, "link", port=port, baud=SIMULATED_BAUD)
-        return _run(config, _parameter_text(config))
+        return _run(config, _parameter_text(config), reread)
 
 
 def _parameter_text(config: Config) -> str:
@@ -176,6 +188,7 @@ def _parameter_text(config: Config) -> str:
 def _run(
     config: Config,
     parameter_text: str | None,
+    reread: Callable[[], Config] | None,
     *,
     trace_path: Path | None = None,
     fd: int | None = None,
@@ -201,6 +214,7 @@ def _run(
         config,
         open_port if fd is None else open_socket,
         parameter_text=parameter_text,
+        reread=reread,
         check_baud=fd is None,
         trace=None if trace_path is None else Trace(trace_path),
     )

@@ -18,7 +18,7 @@ import zmq.asyncio
 
 from smad import api
 from smad.client.blocking import DEFAULT_TIMEOUT_S, POLL_S, no_answer
-from smad.client.errors import NoAnswer
+from smad.client.errors import NoAnswer, Refused
 from smad.client.progress import Wait
 from smad.client.wire import (
     Conversation,
@@ -43,6 +43,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.daemon.endpoints import Connection
+from smad.errors import ConfigError, SmadError
 
 _TOPIC = api.TELEMETRY_TOPIC.encode()
 
@@ -90,7 +91,11 @@ class AsyncClient:
         self._conversation = Conversation()
         identity = new_identity()
         self._commands = connect(self._context, connection.command, keys, identity)
-        self._stops = connect(self._context, connection.stop, keys, identity)
+        try:
+            self._stops = connect(self._context, connection.stop, keys, identity)
+        except ConfigError:
+            self._commands.close(linger=0)
+            raise
 
     async def __aenter__(self) -> AsyncClient:
         return self
@@ -126,15 +131,23 @@ class AsyncClient:
         return await self._call(api.ResetTiming(), api.Timing)
 
     async def arm(self) -> api.Motion:
-        """Arm the bench."""
-        return await self._call(api.Arm(), api.Motion)
+        """Arm the bench. What you ask for afterwards is refused once anybody has stopped it."""
+        motion = await self._call(api.Arm(), api.Motion)
+        self._conversation.generation = motion.generation
+        return motion
 
     async def disarm(self) -> api.Motion:
-        """Current off, water on until cool; goes over the stop channel, which is served first."""
+        """Current off, water on until cool; returns when the board is not armed any more.
+
+        Goes over the stop channel, which is served first. Raises BoardRefused when the board does
+        not confirm within a second; the daemon goes on asking it.
+        """
+        self._conversation.generation = None
         return await self._call(api.Disarm(), api.Motion, stop=True)
 
     async def estop(self) -> api.Motion:
-        """Everything off until the board's power is cycled."""
+        """Everything off until the board's power is cycled; returns when the board says ESTOP."""
+        self._conversation.generation = None
         return await self._call(api.EStop(), api.Motion, stop=True)
 
     async def clear(self, fault: int | None = None) -> api.Motion:
@@ -219,13 +232,44 @@ class AsyncClient:
     async def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
         """Take, or renew, exclusive control; every call of yours renews it too.
 
-        When you fall silent for `lease_s` while the bench is armed, it is disarmed.
+        When you fall silent for `lease_s` while the bench is armed, it is disarmed. Control of a
+        bench that somebody else armed is refused: disarm it first.
         """
-        return await self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
+        control = await self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
+        self._conversation.lease = control.lease
+        return control
 
     async def release_control(self) -> api.Control:
         """Give exclusive control back."""
-        return await self._call(api.ReleaseControl(), api.Control)
+        control = await self._call(api.ReleaseControl(), api.Control)
+        self._conversation.lease = ""
+        return control
+
+    @contextlib.asynccontextmanager
+    async def armed(self) -> AsyncIterator[None]:
+        """Armed for as long as the block lasts: disarmed at its end, on an exception, on ctrl-C.
+
+        A program that is killed cannot disarm; inside `in_control` the daemon misses it and does.
+        """
+        try:
+            await self.arm()
+        except Refused:
+            # Somebody else may have armed it; that is not ours to end.
+            raise
+        except BaseException:
+            await self._disarm_after_an_error()
+            raise
+        try:
+            yield
+        except BaseException:
+            await self._disarm_after_an_error()
+            raise
+        await self.disarm()
+
+    async def _disarm_after_an_error(self) -> None:
+        # What ended the block is what its caller has to hear of.
+        with contextlib.suppress(SmadError):
+            await self.disarm()
 
     @contextlib.asynccontextmanager
     async def in_control(self, name: str, lease_s: float = 10.0) -> AsyncIterator[None]:
@@ -259,7 +303,7 @@ class AsyncClient:
         Raises Stopped when it never will be (disarmed, fault, board gone), NoAnswer after
         `timeout_s`.
         """
-        wait = Wait(time.monotonic(), timeout_s)
+        wait = Wait(time.monotonic(), timeout_s, self._conversation.generation)
         while True:
             motion = await self.motion()
             if progress is not None:

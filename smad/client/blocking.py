@@ -15,7 +15,7 @@ from typing import Any
 import zmq
 
 from smad import api
-from smad.client.errors import NoAnswer
+from smad.client.errors import NoAnswer, Refused
 from smad.client.progress import Wait
 from smad.client.wire import (
     Conversation,
@@ -40,6 +40,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.daemon.endpoints import Connection
+from smad.errors import ConfigError, SmadError
 
 DEFAULT_TIMEOUT_S = 5.0
 POLL_S = 0.05
@@ -87,7 +88,11 @@ class Client:
         self._conversation = Conversation()
         identity = new_identity()
         self._commands = connect(self._context, connection.command, keys, identity)
-        self._stops = connect(self._context, connection.stop, keys, identity)
+        try:
+            self._stops = connect(self._context, connection.stop, keys, identity)
+        except ConfigError:
+            self._commands.close(linger=0)
+            raise
 
     def __enter__(self) -> Client:
         return self
@@ -123,15 +128,23 @@ class Client:
         return self._call(api.ResetTiming(), api.Timing)
 
     def arm(self) -> api.Motion:
-        """Arm the bench."""
-        return self._call(api.Arm(), api.Motion)
+        """Arm the bench. What you ask for afterwards is refused once anybody has stopped it."""
+        motion = self._call(api.Arm(), api.Motion)
+        self._conversation.generation = motion.generation
+        return motion
 
     def disarm(self) -> api.Motion:
-        """Current off, water on until cool; goes over the stop channel, which is served first."""
+        """Current off, water on until cool; returns when the board is not armed any more.
+
+        Goes over the stop channel, which is served first. Raises BoardRefused when the board does
+        not confirm within a second; the daemon goes on asking it.
+        """
+        self._conversation.generation = None
         return self._call(api.Disarm(), api.Motion, stop=True)
 
     def estop(self) -> api.Motion:
-        """Everything off until the board's power is cycled."""
+        """Everything off until the board's power is cycled; returns when the board says ESTOP."""
+        self._conversation.generation = None
         return self._call(api.EStop(), api.Motion, stop=True)
 
     def clear(self, fault: int | None = None) -> api.Motion:
@@ -214,13 +227,44 @@ class Client:
     def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
         """Take, or renew, exclusive control; every call of yours renews it too.
 
-        When you fall silent for `lease_s` while the bench is armed, it is disarmed.
+        When you fall silent for `lease_s` while the bench is armed, it is disarmed. Control of a
+        bench that somebody else armed is refused: disarm it first.
         """
-        return self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
+        control = self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
+        self._conversation.lease = control.lease
+        return control
 
     def release_control(self) -> api.Control:
         """Give exclusive control back."""
-        return self._call(api.ReleaseControl(), api.Control)
+        control = self._call(api.ReleaseControl(), api.Control)
+        self._conversation.lease = ""
+        return control
+
+    @contextlib.contextmanager
+    def armed(self) -> Iterator[None]:
+        """Armed for as long as the block lasts: disarmed at its end, on an exception, on ctrl-C.
+
+        A program that is killed cannot disarm; inside `in_control` the daemon misses it and does.
+        """
+        try:
+            self.arm()
+        except Refused:
+            # Somebody else may have armed it; that is not ours to end.
+            raise
+        except BaseException:
+            self._disarm_after_an_error()
+            raise
+        try:
+            yield
+        except BaseException:
+            self._disarm_after_an_error()
+            raise
+        self.disarm()
+
+    def _disarm_after_an_error(self) -> None:
+        # What ended the block is what its caller has to hear of.
+        with contextlib.suppress(SmadError):
+            self.disarm()
 
     @contextlib.contextmanager
     def in_control(self, name: str, lease_s: float = 10.0) -> Iterator[None]:
@@ -254,7 +298,7 @@ class Client:
         Raises Stopped when it never will be (disarmed, fault, board gone), NoAnswer after
         `timeout_s`.
         """
-        wait = Wait(time.monotonic(), timeout_s)
+        wait = Wait(time.monotonic(), timeout_s, self._conversation.generation)
         while True:
             motion = self.motion()
             if progress is not None:

@@ -64,6 +64,7 @@ _KINDS: dict[Reason, type[Refused]] = {
     Reason.NOT_ARMED: NotReady,
     Reason.ARMED: NotReady,
     Reason.FAULTED: NotReady,
+    Reason.STOPPED: NotReady,
     Reason.DISAGREEMENT: NotReady,
     Reason.BOARD_REFUSED: BoardRefused,
     Reason.NO_REPLY: BoardRefused,

@@ -7,17 +7,26 @@ from smad.client.errors import NoAnswer, Stopped
 
 
 class Wait:
-    """Judges each poll of a motion."""
+    """Judges each poll of a motion. `generation` is the one we armed in, if we did."""
 
-    def __init__(self, now_s: float, timeout_s: float | None) -> None:
+    def __init__(
+        self, now_s: float, timeout_s: float | None, generation: int | None = None
+    ) -> None:
         self._began_s = now_s
         self._timeout_s = timeout_s
+        self._generation = generation
 
     def over(self, motion: Motion, now_s: float) -> bool:
         """Return whether the motion is done.
 
-        Raises Stopped when the board is not armed any more, NoAnswer when the time is over.
+        Raises Stopped when the board is not armed any more, or was stopped and armed by somebody
+        else since; NoAnswer when the time is over.
         """
+        if self._generation is not None and motion.armed and motion.generation != self._generation:
+            raise Stopped(
+                "the motion ended early: the bench was stopped, and has been armed again since",
+                action="see smad status for what happened; disarm, arm and start again",
+            )
         fault = motion.fault
         if not motion.armed or fault is not None:
             raise Stopped(

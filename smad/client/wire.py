@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 from dataclasses import dataclass
@@ -12,8 +13,9 @@ import msgspec
 import zmq
 from msgspec import Struct
 
-from smad.api import BY_PARAMS, LARGEST_MESSAGE, ErrorData, Reason, Telemetry
+from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Reason, Telemetry
 from smad.client.errors import NoDaemon, Refused, refused
+from smad.config.curve import KEY_CHARACTERS, is_curve_key
 from smad.control.commands import Samples, Trajectory
 from smad.daemon.endpoints import Connection, candidate_folders, read_connection
 from smad.errors import ConfigError
@@ -52,9 +54,15 @@ class Keys:
 
 
 class Conversation:
-    """Numbers requests and finds the reply that belongs to one; replies of old ones are dropped."""
+    """Numbers requests and finds the reply that belongs to one; replies of old ones are dropped.
+
+    `lease` is the secret of our exclusive control (empty: none). `generation` is the one in which
+    we armed (None: we did not): what we ask for after that is refused once a stop has come.
+    """
 
     def __init__(self) -> None:
+        self.lease = ""
+        self.generation: int | None = None
         self._last_id = 0
 
     def request(self, params: Struct) -> tuple[int, bytes]:
@@ -65,15 +73,23 @@ class Conversation:
         method = BY_PARAMS[type(params)]
         _refuse_infinite(method.name, "", msgspec.to_builtins(params))
         self._last_id += 1
-        data = _ENCODER.encode(
-            {"jsonrpc": "2.0", "id": self._last_id, "method": method.name, "params": params}
-        )
+        request: dict[str, Any] = {
+            "jsonrpc": "2.0",
+            "id": self._last_id,
+            "method": method.name,
+            "params": params,
+        }
+        if self.lease:
+            request["lease"] = self.lease
+        if self.generation is not None and method.ends_with_stop and not isinstance(params, Arm):
+            request["generation"] = self.generation
+        data = _ENCODER.encode(request)
         if len(data) > LARGEST_MESSAGE:
             raise Refused(
                 f"{method.name}: the command is too long to send",
                 value=f"{len(data)} bytes",
                 limit=f"{LARGEST_MESSAGE} bytes",
-                action="send it in pieces",
+                action="it was not sent, as the daemon would refuse it; send it in pieces",
             )
         return self._last_id, data
 
@@ -137,7 +153,8 @@ def find_daemon(bench: str, folder: str | Path | None) -> Connection:
 
 
 def remote(address: str, stop_address: str, telemetry: str, keys: Keys) -> Connection:
-    """Return the connection to a daemon on another machine."""
+    """Return the connection to a daemon on another machine. Raises ConfigError for a bad key."""
+    _require_keys(keys)
     return Connection(
         bench="",
         pid=0,
@@ -149,13 +166,36 @@ def remote(address: str, stop_address: str, telemetry: str, keys: Keys) -> Conne
     )
 
 
+def _require_keys(keys: Keys) -> None:
+    for name, key in dataclasses.asdict(keys).items():
+        if not is_curve_key(key):
+            # A secret key is not repeated where others may read it.
+            raise ConfigError(
+                f"the CURVE key {name!r} is not valid",
+                value=f"{len(key)} characters" if name == "secret" else key,
+                limit=f"{KEY_CHARACTERS} characters of Z85",
+                action="make a pair with `smad keys`; the server's public key is in the bench's "
+                "connection file",
+            )
+
+
 def connect(context: zmq.Context[Any], address: str, keys: Keys | None, identity: bytes) -> Any:
-    """Return a DEALER socket that talks to `address`. Raises ConfigError for a bad key."""
+    """Return a DEALER socket that talks to `address`. Raises ConfigError when that is none."""
     socket = context.socket(zmq.DEALER)
     socket.setsockopt(zmq.LINGER, 0)
     socket.setsockopt(zmq.IDENTITY, identity)
-    _set_keys(socket, keys)
-    socket.connect(address)
+    try:
+        _set_keys(socket, keys)
+        socket.connect(address)
+    except zmq.ZMQError as error:
+        # A socket that is left open keeps the interpreter from ending.
+        socket.close(linger=0)
+        raise ConfigError(
+            f"cannot connect: {error.strerror}",
+            value=address,
+            limit="tcp://host:port, or ipc://path",
+            action="correct the address",
+        ) from error
     return socket
 
 
@@ -193,15 +233,7 @@ def in_pieces(trajectory: Trajectory) -> list[Trajectory]:
 
 
 def _set_keys(socket: Any, keys: Keys | None) -> None:
-    if keys is None:
-        return
-    try:
+    if keys is not None:
         socket.setsockopt(zmq.CURVE_PUBLICKEY, keys.public.encode())
         socket.setsockopt(zmq.CURVE_SECRETKEY, keys.secret.encode())
         socket.setsockopt(zmq.CURVE_SERVERKEY, keys.server.encode())
-    except zmq.ZMQError as error:
-        raise ConfigError(
-            "a CURVE key is not valid",
-            limit="40 characters in Z85",
-            action="make a pair with `smad keys`, and copy the server's public key from it",
-        ) from error

@@ -11,9 +11,22 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
+from firmware_protocol.supervisor.host import host_limits
+from firmware_protocol.supervisor.limits import compiled_limits
+from smad.config.curve import KEY_CHARACTERS, is_curve_key
+
+_HOST = host_limits(compiled_limits())
+"""What the host may ask of a board that nobody tightened; a tightened one is asked at arming."""
+
 
 class Section(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of the configuration file."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            value = getattr(self, name)
+            if isinstance(value, str) and "\0" in value:
+                raise ValueError(f"`{name}` {value!r} contains a NUL character; leave it out")
 
 
 class LinkConfig(Section, frozen=True, kw_only=True):
@@ -30,7 +43,12 @@ class LinkConfig(Section, frozen=True, kw_only=True):
         int, Meta(ge=0, le=15, description="which antagonistic pair of the board to drive")
     ] = 0
     setpoint_ttl_ms: Annotated[
-        int, Meta(ge=20, le=1000, description="the board holds current 0 after so long without one")
+        int,
+        Meta(
+            ge=20,
+            le=_HOST.setpoint_ttl_ms,
+            description="the board holds current 0 after so long without one",
+        ),
     ] = 100
     connect_timeout_s: Annotated[
         float, Meta(ge=0.1, le=60.0, description="give up on the first handshake after so long")
@@ -65,6 +83,7 @@ class CoolingConfig(Section, frozen=True, kw_only=True):
     ] = 4.0
 
     def __post_init__(self) -> None:
+        Section.__post_init__(self)
         if self.off_threshold_A > self.on_threshold_A:
             raise ValueError(
                 f"`off_threshold_A` {self.off_threshold_A} is above `on_threshold_A` "
@@ -141,7 +160,8 @@ class ControlConfig(Section, frozen=True, kw_only=True):
     kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 15.0
     ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 3.0
     current_limit_A: Annotated[
-        float, Meta(ge=0.0, le=4.0, description="largest current in a spring")
+        float,
+        Meta(ge=0.0, le=_HOST.current_mA / 1000, description="largest current in a spring"),
     ] = 4.0
     anti_windup_time_s: Annotated[
         float,
@@ -160,20 +180,32 @@ class ControlConfig(Section, frozen=True, kw_only=True):
 
 
 class LimitsConfig(Section, frozen=True, kw_only=True):
-    """What the host refuses to exceed. The board enforces its own limits, which are wider."""
+    """What the host refuses to exceed. The board enforces limits of its own, never tighter ones."""
 
     temperature_max_degC: Annotated[
-        float, Meta(ge=30.0, le=95.0, description="hottest spring; current goes to 0 above it")
+        float,
+        Meta(
+            ge=30.0,
+            le=_HOST.temperature_cC / 100,
+            description="hottest spring; current goes to 0 above it",
+        ),
     ] = 80.0
     displacement_max_mm: Annotated[
-        float, Meta(ge=0.1, le=50.0, description="largest |displacement|, and largest reference")
+        float,
+        Meta(ge=0.1, le=50.0, description="largest displacement either way, and largest reference"),
     ] = 15.0
     force_max_N: Annotated[float, Meta(ge=0.1, le=100.0, description="largest tendon force")] = 10.0
     on_time_max_s: Annotated[
-        float, Meta(ge=1.0, le=86_400.0, description="longest time armed without a new arming")
+        float,
+        Meta(ge=1.0, le=_HOST.on_time_s, description="longest time armed without a new arming"),
     ] = 3600.0
     current_rate_max_A_per_s: Annotated[
-        float, Meta(ge=0.1, le=10_000.0, description="fastest rise of a current setpoint")
+        float,
+        Meta(
+            ge=0.1,
+            le=_HOST.current_slew_mA_per_ms,
+            description="fastest rise of a current setpoint",
+        ),
     ] = 400.0
     reference_rate_max_mm_per_s: Annotated[
         float,
@@ -195,11 +227,19 @@ class TcpConfig(Section, frozen=True, kw_only=True):
         str, Meta(description="file with the server's CURVE keys; empty: in the ipc folder")
     ] = ""
     allowed_keys: Annotated[
-        tuple[Annotated[str, Meta(min_length=40, max_length=40)], ...],
+        tuple[str, ...],
         Meta(description="public keys (Z85, 40 characters) of the clients let in"),
     ] = ()
 
     def __post_init__(self) -> None:
+        Section.__post_init__(self)
+        for number, key in enumerate(self.allowed_keys, start=1):
+            if not is_curve_key(key):
+                raise ValueError(
+                    f"`allowed_keys`, entry {number} of {len(self.allowed_keys)} is no key; "
+                    f"got {key!r}; allowed: {KEY_CHARACTERS} characters of Z85; "
+                    "copy the public key that `smad keys` printed"
+                )
         if self.enabled and not self.allowed_keys:
             raise ValueError("`enabled` with an empty `allowed_keys` lets nobody in; list a key")
         if self.command_port == self.stop_port:
@@ -234,7 +274,7 @@ class TelemetryConfig(Section, frozen=True, kw_only=True):
 
     enabled: Annotated[bool, Meta(description="publish samples")] = True
     endpoint: Annotated[
-        str, Meta(description="ZeroMQ address to publish on as well as on ipc; empty: ipc only")
+        str, Meta(description="tcp://host:port to publish on as well as on ipc; empty: ipc only")
     ] = "tcp://127.0.0.1:9872"
     every_nth_sample: Annotated[
         int, Meta(ge=1, le=1000, description="1 publishes all, 10 every tenth")

@@ -109,7 +109,7 @@ class Controller:
             case HoldTemperature():
                 self._hold_temperature(command)
             case DriveCurrent():
-                self._mode = CurrentMode(command)
+                self._drive_current(command)
             case MoveStage():
                 self._stage.move(command)
             case Tune():
@@ -176,6 +176,18 @@ class Controller:
             mode.enter(self._sample, i_x_A - i_y_A)
         mode.follow(command)
         self._mode = mode
+
+    def _drive_current(self, command: DriveCurrent) -> None:
+        limit_A = self._config.current_limit_A
+        for name in ("i_x_A", "i_y_A"):
+            if getattr(command, name) > limit_A:
+                raise CommandError(
+                    f"{name} is above the host's limit",
+                    value=getattr(command, name),
+                    limit=f"up to {limit_A:g} A (control.current_limit_A)",
+                    action="ask for less, or raise the limit in the configuration",
+                )
+        self._mode = CurrentMode(command)
 
     def _hold_temperature(self, command: HoldTemperature) -> None:
         limit_degC = self._limits_config.temperature_max_degC

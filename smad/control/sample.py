@@ -46,6 +46,10 @@ class BoardTime:
         self.now_us = 0
         self.jumps = 0
 
+    def restart(self) -> None:
+        """The board restarted: its next stamp says nothing of the time between."""
+        self._last_raw_us = None
+
     def unwrap(self, raw_us: int) -> int:
         """Microseconds since the first sample."""
         if self._last_raw_us is not None:

@@ -12,7 +12,7 @@ from smad.daemon.errors import Refusal
 from smad.daemon.journal import Journal
 from smad.daemon.rpc import Call, Decoder, error_reply, result_reply
 from smad.daemon.server import Send
-from smad.daemon.service import Service
+from smad.daemon.service import Caller, Service
 from smad.daemon.status import CommandCounts
 from smad.errors import SmadError
 
@@ -52,10 +52,11 @@ class Answers:
 
     def _answer(self, decoder: Decoder, client: bytes, data: bytes, send: Send) -> None:
         call = decoder.decode(data)
-        if isinstance(call, bytes):
+        if not isinstance(call, Call):
             self._counts.refused += 1
             self._counts.malformed += 1
-            send(call)
+            if call is not None:
+                send(call)
             return
 
         def reply(text: bytes) -> None:
@@ -64,7 +65,9 @@ class Answers:
 
         try:
             self._require_room(call)
-            answer = self._service.perform(call.method, call.params, client)
+            answer = self._service.perform(
+                call.method, call.params, Caller(client, call.lease), call.generation
+            )
         except Exception as error:
             self._refuse(call, error, reply)
             return

@@ -6,11 +6,19 @@ Everything is learnt anew in each session; nothing is carried over a reconnectio
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 
 from firmware_protocol.enums import Capability
 from firmware_protocol.messages import FaultReport, Ident, Message, ParamGet, ParamSet, ParamValue
-from firmware_protocol.parameters import BY_NAME, PARAMETERS, Parameter, crc_of
+from firmware_protocol.parameters import (
+    BY_NAME,
+    LIMIT_PARAMETERS,
+    PARAMETERS,
+    Parameter,
+    crc_of,
+)
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
+from firmware_protocol.supervisor.limits import Limits, compiled_limits
 from smad import api
 from smad.api import Reason
 from smad.daemon.errors import Refusal
@@ -59,6 +67,14 @@ class Parameters:
                 value=value,
                 action="round it",
             )
+        if not parameter.takes(int(value)):
+            raise Refusal(
+                Reason.INVALID,
+                f"{name}: the value is out of range",
+                value=value,
+                limit=f"{parameter.allowed} {parameter.unit}",
+                action="nothing was changed; choose one within the limit",
+            )
         axis = 0 if parameter.shared else self._axis
         try:
             reply = await ask(ParamSet(axis, parameter.number, int(value)))
@@ -66,6 +82,15 @@ class Parameters:
             raise _with_range(refusal, parameter) from refusal
         self._note(reply)
         return self.one(name)
+
+    def value(self, parameter: Parameter) -> int:
+        """Return a value as read from the board, or its default while it was not."""
+        key = (0 if parameter.shared else self._axis, parameter.number)
+        return self.values.get(key, parameter.default)
+
+    def limits(self) -> Limits:
+        """Return the board's limits in force, as far as they were read."""
+        return replace(compiled_limits(), **{p.name: self.value(p) for p in LIMIT_PARAMETERS})
 
     def one(self, name: str) -> api.Param:
         """Return one parameter. Raises Refusal when it does not exist or was not read yet."""
@@ -117,13 +142,11 @@ def _named(name: str) -> Parameter:
 
 
 def _with_range(refusal: Refusal, parameter: Parameter) -> Refusal:
-    low, high = parameter.minimum, parameter.maximum
-    allowed = ", ".join(map(str, parameter.choices)) if parameter.choices else f"{low} to {high}"
     return Refusal(
         refusal.reason,
         f"{parameter.name}: {refusal.cause}",
         value=refusal.value,
-        limit=f"{allowed} {parameter.unit}",
+        limit=f"{parameter.allowed} {parameter.unit}",
         action=refusal.action,
     )
 

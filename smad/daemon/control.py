@@ -141,6 +141,7 @@ class ControlTask:
             if isinstance(other, BoardRestarted):
                 # Its counter begins anew: the samples between are none that were missed.
                 self._forget()
+                self._time.restart()
             self._on_event(other)
         self.flush()
 

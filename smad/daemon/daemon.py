@@ -7,20 +7,22 @@ Everything runs on one loop. What follows a sample (`_publish`) and what no samp
 from __future__ import annotations
 
 import asyncio
+import secrets
 import time
 from collections.abc import Callable, Coroutine
+from contextlib import nullcontext
 from typing import Any
 
 import zmq
 
 from firmware_protocol.events import BoardRestarted, HostEvent, HostState, LinkLost
 from firmware_protocol.host import HostSession
-from firmware_protocol.messages import Disarm
+from firmware_protocol.messages import State
 from smad.config import Config
-from smad.control.commands import Idle
 from smad.control.controller import Controller
 from smad.daemon.answers import Answers
 from smad.daemon.control import ControlTask
+from smad.daemon.descriptors import Reserve
 from smad.daemon.errors import Refusal
 from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.journal import Journal
@@ -34,7 +36,9 @@ from smad.daemon.requests import BoardRequests
 from smad.daemon.runheader import run_header
 from smad.daemon.server import CommandServer
 from smad.daemon.service import Service
+from smad.daemon.stamps import Stamps
 from smad.daemon.status import CommandCounts, StatusReport
+from smad.daemon.stops import Stops
 from smad.daemon.telemetry import Publisher
 from smad.daemon.trace import Trace
 from smad.daemon.unwelcome import Unwelcome
@@ -68,6 +72,7 @@ class Daemon:
         journal: Journal,
         notifier: Notifier,
         nonce: int,
+        reserve: Reserve = nullcontext,
         parameter_text: str | None = None,
         trace: Trace | None = None,
         clock_us: Callable[[], int] = monotonic_us,
@@ -83,7 +88,7 @@ class Daemon:
         self._wall_clock = wall_clock
         self._tasks: set[asyncio.Task[Any]] = set()
         self._publishing = False
-        self._anchor_s: float | None = None
+        self._stamps = Stamps()
         self._second_us = 0
         self._housekeeping: asyncio.TimerHandle | None = None
         self._recorder_error = ""
@@ -119,6 +124,19 @@ class Daemon:
             say=self.say,
             spawn=self.spawn,
             on_scales=self._set_scales,
+            on_found_armed=self._stop_found,
+        )
+        self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
+        self.stops = Stops(
+            self.session,
+            self.control.controller,
+            self.requests,
+            self.watch,
+            axis=config.link.axis,
+            say=self.say,
+            spawn=self.spawn,
+            on_begin=self._dead_man.forget,
+            clock_us=clock_us,
         )
         self.recorder = Recorder(
             config.recorder,
@@ -131,11 +149,10 @@ class Daemon:
             ),
             wall_clock,
         )
-        self.publisher = Publisher(context, config.telemetry)
+        self.publisher = Publisher(loop, config.telemetry, reserve)
         self.collector = IdleCollector(enabled=False)
-        self._lease = Lease()
+        self._lease = Lease(secrets.token_urlsafe)
         self._host_stop = HostStop(self.control.controller)
-        self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
         self.status = StatusReport(
             config,
             control=self.control,
@@ -144,6 +161,7 @@ class Daemon:
             recorder=self.recorder,
             lease=self._lease,
             host_stop=self._host_stop,
+            stops=self.stops,
             journal=journal,
             collector=self.collector,
             commands=self.commands,
@@ -159,6 +177,7 @@ class Daemon:
             lease=self._lease,
             host_stop=self._host_stop,
             dead_man=self._dead_man,
+            stops=self.stops,
             say=self.say,
             clock_us=clock_us,
         )
@@ -172,6 +191,7 @@ class Daemon:
             on_stop=self.answers.stop,
             look_at_port=self.link.read,
             queue=config.daemon.command_queue,
+            reserve=reserve,
         )
         self._unwelcome = Unwelcome(self.server, self.commands, self.say)
 
@@ -222,9 +242,10 @@ class Daemon:
         if state is HostState.FAULTED:
             return "the board has stopped already"
         hot = state in (HostState.RUNNING, HostState.READY)
-        self.control.controller.command(Idle())
+        self.stops.begin("the daemon is ending")
         try:
-            await asyncio.wait_for(self.requests.ask(Disarm(self.config.link.axis)), 2.0)
+            # Whatever died may be what lets the time of the wait itself run out.
+            await asyncio.wait_for(self.stops.until_confirmed(), 2.0)
         except (Refusal, TimeoutError) as error:
             if not hot:
                 return "nothing was armed"
@@ -260,7 +281,7 @@ class Daemon:
         self._guarded("control", self.control.receive, data)
 
     def _on_open(self) -> None:
-        self._anchor_s = None
+        self._stamps.restart()
         self.control.opened()
         transport = self.link.transport
         if self.link.counts.opens > 1 and transport is not None:
@@ -268,17 +289,19 @@ class Daemon:
 
     def _on_lost(self, reason: str) -> None:
         self.control.lost()
-        self._end_motion()
+        self.stops.link_lost("the link was lost")
         self.watch.port_lost(reason)
 
     def _on_event(self, event: HostEvent) -> None:
-        if isinstance(event, BoardRestarted | LinkLost):
-            self._end_motion()
+        if isinstance(event, BoardRestarted):
+            self.stops.link_lost("the board restarted")
+        elif isinstance(event, LinkLost):
+            self.stops.link_lost("the board fell silent")
         self.watch.on_event(event)
 
-    def _end_motion(self) -> None:
-        self._dead_man.forget()
-        self.control.controller.command(Idle())
+    def _stop_found(self) -> None:
+        text = "the board was found armed by somebody else; telling it to disarm"
+        self.stops.order("the board was found armed", text, {})
 
     def _set_scales(self, scales: Any) -> None:
         self.control.scales = scales
@@ -294,11 +317,11 @@ class Daemon:
         for _ in range(min(len(finished), _AT_ONCE)):
             item = finished.popleft()
             row = self.status.row(item)
-            if self._anchor_s is None:
-                self._anchor_s = item.host_s - row.t_s
-            self.publisher.publish(row, self._anchor_s + row.t_s)
+            stamp_s = self._stamps.stamp(row.t_s, item.host_s, self._taken_s(item.state))
+            self.publisher.publish(row, stamp_s)
             self.recorder.row(row)
             self.watch.on_state(item.state)
+            self.stops.on_sample(item.state)
         self._tell_of_host_stop()
         self.notifier.alive(self._clock_us())
         if finished:
@@ -306,6 +329,13 @@ class Daemon:
         else:
             armed = self.session.state is HostState.RUNNING
             self.collector.run(int(self._period_ns * _SPARE_SHARE), at_rest=not armed)
+
+    def _taken_s(self, state: State) -> float | None:
+        """Unix time when a sample was taken, by the fit of the clocks; None while unknown."""
+        # In this order: a pause between the two readings makes the time too early, and no jump.
+        wall_s, now_us = self._wall_clock(), self._clock_us()
+        host_us = self.session.host_us(state.t_us)
+        return None if host_us is None else wall_s + (host_us - now_us) * 1e-6
 
     def _housekeep(self) -> None:
         self._housekeeping = self.loop.call_later(HOUSEKEEPING_S, self._housekeep)
@@ -320,11 +350,8 @@ class Daemon:
         self.server.wake()
         if self.session.state in (HostState.DISCONNECTED, HostState.SYNC):
             self.notifier.alive(now_us)
-        if self._dead_man.expired(now_us):
-            self._dead_man.forget()
-            self.say("disarm", "the client that armed has fallen silent; disarming", {})
-            self.spawn("dead man", self._disarm_by_ourselves())
-        self._end_what_was_left(now_us)
+        self.stops.tick()
+        self.service.end_what_lapsed(now_us)
         self._end_automatic_log(now_us)
         if now_us - self._second_us >= _SECOND_US:
             self._second_us = now_us
@@ -338,29 +365,12 @@ class Daemon:
             text = f"this computer kept the daemon from running for {away_s * 1000:.0f} ms"
             self.say("warning", text, {"away_s": away_s})
 
-    def _end_what_was_left(self, now_us: int) -> None:
-        gone = self._lease.lapsed(now_us)
-        if gone is None or self.session.state is not HostState.RUNNING:
-            return
-        self._dead_man.forget()
-        silent_s = gone.duration_us * 1e-6
-        text = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s; disarming"
-        self.say("disarm", text, {"holder": gone.name, "silent_s": silent_s})
-        self.spawn("lease", self._disarm_by_ourselves())
-
     def _tell_of_host_stop(self) -> None:
         fault = self._host_stop.news()
         if fault is not None:
             data = {name: getattr(fault, name) for name in fault.__struct_fields__}
             self.say("fault", f"the host stopped: {in_full(fault)}", data)
-            self.spawn("host stop", self._disarm_by_ourselves())
-
-    async def _disarm_by_ourselves(self) -> None:
-        self.control.controller.command(Idle())
-        try:
-            await self.requests.ask(Disarm(self.config.link.axis))
-        except Refusal as error:
-            self.say("warning", f"the board did not confirm the disarm: {error}", {})
+            self.stops.begin(f"a limit of the host: {fault.name}")
 
     def _each_second(self) -> None:
         self.status.refresh()

@@ -64,6 +64,11 @@ class Endpoints:
         return self.folder / f"{self.bench}.json"
 
     @property
+    def crash_file(self) -> Path:
+        """Where the daemon leaves the traceback of what it died of."""
+        return self.folder / f"{self.bench}.crash.txt"
+
+    @property
     def lock(self) -> Path:
         """The lock file: one daemon to a bench name."""
         return self.folder / f"{self.bench}.lock"
@@ -131,11 +136,31 @@ def prepare_folder(folder: Path) -> int:
     return 0o007 if mode & 0o020 else 0o077
 
 
-def write_connection(path: Path, connection: Connection) -> None:
-    """Write the connection file in one piece, readable as the folder's sockets are."""
+def write_anew(path: Path, data: bytes, umask: int) -> None:
+    """Write a file in place of what has the name, readable as the folder's sockets are.
+
+    A group may write in the folder: a link that somebody put there is removed, not followed.
+    Raises OSError, also when the name is taken again at once.
+    """
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
+        os.fchmod(file.fileno(), 0o644 & ~umask)
+        file.write(data)
+
+
+def write_connection(path: Path, connection: Connection, umask: int) -> None:
+    """Write the connection file in one piece. Raises DaemonError when that is not possible."""
     draft = path.with_suffix(".json.new")
-    draft.write_bytes(msgspec.json.format(msgspec.json.encode(connection), indent=2) + b"\n")
-    draft.replace(path)
+    text = msgspec.json.format(msgspec.json.encode(connection), indent=2) + b"\n"
+    try:
+        write_anew(draft, text, umask)
+        draft.replace(path)
+    except OSError as error:
+        raise DaemonError(
+            f"cannot write the connection file {path}: {error.strerror}",
+            action="remove what stands in its way, or set daemon.ipc_dir to a folder of your own",
+        ) from error
 
 
 def read_connection(path: Path) -> Connection | None:

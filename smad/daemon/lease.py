@@ -1,10 +1,14 @@
 """Exclusive control: one client holds the bench for a while, the others watch, anyone may stop.
 
-Pure: time is an argument. A client is whoever its socket says it is; its name is for messages.
+Pure: time is an argument, and so is what makes secrets. Whoever knows the secret of a lease holds
+it: the name of a client's socket is its own choice, and may be seen again after it has gone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import msgspec
 from msgspec import Struct
 
 from smad.api import Reason
@@ -14,7 +18,7 @@ from smad.daemon.errors import Refusal
 class Holder(Struct, frozen=True):
     """Who has the bench, and until when (monotonic microseconds)."""
 
-    client: bytes
+    secret: str
     name: str
     duration_us: int
     until_us: int
@@ -23,10 +27,12 @@ class Holder(Struct, frozen=True):
 class Lease:
     """At most one holder. Whatever the holder says renews it; silence ends it.
 
-    Who lets a lease lapse, instead of giving it back, has vanished: `lapsed` says so once.
+    Who lets a lease lapse, instead of giving it back, has vanished: `lapsed` says so once, and
+    has to be asked before anything else is.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, new_secret: Callable[[], str]) -> None:
+        self._new_secret = new_secret
         self._holder: Holder | None = None
 
     def holder(self, now_us: int) -> Holder | None:
@@ -42,24 +48,37 @@ class Lease:
         self._holder = None
         return holder
 
-    def heard(self, client: bytes, now_us: int) -> None:
+    def held_with(self, secret: str, now_us: int) -> bool:
+        """Return whether `secret` is that of the lease in force."""
+        holder = self.holder(now_us)
+        return holder is not None and holder.secret == secret
+
+    def heard(self, secret: str, now_us: int) -> None:
         """Renew the lease of its holder, whatever it said."""
         holder = self.holder(now_us)
-        if holder is not None and holder.client == client:
-            self._renew(holder, now_us)
+        if holder is not None and holder.secret == secret:
+            self._holder = msgspec.structs.replace(holder, until_us=now_us + holder.duration_us)
 
-    def take(self, client: bytes, name: str, duration_us: int, now_us: int) -> Holder:
-        """Give control to `client`, or renew it. Raises Refusal while another one has it."""
-        self.check(client, now_us)
-        self._holder = Holder(client, name, duration_us, now_us + duration_us)
+    def take(self, secret: str, name: str, duration_us: int, now_us: int) -> Holder:
+        """Give control, under a new secret, or renew it. Raises Refusal while another has it."""
+        if not self.held_with(secret, now_us):
+            self.check("", now_us)
+            secret = self._new_secret()
+        self._holder = Holder(secret, name, duration_us, now_us + duration_us)
         return self._holder
 
-    def check(self, client: bytes, now_us: int) -> None:
-        """Raise Refusal for anyone but the holder while there is one."""
+    def check(self, secret: str, now_us: int) -> None:
+        """Raise Refusal for anyone but the holder, if there is one, and for an ended lease."""
         holder = self.holder(now_us)
         if holder is None:
+            if secret:
+                raise Refusal(
+                    Reason.NOT_IN_CONTROL,
+                    "your exclusive control has ended",
+                    action="take it again (control.take); smad status says what happened",
+                )
             return
-        if holder.client != client:
+        if holder.secret != secret:
             left_s = (holder.until_us - now_us) / 1e6
             raise Refusal(
                 Reason.NOT_IN_CONTROL,
@@ -68,14 +87,9 @@ class Lease:
                 action="wait, or ask them to release it; disarm and estop work for anyone",
             )
 
-    def _renew(self, holder: Holder, now_us: int) -> None:
-        until_us = now_us + holder.duration_us
-        self._holder = Holder(holder.client, holder.name, holder.duration_us, until_us)
-
-    def release(self, client: bytes, now_us: int) -> bool:
-        """Give control back; return whether `client` had it."""
-        holder = self.holder(now_us)
-        if holder is None or holder.client != client:
+    def release(self, secret: str, now_us: int) -> bool:
+        """Give control back; return whether `secret` was the holder's."""
+        if not self.held_with(secret, now_us):
             return False
         self._holder = None
         return True
@@ -86,27 +100,28 @@ class DeadMan:
 
     def __init__(self, patience_us: int) -> None:
         self.patience_us = patience_us
-        self._client: bytes | None = None
+        self.client: bytes | None = None
+        """Who armed; None while nobody has."""
         self._heard_us = 0
 
     def watch(self, client: bytes, now_us: int) -> None:
         """Begin to watch the client that armed."""
-        self._client = client
+        self.client = client
         self._heard_us = now_us
 
     def heard(self, client: bytes, now_us: int) -> None:
         """Note that a client said something."""
-        if client == self._client:
+        if client == self.client:
             self._heard_us = now_us
 
     def forget(self) -> None:
         """The bench is not armed any more."""
-        self._client = None
+        self.client = None
 
     def expired(self, now_us: int) -> bool:
         """Return whether the watched client has been silent for longer than it may."""
         return (
             self.patience_us > 0
-            and self._client is not None
+            and self.client is not None
             and now_us - self._heard_us > self.patience_us
         )

@@ -24,11 +24,13 @@ from firmware_protocol.events import IncompatibleReason
 from smad.config import Config
 from smad.daemon import realtime
 from smad.daemon.daemon import Daemon
+from smad.daemon.descriptors import OPENED_LATER, Descriptors, Shares, open_descriptors, shares_of
 from smad.daemon.endpoints import (
     Connection,
     Endpoints,
     default_folder,
     prepare_folder,
+    write_anew,
     write_connection,
 )
 from smad.daemon.errors import TaskDied
@@ -36,11 +38,16 @@ from smad.daemon.journal import Journal
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
 from smad.daemon.port import Transport
+from smad.daemon.reload import has_terminal, reread_keys
+from smad.daemon.remote import LAST_WORDS_MS
 from smad.daemon.trace import Trace
 from smad.daemon.wirerate import check_rate
 from smad.errors import DaemonError, PortError
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_BOUND, _BOUND_WITH_TCP = 5, 20
+"""Descriptors of lock and sockets, more or less."""
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True)
@@ -56,18 +63,20 @@ def run(
     opener: Callable[[], Transport],
     *,
     parameter_text: str | None = None,
+    reread: Callable[[], Config] | None = None,
     check_baud: bool = True,
     trace: Trace | None = None,
 ) -> Ended:
     """Run a daemon until a signal, and return how it ended.
 
+    `reread` reads the configuration file again, if there is one: on SIGHUP, for the list of keys.
     `parameter_text` marks a simulated bench. `check_baud` off: the transport has no baud rate.
     `trace` is for a benchmark: every step's time, saved at the end.
     Raises SmadError when it cannot start.
     """
     if check_baud:
         check_rate(config.link.rate_hz, config.link.baud)
-    return asyncio.run(_Life(config, opener, parameter_text, trace).live())
+    return asyncio.run(_Life(config, opener, parameter_text, reread, trace).live())
 
 
 class _Life:
@@ -76,21 +85,26 @@ class _Life:
         config: Config,
         opener: Callable[[], Transport],
         parameter_text: str | None,
+        reread: Callable[[], Config] | None,
         trace: Trace | None,
     ) -> None:
         self._config = config
         self._opener = opener
         self._parameter_text = parameter_text
+        self._reread = reread
         self._trace = trace
         folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
         self._endpoints = Endpoints(folder, config.daemon.bench)
         self._journal = Journal()
         self._notifier = Notifier()
+        self._descriptors = Descriptors()
+        self._umask = 0o077
         self._signal: asyncio.Future[str]
 
     async def live(self) -> Ended:
-        umask = prepare_folder(self._endpoints.folder)
-        lock = self._take_lock()
+        self._divide_descriptors(_BOUND_WITH_TCP if self._config.daemon.tcp.enabled else _BOUND)
+        umask = self._umask = prepare_folder(self._endpoints.folder)
+        lock = self._take_lock(umask)
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         context.set(zmq.MAX_SOCKETS, min(65_535, context.get(zmq.SOCKET_LIMIT)))
         loop = asyncio.get_running_loop()
@@ -105,9 +119,15 @@ class _Life:
             journal=self._journal,
             notifier=self._notifier,
             nonce=secrets.randbits(32),
+            reserve=self._descriptors.reserve,
             parameter_text=self._parameter_text,
             trace=self._trace,
         )
+        # A terminal that goes away ends the daemon that was started there; a service has none.
+        if has_terminal():
+            loop.add_signal_handler(signal.SIGHUP, self._on_signal, signal.SIGHUP)
+        else:
+            loop.add_signal_handler(signal.SIGHUP, self._on_reload, daemon)
         loop.set_exception_handler(lambda _, details: _callback_died(daemon, details))
         measures: realtime.Realtime | None = None
         try:
@@ -115,7 +135,7 @@ class _Life:
             measures = self._take_measures(daemon)
             daemon.start()
             await self._first_handshake(daemon)
-            write_connection(self._endpoints.connection_file, connection)
+            write_connection(self._endpoints.connection_file, connection, umask)
             self._announce(daemon)
             return await self._until_the_end(daemon)
         finally:
@@ -123,15 +143,19 @@ class _Life:
             await daemon.close()
             if self._trace is not None:
                 self._trace.save()
-            # Every socket is closed by now; this waits for their last words.
-            context.term()
+            # This waits for the last words of the sockets; one that was left open must not hang it.
+            context.destroy(linger=LAST_WORDS_MS)
             if measures is not None:
                 measures.close()
             lock.release()
             self._journal.close()
 
-    def _take_lock(self) -> LockFile:
-        lock = LockFile(self._endpoints.lock)
+    def _divide_descriptors(self, not_yet_open: int) -> Shares:
+        used = open_descriptors() + OPENED_LATER + not_yet_open
+        return shares_of(self._descriptors.limit, used, tcp=self._config.daemon.tcp.enabled)
+
+    def _take_lock(self, umask: int) -> LockFile:
+        lock = LockFile(self._endpoints.lock, mode=0o644 & ~umask)
         try:
             lock.acquire()
         except BlockingIOError:
@@ -149,13 +173,15 @@ class _Life:
         if config.daemon.tcp.enabled:
             tcp = daemon.server.serve_tcp(config.daemon, endpoints)
         if config.telemetry.enabled:
-            previous = os.umask(umask)
-            daemon.publisher.bind_ipc(endpoints.telemetry)
-            os.umask(previous)
+            daemon.publisher.bind_ipc(endpoints.telemetry, umask)
             if config.telemetry.endpoint:
-                daemon.publisher.bind_extra(config.telemetry.endpoint)
+                daemon.publisher.bind_extra(config.telemetry.endpoint, umask)
             if daemon.publisher.note:
                 daemon.status.notes.append(daemon.publisher.note)
+        shares = self._divide_descriptors(0)
+        self._descriptors.set_reserve_aside()
+        daemon.server.share(shares)
+        daemon.publisher.share(shares.telemetry)
         return Connection(
             bench=endpoints.bench,
             pid=os.getpid(),
@@ -250,10 +276,16 @@ class _Life:
         return Ended(0, f"ended by {self._signal.result()}: {came_of_it}")
 
     def _keep_traceback(self, error: BaseException) -> Path:
-        path = self._endpoints.folder / f"{self._endpoints.bench}.crash.txt"
-        with contextlib.suppress(OSError):
-            path.write_text("".join(traceback.format_exception(error)))
+        path = self._endpoints.crash_file
+        text = "".join(traceback.format_exception(error))
+        with contextlib.suppress(OSError), self._descriptors.reserve():
+            write_anew(path, text.encode(), self._umask)
         return path
+
+    def _on_reload(self, daemon: Daemon) -> None:
+        with self._descriptors.reserve():
+            text = reread_keys(self._config, daemon.server.doorkeeper, self._reread)
+        daemon.say("warning", text, {})
 
     def _on_signal(self, number: int) -> None:
         if not self._signal.done():

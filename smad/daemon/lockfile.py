@@ -19,8 +19,9 @@ _SHARED_FOLDERS = (Path("/run/lock"), Path("/var/lock"))
 class LockFile:
     """An exclusive flock on a file, held until `release()` or the end of the process."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, mode: int = 0o666) -> None:
         self.path = path
+        self._mode = mode
         self._fd: int | None = None
 
     def acquire(self) -> None:
@@ -30,7 +31,7 @@ class LockFile:
         `DaemonError` when the file cannot be used.
         """
         try:
-            fd = _open(self.path)
+            fd = _open(self.path, self._mode)
         except OSError as error:
             raise DaemonError(
                 f"cannot use the lock file {self.path}: {error.strerror}",
@@ -68,10 +69,10 @@ def port_lock(device: int) -> LockFile:
     return LockFile(Path("/tmp") / name)
 
 
-def _open(path: Path) -> int:
+def _open(path: Path, mode: int) -> int:
     flags = os.O_CLOEXEC | os.O_NOFOLLOW
     try:
-        fd = os.open(path, os.O_RDWR | os.O_CREAT | flags, 0o666)
+        fd = os.open(path, os.O_RDWR | os.O_CREAT | flags, mode)
     except PermissionError:
         # Another user's file in a sticky folder: a lock needs no more than reading.
         return os.open(path, os.O_RDONLY | flags)

@@ -83,6 +83,10 @@ _FAILURES: dict[FailureReason, tuple[str, str]] = {
         "the board restarted before it answered",
         "look at its supply; then try again",
     ),
+    FailureReason.WITHDRAWN: (
+        "the bench was stopped before the board answered",
+        "see smad status for what stopped it; then arm again",
+    ),
 }
 
 
@@ -147,7 +151,13 @@ def failure(event: RequestFailed) -> Refusal:
     if event.error is not None:
         return refusal(event.error, event.request)
     cause, action = _FAILURES[event.reason]
-    return Refusal(Reason.NO_REPLY, cause, value=type(event.request).__name__, action=action)
+    withdrawn = event.reason is FailureReason.WITHDRAWN
+    return Refusal(
+        Reason.STOPPED if withdrawn else Reason.NO_REPLY,
+        cause,
+        value=type(event.request).__name__,
+        action=action,
+    )
 
 
 def refusal(error: Error, request: Message | None = None) -> Refusal:
@@ -155,7 +165,8 @@ def refusal(error: Error, request: Message | None = None) -> Refusal:
     cause, action = REFUSALS.get(
         error.code, (f"the board refused with code {int(error.code)}", _UPDATE)
     )
-    told = error.value != 0 or error.limit != 0
+    # A token means nothing to a person.
+    told = error.code is not ErrorCode.TOKEN_WRONG and (error.value != 0 or error.limit != 0)
     if error.code is ErrorCode.WRONG_STATE and error.value == BoardState.ESTOP:
         action = "power-cycle the board: nothing else ends ESTOP"
     worded = _state_name if error.code is ErrorCode.WRONG_STATE else int

@@ -1,18 +1,22 @@
 """JSON-RPC 2.0 without sockets: bytes in, a typed call or an error reply out. Pure.
 
-Any bytes give a call or a reply, never an exception.
+Any bytes give a call, a reply, or nothing where none is due; never an exception.
 """
 
 from __future__ import annotations
 
+import json
+import re
+from types import NoneType
 from typing import Any, Literal
 
 import msgspec
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from smad.api import (
     BY_PARAMS,
     ERROR_CODES,
+    LARGEST_MESSAGE,
     METHODS,
     REFUSED,
     Access,
@@ -32,7 +36,9 @@ def _request_type(method: Method) -> type[Struct]:
         f"{method.params.__name__}Request",
         [
             ("params", method.params) if required else ("params", method.params, method.params()),
-            ("id", int | str | None, None),
+            ("id", int | str | None | UnsetType, UNSET),
+            ("lease", str, ""),
+            ("generation", int | None, None),
             ("jsonrpc", Literal["2.0"], "2.0"),
         ],
         tag_field="method",
@@ -55,30 +61,53 @@ def _request_union(*access: Access) -> Any:
 class Call(Struct, frozen=True):
     """A valid request: what is asked, with which parameters, and the id of the reply.
 
-    `wants_reply` is false for a notification.
+    `wants_reply` is false for a notification. `lease` is the secret of the caller's exclusive
+    control, `generation` that of the last stop it knows of: both may be left out.
     """
 
     method: Method
     params: Struct
     id: Id
     wants_reply: bool
+    lease: str = ""
+    generation: int | None = None
 
 
 class _Request(Struct, frozen=True):
     # What every member of the union has; the union's own types are made at run time.
     params: Struct
-    id: Id
+    id: Id | UnsetType
+    lease: str
+    generation: int | None
 
 
-class _Loose(Struct, frozen=True):
-    """What can be had from a request that is not valid."""
+class _Names:
+    """Finds names that an object gives twice: msgspec takes the last one without a word."""
 
-    id: Any = None
-    method: Any = None
+    def __init__(self) -> None:
+        self._twice: list[str] = []
+        self._decoder = json.JSONDecoder(object_pairs_hook=self._object)
 
+    def twice(self, data: bytes) -> list[str]:
+        """Return them. Raises ValueError or RecursionError for what Python cannot read."""
+        self._twice = []
+        self._decoder.decode(_NUMBERS.sub(b"[]", data).decode())
+        return self._twice
+
+    def _object(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        members = dict(pairs)
+        if len(members) < len(pairs):
+            names = [name for name, _ in pairs]
+            self._twice += [name for name in members if names.count(name) > 1]
+        return members
+
+
+_NUMBERS = re.compile(rb"\[[-+.0-9eE,\s]+\]")
+"""Lists of numbers hold no names, and to read them would take most of the time."""
 
 _REPLY = msgspec.json.Encoder()
-_LOOSE = msgspec.json.Decoder(_Loose)
+_MEMBERS = msgspec.json.Decoder(dict[str, msgspec.Raw])
+_ID = msgspec.json.Decoder(int | str | None)
 _STOP_METHODS = ", ".join(m.name for m in METHODS if m.access == "stop")
 
 
@@ -90,57 +119,143 @@ class Decoder:
             _request_union(*access)
         )
         self._known = {m.name for m in METHODS if not access or m.access in access}
+        self._names = _Names()
 
-    def decode(self, data: bytes) -> Call | bytes:
-        """Return the call, or the error reply that `data` deserves."""
+    def decode(self, data: bytes) -> Call | bytes | None:
+        """Return the call, or the error reply that `data` deserves.
+
+        A notification that is refused gets no reply: None.
+        """
+        if len(data) > LARGEST_MESSAGE:
+            return error_reply(None, _too_long(len(data)))
         try:
             request = self._decoder.decode(data)
+            twice = self._names.twice(data)
         except msgspec.ValidationError as error:
             return self._refuse(data, str(error))
         except (msgspec.DecodeError, RecursionError, ValueError) as error:
-            return error_reply(
-                None,
-                Refusal(
-                    Reason.MALFORMED,
-                    f"this is not JSON: {error}",
-                    action="send one JSON-RPC 2.0 object a message",
-                ),
-            )
+            return error_reply(None, _malformed(error))
+        call_id = None if request.id is UNSET else request.id
+        if twice:
+            return error_reply(None if "id" in twice else call_id, _given_twice(twice))
         method = BY_PARAMS[type(request.params)]
-        return Call(method, request.params, request.id, request.id is not None)
+        return Call(
+            method,
+            request.params,
+            call_id,
+            request.id is not UNSET,
+            request.lease,
+            request.generation,
+        )
 
-    def _refuse(self, data: bytes, message: str) -> bytes:
-        call_id: Id = None
-        name: Any = None
+    def _refuse(self, data: bytes, message: str) -> bytes | None:
         try:
-            loose = _LOOSE.decode(data)
-        except (msgspec.MsgspecError, RecursionError, ValueError):
-            pass
-        else:
-            name = loose.method
-            call_id = loose.id if isinstance(loose.id, int | str) else None
-        if not isinstance(name, str):
-            return error_reply(
-                call_id,
-                Refusal(
-                    Reason.INVALID,
-                    f"this is not a request: {message}",
-                    action="send one JSON-RPC 2.0 object with a method, not a batch",
-                ),
-            )
+            members = _MEMBERS.decode(data)
+            twice = self._names.twice(data)
+        except msgspec.ValidationError:
+            return error_reply(None, _no_request(message))
+        except (msgspec.DecodeError, RecursionError, ValueError) as error:
+            return error_reply(None, _malformed(error))
+        try:
+            call_id = _ID.decode(members.get("id", b"null"))
+        except msgspec.ValidationError:
+            return error_reply(None, _no_request("`id` is no whole number, text or null"))
+        if twice:
+            return error_reply(None if "id" in twice else call_id, _given_twice(twice))
+        name = _text(members.get("method"))
+        wrong = _misshapen(members, name)
+        if wrong:
+            return error_reply(call_id, _no_request(wrong))
+        if "id" not in members:
+            return None
         if name not in self._known:
             return error_reply(call_id, _unknown(name))
-        cause, _, path = message.partition(" - at `$.params")
-        field = path.rstrip("`").lstrip(".")
-        return error_reply(
-            call_id,
-            Refusal(
-                Reason.INVALID,
-                f"{name}: {field or 'the request'} is not valid: {cause}",
-                value=_value_at(data, path.rstrip("`")),
-                action="nothing was changed; docs/guide/clients.md lists the fields",
-            ),
-        )
+        return error_reply(call_id, _bad_params(name, data, message))
+
+
+def _text(member: msgspec.Raw | None) -> str:
+    """Return the text that a member is, or nothing."""
+    value = None if member is None else _plain_value(member)
+    return value if isinstance(value, str) else ""
+
+
+def _plain_value(member: msgspec.Raw) -> Any:
+    try:
+        return msgspec.json.decode(member)
+    except msgspec.MsgspecError:
+        # A number too large for any type.
+        return None
+
+
+_BESIDE = (
+    ("lease", (str, NoneType), "no text"),
+    ("generation", (int, NoneType), "no whole number"),
+)
+
+
+def _misshapen(members: dict[str, msgspec.Raw], method: str) -> str:
+    """Say what makes this no JSON-RPC request at all; nothing when it is one."""
+    if not method:
+        return "`method` is missing, or no text"
+    # A stop is not refused because its version was left out.
+    if _text(members.get("jsonrpc", msgspec.Raw(b'"2.0"'))) != "2.0":
+        return '`jsonrpc` is not "2.0"'
+    if bytes(members.get("params", b"{"))[:1] not in (b"{", b"["):
+        return "`params` is no object"
+    for beside, kinds, what in _BESIDE:
+        if not isinstance(_plain_value(members.get(beside, msgspec.Raw(b"null"))), kinds):
+            return f"`{beside}` is {what}"
+    strange = members.keys() - {"jsonrpc", "id", "method", "params", "lease", "generation"}
+    if strange:
+        return f"it has an unknown member `{min(strange)}`"
+    return ""
+
+
+def _malformed(error: Exception) -> Refusal:
+    return Refusal(
+        Reason.MALFORMED,
+        f"this is not JSON: {error}",
+        action="send one JSON-RPC 2.0 object a message",
+    )
+
+
+def _too_long(size: int) -> Refusal:
+    return Refusal(
+        Reason.NO_REQUEST,
+        "the message is too long",
+        value=f"{size} bytes",
+        limit=f"{LARGEST_MESSAGE} bytes",
+        action="nothing was changed; send it in pieces",
+    )
+
+
+def _no_request(message: str) -> Refusal:
+    return Refusal(
+        Reason.NO_REQUEST,
+        f"this is not a request: {message}",
+        action="send one JSON-RPC 2.0 object with a method, not a batch",
+    )
+
+
+def _given_twice(names: list[str]) -> Refusal:
+    return Refusal(
+        Reason.NO_REQUEST,
+        "a name is given twice in one object",
+        value=names[0],
+        limit="each name once",
+        action="nothing was changed; leave one of the two out",
+    )
+
+
+def _bad_params(name: str, data: bytes, message: str) -> Refusal:
+    cause, _, path = message.partition(" - at `$.params")
+    field = path.rstrip("`").lstrip(".")
+    return Refusal(
+        Reason.INVALID,
+        f"{name}: {field or 'the request'} is not valid: {cause}",
+        value=_value_at(data, path.rstrip("`")),
+        action="nothing was changed; docs/guide/clients.md lists the fields",
+    )
 
 
 def _unknown(name: str) -> Refusal:

@@ -1,4 +1,4 @@
-"""The command server's sockets: at most one message each time round the loop, stops first.
+"""The command server: at most one message each time round the loop, stops first.
 
 Before each message the serial port is looked at, so that a sample never waits for more than the
 command in hand; and all commands together may take only a share of the time.
@@ -8,41 +8,39 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import functools
-import operator
-import os
-import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
 
 import zmq
 
-from smad.api import LARGEST_MESSAGE
+from smad.api import LARGEST_MESSAGE, LARGEST_TAKEN_IN, Reason
 from smad.config import DaemonConfig
-from smad.daemon.auth import ZAP_ADDRESS, Doorkeeper, server_keys
+from smad.daemon.auth import Doorkeeper, server_keys
 from smad.daemon.budget import TimeBudget
+from smad.daemon.descriptors import OPENED_LATER, Reserve, Shares, open_descriptors
 from smad.daemon.endpoints import Endpoints
+from smad.daemon.errors import Refusal
+from smad.daemon.listener import Connection, Listener, listen_local
+from smad.daemon.remote import RemoteCounts, RemoteDoor, Socket, Source
+from smad.daemon.rpc import error_reply
+from smad.daemon.zmtp import Broken, TooLong, encoded
 from smad.errors import DaemonError
 
 COMMAND_SHARE = 0.5
 COMMAND_BURST_NS = 5_000_000
-LAST_WORDS_MS = 200
-"""How long a reply may take to leave when the daemon ends; clients that do not read lose it."""
 
-_ZAP_DOMAIN = b"smad"
-_HANDSHAKE_MS = 2000
+_CLIENTS = frozenset((b"DEALER", b"REQ", b"ROUTER"))
+_STOP_QUEUE = 100
+_STOP_STANDING_S, _COMMAND_STANDING_S = 0.05, 2.0
+"""How long a silent client keeps its place while others wait. A stop is sent at once."""
 
-_COUNTED: dict[int, str] = {
-    zmq.EVENT_ACCEPTED: "connections",
-    zmq.EVENT_DISCONNECTED: "ended",
-    zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL: "bad_handshakes",
-    zmq.EVENT_ACCEPT_FAILED: "not_accepted",
-}
-"""Not the other two failures of a handshake: ZeroMQ 4.3.5 that has to tell of a message it cannot
-decrypt forgets to end the connection, which then stays half open for good."""
+_LOOK_NS = 100_000_000
 
-Socket = zmq.Socket[bytes]
 Send = Callable[[bytes], None]
 Handler = Callable[[bytes, bytes, Send], None]
 """Takes the client's identity, its message, and how to reply (at once or later)."""
@@ -55,30 +53,42 @@ class ServerCounts:
     messages: int = 0
     dropped_replies: int = 0
     dropped_messages: int = 0
-    connections: int = 0
-    """Over TCP, as the next three."""
-    ended: int = 0
-    bad_handshakes: int = 0
-    """Connections that did not greet in time."""
-    not_accepted: int = 0
-    """Connections that the system did not let in, usually for want of descriptors."""
 
 
-@dataclass
-class _Served:
-    socket: Socket
-    handle: Callable[[list[bytes]], None]
-    monitored: bool = False
-    descriptor: int = field(init=False)
+class _Served(Protocol):
+    def serve_one(self) -> bool: ...
 
-    def __post_init__(self) -> None:
-        self.descriptor = int(self.socket.getsockopt(zmq.FD))
+    def close(self) -> None: ...
+
+
+class _Local:
+    """The connections of one local channel, which take turns."""
+
+    def __init__(self, serve: Callable[[Connection, list[bytes]], None]) -> None:
+        self.ready: deque[Connection] = deque()
+        self.listener: Listener
+        self._serve = serve
+
+    def serve_one(self) -> bool:
+        while self.ready:
+            connection = self.ready.popleft()
+            if connection.message is None or connection.closed:
+                continue
+            self._serve(connection, connection.message)
+            connection.advance()
+            if connection.message is not None:
+                self.ready.append(connection)
+            return True
+        return False
+
+    def close(self) -> None:
+        self.listener.close()
 
 
 class CommandServer:
-    """ROUTER sockets for commands and for stops, on ipc and, with keys, on TCP.
+    """Commands and stops from this machine and, with keys, over TCP.
 
-    `look_at_port` runs before every message. `close()` ends it without lingering.
+    `look_at_port` runs before every message. `share` says how many may be connected at once.
     """
 
     def __init__(
@@ -90,10 +100,10 @@ class CommandServer:
         on_stop: Handler,
         look_at_port: Callable[[], None],
         queue: int,
+        reserve: Reserve = nullcontext,
         clock_ns: Callable[[], int] = time.perf_counter_ns,
     ) -> None:
         self.counts = ServerCounts()
-        self.doorkeeper: Doorkeeper | None = None
         self.server_key = ""
         self._context = context
         self._loop = loop
@@ -101,19 +111,36 @@ class CommandServer:
         self._on_stop = on_stop
         self._look_at_port = look_at_port
         self._queue = queue
+        self._reserve = reserve
         self._clock_ns = clock_ns
         self._budget = TimeBudget(COMMAND_SHARE, COMMAND_BURST_NS, clock_ns())
         self._served: list[_Served] = []
+        self._watched: list[Source] = []
+        self._local: list[_Local] = []
+        self._remote: RemoteDoor | None = None
+        self._others = 0
+        self._looked_ns = 0
         self._turning = False
+
+    @property
+    def doorkeeper(self) -> Doorkeeper | None:
+        """Who decides on keys; None without TCP."""
+        return None if self._remote is None else self._remote.doorkeeper
+
+    @property
+    def remote_counts(self) -> RemoteCounts:
+        """What happened over TCP."""
+        return RemoteCounts() if self._remote is None else self._remote.counts
+
+    @property
+    def listeners(self) -> Iterator[Listener]:
+        """The local channels: stops, commands."""
+        return (local.listener for local in self._local)
 
     def serve_ipc(self, endpoints: Endpoints, umask: int) -> None:
         """Bind the ipc sockets. The bench's lock file must be held: a second bind would steal."""
-        previous = os.umask(umask)
-        try:
-            self._add(self._router(self._on_stop), endpoints.stop, self._on_stop, first=True)
-            self._add(self._router(self._on_command), endpoints.command, self._on_command)
-        finally:
-            os.umask(previous)
+        self._serve_local(endpoints.stop, umask, self._on_stop)
+        self._serve_local(endpoints.command, umask, self._on_command)
 
     def serve_tcp(self, config: DaemonConfig, endpoints: Endpoints) -> tuple[str, str]:
         """Bind the TCP sockets, encrypted and for listed keys only; return their addresses."""
@@ -124,112 +151,104 @@ class CommandServer:
                 limit="CURVE with daemon.tcp.allowed_keys",
                 action="list the clients' public keys, or leave daemon.tcp.enabled off",
             )
-        path = endpoints.server_secret
         if tcp.secret_key_file:
-            path = type(path)(tcp.secret_key_file)
-        public, secret = server_keys(path)
+            public, secret = server_keys(Path(tcp.secret_key_file), follow=True)
+        else:
+            public, secret = server_keys(endpoints.server_secret)
         self.server_key = public.decode()
-        self.doorkeeper = Doorkeeper(tcp.allowed_keys)
-        self._serve_doorkeeper(self.doorkeeper)
-        addresses = []
-        for port, handler in ((tcp.command_port, self._on_command), (tcp.stop_port, self._on_stop)):
-            socket = self._router(handler)
-            socket.setsockopt(zmq.CURVE_SERVER, 1)
-            socket.setsockopt(zmq.CURVE_SECRETKEY, secret)
-            socket.setsockopt(zmq.ZAP_DOMAIN, _ZAP_DOMAIN)
-            address = f"tcp://{tcp.host}:{port}"
-            self._add(socket, address, handler, first=handler is self._on_stop)
-            addresses.append(address)
-        return addresses[0], addresses[1]
+        self._remote = RemoteDoor(
+            self._context,
+            tcp,
+            secret,
+            on_command=lambda socket, frames: self._route(socket, frames, self._on_command),
+            on_stop=lambda socket, frames: self._route(socket, frames, self._on_stop),
+            queue=self._queue,
+            reserve=self._reserve,
+        )
+        # Behind the local stops, before everything else.
+        self._served[1:1] = self._remote.stops
+        self._served += self._remote.sources
+        self._watched = [*self._remote.stops, *self._remote.sources]
+        for source in self._watched:
+            self._loop.add_reader(source.descriptor, self.wake)
+        self.wake()
+        return f"tcp://{tcp.host}:{tcp.command_port}", f"tcp://{tcp.host}:{tcp.stop_port}"
+
+    def share(self, shares: Shares) -> None:
+        """Set how many may be connected at once."""
+        for listener, most in zip(self.listeners, (shares.stop, shares.command), strict=False):
+            listener.most = most
+        if self._remote is not None:
+            self._remote.most = shares.tcp
+            self._others = open_descriptors() + OPENED_LATER
 
     def wake(self) -> None:
         """Look for messages. Needed after a send: ZeroMQ's descriptor is edge-triggered."""
+        if self._remote is not None:
+            self._count_connections(self._remote)
         if not self._turning and self._served:
             self._turning = True
             self._loop.call_soon(self._turn)
 
     def close(self) -> None:
         """Close every socket; replies on their way get a moment to leave."""
-        for served in self._served:
+        for source in self._watched:
             with contextlib.suppress(ValueError, OSError):
-                self._loop.remove_reader(served.descriptor)
-            if served.monitored:
-                served.socket.disable_monitor()
-            served.socket.close(linger=LAST_WORDS_MS)
+                self._loop.remove_reader(source.descriptor)
+        for local in self._local:
+            local.close()
+        if self._remote is not None:
+            self._remote.close()
         self._served.clear()
 
-    def _router(self, handler: Handler) -> Socket:
-        socket = self._context.socket(zmq.ROUTER)
+    def _serve_local(self, address: str, umask: int, handler: Handler) -> None:
         stops = handler is self._on_stop
-        socket.setsockopt(zmq.LINGER, 0)
-        socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
-        socket.setsockopt(zmq.RCVHWM, 100 if stops else self._queue)
-        socket.setsockopt(zmq.SNDHWM, 100 if stops else self._queue)
-        socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
-        socket.setsockopt(zmq.HANDSHAKE_IVL, _HANDSHAKE_MS)
-        return socket
 
-    def _add(self, socket: Socket, address: str, handler: Handler, *, first: bool = False) -> None:
+        def on_message(connection: Connection) -> None:
+            local.ready.append(connection)
+            self.wake()
+
+        local = _Local(lambda connection, frames: self._answer(connection, frames, handler))
         try:
-            socket.bind(address)
-        except zmq.ZMQError as error:
-            socket.close(linger=0)
+            line = listen_local(address, umask)
+        except OSError as error:
             raise DaemonError(
                 f"cannot listen on {address}: {error.strerror}",
                 action="stop what uses the address, or choose another in the configuration",
             ) from error
-        tcp = address.startswith("tcp:")
-        if tcp:
-            self._monitor(socket)
-        self._watch(
-            _Served(socket, lambda frames: self._route(socket, frames, handler), monitored=tcp),
-            first=first,
+        local.listener = Listener(
+            self._loop,
+            line,
+            b"ROUTER",
+            accepts=_CLIENTS,
+            longest=LARGEST_TAKEN_IN,
+            queue=_STOP_QUEUE if stops else self._queue,
+            on_message=on_message,
+            on_broken=_say_too_long,
+            before_reading=self._look_at_port,
+            standing_s=_STOP_STANDING_S if stops else _COMMAND_STANDING_S,
+            reserve=self._reserve,
         )
+        self._local.append(local)
+        self._served.append(local)
 
-    def _monitor(self, socket: Socket) -> None:
-        events = self._context.socket(zmq.PAIR)
-        events.setsockopt(zmq.LINGER, 0)
-        # A full queue would hold up ZeroMQ's own thread, and every client with it.
-        events.setsockopt(zmq.RCVHWM, 0)
-        address = f"inproc://smad.events.{len(self._served)}"
-        socket.monitor(address, functools.reduce(operator.or_, _COUNTED))
-        events.connect(address)
-        self._watch(_Served(events, self._count_event), first=False)
-
-    def _count_event(self, frames: list[bytes]) -> None:
-        name = _COUNTED.get(int.from_bytes(frames[0][:2], sys.byteorder))
-        if name is not None:
-            setattr(self.counts, name, getattr(self.counts, name) + 1)
-
-    def _serve_doorkeeper(self, doorkeeper: Doorkeeper) -> None:
-        socket = self._context.socket(zmq.REP)
-        socket.setsockopt(zmq.LINGER, 0)
-        socket.bind(ZAP_ADDRESS)
-
-        def answer(frames: list[bytes]) -> None:
-            reply = doorkeeper.answer(frames)
-            socket.send_multipart(reply if reply is not None else [b""], zmq.NOBLOCK)
-
-        self._watch(_Served(socket, answer), first=False)
-
-    def _watch(self, served: _Served, *, first: bool) -> None:
-        self._served.insert(0 if first else len(self._served), served)
-        self._loop.add_reader(served.descriptor, self.wake)
-        self.wake()
+    def _count_connections(self, remote: RemoteDoor) -> None:
+        now_ns = self._clock_ns()
+        if self._others and now_ns - self._looked_ns > _LOOK_NS:
+            self._looked_ns = now_ns
+            with self._reserve():
+                known = self._others + sum(len(one) for one in self.listeners)
+                remote.look(open_descriptors() - known)
 
     def _turn(self) -> None:
         self._look_at_port()
+        began_ns = self._clock_ns()
         for served in self._served:
-            try:
-                frames = served.socket.recv_multipart(zmq.NOBLOCK)
-            except zmq.Again:
-                continue
-            began_ns = self._clock_ns()
-            self.counts.messages += 1
-            served.handle(frames)
-            self._budget.spend(began_ns, self._clock_ns())
-            self._go_on()
-            return
+            if served.serve_one():
+                self.counts.messages += 1
+                self._budget.spend(began_ns, self._clock_ns())
+                self._go_on()
+                return
         self._turning = False
 
     def _go_on(self) -> None:
@@ -239,20 +258,50 @@ class CommandServer:
         else:
             self._loop.call_soon(self._turn)
 
-    def _route(self, socket: Socket, frames: list[bytes], handler: Handler) -> None:
-        # A REQ socket puts an empty frame between its identity and the message.
-        envelope = frames[:2] if len(frames) == 3 and not frames[1] else frames[:1]
-        body = frames[len(envelope) :]
-        if len(body) != 1:
-            self.counts.dropped_messages += 1
+    def _answer(self, connection: Connection, frames: list[bytes], handler: Handler) -> None:
+        split = self._split(frames)
+        if split is None:
             return
+        envelope, body = split
+
+        def reply(data: bytes) -> None:
+            if not connection.send(encoded([*envelope, data])):
+                # The client is gone, or does not read its replies.
+                self.counts.dropped_replies += 1
+
+        handler(connection.identity, body, reply)
+
+    def _route(self, socket: Socket, frames: list[bytes], handler: Handler) -> None:
+        split = self._split(frames[1:])
+        if split is None:
+            return
+        envelope, body = split
 
         def reply(data: bytes) -> None:
             try:
-                socket.send_multipart([*envelope, data], zmq.NOBLOCK)
+                socket.send_multipart([frames[0], *envelope, data], zmq.NOBLOCK)
             except zmq.ZMQError:
-                # The client is gone, or does not read its replies.
                 self.counts.dropped_replies += 1
             self.wake()
 
-        handler(envelope[0], body[0], reply)
+        handler(frames[0], body, reply)
+
+    def _split(self, frames: list[bytes]) -> tuple[list[bytes], bytes] | None:
+        # A REQ socket puts an empty frame before the message.
+        if len(frames) == 2 and not frames[0]:
+            return [b""], frames[1]
+        if len(frames) == 1:
+            return [], frames[0]
+        self.counts.dropped_messages += 1
+        return None
+
+
+def _say_too_long(connection: Connection, broken: Broken) -> None:
+    if isinstance(broken, TooLong):
+        refusal = Refusal(
+            Reason.NO_REQUEST,
+            f"{broken}; the connection is closed",
+            limit=f"{LARGEST_MESSAGE} bytes",
+            action="send it in pieces",
+        )
+        connection.send(encoded([error_reply(None, refusal)]))

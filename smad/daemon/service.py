@@ -20,7 +20,6 @@ from firmware_protocol.messages import (
     ArmRequest,
     ArmToken,
     ClearFault,
-    Disarm,
     ParamSave,
 )
 from smad import api
@@ -42,6 +41,8 @@ from smad.daemon.lease import DeadMan, Lease
 from smad.daemon.recorder import Recorder
 from smad.daemon.requests import BoardRequests
 from smad.daemon.status import StatusReport
+from smad.daemon.stops import Stops
+from smad.daemon.tighter import require_tighter
 from smad.daemon.watch import BoardWatch, Say, disagreement
 
 _PARAMETER_POLLS = 100
@@ -53,7 +54,14 @@ _LOGGED_BESIDES = (api.AddNote, api.TakeControl, api.ReleaseControl)
 _BEGIN_A_LOG = (api.Arm, api.StartRecording)
 """Told to the run log once it is open, which may be this command's doing."""
 
-Client = bytes
+
+class Caller(Struct, frozen=True):
+    """Who asks: the name of its socket, the secret of its lease (empty: it has none)."""
+
+    client: bytes
+    lease: str = ""
+
+
 Answer = Struct | Awaitable[Struct]
 
 
@@ -72,10 +80,12 @@ class Service:
         lease: Lease,
         host_stop: HostStop,
         dead_man: DeadMan,
+        stops: Stops,
         say: Say,
         clock_us: Callable[[], int],
     ) -> None:
         self.stopping = False
+        self._arming = False
         self._config = config
         self._control = control
         self._controller: Controller = control.controller
@@ -86,9 +96,10 @@ class Service:
         self._lease = lease
         self._host_stop = host_stop
         self._dead_man = dead_man
+        self._stops = stops
         self._say = say
         self._clock_us = clock_us
-        self.methods: dict[type[Struct], Callable[[Any, Client], Answer]] = {
+        self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
             api.GetStatus: self.status,
             api.GetMotion: self.motion,
             api.GetConfig: self.config,
@@ -114,75 +125,123 @@ class Service:
             api.ReleaseControl: self.release_control,
         }
 
-    def perform(self, method: api.Method, params: Struct, client: Client) -> Answer:
-        """Carry a command out, or begin to. Raises Refusal, or CommandError from the controller."""
+    def perform(
+        self, method: api.Method, params: Struct, caller: Caller, generation: int | None = None
+    ) -> Answer:
+        """Carry a command out, or begin to. Raises Refusal, or CommandError from the controller.
+
+        `generation` is the one in which it was asked for, if the caller knows it.
+        """
         now_us = self._clock_us()
-        self._dead_man.heard(client, now_us)
-        self._lease.heard(client, now_us)
+        self.end_what_lapsed(now_us)
+        self._dead_man.heard(caller.client, now_us)
+        self._lease.heard(caller.lease, now_us)
         if method.access == "control":
-            self._lease.check(client, now_us)
+            self._lease.check(caller.lease, now_us)
             if self.stopping:
                 raise Refusal(
                     Reason.BUSY, "the daemon is ending", action="start it again (smad start)"
                 )
-        answer = self.methods[type(params)](params, client)
+        if method.ends_with_stop:
+            self._stops.require(self._stops.generation if generation is None else generation)
+            self._stops.require_confirmed()
+        answer = self.methods[type(params)](params, caller)
         logged = method.access != "watch" or type(params) in _LOGGED_BESIDES
         if logged and type(params) not in _BEGIN_A_LOG:
             self._say("command", method.name, _details(params))
         return answer
 
-    def status(self, params: api.GetStatus, client: Client) -> api.Status:
+    def status(self, params: api.GetStatus, caller: Caller) -> api.Status:
         """Everything about the bench now."""
-        return self._status.full(client)
+        return self._status.full(caller.lease)
 
-    def motion(self, params: api.GetMotion, client: Client) -> api.Motion:
+    def motion(self, params: api.GetMotion, caller: Caller) -> api.Motion:
         """What the controller is doing."""
         return self._status.motion()
 
-    def config(self, params: api.GetConfig, client: Client) -> api.ConfigText:
+    def config(self, params: api.GetConfig, caller: Caller) -> api.ConfigText:
         """The configuration in force."""
         return api.ConfigText(toml=config_to_toml(self._config))
 
-    def reset_timing(self, params: api.ResetTiming, client: Client) -> api.Timing:
+    def reset_timing(self, params: api.ResetTiming, caller: Caller) -> api.Timing:
         """Forget the percentiles so far."""
         self._control.clear_timing()
         return self._status.refresh()
 
-    async def arm(self, params: api.Arm, client: Client) -> api.Motion:
+    def end_what_lapsed(self, now_us: int) -> None:
+        """Stop the bench if who had exclusive control, or who armed, has fallen silent."""
+        gone = self._lease.lapsed(now_us)
+        hot = self._control.session.state in (HostState.RUNNING, HostState.READY)
+        if gone is not None and hot:
+            silent_s = gone.duration_us * 1e-6
+            cause = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s"
+            data = {"holder": gone.name, "silent_s": silent_s}
+            self._stops.order(cause, f"{cause}; disarming", data)
+        if self._dead_man.expired(now_us):
+            cause = "the client that armed has fallen silent"
+            self._stops.order(cause, f"{cause}; disarming", {})
+
+    def arm(self, params: api.Arm, caller: Caller) -> Awaitable[api.Motion]:
         """Ask the board for a token, begin the run log, confirm."""
+        if self._arming:
+            raise Refusal(
+                Reason.BUSY,
+                "the bench is being armed already",
+                action="wait for the reply to that (smad status)",
+            )
+        self._arming = True
+        return self._arm_alone(params, caller, self._stops.generation)
+
+    async def _arm_alone(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
+        try:
+            return await self._arm(params, caller, generation)
+        finally:
+            self._arming = False
+
+    async def _arm(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
+        def still_wanted() -> None:
+            self._stops.require(generation)
+            self._lease.check(caller.lease, self._clock_us())
+
         await self._parameters_read()
+        still_wanted()
         self._require_armable()
         axis = self._config.link.axis
         self._controller.command(Idle())
         token = await self._requests.ask(ArmRequest(axis, self._watch.parameters.crc))
         assert isinstance(token, ArmToken)
+        still_wanted()
         if self._config.recorder.automatic and not self._recorder.recording:
             await self._recorder.start("", by_command=False)
+            still_wanted()
         self._say("command", "arm", _details(params))
         self._say("arm", "arming", {})
         await self._requests.ask(ArmConfirm(axis, token.token))
-        self._dead_man.watch(client, self._clock_us())
+        still_wanted()
+        self._dead_man.watch(caller.client, self._clock_us())
         return self._status.motion()
 
-    async def disarm(self, params: api.Disarm, client: Client) -> api.Motion:
-        """Current off with the next sample, then the board's DISARM."""
-        self._controller.command(Idle())
-        self._dead_man.forget()
+    def disarm(self, params: api.Disarm, caller: Caller) -> Awaitable[api.Motion]:
+        """Current off with the next sample, the board's DISARM; replies when it is not armed."""
+        self._stops.begin("disarm")
         self._require_connected()
-        await self._requests.ask(Disarm(self._config.link.axis))
-        return self._status.motion()
+        return self._after(self._stops.until_disarmed())
 
-    def estop(self, params: api.EStop, client: Client) -> api.Motion:
-        """Three copies at once, and again until the board says ESTOP."""
-        self._controller.command(Idle())
-        self._dead_man.forget()
+    def estop(self, params: api.EStop, caller: Caller) -> Awaitable[api.Motion]:
+        """Three copies at once, and again until the board says ESTOP; replies when it does."""
         if self._control.session.state is HostState.DISCONNECTED:
+            self._stops.begin("estop")
             raise _not_connected("ESTOP cannot be sent", "cut the power")
-        self._control.session.send_estop()
+        self._stops.estop()
         self._control.flush()
+        return self._after(self._stops.until_estop())
+
+    async def _after(self, stopped: Awaitable[None]) -> api.Motion:
+        await stopped
+        self._require_connected()
         return self._status.motion()
 
-    async def clear(self, params: api.Clear, client: Client) -> api.Motion:
+    async def clear(self, params: api.Clear, caller: Caller) -> api.Motion:
         """Acknowledge the latched fault, and a stop of the host."""
         self._require_connected()
         by_host = self._host_stop.fault
@@ -206,13 +265,16 @@ class Service:
                 value=number,
                 action="see smad status for the latched one",
             )
+        generation = self._stops.generation
         await self._requests.ask(ClearFault(self._config.link.axis, Fault(number)))
+        # What has stopped the bench since has not been seen by who asked.
+        self._stops.require(generation)
         self._watch.fault = None
         self._host_stop.clear()
         return self._status.motion()
 
     def drive(
-        self, params: Follow | HoldTemperature | DriveCurrent | MoveStage, client: Client
+        self, params: Follow | HoldTemperature | DriveCurrent | MoveStage, caller: Caller
     ) -> api.Motion:
         """Hand a motion to the controller; it begins with the next sample."""
         self._require_armed()
@@ -221,20 +283,20 @@ class Service:
         self._controller.command(params)
         return self._status.motion()
 
-    def settle(self, params: Idle | Tune, client: Client) -> api.Motion:
+    def settle(self, params: Idle | Tune, caller: Caller) -> api.Motion:
         """Hand the controller something that needs no armed board."""
         self._controller.command(params)
         return self._status.motion()
 
-    def list_params(self, params: api.ListParams, client: Client) -> api.ParamList:
+    def list_params(self, params: api.ListParams, caller: Caller) -> api.ParamList:
         """The parameters as read when the board connected."""
         return self._watch.parameters.all()
 
-    def get_param(self, params: api.GetParam, client: Client) -> api.Param:
+    def get_param(self, params: api.GetParam, caller: Caller) -> api.Param:
         """One parameter."""
         return self._watch.parameters.one(params.name)
 
-    async def set_param(self, params: api.SetParam, client: Client) -> api.Param:
+    async def set_param(self, params: api.SetParam, caller: Caller) -> api.Param:
         """Change one parameter on the board."""
         self._require_connected()
         self._require_disarmed()
@@ -243,7 +305,7 @@ class Service:
         self._watch.rescale()
         return param
 
-    async def save_params(self, params: api.SaveParams, client: Client) -> api.ParamList:
+    async def save_params(self, params: api.SaveParams, caller: Caller) -> api.ParamList:
         """Keep the parameters over a power cycle."""
         self._require_connected()
         self._require_disarmed()
@@ -251,14 +313,14 @@ class Service:
         return self._watch.parameters.all()
 
     async def start_recording(
-        self, params: api.StartRecording, client: Client
+        self, params: api.StartRecording, caller: Caller
     ) -> api.RecorderStatus:
         """Begin a run log."""
         await self._recorder.start(params.name, by_command=True)
         self._say("command", "record.start", _details(params))
         return self._recorder.status()
 
-    async def stop_recording(self, params: api.StopRecording, client: Client) -> api.RecorderStatus:
+    async def stop_recording(self, params: api.StopRecording, caller: Caller) -> api.RecorderStatus:
         """Close the run log."""
         if not self._recorder.recording:
             raise Refusal(
@@ -267,7 +329,7 @@ class Service:
         await self._recorder.stop()
         return self._recorder.status()
 
-    def add_note(self, params: api.AddNote, client: Client) -> api.RecorderStatus:
+    def add_note(self, params: api.AddNote, caller: Caller) -> api.RecorderStatus:
         """Write a note into the run log."""
         if not self._recorder.recording:
             raise Refusal(
@@ -278,16 +340,30 @@ class Service:
         self._say("note", params.text, {})
         return self._recorder.status()
 
-    def take_control(self, params: api.TakeControl, client: Client) -> api.Control:
-        """Take or renew exclusive control."""
+    def take_control(self, params: api.TakeControl, caller: Caller) -> api.Control:
+        """Take or renew exclusive control. It changes hands only while the bench is not armed."""
         now_us = self._clock_us()
-        self._lease.take(client, params.name, int(params.lease_s * 1e6), now_us)
-        return self._status.lease(client)
+        if not self._lease.held_with(caller.lease, now_us):
+            self._lease.check("", now_us)
+            self._require_not_armed_by_another(caller)
+        holder = self._lease.take(caller.lease, params.name, int(params.lease_s * 1e6), now_us)
+        return msgspec.structs.replace(self._status.lease(holder.secret), lease=holder.secret)
 
-    def release_control(self, params: api.ReleaseControl, client: Client) -> api.Control:
+    def release_control(self, params: api.ReleaseControl, caller: Caller) -> api.Control:
         """Give exclusive control back; does nothing for who does not have it."""
-        self._lease.release(client, self._clock_us())
-        return self._status.lease(client)
+        self._lease.release(caller.lease, self._clock_us())
+        return self._status.lease(caller.lease)
+
+    def _require_not_armed_by_another(self, caller: Caller) -> None:
+        self._stops.require_confirmed()
+        armed = self._control.session.state in (HostState.RUNNING, HostState.READY)
+        if armed and self._dead_man.client != caller.client:
+            raise Refusal(
+                Reason.ARMED,
+                "the bench was armed by another client",
+                action="disarm it first (smad disarm); exclusive control does not take over an "
+                "armed bench",
+            )
 
     def _require_connected(self) -> None:
         if self._control.session.state in (HostState.DISCONNECTED, HostState.SYNC):
@@ -331,6 +407,7 @@ class Service:
                 "the board's parameters are not those that were read from it",
                 action="unplug it and plug it in again, so that they are read anew",
             )
+        require_tighter(self._config, self._watch.parameters)
 
     def _require_not_faulted(self) -> None:
         by_host = self._host_stop.fault

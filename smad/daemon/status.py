@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from smad.daemon.link import Link
 from smad.daemon.measure import row_of
 from smad.daemon.realtime import IdleCollector
 from smad.daemon.recorder import Recorder
+from smad.daemon.stops import Stops
 from smad.daemon.watch import BoardWatch
 from smad.runlog.schema import Row
 
@@ -51,6 +53,7 @@ class StatusReport:
         recorder: Recorder,
         lease: Lease,
         host_stop: HostStop,
+        stops: Stops,
         journal: Journal,
         collector: IdleCollector,
         commands: CommandCounts,
@@ -66,11 +69,13 @@ class StatusReport:
         self._recorder = recorder
         self._lease = lease
         self._host_stop = host_stop
+        self._stops = stops
         self._journal = journal
         self._collector = collector
         self._commands = commands
         self._clock_us = clock_us
         self._started_us = clock_us()
+        self._resident_MiB = 0.0
         self._timing = self._measured_timing()
 
     def refresh(self) -> api.Timing:
@@ -93,9 +98,10 @@ class StatusReport:
             displacement_mm=None if last is None else _mm(last.sample.displacement_m),
             board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
             fault=fault,
+            generation=self._stops.generation,
         )
 
-    def lease(self, client: bytes) -> api.Control:
+    def lease(self, secret: str) -> api.Control:
         """Return who has exclusive control."""
         now_us = self._clock_us()
         holder = self._lease.holder(now_us)
@@ -104,10 +110,10 @@ class StatusReport:
         return api.Control(
             holder=holder.name,
             left_s=(holder.until_us - now_us) * 1e-6,
-            yours=holder.client == client,
+            yours=holder.secret == secret,
         )
 
-    def full(self, client: bytes) -> api.Status:
+    def full(self, secret: str) -> api.Status:
         """Return everything."""
         last = self._control.last
         state = None if last is None else last.state
@@ -116,7 +122,7 @@ class StatusReport:
             version=smad.__version__,
             pid=os.getpid(),
             uptime_s=(self._clock_us() - self._started_us) * 1e-6,
-            memory_MiB=_resident_bytes() / _MIB,
+            memory_MiB=self._memory_MiB(),
             link=self._link_status(),
             board=self._board(),
             motion=self.motion(),
@@ -128,7 +134,7 @@ class StatusReport:
             timing=self._timing,
             realtime=self.measures,
             recorder=self._recorder.status(),
-            control=self.lease(client),
+            control=self.lease(secret),
             events=tuple(self._journal.recent),
         )
 
@@ -184,6 +190,12 @@ class StatusReport:
             round_trip_us=None if fit is None else float(fit.round_trip_us),
             collections=self._collector.collections,
         )
+
+    def _memory_MiB(self) -> float:
+        # Without a descriptor to look with, it is what it was.
+        with contextlib.suppress(OSError):
+            self._resident_MiB = _resident_bytes() / _MIB
+        return self._resident_MiB
 
     def link_counters(self) -> dict[str, float]:
         """Return what the run log keeps about the link once a second: host's and board's counts."""

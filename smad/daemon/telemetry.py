@@ -1,57 +1,78 @@
-"""The stream for viewers: a ZeroMQ PUB socket, two frames a message, never waited for.
+"""The stream for viewers: two frames a message, as a ZeroMQ PUB socket sends it, never waited for.
 
 A subscriber that does not read loses samples; the sequence number shows it, and the loop does not.
 """
 
 from __future__ import annotations
 
-import contextlib
+import asyncio
+from contextlib import nullcontext
 
 import msgspec
-import zmq
 
 from smad.api import TELEMETRY_TOPIC
 from smad.config import TelemetryConfig
+from smad.daemon.descriptors import Reserve
+from smad.daemon.listener import Listener, listen_at
+from smad.daemon.zmtp import encoded
+from smad.errors import DaemonError
 from smad.runlog.schema import Row
 
 _TOPIC = TELEMETRY_TOPIC.encode()
+_VIEWERS = frozenset((b"SUB", b"XSUB"))
+_LONGEST = 256
+"""Bytes of a subscription."""
 
 
 class Publisher:
     """Publishes every nth sample on ipc, and on the configured address where that is free.
 
-    Linger is 0, so that the daemon ends at once whoever is listening. `note` says why the
-    configured address is not served, or is empty.
+    `note` says why the configured address is not served, or is empty. `dropped` counts samples
+    that a viewer did not take in time.
     """
 
-    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], config: TelemetryConfig) -> None:
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        config: TelemetryConfig,
+        reserve: Reserve = nullcontext,
+    ) -> None:
         self.sequence = 0
         self.dropped = 0
         self.note = ""
         self.addresses: list[str] = []
+        self.listeners: list[Listener] = []
+        self._loop = loop
         self._every = config.every_nth_sample
+        self._queue = config.high_water_mark
+        self._reserve = reserve
         self._count = 0
         self._encoder = msgspec.json.Encoder()
-        self._socket = context.socket(zmq.PUB)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        self._socket.setsockopt(zmq.SNDHWM, config.high_water_mark)
 
-    def bind_ipc(self, address: str) -> None:
-        """Serve the bench's own address."""
-        self._socket.bind(address)
-        self.addresses.append(address)
+    def bind_ipc(self, address: str, umask: int) -> None:
+        """Serve the bench's own address. Raises DaemonError."""
+        try:
+            self._bind(address, umask)
+        except OSError as error:
+            raise DaemonError(
+                f"cannot listen on {address}: {error.strerror}",
+                action="check the folder, or set daemon.ipc_dir",
+            ) from error
 
-    def bind_extra(self, address: str) -> None:
+    def bind_extra(self, address: str, umask: int) -> None:
         """Serve another address; a refusal is noted, not raised: viewing is not worth stopping."""
         try:
-            self._socket.bind(address)
-        except zmq.ZMQError as error:
+            self._bind(address, umask)
+        except OSError as error:
             self.note = (
                 f"telemetry is not on {address} ({error.strerror}): another bench may use it; "
                 "set telemetry.endpoint"
             )
-        else:
-            self.addresses.append(address)
+
+    def share(self, most: int) -> None:
+        """Set how many viewers there may be at once."""
+        for listener in self.listeners:
+            listener.most = max(1, most // len(self.listeners))
 
     def publish(self, row: Row, timestamp: float) -> None:
         """Send one sample if it is its turn; never blocks, never raises for a slow subscriber."""
@@ -59,6 +80,16 @@ class Publisher:
         if self._count % self._every:
             return
         self.sequence += 1
+        data = b""
+        for listener in self.listeners:
+            for viewer in listener:
+                if not any(_TOPIC.startswith(topic) for topic in viewer.topics):
+                    continue
+                data = data or self._encoded(row, timestamp)
+                if not viewer.send(data):
+                    self.dropped += 1
+
+    def _encoded(self, row: Row, timestamp: float) -> bytes:
         # The row's own JSON with two fields put in front: what `api.Telemetry` describes, without
         # copying thirty fields for each sample.
         payload = b'{"timestamp":%.6f,"sequence":%d,%b' % (
@@ -66,12 +97,22 @@ class Publisher:
             self.sequence,
             self._encoder.encode(row)[1:],
         )
-        try:
-            self._socket.send_multipart((_TOPIC, payload), zmq.NOBLOCK, copy=True)
-        except zmq.Again:
-            self.dropped += 1
+        return encoded((_TOPIC, payload))
 
     def close(self) -> None:
         """Stop serving."""
-        with contextlib.suppress(zmq.ZMQError):
-            self._socket.close(linger=0)
+        for listener in self.listeners:
+            listener.close()
+
+    def _bind(self, address: str, umask: int) -> None:
+        listener = Listener(
+            self._loop,
+            listen_at(address, umask),
+            b"PUB",
+            accepts=_VIEWERS,
+            longest=_LONGEST,
+            queue=self._queue,
+            reserve=self._reserve,
+        )
+        self.listeners.append(listener)
+        self.addresses.append(address)

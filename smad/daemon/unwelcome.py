@@ -1,4 +1,4 @@
-"""Tells of who came over TCP and what was turned away: counted as it comes, told once a second."""
+"""Tells of who came and was turned away: counted as it comes, told once a second."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ _TEXTS = {
     "connections": "{} connections over TCP were opened",
     "ended": "{} connections over TCP ended",
     "handshakes": "ended {} connections over TCP that never said who they are",
-    "not_accepted": "could not accept a connection {} times: too many are open",
+    "shut": "let nobody in over TCP for a while ({} times): too many connections are open",
+    "kept_waiting": "let nobody in on this machine for a while ({} times): too many are connected",
+    "displaced": "closed {} silent connections on this machine to let others in",
 }
 
 
@@ -34,12 +36,15 @@ class Unwelcome:
                 self._say("warning", _TEXTS[name].format(count), {name: count})
 
     def _totals(self) -> dict[str, int]:
-        counts, doorkeeper = self._server.counts, self._server.doorkeeper
+        server = self._server
+        remote, doorkeeper = server.remote_counts, server.doorkeeper
         return {
             "keys": 0 if doorkeeper is None else doorkeeper.refused,
-            "messages": self._commands.malformed + counts.dropped_messages,
-            "connections": counts.connections,
-            "ended": counts.ended,
-            "handshakes": counts.bad_handshakes,
-            "not_accepted": counts.not_accepted,
+            "messages": self._commands.malformed + server.counts.dropped_messages,
+            "connections": remote.connections,
+            "ended": remote.ended,
+            "handshakes": remote.bad_handshakes,
+            "shut": remote.shut,
+            "kept_waiting": sum(listener.kept_waiting for listener in server.listeners),
+            "displaced": sum(listener.displaced for listener in server.listeners),
         }

@@ -22,7 +22,8 @@ from firmware_protocol.events import (
     LinkLost,
     StatsReceived,
 )
-from firmware_protocol.messages import Disarm, FaultGet, FaultReport, Ident, State
+from firmware_protocol.messages import FaultGet, FaultReport, Ident, State
+from firmware_protocol.mirror import HOT, STOPPED
 from smad import api
 from smad.config import LinkConfig
 from smad.control.sample import Scales
@@ -31,8 +32,6 @@ from smad.daemon.errors import Refusal
 from smad.daemon.requests import BoardRequests, refusal
 from smad.runlog.schema import EventKind
 
-_HOT = (BoardState.ARMED, BoardState.HOLD)
-_STOPPED = (BoardState.FAULT, BoardState.ESTOP)
 _REPORTS_KEPT = 16
 
 Say = Callable[[EventKind, str, dict[str, Any]], None]
@@ -42,8 +41,9 @@ Spawn = Callable[[str, Coroutine[Any, Any, None]], None]
 class BoardWatch:
     """Keeps what is known of the board, and tells the journal and the run log what changes.
 
-    `on_scales` gets the scales of the readings once the parameters are read; `connected` is set
-    while a session is open; `refused` holds why this board cannot be used at all.
+    `on_scales` gets the scales of the readings once the parameters are read; `on_found_armed` is
+    called for a board that is armed when it connects; `identified` is set once it was heard of;
+    `incompatible` holds why this board cannot be used, or only be watched.
     """
 
     def __init__(
@@ -54,6 +54,7 @@ class BoardWatch:
         say: Say,
         spawn: Spawn,
         on_scales: Callable[[Scales], None],
+        on_found_armed: Callable[[], None],
     ) -> None:
         self.parameters = Parameters(config.axis)
         self.ident: Ident | None = None
@@ -68,6 +69,7 @@ class BoardWatch:
         self._say = say
         self._spawn = spawn
         self._on_scales = on_scales
+        self._on_found_armed = on_found_armed
 
     def on_event(self, event: HostEvent) -> None:
         """Take one event of the session."""
@@ -100,19 +102,19 @@ class BoardWatch:
         self._disconnected(f"the port was lost ({reason}); trying to reopen it")
 
     def on_state(self, state: State) -> None:
-        """Take the mode of a published sample; notes changes and disarms a board found armed."""
+        """Take the mode of a published sample; notes changes."""
         mode = state.mode
         if mode == self.mode:
             return
         before, self.mode = self.mode, BoardState(mode)
         if before is None:
-            if mode in _HOT:
-                self._disarm_found()
-            elif mode in _STOPPED and self.fault is None:
+            if mode in HOT:
+                self._on_found_armed()
+            elif mode in STOPPED and self.fault is None:
                 self._spawn("fault report", self._read_fault(state))
             return
         self._say("state", f"{before.name} → {self.mode.name}", {})
-        if mode not in _STOPPED and before is BoardState.FAULT:
+        if mode not in STOPPED and before is BoardState.FAULT:
             self.fault = None
 
     def _connected(self, ident: Ident) -> None:
@@ -146,16 +148,6 @@ class BoardWatch:
         self.mode = None
         self.incompatible = None
         self.parameters.complete = False
-
-    def _disarm_found(self) -> None:
-        self._say("disarm", "the board was found armed by somebody else; telling it to disarm", {})
-        self._spawn("disarm", self._ask_disarm())
-
-    async def _ask_disarm(self) -> None:
-        try:
-            await self._requests.ask(Disarm(self._config.axis))
-        except Refusal as error:
-            self._say("warning", f"it did not disarm: {error}", {})
 
     async def _read_fault(self, state: State) -> None:
         """Learn of a fault that the board latched before this session; it tells on being asked."""

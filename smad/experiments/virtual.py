@@ -64,6 +64,11 @@ class VirtualDriver:
     def run(self, plan: Plan) -> Recording:
         from sim_device.bench import SimulatedBench
         from sim_device.plant.errors import PlantError
+        from smad.runlog.paths import make_folder
+
+        if self._folder is not None:
+            # First, since nobody wants to be told after minutes of simulation.
+            make_folder(self._folder)
 
         seed = (self._seed + zlib.crc32(plan.name.encode())) & 0xFFFF_FFFF
         rows: list[Row] = []
@@ -120,7 +125,6 @@ class VirtualDriver:
         from smad.runlog.writer import write_run
 
         assert self._folder is not None
-        self._folder.mkdir(parents=True, exist_ok=True)
         path = log_path(self._folder, plan)
         path.unlink(missing_ok=True)
         header = RunHeader(

@@ -10,8 +10,8 @@ import msgspec
 import zmq
 from msgspec import Struct
 
-from smad.api import BY_PARAMS
-from smad.client.wire import connect, new_identity
+from smad.api import BY_PARAMS, ReleaseControl, TakeControl
+from smad.client.wire import Conversation, connect, new_identity
 from smad.errors import DaemonError
 
 _ENCODER = msgspec.json.Encoder()
@@ -41,6 +41,7 @@ class Caller:
         self.sent = 0
         self.answered = 0
         self.acknowledged = Acknowledged()
+        self._conversation = Conversation()
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = connect(self._context, address, None, new_identity())
 
@@ -63,9 +64,17 @@ class Caller:
     def send(self, params: Struct) -> int:
         """Send a command; return its number."""
         self.sent += 1
-        request = {"jsonrpc": "2.0", "id": self.sent, "method": BY_PARAMS[type(params)].name}
-        self._socket.send(_ENCODER.encode({**request, "params": params}))
-        return self.sent
+        number, data = self._conversation.request(params)
+        self._socket.send(data)
+        return number
+
+    def next_answer(self) -> Answer:
+        """Wait for the next answer, whatever it belongs to. Raises DaemonError when none comes."""
+        if not self._socket.poll(int(_PATIENCE_S * 1000)):
+            raise DaemonError("the daemon did not answer", limit=f"{_PATIENCE_S:g} s")
+        data = msgspec.json.decode(self._socket.recv())
+        self.answered += 1
+        return _answer(data)
 
     def send_raw(self, data: bytes) -> None:
         """Send bytes that are no command; they are owed an answer as well."""
@@ -85,10 +94,7 @@ class Caller:
 
     def drain_one(self) -> None:
         """Wait for one answer, and count it. Raises DaemonError when none comes."""
-        if not self._socket.poll(int(_PATIENCE_S * 1000)):
-            raise DaemonError("the daemon did not answer", limit=f"{_PATIENCE_S:g} s")
-        self._socket.recv()
-        self.answered += 1
+        self.next_answer()
 
     def drain_all(self) -> None:
         """Count the answers until every command has one, or none comes any more."""
@@ -101,9 +107,20 @@ class Caller:
         self._context.destroy(linger=0)
 
     def _noted(self, params: Struct, data: dict[str, Any]) -> Answer:
-        if "error" in data:
+        answer = _answer(data)
+        if answer.refused:
             self.acknowledged.refused += 1
-            return Answer(refused=data["error"]["data"]["reason"])
+            return answer
         details = msgspec.json.decode(_ENCODER.encode(params))
         self.acknowledged.commands.append((BY_PARAMS[type(params)].name, details))
-        return Answer(result=data["result"])
+        if isinstance(params, TakeControl):
+            self._conversation.lease = data["result"]["lease"]
+        elif isinstance(params, ReleaseControl):
+            self._conversation.lease = ""
+        return answer
+
+
+def _answer(data: dict[str, Any]) -> Answer:
+    if "error" in data:
+        return Answer(refused=data["error"]["data"]["reason"])
+    return Answer(result=data["result"])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import shutil
 import signal
 import tempfile
 import time
@@ -12,15 +14,20 @@ from pathlib import Path
 
 import zmq
 
+from firmware_protocol.enums import BoardState
+from smad.api import Arm, Reason
 from smad.client import Client, Refused
 from smad.control.commands import DriveCurrent
 from smad.daemon.errors import TaskDied
 from smad.errors import RunLogError, SmadError
+from smad.faults.caller import Caller
 from smad.faults.catalogue import HOLD_BUDGET_J
+from smad.faults.crowd import crowd
 from smad.faults.lockstep import gate_open_after, states_after
 from smad.faults.oracle import Ending, Expectation, LogFound, Outcome, Then
 from smad.faults.rig import PATIENCE_S, Rig, rig_in
 from smad.faults.smalldisk import small_disk
+from smad.faults.trace import HOT
 from smad.faults.victim import DAEMON_PARTS, WALL_CLOCK_PART, WRITER_PART
 from smad.runlog.paths import newest_run
 from smad.runlog.reader import read_run
@@ -32,7 +39,14 @@ DEATH_BUDGET_J = 20.0
 """A second until the part that breaks is used, and half a second to disarm or to be missed."""
 
 _AFTER_STOP_S = 1.5
+_TRIES = 6
+_MOST_TRIES = 60
+_ARMING_S = 0.02
 _STOPPED_FOR_S = 2.0
+_CROWDED_S = 2.5
+"""Longer than a stranger is let in without saying who it is."""
+
+CROWD = 400
 _DAEMON_STAYS = ("ended by SIGTERM",)
 
 
@@ -50,6 +64,9 @@ class HostFault:
     after_stop_s: float = _AFTER_STOP_S
     part: str = ""
     small_disk: bool = False
+    descriptors: int | None = None
+    """The daemon's limit on open files, if it is an unusual one."""
+    log_is_lost: bool = False
     status: int = 0
     words: tuple[str, ...] = _DAEMON_STAYS
 
@@ -106,6 +123,58 @@ def _second_commander(rig: Rig, client: Client) -> str:
         other.close()
 
 
+def _stop_against_arm(rig: Rig, client: Client) -> str:
+    """Right after a reconnection: arm, 20 ms later somebody else's disarm. Nothing may be armed."""
+    client.disarm()
+    rig.wait("it has cooled", lambda: rig.bench.board.state is BoardState.SAFE)
+    caller = Caller(client.connection.command)
+    refused: list[str] = []
+    try:
+        while refused.count(Reason.STOPPED) < _TRIES and len(refused) < _MOST_TRIES:
+            losses = client.status().link.losses
+            rig.inject("unplug", seconds=0.1)
+            again = functools.partial(_again, client, losses)
+            rig.wait("it is connected again", again, poll_s=0.001)
+            board = client.status().board
+            if board is None or board.params_agree is not None:
+                # Armed at once it would rightly be armed before the stop comes.
+                refused.append("nothing was waiting")
+                continue
+            caller.send(Arm())
+            time.sleep(_ARMING_S)
+            if client.disarm().armed:
+                return "a disarm was acknowledged while the bench was armed"
+            refused.append(caller.next_answer().refused)
+    finally:
+        caller.close()
+    if Reason.STOPPED in refused:
+        return ""
+    return f"no stop came while the bench was arming ({', '.join(refused)})"
+
+
+def _again(client: Client, losses: int) -> bool:
+    link = client.status().link
+    return link.losses > losses and link.state == "monitor"
+
+
+def _lapsed_takeover(rig: Rig, client: Client) -> str:
+    """Who holds the bench falls silent; somebody else asks for control all the time."""
+    client.take_control("first", lease_s=0.5)
+    other = Client(folder=rig.folder, timeout_s=PATIENCE_S)
+    deadline_s = time.monotonic() + PATIENCE_S
+    try:
+        while time.monotonic() < deadline_s:
+            try:
+                other.take_control("second")
+            except Refused:
+                continue
+            hot = rig.bench.board.state in HOT
+            return "control of an armed bench changed hands" if hot else ""
+        return "control was never given"
+    finally:
+        other.close()
+
+
 def _deaf_subscribers(rig: Rig, client: Client) -> str:
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     for _ in range(3):
@@ -116,6 +185,34 @@ def _deaf_subscribers(rig: Rig, client: Client) -> str:
     time.sleep(3.0)
     context.destroy(linger=0)
     return ""
+
+
+def _stop_in_a_crowd(rig: Rig, client: Client) -> str:
+    """Have no descriptor left, look whether the bench goes on, and stop it as a new client."""
+    with crowd(client.connection, CROWD):
+        time.sleep(_CROWDED_S)
+        if not client.motion().armed:
+            return "a crowd disarmed the bench"
+        with Client(folder=rig.folder, timeout_s=PATIENCE_S) as stopper:
+            stopper.disarm()
+        rig.wait("the stop of a new client arrives", lambda: not client.motion().armed)
+    return ""
+
+
+def _delete_runs(rig: Rig, client: Client) -> str:
+    shutil.rmtree(rig.runs)
+    words = "deleted, moved or replaced"
+    rig.wait(
+        f"the daemon says: {words}",
+        lambda: (
+            words in client.status().recorder.error
+            and any("recording failed" in event.text for event in client.status().events)
+        ),
+    )
+    rows = client.status().recorder.rows
+    time.sleep(_CROWDED_S)
+    more = client.status().recorder.rows - rows
+    return f"{more} rows were counted that went nowhere" if more else ""
 
 
 def _disarm_words(part: str) -> str:
@@ -138,9 +235,21 @@ _ROWS: tuple[HostFault, ...] = (
     HostFault("disk_full", "the run log's disk is full", _disk_full, Then.GOES_ON,
               watch_s=2.0, small_disk=True,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("deleted_folder", "the folder of the run log is deleted", _delete_runs, Then.GOES_ON,
+              watch_s=2.0, log_is_lost=True,
+              words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("exhausted_descriptors",
+              f"{CROWD} strangers over TCP and {CROWD} clients at a limit of 200 open files; "
+              "then a new client stops the bench", _stop_in_a_crowd, Then.DISARMS,
+              budget_J=FULL_W * 10.0, descriptors=200, words=(*_DAEMON_STAYS, "nothing was armed")),
     HostFault("second_commander", "another client commands a held bench", _second_commander,
               Then.GOES_ON, watch_s=1.0,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
+    HostFault("stop_against_arm", "after a reconnection, somebody disarms 20 ms after an arm",
+              _stop_against_arm, Then.DISARMS, words=(*_DAEMON_STAYS, "nothing was armed")),
+    HostFault("lapsed_takeover", "a lease lapses while another client asks for control",
+              _lapsed_takeover, Then.DISARMS, budget_J=DEATH_BUDGET_J,
+              words=(*_DAEMON_STAYS, "nothing was armed")),
     HostFault("deaf_subscribers", "three subscribers never read, then die", _deaf_subscribers,
               Then.GOES_ON, watch_s=1.0,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
@@ -170,7 +279,7 @@ def run_host_fault(fault: HostFault, seed: int) -> Outcome:
     with (
         tempfile.TemporaryDirectory(prefix="smad-fault-") as folder,
         small_disk(Path(folder) / "disk") if fault.small_disk else contextlib.nullcontext() as disk,
-        rig_in(Path(folder), seed, fault.part, disk) as rig,
+        rig_in(Path(folder), seed, fault.part, disk, fault.descriptors) as rig,
     ):
         client = rig.heat()
         onset_us = rig.bench.now_us
@@ -233,7 +342,7 @@ def _outcome(fault: HostFault, rig: Rig, seen: _Seen) -> Outcome:
         states=tuple(s for s in states if s[0] * 1e6 + onset_us <= observed_us),
         gate_open_later=safe_us is not None and gate_open_after(trace, safe_us),
         host_running_later=safe_us is not None and seen.running,
-        log=_log(rig),
+        log=None if fault.log_is_lost else _log(rig),
         ending=seen.ending,
         not_refused=seen.not_refused,
     )

@@ -12,15 +12,26 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import zmq
+
 from sim_device.faults import injection
 from sim_device.ports import PortCounts, PtyPort
 from sim_device.pty import Server
 from smad.cli.daemonprocess import DaemonProcess
 from smad.client import Client, Refused
-from smad.config import Config, LinkConfig, RealtimeConfig, RecorderConfig, config_to_toml
+from smad.config import (
+    Config,
+    DaemonConfig,
+    LinkConfig,
+    RealtimeConfig,
+    RecorderConfig,
+    TcpConfig,
+    config_to_toml,
+)
 from smad.control.commands import DriveCurrent
 from smad.daemon.endpoints import FOLDER_VARIABLE
 from smad.errors import SmadError
+from smad.faults.fort import free_ports
 from smad.faults.smalldisk import SmallDisk
 from smad.faults.trace import HOT, WatchedBench
 
@@ -56,7 +67,14 @@ class VictimProcess(DaemonProcess):
 class Rig:
     """The bench heats spring X with 4 A under the daemon's command once `heat` returns."""
 
-    def __init__(self, folder: Path, seed: int, part: str, disk: SmallDisk | None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        seed: int,
+        part: str = "",
+        disk: SmallDisk | None = None,
+        descriptors: int | None = None,
+    ) -> None:
         self.folder = folder
         self.bench = WatchedBench(seed=seed)
         self.disk = disk
@@ -66,15 +84,23 @@ class Rig:
         self._server = Server(self.bench, lambda: PtyPort(self._port, counts))
         self._thread = threading.Thread(target=self._server.run, name="bench", daemon=True)
         self._thread.start()
-        arguments = ["--config", str(self._write_config())]
+        arguments = ["--config", str(self._write_config(tcp=descriptors is not None))]
         self.daemon = (
-            VictimProcess(part, arguments, folder) if part else DaemonProcess(arguments, folder)
+            VictimProcess(part, arguments, folder)
+            if part
+            else DaemonProcess(arguments, folder, descriptors=descriptors)
         )
         self.client: Client | None = None
         self.flushed_rows = 0
 
-    def _write_config(self) -> Path:
+    def _write_config(self, *, tcp: bool) -> Path:
+        ports = free_ports(2)
+        key = zmq.curve_keypair()[0].decode()
+        remote = TcpConfig(
+            enabled=tcp, command_port=ports[0], stop_port=ports[1], allowed_keys=(key,)
+        )
         config = Config(
+            daemon=DaemonConfig(tcp=remote),
             link=LinkConfig(port=str(self._port), baud=BAUD, reconnect_interval_s=0.1),
             recorder=RecorderConfig(folder=str(self.runs)),
             # The campaign shares the machine with its simulated bench.
@@ -99,7 +125,13 @@ class Rig:
     def _flowing(self) -> bool:
         return self.bench.board.outputs.applied_mA[0] > _FLOWING_mA
 
-    def wait(self, what: str, done: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
+    def wait(
+        self,
+        what: str,
+        done: Callable[[], bool],
+        patience_s: float = PATIENCE_S,
+        poll_s: float = _POLL_S,
+    ) -> None:
         """Wait for something that must happen. Raises SmadError when it does not."""
         deadline = time.monotonic() + patience_s
         while not done():
@@ -108,7 +140,7 @@ class Rig:
                     f"waited in vain until {what}", limit=f"{patience_s:g} s",
                     action=f"the daemon's last line: {self.daemon.last_line}",
                 )  # fmt: skip
-            time.sleep(_POLL_S)
+            time.sleep(poll_s)
 
     def watch(self, seconds: float, after_stop_s: float) -> None:
         """Let wall time pass, until some time after the bench stopped or at most `seconds`."""
@@ -145,9 +177,18 @@ class Rig:
 
 
 @contextlib.contextmanager
-def rig_in(folder: Path, seed: int, part: str = "", disk: SmallDisk | None = None) -> Iterator[Rig]:
-    """A rig for as long as the block lasts; its run logs go to `disk`, if one is given."""
-    rig = Rig(folder, seed, part, disk)
+def rig_in(
+    folder: Path,
+    seed: int,
+    part: str = "",
+    disk: SmallDisk | None = None,
+    descriptors: int | None = None,
+) -> Iterator[Rig]:
+    """A rig for as long as the block lasts; its run logs go to `disk`, if one is given.
+
+    With a limit on `descriptors`, the daemon listens on TCP as well.
+    """
+    rig = Rig(folder, seed, part, disk, descriptors)
     try:
         yield rig
     finally:

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.gap.errors import GapError
 from smad.gap.runs import GapRun
 
 Array = NDArray[np.float64]
@@ -70,6 +71,8 @@ class EffectParameter:
 
     A *strength* switches the effect: at 0 it is absent. A *shape* says how the effect acts and
     means nothing while every strength is 0. `low < 0` makes a strength two-sided.
+
+    Raises GapError for a range without width, and for a strength that is typically absent.
     """
 
     name: str
@@ -78,6 +81,27 @@ class EffectParameter:
     low: float
     high: float
     strength: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise GapError(
+                f"the effect parameter {self.name} has no range",
+                value=f"{self.low:g} to {self.high:g} {self.unit}",
+                limit="low < high",
+                action="correct it in the plant's library",
+            )
+        if self.strength and self.typical == 0.0:
+            raise GapError(
+                f"the strength {self.name} is typically 0, which is no effect at all",
+                value=self.typical,
+                limit="not 0",
+                action="give the value that a bench may well show",
+            )
+
+    @property
+    def scale(self) -> float:
+        """What a step of 1 in a fit's coordinate is: |typical|, or half the range where it is 0."""
+        return abs(self.typical) or (self.high - self.low) / 2
 
 
 @dataclass(frozen=True, slots=True)

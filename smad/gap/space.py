@@ -17,7 +17,7 @@ class Space:
     """Scaled coordinates p of model parameters `theta` followed by those of `effects`.
 
     A model parameter is scaled as (value − centre)/prior_sd, an effect parameter as
-    value/|typical|. `centre` replaces nominal values as the middle of the prior. `fixed` are
+    value/scale. `centre` replaces nominal values as the middle of the prior. `fixed` are
     effects that belong to the model as it is; a free effect of the same name starts from there.
     `tie` (parameters, parameters) is the precision with which the model parameters are known to be
     at the centre, from known-good runs; without it each has its own prior.
@@ -45,8 +45,8 @@ class Space:
         lo = [(p.low - self._centre(p)) / p.prior_sd for p in self.theta]
         hi = [(p.high - self._centre(p)) / p.prior_sd for p in self.theta]
         for e in self.effects:
-            lo += [q.low / abs(q.typical) for q in e.parameters]
-            hi += [q.high / abs(q.typical) for q in e.parameters]
+            lo += [q.low / q.scale for q in e.parameters]
+            hi += [q.high / q.scale for q in e.parameters]
         return np.array(lo), np.array(hi)
 
     def prior(self) -> tuple[Array, Array]:
@@ -61,10 +61,10 @@ class Space:
             for q in e.parameters:
                 known = self.fixed.get(e.name)
                 if known is not None:
-                    mean.append(known[q.name] / abs(q.typical))
+                    mean.append(known[q.name] / q.scale)
                 else:
                     mean.append(0.0 if q.strength else float(np.sign(q.typical)))
-                precision.append((2 * abs(q.typical) / (q.high - q.low)) ** 2)
+                precision.append((2 * q.scale / (q.high - q.low)) ** 2)
         own = self.n_theta
         whole = np.diag(np.r_[np.ones(own), precision] + 1e-9)
         if self.tie is not None:
@@ -90,7 +90,7 @@ class Space:
         for e in self.effects:
             given = (effects or {}).get(e.name) or self.fixed.get(e.name) or e.at(0.0)
             for q in e.parameters:
-                p[i] = given[q.name] / abs(q.typical)
+                p[i] = given[q.name] / q.scale
                 i += 1
         return p
 
@@ -105,7 +105,7 @@ class Space:
         for e in self.effects:
             effects[e.name] = {}
             for q in e.parameters:
-                effects[e.name][q.name] = float(p[i]) * abs(q.typical)
+                effects[e.name][q.name] = float(p[i]) * q.scale
                 i += 1
         return ModelPoint(theta, effects)
 
@@ -115,7 +115,7 @@ class Space:
             q = self.theta[index]
             return self._centre(q) + q.prior_sd * coordinate
         flat = [q for e in self.effects for q in e.parameters]
-        return coordinate * abs(flat[index - self.n_theta].typical)
+        return coordinate * flat[index - self.n_theta].scale
 
     def with_effects(self, effects: Sequence[Effect]) -> Space:
         """The same model parameters with other effects."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from smad.gap.judge import shrink
 from smad.gap.nextexp import enough
 from smad.gap.plant import Effect, PlantModel
 from smad.gap.records import ExperimentRecord, Outcome, ValueRecord
@@ -105,7 +106,7 @@ def gap_sentence(e: Evidenced) -> str:
                 "but predict less, or not what the cause predicts beside them."
             )
         return said
-    removed = 1.0 - e.whole.gap_refit / e.gap_raw
+    removed = shrink(e.whole.gap_refit, e.gap_raw)
     if removed < 0.005:
         return f"{subject} {e.gap_raw:.1f}× the noise floor; a refit removes none of it."
     return (

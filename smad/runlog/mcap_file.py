@@ -23,16 +23,24 @@ from mcap.writer import MCAP0_MAGIC
 from msgspec import Struct
 
 import smad
-from smad.runlog.schema import TOPICS, json_schema
+from smad.runlog.schema import TOPICS, Row, json_schema
 
 MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_OVERHEAD = MESSAGE.size - 9
 _INDEX_HEAD = struct.Struct("<BQHI")
 _COMPRESSION_LEVEL = 1
+_NS = 1e9
+
+ROWS_METADATA_NAME = "smad.rows"
+ROWS_DURATION = "board_s"
+"""Board time that the rows cover, so that a list of logs need not read them."""
 
 CHANNEL_IDS: Mapping[type[Struct], int] = {
     record: number for number, record in enumerate(TOPICS, start=1)
 }
+
+
+_NO_ENTRIES = array("Q")
 
 
 class Packed(NamedTuple):
@@ -68,6 +76,10 @@ class McapFile:
         self._counts = dict.fromkeys(CHANNEL_IDS.values(), 0)
         self._first_ns: int | None = None
         self._last_ns = 0
+        self._last_row_ns: int | None = None
+        self.rows_ns = 0
+        """Board time that the rows so far cover. A restart of the board begins it anew, so only
+        what goes forward counts."""
         self.size_bytes = 0
         opening = RecordBuilder()
         opening.write(MCAP0_MAGIC)
@@ -117,6 +129,10 @@ class McapFile:
         self._chunk_count += 1
         for channel_id, entries in index.items():
             self._counts[channel_id] += len(entries) // 2
+        for time_ns in index.get(CHANNEL_IDS[Row], _NO_ENTRIES)[::2]:
+            if self._last_row_ns is not None:
+                self.rows_ns += max(0, time_ns - self._last_row_ns)
+            self._last_row_ns = time_ns
         self._first_ns = start_ns if self._first_ns is None else min(self._first_ns, start_ns)
         self._last_ns = max(self._last_ns, end_ns)
         records.ChunkIndex(
@@ -133,6 +149,7 @@ class McapFile:
 
     def finish(self) -> None:
         """The summary and the footer: from here on viewers can jump about in the file."""
+        self.write_metadata(ROWS_METADATA_NAME, {ROWS_DURATION: f"{self.rows_ns / _NS:.6f}"})
         ending = RecordBuilder()
         records.DataEnd(data_section_crc=0).write(ending)
         summary_start = self.size_bytes + ending.count

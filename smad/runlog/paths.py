@@ -6,6 +6,8 @@ import re
 from datetime import datetime
 from pathlib import Path
 
+from smad.errors import RunLogError
+
 SUFFIX = ".mcap"
 _LONGEST_NAME = 60
 
@@ -24,6 +26,20 @@ def free_path(path: Path) -> Path:
         candidate = path.with_name(f"{path.stem}-{number}{path.suffix}")
         number += 1
     return candidate
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for run logs, where it is not there yet. Raises RunLogError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        # A name with a NUL is a ValueError.
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise RunLogError(
+            f"cannot create folder {folder}: {reason}",
+            action="name another folder for the run logs (--folder, or [recorder] folder in the "
+            "configuration)",
+        ) from error
 
 
 def part_path(first: Path, part: int) -> Path:

@@ -62,14 +62,18 @@ class Run:
 
     @property
     def duration_s(self) -> float:
-        """Board time from the first to the last row; 0 for fewer than two rows."""
-        t_s = self.columns["t_s"]
-        return float(t_s[-1] - t_s[0]) if len(t_s) > 1 else 0.0
+        """Board time that the rows cover; a restart of the board begins it anew."""
+        return board_duration_s(self.columns["t_s"])
 
     @property
     def missing(self) -> list[str]:
         """Channels of which nothing was recorded."""
         return [name for name, column in self.columns.items() if not recorded(column).any()]
+
+
+def board_duration_s(t_s: Column) -> float:
+    """Return what times of the board, shape (n,), cover: all that goes forward, in s."""
+    return float(np.maximum(np.diff(t_s), 0.0).sum())
 
 
 def no_progress(share: float) -> None:

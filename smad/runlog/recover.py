@@ -12,7 +12,7 @@ from mcap import records
 
 from smad.errors import RunLogError
 from smad.runlog import open_logs
-from smad.runlog.mcap_file import CHANNEL_IDS, McapFile, Packed, pack
+from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_METADATA_NAME, McapFile, Packed, pack
 from smad.runlog.reader import Progress, no_progress
 from smad.runlog.scan import Damage, Message, NotMcapError, scan
 from smad.runlog.schema import ROW_TOPIC, TOPICS
@@ -131,7 +131,7 @@ def _copy(
             rewrite.message(item)
         elif isinstance(item, records.Channel):
             rewrite.channel(item)
-        elif item.name != RECOVERED_METADATA_NAME:
+        elif item.name not in (RECOVERED_METADATA_NAME, ROWS_METADATA_NAME):
             rewrite.metadata(item)
         if count % _MESSAGES_A_REPORT == 0:
             progress(source.tell() / size)

@@ -1,4 +1,4 @@
-"""The statistics at the end of a whole log, found without reading what is before them.
+"""What stands at the end of a whole log, found without reading what is before it.
 
 By hand, because the `mcap` package reads and decompresses whatever a damaged footer points at.
 """
@@ -6,9 +6,10 @@ By hand, because the `mcap` package reads and decompresses whatever a damaged fo
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple, TypeVar
 
 from mcap import records
 from mcap.data_stream import ReadDataStream
@@ -22,9 +23,18 @@ _FOOTER_BODY_BYTES = _FOOTER.size - RECORD_HEAD.size
 _LARGEST_RECORD_BYTES = 1_000_000
 _MOST_RECORDS = 100_000
 
+T = TypeVar("T")
 
-def read_statistics(path: Path) -> records.Statistics | None:
-    """Return the statistics; None for a log without an end, or with one that cannot be read.
+
+class Ending(NamedTuple):
+    """The statistics of a log, and the last metadata of the name asked for."""
+
+    statistics: records.Statistics
+    metadata: dict[str, str]
+
+
+def read_ending(path: Path, metadata_name: str) -> Ending | None:
+    """Return the end; None for a log without one, or with one that cannot be read.
 
     Raises OSError when the disk fails.
     """
@@ -37,25 +47,42 @@ def read_statistics(path: Path) -> records.Statistics | None:
         opcode, length, summary_start, _, _ = _FOOTER.unpack(file.read(_FOOTER.size))
         if (opcode, length) != (Opcode.FOOTER, _FOOTER_BODY_BYTES) or file.read() != MCAP0_MAGIC:
             return None
-        return _in_summary(file, summary_start, at_footer) if summary_start else None
+        return _in_summary(file, summary_start, at_footer, metadata_name) if summary_start else None
 
 
-def _in_summary(file: BinaryIO, at: int, end: int) -> records.Statistics | None:
+def _in_summary(file: BinaryIO, at: int, end: int, name: str) -> Ending | None:
+    statistics: records.Statistics | None = None
+    metadata: dict[str, str] = {}
     for _ in range(_MOST_RECORDS):
         if at > end - RECORD_HEAD.size:
-            return None
-        file.seek(at)
-        opcode, length = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
+            break
+        opcode, length = _head_at(file, at)
+        if opcode == Opcode.STATISTICS:
+            statistics = _parsed(file, length, records.Statistics.read)
+        elif opcode == Opcode.METADATA_INDEX:
+            index = _parsed(file, length, records.MetadataIndex.read)
+            if index is not None and index.name == name and index.offset < at:
+                metadata = _metadata_at(file, index.offset)
         at += RECORD_HEAD.size + length
-        if opcode != Opcode.STATISTICS:
-            continue
-        if length > _LARGEST_RECORD_BYTES:
-            return None
-        try:
-            found: records.Statistics = records.Statistics.read(
-                ReadDataStream(BytesIO(file.read(length)))
-            )
-        except PARSE_ERRORS:
-            return None
-        return found
-    return None
+    return None if statistics is None else Ending(statistics, metadata)
+
+
+def _metadata_at(file: BinaryIO, at: int) -> dict[str, str]:
+    opcode, length = _head_at(file, at)
+    found = _parsed(file, length, records.Metadata.read) if opcode == Opcode.METADATA else None
+    return {} if found is None else found.metadata
+
+
+def _head_at(file: BinaryIO, at: int) -> tuple[int, int]:
+    file.seek(at)
+    head: tuple[int, int] = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
+    return head
+
+
+def _parsed(file: BinaryIO, length: int, parse: Callable[[ReadDataStream], T]) -> T | None:
+    if length > _LARGEST_RECORD_BYTES:
+        return None
+    try:
+        return parse(ReadDataStream(BytesIO(file.read(length))))
+    except PARSE_ERRORS:
+        return None

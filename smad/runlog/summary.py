@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,12 @@ from msgspec import Struct
 from smad.errors import RunLogError
 from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
-from smad.runlog.mcap_file import CHANNEL_IDS
+from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_DURATION, ROWS_METADATA_NAME
 from smad.runlog.paths import SUFFIX
 from smad.runlog.reader import Run, recorded
 from smad.runlog.scan import Damage, NotMcapError, scan
 from smad.runlog.schema import CHANNELS, Event, Row
-from smad.runlog.statistics import read_statistics
-
-_NS = 1e9
+from smad.runlog.statistics import read_ending
 
 
 class ChannelSummary(Struct, frozen=True, kw_only=True):
@@ -57,7 +56,10 @@ class RunSummary(Struct, frozen=True, kw_only=True):
 
 
 class Overview(Struct, frozen=True, kw_only=True):
-    """One line of a list of runs. `rows` and `duration_s` are None when it has no end."""
+    """One line of a list of runs. `rows` and `duration_s` are None when it has no end.
+
+    `duration_s` is board time, and None in a log whose writer did not note it.
+    """
 
     path: str
     size_bytes: int
@@ -129,17 +131,17 @@ def _overview(path: Path) -> Overview:
         open_still = open_logs.being_written(path)
         size_bytes = path.stat().st_size
         header = _header(path, size_bytes)
-        statistics = read_statistics(path)
+        ending = read_ending(path, ROWS_METADATA_NAME)
     except OSError as error:
         return Overview(path=str(path), size_bytes=0, problem=error.strerror or "unreadable")
     except NotMcapError:
         return Overview(path=str(path), size_bytes=size_bytes, problem="no MCAP file")
     rows = duration_s = None
     problem = "being written" if open_still else "cut short"
-    if statistics is not None:
-        rows = statistics.channel_message_counts.get(CHANNEL_IDS[Row], 0)
+    if ending is not None:
+        rows = ending.statistics.channel_message_counts.get(CHANNEL_IDS[Row], 0)
         problem = ""
-        duration_s = (statistics.message_end_time - statistics.message_start_time) / _NS
+        duration_s = _seconds(ending.metadata.get(ROWS_DURATION, ""))
     return Overview(
         path=str(path),
         size_bytes=size_bytes,
@@ -150,6 +152,14 @@ def _overview(path: Path) -> Overview:
         duration_s=duration_s,
         problem=problem,
     )
+
+
+def _seconds(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def _header(path: Path, size_bytes: int) -> RunHeader:

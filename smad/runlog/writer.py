@@ -25,12 +25,13 @@ from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import McapFile, Packed
 from smad.runlog.pack import RecordPacker
-from smad.runlog.paths import part_path
+from smad.runlog.paths import make_folder, part_path
 from smad.runlog.schema import Event, Record
 
 END_METADATA_NAME = "smad.end"
 _MESSAGES_A_CHUNK = 256
 _PAUSE_BETWEEN_CHUNKS_S = 0.001
+_LOOK_S = 1.0
 _NS = 1_000_000_000
 
 
@@ -73,7 +74,6 @@ class RunWriter:
         self._queue: deque[Packed] = deque()
         self._packer = RecordPacker(header.started_unix_s)
         self._dropped_told = 0
-        self._part_first_ns: int | None = None
         self._mcap, self._file = _create(self.paths[0], header)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="run log", daemon=True)
@@ -127,9 +127,14 @@ class RunWriter:
     def _run(self) -> None:
         try:
             _step_below_creator()
+            next_look_s = time.monotonic() + _LOOK_S
             while not self._stop.wait(self._flush_interval_s):
                 self._drain()
+                if time.monotonic() >= next_look_s:
+                    next_look_s = time.monotonic() + _LOOK_S
+                    self._look()
             self._drain()
+            self._look()
             if not self._file.closed:
                 self._end_file()
         except Exception as error:
@@ -158,9 +163,23 @@ class RunWriter:
             return
         self.written += len(batch)
         try:
-            self._start_next_part_if_due(batch)
+            self._start_next_part_if_due()
         except RunLogError as error:
             self._give_up(error)
+
+    def _look(self) -> None:
+        """Give up if the file is no longer where it was: what is written then is lost."""
+        if self._file.closed:
+            return
+        try:
+            there = os.path.samestat(os.stat(self.paths[-1]), os.fstat(self._file.fileno()))
+        except FileNotFoundError:
+            there = False
+        except OSError:
+            # What is said of the folder is not said of the file: writing will tell.
+            return
+        if not there:
+            self._give_up(RunLogError("it was deleted, moved or replaced"))
 
     def _drop_notice(self, time_ns: int) -> list[Packed]:
         missed = self._refused - self._dropped_told
@@ -175,20 +194,15 @@ class RunWriter:
         )
         return [RecordPacker(0.0).pack(notice)]
 
-    def _start_next_part_if_due(self, batch: list[Packed]) -> None:
-        if self._part_first_ns is None:
-            self._part_first_ns = batch[0].time_ns
-        if (
-            self._mcap.size_bytes < self._max_file_bytes
-            and batch[-1].time_ns - self._part_first_ns < self._max_file_ns
-        ):
+    def _start_next_part_if_due(self) -> None:
+        # By the rows: an event may carry the host's clock, which somebody may set.
+        if self._mcap.size_bytes < self._max_file_bytes and self._mcap.rows_ns < self._max_file_ns:
             return
         self._end_file()
         part = len(self.paths) + 1
         path = part_path(self.paths[0], part)
         self._mcap, self._file = _create(path, msgspec.structs.replace(self._header, part=part))
         self.paths.append(path)
-        self._part_first_ns = None
 
     def _end_file(self) -> None:
         try:
@@ -243,13 +257,7 @@ def write_run(path: str | Path, header: RunHeader, records: Iterable[Record]) ->
 
 
 def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunLogError(
-            f"cannot create folder {path.parent}: {error.strerror}",
-            action="check the folder ([recorder] folder in the configuration)",
-        ) from error
+    make_folder(path.parent)
     try:
         file = FileIO(path, "xb")
     except FileExistsError:

@@ -41,6 +41,8 @@ def reader(tmp_path: Path) -> dict[str, str]:
         **os.environ,
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
         "XDG_RUNTIME_DIR": str(runtime),
+        # Alone: a daemon that somebody runs on this machine is not for a page to arm.
+        "SMAD_RUNTIME_DIR": str(runtime / "smad"),
         "HOME": str(home),
         "MPLBACKEND": "Agg",
     }

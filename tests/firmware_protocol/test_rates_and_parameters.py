@@ -76,7 +76,7 @@ def test_a_refused_value_names_parameter_value_and_range() -> None:
     with pytest.raises(ParameterRefusedError) as caught:
         ParameterStore().set(0, BY_NAME["state_rate_hz"].number, 300)
     assert "state_rate_hz = 300 Hz" in str(caught.value)
-    assert "(100, 250, 500)" in str(caught.value)
+    assert "100, 250, 500" in str(caught.value)
     assert (caught.value.code, caught.value.value) == (ErrorCode.OUT_OF_RANGE, 300)
 
 
@@ -86,6 +86,20 @@ def test_a_shared_parameter_belongs_to_axis_zero_alone() -> None:
     assert store.get("state_rate_hz", axis=1) == 250
     with pytest.raises(ParameterRefusedError, match="no parameter"):
         store.set(1, BY_NAME["state_rate_hz"].number, 100)
+
+
+@pytest.mark.parametrize("name", ["encoder_nm_per_count", "force_uN_per_count"])
+def test_a_scale_may_have_either_sign_and_is_never_zero(name: str) -> None:
+    store = ParameterStore()
+    number = BY_NAME[name].number
+    for value in (-1, 1):
+        store.set(0, number, value)
+    with pytest.raises(ParameterRefusedError, match="not 0"):
+        store.set(0, number, 0)
+    old = ParameterStore()
+    old.values[0, number] = 0
+    store.load(old.image())
+    assert store.get(name) == 1
 
 
 def test_a_stored_image_brings_the_values_back() -> None:

@@ -104,3 +104,63 @@ def test_time_keeps_counting_over_a_reconnection_to_the_same_board() -> None:
     pair.run(100)
     pair.connect()
     assert pair.told(e.StateReceived)[-1].board_us == pair.board.t_us
+
+
+@pytest.mark.parametrize("lost_us", [60_000, 300_000, 2_800_000, -400_000])
+def test_after_a_step_of_the_boards_clock_two_exchanges_bring_the_fit_back(lost_us: int) -> None:
+    sync = TimeSync()
+
+    def exchange(t1: int, behind_us: int, delay_us: int = 300) -> None:
+        t2 = 9_000_000 + t1 + delay_us - behind_us
+        sync.add(t1, t2, t2, t1 + 2 * delay_us)
+
+    def wrong_us(t_us: int, behind_us: int) -> float:
+        assert sync.fit is not None
+        return abs(sync.fit.host_us(9_000_000 + t_us - behind_us) - t_us)
+
+    for second in range(200):
+        exchange(second * 1_000_000, 0)
+    for second in (200, 201):
+        exchange(second * 1_000_000, lost_us)
+    assert wrong_us(202_000_000, lost_us) < 300
+    for second in range(202, 230):
+        exchange(second * 1_000_000, lost_us)
+    assert sync.fit is not None
+    assert sync.fit.locked
+    assert wrong_us(230_000_000, lost_us) < 300
+
+
+def test_late_answers_are_no_step() -> None:
+    rng = random.Random(2)
+    sync = TimeSync()
+    for second in range(300):
+        t1 = second * 1_000_000
+        there, back = (rng.randrange(200, 400_000 if second % 3 else 500) for _ in range(2))
+        t2 = t1 + there
+        fit = sync.add(t1, t2, t2, t1 + there + back)
+        assert abs(fit.host_us(t1) - t1) < 200_000
+    assert fit.exchanges == WINDOW
+
+
+def test_a_simulation_that_is_not_real_time_is_no_series_of_steps() -> None:
+    sync = TimeSync()
+    for second in range(40):
+        t1 = second * 1_000_000
+        fit = sync.add(t1, 10 * t1 + 3000, 10 * t1 + 3000, t1 + 600)
+    assert fit.exchanges == 40
+    assert not fit.plausible
+
+
+def test_after_a_step_the_host_asks_quickly_again() -> None:
+    exchanges = TimeExchanges()
+    now_us, behind_us, waits = 0, 0, []
+    for n in range(80):
+        now_us = max(now_us + 1000, exchanges.due_us)
+        behind_us = 500_000 if n >= 40 else 0
+        asked = exchanges.ask(now_us)
+        stamp = 9_000_000 + now_us + 300 - behind_us
+        exchanges.answer(TimeReply(asked.t1_us, stamp, stamp), now_us + 600)
+        waits.append(exchanges.due_us - now_us)
+    assert waits[30:40] == [1_000_000] * 10
+    assert 12 <= waits[40:].count(50_000) <= 16
+    assert waits[-10:] == [1_000_000] * 10

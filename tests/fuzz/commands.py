@@ -28,6 +28,7 @@ class _Reply(msgspec.Struct, forbid_unknown_fields=True):
 
 
 _REPLY = msgspec.json.Decoder(_Reply)
+_MEMBERS = msgspec.json.Decoder(dict[str, msgspec.Raw])
 _DECODERS = (Decoder(), Decoder("stop"))
 
 
@@ -46,7 +47,10 @@ def forget() -> None:
     _loop().run_until_complete(discard())
 
 
-def _decoded(decoded: Call | bytes, line: bytes) -> None:
+def _decoded(decoded: Call | bytes | None, line: bytes) -> None:
+    if decoded is None:
+        require("id" not in _MEMBERS.decode(line), "a request with an id got no reply")
+        return
     if isinstance(decoded, bytes):
         reply = _checked(decoded)
         require(reply.error is not None, "a message that was not understood was not refused")
@@ -80,7 +84,7 @@ async def _perform(lines: list[bytes], armed: bool) -> None:
     for number, line in enumerate(lines):
         stop = line[:1] == b" "
         call = _DECODERS[stop].decode(line)
-        wanted += isinstance(call, bytes) or call.wants_reply
+        wanted += isinstance(call, bytes) or (call is not None and call.wants_reply)
         tuned |= isinstance(call, Call) and call.method.params is Tune
         bench.say(CLIENTS[number % 2], line, replies.append, stop=stop)
         await bench.run(_SAMPLES_A_MESSAGE)

@@ -61,6 +61,7 @@ class FakeDaemon:
                 stop=self.endpoints.stop,
                 telemetry=self.endpoints.telemetry,
             ),
+            0o077,
         )
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()

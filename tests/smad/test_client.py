@@ -1,5 +1,6 @@
 """Both clients, against a stand-in for the daemon."""
 
+import asyncio
 import inspect
 import os
 import pickle
@@ -24,7 +25,7 @@ from smad.client import (
 )
 from smad.client.progress import Wait
 from smad.client.wire import POINTS_A_PIECE, in_pieces
-from smad.control.commands import DriveCurrent, Samples, Sine, Step, Tune
+from smad.control.commands import DriveCurrent, Hold, Samples, Sine, Step, Tune
 from smad.daemon.endpoints import Connection, write_connection
 from tests.smad.fakedaemon import MOTION, FakeDaemon, Silent, fake_daemon
 
@@ -151,6 +152,7 @@ def test_the_connection_file_of_a_dead_daemon_counts_as_no_daemon(tmp_path: Path
         Connection(
             bench="bench", pid=2**22 + 1, version="", command="ipc://x", stop="", telemetry=""
         ),
+        0o077,
     )
     with pytest.raises(NoDaemon):
         Client(folder=tmp_path)
@@ -287,6 +289,106 @@ async def test_control_is_given_back_at_the_end_of_the_block_even_when_it_fails(
         ("control.take", {"name": "Bob", "lease_s": 4.0}),
         ("control.release", {}),
     ]
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
+def test_an_armed_block_disarms_whatever_ends_it(
+    client: Client, daemon: FakeDaemon, error: type[BaseException]
+) -> None:
+    def experiment() -> None:
+        with client.armed():
+            raise error
+
+    with pytest.raises(error):
+        experiment()
+    with client.armed():
+        pass
+    asked = [(request["method"], request["channel"]) for request in daemon.asked]
+    assert asked == 2 * [("arm", "command"), ("disarm", "stop")]
+
+
+def test_an_armed_block_disarms_when_the_arming_is_not_answered_but_not_when_it_is_refused(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    daemon.answers["arm"] = api.ErrorData(reason=api.Reason.ARMED, cause="somebody else armed it")
+    with pytest.raises(NotReady), client.armed():
+        pass
+    assert [request["method"] for request in daemon.asked] == ["arm"]
+    daemon.answers["arm"] = Silent()
+    client.timeout_s = 0.05
+    with pytest.raises(NoAnswer), client.armed():
+        pass
+    client.timeout_s = 30.0
+    client.motion()
+    assert [request["method"] for request in daemon.asked[1:]] == ["arm", "disarm", "motion"]
+
+
+def test_what_ended_an_armed_block_is_not_hidden_by_a_disarm_that_fails(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    daemon.answers["disarm"] = api.ErrorData(reason=api.Reason.NO_REPLY, cause="no answer")
+
+    def experiment() -> None:
+        with client.armed():
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        experiment()
+    with pytest.raises(BoardRefused), client.armed():
+        pass
+
+
+async def test_an_armed_block_of_the_async_client_disarms_when_it_is_cancelled(
+    daemon: FakeDaemon, tmp_path: Path
+) -> None:
+    async with AsyncClient(folder=tmp_path, timeout_s=30.0) as client:
+        inside = asyncio.Event()
+
+        async def experiment() -> None:
+            async with client.armed():
+                inside.set()
+                await asyncio.Event().wait()
+
+        task = asyncio.create_task(experiment())
+        await inside.wait()
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert [request["method"] for request in daemon.asked] == ["arm", "disarm"]
+
+
+def test_after_arming_requests_carry_the_generation_and_in_control_the_lease(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    daemon.answers["arm"] = msgspec.structs.replace(MOTION, generation=7)
+    daemon.answers["control.take"] = api.Control(holder="Ada", yours=True, lease="secret")
+    daemon.answers["control.release"] = api.Control()
+    with client.in_control("Ada"), client.armed():
+        client.move(Hold(duration_s=1.0))
+        client.motion()
+    client.move(Hold(duration_s=1.0))
+    told = {
+        request["method"]: (request.get("lease"), request.get("generation"))
+        for request in daemon.asked[:-1]
+    }
+    assert told == {
+        "control.take": (None, None),
+        "arm": ("secret", None),
+        "move": ("secret", 7),
+        "motion": ("secret", None),
+        "disarm": ("secret", None),
+        "control.release": ("secret", None),
+    }
+    assert "generation" not in daemon.asked[-1]
+    assert "lease" not in daemon.asked[-1]
+
+
+def test_waiting_ends_when_somebody_stopped_the_bench_and_armed_it_again() -> None:
+    wait = Wait(0.0, timeout_s=5.0, generation=3)
+    same = msgspec.structs.replace(MOTION, armed=True, done=False, generation=3)
+    assert not wait.over(same, 1.0)
+    with pytest.raises(Stopped, match="armed again since"):
+        wait.over(msgspec.structs.replace(same, generation=4, done=True), 1.0)
 
 
 async def test_the_async_client_does_the_same(daemon: FakeDaemon, tmp_path: Path) -> None:

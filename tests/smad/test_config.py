@@ -7,8 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from firmware_protocol.supervisor.host import host_limits
+from firmware_protocol.supervisor.limits import LIMIT_ROWS, Limits, compiled_limits
 from smad.config import Config, config_to_toml, default_toml, load_config, parse_config
 from smad.config.describe import Key, sections
+from smad.config.hostlimits import KEYS as HOST_KEYS
+from smad.config.hostlimits import looser_than
 from smad.config.template import markdown_tables
 from smad.errors import ConfigError
 
@@ -90,6 +94,45 @@ def test_every_number_has_its_unit_in_its_name(key: Key) -> None:
 def test_every_key_says_what_it_is_for(key: Key) -> None:
     assert key.description
     assert key.allowed
+
+
+TEXTS = [key for key in KEYS if isinstance(key.default, str)]
+
+
+@pytest.mark.parametrize("key", TEXTS, ids=key_id)
+def test_a_text_with_a_nul_is_refused_in_one_line(key: Key) -> None:
+    message = refusal(f'[{key.section}]\n{key.name} = "a\\u0000b"')
+    assert key.name in message
+    assert "\n" not in message
+    assert "\0" not in message
+
+
+HOST = host_limits(compiled_limits())
+
+
+@pytest.mark.parametrize("row", HOST_KEYS)
+def test_a_limit_may_be_as_loose_as_the_hosts_share_of_the_boards_and_no_looser(row: str) -> None:
+    key, scale = HOST_KEYS[row]
+    section, _, name = key.rpartition(".")
+    limit = getattr(HOST, row) / scale
+    config = parse_config(f"[{section}]\n{name} = {limit:.10g}")
+    assert not list(looser_than(config, compiled_limits()))
+    looser = int(limit) + 1
+    message = refusal(f"[{section}]\n{name} = {looser}")
+    assert f"got {looser}" in message
+    assert f"to {limit:g}" in message
+
+
+def test_every_limit_of_the_host_that_can_be_configured_is_held_against_the_board() -> None:
+    tightest = Limits(**{name: row.tightest for name, row in LIMIT_ROWS.items()})
+    found = {one.key: one for one in looser_than(Config(), tightest)}
+    assert set(found) == {key for key, _ in HOST_KEYS.values()}
+    assert found["limits.on_time_max_s"] == (
+        "limits.on_time_max_s",
+        3600.0,
+        57.0,
+        "on_time_limit_s",
+    )
 
 
 def test_an_unknown_key_is_refused_and_the_nearest_one_named() -> None:

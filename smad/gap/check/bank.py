@@ -15,6 +15,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from smad.gap.check.bounds import MOST_MANIFEST_BYTES, read_bounded, require_bounded
 from smad.gap.check.errors import BankError
 from smad.gap.runs import Array, GapRun
 from smad.gap.sma_signals import CHANNELS, INPUTS, run_from_columns
@@ -87,7 +88,7 @@ def open_bank(folder: Path) -> Bank:
     """
     path = folder / "manifest.json"
     try:
-        data = path.read_bytes()
+        data = read_bounded(path, MOST_MANIFEST_BYTES)
     except OSError as error:
         raise BankError(
             f"{path} cannot be read",
@@ -251,8 +252,9 @@ _READ = {"t_s", "valid", *(c.name for c in CHANNELS)} | {
 def read_columns(path: Path) -> dict[str, Array]:
     """Columns of a Parquet, CSV or gzipped CSV file as float64, missing samples as NaN.
 
-    Columns that no diagnosis reads are left out where they hold text or share a name. Raises
-    BankError when one that it reads does so, and when the file is missing or of another kind.
+    No more is read than a run can hold (`smad.gap.check.bounds`). Columns that no diagnosis reads
+    are left out where they hold text or share a name. Raises BankError when one that it
+    reads does so, and when the file is missing, of another kind, or too long.
     """
     kinds = (".parquet", ".csv", ".csv.gz")
     if not path.name.endswith(kinds):
@@ -263,6 +265,7 @@ def read_columns(path: Path) -> dict[str, Array]:
             action="convert it",
         )
     try:
+        require_bounded(path)
         table = _table(path)
         times = Counter(table.column_names)
         usable = [n for n, k in times.items() if k == 1 and not _is_text(table[n])]

@@ -144,6 +144,31 @@ def test_a_mistake_of_ours_is_one_line_too(
     assert "report" in line
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["gap", "next", "--sim", "--run", "mixed", "--folder", "{file}"], "cannot create folder"),
+        (["gap", "next", "--sim", "--run", "mixed", "--folder", "{file}/x"], "Not a directory"),
+        (["gap", "next", "--sim", "--run", "mixed", "--folder", "a\0b"], "NUL"),
+        (["log", "list", "--folder", "{file}"], "Not a directory"),
+        (["log", "list", "--folder", "a\0b"], "NUL"),
+        (["log", "show", "a\0b"], "NUL"),
+        (["config", "check", "a\0b"], "NUL"),
+    ],
+)
+def test_a_path_that_cannot_be_used_is_one_line_and_no_mistake_of_ours(
+    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    assert execute([word.replace("{file}", str(file)) for word in arguments]) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert "internal error" not in error
+    assert "\0" not in error
+
+
 def test_a_refusal_is_printed_with_its_next_action(
     capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
 ) -> None:

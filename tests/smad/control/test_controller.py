@@ -219,6 +219,14 @@ def test_without_a_displacement_nothing_is_heated() -> None:
     assert drive(started(STEP_UP), range(1, 5), lambda k: math.nan)[-1] == Output()
 
 
+@pytest.mark.parametrize("field", ["i_x_A", "i_y_A"])
+def test_a_current_above_the_configured_limit_is_refused(field: str) -> None:
+    controller = Controller(ControlConfig(current_limit_A=1.5), LimitsConfig())
+    controller.command(DriveCurrent(**{field: 1.5}))
+    with pytest.raises(CommandError, match=rf"{field}.*got 2.0; allowed: up to 1.5 A"):
+        controller.command(DriveCurrent(**{field: 2.0}))
+
+
 def test_a_hot_spring_gets_less_current_and_above_the_limit_none() -> None:
     controller = Controller(ControlConfig(), LimitsConfig(temperature_max_degC=70.0))
     controller.step(sample(0))

@@ -122,3 +122,14 @@ def test_an_output_becomes_the_nearest_setpoint() -> None:
 
 def test_without_a_stage_the_setpoint_does_not_mean_one() -> None:
     assert setpoint_of(Output(), t_ref_us=0).flags == 0
+
+
+@pytest.mark.parametrize("before_us", [5_000_000, 3_000_000_000])
+def test_board_time_goes_on_from_where_it_was_after_a_restart(before_us: int) -> None:
+    time = BoardTime()
+    time.unwrap(before_us - 10_000)
+    assert time.unwrap(before_us) == 10_000
+    time.restart()
+    assert time.unwrap(50_000) == 10_000
+    assert time.unwrap(60_000) == 20_000
+    assert time.jumps == 0

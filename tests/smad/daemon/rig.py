@@ -37,6 +37,8 @@ class Rig:
     def __init__(self, config: Config, bench: SimulatedBench) -> None:
         self.bench = bench
         self.plugged = True
+        self.lost_us = 0
+        """By how much the board's clock is behind: add to it to let the board stand still."""
         self.journal = Journal(stream=io.StringIO())
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._board_end: socket.socket | None = None
@@ -50,9 +52,13 @@ class Rig:
             notifier=Notifier({}),
             nonce=7,
             parameter_text="",
-            clock_us=lambda: self.bench.now_us,
-            wall_clock=lambda: 1_700_000_000.0 + self.bench.now_us * 1e-6,
+            clock_us=self.now_us,
+            wall_clock=lambda: 1_700_000_000.0 + self.now_us() * 1e-6,
         )
+
+    def now_us(self) -> int:
+        """The host's clock."""
+        return self.bench.now_us + self.lost_us
 
     def _open(self) -> Transport:
         if not self.plugged:
@@ -109,22 +115,39 @@ class Rig:
         self.plugged = True
 
     async def ask(
-        self, method: str, client: bytes = b"me", *, still: bool = False, **params: Any
+        self,
+        method: str,
+        client: bytes = b"me",
+        *,
+        still: bool = False,
+        told: dict[str, Any] | None = None,
+        **params: Any,
     ) -> Any:
         """Send a command and return its result. Raises Refused with the error reply.
 
         Samples pass until it is there, as many as the threads take wall time for; `still` stops
-        board time meanwhile, so that what follows begins at the same sample every time.
+        board time meanwhile, so that what follows begins at the same sample every time. `told`
+        has what goes beside the parameters: the secret of a lease, a generation.
         """
+        asked = self.begin(method, client, told=told, **params)
+        return result_of(await (self.wait_for if still else self.run_until)(asked))
+
+    def begin(
+        self,
+        method: str,
+        client: bytes = b"me",
+        *,
+        told: dict[str, Any] | None = None,
+        **params: Any,
+    ) -> asyncio.Future[bytes]:
+        """Send a command, the two that stop over the stop channel; the future has its reply."""
         reply: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         self._last_id += 1
         request = {"jsonrpc": "2.0", "id": self._last_id, "method": method, "params": params}
-        self.daemon.answers.command(client, msgspec.json.encode(request), reply.set_result)
-        decoded = msgspec.json.decode(await (self.wait_for if still else self.run_until)(reply))
-        assert decoded["id"] == self._last_id
-        if "error" in decoded:
-            raise Refused(decoded["error"])
-        return decoded["result"]
+        answers = self.daemon.answers
+        answer = answers.stop if method in ("disarm", "estop") else answers.command
+        answer(client, msgspec.json.encode({**request, **(told or {})}), reply.set_result)
+        return reply
 
     async def arm(self) -> None:
         """Connect, wait for the clocks to align, arm."""
@@ -135,6 +158,14 @@ class Rig:
     def said(self) -> str:
         """Everything in the journal."""
         return "\n".join(entry.text for entry in self.journal.recent)
+
+
+def result_of(reply: bytes) -> Any:
+    """The result in a reply. Raises Refused for an error reply."""
+    decoded = msgspec.json.decode(reply)
+    if "error" in decoded:
+        raise Refused(decoded["error"])
+    return decoded["result"]
 
 
 class Refused(Exception):

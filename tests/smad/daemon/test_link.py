@@ -243,9 +243,9 @@ def test_the_connection_file_of_a_daemon_that_died_counts_as_none(tmp_path: Path
     alive = Connection(
         bench="bench", pid=os.getpid(), version="1", command="c", stop="s", telemetry="t"
     )
-    write_connection(path, alive)
+    write_connection(path, alive, 0o077)
     assert read_connection(path) == alive
-    write_connection(path, Connection(**{**_fields(alive), "pid": 2**22 + 1}))
+    write_connection(path, Connection(**{**_fields(alive), "pid": 2**22 + 1}), 0o077)
     assert read_connection(path) is None
     path.write_text("{")
     assert read_connection(path) is None

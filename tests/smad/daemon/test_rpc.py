@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 import msgspec
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -36,8 +37,8 @@ REQUESTS = st.fixed_dictionaries(
 )
 
 
-def judged(answer: Call | bytes) -> Any:
-    if isinstance(answer, Call):
+def judged(answer: Call | bytes | None) -> Any:
+    if answer is None or isinstance(answer, Call):
         return answer
     reply = json.loads(answer)
     assert reply["jsonrpc"] == "2.0"
@@ -72,6 +73,116 @@ def test_a_request_without_an_id_wants_no_reply() -> None:
     call = ALL.decode(b'{"jsonrpc":"2.0","method":"disarm"}')
     assert isinstance(call, Call)
     assert not call.wants_reply
+
+
+def code_of(text: str) -> Any:
+    """The id and the code of the error reply to a message."""
+    reply = judged(ALL.decode(text.encode()))
+    return reply["id"], reply["error"]["code"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"jsonrpc":"2.0","method":"nonsense"}',
+        '{"jsonrpc":"2.0","method":"params.get"}',
+        '{"jsonrpc":"2.0","method":"params.get","params":{"name":5}}',
+        '{"jsonrpc":"2.0","method":"params.get","params":["encoder"]}',
+        '{"jsonrpc":"2.0","method":"arm","params":{"hard":true}}',
+        '{"method":"params.set","params":{"name":"a","value":1e999}}',
+    ],
+)
+def test_a_notification_that_is_not_valid_gets_no_reply(text: str) -> None:
+    assert ALL.decode(text.encode()) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "call_id"),
+    [
+        ("[]", None),
+        ('[{"jsonrpc":"2.0","id":1,"method":"status"}]', None),
+        ("5", None),
+        ("{}", None),
+        ('{"jsonrpc":"2.0","id":7}', 7),
+        ('{"jsonrpc":"2.0","id":7,"method":5}', 7),
+        ('{"jsonrpc":"2.0","method":1,"params":"bar"}', None),
+        ('{"jsonrpc":"1.0","id":"a","method":"status"}', "a"),
+        ('{"jsonrpc":2.0,"id":7,"method":"status"}', 7),
+        ('{"jsonrpc":"2.0","id":7,"method":"status","params":5}', 7),
+        ('{"jsonrpc":"2.0","id":7,"method":"nonsense","params":null}', 7),
+        ('{"jsonrpc":"2.0","id":7,"method":"status","extra":1}', 7),
+        ('{"jsonrpc":"2.0","id":true,"method":"status"}', None),
+        ('{"jsonrpc":"2.0","id":1.5,"method":"status"}', None),
+        ('{"jsonrpc":"2.0","id":[1],"method":"status"}', None),
+    ],
+)
+def test_what_is_no_request_has_a_code_of_its_own(text: str, call_id: int | str | None) -> None:
+    assert code_of(text) == (call_id, -32600)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ('{"id":7,"method":"nonsense"}', -32601),
+        ('{"id":7,"method":"params.get"}', -32602),
+        ('{"id":7,"method":"params.get","params":[]}', -32602),
+        ('{"id":7,"method":"params.get","params":{"nom":"a"}}', -32602),
+        ('{"id":7,"method":"params.set","params":{"name":"a","value":1e999}}', -32602),
+        ('{"id":null,"method":"nonsense"}', -32601),
+    ],
+)
+def test_a_request_that_is_not_valid_keeps_its_id(text: str, code: int) -> None:
+    assert code_of(text) == (json.loads(text)["id"], code)
+
+
+def test_a_request_whose_id_is_null_wants_a_reply() -> None:
+    call = ALL.decode(b'{"jsonrpc":"2.0","id":null,"method":"status"}')
+    assert isinstance(call, Call)
+    assert (call.id, call.wants_reply) == (None, True)
+
+
+@pytest.mark.parametrize(
+    ("text", "call_id"),
+    [
+        ('{"id":1,"id":2,"method":"status"}', None),
+        ('{"id":1,"method":"status","method":"disarm"}', 1),
+        ('{"id":1,"method":"status","m\\u0065thod":"disarm"}', 1),
+        ('{"id":1,"method":"current","params":{"i_x_A":0.1,"i_x_A":4.0}}', 1),
+        ('{"id":1,"method":"current","params":{"i_x_A":0.1,"i_x_A":400.0}}', 1),
+        ('{"id":1,"method":"nonsense","params":{},"params":{}}', 1),
+        (
+            '{"id":1,"method":"move","params":{"trajectories":[{"kind":"samples",'
+            '"t_s":[0, 1.5],"t_s":[0, 2.5e0],"displacement_mm":[0, -1]}]}}',
+            1,
+        ),
+    ],
+)
+def test_a_name_given_twice_is_refused(text: str, call_id: int | None) -> None:
+    assert code_of(text) == (call_id, -32600)
+    assert "twice" in judged(ALL.decode(text.encode()))["error"]["message"]
+
+
+def test_the_same_name_in_two_objects_is_no_name_given_twice() -> None:
+    pieces = '{"kind":"hold","duration_s":1},{"kind":"hold","duration_s":2}'
+    text = f'{{"id":1,"method":"move","params":{{"trajectories":[{pieces}]}}}}'
+    assert isinstance(ALL.decode(text.encode()), Call)
+
+
+def test_a_text_that_looks_like_a_list_of_numbers_is_kept() -> None:
+    call = ALL.decode(b'{"id":1,"method":"record.note","params":{"text":"[1, 2]"}}')
+    assert isinstance(call, Call)
+    assert call.params == api.AddNote(text="[1, 2]")
+
+
+def test_a_message_that_is_too_long_is_told_its_size_and_the_limit() -> None:
+    text = b'{"id":1,"method":"status"}'
+    fits = text.ljust(api.LARGEST_MESSAGE)
+    assert isinstance(ALL.decode(fits), Call)
+    for decoder in (ALL, STOPS):
+        error = judged(decoder.decode(fits + b" "))["error"]
+        assert error["code"] == -32600
+        assert error["data"]["value"] == "65537 bytes"
+        assert error["data"]["limit"] == "65536 bytes"
 
 
 def test_the_reply_to_a_refused_request_carries_its_id_code_and_value() -> None:

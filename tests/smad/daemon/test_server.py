@@ -3,7 +3,8 @@
 import asyncio
 import json
 import os
-from collections.abc import AsyncIterator
+import socket
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,13 @@ import pytest
 import zmq
 import zmq.asyncio
 
-from smad.api import LARGEST_MESSAGE
+from smad.api import LARGEST_TAKEN_IN
 from smad.config import DaemonConfig, TcpConfig, TelemetryConfig
 from smad.daemon.auth import Doorkeeper, server_keys
 from smad.daemon.endpoints import Endpoints
 from smad.daemon.server import CommandServer
 from smad.daemon.telemetry import Publisher
+from smad.daemon.zmtp import GREETING, encoded, ready
 from smad.errors import ConfigError, DaemonError
 from smad.runlog.schema import Row
 
@@ -68,6 +70,20 @@ async def echo(tmp_path: Path) -> AsyncIterator[Echo]:
     echo.close()
 
 
+@pytest.fixture
+def viewers() -> Iterator[Any]:
+    context = zmq.asyncio.Context()
+
+    def connect(address: str, topic: bytes = b"smad") -> Any:
+        viewer = context.socket(zmq.SUB)
+        viewer.setsockopt(zmq.SUBSCRIBE, topic)
+        viewer.connect(address)
+        return viewer
+
+    yield connect
+    context.destroy(linger=0)
+
+
 async def receive(socket: Any) -> list[bytes]:
     assert await socket.poll(PATIENCE_MS), "no reply came"
     frames: list[bytes] = await socket.recv_multipart()
@@ -113,12 +129,17 @@ async def test_a_stop_is_served_before_the_commands_that_wait(echo: Echo) -> Non
     assert echo.order.index(b"stop") < 500
 
 
-async def test_a_message_that_is_too_long_ends_that_connection_only(echo: Echo) -> None:
-    rude, polite = echo.client(), echo.client()
-    await rude.send(b"x" * (LARGEST_MESSAGE + 1))
+async def test_a_message_is_taken_in_to_be_refused_and_a_far_longer_one_ends_its_connection(
+    echo: Echo,
+) -> None:
+    clumsy, rude, polite = echo.client(), echo.client(), echo.client()
+    await clumsy.send(b"x" * LARGEST_TAKEN_IN)
+    assert len((await receive(clumsy))[0]) > LARGEST_TAKEN_IN
+    await rude.send(b"y" * (LARGEST_TAKEN_IN + 1))
     await polite.send(b"hello")
     assert await receive(polite) == [b"re:hello"]
-    assert not any(len(data) > LARGEST_MESSAGE for data in echo.order)
+    assert b"a message of" in (await receive(rude))[0]
+    assert not any(data[:1] == b"y" for data in echo.order)
 
 
 async def test_a_message_of_several_parts_is_dropped_and_counted(echo: Echo) -> None:
@@ -200,19 +221,16 @@ def test_the_servers_keys_are_made_once_and_kept_from_others(tmp_path: Path) -> 
         server_keys(path)
 
 
-def test_telemetry_is_two_frames_with_time_and_number_and_null_for_nan(tmp_path: Path) -> None:
-    with zmq.Context() as context:
-        publisher = Publisher(context, TelemetryConfig())
-        publisher.bind_ipc(f"ipc://{tmp_path}/t")
-        with context.socket(zmq.SUB) as viewer:
-            viewer.setsockopt(zmq.SUBSCRIBE, b"smad")
-            viewer.connect(f"ipc://{tmp_path}/t")
-            frames: list[bytes] = []
-            while not frames:
-                publisher.publish(Row(t_s=1.5, force_N=float("nan"), i_meas_x_A=2.0), 1e9)
-                if viewer.poll(10):
-                    frames = viewer.recv_multipart()
-        publisher.close()
+async def test_telemetry_is_two_frames_with_time_and_number_and_null_for_nan(
+    viewers: Any, tmp_path: Path
+) -> None:
+    publisher = Publisher(asyncio.get_running_loop(), TelemetryConfig())
+    publisher.bind_ipc(f"ipc://{tmp_path}/t", 0o077)
+    viewer = viewers(f"ipc://{tmp_path}/t")
+    while not await viewer.poll(10):
+        publisher.publish(Row(t_s=1.5, force_N=float("nan"), i_meas_x_A=2.0), 1e9)
+    frames = await viewer.recv_multipart()
+    publisher.close()
     assert frames[0] == b"smad"
     assert len(frames) == 2
     sample = json.loads(frames[1])
@@ -222,37 +240,58 @@ def test_telemetry_is_two_frames_with_time_and_number_and_null_for_nan(tmp_path:
     assert sample["i_meas_x_A"] == 2.0
 
 
-def test_a_viewer_that_never_reads_costs_samples_not_time(tmp_path: Path) -> None:
-    with zmq.Context() as context:
-        publisher = Publisher(context, TelemetryConfig(high_water_mark=10))
-        publisher.bind_ipc(f"ipc://{tmp_path}/t")
-        with context.socket(zmq.SUB) as viewer:
-            viewer.setsockopt(zmq.RCVHWM, 10)
-            viewer.setsockopt(zmq.SUBSCRIBE, b"smad")
-            viewer.connect(f"ipc://{tmp_path}/t")
-            while not viewer.poll(1):
-                publisher.publish(Row(t_s=0.0), 0.0)
-            for number in range(20_000):
-                publisher.publish(Row(t_s=float(number)), float(number))
-        assert publisher.sequence >= 20_000
-        publisher.close()
+async def test_a_viewer_gets_only_the_topics_it_asked_for(viewers: Any, tmp_path: Path) -> None:
+    publisher = Publisher(asyncio.get_running_loop(), TelemetryConfig())
+    publisher.bind_ipc(f"ipc://{tmp_path}/t", 0o077)
+    other, viewer = (viewers(f"ipc://{tmp_path}/t", topic) for topic in (b"other", b"sm"))
+    while not await viewer.poll(10):
+        publisher.publish(Row(t_s=0.0), 0.0)
+    viewer.setsockopt(zmq.UNSUBSCRIBE, b"sm")
+    while await viewer.poll(100):
+        await viewer.recv_multipart()
+        publisher.publish(Row(t_s=0.0), 0.0)
+    assert not await other.poll(0)
+    publisher.close()
 
 
-def test_an_address_in_use_is_noted_and_ipc_goes_on(tmp_path: Path) -> None:
+async def test_a_viewer_that_never_reads_costs_samples_not_time(
+    viewers: Any, tmp_path: Path
+) -> None:
+    publisher = Publisher(asyncio.get_running_loop(), TelemetryConfig(high_water_mark=10))
+    publisher.bind_ipc(f"ipc://{tmp_path}/t", 0o077)
+    # What the two kernels' and ZeroMQ's buffers take is not lost, so the viewer is a plain socket.
+    with socket.socket(socket.AF_UNIX) as line:
+        line.connect(f"{tmp_path}/t")
+        line.sendall(GREETING + ready(b"SUB") + encoded([b"\1"]))
+        while not any(viewer.topics for viewer in publisher.listeners[0]):
+            await asyncio.sleep(0)
+        for number in range(20_000):
+            publisher.publish(Row(t_s=float(number)), float(number))
+    assert publisher.sequence == 20_000
+    assert publisher.dropped > 10_000
+    publisher.close()
+
+
+async def test_an_address_in_use_is_noted_and_ipc_goes_on(tmp_path: Path) -> None:
     port = _free_ports()[0]
     with zmq.Context() as context, context.socket(zmq.PUB) as other:
         other.bind(f"tcp://127.0.0.1:{port}")
-        publisher = Publisher(context, TelemetryConfig())
-        publisher.bind_ipc(f"ipc://{tmp_path}/t")
-        publisher.bind_extra(f"tcp://127.0.0.1:{port}")
+        publisher = Publisher(asyncio.get_running_loop(), TelemetryConfig())
+        publisher.bind_ipc(f"ipc://{tmp_path}/t", 0o077)
+        publisher.bind_extra(f"tcp://127.0.0.1:{port}", 0o077)
         assert "another bench may use it" in publisher.note
         assert publisher.addresses == [f"ipc://{tmp_path}/t"]
         publisher.close()
 
 
-def _free_ports() -> tuple[int, int]:
-    import socket
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1", "tcp://127.0.0.1:x", "udp://a:1", ""])
+async def test_an_address_that_is_none_is_noted(address: str) -> None:
+    publisher = Publisher(asyncio.get_running_loop(), TelemetryConfig())
+    publisher.bind_extra(address, 0o077)
+    assert "neither tcp://host:port nor ipc://path" in publisher.note
 
+
+def _free_ports() -> tuple[int, int]:
     with socket.socket() as first, socket.socket() as second:
         first.bind(("127.0.0.1", 0))
         second.bind(("127.0.0.1", 0))

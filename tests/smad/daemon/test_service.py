@@ -8,11 +8,14 @@ from typing import Any
 import pytest
 
 from firmware_protocol.enums import BoardState, Fault
+from firmware_protocol.messages import ParamSet
+from firmware_protocol.parameters import BY_NAME
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.api import METHODS
 from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
+from smad.daemon.errors import Refusal
 from smad.daemon.service import Service
 from smad.runlog.reader import read_run
 from tests.smad.daemon.rig import Refused, Rig, rig_in
@@ -107,13 +110,59 @@ async def test_parameters_are_listed_changed_and_saved_only_while_not_armed(
         await rig.ask("params.save")
         with pytest.raises(Refused) as refused:
             await rig.ask("params.set", name="current_limit_mA", value=99_000)
-        assert "0 to 4000 mA" in refused.value.data["limit"]
+        assert "0 … 4000 mA" in refused.value.data["limit"]
         with pytest.raises(Refused, match="no parameter"):
             await rig.ask("params.get", name="wibble")
+        await rig.ask("params.set", name="current_limit_mA", value=4000)
         await rig.ask("arm")
         with pytest.raises(Refused) as refused:
             await rig.ask("params.set", name="current_limit_mA", value=2000)
         assert refused.value.reason == "armed"
+
+
+async def test_arming_is_refused_while_a_limit_of_the_host_is_looser_than_the_boards(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path, limits=LimitsConfig(on_time_max_s=1000.0)) as rig:
+        await rig.run_for(2.0)
+        await rig.ask("params.set", name="on_time_limit_s", value=1000)
+        with pytest.raises(Refused, match="looser than the board's on_time_limit_s") as refused:
+            await rig.ask("arm")
+        data = refused.value.data
+        assert (data["value"], data["limit"]) == (1000.0, "at most 950")
+        assert "params set on_time_limit_s" in data["action"]
+        await rig.ask("params.set", name="on_time_limit_s", value=1100)
+        assert (await rig.ask("arm"))["armed"]
+
+
+async def test_a_scale_of_zero_is_refused_by_host_and_board_and_never_armed_with(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        number = BY_NAME["encoder_nm_per_count"].number
+        with pytest.raises(Refused, match="out of range") as refused:
+            await rig.ask("params.set", name="encoder_nm_per_count", value=0)
+        assert refused.value.data["limit"].endswith("not 0 nm")
+        with pytest.raises(Refusal, match="out of range"):
+            await rig.run_until(rig.daemon.requests.ask(ParamSet(0, number, 0)))
+        assert rig.bench.board.parameters.get("encoder_nm_per_count") == 1000
+        rig.daemon.watch.parameters.values[0, number] = 0
+        rig.daemon.watch.parameters.board_crc = rig.daemon.watch.parameters.crc
+        with pytest.raises(Refused, match="encoder_nm_per_count is zero"):
+            await rig.ask("arm")
+
+
+@pytest.mark.parametrize("value", [-1e12, 1e12, 3000.5])
+async def test_a_parameter_that_no_board_could_hold_is_refused_as_such(
+    tmp_path: Path, value: float
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        with pytest.raises(Refused) as refused:
+            await rig.ask("params.set", name="current_limit_mA", value=value)
+        assert refused.value.reason == "invalid"
+        assert refused.value.data["value"] == value
 
 
 async def test_a_run_is_recorded_with_its_samples_commands_and_header(tmp_path: Path) -> None:
@@ -193,18 +242,20 @@ async def test_a_folder_that_cannot_be_written_refuses_arming_and_names_it(tmp_p
 async def test_only_the_holder_commands_while_anyone_may_watch_and_stop(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
-        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=10.0)
+        held = await rig.ask("control.take", name="Ada", lease_s=10.0)
+        ada = {"lease": held["lease"]}
         with pytest.raises(Refused, match="Ada has exclusive control") as refused:
             await rig.ask("idle", client=b"bob")
         assert refused.value.reason == "not_in_control"
-        assert (await rig.ask("status", client=b"bob"))["control"]["holder"] == "Ada"
-        await rig.ask("idle", client=b"ada")
+        control = (await rig.ask("status", client=b"bob"))["control"]
+        assert (control["holder"], control["yours"], control["lease"]) == ("Ada", False, "")
+        assert (await rig.ask("status", told=ada))["control"]["yours"]
+        await rig.ask("idle", told=ada)
         await rig.ask("disarm", client=b"bob")
 
 
 async def test_a_lease_ends_by_itself(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.arm()
         await rig.ask("control.take", client=b"ada", name="Ada", lease_s=2.0)
         await rig.run_for(2.5)
         await rig.ask("idle", client=b"bob")
@@ -213,12 +264,12 @@ async def test_a_lease_ends_by_itself(tmp_path: Path) -> None:
 async def test_who_has_control_and_vanishes_leaves_a_disarmed_bench(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
-        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=2.0)
-        await rig.ask("move", client=b"ada", trajectories=[STEP])
+        ada = {"lease": (await rig.ask("control.take", name="Ada", lease_s=2.0))["lease"]}
+        await rig.ask("move", told=ada, trajectories=[STEP])
         for _ in range(3):
             await rig.run_for(1.5)
             # Looking is enough to be heard.
-            assert (await rig.ask("motion", client=b"ada"))["armed"]
+            assert (await rig.ask("motion", told=ada))["armed"]
         assert (await rig.ask("status", client=b"bob"))["control"]["holder"] == "Ada"
         await rig.run_for(2.2)
         await rig.run_until(not_armed(rig))
@@ -239,8 +290,8 @@ async def not_armed(rig: Rig) -> None:
 async def test_giving_control_back_leaves_the_bench_as_it_is(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
-        await rig.ask("control.take", client=b"ada", name="Ada", lease_s=1.0)
-        await rig.ask("control.release", client=b"ada")
+        ada = {"lease": (await rig.ask("control.take", name="Ada", lease_s=1.0))["lease"]}
+        await rig.ask("control.release", told=ada)
         await rig.run_for(3.0)
         assert (await rig.ask("motion"))["armed"]
 

@@ -25,43 +25,60 @@ from smad.errors import ConfigError
 SECOND = 1_000_000
 
 
+def _lease() -> Lease:
+    return Lease(iter(["first", "second"]).__next__)
+
+
 def test_a_lease_keeps_others_out_until_it_ends() -> None:
-    lease = Lease()
-    lease.take(b"ada", "Ada", 5 * SECOND, 0)
+    lease = _lease()
+    lease.take("", "Ada", 5 * SECOND, 0)
     with pytest.raises(Refusal, match=r"Ada has exclusive control; got 4\.0 s left"):
-        lease.check(b"bob", 1 * SECOND)
-    lease.check(b"bob", 6 * SECOND)
+        lease.check("", 1 * SECOND)
+    with pytest.raises(Refusal, match=r"Ada has exclusive control"):
+        lease.check("guess", 1 * SECOND)
+    lease.check("first", 1 * SECOND)
+    lease.check("", 6 * SECOND)
+
+
+def test_a_lease_that_ended_is_not_a_strangers_right_to_command() -> None:
+    lease = _lease()
+    lease.take("", "Ada", 5 * SECOND, 0)
+    with pytest.raises(Refusal, match="your exclusive control has ended"):
+        lease.check("first", 6 * SECOND)
+    assert lease.take("first", "Ada", 5 * SECOND, 6 * SECOND).secret == "second"
 
 
 def test_whatever_the_holder_says_renews_its_lease_and_what_others_say_does_not() -> None:
-    lease = Lease()
-    lease.take(b"ada", "Ada", 5 * SECOND, 0)
-    lease.heard(b"bob", 3 * SECOND)
-    lease.heard(b"ada", 4 * SECOND)
-    lease.heard(b"bob", 5 * SECOND)
+    lease = _lease()
+    secret = lease.take("", "Ada", 5 * SECOND, 0).secret
+    lease.heard("", 3 * SECOND)
+    lease.heard(secret, 4 * SECOND)
+    lease.heard("guess", 5 * SECOND)
     assert lease.holder(8 * SECOND) is not None
-    assert lease.holder(10 * SECOND) is None
+    assert lease.take(secret, "Ada", 5 * SECOND, 8 * SECOND).secret == secret
+    assert lease.holder(13 * SECOND) is None
 
 
 def test_a_lease_that_lapses_is_told_once_and_one_that_is_given_back_never() -> None:
-    lease = Lease()
-    lease.take(b"ada", "Ada", 5 * SECOND, 0)
+    lease = _lease()
+    lease.take("", "Ada", 5 * SECOND, 0)
     assert lease.lapsed(4 * SECOND) is None
     gone = lease.lapsed(5 * SECOND)
     assert gone is not None
     assert gone.name == "Ada"
     assert lease.lapsed(6 * SECOND) is None
-    lease.take(b"bob", "Bob", 5 * SECOND, 6 * SECOND)
-    lease.release(b"bob", 7 * SECOND)
+    lease.take("", "Bob", 5 * SECOND, 6 * SECOND)
+    lease.release("second", 7 * SECOND)
     assert lease.lapsed(60 * SECOND) is None
 
 
 def test_only_the_holder_can_give_control_back() -> None:
-    lease = Lease()
-    lease.take(b"ada", "Ada", 5 * SECOND, 0)
-    assert not lease.release(b"bob", 0)
-    assert lease.release(b"ada", 0)
-    lease.take(b"bob", "Bob", 5 * SECOND, 0)
+    lease = _lease()
+    lease.take("", "Ada", 5 * SECOND, 0)
+    assert not lease.release("", 0)
+    assert not lease.release("guess", 0)
+    assert lease.release("first", 0)
+    lease.take("", "Bob", 5 * SECOND, 0)
 
 
 def test_the_dead_man_hears_only_the_client_that_armed() -> None:

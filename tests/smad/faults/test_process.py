@@ -30,6 +30,12 @@ def test_a_daemon_whose_controller_dies_disarms_and_says_so() -> None:
     assert "the control task died (RuntimeError: injected)" in outcome.ending.line
 
 
+@pytest.mark.parametrize("name", ["stop_against_arm", "lapsed_takeover"])
+def test_a_real_daemon_that_was_stopped_is_not_armed_again(name: str) -> None:
+    outcome = run_host_fault(HOST_FAULTS[name], seed=1)
+    assert judge(outcome) == []
+
+
 def test_every_part_that_is_to_break_exists() -> None:
     for place in DAEMON_PARTS.values():
         module, _, path = place.partition(":")
@@ -45,6 +51,20 @@ def test_a_disk_that_is_full_ends_the_recording_and_nothing_else() -> None:
     assert outcome.log.rows >= outcome.log.flushed > 0
     # Where mounting is refused, a limit on file size stands in and says so.
     assert "file system is full" in outcome.injected or "mounting is refused" in outcome.injected
+
+
+def test_without_a_descriptor_left_the_bench_goes_on_and_a_new_client_stops_it() -> None:
+    outcome = run_host_fault(HOST_FAULTS["exhausted_descriptors"], seed=1)
+    assert judge(outcome) == []
+    assert outcome.safe_after_s is not None
+    assert outcome.log is not None
+    assert outcome.log.rows >= outcome.log.flushed > 0
+
+
+def test_a_deleted_folder_ends_the_recording_tells_and_nothing_else() -> None:
+    outcome = run_host_fault(HOST_FAULTS["deleted_folder"], seed=1)
+    assert judge(outcome) == []
+    assert outcome.first_fault == ""
 
 
 def test_a_bench_with_a_full_disk_is_not_armed_without_a_log_and_records_again_with_room(

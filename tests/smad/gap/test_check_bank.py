@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -313,3 +314,51 @@ def test_a_file_that_cannot_be_read_is_one_sentence(name: str, tmp_path: Path) -
     (tmp_path / name).write_bytes(b"nonsense")
     with pytest.raises(BankError, match=name.replace(".", r"\.")):
         read_columns(tmp_path / name)
+
+
+def _gzipped(path: Path, head: bytes, piece: bytes, times: int) -> None:
+    with gzip.open(path, "wb", 1) as file:
+        file.write(head)
+        for _ in range(times):
+            file.write(piece)
+
+
+@pytest.mark.parametrize(
+    ("head", "piece", "times", "limit"),
+    [
+        (b"t_s,a\n", b"0,0\n" * 100_000, 19, "1800000 rows"),
+        (b"t_s" + b",a" * 60 + b"\n", b",".join([b"0"] * 61) + b"\n", 1_200_000, "72000000 cells"),
+        (b"t_s,a\n", b"1" * 1_000_000, 721, "720000000 bytes, unpacked"),
+        (b"t_s" + b",a" * 300 + b"\n", b"", 0, "200 columns"),
+    ],
+)
+def test_what_unpacks_to_more_than_a_run_is_refused_before_it_is_read(
+    tmp_path: Path, head: bytes, piece: bytes, times: int, limit: str
+) -> None:
+    path = tmp_path / "run.csv.gz"
+    _gzipped(path, head, piece, times)
+    with pytest.raises(BankError) as refused:
+        read_columns(path)
+    assert refused.value.limit == limit
+
+
+def test_a_gzip_that_is_cut_short_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv.gz"
+    _gzipped(path, b"t_s,a\n", b"0,0\n" * 10_000, 3)
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(BankError, match="cut short or damaged"):
+        read_columns(path)
+
+
+def test_a_parquet_file_of_too_many_rows_is_refused_from_its_footer(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table({"t_s": pa.array(np.zeros(1_800_001))}), path)
+    with pytest.raises(BankError, match="at least 1800001 rows"):
+        read_columns(path)
+
+
+def test_a_manifest_without_end_is_refused(tmp_path: Path) -> None:
+    with (tmp_path / "manifest.json").open("wb") as file:
+        file.truncate(16_000_001)
+    with pytest.raises(BankError, match="too large"):
+        open_bank(tmp_path)

@@ -10,8 +10,9 @@ import pytest
 from smad.gap import Settings
 from smad.gap.assess import Worth
 from smad.gap.records import Outcome
-from smad.gap.verdict import Evidenced, decide, p_unknown
-from smad.gap.words import gap_sentence
+from smad.gap.verdict import Evidenced, Unexplained, decide, p_unknown
+from smad.gap.words import gap_sentence, words
+from tests.smad.gap.heater_plant import HeaterPlant
 
 SETTINGS = Settings()
 
@@ -107,3 +108,18 @@ def test_a_cause_that_other_parameters_predict_as_well_has_even_odds_and_the_ver
     assert p == pytest.approx(SETTINGS.imitated_right)
     assert "do not tell the two apart" in gap_sentence(open_)
     assert "do not tell the two apart" not in gap_sentence(sure)
+
+
+@pytest.mark.parametrize("tied", [False, True])
+def test_a_gap_of_exactly_zero_with_an_unknown_cause_is_put_into_words(tied: bool) -> None:
+    e = replace(
+        evidenced(worth(0.0, 0.0)),
+        tied=tied,
+        unexplained=Unexplained(0.0, 9.0, 0.0, "rod", "force_N"),
+    )
+    said = words(
+        Outcome.UNKNOWN, e, HeaterPlant(), p=0.5, sub_model="rod", regimes=(), outputs=(),
+        values=(), experiments=(), wanted=9.0, unseen=True,
+    )  # fmt: skip
+    assert "0.0× the noise floor" in said
+    assert "Cause: unknown" in said

@@ -5,12 +5,15 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from msgspec.structs import replace
 
 from smad.cli.log import log
 from smad.errors import RunLogError, SmadError
 from smad.runlog.reader import read_run
+from smad.runlog.schema import Event
+from smad.runlog.writer import write_run
 
-from .helpers import write_small_run
+from .helpers import HEADER, rows, write_small_run
 
 
 def invoke(*words: object) -> Result:
@@ -38,6 +41,55 @@ def test_list_has_a_line_for_each_run(folder: Path) -> None:
     assert [run["rows"] for run in json.loads(output("list", "--folder", folder, "--json"))] == [
         100, 300,
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("jump_s", [-7200.0, 0.0, 3600.0])
+def test_durations_are_the_boards_when_somebody_sets_the_clock_in_mid_run(
+    tmp_path: Path, jump_s: float
+) -> None:
+    late_s = 1.79e9 + jump_s
+    write_run(
+        tmp_path / "run.mcap",
+        HEADER,
+        [
+            Event(host_time_s=1.79e9 - 5.0, kind="link", text="connected"),
+            *rows(100),
+            Event(host_time_s=late_s, kind="link", text="the port was lost"),
+            *(replace(row, host_time_s=late_s + row.t_s) for row in rows(200, start=100)),
+            Event(host_time_s=late_s + 9.0, kind="note", text="afterwards"),
+        ],
+    )
+    listed, shown = durations_s(tmp_path / "run.mcap")
+    assert listed == shown == pytest.approx(2.99)
+
+
+def test_durations_add_up_when_the_board_restarts_in_mid_run(tmp_path: Path) -> None:
+    write_run(tmp_path / "run.mcap", HEADER, [*rows(1000), *rows(301)])
+    listed, shown = durations_s(tmp_path / "run.mcap")
+    assert listed == shown == pytest.approx(9.99 + 3.0)
+
+
+def test_a_recovered_log_is_listed_with_what_is_left_of_it(tmp_path: Path) -> None:
+    path = write_small_run(tmp_path / "run.mcap", 2000)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    output("recover", path)
+    path.unlink()
+    listed, shown = durations_s(tmp_path / "run.recovered.mcap")
+    assert listed == shown
+    assert 0.0 < shown < 19.99
+
+
+def test_a_log_that_does_not_say_how_long_it_is_is_listed_without(tmp_path: Path) -> None:
+    path = write_small_run(tmp_path / "run.mcap", 100)
+    path.write_bytes(path.read_bytes().replace(b"board_s", b"bored_s"))
+    assert durations_s(path)[0] is None
+    assert "100" in output("list", "--folder", tmp_path)
+
+
+def durations_s(path: Path) -> tuple[float, float]:
+    """What `list` and what `show` say of the only log of a folder."""
+    (listed,) = json.loads(output("list", "--folder", path.parent, "--json"))
+    return listed["duration_s"], json.loads(output("show", path, "--json"))["duration_s"]
 
 
 def test_an_empty_folder_is_said_to_be_empty(tmp_path: Path) -> None:

@@ -1,10 +1,12 @@
 """Recording: nothing raises, nothing waits, nothing is overwritten, nothing is lost unseen."""
 
+import shutil
 import signal
 import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
@@ -136,6 +138,22 @@ def test_a_long_run_goes_on_in_further_files(tmp_path: Path) -> None:
     assert not any(run.cut_short for run in runs)
 
 
+@pytest.mark.parametrize("jump_s", [-86_400.0, 86_400.0])
+def test_parts_are_as_long_as_the_board_says_when_somebody_sets_the_clock(
+    tmp_path: Path, jump_s: float
+) -> None:
+    with RunWriter(
+        tmp_path / "run.mcap", HEADER, flush_interval_s=NEVER_S, max_file_s=3.0
+    ) as writer:
+        for n, row in enumerate(rows(1000)):
+            if n % 200 == 0:
+                writer.append(Event(host_time_s=1.79e9 + jump_s, kind="link", text="lost"))
+            writer.append(row)
+    lasting_s = [read_run(part).duration_s for part in writer.paths]
+    assert all(3.0 <= s < 3.0 + 2.56 for s in lasting_s[:-1])
+    assert len(lasting_s) > 1
+
+
 def test_a_log_that_is_being_written_is_not_called_cut(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with RunWriter(path, HEADER, flush_interval_s=0.001) as writer:
@@ -239,6 +257,45 @@ def test_a_full_disk_stops_the_recording_not_the_caller(tmp_path: Path) -> None:
     run = read_run(path)
     assert row_numbers(run.columns) == list(range(int(written)))
     assert int(written) > 0
+
+
+def _deleted(path: Path) -> None:
+    shutil.rmtree(path.parent)
+
+
+def _moved(path: Path) -> None:
+    path.rename(path.with_name("elsewhere"))
+
+
+def _replaced(path: Path) -> None:
+    path.unlink()
+    path.write_bytes(b"")
+
+
+@pytest.mark.parametrize("lose", [_deleted, _moved, _replaced])
+def test_a_log_whose_file_is_gone_ends_the_recording_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lose: Callable[[Path], None]
+) -> None:
+    monkeypatch.setattr("smad.runlog.writer._LOOK_S", 0.0)
+    path = tmp_path / "runs" / "run.mcap"
+    with RunWriter(path, HEADER, flush_interval_s=0.01) as writer:
+        lose(path)
+        deadline = time.monotonic() + 60
+        while writer.error is None and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert writer.error == (
+            f"cannot write {path}: it was deleted, moved or replaced; rows are no longer recorded"
+        )
+        assert not writer.append(next(iter(rows(1))))
+    assert writer.dropped == 1
+
+
+def test_a_log_that_is_lost_just_before_its_end_is_told_too(tmp_path: Path) -> None:
+    path = tmp_path / "runs" / "run.mcap"
+    with RunWriter(path, HEADER, flush_interval_s=60.0) as writer:
+        _deleted(path)
+    assert writer.error is not None
+    assert "deleted, moved or replaced" in writer.error
 
 
 def test_a_writer_that_is_killed_leaves_every_flushed_row(tmp_path: Path) -> None:

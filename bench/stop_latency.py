@@ -1,0 +1,148 @@
+"""How long a third party's stop takes until the board is not armed, idle and under floods.
+
+python -m bench.stop_latency [--stops 200] [--only NAME]
+
+A daemon at 100 Hz and a simulated bench run in real time. One client arms and drives 0.3 A; another
+sends commands of one kind without pause; a third stops. Measured from its call to its reply, which
+comes when a sample has shown that the board is not armed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import zmq
+from msgspec import Struct
+
+from smad.api import Clear, GetMotion, GetStatus
+from smad.cli.daemonprocess import DaemonProcess
+from smad.cli.simprocess import simulated_bench
+from smad.client import Client, Refused
+from smad.client.wire import Conversation, connect, new_identity
+from smad.config import Config, LinkConfig, RecorderConfig, config_to_toml
+from smad.control.commands import DriveCurrent
+from smad.report.page import Table, text_table
+
+GOAL_MS = 20.0
+IN_FLIGHT = 48
+"""Fewer than may wait for the board (MOST_WAITING), so that the owner can arm at all."""
+
+FLOODS: dict[str, Struct | None] = {
+    "idle": None,
+    "motion": GetMotion(),
+    "status": GetStatus(),
+    "current": DriveCurrent(i_x_A=0.3),
+    "clear": Clear(fault=1),
+}
+_PATIENCE_S = 60.0
+
+
+def flood(name: str, address: str) -> None:
+    """Send commands as fast as replies come, some of them always on their way."""
+    command = FLOODS[name]
+    assert command is not None
+    socket = connect(zmq.Context(), address, None, new_identity())
+    conversation = Conversation()
+    for _ in range(IN_FLIGHT):
+        socket.send(conversation.request(command)[1])
+    while True:
+        socket.recv()
+        socket.send(conversation.request(command)[1])
+
+
+@contextlib.contextmanager
+def flooded(name: str, address: str) -> Iterator[None]:
+    """Have the flood on for as long as the block lasts."""
+    if FLOODS[name] is None:
+        yield
+        return
+    words = [sys.executable, "-m", "bench.stop_latency", "--flood", name, address]
+    child = subprocess.Popen(words)
+    try:
+        yield
+    finally:
+        child.kill()
+        child.wait()
+
+
+@contextlib.contextmanager
+def bench_in(folder: Path) -> Iterator[None]:
+    """A daemon and a simulated bench in real time."""
+    with simulated_bench([], folder / "tty", waiting=lambda text: None) as port:
+        config = Config(
+            link=LinkConfig(port=port), recorder=RecorderConfig(folder=str(folder), automatic=False)
+        )
+        path = folder / "bench.toml"
+        path.write_text(config_to_toml(config))
+        daemon = DaemonProcess(["--config", str(path)], folder)
+        try:
+            daemon.wait_until_ready()
+            yield
+        finally:
+            daemon.end()
+
+
+def _armed(client: Client) -> None:
+    """Arm, trying again while the bench cools or is busy, and drive a little."""
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            client.arm()
+            client.current(DriveCurrent(i_x_A=0.3))
+        except Refused:
+            if time.monotonic() > deadline_s:
+                raise
+            time.sleep(0.02)
+        else:
+            return
+
+
+def latencies_ms(folder: Path, name: str, stops: int) -> list[float]:
+    """Stop `stops` times under a flood; return how long each took."""
+    taken = []
+    with (
+        Client(folder=folder, timeout_s=_PATIENCE_S) as owner,
+        Client(folder=folder, timeout_s=_PATIENCE_S) as third,
+        flooded(name, owner.connection.command),
+    ):
+        for n in range(stops):
+            _armed(owner)
+            # Not in step with the board's samples.
+            time.sleep(0.02 + 0.01 * (n * 0.618 % 1.0))
+            began_s = time.perf_counter()
+            motion = third.disarm()
+            taken.append((time.perf_counter() - began_s) * 1e3)
+            if motion.armed or motion.mode in ("ARMED", "HOLD"):
+                raise SystemExit(f"a stop replied while the board was {motion.mode}")
+    return sorted(taken)
+
+
+@click.command()
+@click.option("--stops", type=click.IntRange(10), default=200, show_default=True)
+@click.option("--only", type=click.Choice(tuple(FLOODS)), multiple=True)
+@click.option("--flood", "flooding", type=(str, str), hidden=True)
+def main(stops: int, only: tuple[str, ...], flooding: tuple[str, str] | None) -> None:
+    """Print the latencies of a third party's stop."""
+    if flooding is not None:
+        flood(*flooding)
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="smad-stops-") as name, bench_in(Path(name)):
+        for kind in only or FLOODS:
+            click.echo(f"{kind} …", err=True)
+            taken = latencies_ms(Path(name), kind, stops)
+            at = [taken[int(share * (len(taken) - 1))] for share in (0.5, 0.99, 1.0)]
+            within = "ok" if at[1] <= GOAL_MS else f"above {GOAL_MS:g} ms"
+            rows.append((kind, str(stops), *(f"{value:.1f}" for value in at), within))
+    header = ("flood of", "stops", "p50 ms", "p99 ms", "max ms", "p99")
+    click.echo(text_table(Table(header, rows, numeric=frozenset({1, 2, 3, 4}))))
+
+
+if __name__ == "__main__":
+    main()

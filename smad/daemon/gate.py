@@ -1,0 +1,73 @@
+"""A TCP port that can be closed to newcomers while those who are in stay.
+
+ZeroMQ has no limit on connections, and ends all of a port's when it stops listening there. So the
+listening socket is made here, and the kernel is told to drop what arrives at it (a socket filter
+that lets nothing through); connections that stand have sockets of their own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import socket
+import struct
+
+from smad.daemon.descriptors import Reserve
+
+_SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
+_RETURN = 0x06
+_BACKLOG = 128
+"""So many may have arrived already when the gate closes."""
+
+
+class Gate:
+    """A listening TCP socket. Raises OSError when the address cannot be had."""
+
+    def __init__(self, host: str, port: int) -> None:
+        family, kind, number, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        self._socket = socket.socket(family, kind, number)
+        self.is_open = True
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._socket.bind(address)
+            self._socket.listen(_BACKLOG)
+            self._socket.setblocking(False)
+        except OSError:
+            self._socket.close()
+            raise
+
+    def for_zeromq(self) -> int:
+        """Return a descriptor of it that ZeroMQ may keep (and closes)."""
+        return os.dup(self._socket.fileno())
+
+    def shut(self, reserve: Reserve) -> None:
+        """Let nobody in; a client that tries hears nothing, and tries again.
+
+        Those who had arrived and were not taken in are turned away, on descriptors of the reserve:
+        without a descriptor to take them in, ZeroMQ's thread would do nothing but try.
+        """
+        if self.is_open:
+            # One instruction: keep 0 bytes of whatever arrives.
+            program = ctypes.create_string_buffer(struct.pack("=HBBI", _RETURN, 0, 0, 0))
+            self._socket.setsockopt(
+                socket.SOL_SOCKET,
+                _SO_ATTACH_FILTER,
+                struct.pack("@HP", 1, ctypes.addressof(program)),
+            )
+            self.is_open = False
+        with contextlib.suppress(OSError), reserve():
+            while True:
+                self._socket.accept()[0].close()
+
+    def open(self) -> None:
+        """Let newcomers in again."""
+        if not self.is_open:
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
+            self.is_open = True
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._socket.close()

@@ -1,0 +1,57 @@
+"""SIGHUP: the list of keys that may command over TCP is read anew, and nothing else."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from smad.config import Config
+from smad.daemon.auth import Doorkeeper
+from smad.errors import ConfigError
+
+_TERMINAL = "/dev/tty"
+
+
+def reread_keys(
+    running: Config, doorkeeper: Doorkeeper | None, reread: Callable[[], Config] | None
+) -> str:
+    """Take over the list of keys from the configuration file; return what came of it, in words.
+
+    A file that is refused changes nothing. `running` is the configuration since the start.
+    """
+    if reread is None:
+        return "SIGHUP: started without a configuration file, so there is nothing to read anew"
+    try:
+        found = reread()
+    except ConfigError as error:
+        return f"SIGHUP: the list of keys stays as it was: {error}"
+    others = "" if _same_but_keys(running, found) else "; what else has changed waits for a restart"
+    if doorkeeper is None:
+        return f"SIGHUP: commands over TCP are off, so there is no list of keys{others}"
+    if not found.daemon.tcp.enabled:
+        return f"SIGHUP: the list of keys stays as it was: TCP is off in the file{others}"
+    new, gone = doorkeeper.allow(found.daemon.tcp.allowed_keys)
+    count = len(found.daemon.tcp.allowed_keys)
+    return f"SIGHUP: read the list of keys anew, {count} in all, {new} new, {gone} gone{others}"
+
+
+def has_terminal() -> bool:
+    """Return whether the process was started from a terminal, which sends SIGHUP as it closes."""
+    try:
+        os.close(os.open(_TERMINAL, os.O_RDONLY | os.O_NOCTTY | os.O_CLOEXEC))
+    except OSError:
+        return False
+    return True
+
+
+def _same_but_keys(one: Config, other: Config) -> bool:
+    return _without_keys(one) == _without_keys(other)
+
+
+def _without_keys(config: Config) -> dict[str, Any]:
+    plain: dict[str, Any] = msgspec.to_builtins(config)
+    del plain["daemon"]["tcp"]["allowed_keys"]
+    return plain

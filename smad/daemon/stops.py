@@ -1,0 +1,198 @@
+"""Stops: each begins a new generation, and nothing that was asked for before it is carried out.
+
+A stop is a client's disarm or estop, a client that fell silent, a limit of the host, a lost link.
+From its beginning until the board has confirmed that it is not armed, nothing that moves the bench
+is accepted. A stop joins the one before it while that is not confirmed: one DISARM serves both.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from firmware_protocol.enums import BoardState
+from firmware_protocol.events import HostState
+from firmware_protocol.host import HostSession
+from firmware_protocol.messages import Disarm, Done, State
+from firmware_protocol.mirror import HOT, STOPPED
+from smad.api import Reason
+from smad.control.commands import Idle
+from smad.control.controller import Controller
+from smad.daemon.errors import Refusal
+from smad.daemon.requests import BoardRequests
+from smad.daemon.watch import BoardWatch, Say, Spawn
+
+PATIENCE_US = 1_000_000
+"""How long a reply to a stop waits for the board."""
+
+ASK_AGAIN_US = 500_000
+_EARLIER = 1 << 31
+"""Set in a difference of two of the board's times of 32 bits: the first is before the second."""
+
+
+class Stops:
+    """The generation, and whether the board has confirmed its stop.
+
+    `on_begin` is called with each new generation, before anything is sent.
+    """
+
+    def __init__(
+        self,
+        session: HostSession,
+        controller: Controller,
+        requests: BoardRequests,
+        watch: BoardWatch,
+        *,
+        axis: int,
+        say: Say,
+        spawn: Spawn,
+        on_begin: Callable[[], None],
+        clock_us: Callable[[], int],
+    ) -> None:
+        self.generation = 0
+        self.why = ""
+        self._session = session
+        self._controller = controller
+        self._requests = requests
+        self._watch = watch
+        self._axis = axis
+        self._say = say
+        self._spawn = spawn
+        self._on_begin = on_begin
+        self._clock_us = clock_us
+        self._confirmed = True
+        self._confirmed_us: int | None = None
+        """Board time of the confirmation, until a sample after it was published."""
+        self._asking = False
+        self._asked_us = 0
+        self._waiting: list[asyncio.Future[None]] = []
+
+    def require(self, generation: int) -> None:
+        """Raise Refusal when a stop came after `generation`."""
+        if generation != self.generation:
+            raise Refusal(
+                Reason.STOPPED,
+                f"the bench was stopped after this was asked for ({self.why})",
+                value=f"asked in generation {generation}",
+                limit=f"generation {self.generation}",
+                action="nothing was changed; see smad status, arm again and ask again",
+            )
+
+    def require_confirmed(self) -> None:
+        """Raise Refusal while the board has not confirmed the last stop."""
+        if not self._confirmed:
+            raise Refusal(
+                Reason.STOPPED,
+                f"the bench is being stopped ({self.why}) and the board has not confirmed it yet",
+                action="wait until smad status shows that it is not armed, then arm again",
+            )
+
+    def begin(self, why: str) -> None:
+        """Begin a generation: end the motion, take back what was on its way to arm the board."""
+        self.generation += 1
+        self.why = why
+        self._controller.command(Idle())
+        self._on_begin()
+        for event in self._session.withdraw_arming(self._clock_us()):
+            self._requests.handle(event)
+        self._confirmed = not self._could_be_armed
+        self._confirmed_us = None
+        self._ask()
+
+    def order(self, why: str, text: str, data: dict[str, Any]) -> None:
+        """Stop on the daemon's own account, and tell why."""
+        self._say("disarm", text, data)
+        self.begin(why)
+
+    def estop(self) -> None:
+        """Begin a stop that only a power cycle ends. Raises NotConnectedError without a port."""
+        self.begin("estop")
+        self._session.send_estop()
+
+    async def until_confirmed(self) -> None:
+        """Return once the board has confirmed the stop. Raises Refusal if it does not."""
+        await self._until(lambda: True, "the daemon goes on asking")
+
+    async def until_disarmed(self) -> None:
+        """Return once a sample shows it, too, for a reply that tells the board's state."""
+        await self._until(
+            lambda: self._confirmed_us is None and self._watch.mode not in (None, *HOT),
+            "the daemon goes on asking",
+        )
+
+    async def until_estop(self) -> None:
+        """Return once the board says ESTOP. Raises Refusal if it does not."""
+        await self._until(
+            lambda: self._watch.mode is BoardState.ESTOP, "ESTOP is sent until it does"
+        )
+
+    def link_lost(self, why: str) -> None:
+        """The session is over, and with it whatever could have armed the board."""
+        self.begin(why)
+        self._look()
+
+    def on_sample(self, state: State) -> None:
+        """A sample was published: the mode of the board may be another."""
+        if not self._confirmed and state.mode in STOPPED:
+            # From these, no request that is still on its way leads back to ARMED.
+            self._confirmed = True
+            self._confirmed_us = state.t_us
+        if self._confirmed_us is not None and not (state.t_us - self._confirmed_us) & _EARLIER:
+            self._confirmed_us = None
+        self._look()
+
+    def tick(self) -> None:
+        """Let replies that waited too long go out, and ask again what was not confirmed."""
+        if not self._confirmed and self._clock_us() - self._asked_us >= ASK_AGAIN_US:
+            self._ask()
+        self._look()
+
+    @property
+    def _could_be_armed(self) -> bool:
+        connected = self._session.state not in (HostState.DISCONNECTED, HostState.SYNC)
+        return connected and not self._requests.watch_only
+
+    def _ask(self) -> None:
+        if not self._asking and not self._confirmed:
+            self._asking = True
+            self._asked_us = self._clock_us()
+            self._spawn("disarm", self._ask_board())
+
+    async def _ask_board(self) -> None:
+        try:
+            done = await self._requests.ask(Disarm(self._axis))
+        except Refusal as refusal:
+            self._say("warning", f"the board did not confirm the disarm: {refusal}", {})
+        else:
+            assert isinstance(done, Done)
+            self._confirmed = True
+            self._confirmed_us = done.t_us
+        finally:
+            self._asking = False
+        self._look()
+
+    async def _until(self, reached: Callable[[], bool], action: str) -> None:
+        deadline_us = self._clock_us() + PATIENCE_US
+        while self._could_be_armed:
+            if self._confirmed and reached():
+                return
+            if self._clock_us() >= deadline_us:
+                mode = self._watch.mode
+                raise Refusal(
+                    Reason.NO_REPLY,
+                    "the board has not confirmed that it stopped",
+                    value=f"it is in {'an unknown state' if mode is None else mode.name}",
+                    limit=f"{PATIENCE_US / 1e6:g} s",
+                    action=f"{action}; if current still flows, cut the power",
+                )
+            waiting: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+            self._waiting.append(waiting)
+            await waiting
+
+    def _look(self) -> None:
+        """Let those who wait for the board look at it again."""
+        waiting, self._waiting = self._waiting, []
+        for future in waiting:
+            if not future.done():
+                future.set_result(None)

@@ -1,0 +1,303 @@
+"""A stop stops: nothing that was asked for before it is carried out, and nothing overtakes it."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware_protocol.enums import BoardState
+from firmware_protocol.events import DisarmRequested
+from sim_device.bench import SimulatedBench
+from sim_device.faults import injection
+from smad.config import LimitsConfig
+from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
+
+STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}
+HOT = (BoardState.ARMED, BoardState.HOLD)
+
+
+async def test_a_stop_right_after_a_reconnection_ends_an_arming_that_waits(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        rig.pull_the_plug()
+        await rig.run(10)
+        rig.plug_in()
+        while rig.daemon.watch.ident is None:
+            await rig.run(1)
+            await asyncio.sleep(0.001)
+        arming = rig.begin("arm")
+        await rig.run(2)
+        await rig.ask("disarm", client=b"other")
+        with pytest.raises(Refused, match="stopped") as refused:
+            result_of(await rig.run_until(arming))
+        assert refused.value.reason == "stopped"
+        await rig.run_for(3.0)
+        assert rig.bench.board.state is BoardState.SAFE
+
+
+@pytest.mark.parametrize("turns", range(14))
+async def test_a_stop_at_any_moment_of_an_arming_leaves_it_not_armed(
+    tmp_path: Path, turns: int
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        arming = rig.begin("arm")
+        for _ in range(turns):
+            await asyncio.sleep(0)
+            await rig.run(turns % 2)
+        motion = await rig.ask("disarm", client=b"other")
+        assert not motion["armed"]
+        assert motion["mode"] not in ("ARMED", "HOLD")
+        assert rig.bench.board.state not in HOT
+        reply = await rig.run_until(arming)
+        await rig.run_for(1.0)
+        assert rig.bench.board.state not in HOT
+        assert max(rig.bench.board.outputs.applied_mA) == 0
+        if b"error" in reply:
+            with pytest.raises(Refused):
+                result_of(reply)
+
+
+async def test_until_the_board_confirms_a_stop_nothing_that_moves_it_is_taken(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        stopping = rig.begin("disarm")
+        for method, params in (
+            ("current", {"i_x_A": 1.0}),
+            ("move", {"trajectories": [STEP]}),
+            ("heat", {"spring": "x", "temperature_degC": 50.0}),
+            ("tune", {"kp_A_per_mm": 3.0}),
+            ("arm", {}),
+        ):
+            asked = rig.begin(method, b"other", **params)
+            assert asked.done(), "it is refused at once, not after the board has answered"
+            with pytest.raises(Refused, match="being stopped") as refused:
+                result_of(asked.result())
+            assert refused.value.reason == "stopped"
+        assert result_of(await rig.run_until(stopping))["running"] == "idle"
+
+
+async def test_a_stop_that_the_board_has_not_confirmed_keeps_control_from_changing_hands(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        stopping = rig.begin("disarm")
+        with pytest.raises(Refused, match="being stopped"):
+            result_of(rig.begin("control.take", b"other", name="Bob").result())
+        await rig.run_until(stopping)
+        assert (await rig.ask("control.take", client=b"other", name="Bob"))["yours"]
+
+
+async def test_what_was_asked_before_a_stop_is_refused_after_somebody_armed_again(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        before = {"generation": (await rig.ask("arm"))["generation"]}
+        await rig.ask("move", told=before, trajectories=[STEP])
+        await rig.ask("disarm", client=b"other")
+        await rig.run_until(_safe(rig))
+        after = {"generation": (await rig.ask("arm", client=b"other"))["generation"]}
+        for method, params in (
+            ("move", {"trajectories": [STEP], "queue": True}),
+            ("current", {"i_x_A": 1.0}),
+            ("tune", {"kp_A_per_mm": 3.0}),
+        ):
+            with pytest.raises(Refused, match=r"stopped after this was asked for \(disarm\)"):
+                await rig.ask(method, told=before, **params)
+        assert (await rig.ask("motion"))["running"] == "idle"
+        await rig.ask("move", client=b"other", told=after, trajectories=[STEP])
+
+
+async def _time(rig: Rig, until_s: float) -> None:
+    while rig.bench.now_us < until_s * 1e6:
+        await asyncio.sleep(0)
+
+
+async def _safe(rig: Rig) -> None:
+    while rig.daemon.watch.mode is not BoardState.SAFE:
+        await asyncio.sleep(0)
+
+
+async def test_a_disarm_overtakes_what_others_ask_of_the_board(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        others = [rig.begin("clear", b"other", fault=1) for _ in range(60)]
+        stopping = rig.begin("disarm")
+        await rig.run(3)
+        assert rig.bench.board.state not in HOT
+        await rig.run(2)
+        assert stopping.done()
+        assert sum(other.done() for other in others) < 10
+        for other in others:
+            with pytest.raises(Refused):
+                result_of(await rig.run_until(other))
+
+
+async def test_many_stops_at_once_are_one_request_to_the_board_and_all_are_answered(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        stops = [rig.begin("disarm", b"%d" % n) for n in range(50)]
+        await rig.run(3)
+        assert all(not result_of(stop.result())["armed"] for stop in stops)
+
+
+async def test_a_disarm_replies_with_the_state_that_it_led_to(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        motion = await rig.ask("disarm")
+        assert (motion["armed"], motion["mode"]) == (False, rig.bench.board.state.name)
+        assert (await rig.ask("estop"))["mode"] == "ESTOP"
+
+
+async def test_a_stop_that_the_board_does_not_carry_out_says_so_and_is_asked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        with monkeypatch.context() as broken:
+            broken.setitem(rig.bench.board.commands._actions, DisarmRequested, lambda *_: None)
+            with pytest.raises(Refused, match="has not confirmed that it stopped") as refused:
+                await rig.ask("disarm")
+            assert refused.value.reason == "no_reply"
+            assert refused.value.data["value"] == "it is in ARMED"
+            with pytest.raises(Refused, match="being stopped"):
+                await rig.ask("current", i_x_A=1.0)
+        await rig.run_for(3.0)
+        assert rig.bench.board.state not in HOT
+        assert (await rig.ask("disarm"))["armed"] is False
+
+
+async def test_a_stop_that_the_board_cannot_hear_ends_with_the_boards_own(tmp_path: Path) -> None:
+    deaf = injection("lost_way", 3.0, way=0, lasts=1.3)
+    async with rig_in(tmp_path, SimulatedBench(seed=1, faults=[deaf])) as rig:
+        await rig.arm()
+        await rig.run_until(_time(rig, 3.01))
+        assert (await rig.ask("disarm"))["mode"] == "FAULT"
+
+
+async def test_a_limit_of_the_host_that_latches_ends_what_was_asked_before(tmp_path: Path) -> None:
+    async with rig_in(tmp_path, limits=LimitsConfig(on_time_max_s=10.0)) as rig:
+        await rig.run_for(2.0)
+        armed = await rig.ask("arm")
+        await rig.run_for(10.5)
+        assert (await rig.ask("motion"))["generation"] > armed["generation"]
+        await rig.ask("clear")
+        await rig.run_until(_safe(rig))
+        await rig.ask("arm", client=b"other")
+        with pytest.raises(Refused, match="ARMED_TOO_LONG"):
+            await rig.ask("current", told={"generation": armed["generation"]}, i_x_A=1.0)
+
+
+async def test_a_lost_link_and_a_board_that_restarts_end_what_was_asked_before(
+    tmp_path: Path,
+) -> None:
+    reboot = injection("reboot", 5.0)
+    async with rig_in(tmp_path, SimulatedBench(seed=1, faults=[reboot])) as rig:
+        await rig.run_for(2.0)
+        generation = (await rig.ask("arm"))["generation"]
+        rig.pull_the_plug()
+        await rig.run(3)
+        assert (lost := rig.daemon.stops.generation) > generation
+        rig.plug_in()
+        while rig.daemon.watch.mode is None:
+            await rig.run(1)
+            await asyncio.sleep(0.001)
+        assert rig.bench.now_us < 5_000_000
+        await rig.run_for(4.0)
+        assert rig.daemon.stops.generation > lost
+
+
+class _Lapsed:
+    """Ada took a lease of half a second, armed, sends 1 A and says no more."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
+
+    async def begin(self) -> dict[str, Any]:
+        rig = self.rig
+        await rig.run_for(2.0)
+        taken = await rig.ask("control.take", client=b"ada", name="Ada", lease_s=0.5)
+        ada = {"lease": taken["lease"]}
+        await rig.ask("arm", client=b"ada", told=ada)
+        await rig.ask("current", client=b"ada", told=ada, i_x_A=1.0)
+        # Housekeeping looks at leases too; here nobody does but who asks.
+        assert rig.daemon._housekeeping is not None
+        rig.daemon._housekeeping.cancel()
+        await rig.run_for(0.45)
+        return ada
+
+
+async def test_a_lease_that_lapsed_disarms_also_when_somebody_takes_control_first(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await _Lapsed(rig).begin()
+        assert rig.bench.board.state is BoardState.ARMED
+        with pytest.raises(Refused, match="Ada has exclusive control"):
+            await rig.ask("control.take", client=b"bob", name="Bob")
+        await rig.run_for(0.1)
+        with pytest.raises(Refused, match="Ada, who had exclusive control, fell silent"):
+            result_of(rig.begin("control.take", b"bob", name="Bob").result())
+        await rig.run(3)
+        assert rig.bench.board.state not in HOT
+        assert (await rig.ask("control.take", client=b"bob", name="Bob"))["holder"] == "Bob"
+        assert not (await rig.ask("motion"))["armed"]
+
+
+async def test_a_lease_that_lapsed_is_not_its_holders_any_more(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        ada = await _Lapsed(rig).begin()
+        await rig.run_for(0.1)
+        with pytest.raises(Refused, match="your exclusive control has ended"):
+            await rig.ask("current", client=b"ada", told=ada, i_x_A=1.0)
+        await rig.run(3)
+        assert rig.bench.board.state not in HOT
+
+
+async def test_the_name_of_a_socket_seen_before_does_not_hold_its_lease(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        await rig.ask("control.take", client=b"ada", name="Ada")
+        with pytest.raises(Refused, match="Ada has exclusive control"):
+            await rig.ask("arm", client=b"ada")
+
+
+async def test_control_of_a_bench_that_another_client_armed_is_refused(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        with pytest.raises(Refused, match="armed by another client") as refused:
+            await rig.ask("control.take", client=b"bob", name="Bob")
+        assert refused.value.reason == "armed"
+        await rig.ask("disarm", client=b"bob")
+        assert (await rig.ask("control.take", client=b"bob", name="Bob"))["yours"]
+
+
+async def test_two_who_arm_at_once_are_one_arming_and_one_refusal(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        first, second = rig.begin("arm", b"ada"), rig.begin("arm", b"bob")
+        with pytest.raises(Refused, match="being armed already"):
+            result_of(second.result())
+        assert result_of(await rig.run_until(first))["armed"]
+        await rig.ask("disarm")
+        await rig.run_until(_safe(rig))
+        assert (await rig.ask("arm", client=b"bob"))["armed"]
+
+
+async def test_who_loses_control_while_arming_does_not_arm(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        arming = rig.begin("arm", b"ada")
+        # Nobody had control and nothing is armed yet: Bob may take it.
+        assert result_of(rig.begin("control.take", b"bob", name="Bob").result())["yours"]
+        with pytest.raises(Refused, match="Bob has exclusive control"):
+            result_of(await rig.run_until(arming))
+        await rig.run_for(3.0)
+        assert rig.bench.board.state is BoardState.SAFE

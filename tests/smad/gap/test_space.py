@@ -1,0 +1,51 @@
+"""The coordinates of a fit: scaled, bounded, and turned back into what they stand for."""
+
+import numpy as np
+import pytest
+
+from smad.gap.errors import GapError
+from smad.gap.plant import Effect, EffectParameter
+from smad.gap.space import Space
+
+DRAUGHT = Effect(
+    "draught", "a draught", "thermal",
+    (
+        EffectParameter("more_W_K", "W/K", 0.05, 0.0, 0.3),
+        EffectParameter("from_degC", "degC", 0.0, -20.0, 60.0, strength=False),
+    ),
+    ("rtd",),
+)  # fmt: skip
+
+
+def test_a_shape_that_is_typically_zero_has_a_scale_bounds_and_a_prior() -> None:
+    space = Space((), (DRAUGHT,))
+    low, high = space.bounds()
+    mean, precision = space.prior()
+    assert [*low, *high] == pytest.approx([0.0, -0.5, 6.0, 1.5])
+    assert list(mean) == [0.0, 0.0]
+    assert np.diag(precision) == pytest.approx([1 / 9, 1.0], rel=1e-6)
+    assert (space.steps(space.start()) > 0).all()
+
+
+def test_coordinates_turn_back_into_the_values_they_stand_for() -> None:
+    values = {"more_W_K": 0.1, "from_degC": -12.0}
+    for space in (Space((), (DRAUGHT,)), Space((), (DRAUGHT,), fixed={"draught": values})):
+        p = space.start({"draught": values})
+        assert space.point(p).effects["draught"] == pytest.approx(values)
+        assert [space.value(i, p[i]) for i in (0, 1)] == pytest.approx([0.1, -12.0])
+
+
+@pytest.mark.parametrize(
+    ("typical", "low", "high", "strength", "words"),
+    [
+        (0.0, -1.0, 1.0, True, "typically 0"),
+        (1.0, 1.0, 1.0, False, "has no range"),
+        (1.0, 2.0, 0.0, True, "has no range"),
+        (1.0, float("nan"), 2.0, True, "has no range"),
+    ],
+)
+def test_an_effect_parameter_that_no_fit_could_move_is_refused(
+    typical: float, low: float, high: float, strength: bool, words: str
+) -> None:
+    with pytest.raises(GapError, match=words):
+        EffectParameter("q", "1", typical, low, high, strength)
