@@ -32,6 +32,7 @@ static int64_t stats_due_us;
 static uint32_t overruns;
 static uint32_t longest_loop_us;
 
+static bool save_again;
 static bool crc_agreed;
 static uint32_t agreed_crc;
 static uint32_t token_state;
@@ -344,12 +345,23 @@ void board_on_param_save(int64_t at_us)
         refuse_state(at_us);
         return;
     }
+    if (params_saving()) {
+        /* Asked for in an earlier session; this one's values are written after it. */
+        save_again = true;
+        return;
+    }
     params_save();
 }
 
 static void carry_on_saving(int64_t at_us)
 {
-    switch (params_poll()) {
+    enum params_saving how = params_poll();
+    if (save_again && how != SAVING_GOES_ON) {
+        save_again = false;
+        params_save();
+        return;
+    }
+    switch (how) {
     case SAVING_DONE:
         now.measured.parameters_ok = 1;
         session_done(at_us);

@@ -19,7 +19,13 @@
 
 static struct smad_decoder decoder;
 static struct smad_frame frame;
-static struct session_counts counts;
+static struct {
+    uint32_t payload_errors;
+    uint32_t session_errors;
+    uint32_t stale_setpoints;
+    uint32_t repeated_requests;
+    uint32_t dropped_states;
+} counts;
 
 static uint32_t boots;
 static uint8_t cause;

@@ -10,14 +10,6 @@
 
 #include "smad_protocol.h"
 
-struct session_counts {
-    uint32_t payload_errors;
-    uint32_t session_errors;
-    uint32_t stale_setpoints;
-    uint32_t repeated_requests;
-    uint32_t dropped_states;
-};
-
 /* Starts with nobody connected and announces the board: IDENT with session 0. */
 void session_boot(uint32_t boot_count, uint8_t reset_cause, int64_t now_us);
 

@@ -164,6 +164,26 @@ def test_saved_parameters_survive_a_power_cycle_and_others_do_not(make: Make) ->
     assert value.value == 900
 
 
+def test_a_save_that_meets_the_save_of_an_earlier_session_is_carried_out_after_it(
+    make: Make,
+) -> None:
+    loop = Loop(make()).connected()
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    loop.host.request(wire.ParamSave(), loop.bench.now_us)
+    loop.bench.receive(loop.host.data_to_send())
+    loop.host.lost(loop.bench.now_us)
+    loop.bench.data_to_send()
+    loop.host.connect(loop.bench.now_us)
+    sessions = len(loop.of(Connected))
+    loop.until(lambda: len(loop.of(Connected)) > sessions, 10)
+    loop.request(wire.ParamSet(0, LIMIT, 800))
+    assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+    restarted(loop)
+    value = loop.request(wire.ParamGet(0, LIMIT))
+    assert isinstance(value, wire.ParamValue)
+    assert value.value == 800
+
+
 @pytest.mark.parametrize("after_ms", range(0, 60, 7))
 def test_a_power_cut_in_the_middle_of_a_write_leaves_the_old_or_the_new(
     make: Make, after_ms: int
