@@ -10,7 +10,7 @@ from typing import Any
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import ResetCause
 from sim_device.bench import SimulatedBench
-from sim_device.errors import FaultSpecError
+from sim_device.errors import BenchError, FaultSpecError
 from sim_device.firmware import store
 from sim_device.firmware.board import ChipBoard, FirmwareBoard
 from sim_device.firmware.build import build
@@ -37,6 +37,11 @@ class FirmwareBench(SimulatedBench):
         self._store_path = store_path or Path(self._folder.name) / "store"
         self._to_stall = 0
         self._slow_by = 1
+        if not self._store_path.parent.is_dir():
+            raise BenchError(
+                f"the store {self._store_path} cannot be made: there is no such folder; make it "
+                "first"
+            )
         image = options.get("image") or store.initial_image(options.get("rate_hz", 100))
         if image is not None and not self._store_path.exists():
             store.write_image(self._store_path, image)

@@ -24,6 +24,9 @@ READY = "ready: "
 """What the first line on standard output begins with; the port's name follows."""
 
 
+MEGA_RATE_HZ = 100
+"""The most that the firmware of the Mega takes; see docs/firmware.md."""
+
 _PR_SET_PDEATHSIG = 1
 
 
@@ -99,13 +102,21 @@ def sim(
     if parent is not None:
         _end_with(parent)
     config = Config() if path is None else load_config(path)
+    rate_hz = config.link.rate_hz if rate is None else int(rate)
+    if firmware == "avr" and rate_hz > MEGA_RATE_HZ:
+        raise SimulatorError(
+            "the Mega has not the time for so many samples a second",
+            value=rate_hz,
+            limit=MEGA_RATE_HZ,
+            action="take --rate 100, or --firmware host",
+        )
     try:
         # Compiling the physics takes seconds the first time; a port that is silent for so long
         # would look like a dead board.
         build(config, rate_hz=100, seed=0).step()
         bench = build(
             config,
-            rate_hz=config.link.rate_hz if rate is None else int(rate),
+            rate_hz=rate_hz,
             seed=config.plant.seed if seed is None else seed,
             faults=faults,
             model_path=model_path,
