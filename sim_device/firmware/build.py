@@ -54,7 +54,7 @@ _CORE = (SOURCES / "core", PROTOCOL)
 _CHIP = ("-std=gnu99", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
 _MEGA = Step(
     "avr-gcc",
-    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", "-O3", "-flto", *_CHIP),
+    ("-mmcu=atmega2560", "-DF_CPU=16000000UL", "-O3", "-mrelax", *_CHIP),
     (*_CORE, SOURCES / "avr"),
     "smad-mega.elf",
 )

@@ -73,8 +73,7 @@ def decode(codes: Codes, m: Measurements) -> None:
     for k in (0, 1):
         m.i_mA[k] = (a[k] * CURRENT_FULL_mA + ADC_CODES // 2) // ADC_CODES
         m.v_mV[k] = (a[2 + k] * SPRING_FULL_mV + ADC_CODES // 2) // ADC_CODES
-        period_us = codes.tacho_us[k]
-        m.pump_rpm[k] = min(PULSE_RPM_us // period_us, 0xFFFF) if period_us else 0
+        m.pump_rpm[k] = _rpm(codes.tacho_us[k])
     m.vbus_mV = (a[4] * SUPPLY_FULL_mV + ADC_CODES // 2) // ADC_CODES
     for j, register in enumerate(codes.rtd):
         m.rtd_cC[j] = rtd_cC(register)
@@ -134,6 +133,10 @@ def rtd_table() -> tuple[int, ...]:
 
 def _analog(value: int, full: int) -> int:
     return max(0, min(ADC_CODES - 1, round(value * ADC_CODES / full)))
+
+
+def _rpm(period_us: int) -> int:
+    return min(PULSE_RPM_us // 2 // max(period_us // 2, 1), 0xFFFF) if period_us else 0
 
 
 def _pulse_us(rpm: int) -> int:
