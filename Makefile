@@ -7,13 +7,17 @@ PY := $(BIN)/python
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bench fuzz generate setup setup-test format clean
+FIRMWARE ?= python
+.PHONY: help firmware demo test check bench fuzz generate setup setup-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
 
 demo: $(VENV)/.installed  ## the main job on a simulated bench: arm, steps, sinusoid, table, run log, page
-	@$(BIN)/smad demo
+	@$(BIN)/smad demo --firmware $(FIRMWARE)
+
+firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flash is build/firmware/smad-mega.hex
+	@$(PY) -m sim_device.firmware.build
 
 test: $(VENV)/.test-installed  ## all the tests
 	@$(PY) -m pytest -n 2 --dist worksteal

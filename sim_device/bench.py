@@ -99,6 +99,9 @@ class SimulatedBench:
         self.board = self._power_up(ResetCause.POWER_ON, clock_start_us)
         self.faults = Scheduler(self, faults)
 
+    def close(self) -> None:
+        """Give up what the board holds outside of this process; a Python board holds nothing."""
+
     # Bytes
 
     def receive(self, data: bytes, at_us: int | None = None) -> None:

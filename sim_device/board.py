@@ -220,7 +220,8 @@ class Board:
             self.session.send_state(state)
         if s.latched != self._reported:
             self._report_fault()
-        if now_us >= self._stats_due_us:
+        elif now_us >= self._stats_due_us:
+            # Not in the sample of a fault, which is the longest of a chip as it is.
             self._stats_due_us += STATS_EVERY_US
             if talk:
                 self.session.send_link_stats(now_us, self.overruns, self.longest_loop_us)

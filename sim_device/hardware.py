@@ -161,13 +161,20 @@ class Hardware:
         rtd_cC[2] = round(t[2] * 100.0)
         rtd_cC[3] = round(t[3] * 100.0)
         m.vbus_mV = round(r.supply_V * 1e3)
-        self.encoder_counts = round(r.displacement_m * self.encoder_per_m + self.encoder_offset)
+        self.encoder_counts = self._unslipped(r)
         self.force_counts = round(r.force_N * self.force_per_N + self.force_offset)
         self.spin(s.duty, dt_s)
         m.pump_rpm[0] = int(self.pumps[0].rpm)
         m.pump_rpm[1] = int(self.pumps[1].rpm)
         if self.broken:
             self._measure_broken(r, s, m, dt_s)
+
+    def encoder_at(self, r: Readings) -> int:
+        """Return what the encoder counts at these readings."""
+        return self._unslipped(r) + self.encoder_slip_counts
+
+    def _unslipped(self, r: Readings) -> int:
+        return round(r.displacement_m * self.encoder_per_m + self.encoder_offset)
 
     def _measure_broken(self, r: Readings, s: Memory, m: Measurements, dt_s: float) -> None:
         """Spoil the measurements as the broken parts would."""

@@ -11,6 +11,7 @@ GENERATORS = (
     "firmware_protocol.generate",
     "firmware_protocol.supervisor.generate",
     "sim_device.plant.docs",
+    "firmware.generate",
     "smad.docs",
 )
 

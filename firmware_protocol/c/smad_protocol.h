@@ -8,11 +8,19 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Tables that stay in flash where RAM has an address space of its own. */
+#ifdef __AVR__
+#define SMAD_FLASH __flash
+#else
+#define SMAD_FLASH
+#endif
+
 #define SMAD_PROTOCOL_MAJOR 1
 #define SMAD_PROTOCOL_MINOR 0
 #define SMAD_SCHEMA_CRC 0x18C69694u
 #define SMAD_SCHEMA_SIZE 2393
 #define SMAD_PARAMETER_COUNT 32
+#define SMAD_PARAMETER_NAME 30
 #define SMAD_MAX_DECODED 128
 #define SMAD_MAX_PAYLOAD 120
 #define SMAD_MAX_ENCODED 129
@@ -478,6 +486,9 @@ bool smad_unpack_link_stats(struct smad_link_stats *m, const uint8_t *data, size
 /* CRC-32 as in zlib, Ethernet and PNG. */
 uint32_t smad_crc32(const uint8_t *data, size_t size);
 
+/* Carries on a CRC-32 over more bytes; the CRC of none is 0. */
+uint32_t smad_crc32_more(uint32_t crc, const uint8_t *data, size_t size);
+
 /* Writes the frame of a payload, delimiter included, to `out` (SMAD_MAX_WIRE bytes).
  * Returns its length, or 0 if the payload is longer than SMAD_MAX_PAYLOAD. */
 size_t smad_frame_encode(uint8_t type, uint8_t seq, uint16_t session, const uint8_t *payload,
@@ -528,12 +539,12 @@ struct smad_parameter {
     int32_t initial;
     int32_t minimum;
     int32_t maximum;
-    const char *name;
+    char name[SMAD_PARAMETER_NAME];
 };
 
-extern const struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT];
+extern const SMAD_FLASH struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT];
 
 /* The description that DESCRIBE hands out: JSON, compressed with zlib. */
-extern const uint8_t smad_schema[SMAD_SCHEMA_SIZE];
+extern const SMAD_FLASH uint8_t smad_schema[SMAD_SCHEMA_SIZE];
 
 #endif

@@ -5,76 +5,48 @@
 
 #include <string.h>
 
-#define SMAD_SV_BAD INT64_C(2)
-#define SMAD_SV_BETWEEN INT64_C(1)
-#define SMAD_SV_DT_MOST_US INT64_C(10000000)
-#define SMAD_SV_DUTY_FULL INT64_C(255)
-#define SMAD_SV_GOOD INT64_C(0)
-#define SMAD_SV_I32_LEAST INT64_C(-2147483648)
-#define SMAD_SV_I32_MOST INT64_C(2147483647)
-#define SMAD_SV_LINK_CLOCK INT64_C(8)
-#define SMAD_SV_LINK_PARAMETERS INT64_C(4)
-#define SMAD_SV_LINK_SCHEMA INT64_C(2)
-#define SMAD_SV_LINK_SESSION INT64_C(1)
-#define SMAD_SV_MODEL_MOST_UK INT64_C(3000000000)
-#define SMAD_SV_NJ_PER_MJ INT64_C(1000000)
-#define SMAD_SV_RTD_INVALID_CC INT64_C(-32768)
-#define SMAD_SV_SUM_MOST INT64_C(10000000000000000)
-#define SMAD_SV_TRIGGER_COUNT INT64_C(10)
-#define SMAD_SV_UK_PER_CC INT64_C(10000)
-#define SMAD_SV_UNKNOWN INT64_C(-1)
+#define SMAD_SV_BAD 2
+#define SMAD_SV_BETWEEN 1
+#define SMAD_SV_DT_MOST_US 10000000
+#define SMAD_SV_DUTY_FULL 255
+#define SMAD_SV_FCC_PER_CC 65536
+#define SMAD_SV_FCC_PER_K_LOG2 12
+#define SMAD_SV_GOOD 0
+#define SMAD_SV_I32_LEAST (-2147483648)
+#define SMAD_SV_I32_MOST 2147483647
+#define SMAD_SV_LINK_CLOCK 8
+#define SMAD_SV_LINK_PARAMETERS 4
+#define SMAD_SV_LINK_SCHEMA 2
+#define SMAD_SV_LINK_SESSION 1
+#define SMAD_SV_MA2US_PER_A2S 1000000000000
+#define SMAD_SV_MODEL_MOST_FCC 1966080000
+#define SMAD_SV_NJ_PER_MJ 1000000
+#define SMAD_SV_POWER_MOST_MW 100000
+#define SMAD_SV_RTD_INVALID_CC (-32768)
+#define SMAD_SV_SUM_MOST 10000000000000000
+#define SMAD_SV_TRIGGER_COUNT 10
+#define SMAD_SV_UNKNOWN (-1)
 
-const struct smad_sv_limits smad_sv_limits_compiled = {
+const SMAD_SV_FLASH struct smad_sv_limits smad_sv_limits_compiled = {
     .current_limit_mA = 4000,
     .current_slew_mA_per_ms = 400,
     .fold_start_cC = 8100,
     .fold_end_cC = 8800,
     .i2t_rated_mA = 3000,
     .i2t_budget_A2s = 2100,
-    .stage_travel_um = 200000,
     .temperature_limit_cC = 9500,
-    .temperature_hysteresis_cC = 500,
     .cold_cC = 4500,
-    .rail_high_cC = 20000,
-    .rail_low_cC = -4000,
     .below_surroundings_cC = 500,
     .jump_cC = 400,
-    .jump_decay_us = 2000000,
     .jumps = 4,
     .stuck_us = 5000000,
-    .stuck_model_cC = 300,
     .unheated_energy_mJ = 20000,
-    .unheated_rise_cC = 200,
-    .swapped_rise_cC = 400,
-    .sensor_offset_cC = 200,
-    .loss_static_mW_per_K = 120,
-    .loss_flow_mW_per_K = 900,
-    .off_current_mA = 100,
-    .off_lag_us = 3000000,
-    .off_drift_cC_per_s = 30,
     .off_rise_cC = 400,
     .residual_cC = 1500,
     .residual_us = 5000000,
-    .envelope_light_mJ_per_K = 200,
-    .envelope_heavy_mJ_per_K = 7000,
-    .envelope_loss_least_mW_per_K = 1,
-    .envelope_lag_us = 2000000,
-    .envelope_span_cC = 2000,
-    .current_filter_us = 40000,
-    .current_band_us = 200000,
-    .current_error_mA = 100,
     .current_error_permille = 100,
     .current_error_us = 50000,
-    .over_current_mA = 4800,
-    .uncommanded_us = 20000,
-    .resistance_current_mA = 500,
-    .resistance_min_mohm = 180,
-    .resistance_max_mohm = 1800,
-    .resistance_us = 100000,
-    .resistance_tempco_ppm_per_K = 12000,
     .resistance_tolerance_permille = 120,
-    .disagree_us = 2000000,
-    .wire_open_mV = 6000,
     .setpoint_age_us = 50000,
     .setpoint_ttl_ms = 100,
     .hold_us = 500000,
@@ -83,59 +55,44 @@ const struct smad_sv_limits smad_sv_limits_compiled = {
     .on_time_limit_s = 21600,
     .overrun_us = 50000,
     .brown_out_mV = 7500,
-    .pump_rpm = 6000,
-    .pump_stalled_permille = 300,
-    .pump_stalled_us = 1000000,
-    .pump_dry_permille = 1400,
-    .pump_dry_us = 2000000,
-    .pump_duty_least = 64,
-    .pump_off_rpm = 600,
-    .pump_off_us = 1000000,
-    .cooling_us = 12000000,
-    .cooling_excess_cC = 1200,
-    .cooling_drop_permille = 150,
-    .leak_us = 50000,
-    .debounce_samples = 3,
-    .double_samples = 2,
-    .at_once_samples = 1,
 };
 
-static const int8_t TRANSITION[] = {
+static const SMAD_SV_FLASH int8_t TRANSITION[] = {
     1, -1, -1, -1, -1, -1, -1, 5, -1, 6, -1, 2, -1, -1, -1, -1, -1, 5, -1, 6, -1, -1, 4, -1, 3,
     -1, -1, 5, -1, 6, -1, -1, 4, 2, -1, 5, -1, 5, -1, 6, -1, -1, -1, -1, -1, -1, 1, 5, -1, 6,
     -1, -1, -1, -1, -1, -1, -1, -1, 1, 6, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1
 };
 
-static const int8_t GATE[] = {
+static const SMAD_SV_FLASH int8_t GATE[] = {
     0, 0, 1, 1, 0, 0, 0
 };
 
-static const int8_t PUMP_POLICY[] = {
+static const SMAD_SV_FLASH int8_t PUMP_POLICY[] = {
     0, 0, 1, 1, 2, 3, 0
 };
 
-static const int8_t CURRENT_ALLOWED[] = {
+static const SMAD_SV_FLASH int8_t CURRENT_ALLOWED[] = {
     0, 0, 1, 0, 0, 0, 0
 };
 
-static const int8_t FAULT_PUMPS[] = {
+static const SMAD_SV_FLASH int8_t FAULT_PUMPS[] = {
     0, 0, 1, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 1, 1, 0, 0,
     1
 };
 
-static const int8_t CHECK_CHANNEL[] = {
+static const SMAD_SV_FLASH int8_t CHECK_CHANNEL[] = {
     4, 4, 4, 4, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 5,
     6, 0, 1, 2, 3, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1,
     4
 };
 
-static const int8_t CHECK_FAULT[] = {
+static const SMAD_SV_FLASH int8_t CHECK_FAULT[] = {
     2, 4, 3, 29, 31, 31, 14, 14, 21, 21, 22, 22, 19, 19, 20, 20, 17, 17, 7, 7, 7, 7, 8, 8, 8, 8,
     9, 9, 9, 9, 7, 7, 11, 11, 11, 11, 11, 11, 6, 6, 10, 10, 12, 12, 13, 13, 15, 15, 18, 18, 16,
     16, 23, 23, 26, 26, 25, 25, 27, 27, 28, 28, 24
 };
 
-static const uint8_t ACTIVE_LINES[] = {
+static const SMAD_SV_FLASH uint8_t ACTIVE_LINES[] = {
     0, 3, 4, 5, 6, 7, 38, 39, 46, 47, 58, 59, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14,
     15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37,
     38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60,
@@ -147,98 +104,191 @@ static const uint8_t ACTIVE_LINES[] = {
     28, 29, 38, 39, 58, 59
 };
 
-static const uint16_t ACTIVE_LINES_START[] = {
+static const SMAD_SV_FLASH int16_t ACTIVE_LINES_START[] = {
     0, 0, 12, 75, 138, 176, 198, 198
 };
 
-static int64_t smad_sv_min(int64_t a, int64_t b)
+static inline int16_t smad_sv_min16(int16_t a, int16_t b)
 {
     return a < b ? a : b;
 }
 
-static int64_t smad_sv_max(int64_t a, int64_t b)
+static inline int16_t smad_sv_max16(int16_t a, int16_t b)
 {
     return a > b ? a : b;
 }
 
-static int64_t smad_sv_abs(int64_t a)
+static inline int16_t smad_sv_hold16(int16_t a, int16_t low, int16_t high)
 {
-    return a < 0 ? -a : a;
+    return a < low ? low : a > high ? high : a;
 }
 
-static int64_t smad_sv_div(int64_t a, int64_t b)
+static inline int32_t smad_sv_min32(int32_t a, int32_t b)
 {
-    int64_t q = a / b;
-    return a % b != 0 && (a < 0) != (b < 0) ? q - 1 : q;
+    return a < b ? a : b;
 }
 
+static inline int32_t smad_sv_max32(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
+
+static inline int32_t smad_sv_abs32(int32_t a)
+{
+    return (int32_t)(a < 0 ? -a : a);
+}
+
+static inline int32_t smad_sv_hold32(int32_t a, int32_t low, int32_t high)
+{
+    return a < low ? low : a > high ? high : a;
+}
+
+static inline int64_t smad_sv_min64(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
+
+static inline int64_t smad_sv_max64(int64_t a, int64_t b)
+{
+    return a > b ? a : b;
+}
+
+static inline int64_t smad_sv_hold64(int64_t a, int64_t low, int64_t high)
+{
+    return a < low ? low : a > high ? high : a;
+}
+
+/* Division, rounded down, by 1 or more. Small numbers are divided as such: on a chip without a
+ * divider the time goes with the width. */
+static uint32_t smad_sv_quotient(uint32_t a, uint32_t b)
+{
+#ifdef __AVR__
+    if (((a | b) >> 16) == 0) {
+        return (uint16_t)a / (uint16_t)b;
+    }
+    if (((a | b) >> 24) == 0) {
+        return (__uint24)a / (__uint24)b;
+    }
+#endif
+    return a / b;
+}
+
+/* Of 64 bits by up to 31; most that come are small enough for the short way. */
+static uint64_t smad_sv_long_quotient(uint64_t a, uint32_t b)
+{
+    if ((a >> 32) == 0) {
+        return smad_sv_quotient((uint32_t)a, b);
+    }
+    return a / b;
+}
+
+static inline int16_t smad_sv_div16(int16_t a, int16_t b)
+{
+    int16_t q = (int16_t)(a / b);
+    return (int16_t)(a % b < 0 ? q - 1 : q);
+}
+
+static int32_t smad_sv_div32(int32_t a, int32_t b)
+{
+    if (a >= 0) {
+        return (int32_t)smad_sv_quotient((uint32_t)a, (uint32_t)b);
+    }
+    return -1 - (int32_t)smad_sv_quotient(~(uint32_t)a, (uint32_t)b);
+}
+
+static int64_t smad_sv_div64(int64_t a, int64_t b)
+{
+    if (b > INT32_MAX) {
+        int64_t q = a / b;
+        return a % b < 0 ? q - 1 : q;
+    }
+    if (a >= 0) {
+        return (int64_t)smad_sv_long_quotient((uint64_t)a, (uint32_t)b);
+    }
+    return -1 - (int64_t)smad_sv_long_quotient(~(uint64_t)a, (uint32_t)b);
+}
+
+/* A step towards a target: value + ((target - value) * share >> 16), in two halves. */
+static int32_t smad_sv_follow(int32_t value, int32_t target, uint16_t share)
+{
+    int32_t far = target - value;
+    int32_t high = (int32_t)(int16_t)(far >> 16) * share;
+    uint32_t low = (uint32_t)(uint16_t)far * share;
+    return value + high + (int32_t)(low >> 16);
+}
+
+static void smad_sv_set_pace(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
+static uint16_t smad_sv_of_duty(uint16_t full, uint8_t duty);
+static int32_t smad_sv_loss_mW(uint16_t loss_mW_per_K, int32_t above_cC);
+static uint32_t smad_sv_power_mW(int16_t i_mA, int32_t v_mV);
 static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
-static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_sv_limits *lim, int64_t k, int64_t loss_mW_per_K);
-static void smad_sv_observe_stuck(struct smad_sv_memory *s, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_is_heated(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static void smad_sv_observe_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad_sv_limits *lim, int64_t k, int64_t loss_mW_per_K);
-static void smad_sv_observe_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static void smad_sv_observe_resistance(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_resistance_is_measurable(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static void smad_sv_observe_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static void smad_sv_reset_spring(struct smad_sv_memory *s, int64_t k);
+static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K);
+static void smad_sv_observe_stuck(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_is_heated(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static void smad_sv_observe_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K);
+static void smad_sv_observe_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint32_t smad_sv_resistance_mohm(struct smad_sv_memory *s, uint8_t k);
+static void smad_sv_observe_resistance(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_resistance_is_measurable(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static void smad_sv_observe_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static void smad_sv_reset_spring(struct smad_sv_memory *s, uint8_t k);
 static void smad_sv_forget_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m);
-static int64_t smad_sv_bad(struct smad_sv_memory *s, int64_t value, int64_t limit);
-static int64_t smad_sv_sensor_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_sensor_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_sensor_short(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_encoder_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_force_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_over_temperature(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_sensor_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_sensor_below_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_not_heating(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_heating_while_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_model_residual(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_over_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_uncommanded_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_current_low(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_no_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_wire_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_driver_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_resistance_out_of_band(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_pump_stalled(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_pump_dry(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_pump_stuck_on(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_no_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_leak(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_brown_out(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_loop_overrun(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_param_crc(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_armed_too_long(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k);
-static int64_t smad_sv_fire(struct smad_sv_memory *s, int64_t trigger);
-static int64_t smad_sv_saturated(int64_t value);
-static void smad_sv_latch(struct smad_sv_memory *s, int64_t fault, int64_t channel, int64_t trigger);
+static uint8_t smad_sv_bad(struct smad_sv_memory *s, int32_t value, int32_t limit);
+static uint8_t smad_sv_sensor_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_sensor_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_sensor_short(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_encoder_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_force_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_over_temperature(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_sensor_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_sensor_below_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_not_heating(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_heating_while_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_model_residual(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_over_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_uncommanded_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_current_low(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_no_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_wire_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_driver_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_resistance_out_of_band(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_pump_stalled(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_pump_dry(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_pump_stuck_on(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_no_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_leak(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_brown_out(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_loop_overrun(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_param_crc(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_armed_too_long(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
+static uint8_t smad_sv_fire(struct smad_sv_memory *s, uint8_t trigger);
+static int32_t smad_sv_saturated(int32_t value);
+static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t channel, uint8_t trigger);
 static void smad_sv_run_checks(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_run_timers(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
 static void smad_sv_set_warnings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
-static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_limits *lim, int64_t k);
-static void smad_sv_regulate(struct smad_sv_memory *s, int64_t k);
+static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k);
+static void smad_sv_regulate(struct smad_sv_memory *s, uint8_t k);
 static void smad_sv_decide(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
-static int64_t smad_sv_refuse(struct smad_sv_memory *s, int64_t code, int64_t channel, int64_t value, int64_t limit);
-static int64_t smad_sv_arming_obstacle(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t link);
+static uint8_t smad_sv_refuse(struct smad_sv_memory *s, uint8_t code, uint8_t channel, int32_t value, int32_t limit);
+static uint8_t smad_sv_arming_obstacle(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t link);
 static void smad_sv_begin_run(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t now_us);
 static void smad_sv_forget_bad(struct smad_sv_memory *s);
 
-typedef int64_t (*smad_sv_check)(struct smad_sv_memory *,
+typedef uint8_t (*smad_sv_check)(struct smad_sv_memory *,
                                  const struct smad_sv_measurements *,
-                                 const struct smad_sv_limits *, int64_t);
+                                 const struct smad_sv_limits *, uint8_t);
 
-static const smad_sv_check CHECK_FUNCTION[SMAD_SV_LINES] = {
+static const SMAD_SV_FLASH smad_sv_check CHECK_FUNCTION[SMAD_SV_LINES] = {
     smad_sv_param_crc,
     smad_sv_loop_overrun,
     smad_sv_brown_out,
@@ -308,6 +358,7 @@ void smad_sv_init(struct smad_sv_memory *s)
 {
     memset(s, 0, sizeof *s);
     s->lines = 63;
+    s->paced_us = -1;
     s->coldest_cC = 2500;
     s->warmest_cC = 2500;
     s->t_cC[0] = 2500;
@@ -316,232 +367,356 @@ void smad_sv_init(struct smad_sv_memory *s)
 
 void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
 {
-    s->need_samples[0] = lim->at_once_samples;
+    s->need_samples[0] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[0] = 0;
-    s->need_samples[1] = lim->at_once_samples;
+    s->need_samples[1] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[1] = 0;
-    s->need_samples[2] = lim->double_samples;
+    s->need_samples[2] = SMAD_SV_LIMIT_DOUBLE_SAMPLES;
     s->need_us[2] = 0;
-    s->need_samples[3] = lim->at_once_samples;
-    s->need_us[3] = lim->leak_us;
-    s->need_samples[4] = lim->double_samples;
+    s->need_samples[3] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[3] = SMAD_SV_LIMIT_LEAK_US;
+    s->need_samples[4] = SMAD_SV_LIMIT_DOUBLE_SAMPLES;
     s->need_us[4] = 0;
-    s->need_samples[5] = lim->double_samples;
+    s->need_samples[5] = SMAD_SV_LIMIT_DOUBLE_SAMPLES;
     s->need_us[5] = 0;
-    s->need_samples[6] = lim->at_once_samples;
-    s->need_us[6] = lim->uncommanded_us;
-    s->need_samples[7] = lim->at_once_samples;
-    s->need_us[7] = lim->uncommanded_us;
-    s->need_samples[8] = lim->at_once_samples;
+    s->need_samples[6] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[6] = SMAD_SV_LIMIT_UNCOMMANDED_US;
+    s->need_samples[7] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[7] = SMAD_SV_LIMIT_UNCOMMANDED_US;
+    s->need_samples[8] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[8] = lim->current_error_us;
-    s->need_samples[9] = lim->at_once_samples;
+    s->need_samples[9] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[9] = lim->current_error_us;
-    s->need_samples[10] = lim->at_once_samples;
+    s->need_samples[10] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[10] = lim->current_error_us;
-    s->need_samples[11] = lim->at_once_samples;
+    s->need_samples[11] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[11] = lim->current_error_us;
-    s->need_samples[12] = lim->at_once_samples;
+    s->need_samples[12] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[12] = lim->current_error_us;
-    s->need_samples[13] = lim->at_once_samples;
+    s->need_samples[13] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[13] = lim->current_error_us;
-    s->need_samples[14] = lim->at_once_samples;
+    s->need_samples[14] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[14] = lim->current_error_us;
-    s->need_samples[15] = lim->at_once_samples;
+    s->need_samples[15] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[15] = lim->current_error_us;
-    s->need_samples[16] = lim->at_once_samples;
-    s->need_us[16] = lim->resistance_us;
-    s->need_samples[17] = lim->at_once_samples;
-    s->need_us[17] = lim->resistance_us;
-    s->need_samples[18] = lim->debounce_samples;
+    s->need_samples[16] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[16] = SMAD_SV_LIMIT_RESISTANCE_US;
+    s->need_samples[17] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[17] = SMAD_SV_LIMIT_RESISTANCE_US;
+    s->need_samples[18] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[18] = 0;
-    s->need_samples[19] = lim->debounce_samples;
+    s->need_samples[19] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[19] = 0;
-    s->need_samples[20] = lim->debounce_samples;
+    s->need_samples[20] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[20] = 0;
-    s->need_samples[21] = lim->debounce_samples;
+    s->need_samples[21] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[21] = 0;
-    s->need_samples[22] = lim->debounce_samples;
+    s->need_samples[22] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[22] = 0;
-    s->need_samples[23] = lim->debounce_samples;
+    s->need_samples[23] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[23] = 0;
-    s->need_samples[24] = lim->debounce_samples;
+    s->need_samples[24] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[24] = 0;
-    s->need_samples[25] = lim->debounce_samples;
+    s->need_samples[25] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[25] = 0;
-    s->need_samples[26] = lim->debounce_samples;
+    s->need_samples[26] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[26] = 0;
-    s->need_samples[27] = lim->debounce_samples;
+    s->need_samples[27] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[27] = 0;
-    s->need_samples[28] = lim->debounce_samples;
+    s->need_samples[28] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[28] = 0;
-    s->need_samples[29] = lim->debounce_samples;
+    s->need_samples[29] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[29] = 0;
-    s->need_samples[30] = lim->debounce_samples;
+    s->need_samples[30] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[30] = 0;
-    s->need_samples[31] = lim->debounce_samples;
+    s->need_samples[31] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[31] = 0;
-    s->need_samples[32] = lim->at_once_samples;
+    s->need_samples[32] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[32] = 0;
-    s->need_samples[33] = lim->at_once_samples;
+    s->need_samples[33] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[33] = 0;
-    s->need_samples[34] = lim->at_once_samples;
+    s->need_samples[34] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[34] = 0;
-    s->need_samples[35] = lim->at_once_samples;
+    s->need_samples[35] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[35] = 0;
-    s->need_samples[36] = lim->debounce_samples;
+    s->need_samples[36] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[36] = 0;
-    s->need_samples[37] = lim->debounce_samples;
+    s->need_samples[37] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[37] = 0;
-    s->need_samples[38] = lim->debounce_samples;
+    s->need_samples[38] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[38] = 0;
-    s->need_samples[39] = lim->debounce_samples;
+    s->need_samples[39] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[39] = 0;
-    s->need_samples[40] = lim->at_once_samples;
+    s->need_samples[40] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[40] = 0;
-    s->need_samples[41] = lim->at_once_samples;
+    s->need_samples[41] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[41] = 0;
-    s->need_samples[42] = lim->at_once_samples;
+    s->need_samples[42] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[42] = 0;
-    s->need_samples[43] = lim->at_once_samples;
+    s->need_samples[43] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[43] = 0;
-    s->need_samples[44] = lim->at_once_samples;
+    s->need_samples[44] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[44] = 0;
-    s->need_samples[45] = lim->at_once_samples;
+    s->need_samples[45] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[45] = 0;
-    s->need_samples[46] = lim->debounce_samples;
+    s->need_samples[46] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[46] = 0;
-    s->need_samples[47] = lim->debounce_samples;
+    s->need_samples[47] = SMAD_SV_LIMIT_DEBOUNCE_SAMPLES;
     s->need_us[47] = 0;
-    s->need_samples[48] = lim->at_once_samples;
-    s->need_us[48] = lim->disagree_us;
-    s->need_samples[49] = lim->at_once_samples;
-    s->need_us[49] = lim->disagree_us;
-    s->need_samples[50] = lim->at_once_samples;
+    s->need_samples[48] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[48] = SMAD_SV_LIMIT_DISAGREE_US;
+    s->need_samples[49] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[49] = SMAD_SV_LIMIT_DISAGREE_US;
+    s->need_samples[50] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[50] = lim->residual_us;
-    s->need_samples[51] = lim->at_once_samples;
+    s->need_samples[51] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[51] = lim->residual_us;
-    s->need_samples[52] = lim->at_once_samples;
+    s->need_samples[52] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[52] = 0;
-    s->need_samples[53] = lim->at_once_samples;
+    s->need_samples[53] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[53] = 0;
-    s->need_samples[54] = lim->at_once_samples;
-    s->need_us[54] = lim->pump_stalled_us;
-    s->need_samples[55] = lim->at_once_samples;
-    s->need_us[55] = lim->pump_stalled_us;
-    s->need_samples[56] = lim->at_once_samples;
-    s->need_us[56] = lim->pump_dry_us;
-    s->need_samples[57] = lim->at_once_samples;
-    s->need_us[57] = lim->pump_dry_us;
-    s->need_samples[58] = lim->at_once_samples;
-    s->need_us[58] = lim->pump_off_us;
-    s->need_samples[59] = lim->at_once_samples;
-    s->need_us[59] = lim->pump_off_us;
-    s->need_samples[60] = lim->at_once_samples;
+    s->need_samples[54] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[54] = SMAD_SV_LIMIT_PUMP_STALLED_US;
+    s->need_samples[55] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[55] = SMAD_SV_LIMIT_PUMP_STALLED_US;
+    s->need_samples[56] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[56] = SMAD_SV_LIMIT_PUMP_DRY_US;
+    s->need_samples[57] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[57] = SMAD_SV_LIMIT_PUMP_DRY_US;
+    s->need_samples[58] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[58] = SMAD_SV_LIMIT_PUMP_OFF_US;
+    s->need_samples[59] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
+    s->need_us[59] = SMAD_SV_LIMIT_PUMP_OFF_US;
+    s->need_samples[60] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[60] = 0;
-    s->need_samples[61] = lim->at_once_samples;
+    s->need_samples[61] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[61] = 0;
-    s->need_samples[62] = lim->at_once_samples;
+    s->need_samples[62] = SMAD_SV_LIMIT_AT_ONCE_SAMPLES;
     s->need_us[62] = 0;
+    s->paced_us = -1;
+}
+
+void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value)
+{
+    switch (number) {
+    case 20:
+        lim->current_limit_mA = (uint16_t)value;
+        break;
+    case 27:
+        lim->current_slew_mA_per_ms = (uint16_t)value;
+        break;
+    case 28:
+        lim->fold_start_cC = (uint16_t)value;
+        break;
+    case 29:
+        lim->fold_end_cC = (uint16_t)value;
+        break;
+    case 30:
+        lim->i2t_rated_mA = (uint16_t)value;
+        break;
+    case 31:
+        lim->i2t_budget_A2s = (uint16_t)value;
+        break;
+    case 21:
+        lim->temperature_limit_cC = (uint16_t)value;
+        break;
+    case 22:
+        lim->cold_cC = (uint16_t)value;
+        break;
+    case 32:
+        lim->below_surroundings_cC = (uint16_t)value;
+        break;
+    case 33:
+        lim->jump_cC = (uint16_t)value;
+        break;
+    case 34:
+        lim->jumps = (uint8_t)value;
+        break;
+    case 35:
+        lim->stuck_us = (uint32_t)value;
+        break;
+    case 36:
+        lim->unheated_energy_mJ = (uint16_t)value;
+        break;
+    case 37:
+        lim->off_rise_cC = (uint16_t)value;
+        break;
+    case 38:
+        lim->residual_cC = (uint16_t)value;
+        break;
+    case 39:
+        lim->residual_us = (uint32_t)value;
+        break;
+    case 40:
+        lim->current_error_permille = (uint8_t)value;
+        break;
+    case 41:
+        lim->current_error_us = (uint16_t)value;
+        break;
+    case 42:
+        lim->resistance_tolerance_permille = (uint8_t)value;
+        break;
+    case 43:
+        lim->setpoint_age_us = (uint16_t)value;
+        break;
+    case 26:
+        lim->setpoint_ttl_ms = (uint8_t)value;
+        break;
+    case 44:
+        lim->hold_us = (uint32_t)value;
+        break;
+    case 45:
+        lim->token_us = (uint32_t)value;
+        break;
+    case 46:
+        lim->cool_cap_us = (uint32_t)value;
+        break;
+    case 23:
+        lim->on_time_limit_s = (uint16_t)value;
+        break;
+    case 47:
+        lim->overrun_us = (uint16_t)value;
+        break;
+    case 48:
+        lim->brown_out_mV = (uint16_t)value;
+        break;
+    default:
+        break;
+    }
+}
+
+static void smad_sv_set_pace(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
+{
+    if ((int32_t)s->dt_us == s->paced_us) {
+        return;
+    }
+    s->paced_us = s->dt_us;
+    s->filter_share = smad_sv_hold32((int32_t)smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 16)), (int64_t)(SMAD_SV_LIMIT_CURRENT_FILTER_US + (int32_t)s->dt_us)), 0, 65535);
+    s->band_share = smad_sv_hold32((int32_t)smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 16)), (int64_t)(SMAD_SV_LIMIT_CURRENT_BAND_US + (int32_t)s->dt_us)), 0, 65535);
+    s->lag_share = smad_sv_hold32((int32_t)smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 16)), (int64_t)(SMAD_SV_LIMIT_ENVELOPE_LAG_US + (int32_t)s->dt_us)), 0, 65535);
+    s->heavy_share = smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 28)), (int64_t)((int32_t)SMAD_SV_LIMIT_ENVELOPE_HEAVY_MJ_PER_K * (int32_t)10000));
+    s->light_share = smad_sv_div64(((int64_t)s->dt_us * ((int64_t)1 << 28)), (int64_t)((int32_t)SMAD_SV_LIMIT_ENVELOPE_LIGHT_MJ_PER_K * (int32_t)10000));
+    s->drift_fcC = smad_sv_div64(((int64_t)((int32_t)SMAD_SV_LIMIT_OFF_DRIFT_CC_PER_S * (int32_t)s->dt_us) * ((int64_t)1 << 16)), (int64_t)1000000);
+    s->slew_step_mA = smad_sv_div64(((int64_t)lim->current_slew_mA_per_ms * (int64_t)s->dt_us), (int64_t)1000);
+    s->rpm_share = smad_sv_div32(((int32_t)SMAD_SV_DUTY_FULL * ((int32_t)1 << 16)), (int32_t)SMAD_SV_LIMIT_PUMP_RPM);
+    s->heat_limit_nJ = ((int64_t)lim->unheated_energy_mJ * (int64_t)SMAD_SV_NJ_PER_MJ);
+    s->i2t_near_mA2us = ((int64_t)lim->i2t_budget_A2s * 800000000000);
+    s->i2t_budget_mA2us = ((int64_t)lim->i2t_budget_A2s * SMAD_SV_MA2US_PER_A2S);
+    s->i2t_trip_mA2us = ((int64_t)(smad_sv_div16((11 * (int16_t)lim->i2t_budget_A2s), 10) + 1) * SMAD_SV_MA2US_PER_A2S);
+}
+
+static uint16_t smad_sv_of_duty(uint16_t full, uint8_t duty)
+{
+    return ((((int32_t)full * (int32_t)duty) * (int32_t)257) >> (int32_t)16);
+}
+
+static int32_t smad_sv_loss_mW(uint16_t loss_mW_per_K, int32_t above_cC)
+{
+    return ((((int32_t)loss_mW_per_K * (above_cC >> (int32_t)2)) * (int32_t)41) >> (int32_t)10);
+}
+
+static uint32_t smad_sv_power_mW(int16_t i_mA, int32_t v_mV)
+{
+    return smad_sv_min32(smad_sv_max32((((((int32_t)i_mA * v_mV) >> (int32_t)10) * (int32_t)131) >> (int32_t)7), (int32_t)0), SMAD_SV_POWER_MOST_MW);
 }
 
 static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
 {
-    int64_t inlet_cC;
-    int64_t ambient_cC;
+    int16_t inlet_cC;
+    int16_t ambient_cC;
+    (void)lim;
     inlet_cC = m->rtd_cC[2];
     ambient_cC = m->rtd_cC[3];
-    if (!((lim->rail_low_cC < inlet_cC) && (inlet_cC < lim->rail_high_cC))) {
+    if (!((SMAD_SV_LIMIT_RAIL_LOW_CC < inlet_cC) && (inlet_cC < SMAD_SV_LIMIT_RAIL_HIGH_CC))) {
         inlet_cC = ambient_cC;
     }
-    if (!((lim->rail_low_cC < ambient_cC) && (ambient_cC < lim->rail_high_cC))) {
+    if (!((SMAD_SV_LIMIT_RAIL_LOW_CC < ambient_cC) && (ambient_cC < SMAD_SV_LIMIT_RAIL_HIGH_CC))) {
         ambient_cC = inlet_cC;
     }
-    if ((lim->rail_low_cC < inlet_cC) && (inlet_cC < lim->rail_high_cC)) {
-        s->coldest_cC = smad_sv_min(inlet_cC, ambient_cC);
-        s->warmest_cC = smad_sv_max(inlet_cC, ambient_cC);
+    if ((SMAD_SV_LIMIT_RAIL_LOW_CC < inlet_cC) && (inlet_cC < SMAD_SV_LIMIT_RAIL_HIGH_CC)) {
+        s->coldest_cC = smad_sv_min16(inlet_cC, ambient_cC);
+        s->warmest_cC = smad_sv_max16(inlet_cC, ambient_cC);
     }
 }
 
 static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
 {
-    int64_t j;
-    int64_t step_cC;
+    int16_t j;
+    int32_t step_cC;
     for (j = 0; j < 4; j++) {
-        step_cC = (m->rtd_cC[j] - s->last_cC[j]);
+        step_cC = ((int32_t)m->rtd_cC[j] - (int32_t)s->last_cC[j]);
         s->last_cC[j] = m->rtd_cC[j];
-        if (smad_sv_abs(step_cC) > lim->jump_cC) {
-            s->jumps[j] += 1;
+        if (smad_sv_abs32(step_cC) > (int32_t)lim->jump_cC) {
+            s->jumps[j] = smad_sv_hold32(((int32_t)s->jumps[j] + (int32_t)1), 0, 60000);
             s->jump_us[j] = 0;
-            s->jump_cC[j] = smad_sv_abs(step_cC);
+            s->jump_cC[j] = smad_sv_abs32(step_cC);
             if (j < 2) {
-                s->off_uK[j] += (step_cC * SMAD_SV_UK_PER_CC);
+                s->off_fcC[j] = smad_sv_hold64(((int64_t)s->off_fcC[j] + ((int64_t)step_cC * (int64_t)SMAD_SV_FCC_PER_CC)), -2147483647 - 1, 2147418112);
             }
-        } else if (s->jumps[j] > 0) {
-            s->jump_us[j] += s->dt_us;
-            if (s->jump_us[j] >= lim->jump_decay_us) {
-                s->jumps[j] -= 1;
+        } else if ((int32_t)s->jumps[j] > (int32_t)0) {
+            s->jump_us[j] = smad_sv_hold32(((int32_t)s->jump_us[j] + (int32_t)s->dt_us), 0, 1000000000);
+            if ((int32_t)s->jump_us[j] >= SMAD_SV_LIMIT_JUMP_DECAY_US) {
+                s->jumps[j] = smad_sv_hold32(((int32_t)s->jumps[j] - (int32_t)1), 0, 60000);
                 s->jump_us[j] = 0;
             }
         }
     }
 }
 
-static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t t_cC;
-    int64_t flow;
-    int64_t loss_mW_per_K;
+    int16_t t_cC;
+    int16_t flow;
+    int16_t loss_mW_per_K;
     t_cC = m->rtd_cC[k];
-    if ((lim->rail_low_cC < t_cC) && (t_cC < lim->rail_high_cC)) {
+    if ((SMAD_SV_LIMIT_RAIL_LOW_CC < t_cC) && (t_cC < SMAD_SV_LIMIT_RAIL_HIGH_CC)) {
         s->t_cC[k] = t_cC;
         s->sensor_ok[k] = 1;
     } else {
         s->sensor_ok[k] = 0;
     }
     smad_sv_observe_electrical(s, m, lim, k);
-    flow = smad_sv_max(m->duty[k], smad_sv_min(smad_sv_div((m->pump_rpm[k] * SMAD_SV_DUTY_FULL), lim->pump_rpm), SMAD_SV_DUTY_FULL));
-    loss_mW_per_K = (lim->loss_static_mW_per_K + smad_sv_div((lim->loss_flow_mW_per_K * flow), SMAD_SV_DUTY_FULL));
-    smad_sv_observe_energy(s, lim, k, loss_mW_per_K);
+    flow = smad_sv_max16((int16_t)m->duty[k], (int16_t)smad_sv_min32((int32_t)(((int64_t)m->pump_rpm[k] * (int64_t)s->rpm_share) >> (int64_t)16), (int32_t)SMAD_SV_DUTY_FULL));
+    loss_mW_per_K = (SMAD_SV_LIMIT_LOSS_STATIC_MW_PER_K + (int16_t)smad_sv_of_duty(SMAD_SV_LIMIT_LOSS_FLOW_MW_PER_K, flow));
+    smad_sv_observe_energy(s, lim, k, smad_sv_hold16(loss_mW_per_K, 0, 1020));
     smad_sv_observe_stuck(s, lim, k);
     smad_sv_observe_off(s, m, lim, k);
-    smad_sv_observe_envelope(s, lim, k, loss_mW_per_K);
+    smad_sv_observe_envelope(s, lim, k, smad_sv_hold16(loss_mW_per_K, 0, 1020));
     smad_sv_observe_cooling(s, m, lim, k);
     smad_sv_observe_resistance(s, m, lim, k);
     smad_sv_observe_i2t(s, m, lim, k);
 }
 
-static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t filter_us;
-    int64_t applied_uA;
-    int64_t band_us;
-    int64_t low_uA;
-    int64_t high_uA;
-    s->power_mW[k] = smad_sv_max(smad_sv_div((m->i_mA[k] * m->v_mV[k]), 1000), 0);
-    filter_us = (lim->current_filter_us + s->dt_us);
-    s->i_uA[k] += smad_sv_div((((m->i_mA[k] * 1000) - s->i_uA[k]) * s->dt_us), filter_us);
-    s->v_uV[k] += smad_sv_div((((m->v_mV[k] * 1000) - s->v_uV[k]) * s->dt_us), filter_us);
-    applied_uA = (m->applied_mA[k] * 1000);
-    band_us = (lim->current_band_us + s->dt_us);
-    low_uA = (s->band_low_uA[k] + smad_sv_div(((applied_uA - s->band_low_uA[k]) * s->dt_us), band_us));
-    high_uA = (s->band_high_uA[k] + smad_sv_div(((applied_uA - s->band_high_uA[k]) * s->dt_us), band_us));
-    s->band_low_uA[k] = smad_sv_min(low_uA, applied_uA);
-    s->band_high_uA[k] = smad_sv_max(high_uA, applied_uA);
+    int32_t applied_uA;
+    int32_t low_uA;
+    int32_t high_uA;
+    (void)lim;
+    s->power_mW[k] = smad_sv_power_mW(m->i_mA[k], m->v_mV[k]);
+    s->i_uA[k] = smad_sv_follow(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000), s->filter_share);
+    s->v_uV[k] = smad_sv_follow(s->v_uV[k], (m->v_mV[k] * (int32_t)1000), s->filter_share);
+    applied_uA = ((int32_t)m->applied_mA[k] * (int32_t)1000);
+    low_uA = smad_sv_follow((int32_t)s->band_low_uA[k], applied_uA, s->band_share);
+    high_uA = smad_sv_follow((int32_t)s->band_high_uA[k], applied_uA, s->band_share);
+    s->band_low_uA[k] = smad_sv_min32(low_uA, applied_uA);
+    s->band_high_uA[k] = smad_sv_max32(high_uA, applied_uA);
 }
 
-static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_sv_limits *lim, int64_t k, int64_t loss_mW_per_K)
+static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K)
 {
-    int64_t t_cC;
-    int64_t other;
-    int64_t fell;
-    int64_t excess_cC;
-    int64_t loss_mW;
+    int16_t t_cC;
+    int16_t other;
+    int16_t fell;
+    int32_t excess_cC;
+    int32_t net_mW;
     int64_t net_nJ;
+    (void)lim;
     t_cC = s->t_cC[k];
-    other = (1 - k);
-    s->anchor_peak_cC[k] = smad_sv_max(s->anchor_peak_cC[k], t_cC);
-    fell = (2 * (s->anchor_peak_cC[k] - t_cC)) >= lim->unheated_rise_cC;
-    if ((t_cC >= (s->anchor_cC[k] + lim->unheated_rise_cC)) || (fell)) {
+    other = (1 - (int16_t)k);
+    s->anchor_peak_cC[k] = smad_sv_max16(s->anchor_peak_cC[k], t_cC);
+    fell = ((int32_t)2 * ((int32_t)s->anchor_peak_cC[k] - (int32_t)t_cC)) >= (int32_t)SMAD_SV_LIMIT_UNHEATED_RISE_CC;
+    if (((int32_t)t_cC >= ((int32_t)s->anchor_cC[k] + (int32_t)SMAD_SV_LIMIT_UNHEATED_RISE_CC)) || (fell)) {
         s->anchor_cC[k] = t_cC;
         s->anchor_peak_cC[k] = t_cC;
         s->anchor_net_nJ[k] = 0;
@@ -550,134 +725,140 @@ static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_s
     } else if (t_cC < s->anchor_cC[k]) {
         s->anchor_cC[k] = t_cC;
     }
-    excess_cC = (t_cC - s->coldest_cC);
-    excess_cC = smad_sv_max(excess_cC, 0);
-    loss_mW = smad_sv_div((loss_mW_per_K * (excess_cC + lim->sensor_offset_cC)), 100);
-    net_nJ = (s->anchor_net_nJ[k] + ((s->power_mW[k] - loss_mW) * s->dt_us));
-    if (net_nJ < 0) {
-        net_nJ = 0;
+    excess_cC = ((int32_t)t_cC - (int32_t)s->coldest_cC);
+    excess_cC = smad_sv_max32(excess_cC, (int32_t)0);
+    net_mW = ((int32_t)s->power_mW[k] - smad_sv_loss_mW(loss_mW_per_K, (excess_cC + (int32_t)SMAD_SV_LIMIT_SENSOR_OFFSET_CC)));
+    net_nJ = (s->anchor_net_nJ[k] + ((int64_t)net_mW * (int64_t)s->dt_us));
+    if (net_nJ < (int64_t)0) {
         s->anchor_other_cC[k] = s->t_cC[other];
         s->anchor_other_nJ[k] = 0;
     }
-    s->anchor_net_nJ[k] = smad_sv_min(net_nJ, SMAD_SV_SUM_MOST);
-    s->anchor_other_nJ[k] = smad_sv_min((s->anchor_other_nJ[k] + (s->power_mW[other] * s->dt_us)), SMAD_SV_SUM_MOST);
+    s->anchor_net_nJ[k] = smad_sv_min64(smad_sv_max64(net_nJ, (int64_t)0), SMAD_SV_SUM_MOST);
+    s->anchor_other_nJ[k] = smad_sv_min64((s->anchor_other_nJ[k] + ((int64_t)s->power_mW[other] * (int64_t)s->dt_us)), SMAD_SV_SUM_MOST);
 }
 
-static void smad_sv_observe_stuck(struct smad_sv_memory *s, const struct smad_sv_limits *lim, int64_t k)
+static void smad_sv_observe_stuck(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)lim;
     if (s->t_cC[k] != s->stuck_cC[k]) {
         s->stuck_cC[k] = s->t_cC[k];
         s->stuck_us[k] = 0;
-        s->stuck_low_uK[k] = s->low_uK[k];
+        s->stuck_low_fcC[k] = s->low_fcC[k];
     } else {
-        s->stuck_us[k] += s->dt_us;
+        s->stuck_us[k] = smad_sv_hold32(((int32_t)s->stuck_us[k] + (int32_t)s->dt_us), 0, 1000000000);
     }
 }
 
-static int64_t smad_sv_is_heated(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_is_heated(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    return (m->applied_mA[k] > 0) || (s->i_uA[k] > (lim->off_current_mA * 1000));
+    (void)lim;
+    return ((int16_t)m->applied_mA[k] > 0) || (s->i_uA[k] > ((int32_t)SMAD_SV_LIMIT_OFF_CURRENT_MA * (int32_t)1000));
 }
 
-static void smad_sv_observe_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static void smad_sv_observe_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t now_uK;
-    now_uK = (s->t_cC[k] * SMAD_SV_UK_PER_CC);
+    int32_t now_fcC;
+    now_fcC = ((int32_t)s->t_cC[k] * SMAD_SV_FCC_PER_CC);
     if (smad_sv_is_heated(s, m, lim, k)) {
         s->off_us[k] = 0;
     } else {
-        s->off_us[k] += s->dt_us;
+        s->off_us[k] = smad_sv_hold32(((int32_t)s->off_us[k] + (int32_t)s->dt_us), 0, 1000000000);
     }
-    if ((s->off_us[k] < lim->off_lag_us) || (now_uK < s->off_uK[k])) {
-        s->off_uK[k] = now_uK;
+    if (((int32_t)s->off_us[k] < SMAD_SV_LIMIT_OFF_LAG_US) || (now_fcC < s->off_fcC[k])) {
+        s->off_fcC[k] = now_fcC;
     } else {
-        s->off_uK[k] = smad_sv_min(now_uK, (s->off_uK[k] + smad_sv_div((lim->off_drift_cC_per_s * s->dt_us), 100)));
+        s->off_fcC[k] = smad_sv_min64((int64_t)now_fcC, ((int64_t)s->off_fcC[k] + (int64_t)s->drift_fcC));
     }
 }
 
-static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad_sv_limits *lim, int64_t k, int64_t loss_mW_per_K)
+static void smad_sv_observe_envelope(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K)
 {
-    int64_t in_nJ;
-    int64_t above_mK;
-    int64_t low_loss;
-    int64_t out_nJ;
-    int64_t low_uK;
-    int64_t lag_us;
-    int64_t high_loss;
-    int64_t high_uK;
-    in_nJ = (s->power_mW[k] * s->dt_us);
-    above_mK = smad_sv_div((s->low_uK[k] - (s->coldest_cC * SMAD_SV_UK_PER_CC)), 1000);
+    int32_t above_cC;
+    int16_t low_loss;
+    int32_t net_mW;
+    int64_t low_fcC;
+    int16_t high_loss;
+    int64_t high_fcC;
+    (void)lim;
+    above_cC = ((s->low_fcC[k] >> 16) - (int32_t)s->coldest_cC);
     low_loss = loss_mW_per_K;
-    if (above_mK < 0) {
-        low_loss = lim->envelope_loss_least_mW_per_K;
+    if (above_cC < (int32_t)0) {
+        low_loss = SMAD_SV_LIMIT_ENVELOPE_LOSS_LEAST_MW_PER_K;
     }
-    out_nJ = smad_sv_div(((low_loss * above_mK) * s->dt_us), 1000);
-    low_uK = (s->low_uK[k] + smad_sv_div((in_nJ - out_nJ), lim->envelope_heavy_mJ_per_K));
-    s->low_uK[k] = smad_sv_min(low_uK, SMAD_SV_MODEL_MOST_UK);
-    lag_us = (lim->envelope_lag_us + s->dt_us);
-    s->low_seen_uK[k] += smad_sv_div(((s->low_uK[k] - s->low_seen_uK[k]) * s->dt_us), lag_us);
-    above_mK = smad_sv_div((s->high_uK[k] - (s->warmest_cC * SMAD_SV_UK_PER_CC)), 1000);
-    high_loss = lim->envelope_loss_least_mW_per_K;
-    if (above_mK < 0) {
+    net_mW = ((int32_t)s->power_mW[k] - smad_sv_loss_mW(low_loss, above_cC));
+    low_fcC = ((int64_t)s->low_fcC[k] + (((int64_t)net_mW * (int64_t)s->heavy_share) >> (int64_t)SMAD_SV_FCC_PER_K_LOG2));
+    s->low_fcC[k] = smad_sv_hold64(smad_sv_min64(low_fcC, (int64_t)SMAD_SV_MODEL_MOST_FCC), -2147483647 - 1, 2147418112);
+    s->low_seen_fcC[k] = smad_sv_follow(s->low_seen_fcC[k], s->low_fcC[k], s->lag_share);
+    above_cC = ((s->high_fcC[k] >> 16) - (int32_t)s->warmest_cC);
+    high_loss = SMAD_SV_LIMIT_ENVELOPE_LOSS_LEAST_MW_PER_K;
+    if (above_cC < (int32_t)0) {
         high_loss = loss_mW_per_K;
     }
-    out_nJ = smad_sv_div(((high_loss * above_mK) * s->dt_us), 1000);
-    high_uK = (s->high_uK[k] + smad_sv_div((in_nJ - out_nJ), lim->envelope_light_mJ_per_K));
-    s->high_uK[k] = smad_sv_min(high_uK, ((s->t_cC[k] + lim->envelope_span_cC) * SMAD_SV_UK_PER_CC));
+    net_mW = ((int32_t)s->power_mW[k] - smad_sv_loss_mW(high_loss, above_cC));
+    high_fcC = ((int64_t)s->high_fcC[k] + (((int64_t)net_mW * (int64_t)s->light_share) >> (int64_t)SMAD_SV_FCC_PER_K_LOG2));
+    s->high_fcC[k] = smad_sv_hold64(smad_sv_min64(high_fcC, ((int64_t)((int32_t)s->t_cC[k] + (int32_t)SMAD_SV_LIMIT_ENVELOPE_SPAN_CC) * (int64_t)SMAD_SV_FCC_PER_CC)), -2147483647 - 1, 2147418112);
 }
 
-static void smad_sv_observe_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static void smad_sv_observe_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    if ((smad_sv_is_heated(s, m, lim, k)) || (m->duty[k] < (SMAD_SV_DUTY_FULL - 25)) || (s->cool_us[k] >= lim->cooling_us)) {
+    if ((smad_sv_is_heated(s, m, lim, k)) || ((int16_t)m->duty[k] < (SMAD_SV_DUTY_FULL - 25)) || ((int32_t)s->cool_us[k] >= SMAD_SV_LIMIT_COOLING_US)) {
         s->cool_us[k] = 0;
         s->cool_from_cC[k] = s->t_cC[k];
     } else {
-        s->cool_us[k] += s->dt_us;
+        s->cool_us[k] = smad_sv_hold32(((int32_t)s->cool_us[k] + (int32_t)s->dt_us), 0, 1000000000);
     }
 }
 
-static void smad_sv_observe_resistance(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint32_t smad_sv_resistance_mohm(struct smad_sv_memory *s, uint8_t k)
 {
-    if ((s->reference_mohm[k] == 0) && (smad_sv_resistance_is_measurable(s, m, lim, k))) {
-        s->reference_mohm[k] = smad_sv_div((s->v_uV[k] * 1000), s->i_uA[k]);
+    return smad_sv_hold32(smad_sv_max32(smad_sv_div32(((s->v_uV[k] >> (int32_t)6) * (int32_t)1000), smad_sv_max32((s->i_uA[k] >> (int32_t)6), (int32_t)1)), (int32_t)0), 0, 2000000);
+}
+
+static void smad_sv_observe_resistance(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
+{
+    if (((int32_t)s->reference_mohm[k] == (int32_t)0) && (smad_sv_resistance_is_measurable(s, m, lim, k))) {
+        s->reference_mohm[k] = smad_sv_resistance_mohm(s, k);
         s->reference_cC[k] = s->t_cC[k];
     }
 }
 
-static int64_t smad_sv_resistance_is_measurable(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_resistance_is_measurable(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t least_uA;
+    int32_t least_uA;
     (void)m;
-    least_uA = (lim->resistance_current_mA * 1000);
-    return (s->i_uA[k] >= least_uA) && (s->band_low_uA[k] >= least_uA);
+    (void)lim;
+    least_uA = ((int32_t)SMAD_SV_LIMIT_RESISTANCE_CURRENT_MA * (int32_t)1000);
+    return (s->i_uA[k] >= least_uA) && ((int32_t)s->band_low_uA[k] >= least_uA);
 }
 
-static void smad_sv_observe_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static void smad_sv_observe_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t rated_mA2;
+    int32_t rated_mA2;
     int64_t total;
-    rated_mA2 = (lim->i2t_rated_mA * lim->i2t_rated_mA);
-    total = (s->i2t_mA2us[k] + (((m->i_mA[k] * m->i_mA[k]) - rated_mA2) * s->dt_us));
-    s->i2t_mA2us[k] = smad_sv_min(smad_sv_max(total, 0), SMAD_SV_SUM_MOST);
+    if ((m->i_mA[k] <= (int16_t)lim->i2t_rated_mA) && (s->i2t_mA2us[k] == (int64_t)0)) {
+        return;
+    }
+    rated_mA2 = ((int32_t)lim->i2t_rated_mA * (int32_t)lim->i2t_rated_mA);
+    total = (s->i2t_mA2us[k] + ((int64_t)(((int32_t)m->i_mA[k] * (int32_t)m->i_mA[k]) - rated_mA2) * (int64_t)s->dt_us));
+    s->i2t_mA2us[k] = smad_sv_min64(smad_sv_max64(total, (int64_t)0), SMAD_SV_SUM_MOST);
 }
 
-static void smad_sv_reset_spring(struct smad_sv_memory *s, int64_t k)
+static void smad_sv_reset_spring(struct smad_sv_memory *s, uint8_t k)
 {
-    int64_t t_cC;
+    int16_t t_cC;
     t_cC = s->t_cC[k];
     s->anchor_cC[k] = t_cC;
     s->anchor_peak_cC[k] = t_cC;
-    s->anchor_other_cC[k] = s->t_cC[(1 - k)];
+    s->anchor_other_cC[k] = s->t_cC[(1 - (int16_t)k)];
     s->anchor_net_nJ[k] = 0;
     s->anchor_other_nJ[k] = 0;
     s->stuck_us[k] = 0;
-    s->stuck_low_uK[k] = (t_cC * SMAD_SV_UK_PER_CC);
+    s->stuck_low_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
     s->off_us[k] = 0;
-    s->off_uK[k] = (t_cC * SMAD_SV_UK_PER_CC);
-    s->low_uK[k] = (t_cC * SMAD_SV_UK_PER_CC);
-    s->low_seen_uK[k] = (t_cC * SMAD_SV_UK_PER_CC);
-    s->high_uK[k] = (t_cC * SMAD_SV_UK_PER_CC);
+    s->off_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
+    s->low_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
+    s->low_seen_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
+    s->high_fcC[k] = ((int32_t)t_cC * SMAD_SV_FCC_PER_CC);
     s->cool_us[k] = 0;
     s->cool_from_cC[k] = t_cC;
     s->reference_mohm[k] = 0;
@@ -685,7 +866,7 @@ static void smad_sv_reset_spring(struct smad_sv_memory *s, int64_t k)
 
 static void smad_sv_forget_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m)
 {
-    int64_t j;
+    int16_t j;
     for (j = 0; j < 4; j++) {
         s->last_cC[j] = m->rtd_cC[j];
         s->jumps[j] = 0;
@@ -693,38 +874,41 @@ static void smad_sv_forget_jumps(struct smad_sv_memory *s, const struct smad_sv_
     }
 }
 
-static int64_t smad_sv_bad(struct smad_sv_memory *s, int64_t value, int64_t limit)
+static uint8_t smad_sv_bad(struct smad_sv_memory *s, int32_t value, int32_t limit)
 {
     s->value = value;
     s->limit = limit;
     return SMAD_SV_BAD;
 }
 
-static int64_t smad_sv_sensor_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_sensor_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
+    (void)lim;
     if (m->rtd_cC[k] == SMAD_SV_RTD_INVALID_CC) {
-        return smad_sv_bad(s, m->rtd_cC[k], lim->rail_low_cC);
+        return smad_sv_bad(s, m->rtd_cC[k], SMAD_SV_LIMIT_RAIL_LOW_CC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_sensor_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_sensor_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    if (m->rtd_cC[k] >= lim->rail_high_cC) {
-        return smad_sv_bad(s, m->rtd_cC[k], lim->rail_high_cC);
+    (void)lim;
+    if (m->rtd_cC[k] >= SMAD_SV_LIMIT_RAIL_HIGH_CC) {
+        return smad_sv_bad(s, m->rtd_cC[k], SMAD_SV_LIMIT_RAIL_HIGH_CC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_sensor_short(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_sensor_short(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    if ((m->rtd_cC[k] <= lim->rail_low_cC) && (m->rtd_cC[k] != SMAD_SV_RTD_INVALID_CC)) {
-        return smad_sv_bad(s, m->rtd_cC[k], lim->rail_low_cC);
+    (void)lim;
+    if ((m->rtd_cC[k] <= SMAD_SV_LIMIT_RAIL_LOW_CC) && (m->rtd_cC[k] != SMAD_SV_RTD_INVALID_CC)) {
+        return smad_sv_bad(s, m->rtd_cC[k], SMAD_SV_LIMIT_RAIL_LOW_CC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_encoder_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_encoder_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)lim;
     (void)k;
@@ -734,7 +918,7 @@ static int64_t smad_sv_encoder_invalid(struct smad_sv_memory *s, const struct sm
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_force_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_force_invalid(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)lim;
     (void)k;
@@ -744,280 +928,299 @@ static int64_t smad_sv_force_invalid(struct smad_sv_memory *s, const struct smad
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_over_temperature(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_over_temperature(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)m;
     if (!(s->sensor_ok[k])) {
         return SMAD_SV_GOOD;
     }
-    if (s->t_cC[k] > lim->temperature_limit_cC) {
+    if (s->t_cC[k] > (int16_t)lim->temperature_limit_cC) {
         return smad_sv_bad(s, s->t_cC[k], lim->temperature_limit_cC);
     }
-    if (s->t_cC[k] > (lim->temperature_limit_cC - lim->temperature_hysteresis_cC)) {
+    if (s->t_cC[k] > ((int16_t)lim->temperature_limit_cC - SMAD_SV_LIMIT_TEMPERATURE_HYSTERESIS_CC)) {
         return SMAD_SV_BETWEEN;
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_sensor_stuck(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t warmed_cC;
-    int64_t net_mJ;
+    int64_t warmed_fcC;
     (void)m;
-    warmed_cC = smad_sv_div((s->low_uK[k] - s->stuck_low_uK[k]), SMAD_SV_UK_PER_CC);
-    if ((s->stuck_us[k] >= lim->stuck_us) && (warmed_cC >= lim->stuck_model_cC)) {
+    warmed_fcC = ((int64_t)s->low_fcC[k] - (int64_t)s->stuck_low_fcC[k]);
+    if (((int32_t)s->stuck_us[k] >= (int32_t)lim->stuck_us) && (warmed_fcC >= (int64_t)((int32_t)SMAD_SV_LIMIT_STUCK_MODEL_CC * SMAD_SV_FCC_PER_CC))) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
-    net_mJ = smad_sv_div(s->anchor_net_nJ[k], SMAD_SV_NJ_PER_MJ);
-    if (((4 * s->stuck_us[k]) >= lim->stuck_us) && (net_mJ >= lim->unheated_energy_mJ)) {
+    if ((((int64_t)4 * (int64_t)s->stuck_us[k]) >= (int64_t)lim->stuck_us) && (s->anchor_net_nJ[k] >= s->heat_limit_nJ)) {
         return smad_sv_bad(s, s->stuck_us[k], lim->stuck_us);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_sensor_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_sensor_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)m;
-    if (s->jumps[k] >= lim->jumps) {
+    if ((int32_t)s->jumps[k] >= (int32_t)lim->jumps) {
         return smad_sv_bad(s, s->jump_cC[k], lim->jump_cC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_sensor_below_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_sensor_below_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t floor_cC;
+    int32_t floor_cC;
     (void)m;
-    floor_cC = (s->coldest_cC - lim->below_surroundings_cC);
-    if ((s->sensor_ok[k]) && (s->t_cC[k] < floor_cC)) {
+    floor_cC = ((int32_t)s->coldest_cC - (int32_t)lim->below_surroundings_cC);
+    if ((s->sensor_ok[k]) && ((int32_t)s->t_cC[k] < floor_cC)) {
         return smad_sv_bad(s, s->t_cC[k], floor_cC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_sensors_swapped(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t net_mJ;
-    int64_t other_mJ;
-    int64_t other;
-    int64_t rise_cC;
+    int32_t rise_cC;
     (void)m;
-    net_mJ = smad_sv_div(s->anchor_net_nJ[k], SMAD_SV_NJ_PER_MJ);
-    other_mJ = smad_sv_div(s->anchor_other_nJ[k], SMAD_SV_NJ_PER_MJ);
-    other = (1 - k);
-    rise_cC = (s->t_cC[other] - s->anchor_other_cC[k]);
-    if (((2 * net_mJ) >= lim->unheated_energy_mJ) && (rise_cC >= lim->swapped_rise_cC) && ((8 * other_mJ) < net_mJ)) {
-        return smad_sv_bad(s, rise_cC, lim->swapped_rise_cC);
+    (void)lim;
+    if (((int64_t)2 * s->anchor_net_nJ[k]) < s->heat_limit_nJ) {
+        return SMAD_SV_GOOD;
+    }
+    rise_cC = ((int32_t)s->t_cC[(1 - (int16_t)k)] - (int32_t)s->anchor_other_cC[k]);
+    if ((rise_cC >= (int32_t)SMAD_SV_LIMIT_SWAPPED_RISE_CC) && (((int64_t)8 * s->anchor_other_nJ[k]) < s->anchor_net_nJ[k])) {
+        return smad_sv_bad(s, rise_cC, SMAD_SV_LIMIT_SWAPPED_RISE_CC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_not_heating(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_not_heating(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t net_mJ;
     (void)m;
-    net_mJ = smad_sv_div(s->anchor_net_nJ[k], SMAD_SV_NJ_PER_MJ);
-    if (net_mJ >= lim->unheated_energy_mJ) {
-        return smad_sv_bad(s, net_mJ, lim->unheated_energy_mJ);
+    if (s->anchor_net_nJ[k] >= s->heat_limit_nJ) {
+        return smad_sv_bad(s, smad_sv_hold64(smad_sv_div64(s->anchor_net_nJ[k], (int64_t)SMAD_SV_NJ_PER_MJ), -2147483647 - 1, 2147483647), lim->unheated_energy_mJ);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_heating_while_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_heating_while_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t rise_cC;
+    int32_t rise_cC;
     (void)m;
-    rise_cC = (s->t_cC[k] - smad_sv_div(s->off_uK[k], SMAD_SV_UK_PER_CC));
-    if ((rise_cC >= lim->off_rise_cC) && (s->t_cC[k] > (s->warmest_cC + 100))) {
+    rise_cC = ((int32_t)s->t_cC[k] - (s->off_fcC[k] >> 16));
+    if ((rise_cC >= (int32_t)lim->off_rise_cC) && ((int32_t)s->t_cC[k] > ((int32_t)s->warmest_cC + (int32_t)100))) {
         return smad_sv_bad(s, rise_cC, lim->off_rise_cC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_model_residual(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_model_residual(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t below_cC;
-    int64_t above_cC;
-    int64_t residual_cC;
+    int32_t below_cC;
+    int32_t above_cC;
+    int32_t residual_cC;
     (void)m;
     if (!(s->sensor_ok[k])) {
         return SMAD_SV_GOOD;
     }
-    below_cC = (smad_sv_div(s->low_seen_uK[k], SMAD_SV_UK_PER_CC) - s->t_cC[k]);
-    above_cC = (s->t_cC[k] - smad_sv_div(s->high_uK[k], SMAD_SV_UK_PER_CC));
-    residual_cC = smad_sv_max(below_cC, above_cC);
-    if (residual_cC > lim->residual_cC) {
+    below_cC = ((s->low_seen_fcC[k] >> 16) - (int32_t)s->t_cC[k]);
+    above_cC = ((int32_t)s->t_cC[k] - (s->high_fcC[k] >> 16));
+    residual_cC = smad_sv_max32(below_cC, above_cC);
+    if (residual_cC > (int32_t)lim->residual_cC) {
         return smad_sv_bad(s, residual_cC, lim->residual_cC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_over_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_over_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    if (m->i_mA[k] > lim->over_current_mA) {
-        return smad_sv_bad(s, m->i_mA[k], lim->over_current_mA);
+    (void)lim;
+    if (m->i_mA[k] > SMAD_SV_LIMIT_OVER_CURRENT_MA) {
+        return smad_sv_bad(s, m->i_mA[k], SMAD_SV_LIMIT_OVER_CURRENT_MA);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_uncommanded_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_uncommanded_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t extra_uA;
-    extra_uA = (smad_sv_min(s->i_uA[k], (m->i_mA[k] * 1000)) - s->band_high_uA[k]);
-    if ((m->applied_mA[k] == 0) && (extra_uA > (lim->off_current_mA * 1000))) {
-        return smad_sv_bad(s, smad_sv_div(s->i_uA[k], 1000), lim->off_current_mA);
+    int32_t extra_uA;
+    (void)lim;
+    extra_uA = (smad_sv_min32(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000)) - (int32_t)s->band_high_uA[k]);
+    if (((int16_t)m->applied_mA[k] == 0) && (extra_uA > ((int32_t)SMAD_SV_LIMIT_OFF_CURRENT_MA * (int32_t)1000))) {
+        return smad_sv_bad(s, smad_sv_div32(s->i_uA[k], (int32_t)1000), SMAD_SV_LIMIT_OFF_CURRENT_MA);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_current_high(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t most_uA;
+    int32_t most_uA;
+    if ((int16_t)m->applied_mA[k] == 0) {
+        return SMAD_SV_GOOD;
+    }
+    if (((int32_t)m->i_mA[k] * (int32_t)1000) <= ((int32_t)s->band_high_uA[k] + ((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000))) {
+        return SMAD_SV_GOOD;
+    }
     most_uA = s->band_high_uA[k];
-    most_uA += ((lim->current_error_mA * 1000) + smad_sv_div((lim->current_error_permille * most_uA), 1000));
-    if ((m->applied_mA[k] > 0) && (smad_sv_min(s->i_uA[k], (m->i_mA[k] * 1000)) > most_uA)) {
-        return smad_sv_bad(s, smad_sv_div(s->i_uA[k], 1000), smad_sv_div(most_uA, 1000));
+    most_uA = (most_uA + (((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000) + smad_sv_div32(((int32_t)lim->current_error_permille * most_uA), (int32_t)1000)));
+    if (smad_sv_min32(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000)) > most_uA) {
+        return smad_sv_bad(s, smad_sv_div32(s->i_uA[k], (int32_t)1000), smad_sv_div32(most_uA, (int32_t)1000));
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_current_low(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_current_low(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t least_uA;
+    int32_t least_uA;
+    if (m->i_mA[k] <= SMAD_SV_LIMIT_OFF_CURRENT_MA) {
+        return SMAD_SV_GOOD;
+    }
+    if (((int32_t)m->i_mA[k] * (int32_t)1000) >= ((int32_t)s->band_low_uA[k] - ((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000))) {
+        return SMAD_SV_GOOD;
+    }
     least_uA = s->band_low_uA[k];
-    least_uA -= ((lim->current_error_mA * 1000) + smad_sv_div((lim->current_error_permille * least_uA), 1000));
-    if ((m->i_mA[k] > lim->off_current_mA) && (smad_sv_max(s->i_uA[k], (m->i_mA[k] * 1000)) < least_uA)) {
-        return smad_sv_bad(s, smad_sv_div(s->i_uA[k], 1000), smad_sv_div(least_uA, 1000));
+    least_uA = (least_uA - (((int32_t)SMAD_SV_LIMIT_CURRENT_ERROR_MA * (int32_t)1000) + smad_sv_div32(((int32_t)lim->current_error_permille * least_uA), (int32_t)1000)));
+    if (smad_sv_max32(s->i_uA[k], ((int32_t)m->i_mA[k] * (int32_t)1000)) < least_uA) {
+        return smad_sv_bad(s, smad_sv_div32(s->i_uA[k], (int32_t)1000), smad_sv_div32(least_uA, (int32_t)1000));
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_no_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_no_current(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)s;
-    return (m->applied_mA[k] > (3 * lim->off_current_mA)) && (m->i_mA[k] <= lim->off_current_mA);
+    (void)lim;
+    return ((int16_t)m->applied_mA[k] > (3 * SMAD_SV_LIMIT_OFF_CURRENT_MA)) && (m->i_mA[k] <= SMAD_SV_LIMIT_OFF_CURRENT_MA);
 }
 
-static int64_t smad_sv_wire_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_wire_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    if ((smad_sv_no_current(s, m, lim, k)) && (m->v_mV[k] >= lim->wire_open_mV)) {
-        return smad_sv_bad(s, m->v_mV[k], lim->wire_open_mV);
+    if ((smad_sv_no_current(s, m, lim, k)) && (m->v_mV[k] >= (int32_t)SMAD_SV_LIMIT_WIRE_OPEN_MV)) {
+        return smad_sv_bad(s, m->v_mV[k], SMAD_SV_LIMIT_WIRE_OPEN_MV);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_driver_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_driver_open(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    if ((smad_sv_no_current(s, m, lim, k)) && (m->v_mV[k] < lim->wire_open_mV)) {
+    if ((smad_sv_no_current(s, m, lim, k)) && (m->v_mV[k] < (int32_t)SMAD_SV_LIMIT_WIRE_OPEN_MV)) {
         return smad_sv_bad(s, m->i_mA[k], m->applied_mA[k]);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_resistance_out_of_band(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_resistance_out_of_band(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t r_mohm;
+    int32_t v_milli;
+    int32_t i_uA;
     if (!(smad_sv_resistance_is_measurable(s, m, lim, k))) {
         return SMAD_SV_GOOD;
     }
-    r_mohm = smad_sv_div((s->v_uV[k] * 1000), s->i_uA[k]);
-    if (r_mohm > lim->resistance_max_mohm) {
-        return smad_sv_bad(s, r_mohm, lim->resistance_max_mohm);
+    v_milli = ((s->v_uV[k] >> (int32_t)6) * (int32_t)1000);
+    i_uA = (s->i_uA[k] >> (int32_t)6);
+    if (v_milli >= ((int32_t)(SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM + 1) * i_uA)) {
+        return smad_sv_bad(s, smad_sv_resistance_mohm(s, k), SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM);
     }
-    if (r_mohm < lim->resistance_min_mohm) {
-        return smad_sv_bad(s, r_mohm, lim->resistance_min_mohm);
+    if (v_milli < ((int32_t)SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM * i_uA)) {
+        return smad_sv_bad(s, smad_sv_resistance_mohm(s, k), SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_resistance_rtd_disagree(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t reference_mohm;
-    int64_t r_mohm;
-    int64_t change_permille;
-    int64_t change_cC;
-    int64_t allowed;
+    int32_t reference_mohm;
+    int32_t r_mohm;
+    int32_t change_mohm;
+    int16_t allowed;
+    int32_t change_cC;
+    int32_t change_permille;
     reference_mohm = s->reference_mohm[k];
-    if (reference_mohm == 0) {
+    if (reference_mohm == (int32_t)0) {
         return SMAD_SV_GOOD;
     }
     if (!(smad_sv_resistance_is_measurable(s, m, lim, k))) {
         return SMAD_SV_BETWEEN;
     }
-    r_mohm = smad_sv_div((s->v_uV[k] * 1000), s->i_uA[k]);
-    change_permille = smad_sv_div((smad_sv_abs((r_mohm - reference_mohm)) * 1000), reference_mohm);
-    change_cC = smad_sv_abs((s->t_cC[k] - s->reference_cC[k]));
-    allowed = (lim->resistance_tolerance_permille + smad_sv_div((lim->resistance_tempco_ppm_per_K * change_cC), 100000));
-    if (change_permille > allowed) {
+    r_mohm = smad_sv_resistance_mohm(s, k);
+    change_mohm = smad_sv_abs32((r_mohm - reference_mohm));
+    allowed = lim->resistance_tolerance_permille;
+    if ((change_mohm * (int32_t)1000) < ((int32_t)(allowed + 1) * reference_mohm)) {
+        return SMAD_SV_GOOD;
+    }
+    change_cC = smad_sv_abs32(((int32_t)s->t_cC[k] - (int32_t)s->reference_cC[k]));
+    allowed = (allowed + (int16_t)smad_sv_div32(((int32_t)SMAD_SV_LIMIT_RESISTANCE_TEMPCO_PPM_PER_K * change_cC), 100000));
+    change_permille = smad_sv_div32((change_mohm * (int32_t)1000), smad_sv_max32(reference_mohm, (int32_t)1));
+    if (change_permille > (int32_t)allowed) {
         return smad_sv_bad(s, change_permille, allowed);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_i2t(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t total_A2s;
     (void)m;
-    total_A2s = smad_sv_div(s->i2t_mA2us[k], INT64_C(1000000000000));
-    if ((10 * total_A2s) > (11 * lim->i2t_budget_A2s)) {
-        return smad_sv_bad(s, total_A2s, lim->i2t_budget_A2s);
+    if (s->i2t_mA2us[k] >= s->i2t_trip_mA2us) {
+        return smad_sv_bad(s, smad_sv_div64(s->i2t_mA2us[k], SMAD_SV_MA2US_PER_A2S), lim->i2t_budget_A2s);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_pump_stalled(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_pump_stalled(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t least_rpm;
-    if ((m->pump_rpm[k] == SMAD_SV_UNKNOWN) || (m->duty[k] < lim->pump_duty_least)) {
+    int16_t wet_rpm;
+    (void)lim;
+    if ((m->pump_rpm[k] == (int32_t)SMAD_SV_UNKNOWN) || ((int16_t)m->duty[k] < SMAD_SV_LIMIT_PUMP_DUTY_LEAST)) {
         return SMAD_SV_GOOD;
     }
-    least_rpm = smad_sv_div((smad_sv_div((lim->pump_rpm * m->duty[k]), SMAD_SV_DUTY_FULL) * lim->pump_stalled_permille), 1000);
-    if (m->pump_rpm[k] < least_rpm) {
-        return smad_sv_bad(s, m->pump_rpm[k], least_rpm);
+    wet_rpm = smad_sv_of_duty(SMAD_SV_LIMIT_PUMP_RPM, m->duty[k]);
+    if ((m->pump_rpm[k] * (int32_t)1000) < ((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE)) {
+        return smad_sv_bad(s, m->pump_rpm[k], smad_sv_div32(((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE), (int32_t)1000));
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_pump_dry(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_pump_dry(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t most_rpm;
-    if ((m->pump_rpm[k] == SMAD_SV_UNKNOWN) || (m->duty[k] < lim->pump_duty_least)) {
+    int16_t wet_rpm;
+    (void)lim;
+    if ((m->pump_rpm[k] == (int32_t)SMAD_SV_UNKNOWN) || ((int16_t)m->duty[k] < SMAD_SV_LIMIT_PUMP_DUTY_LEAST)) {
         return SMAD_SV_GOOD;
     }
-    most_rpm = smad_sv_div((smad_sv_div((lim->pump_rpm * m->duty[k]), SMAD_SV_DUTY_FULL) * lim->pump_dry_permille), 1000);
-    if (m->pump_rpm[k] > most_rpm) {
-        return smad_sv_bad(s, m->pump_rpm[k], most_rpm);
+    wet_rpm = smad_sv_of_duty(SMAD_SV_LIMIT_PUMP_RPM, m->duty[k]);
+    if ((m->pump_rpm[k] * (int32_t)1000) > ((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_DRY_PERMILLE)) {
+        return smad_sv_bad(s, m->pump_rpm[k], smad_sv_div32(((int32_t)wet_rpm * (int32_t)SMAD_SV_LIMIT_PUMP_DRY_PERMILLE), (int32_t)1000));
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_pump_stuck_on(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_pump_stuck_on(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    if ((m->duty[k] == 0) && (m->pump_rpm[k] > lim->pump_off_rpm)) {
-        return smad_sv_bad(s, m->pump_rpm[k], lim->pump_off_rpm);
+    (void)lim;
+    if (((int16_t)m->duty[k] == 0) && (m->pump_rpm[k] > (int32_t)SMAD_SV_LIMIT_PUMP_OFF_RPM)) {
+        return smad_sv_bad(s, m->pump_rpm[k], SMAD_SV_LIMIT_PUMP_OFF_RPM);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_no_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_no_cooling(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t excess_cC;
-    int64_t least_cC;
-    int64_t drop_cC;
+    int32_t excess_cC;
+    int16_t least_cC;
+    int32_t drop_cC;
     (void)m;
-    if (s->cool_us[k] < lim->cooling_us) {
+    (void)lim;
+    if ((int32_t)s->cool_us[k] < SMAD_SV_LIMIT_COOLING_US) {
         return SMAD_SV_GOOD;
     }
-    excess_cC = (s->cool_from_cC[k] - s->warmest_cC);
-    least_cC = smad_sv_div((excess_cC * lim->cooling_drop_permille), 1000);
-    drop_cC = (s->cool_from_cC[k] - s->t_cC[k]);
-    if ((excess_cC >= lim->cooling_excess_cC) && (drop_cC < least_cC)) {
+    excess_cC = ((int32_t)s->cool_from_cC[k] - (int32_t)s->warmest_cC);
+    least_cC = smad_sv_div32((excess_cC * (int32_t)SMAD_SV_LIMIT_COOLING_DROP_PERMILLE), (int32_t)1000);
+    drop_cC = ((int32_t)s->cool_from_cC[k] - (int32_t)s->t_cC[k]);
+    if ((excess_cC >= (int32_t)SMAD_SV_LIMIT_COOLING_EXCESS_CC) && (drop_cC < (int32_t)least_cC)) {
         return smad_sv_bad(s, drop_cC, least_cC);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_leak(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_leak(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)lim;
     (void)k;
@@ -1027,26 +1230,26 @@ static int64_t smad_sv_leak(struct smad_sv_memory *s, const struct smad_sv_measu
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_brown_out(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_brown_out(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)k;
-    if (m->vbus_mV < lim->brown_out_mV) {
+    if (m->vbus_mV < (int32_t)lim->brown_out_mV) {
         return smad_sv_bad(s, m->vbus_mV, lim->brown_out_mV);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_loop_overrun(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_loop_overrun(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)m;
     (void)k;
-    if (s->dt_us > lim->overrun_us) {
+    if ((int32_t)s->dt_us > (int32_t)lim->overrun_us) {
         return smad_sv_bad(s, s->dt_us, lim->overrun_us);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_param_crc(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_param_crc(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
     (void)lim;
     (void)k;
@@ -1056,39 +1259,39 @@ static int64_t smad_sv_param_crc(struct smad_sv_memory *s, const struct smad_sv_
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_armed_too_long(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t k)
+static uint8_t smad_sv_armed_too_long(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t armed_s;
+    int64_t armed_us;
     (void)m;
     (void)k;
-    armed_s = smad_sv_div((s->now_us - s->armed_at_us), 1000000);
-    if (armed_s > lim->on_time_limit_s) {
-        return smad_sv_bad(s, armed_s, lim->on_time_limit_s);
+    armed_us = (s->now_us - s->armed_at_us);
+    if (armed_us >= ((int64_t)((int16_t)lim->on_time_limit_s + 1) * (int64_t)1000000)) {
+        return smad_sv_bad(s, smad_sv_hold64(smad_sv_div64(armed_us, (int64_t)1000000), -2147483647 - 1, 2147483647), lim->on_time_limit_s);
     }
     return SMAD_SV_GOOD;
 }
 
-static int64_t smad_sv_fire(struct smad_sv_memory *s, int64_t trigger)
+static uint8_t smad_sv_fire(struct smad_sv_memory *s, uint8_t trigger)
 {
-    int64_t following;
-    following = TRANSITION[((s->state * SMAD_SV_TRIGGER_COUNT) + trigger)];
+    int16_t following;
+    following = TRANSITION[(((int16_t)s->state * SMAD_SV_TRIGGER_COUNT) + (int16_t)trigger)];
     if (following < 0) {
         return 0;
     }
-    s->state = following;
+    s->state = smad_sv_hold16(following, 0, 6);
     s->entered_us = s->now_us;
     s->cooling = 1;
     return 1;
 }
 
-static int64_t smad_sv_saturated(int64_t value)
+static int32_t smad_sv_saturated(int32_t value)
 {
-    return smad_sv_min(smad_sv_max(value, SMAD_SV_I32_LEAST), SMAD_SV_I32_MOST);
+    return smad_sv_min32(smad_sv_max32(value, SMAD_SV_I32_LEAST), SMAD_SV_I32_MOST);
 }
 
-static void smad_sv_latch(struct smad_sv_memory *s, int64_t fault, int64_t channel, int64_t trigger)
+static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t channel, uint8_t trigger)
 {
-    s->faults |= (INT64_C(1) << ((fault - 1)));
+    s->faults = ((int32_t)s->faults | ((int32_t)1 * ((int32_t)1 << ((int16_t)fault - 1))));
     if (!(s->latched)) {
         s->latched = 1;
         s->first_fault = fault;
@@ -1102,10 +1305,10 @@ static void smad_sv_latch(struct smad_sv_memory *s, int64_t fault, int64_t chann
 
 static void smad_sv_run_checks(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
 {
-    int64_t state;
-    int64_t line;
-    int64_t line_at;
-    int64_t verdict;
+    int16_t state;
+    int16_t line;
+    int16_t line_at;
+    int16_t verdict;
     state = s->state;
     for (line_at = ACTIVE_LINES_START[state]; line_at < ACTIVE_LINES_START[state + 1]; line_at++) {
         line = ACTIVE_LINES[line_at];
@@ -1113,13 +1316,13 @@ static void smad_sv_run_checks(struct smad_sv_memory *s, const struct smad_sv_me
         if (verdict == SMAD_SV_GOOD) {
             s->bad_samples[line] = 0;
         } else if (verdict == SMAD_SV_BAD) {
-            if (s->bad_samples[line] == 0) {
+            if ((int32_t)s->bad_samples[line] == (int32_t)0) {
                 s->bad_us[line] = 0;
             } else {
-                s->bad_us[line] += s->dt_us;
+                s->bad_us[line] = smad_sv_hold32(((int32_t)s->bad_us[line] + (int32_t)s->dt_us), 0, 1000000000);
             }
-            s->bad_samples[line] += 1;
-            if ((s->bad_samples[line] >= s->need_samples[line]) && (s->bad_us[line] >= s->need_us[line])) {
+            s->bad_samples[line] = smad_sv_hold32(((int32_t)s->bad_samples[line] + (int32_t)1), 0, 60000);
+            if (((int32_t)s->bad_samples[line] >= (int32_t)s->need_samples[line]) && ((int32_t)s->bad_us[line] >= (int32_t)s->need_us[line])) {
                 smad_sv_latch(s, CHECK_FAULT[line], CHECK_CHANNEL[line], SMAD_TRIGGER_FAULT_RAISED);
             }
         }
@@ -1128,80 +1331,80 @@ static void smad_sv_run_checks(struct smad_sv_memory *s, const struct smad_sv_me
 
 static void smad_sv_run_timers(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
 {
-    int64_t cold;
-    int64_t capped;
-    cold = (s->sensor_ok[0]) && (s->sensor_ok[1]) && (smad_sv_max(s->t_cC[0], s->t_cC[1]) < lim->cold_cC);
-    capped = (s->now_us - s->entered_us) >= lim->cool_cap_us;
-    if (s->state == SMAD_BOARD_STATE_ARMED) {
-        if ((s->now_us - s->setpoint_us) > s->setpoint_ttl_us) {
+    int16_t cold;
+    int16_t capped;
+    cold = (s->sensor_ok[0]) && (s->sensor_ok[1]) && (smad_sv_max16(s->t_cC[0], s->t_cC[1]) < (int16_t)lim->cold_cC);
+    capped = (s->now_us - s->entered_us) >= (int64_t)lim->cool_cap_us;
+    if ((int16_t)s->state == SMAD_BOARD_STATE_ARMED) {
+        if ((s->now_us - s->setpoint_us) > (int64_t)s->setpoint_ttl_us) {
             smad_sv_fire(s, SMAD_TRIGGER_SETPOINT_EXPIRED);
         }
-    } else if (s->state == SMAD_BOARD_STATE_HOLD) {
-        if ((s->now_us - s->entered_us) > lim->hold_us) {
-            s->value = (s->now_us - s->setpoint_us);
-            s->limit = (s->setpoint_ttl_us + lim->hold_us);
+    } else if ((int16_t)s->state == SMAD_BOARD_STATE_HOLD) {
+        if ((s->now_us - s->entered_us) > (int64_t)lim->hold_us) {
+            s->value = smad_sv_hold64((s->now_us - s->setpoint_us), -2147483647 - 1, 2147483647);
+            s->limit = ((int32_t)s->setpoint_ttl_us + (int32_t)lim->hold_us);
             smad_sv_latch(s, SMAD_FAULT_SETPOINT_LOST, SMAD_CHANNEL_BOARD, SMAD_TRIGGER_HOLD_EXPIRED);
         }
-    } else if (s->state == SMAD_BOARD_STATE_COOL) {
+    } else if ((int16_t)s->state == SMAD_BOARD_STATE_COOL) {
         if ((cold) || (capped)) {
             s->capped = !(cold);
             smad_sv_fire(s, SMAD_TRIGGER_COOLED);
         }
-    } else if ((s->state == SMAD_BOARD_STATE_FAULT) && ((cold) || (capped))) {
+    } else if (((int16_t)s->state == SMAD_BOARD_STATE_FAULT) && ((cold) || (capped))) {
         s->cooling = 0;
     }
 }
 
 static void smad_sv_set_warnings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
 {
-    int64_t warnings;
+    int16_t warnings;
     warnings = 0;
-    if ((s->stale_setpoints) && ((s->now_us - s->stale_at_us) < 1000000)) {
-        warnings |= (INT64_C(1) << (SMAD_WARNING_SETPOINT_STALE));
+    if ((s->stale_setpoints) && ((s->now_us - s->stale_at_us) < (int64_t)1000000)) {
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_SETPOINT_STALE)));
     }
-    if ((((s->jumps[0] + s->jumps[1]) + s->jumps[2]) + s->jumps[3])) {
-        warnings |= (INT64_C(1) << (SMAD_WARNING_RTD_JUMP));
+    if (((((int32_t)s->jumps[0] + (int32_t)s->jumps[1]) + (int32_t)s->jumps[2]) + (int32_t)s->jumps[3])) {
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_RTD_JUMP)));
     }
-    if (smad_sv_max(s->t_cC[0], s->t_cC[1]) > lim->fold_start_cC) {
-        warnings |= (INT64_C(1) << (SMAD_WARNING_NEAR_TEMPERATURE_LIMIT));
+    if (smad_sv_max16(s->t_cC[0], s->t_cC[1]) > (int16_t)lim->fold_start_cC) {
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_NEAR_TEMPERATURE_LIMIT)));
     }
-    if (smad_sv_max(s->i2t_mA2us[0], s->i2t_mA2us[1]) >= (lim->i2t_budget_A2s * INT64_C(800000000000))) {
-        warnings |= (INT64_C(1) << (SMAD_WARNING_NEAR_I2T_LIMIT));
+    if (smad_sv_max64(s->i2t_mA2us[0], s->i2t_mA2us[1]) >= s->i2t_near_mA2us) {
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_NEAR_I2T_LIMIT)));
     }
-    if (m->vbus_mV < (lim->brown_out_mV + 1000)) {
-        warnings |= (INT64_C(1) << (SMAD_WARNING_SUPPLY_LOW));
+    if (m->vbus_mV < (int32_t)((int16_t)lim->brown_out_mV + 1000)) {
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_SUPPLY_LOW)));
     }
-    if ((2 * s->dt_us) > lim->overrun_us) {
-        warnings |= (INT64_C(1) << (SMAD_WARNING_LOOP_LATE));
+    if (((int32_t)2 * (int32_t)s->dt_us) > (int32_t)lim->overrun_us) {
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_LOOP_LATE)));
     }
-    if ((s->capped) && (s->state == SMAD_BOARD_STATE_SAFE)) {
-        warnings |= (INT64_C(1) << (SMAD_WARNING_COOL_CAP));
+    if ((s->capped) && ((int16_t)s->state == SMAD_BOARD_STATE_SAFE)) {
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_COOL_CAP)));
     }
     if (!((s->sensor_ok[0]) && (s->sensor_ok[1]))) {
-        warnings |= (INT64_C(1) << (SMAD_WARNING_SENSOR_INVALID));
+        warnings = (warnings | (1 * ((int16_t)1 << SMAD_WARNING_SENSOR_INVALID)));
     }
     s->warnings = warnings;
 }
 
-static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_limits *lim, int64_t k)
+static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int64_t ceiling_mA;
-    int64_t limiter;
-    int64_t t_cC;
-    int64_t span_cC;
-    int64_t left_cC;
-    int64_t folded_mA;
+    int32_t ceiling_mA;
+    int16_t limiter;
+    int16_t t_cC;
+    int16_t span_cC;
+    int32_t left_cC;
+    int32_t folded_mA;
     ceiling_mA = lim->current_limit_mA;
     limiter = SMAD_LIMITER_MAXIMUM;
-    if ((s->i2t_mA2us[k] >= (lim->i2t_budget_A2s * INT64_C(1000000000000))) && (ceiling_mA > lim->i2t_rated_mA)) {
+    if ((s->i2t_mA2us[k] >= s->i2t_budget_mA2us) && ((int16_t)ceiling_mA > (int16_t)lim->i2t_rated_mA)) {
         ceiling_mA = lim->i2t_rated_mA;
         limiter = SMAD_LIMITER_I2T;
     }
-    t_cC = smad_sv_max(s->t_cC[k], smad_sv_div(s->low_uK[k], SMAD_SV_UK_PER_CC));
-    if (t_cC > lim->fold_start_cC) {
-        span_cC = smad_sv_max((lim->fold_end_cC - lim->fold_start_cC), 1);
-        left_cC = smad_sv_max((lim->fold_end_cC - t_cC), 0);
-        folded_mA = smad_sv_div((lim->current_limit_mA * left_cC), span_cC);
+    t_cC = smad_sv_max16(s->t_cC[k], (int16_t)(s->low_fcC[k] >> 16));
+    if (t_cC > (int16_t)lim->fold_start_cC) {
+        span_cC = smad_sv_max16(((int16_t)lim->fold_end_cC - (int16_t)lim->fold_start_cC), 1);
+        left_cC = smad_sv_max32(((int32_t)lim->fold_end_cC - (int32_t)t_cC), (int32_t)0);
+        folded_mA = smad_sv_div32(((int32_t)lim->current_limit_mA * left_cC), (int32_t)span_cC);
         if (folded_mA < ceiling_mA) {
             ceiling_mA = folded_mA;
             limiter = SMAD_LIMITER_TEMPERATURE;
@@ -1211,28 +1414,28 @@ static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_
         ceiling_mA = 0;
         limiter = SMAD_LIMITER_GATE;
     }
-    s->ceiling_mA[k] = ceiling_mA;
+    s->ceiling_mA[k] = smad_sv_hold32(ceiling_mA, 0, 4000);
     s->ceiling_limiter[k] = limiter;
 }
 
-static void smad_sv_regulate(struct smad_sv_memory *s, int64_t k)
+static void smad_sv_regulate(struct smad_sv_memory *s, uint8_t k)
 {
-    int64_t wanted_mA;
-    int64_t limiter;
-    int64_t policy;
+    int32_t wanted_mA;
+    int16_t limiter;
+    int16_t policy;
     wanted_mA = s->setpoint_mA[k];
     limiter = SMAD_LIMITER_NONE;
-    if (wanted_mA > s->ceiling_mA[k]) {
+    if (wanted_mA > (int32_t)s->ceiling_mA[k]) {
         wanted_mA = s->ceiling_mA[k];
         limiter = s->ceiling_limiter[k];
     }
-    if (wanted_mA > (s->slew_from_mA[k] + s->slew_step_mA)) {
-        wanted_mA = (s->slew_from_mA[k] + s->slew_step_mA);
+    if (wanted_mA > ((int32_t)s->slew_from_mA[k] + (int32_t)s->slew_step_mA)) {
+        wanted_mA = ((int32_t)s->slew_from_mA[k] + (int32_t)s->slew_step_mA);
         if (limiter == SMAD_LIMITER_NONE) {
             limiter = SMAD_LIMITER_SLEW;
         }
     }
-    s->applied_mA[k] = wanted_mA;
+    s->applied_mA[k] = smad_sv_hold32(wanted_mA, 0, 4000);
     s->limiter[k] = limiter;
     policy = PUMP_POLICY[s->state];
     if (policy == SMAD_PUMP_POLICY_SETPOINT) {
@@ -1240,7 +1443,7 @@ static void smad_sv_regulate(struct smad_sv_memory *s, int64_t k)
     } else if (policy == SMAD_PUMP_POLICY_COOL) {
         s->duty[k] = SMAD_SV_DUTY_FULL;
     } else if (policy == SMAD_PUMP_POLICY_BY_FAULT) {
-        s->duty[k] = (SMAD_SV_DUTY_FULL * (s->cooling & FAULT_PUMPS[s->first_fault]));
+        s->duty[k] = (SMAD_SV_DUTY_FULL * ((int16_t)s->cooling & (int16_t)FAULT_PUMPS[s->first_fault]));
     } else {
         s->duty[k] = 0;
     }
@@ -1248,7 +1451,7 @@ static void smad_sv_regulate(struct smad_sv_memory *s, int64_t k)
 
 static void smad_sv_decide(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
 {
-    int64_t k;
+    int16_t k;
     s->gate = GATE[s->state];
     for (k = 0; k < 2; k++) {
         smad_sv_find_ceiling(s, lim, k);
@@ -1258,11 +1461,12 @@ static void smad_sv_decide(struct smad_sv_memory *s, const struct smad_sv_limits
 
 void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t now_us)
 {
-    int64_t k;
+    int16_t k;
     if (s->started) {
-        s->dt_us = smad_sv_min(smad_sv_max((now_us - s->now_us), 0), SMAD_SV_DT_MOST_US);
+        s->dt_us = smad_sv_min64(smad_sv_max64((now_us - s->now_us), (int64_t)0), (int64_t)SMAD_SV_DT_MOST_US);
     }
     s->now_us = now_us;
+    smad_sv_set_pace(s, lim);
     smad_sv_observe_surroundings(s, m, lim);
     if (!(s->started)) {
         smad_sv_forget_jumps(s, m);
@@ -1275,7 +1479,6 @@ void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements 
         }
         s->slew_from_mA[k] = s->applied_mA[k];
     }
-    s->slew_step_mA = smad_sv_div((lim->current_slew_mA_per_ms * s->dt_us), 1000);
     s->started = 1;
     smad_sv_run_timers(s, lim);
     smad_sv_run_checks(s, m, lim);
@@ -1283,7 +1486,7 @@ void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements 
     smad_sv_decide(s, lim);
 }
 
-int64_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c)
+uint8_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c)
 {
     if (c->passed) {
         smad_sv_fire(s, SMAD_TRIGGER_SELF_TEST_PASSED);
@@ -1296,7 +1499,7 @@ int64_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limi
     return 0;
 }
 
-static int64_t smad_sv_refuse(struct smad_sv_memory *s, int64_t code, int64_t channel, int64_t value, int64_t limit)
+static uint8_t smad_sv_refuse(struct smad_sv_memory *s, uint8_t code, uint8_t channel, int32_t value, int32_t limit)
 {
     s->channel = channel;
     s->value = smad_sv_saturated(value);
@@ -1304,32 +1507,32 @@ static int64_t smad_sv_refuse(struct smad_sv_memory *s, int64_t code, int64_t ch
     return code;
 }
 
-static int64_t smad_sv_arming_obstacle(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t link)
+static uint8_t smad_sv_arming_obstacle(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t link)
 {
-    int64_t j;
-    int64_t k;
-    int64_t i_mA;
-    if (s->state == SMAD_BOARD_STATE_FAULT) {
+    int16_t j;
+    int16_t k;
+    int16_t i_mA;
+    if ((int16_t)s->state == SMAD_BOARD_STATE_FAULT) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_FAULT_PRESENT, s->first_channel, s->first_fault, 0);
     }
-    if (s->state != SMAD_BOARD_STATE_SAFE) {
+    if ((int16_t)s->state != SMAD_BOARD_STATE_SAFE) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_WRONG_STATE, SMAD_CHANNEL_BOARD, s->state, SMAD_BOARD_STATE_SAFE);
     }
-    if (!((link & SMAD_SV_LINK_SESSION))) {
+    if (!(((int16_t)link & SMAD_SV_LINK_SESSION))) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_NO_SESSION, SMAD_CHANNEL_BOARD, 0, 0);
     }
-    if (!((link & SMAD_SV_LINK_SCHEMA))) {
+    if (!(((int16_t)link & SMAD_SV_LINK_SCHEMA))) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_SCHEMA_DIFFERS, SMAD_CHANNEL_BOARD, 0, 0);
     }
-    if (!((link & SMAD_SV_LINK_PARAMETERS))) {
+    if (!(((int16_t)link & SMAD_SV_LINK_PARAMETERS))) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_PARAMETERS_DIFFER, SMAD_CHANNEL_BOARD, 0, 0);
     }
-    if (!((link & SMAD_SV_LINK_CLOCK))) {
+    if (!(((int16_t)link & SMAD_SV_LINK_CLOCK))) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_CLOCK_UNLOCKED, SMAD_CHANNEL_BOARD, 0, 0);
     }
     for (j = 0; j < 4; j++) {
-        if ((m->rtd_cC[j] <= lim->rail_low_cC) || (m->rtd_cC[j] >= lim->rail_high_cC)) {
-            return smad_sv_refuse(s, SMAD_ERROR_CODE_SENSOR_INVALID, j, m->rtd_cC[j], lim->rail_high_cC);
+        if ((m->rtd_cC[j] <= SMAD_SV_LIMIT_RAIL_LOW_CC) || (m->rtd_cC[j] >= SMAD_SV_LIMIT_RAIL_HIGH_CC)) {
+            return smad_sv_refuse(s, SMAD_ERROR_CODE_SENSOR_INVALID, j, m->rtd_cC[j], SMAD_SV_LIMIT_RAIL_HIGH_CC);
         }
     }
     if (m->encoder_invalid) {
@@ -1339,23 +1542,23 @@ static int64_t smad_sv_arming_obstacle(struct smad_sv_memory *s, const struct sm
         return smad_sv_refuse(s, SMAD_ERROR_CODE_SENSOR_INVALID, SMAD_CHANNEL_FORCE, m->force_invalid, 0);
     }
     for (k = 0; k < 2; k++) {
-        if (m->rtd_cC[k] >= lim->cold_cC) {
+        if (m->rtd_cC[k] >= (int16_t)lim->cold_cC) {
             return smad_sv_refuse(s, SMAD_ERROR_CODE_TOO_HOT, k, m->rtd_cC[k], lim->cold_cC);
         }
-        i_mA = smad_sv_min(m->i_mA[k], smad_sv_div(s->i_uA[k], 1000));
-        if (i_mA > lim->off_current_mA) {
-            return smad_sv_refuse(s, SMAD_ERROR_CODE_CURRENT_FLOWING, k, i_mA, lim->off_current_mA);
+        i_mA = smad_sv_min32((int32_t)m->i_mA[k], smad_sv_div32(s->i_uA[k], (int32_t)1000));
+        if (i_mA > SMAD_SV_LIMIT_OFF_CURRENT_MA) {
+            return smad_sv_refuse(s, SMAD_ERROR_CODE_CURRENT_FLOWING, k, i_mA, SMAD_SV_LIMIT_OFF_CURRENT_MA);
         }
     }
-    if (m->vbus_mV < lim->brown_out_mV) {
+    if (m->vbus_mV < (int32_t)lim->brown_out_mV) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_SUPPLY_LOW, SMAD_CHANNEL_BOARD, m->vbus_mV, lim->brown_out_mV);
     }
     return 0;
 }
 
-int64_t smad_sv_on_arm_request(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us)
+uint8_t smad_sv_on_arm_request(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us)
 {
-    int64_t code;
+    int16_t code;
     s->token_valid = 0;
     code = smad_sv_arming_obstacle(s, m, lim, c->link);
     if (code == 0) {
@@ -1366,10 +1569,10 @@ int64_t smad_sv_on_arm_request(struct smad_sv_memory *s, const struct smad_sv_me
     return code;
 }
 
-int64_t smad_sv_on_arm_confirm(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us)
+uint8_t smad_sv_on_arm_confirm(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us)
 {
-    int64_t usable;
-    int64_t code;
+    int16_t usable;
+    int16_t code;
     usable = s->token_valid;
     s->token_valid = 0;
     code = smad_sv_arming_obstacle(s, m, lim, c->link);
@@ -1377,10 +1580,10 @@ int64_t smad_sv_on_arm_confirm(struct smad_sv_memory *s, const struct smad_sv_me
         return code;
     }
     if ((!(usable)) || (c->token != s->token)) {
-        return smad_sv_refuse(s, SMAD_ERROR_CODE_TOKEN_WRONG, SMAD_CHANNEL_BOARD, c->token, 0);
+        return smad_sv_refuse(s, SMAD_ERROR_CODE_TOKEN_WRONG, SMAD_CHANNEL_BOARD, smad_sv_hold64(c->token, -2147483647 - 1, 2147483647), 0);
     }
-    if ((now_us - s->token_us) > lim->token_us) {
-        return smad_sv_refuse(s, SMAD_ERROR_CODE_TOKEN_EXPIRED, SMAD_CHANNEL_BOARD, (now_us - s->token_us), lim->token_us);
+    if ((now_us - s->token_us) > (int64_t)lim->token_us) {
+        return smad_sv_refuse(s, SMAD_ERROR_CODE_TOKEN_EXPIRED, SMAD_CHANNEL_BOARD, smad_sv_hold64((now_us - s->token_us), -2147483647 - 1, 2147483647), lim->token_us);
     }
     smad_sv_fire(s, SMAD_TRIGGER_ARM_CONFIRMED);
     smad_sv_begin_run(s, m, lim, now_us);
@@ -1390,10 +1593,10 @@ int64_t smad_sv_on_arm_confirm(struct smad_sv_memory *s, const struct smad_sv_me
 
 static void smad_sv_begin_run(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t now_us)
 {
-    int64_t k;
+    int16_t k;
     s->armed_at_us = now_us;
     s->setpoint_us = now_us;
-    s->setpoint_ttl_us = (lim->setpoint_ttl_ms * 1000);
+    s->setpoint_ttl_us = ((int32_t)lim->setpoint_ttl_ms * (int32_t)1000);
     s->capped = 0;
     smad_sv_forget_jumps(s, m);
     for (k = 0; k < 2; k++) {
@@ -1406,41 +1609,41 @@ static void smad_sv_begin_run(struct smad_sv_memory *s, const struct smad_sv_mea
 
 static void smad_sv_forget_bad(struct smad_sv_memory *s)
 {
-    int64_t line;
-    for (line = 0; line < s->lines; line++) {
+    int16_t line;
+    for (line = 0; line < (int16_t)s->lines; line++) {
         s->bad_samples[line] = 0;
     }
 }
 
-int64_t smad_sv_on_setpoint(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us)
+uint8_t smad_sv_on_setpoint(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us)
 {
-    int64_t k;
-    if ((c->age_us < 0) || (c->age_us > lim->setpoint_age_us)) {
-        s->stale_setpoints += 1;
+    int16_t k;
+    if ((c->age_us < (int32_t)0) || (c->age_us > (int32_t)lim->setpoint_age_us)) {
+        s->stale_setpoints = smad_sv_hold32(((int32_t)s->stale_setpoints + (int32_t)1), 0, 1000000000);
         s->stale_at_us = now_us;
         return smad_sv_refuse(s, SMAD_ERROR_CODE_SETPOINT_STALE, SMAD_CHANNEL_BOARD, c->age_us, lim->setpoint_age_us);
     }
     if (!(GATE[s->state])) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_WRONG_STATE, SMAD_CHANNEL_BOARD, s->state, SMAD_BOARD_STATE_ARMED);
     }
-    if (c->stage_um < 0) {
+    if (c->stage_um < (int32_t)0) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_OUT_OF_RANGE, SMAD_CHANNEL_BOARD, c->stage_um, 0);
     }
-    if (c->stage_um > lim->stage_travel_um) {
-        return smad_sv_refuse(s, SMAD_ERROR_CODE_OUT_OF_RANGE, SMAD_CHANNEL_BOARD, c->stage_um, lim->stage_travel_um);
+    if (c->stage_um > SMAD_SV_LIMIT_STAGE_TRAVEL_UM) {
+        return smad_sv_refuse(s, SMAD_ERROR_CODE_OUT_OF_RANGE, SMAD_CHANNEL_BOARD, c->stage_um, SMAD_SV_LIMIT_STAGE_TRAVEL_UM);
     }
     for (k = 0; k < 2; k++) {
         s->setpoint_mA[k] = c->i_mA[k];
         s->setpoint_duty[k] = c->duty[k];
     }
     s->setpoint_us = now_us;
-    s->setpoint_ttl_us = smad_sv_min(c->ttl_us, (lim->setpoint_ttl_ms * 1000));
+    s->setpoint_ttl_us = smad_sv_min32((int32_t)c->ttl_us, ((int32_t)lim->setpoint_ttl_ms * (int32_t)1000));
     smad_sv_fire(s, SMAD_TRIGGER_SETPOINT_FRESH);
     smad_sv_decide(s, lim);
     return 0;
 }
 
-int64_t smad_sv_on_disarm(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
+uint8_t smad_sv_on_disarm(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
 {
     s->token_valid = 0;
     smad_sv_fire(s, SMAD_TRIGGER_DISARM);
@@ -1448,10 +1651,10 @@ int64_t smad_sv_on_disarm(struct smad_sv_memory *s, const struct smad_sv_limits 
     return 0;
 }
 
-int64_t smad_sv_on_estop(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
+uint8_t smad_sv_on_estop(struct smad_sv_memory *s, const struct smad_sv_limits *lim)
 {
     s->token_valid = 0;
-    if (s->state != SMAD_BOARD_STATE_ESTOP) {
+    if ((int16_t)s->state != SMAD_BOARD_STATE_ESTOP) {
         s->value = 0;
         s->limit = 0;
         smad_sv_latch(s, SMAD_FAULT_ESTOP_PRESSED, SMAD_CHANNEL_BOARD, SMAD_TRIGGER_ESTOP);
@@ -1460,25 +1663,25 @@ int64_t smad_sv_on_estop(struct smad_sv_memory *s, const struct smad_sv_limits *
     return 0;
 }
 
-int64_t smad_sv_on_clear_fault(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c)
+uint8_t smad_sv_on_clear_fault(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c)
 {
-    int64_t line;
-    int64_t line_at;
-    int64_t k;
-    if (s->state != SMAD_BOARD_STATE_FAULT) {
+    int16_t line;
+    int16_t line_at;
+    int16_t k;
+    if ((int16_t)s->state != SMAD_BOARD_STATE_FAULT) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_WRONG_STATE, SMAD_CHANNEL_BOARD, s->state, SMAD_BOARD_STATE_FAULT);
     }
-    if (c->fault != s->first_fault) {
+    if ((int16_t)c->fault != (int16_t)s->first_fault) {
         return smad_sv_refuse(s, SMAD_ERROR_CODE_WRONG_FAULT, s->first_channel, c->fault, s->first_fault);
     }
     for (line_at = ACTIVE_LINES_START[s->state]; line_at < ACTIVE_LINES_START[s->state + 1]; line_at++) {
         line = ACTIVE_LINES[line_at];
-        if (s->bad_samples[line] > 0) {
+        if ((int32_t)s->bad_samples[line] > (int32_t)0) {
             return smad_sv_refuse(s, SMAD_ERROR_CODE_CAUSE_REMAINS, CHECK_CHANNEL[line], CHECK_FAULT[line], 0);
         }
     }
     for (k = 0; k < 2; k++) {
-        if (s->t_cC[k] >= lim->cold_cC) {
+        if (s->t_cC[k] >= (int16_t)lim->cold_cC) {
             return smad_sv_refuse(s, SMAD_ERROR_CODE_TOO_HOT, k, s->t_cC[k], lim->cold_cC);
         }
     }

@@ -12,6 +12,13 @@
 
 #define SMAD_SV_LINES 63
 
+/* Tables that stay in flash where RAM has an address space of its own. */
+#ifdef __AVR__
+#define SMAD_SV_FLASH __flash
+#else
+#define SMAD_SV_FLASH
+#endif
+
 enum smad_sv_trigger {
     SMAD_TRIGGER_SELF_TEST_PASSED = 0,
     SMAD_TRIGGER_ARM_CONFIRMED = 1,
@@ -32,195 +39,212 @@ enum smad_sv_pumppolicy {
     SMAD_PUMP_POLICY_BY_FAULT = 3
 };
 
+/* Limits that no parameter changes. */
+#define SMAD_SV_LIMIT_STAGE_TRAVEL_UM 200000 /* um */
+#define SMAD_SV_LIMIT_TEMPERATURE_HYSTERESIS_CC 500 /* cC */
+#define SMAD_SV_LIMIT_RAIL_HIGH_CC 20000 /* cC */
+#define SMAD_SV_LIMIT_RAIL_LOW_CC (-4000) /* cC */
+#define SMAD_SV_LIMIT_JUMP_DECAY_US 2000000 /* us */
+#define SMAD_SV_LIMIT_STUCK_MODEL_CC 300 /* cC */
+#define SMAD_SV_LIMIT_UNHEATED_RISE_CC 200 /* cC */
+#define SMAD_SV_LIMIT_SWAPPED_RISE_CC 400 /* cC */
+#define SMAD_SV_LIMIT_SENSOR_OFFSET_CC 200 /* cC */
+#define SMAD_SV_LIMIT_LOSS_STATIC_MW_PER_K 120 /* mW/K */
+#define SMAD_SV_LIMIT_LOSS_FLOW_MW_PER_K 900 /* mW/K */
+#define SMAD_SV_LIMIT_OFF_CURRENT_MA 100 /* mA */
+#define SMAD_SV_LIMIT_OFF_LAG_US 3000000 /* us */
+#define SMAD_SV_LIMIT_OFF_DRIFT_CC_PER_S 30 /* cC/s */
+#define SMAD_SV_LIMIT_ENVELOPE_LIGHT_MJ_PER_K 200 /* mJ/K */
+#define SMAD_SV_LIMIT_ENVELOPE_HEAVY_MJ_PER_K 7000 /* mJ/K */
+#define SMAD_SV_LIMIT_ENVELOPE_LOSS_LEAST_MW_PER_K 1 /* mW/K */
+#define SMAD_SV_LIMIT_ENVELOPE_LAG_US 2000000 /* us */
+#define SMAD_SV_LIMIT_ENVELOPE_SPAN_CC 2000 /* cC */
+#define SMAD_SV_LIMIT_CURRENT_FILTER_US 40000 /* us */
+#define SMAD_SV_LIMIT_CURRENT_BAND_US 200000 /* us */
+#define SMAD_SV_LIMIT_CURRENT_ERROR_MA 100 /* mA */
+#define SMAD_SV_LIMIT_OVER_CURRENT_MA 4800 /* mA */
+#define SMAD_SV_LIMIT_UNCOMMANDED_US 20000 /* us */
+#define SMAD_SV_LIMIT_RESISTANCE_CURRENT_MA 500 /* mA */
+#define SMAD_SV_LIMIT_RESISTANCE_MIN_MOHM 180 /* mohm */
+#define SMAD_SV_LIMIT_RESISTANCE_MAX_MOHM 1800 /* mohm */
+#define SMAD_SV_LIMIT_RESISTANCE_US 100000 /* us */
+#define SMAD_SV_LIMIT_RESISTANCE_TEMPCO_PPM_PER_K 12000 /* ppm/K */
+#define SMAD_SV_LIMIT_DISAGREE_US 2000000 /* us */
+#define SMAD_SV_LIMIT_WIRE_OPEN_MV 6000 /* mV */
+#define SMAD_SV_LIMIT_PUMP_RPM 6000 /* rpm */
+#define SMAD_SV_LIMIT_PUMP_STALLED_PERMILLE 300 /* permille */
+#define SMAD_SV_LIMIT_PUMP_STALLED_US 1000000 /* us */
+#define SMAD_SV_LIMIT_PUMP_DRY_PERMILLE 1400 /* permille */
+#define SMAD_SV_LIMIT_PUMP_DRY_US 2000000 /* us */
+#define SMAD_SV_LIMIT_PUMP_DUTY_LEAST 64 /* 1/255 */
+#define SMAD_SV_LIMIT_PUMP_OFF_RPM 600 /* rpm */
+#define SMAD_SV_LIMIT_PUMP_OFF_US 1000000 /* us */
+#define SMAD_SV_LIMIT_COOLING_US 12000000 /* us */
+#define SMAD_SV_LIMIT_COOLING_EXCESS_CC 1200 /* cC */
+#define SMAD_SV_LIMIT_COOLING_DROP_PERMILLE 150 /* permille */
+#define SMAD_SV_LIMIT_LEAK_US 50000 /* us */
+#define SMAD_SV_LIMIT_DEBOUNCE_SAMPLES 3 /* samples */
+#define SMAD_SV_LIMIT_DOUBLE_SAMPLES 2 /* samples */
+#define SMAD_SV_LIMIT_AT_ONCE_SAMPLES 1 /* samples */
+
 struct smad_sv_limits {
-    int64_t current_limit_mA; /* mA */
-    int64_t current_slew_mA_per_ms; /* mA/ms */
-    int64_t fold_start_cC; /* cC */
-    int64_t fold_end_cC; /* cC */
-    int64_t i2t_rated_mA; /* mA */
-    int64_t i2t_budget_A2s; /* A2s */
-    int64_t stage_travel_um; /* um */
-    int64_t temperature_limit_cC; /* cC */
-    int64_t temperature_hysteresis_cC; /* cC */
-    int64_t cold_cC; /* cC */
-    int64_t rail_high_cC; /* cC */
-    int64_t rail_low_cC; /* cC */
-    int64_t below_surroundings_cC; /* cC */
-    int64_t jump_cC; /* cC */
-    int64_t jump_decay_us; /* us */
-    int64_t jumps; /* jumps */
-    int64_t stuck_us; /* us */
-    int64_t stuck_model_cC; /* cC */
-    int64_t unheated_energy_mJ; /* mJ */
-    int64_t unheated_rise_cC; /* cC */
-    int64_t swapped_rise_cC; /* cC */
-    int64_t sensor_offset_cC; /* cC */
-    int64_t loss_static_mW_per_K; /* mW/K */
-    int64_t loss_flow_mW_per_K; /* mW/K */
-    int64_t off_current_mA; /* mA */
-    int64_t off_lag_us; /* us */
-    int64_t off_drift_cC_per_s; /* cC/s */
-    int64_t off_rise_cC; /* cC */
-    int64_t residual_cC; /* cC */
-    int64_t residual_us; /* us */
-    int64_t envelope_light_mJ_per_K; /* mJ/K */
-    int64_t envelope_heavy_mJ_per_K; /* mJ/K */
-    int64_t envelope_loss_least_mW_per_K; /* mW/K */
-    int64_t envelope_lag_us; /* us */
-    int64_t envelope_span_cC; /* cC */
-    int64_t current_filter_us; /* us */
-    int64_t current_band_us; /* us */
-    int64_t current_error_mA; /* mA */
-    int64_t current_error_permille; /* permille */
-    int64_t current_error_us; /* us */
-    int64_t over_current_mA; /* mA */
-    int64_t uncommanded_us; /* us */
-    int64_t resistance_current_mA; /* mA */
-    int64_t resistance_min_mohm; /* mohm */
-    int64_t resistance_max_mohm; /* mohm */
-    int64_t resistance_us; /* us */
-    int64_t resistance_tempco_ppm_per_K; /* ppm/K */
-    int64_t resistance_tolerance_permille; /* permille */
-    int64_t disagree_us; /* us */
-    int64_t wire_open_mV; /* mV */
-    int64_t setpoint_age_us; /* us */
-    int64_t setpoint_ttl_ms; /* ms */
-    int64_t hold_us; /* us */
-    int64_t token_us; /* us */
-    int64_t cool_cap_us; /* us */
-    int64_t on_time_limit_s; /* s */
-    int64_t overrun_us; /* us */
-    int64_t brown_out_mV; /* mV */
-    int64_t pump_rpm; /* rpm */
-    int64_t pump_stalled_permille; /* permille */
-    int64_t pump_stalled_us; /* us */
-    int64_t pump_dry_permille; /* permille */
-    int64_t pump_dry_us; /* us */
-    int64_t pump_duty_least; /* 1/255 */
-    int64_t pump_off_rpm; /* rpm */
-    int64_t pump_off_us; /* us */
-    int64_t cooling_us; /* us */
-    int64_t cooling_excess_cC; /* cC */
-    int64_t cooling_drop_permille; /* permille */
-    int64_t leak_us; /* us */
-    int64_t debounce_samples; /* samples */
-    int64_t double_samples; /* samples */
-    int64_t at_once_samples; /* samples */
+    uint32_t stuck_us;
+    uint32_t residual_us;
+    uint32_t hold_us;
+    uint32_t token_us;
+    uint32_t cool_cap_us;
+    uint16_t current_limit_mA;
+    uint16_t current_slew_mA_per_ms;
+    uint16_t fold_start_cC;
+    uint16_t fold_end_cC;
+    uint16_t i2t_rated_mA;
+    uint16_t i2t_budget_A2s;
+    uint16_t temperature_limit_cC;
+    uint16_t cold_cC;
+    uint16_t below_surroundings_cC;
+    uint16_t jump_cC;
+    uint16_t unheated_energy_mJ;
+    uint16_t off_rise_cC;
+    uint16_t residual_cC;
+    uint16_t current_error_us;
+    uint16_t setpoint_age_us;
+    uint16_t on_time_limit_s;
+    uint16_t overrun_us;
+    uint16_t brown_out_mV;
+    uint8_t jumps;
+    uint8_t current_error_permille;
+    uint8_t resistance_tolerance_permille;
+    uint8_t setpoint_ttl_ms;
 };
 
 struct smad_sv_measurements {
-    int64_t i_mA[2];
-    int64_t applied_mA[2];
-    int64_t v_mV[2];
-    int64_t rtd_cC[4];
-    int64_t duty[2];
-    int64_t pump_rpm[2];
-    int64_t vbus_mV;
-    int64_t leak;
-    int64_t parameters_ok;
-    int64_t encoder_invalid;
-    int64_t force_invalid;
+    int32_t v_mV[2];
+    int32_t pump_rpm[2];
+    int32_t vbus_mV;
+    int16_t i_mA[2];
+    int16_t rtd_cC[4];
+    uint16_t applied_mA[2];
+    uint8_t duty[2];
+    uint8_t leak;
+    uint8_t parameters_ok;
+    uint8_t encoder_invalid;
+    uint8_t force_invalid;
 };
 
 struct smad_sv_command {
-    int64_t passed;
-    int64_t link;
     int64_t token;
-    int64_t fault;
-    int64_t i_mA[2];
-    int64_t duty[2];
-    int64_t age_us;
-    int64_t ttl_us;
-    int64_t stage_um;
+    int32_t age_us;
+    int32_t stage_um;
+    uint32_t ttl_us;
+    uint16_t i_mA[2];
+    uint8_t passed;
+    uint8_t link;
+    uint8_t fault;
+    uint8_t duty[2];
 };
 
 struct smad_sv_memory {
-    int64_t lines;
     int64_t now_us;
-    int64_t dt_us;
-    int64_t started;
-    int64_t state;
+    int64_t heat_limit_nJ;
+    int64_t i2t_near_mA2us;
+    int64_t i2t_budget_mA2us;
+    int64_t i2t_trip_mA2us;
     int64_t entered_us;
     int64_t armed_at_us;
-    int64_t gate;
-    int64_t ceiling_mA[2];
-    int64_t ceiling_limiter[2];
-    int64_t applied_mA[2];
-    int64_t duty[2];
-    int64_t limiter[2];
-    int64_t warnings;
-    int64_t slew_from_mA[2];
-    int64_t slew_step_mA;
-    int64_t cooling;
-    int64_t capped;
-    int64_t setpoint_mA[2];
-    int64_t setpoint_duty[2];
     int64_t setpoint_us;
-    int64_t setpoint_ttl_us;
-    int64_t stale_setpoints;
     int64_t stale_at_us;
     int64_t token;
     int64_t token_us;
-    int64_t token_valid;
-    int64_t faults;
-    int64_t latched;
-    int64_t first_fault;
-    int64_t first_channel;
-    int64_t first_value;
-    int64_t first_limit;
     int64_t first_us;
-    int64_t value;
-    int64_t limit;
-    int64_t channel;
-    int64_t coldest_cC;
-    int64_t warmest_cC;
-    int64_t sensor_ok[2];
-    int64_t t_cC[2];
-    int64_t power_mW[2];
-    int64_t i_uA[2];
-    int64_t v_uV[2];
-    int64_t band_low_uA[2];
-    int64_t band_high_uA[2];
-    int64_t anchor_cC[2];
-    int64_t anchor_peak_cC[2];
-    int64_t anchor_other_cC[2];
     int64_t anchor_net_nJ[2];
     int64_t anchor_other_nJ[2];
-    int64_t stuck_cC[2];
-    int64_t stuck_us[2];
-    int64_t stuck_low_uK[2];
-    int64_t off_us[2];
-    int64_t off_uK[2];
-    int64_t low_uK[2];
-    int64_t low_seen_uK[2];
-    int64_t high_uK[2];
     int64_t i2t_mA2us[2];
-    int64_t cool_us[2];
-    int64_t cool_from_cC[2];
-    int64_t reference_mohm[2];
-    int64_t reference_cC[2];
-    int64_t last_cC[4];
-    int64_t jumps[4];
-    int64_t jump_us[4];
-    int64_t jump_cC[4];
-    int64_t bad_samples[63];
-    int64_t bad_us[63];
-    int64_t need_samples[63];
-    int64_t need_us[63];
+    int32_t paced_us;
+    int32_t heavy_share;
+    int32_t first_value;
+    int32_t first_limit;
+    int32_t value;
+    int32_t limit;
+    int32_t i_uA[2];
+    int32_t v_uV[2];
+    int32_t stuck_low_fcC[2];
+    int32_t off_fcC[2];
+    int32_t low_fcC[2];
+    int32_t low_seen_fcC[2];
+    int32_t high_fcC[2];
+    uint32_t dt_us;
+    uint32_t light_share;
+    uint32_t drift_fcC;
+    uint32_t slew_step_mA;
+    uint32_t setpoint_ttl_us;
+    uint32_t stale_setpoints;
+    uint32_t faults;
+    uint32_t power_mW[2];
+    uint32_t band_low_uA[2];
+    uint32_t band_high_uA[2];
+    uint32_t stuck_us[2];
+    uint32_t off_us[2];
+    uint32_t cool_us[2];
+    uint32_t reference_mohm[2];
+    uint32_t jump_us[4];
+    uint32_t bad_us[63];
+    uint32_t need_us[63];
+    int16_t coldest_cC;
+    int16_t warmest_cC;
+    int16_t t_cC[2];
+    int16_t anchor_cC[2];
+    int16_t anchor_peak_cC[2];
+    int16_t anchor_other_cC[2];
+    int16_t stuck_cC[2];
+    int16_t cool_from_cC[2];
+    int16_t reference_cC[2];
+    int16_t last_cC[4];
+    uint16_t filter_share;
+    uint16_t band_share;
+    uint16_t lag_share;
+    uint16_t rpm_share;
+    uint16_t ceiling_mA[2];
+    uint16_t applied_mA[2];
+    uint16_t warnings;
+    uint16_t slew_from_mA[2];
+    uint16_t setpoint_mA[2];
+    uint16_t jumps[4];
+    uint16_t jump_cC[4];
+    uint16_t bad_samples[63];
+    uint8_t lines;
+    uint8_t started;
+    uint8_t state;
+    uint8_t gate;
+    uint8_t ceiling_limiter[2];
+    uint8_t duty[2];
+    uint8_t limiter[2];
+    uint8_t cooling;
+    uint8_t capped;
+    uint8_t setpoint_duty[2];
+    uint8_t token_valid;
+    uint8_t latched;
+    uint8_t first_fault;
+    uint8_t first_channel;
+    uint8_t channel;
+    uint8_t sensor_ok[2];
+    uint8_t need_samples[63];
 };
 
-extern const struct smad_sv_limits smad_sv_limits_compiled;
+extern const SMAD_SV_FLASH struct smad_sv_limits smad_sv_limits_compiled;
 
 void smad_sv_init(struct smad_sv_memory *s);
 void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
 
+/* Puts a parameter's value in force; one that is no limit changes nothing. */
+void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value);
+
 void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t now_us);
-int64_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c);
-int64_t smad_sv_on_arm_request(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);
-int64_t smad_sv_on_arm_confirm(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);
-int64_t smad_sv_on_setpoint(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);
-int64_t smad_sv_on_disarm(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
-int64_t smad_sv_on_estop(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
-int64_t smad_sv_on_clear_fault(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c);
+uint8_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c);
+uint8_t smad_sv_on_arm_request(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);
+uint8_t smad_sv_on_arm_confirm(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);
+uint8_t smad_sv_on_setpoint(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);
+uint8_t smad_sv_on_disarm(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
+uint8_t smad_sv_on_estop(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
+uint8_t smad_sv_on_clear_fault(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c);
 
 #endif

@@ -13,9 +13,21 @@ from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import describe, schema_crc
 from firmware_protocol.wire import fields_of
 
+_FLASH = """\
+/* Tables that stay in flash where RAM has an address space of its own. */
+#ifdef __AVR__
+#define SMAD_FLASH __flash
+#else
+#define SMAD_FLASH
+#endif
+"""
+
 _PROTOTYPES = """\
 /* CRC-32 as in zlib, Ethernet and PNG. */
 uint32_t smad_crc32(const uint8_t *data, size_t size);
+
+/* Carries on a CRC-32 over more bytes; the CRC of none is 0. */
+uint32_t smad_crc32_more(uint32_t crc, const uint8_t *data, size_t size);
 
 /* Writes the frame of a payload, delimiter included, to `out` (SMAD_MAX_WIRE bytes).
  * Returns its length, or 0 if the payload is longer than SMAD_MAX_PAYLOAD. */
@@ -67,13 +79,13 @@ struct smad_parameter {
     int32_t initial;
     int32_t minimum;
     int32_t maximum;
-    const char *name;
+    char name[SMAD_PARAMETER_NAME];
 };
 
-extern const struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT];
+extern const SMAD_FLASH struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT];
 
 /* The description that DESCRIBE hands out: JSON, compressed with zlib. */
-extern const uint8_t smad_schema[SMAD_SCHEMA_SIZE];
+extern const SMAD_FLASH uint8_t smad_schema[SMAD_SCHEMA_SIZE];
 """
 
 
@@ -84,6 +96,7 @@ def render(codec: Codec, schema_size: int) -> str:
         " * Every number on the wire is little-endian. See docs/protocol.md. */\n",
         "#ifndef SMAD_PROTOCOL_H\n#define SMAD_PROTOCOL_H\n",
         "#include <stdbool.h>\n#include <stddef.h>\n#include <stdint.h>\n",
+        _FLASH,
         _constants(schema_size),
         *(_enumeration(kind) for kind in enums_of(codec)),
         *(_message(codec, cls) for cls in codec.messages),
@@ -100,6 +113,7 @@ def _constants(schema_size: int) -> str:
         "SCHEMA_CRC": f"0x{schema_crc(describe()):08X}u",
         "SCHEMA_SIZE": schema_size,
         "PARAMETER_COUNT": len(PARAMETERS),
+        "PARAMETER_NAME": 1 + max(len(p.name) for p in PARAMETERS),
         "MAX_DECODED": framing.MAX_DECODED,
         "MAX_PAYLOAD": framing.MAX_PAYLOAD,
         "MAX_ENCODED": framing.MAX_ENCODED,

@@ -19,21 +19,21 @@ from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.wire import fields_of
 
 _FRAMES = """\
-uint32_t smad_crc32(const uint8_t *data, size_t size)
+uint32_t smad_crc32_more(uint32_t crc, const uint8_t *data, size_t size)
 {
-    /* One entry for each half byte: 64 bytes of table instead of 1024. */
-    static const uint32_t table[16] = {
-        0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u,
-        0x4DB26158u, 0x5005713Cu, 0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu,
-        0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu,
+    static const SMAD_FLASH uint32_t table[256] = {
+CRC_TABLE
     };
-    uint32_t crc = 0xFFFFFFFFu;
+    crc ^= 0xFFFFFFFFu;
     for (size_t i = 0; i < size; i++) {
-        crc ^= data[i];
-        crc = table[crc & 0x0Fu] ^ (crc >> 4);
-        crc = table[crc & 0x0Fu] ^ (crc >> 4);
+        crc = table[(uint8_t)crc ^ data[i]] ^ (crc >> 8);
     }
     return crc ^ 0xFFFFFFFFu;
+}
+
+uint32_t smad_crc32(const uint8_t *data, size_t size)
+{
+    return smad_crc32_more(0, data, size);
 }
 
 size_t smad_frame_encode(uint8_t type, uint8_t seq, uint16_t session, const uint8_t *payload,
@@ -42,25 +42,31 @@ size_t smad_frame_encode(uint8_t type, uint8_t seq, uint16_t session, const uint
     if (size > SMAD_MAX_PAYLOAD) {
         return 0;
     }
-    uint8_t body[SMAD_MAX_DECODED];
-    put_u8(body, type);
-    put_u8(body + 1, seq);
-    put_u16(body + 2, session);
-    if (size > 0) {
-        memcpy(body + 4, payload, size);
-    }
-    put_u32(body + 4 + size, smad_crc32(body, 4 + size));
+    uint8_t header[4];
+    uint8_t trailer[4];
+    put_u8(header, type);
+    put_u8(header + 1, seq);
+    put_u16(header + 2, session);
+    put_u32(trailer, smad_crc32_more(smad_crc32(header, 4), payload, size));
 
     /* COBS: each zero becomes the distance to the next one. Frames are short, so that no
      * distance reaches 255, where COBS would need another byte. */
-    size_t length = size + 8;
-    size_t mark = 0;
-    for (size_t i = 0; i < length; i++) {
-        if (body[i] == 0) {
+    uint8_t length = (uint8_t)(size + 8);
+    uint8_t mark = 0;
+    const uint8_t *from = header;
+    for (uint8_t i = 0; i < length; i++) {
+        if (i == 4) {
+            from = payload;
+        }
+        if (i == (uint8_t)(size + 4)) {
+            from = trailer;
+        }
+        uint8_t byte = *from++;
+        if (byte == 0) {
             out[mark] = (uint8_t)(i + 1 - mark);
-            mark = i + 1;
+            mark = (uint8_t)(i + 1);
         } else {
-            out[i + 1] = body[i];
+            out[i + 1] = byte;
         }
     }
     out[mark] = (uint8_t)(length + 1 - mark);
@@ -230,7 +236,7 @@ def render(codec: Codec, blob: bytes) -> str:
         "/* Made by `python -m firmware_protocol.generate`; do not edit. */\n",
         '#include "smad_protocol.h"\n\n#include <string.h>\n',
         _PUT,
-        _FRAMES,
+        _FRAMES.replace("CRC_TABLE", _crc_table()),
         _GATE,
         *(_known(kind) for kind in checked_enums(codec)),
         *(_pack(cls) + "\n" + _unpack(cls) for cls in codec.messages if fields_of(cls)),
@@ -238,6 +244,17 @@ def render(codec: Codec, blob: bytes) -> str:
         _schema(blob),
     ]
     return "\n".join(parts)
+
+
+def _crc_table() -> str:
+    entries = []
+    for byte in range(256):
+        crc = byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0xEDB88320 if crc & 1 else 0)
+        entries.append(f"0x{crc:08X}u,")
+    rows = [" ".join(entries[start : start + 7]) for start in range(0, 256, 7)]
+    return "\n".join(f"        {row}" for row in rows)
 
 
 def _known(kind: type[enum.IntEnum]) -> str:
@@ -284,7 +301,7 @@ def _parameters() -> str:
         f'{p.default}, {p.minimum}, {p.maximum}, "{p.name}"}},'
         for p in PARAMETERS
     ]
-    head = "const struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {\n"
+    head = "const SMAD_FLASH struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {\n"
     return head + "\n".join(rows) + "\n};\n"
 
 
@@ -293,4 +310,6 @@ def _schema(blob: bytes) -> str:
         "    " + " ".join(f"0x{byte:02x}," for byte in blob[start : start + 16])
         for start in range(0, len(blob), 16)
     ]
-    return "const uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {\n" + "\n".join(rows) + "\n};\n"
+    return (
+        "const SMAD_FLASH uint8_t smad_schema[SMAD_SCHEMA_SIZE] = {\n" + "\n".join(rows) + "\n};\n"
+    )

@@ -11,10 +11,12 @@ from __future__ import annotations
 from firmware_protocol.supervisor.limits import Limits
 from firmware_protocol.supervisor.memory import UNKNOWN, Measurements, Memory, RTD_INVALID_cC
 from firmware_protocol.supervisor.observers import (
-    DUTY_FULL,
+    FCC_PER_CC,
+    MA2US_PER_A2S,
     NJ_PER_MJ,
-    UK_PER_CC,
+    of_duty,
     resistance_is_measurable,
+    resistance_mohm,
 )
 
 GOOD = 0
@@ -81,11 +83,10 @@ def sensor_stuck(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     Under strong heating the spring is known not to respond before that; a reading without any
     noise then is stuck, rather than taken from a place that does not warm.
     """
-    warmed_cC = (s.low_uK[k] - s.stuck_low_uK[k]) // UK_PER_CC
-    if s.stuck_us[k] >= lim.stuck_us and warmed_cC >= lim.stuck_model_cC:
+    warmed_fcC = s.low_fcC[k] - s.stuck_low_fcC[k]
+    if s.stuck_us[k] >= lim.stuck_us and warmed_fcC >= lim.stuck_model_cC * FCC_PER_CC:
         return bad(s, s.stuck_us[k], lim.stuck_us)
-    net_mJ = s.anchor_net_nJ[k] // NJ_PER_MJ
-    if 4 * s.stuck_us[k] >= lim.stuck_us and net_mJ >= lim.unheated_energy_mJ:
+    if 4 * s.stuck_us[k] >= lim.stuck_us and s.anchor_net_nJ[k] >= s.heat_limit_nJ:
         return bad(s, s.stuck_us[k], lim.stuck_us)
     return GOOD
 
@@ -107,30 +108,24 @@ def sensor_below_surroundings(s: Memory, m: Measurements, lim: Limits, k: int) -
 
 def sensors_swapped(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Spring k got half the energy that must show, and the other sensor shows it."""
-    net_mJ = s.anchor_net_nJ[k] // NJ_PER_MJ
-    other_mJ = s.anchor_other_nJ[k] // NJ_PER_MJ
-    other = 1 - k
-    rise_cC = s.t_cC[other] - s.anchor_other_cC[k]
-    if (
-        2 * net_mJ >= lim.unheated_energy_mJ
-        and rise_cC >= lim.swapped_rise_cC
-        and 8 * other_mJ < net_mJ
-    ):
+    if 2 * s.anchor_net_nJ[k] < s.heat_limit_nJ:
+        return GOOD
+    rise_cC = s.t_cC[1 - k] - s.anchor_other_cC[k]
+    if rise_cC >= lim.swapped_rise_cC and 8 * s.anchor_other_nJ[k] < s.anchor_net_nJ[k]:
         return bad(s, rise_cC, lim.swapped_rise_cC)
     return GOOD
 
 
 def not_heating(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Energy went in and the temperature did not rise."""
-    net_mJ = s.anchor_net_nJ[k] // NJ_PER_MJ
-    if net_mJ >= lim.unheated_energy_mJ:
-        return bad(s, net_mJ, lim.unheated_energy_mJ)
+    if s.anchor_net_nJ[k] >= s.heat_limit_nJ:
+        return bad(s, s.anchor_net_nJ[k] // NJ_PER_MJ, lim.unheated_energy_mJ)
     return GOOD
 
 
 def heating_while_off(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Warming faster than a room drifts, long after the current stopped."""
-    rise_cC = s.t_cC[k] - s.off_uK[k] // UK_PER_CC
+    rise_cC = s.t_cC[k] - s.off_fcC[k] // FCC_PER_CC
     if rise_cC >= lim.off_rise_cC and s.t_cC[k] > s.warmest_cC + 100:
         return bad(s, rise_cC, lim.off_rise_cC)
     return GOOD
@@ -140,8 +135,8 @@ def model_residual(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Outside what any good spring would read for this energy."""
     if not s.sensor_ok[k]:
         return GOOD
-    below_cC = s.low_seen_uK[k] // UK_PER_CC - s.t_cC[k]
-    above_cC = s.t_cC[k] - s.high_uK[k] // UK_PER_CC
+    below_cC = s.low_seen_fcC[k] // FCC_PER_CC - s.t_cC[k]
+    above_cC = s.t_cC[k] - s.high_fcC[k] // FCC_PER_CC
     residual_cC = max(below_cC, above_cC)
     if residual_cC > lim.residual_cC:
         return bad(s, residual_cC, lim.residual_cC)
@@ -166,18 +161,27 @@ def uncommanded_current(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 def current_high(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """More current than was regulated to lately."""
+    # Most are told by this alone, and the chip is spared a division.
+    if m.applied_mA[k] == 0:
+        return GOOD
+    if m.i_mA[k] * 1000 <= s.band_high_uA[k] + lim.current_error_mA * 1000:
+        return GOOD
     most_uA = s.band_high_uA[k]
     most_uA += lim.current_error_mA * 1000 + lim.current_error_permille * most_uA // 1000
-    if m.applied_mA[k] > 0 and min(s.i_uA[k], m.i_mA[k] * 1000) > most_uA:
+    if min(s.i_uA[k], m.i_mA[k] * 1000) > most_uA:
         return bad(s, s.i_uA[k] // 1000, most_uA // 1000)
     return GOOD
 
 
 def current_low(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Less current than was regulated to lately, but some."""
+    if m.i_mA[k] <= lim.off_current_mA:
+        return GOOD
+    if m.i_mA[k] * 1000 >= s.band_low_uA[k] - lim.current_error_mA * 1000:
+        return GOOD
     least_uA = s.band_low_uA[k]
     least_uA -= lim.current_error_mA * 1000 + lim.current_error_permille * least_uA // 1000
-    if m.i_mA[k] > lim.off_current_mA and max(s.i_uA[k], m.i_mA[k] * 1000) < least_uA:
+    if max(s.i_uA[k], m.i_mA[k] * 1000) < least_uA:
         return bad(s, s.i_uA[k] // 1000, least_uA // 1000)
     return GOOD
 
@@ -205,11 +209,13 @@ def resistance_out_of_band(s: Memory, m: Measurements, lim: Limits, k: int) -> i
     """V/I is not that of a spring."""
     if not resistance_is_measurable(s, m, lim, k):
         return GOOD
-    r_mohm = s.v_uV[k] * 1000 // s.i_uA[k]
-    if r_mohm > lim.resistance_max_mohm:
-        return bad(s, r_mohm, lim.resistance_max_mohm)
-    if r_mohm < lim.resistance_min_mohm:
-        return bad(s, r_mohm, lim.resistance_min_mohm)
+    # V against R times I, which takes no division.
+    v_milli = (s.v_uV[k] >> 6) * 1000
+    i_uA = s.i_uA[k] >> 6
+    if v_milli >= (lim.resistance_max_mohm + 1) * i_uA:
+        return bad(s, resistance_mohm(s, k), lim.resistance_max_mohm)
+    if v_milli < lim.resistance_min_mohm * i_uA:
+        return bad(s, resistance_mohm(s, k), lim.resistance_min_mohm)
     return GOOD
 
 
@@ -220,12 +226,14 @@ def resistance_rtd_disagree(s: Memory, m: Measurements, lim: Limits, k: int) -> 
         return GOOD
     if not resistance_is_measurable(s, m, lim, k):
         return BETWEEN
-    r_mohm = s.v_uV[k] * 1000 // s.i_uA[k]
-    change_permille = abs(r_mohm - reference_mohm) * 1000 // reference_mohm
+    r_mohm = resistance_mohm(s, k)
+    change_mohm = abs(r_mohm - reference_mohm)
+    allowed = lim.resistance_tolerance_permille
+    if change_mohm * 1000 < (allowed + 1) * reference_mohm:
+        return GOOD
     change_cC = abs(s.t_cC[k] - s.reference_cC[k])
-    allowed = (
-        lim.resistance_tolerance_permille + lim.resistance_tempco_ppm_per_K * change_cC // 100_000
-    )
+    allowed += lim.resistance_tempco_ppm_per_K * change_cC // 100_000
+    change_permille = change_mohm * 1000 // max(reference_mohm, 1)
     if change_permille > allowed:
         return bad(s, change_permille, allowed)
     return GOOD
@@ -233,9 +241,8 @@ def resistance_rtd_disagree(s: Memory, m: Measurements, lim: Limits, k: int) -> 
 
 def i2t(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """A tenth more than the budget, although the ceiling is at the rated current by then."""
-    total_A2s = s.i2t_mA2us[k] // 1_000_000_000_000
-    if 10 * total_A2s > 11 * lim.i2t_budget_A2s:
-        return bad(s, total_A2s, lim.i2t_budget_A2s)
+    if s.i2t_mA2us[k] >= s.i2t_trip_mA2us:
+        return bad(s, s.i2t_mA2us[k] // MA2US_PER_A2S, lim.i2t_budget_A2s)
     return GOOD
 
 
@@ -243,9 +250,9 @@ def pump_stalled(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Driven, and turning too slowly."""
     if m.pump_rpm[k] == UNKNOWN or m.duty[k] < lim.pump_duty_least:
         return GOOD
-    least_rpm = lim.pump_rpm * m.duty[k] // DUTY_FULL * lim.pump_stalled_permille // 1000
-    if m.pump_rpm[k] < least_rpm:
-        return bad(s, m.pump_rpm[k], least_rpm)
+    wet_rpm = of_duty(lim.pump_rpm, m.duty[k])
+    if m.pump_rpm[k] * 1000 < wet_rpm * lim.pump_stalled_permille:
+        return bad(s, m.pump_rpm[k], wet_rpm * lim.pump_stalled_permille // 1000)
     return GOOD
 
 
@@ -253,9 +260,9 @@ def pump_dry(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Driven, and turning faster than water allows."""
     if m.pump_rpm[k] == UNKNOWN or m.duty[k] < lim.pump_duty_least:
         return GOOD
-    most_rpm = lim.pump_rpm * m.duty[k] // DUTY_FULL * lim.pump_dry_permille // 1000
-    if m.pump_rpm[k] > most_rpm:
-        return bad(s, m.pump_rpm[k], most_rpm)
+    wet_rpm = of_duty(lim.pump_rpm, m.duty[k])
+    if m.pump_rpm[k] * 1000 > wet_rpm * lim.pump_dry_permille:
+        return bad(s, m.pump_rpm[k], wet_rpm * lim.pump_dry_permille // 1000)
     return GOOD
 
 
@@ -308,7 +315,7 @@ def param_crc(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
 
 def armed_too_long(s: Memory, m: Measurements, lim: Limits, k: int) -> int:
     """Armed for longer than an experiment can last."""
-    armed_s = (s.now_us - s.armed_at_us) // 1_000_000
-    if armed_s > lim.on_time_limit_s:
-        return bad(s, armed_s, lim.on_time_limit_s)
+    armed_us = s.now_us - s.armed_at_us
+    if armed_us >= (lim.on_time_limit_s + 1) * 1_000_000:
+        return bad(s, armed_us // 1_000_000, lim.on_time_limit_s)
     return GOOD

@@ -21,12 +21,13 @@ from firmware_protocol.supervisor.limits import Limits
 from firmware_protocol.supervisor.memory import Command, Measurements, Memory
 from firmware_protocol.supervisor.observers import (
     DUTY_FULL,
-    UK_PER_CC,
+    FCC_PER_CC,
     forget_jumps,
     observe_jumps,
     observe_spring,
     observe_surroundings,
     reset_spring,
+    set_pace,
 )
 from firmware_protocol.supervisor.states import PumpPolicy, Trigger
 from firmware_protocol.supervisor.table import (
@@ -121,7 +122,7 @@ def set_warnings(s: Memory, m: Measurements, lim: Limits) -> None:
         warnings |= 1 << Warning.RTD_JUMP
     if max(s.t_cC[0], s.t_cC[1]) > lim.fold_start_cC:
         warnings |= 1 << Warning.NEAR_TEMPERATURE_LIMIT
-    if max(s.i2t_mA2us[0], s.i2t_mA2us[1]) >= lim.i2t_budget_A2s * 800_000_000_000:
+    if max(s.i2t_mA2us[0], s.i2t_mA2us[1]) >= s.i2t_near_mA2us:
         warnings |= 1 << Warning.NEAR_I2T_LIMIT
     if m.vbus_mV < lim.brown_out_mV + 1000:
         warnings |= 1 << Warning.SUPPLY_LOW
@@ -138,11 +139,11 @@ def find_ceiling(s: Memory, lim: Limits, k: int) -> None:
     """Set the ceiling of spring k: the maximum, lowered by I2t and by temperature."""
     ceiling_mA = lim.current_limit_mA
     limiter = int(Limiter.MAXIMUM)
-    if s.i2t_mA2us[k] >= lim.i2t_budget_A2s * 1_000_000_000_000 and ceiling_mA > lim.i2t_rated_mA:
+    if s.i2t_mA2us[k] >= s.i2t_budget_mA2us and ceiling_mA > lim.i2t_rated_mA:
         ceiling_mA = lim.i2t_rated_mA
         limiter = Limiter.I2T
     # The heaviest good spring is never warmer than the true one: it stands in for a slow sensor.
-    t_cC = max(s.t_cC[k], s.low_uK[k] // UK_PER_CC)
+    t_cC = max(s.t_cC[k], s.low_fcC[k] // FCC_PER_CC)
     if t_cC > lim.fold_start_cC:
         span_cC = max(lim.fold_end_cC - lim.fold_start_cC, 1)
         left_cC = max(lim.fold_end_cC - t_cC, 0)
@@ -194,6 +195,7 @@ def sample(s: Memory, m: Measurements, lim: Limits, now_us: int) -> None:
     if s.started:
         s.dt_us = min(max(now_us - s.now_us, 0), DT_MOST_US)
     s.now_us = now_us
+    set_pace(s, lim)
     observe_surroundings(s, m, lim)
     if not s.started:
         forget_jumps(s, m)
@@ -203,7 +205,6 @@ def sample(s: Memory, m: Measurements, lim: Limits, now_us: int) -> None:
         if not s.started:
             reset_spring(s, k)
         s.slew_from_mA[k] = s.applied_mA[k]
-    s.slew_step_mA = lim.current_slew_mA_per_ms * s.dt_us // 1000
     s.started = 1
     run_timers(s, lim)
     run_checks(s, m, lim)

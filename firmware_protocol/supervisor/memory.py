@@ -67,6 +67,20 @@ class Memory:
     dt_us: int = 0
     started: int = 0
 
+    # What follows from the time step and the limits, worked out when they change (see set_pace).
+    paced_us: int = -1
+    filter_share: int = 0
+    band_share: int = 0
+    lag_share: int = 0
+    heavy_share: int = 0
+    light_share: int = 0
+    drift_fcC: int = 0
+    rpm_share: int = 0
+    heat_limit_nJ: int = 0
+    i2t_near_mA2us: int = 0
+    i2t_budget_mA2us: int = 0
+    i2t_trip_mA2us: int = 0
+
     state: int = 0
     entered_us: int = 0
     armed_at_us: int = 0
@@ -129,12 +143,12 @@ class Memory:
     anchor_other_nJ: list[int] = field(default_factory=_pair)
     stuck_cC: list[int] = field(default_factory=_pair)
     stuck_us: list[int] = field(default_factory=_pair)
-    stuck_low_uK: list[int] = field(default_factory=_pair)
+    stuck_low_fcC: list[int] = field(default_factory=_pair)
     off_us: list[int] = field(default_factory=_pair)
-    off_uK: list[int] = field(default_factory=_pair)
-    low_uK: list[int] = field(default_factory=_pair)
-    low_seen_uK: list[int] = field(default_factory=_pair)
-    high_uK: list[int] = field(default_factory=_pair)
+    off_fcC: list[int] = field(default_factory=_pair)
+    low_fcC: list[int] = field(default_factory=_pair)
+    low_seen_fcC: list[int] = field(default_factory=_pair)
+    high_fcC: list[int] = field(default_factory=_pair)
     i2t_mA2us: list[int] = field(default_factory=_pair)
     cool_us: list[int] = field(default_factory=_pair)
     cool_from_cC: list[int] = field(default_factory=_pair)
@@ -156,3 +170,11 @@ class Memory:
         self.bad_us = [0] * self.lines
         self.need_samples = [0] * self.lines
         self.need_us = [0] * self.lines
+
+
+def follow(value: int, target: int, share: int) -> int:
+    """Return `value` gone a share (in 1/65536) of the way to `target`; never beyond it.
+
+    The translation to C writes this one itself: its ranges could not show the "never".
+    """
+    return value + ((target - value) * share >> 16)

@@ -1,21 +1,67 @@
 """What the checks look at besides the raw sample: energies, envelopes and timers of each spring.
 
 This module is translated to C (see translate): integers, no allocation, no exceptions.
-Temperatures are cC as measured and uK (micro-kelvin on the Celsius scale) where they are
-integrated; with mJ/K and nJ the units cancel without factors: nJ / (mJ/K) = uK.
+Temperatures are cC as measured, and fcC (a cC in 65536 parts) where they are integrated: small
+steps count, 32 bits hold them, and a chip without a divider gets cC from them by moving bytes.
 """
 
 from __future__ import annotations
 
 from firmware_protocol.supervisor.limits import Limits
-from firmware_protocol.supervisor.memory import Measurements, Memory
+from firmware_protocol.supervisor.memory import Measurements, Memory, follow
 
-UK_PER_CC = 10_000
+FCC_PER_CC = 1 << 16
+FCC_PER_K_LOG2 = 12
+"""Shares of heat capacity keep so many bits of a step's (mW) to fcC."""
 NJ_PER_MJ = 1_000_000
+MA2US_PER_A2S = 1_000_000_000_000
 DUTY_FULL = 255
 SUM_MOST = 10_000_000_000_000_000
 """Sums stop here, far above every limit, so that 64 bits are always enough."""
-MODEL_MOST_UK = 3_000_000_000
+MODEL_MOST_fcC = 30_000 * FCC_PER_CC
+POWER_MOST_mW = 100_000
+"""Above what the supply can give; a reading beyond it is a broken sense wire."""
+
+
+def set_pace(s: Memory, lim: Limits) -> None:
+    """Work out what follows from time step and limits; once is enough until one changes.
+
+    A share is the part of the way to its target that a filter goes in one step, in 1/65536. Heat:
+    1 mW for 1 us into 1 mJ/K is 1 uK, and 10 000 uK are a cC.
+    """
+    if s.dt_us == s.paced_us:
+        return
+    s.paced_us = s.dt_us
+    s.filter_share = (s.dt_us << 16) // (lim.current_filter_us + s.dt_us)
+    s.band_share = (s.dt_us << 16) // (lim.current_band_us + s.dt_us)
+    s.lag_share = (s.dt_us << 16) // (lim.envelope_lag_us + s.dt_us)
+    s.heavy_share = (s.dt_us << 28) // (lim.envelope_heavy_mJ_per_K * 10_000)
+    s.light_share = (s.dt_us << 28) // (lim.envelope_light_mJ_per_K * 10_000)
+    s.drift_fcC = (lim.off_drift_cC_per_s * s.dt_us << 16) // 1_000_000
+    s.slew_step_mA = lim.current_slew_mA_per_ms * s.dt_us // 1000
+    s.rpm_share = (DUTY_FULL << 16) // lim.pump_rpm
+    s.heat_limit_nJ = lim.unheated_energy_mJ * NJ_PER_MJ
+    s.i2t_near_mA2us = lim.i2t_budget_A2s * 800_000_000_000
+    s.i2t_budget_mA2us = lim.i2t_budget_A2s * MA2US_PER_A2S
+    s.i2t_trip_mA2us = (11 * lim.i2t_budget_A2s // 10 + 1) * MA2US_PER_A2S
+
+
+def of_duty(full: int, duty: int) -> int:
+    """Return the part of `full` at a duty of 255 parts; 257/65536 is one of them."""
+    return full * duty * 257 >> 16
+
+
+def loss_mW(loss_mW_per_K: int, above_cC: int) -> int:
+    """Return what is lost so far above the surroundings.
+
+    41/1024 of a quarter is 1/99.9: a chip without a divider is spared a division by 100.
+    """
+    return loss_mW_per_K * (above_cC >> 2) * 41 >> 10
+
+
+def power_mW(i_mA: int, v_mV: int) -> int:
+    """Return the heat of a current, at least 0; 131/128 of 1/1024 is 1/1000.5."""
+    return min(max((i_mA * v_mV >> 10) * 131 >> 7, 0), POWER_MOST_mW)
 
 
 def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
@@ -42,7 +88,7 @@ def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
             s.jump_cC[j] = abs(step_cC)
             if j < 2:
                 # A jump is the sensor's; it must not pass for warming.
-                s.off_uK[j] += step_cC * UK_PER_CC
+                s.off_fcC[j] += step_cC * FCC_PER_CC
         elif s.jumps[j] > 0:
             s.jump_us[j] += s.dt_us
             if s.jump_us[j] >= lim.jump_decay_us:
@@ -60,8 +106,8 @@ def observe_spring(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
         s.sensor_ok[k] = 0
     observe_electrical(s, m, lim, k)
     # A pump that runs on its own carries heat away like one that is told to.
-    flow = max(m.duty[k], min(m.pump_rpm[k] * DUTY_FULL // lim.pump_rpm, DUTY_FULL))
-    loss_mW_per_K = lim.loss_static_mW_per_K + lim.loss_flow_mW_per_K * flow // DUTY_FULL
+    flow = max(m.duty[k], min(m.pump_rpm[k] * s.rpm_share >> 16, DUTY_FULL))
+    loss_mW_per_K = lim.loss_static_mW_per_K + of_duty(lim.loss_flow_mW_per_K, flow)
     observe_energy(s, lim, k, loss_mW_per_K)
     observe_stuck(s, lim, k)
     observe_off(s, m, lim, k)
@@ -76,14 +122,12 @@ def observe_electrical(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
 
     The band spans what was regulated to lately, so that a driver that lags stays inside.
     """
-    s.power_mW[k] = max(m.i_mA[k] * m.v_mV[k] // 1000, 0)
-    filter_us = lim.current_filter_us + s.dt_us
-    s.i_uA[k] += (m.i_mA[k] * 1000 - s.i_uA[k]) * s.dt_us // filter_us
-    s.v_uV[k] += (m.v_mV[k] * 1000 - s.v_uV[k]) * s.dt_us // filter_us
+    s.power_mW[k] = power_mW(m.i_mA[k], m.v_mV[k])
+    s.i_uA[k] = follow(s.i_uA[k], m.i_mA[k] * 1000, s.filter_share)
+    s.v_uV[k] = follow(s.v_uV[k], m.v_mV[k] * 1000, s.filter_share)
     applied_uA = m.applied_mA[k] * 1000
-    band_us = lim.current_band_us + s.dt_us
-    low_uA = s.band_low_uA[k] + (applied_uA - s.band_low_uA[k]) * s.dt_us // band_us
-    high_uA = s.band_high_uA[k] + (applied_uA - s.band_high_uA[k]) * s.dt_us // band_us
+    low_uA = follow(s.band_low_uA[k], applied_uA, s.band_share)
+    high_uA = follow(s.band_high_uA[k], applied_uA, s.band_share)
     s.band_low_uA[k] = min(low_uA, applied_uA)
     s.band_high_uA[k] = max(high_uA, applied_uA)
 
@@ -109,13 +153,12 @@ def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
         s.anchor_cC[k] = t_cC
     excess_cC = t_cC - s.coldest_cC
     excess_cC = max(excess_cC, 0)
-    loss_mW = loss_mW_per_K * (excess_cC + lim.sensor_offset_cC) // 100
-    net_nJ = s.anchor_net_nJ[k] + (s.power_mW[k] - loss_mW) * s.dt_us
+    net_mW = s.power_mW[k] - loss_mW(loss_mW_per_K, excess_cC + lim.sensor_offset_cC)
+    net_nJ = s.anchor_net_nJ[k] + net_mW * s.dt_us
     if net_nJ < 0:
-        net_nJ = 0
         s.anchor_other_cC[k] = s.t_cC[other]
         s.anchor_other_nJ[k] = 0
-    s.anchor_net_nJ[k] = min(net_nJ, SUM_MOST)
+    s.anchor_net_nJ[k] = min(max(net_nJ, 0), SUM_MOST)
     s.anchor_other_nJ[k] = min(s.anchor_other_nJ[k] + s.power_mW[other] * s.dt_us, SUM_MOST)
 
 
@@ -128,7 +171,7 @@ def observe_stuck(s: Memory, lim: Limits, k: int) -> None:
     if s.t_cC[k] != s.stuck_cC[k]:
         s.stuck_cC[k] = s.t_cC[k]
         s.stuck_us[k] = 0
-        s.stuck_low_uK[k] = s.low_uK[k]
+        s.stuck_low_fcC[k] = s.low_fcC[k]
     else:
         s.stuck_us[k] += s.dt_us
 
@@ -143,15 +186,15 @@ def observe_off(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
 
     Begins when the current has been off for longer than the sensor and the wall may lag.
     """
-    now_uK = s.t_cC[k] * UK_PER_CC
+    now_fcC = s.t_cC[k] * FCC_PER_CC
     if is_heated(s, m, lim, k):
         s.off_us[k] = 0
     else:
         s.off_us[k] += s.dt_us
-    if s.off_us[k] < lim.off_lag_us or now_uK < s.off_uK[k]:
-        s.off_uK[k] = now_uK
+    if s.off_us[k] < lim.off_lag_us or now_fcC < s.off_fcC[k]:
+        s.off_fcC[k] = now_fcC
     else:
-        s.off_uK[k] = min(now_uK, s.off_uK[k] + lim.off_drift_cC_per_s * s.dt_us // 100)
+        s.off_fcC[k] = min(now_fcC, s.off_fcC[k] + s.drift_fcC)
 
 
 def observe_envelope(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
@@ -160,25 +203,22 @@ def observe_envelope(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None
     The heavy one takes the most energy to warm and loses most; its reading lags. The light one
     is the opposite. A good spring stays between them.
     """
-    in_nJ = s.power_mW[k] * s.dt_us
-
-    above_mK = (s.low_uK[k] - s.coldest_cC * UK_PER_CC) // 1000
+    above_cC = s.low_fcC[k] // FCC_PER_CC - s.coldest_cC
     low_loss = loss_mW_per_K
-    if above_mK < 0:
+    if above_cC < 0:
         low_loss = lim.envelope_loss_least_mW_per_K
-    out_nJ = low_loss * above_mK * s.dt_us // 1000
-    low_uK = s.low_uK[k] + (in_nJ - out_nJ) // lim.envelope_heavy_mJ_per_K
-    s.low_uK[k] = min(low_uK, MODEL_MOST_UK)
-    lag_us = lim.envelope_lag_us + s.dt_us
-    s.low_seen_uK[k] += (s.low_uK[k] - s.low_seen_uK[k]) * s.dt_us // lag_us
+    net_mW = s.power_mW[k] - loss_mW(low_loss, above_cC)
+    low_fcC = s.low_fcC[k] + (net_mW * s.heavy_share >> FCC_PER_K_LOG2)
+    s.low_fcC[k] = min(low_fcC, MODEL_MOST_fcC)
+    s.low_seen_fcC[k] = follow(s.low_seen_fcC[k], s.low_fcC[k], s.lag_share)
 
-    above_mK = (s.high_uK[k] - s.warmest_cC * UK_PER_CC) // 1000
+    above_cC = s.high_fcC[k] // FCC_PER_CC - s.warmest_cC
     high_loss = lim.envelope_loss_least_mW_per_K
-    if above_mK < 0:
+    if above_cC < 0:
         high_loss = loss_mW_per_K
-    out_nJ = high_loss * above_mK * s.dt_us // 1000
-    high_uK = s.high_uK[k] + (in_nJ - out_nJ) // lim.envelope_light_mJ_per_K
-    s.high_uK[k] = min(high_uK, (s.t_cC[k] + lim.envelope_span_cC) * UK_PER_CC)
+    net_mW = s.power_mW[k] - loss_mW(high_loss, above_cC)
+    high_fcC = s.high_fcC[k] + (net_mW * s.light_share >> FCC_PER_K_LOG2)
+    s.high_fcC[k] = min(high_fcC, (s.t_cC[k] + lim.envelope_span_cC) * FCC_PER_CC)
 
 
 def observe_cooling(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
@@ -190,10 +230,15 @@ def observe_cooling(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
         s.cool_us[k] += s.dt_us
 
 
+def resistance_mohm(s: Memory, k: int) -> int:
+    """Return V/I of spring k, where it can be measured."""
+    return max((s.v_uV[k] >> 6) * 1000 // max(s.i_uA[k] >> 6, 1), 0)
+
+
 def observe_resistance(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     """Take the first resistance that can be measured after arming as the reference."""
     if s.reference_mohm[k] == 0 and resistance_is_measurable(s, m, lim, k):
-        s.reference_mohm[k] = s.v_uV[k] * 1000 // s.i_uA[k]
+        s.reference_mohm[k] = resistance_mohm(s, k)
         s.reference_cC[k] = s.t_cC[k]
 
 
@@ -205,6 +250,8 @@ def resistance_is_measurable(s: Memory, m: Measurements, lim: Limits, k: int) ->
 
 def observe_i2t(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     """Sum the square of the current above the rated one; below it the sum shrinks."""
+    if m.i_mA[k] <= lim.i2t_rated_mA and s.i2t_mA2us[k] == 0:
+        return
     rated_mA2 = lim.i2t_rated_mA * lim.i2t_rated_mA
     total = s.i2t_mA2us[k] + (m.i_mA[k] * m.i_mA[k] - rated_mA2) * s.dt_us
     s.i2t_mA2us[k] = min(max(total, 0), SUM_MOST)
@@ -219,12 +266,12 @@ def reset_spring(s: Memory, k: int) -> None:
     s.anchor_net_nJ[k] = 0
     s.anchor_other_nJ[k] = 0
     s.stuck_us[k] = 0
-    s.stuck_low_uK[k] = t_cC * UK_PER_CC
+    s.stuck_low_fcC[k] = t_cC * FCC_PER_CC
     s.off_us[k] = 0
-    s.off_uK[k] = t_cC * UK_PER_CC
-    s.low_uK[k] = t_cC * UK_PER_CC
-    s.low_seen_uK[k] = t_cC * UK_PER_CC
-    s.high_uK[k] = t_cC * UK_PER_CC
+    s.off_fcC[k] = t_cC * FCC_PER_CC
+    s.low_fcC[k] = t_cC * FCC_PER_CC
+    s.low_seen_fcC[k] = t_cC * FCC_PER_CC
+    s.high_fcC[k] = t_cC * FCC_PER_CC
     s.cool_us[k] = 0
     s.cool_from_cC[k] = t_cC
     s.reference_mohm[k] = 0

@@ -155,6 +155,7 @@ class Supervisor:
     def set_limits(self, limits: Limits) -> None:
         """Put limits in force; the debounce of each check is read from them once, here."""
         self.limits = limits
+        self.memory.paced_us = -1
         for number, line in enumerate(LINES):
             self.memory.need_samples[number] = getattr(limits, line.check.samples)
             self.memory.need_us[number] = getattr(limits, line.check.time) if line.check.time else 0

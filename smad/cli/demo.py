@@ -22,7 +22,14 @@ REAL_TIME_S = 10.0
     help="Where the run log and the page go.",
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
-def demo(folder: Path, seed: int) -> None:
+@click.option(
+    "--firmware",
+    type=click.Choice(["python", "host", "avr"]),
+    default="python",
+    show_default=True,
+    help="The board, see smad sim --help.",
+)
+def demo(folder: Path, seed: int, firmware: str) -> None:
     """Run steps and a sinusoid on a simulated bench; show numbers.
 
     The same seed gives the same bench. The table's last digits still differ from run to run: the
@@ -42,6 +49,7 @@ def demo(folder: Path, seed: int) -> None:
         )
         (sockets / "demo.toml").write_text(config_to_toml(config))
         common = ["--sim", "--config", str(sockets / "demo.toml"), "--seed", str(seed)]
+        common += ["--firmware", firmware]
 
         def starting() -> None:
             line.say("starting the simulated bench and the daemon")

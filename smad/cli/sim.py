@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import functools
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +20,9 @@ from smad.processes.simulator import READY
 if TYPE_CHECKING:
     from sim_device.bench import SimulatedBench
     from smad.config import Config
+
+MEGA_RATE_HZ = 100
+"""The most that the firmware of the Mega takes; see docs/firmware.md."""
 
 _PR_SET_PDEATHSIG = 1
 
@@ -48,6 +54,19 @@ class SimulatorError(SmadError):
 @click.option(
     "--fault", "faults", multiple=True, metavar="NAME@S[:KEY=VALUE,…]", help="Something to break."
 )
+@click.option(
+    "--firmware",
+    type=click.Choice(["python", "host", "avr"]),
+    default="python",
+    show_default=True,
+    help="The board: Python, the C firmware as a process, or its chip emulated.",
+)
+@click.option(
+    "--store",
+    "store_path",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="With --firmware: file of the parameter memory, to survive this process.",
+)
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after so long.")
 @click.option("--transport", default="pty", show_default=True, help="pty, or fd:N (a socket).")
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
@@ -62,6 +81,8 @@ def sim(
     effects: tuple[str, ...],
     paced_by_host: bool,
     faults: tuple[str, ...],
+    firmware: str,
+    store_path: Path | None,
     seconds: float | None,
     transport: str,
     parent: int | None,
@@ -78,27 +99,38 @@ def sim(
     if parent is not None:
         _end_with(parent)
     config = Config() if path is None else load_config(path)
+    rate_hz = config.link.rate_hz if rate is None else int(rate)
+    if firmware == "avr" and rate_hz > MEGA_RATE_HZ:
+        raise SimulatorError(
+            "the Mega has not the time for so many samples a second",
+            value=rate_hz,
+            limit=MEGA_RATE_HZ,
+            action="take --rate 100, or --firmware host",
+        )
     try:
         # Compiling the physics takes seconds the first time; a port that is silent for so long
         # would look like a dead board.
         build(config, rate_hz=100, seed=0).step()
         bench = build(
             config,
-            rate_hz=config.link.rate_hz if rate is None else int(rate),
+            rate_hz=rate_hz,
             seed=config.plant.seed if seed is None else seed,
             faults=faults,
             model_path=model_path,
             effects=effects,
+            firmware=firmware,
+            store_path=store_path,
         )
-        stats, counts = serve(
-            bench,
-            speed=config.plant.speed_ratio if speed is None else speed,
-            symlink=symlink,
-            transport=transport,
-            paced_by_host=paced_by_host,
-            max_seconds=seconds,
-            on_ready=_announce,
-        )
+        with contextlib.closing(bench):
+            stats, counts = serve(
+                bench,
+                speed=config.plant.speed_ratio if speed is None else speed,
+                symlink=symlink,
+                transport=transport,
+                paced_by_host=paced_by_host,
+                max_seconds=seconds,
+                on_ready=_announce,
+            )
     except (BenchError, PlantError) as error:
         raise SimulatorError(str(error), action="see smad sim --help") from error
     click.echo(
@@ -116,10 +148,13 @@ def build(
     faults: tuple[str, ...] = (),
     model_path: Path | None = None,
     effects: tuple[str, ...] = (),
+    firmware: str = "python",
+    store_path: Path | None = None,
 ) -> SimulatedBench:
     """Return the bench that the configuration describes, with the plant of a model file if given.
 
     `effects` are added to those of configuration or model, in place of one of the same name.
+    `firmware`: "python", or a port of the C firmware, with its parameter memory in `store_path`.
 
     Raises BenchError and PlantError.
     """
@@ -136,7 +171,8 @@ def build(
         file = plant.parameter_file
         parameters = load_parameters(Path(file) if file else "A")
         variant, own = plant.variant, plant.effects
-    return SimulatedBench(
+    make = SimulatedBench if firmware == "python" else _with_firmware(firmware, store_path)
+    return make(
         parameters=parameters,
         variant=variant,
         effects={**own, **dict(from_text(text) for text in effects)},
@@ -145,6 +181,12 @@ def build(
         seed=seed,
         faults=[parse_injection(text) for text in faults],
     )
+
+
+def _with_firmware(port: str, store_path: Path | None) -> Callable[..., SimulatedBench]:
+    from sim_device.firmware.bench import firmware_bench
+
+    return functools.partial(firmware_bench, port, store_path=store_path)
 
 
 def _end_with(parent: int) -> None:

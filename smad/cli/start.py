@@ -32,6 +32,12 @@ SIMULATED_BAUD = 921_600
     "--paced-by-host", is_flag=True, help="With --sim: the board waits for each setpoint."
 )
 @click.option("--fault", "faults", multiple=True, help="With --sim: see smad sim --help.")
+@click.option(
+    "--firmware",
+    type=click.Choice(["python", "host", "avr"]),
+    default="python",
+    help="With --sim: the board, see smad sim --help.",
+)
 @click.option("--fd", type=int, hidden=True, help="An inherited socket instead of a port.")
 @click.option("--trace", "trace_path", type=click.Path(path_type=Path), hidden=True)
 @click.option("--no-realtime", is_flag=True, help="Ask for no real-time measures.")
@@ -47,6 +53,7 @@ def start(
     seed: int | None,
     paced_by_host: bool,
     faults: tuple[str, ...],
+    firmware: str,
     fd: int | None,
     trace_path: Path | None,
     no_realtime: bool,
@@ -62,9 +69,9 @@ def start(
         config = without_realtime(config)
     reread = None if path is None else functools.partial(load_config, path)
     if not simulated:
-        if speed is not None or seed is not None or paced_by_host or faults:
+        if speed is not None or seed is not None or paced_by_host or faults or firmware != "python":
             raise ConfigError(
-                "--speed, --seed, --paced-by-host and --fault need --sim",
+                "--speed, --seed, --paced-by-host, --fault and --firmware need --sim",
                 action="add --sim, or leave them out",
             )
         return _on_board(config, port, trace_path, fd, reread)
@@ -87,7 +94,9 @@ def start(
         seed=plant.seed if seed is None else seed,
         speed_ratio=plant.speed_ratio if speed is None else speed,
     )
-    return _on_simulation(config, path, reread, paced_by_host=paced_by_host, faults=faults)
+    return _on_simulation(
+        config, path, reread, paced_by_host=paced_by_host, faults=faults, firmware=firmware
+    )
 
 
 def replaced(config: Config, section: str, **values: object) -> Config:
@@ -144,6 +153,7 @@ def _on_simulation(
     *,
     paced_by_host: bool,
     faults: tuple[str, ...],
+    firmware: str,
 ) -> int:
     from smad.cli.output import progress
     from smad.client.endpoints import default_folder, prepare_folder
@@ -153,6 +163,7 @@ def _on_simulation(
     prepare_folder(folder)
     arguments = ["--seed", str(config.plant.seed), "--rate", str(config.link.rate_hz)]
     arguments += ["--speed", str(config.plant.speed_ratio)]
+    arguments += ["--firmware", firmware]
     arguments += [] if path is None else ["--config", str(path)]
     arguments += ["--paced-by-host"] if paced_by_host else []
     arguments += [word for text in faults for word in ("--fault", text)]

@@ -1,7 +1,13 @@
-"""Processes for the tests on real pseudo-terminals: a simulated device, and daemons on it."""
+"""Processes for the tests on real pseudo-terminals: a device, and daemons on it.
+
+A test marked EVERY_DEVICE runs against the Python board, the C firmware as a process, and the
+firmware on an emulated chip; and, where SMAD_HIL_PORT names a serial port, against the board there
+(SMAD_HIL_BAUD is its speed). That one heats: read docs/firmware-wiring.md first.
+"""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -11,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from sim_device.firmware.build import PORTS, reason_to_skip
 from smad.api import Status
 from smad.client import Client, Refused
 from smad.config import (
@@ -22,6 +29,12 @@ from smad.config import (
     config_to_toml,
 )
 from smad.processes.daemon import DaemonProcess
+
+REAL_PORT = os.environ.get("SMAD_HIL_PORT", "")
+REAL_BAUD = int(os.environ.get("SMAD_HIL_BAUD", "500000"))
+EVERY_DEVICE = pytest.mark.parametrize(
+    "hil", ["python", "host", "avr", *(["port"] if REAL_PORT else [])], indirect=True
+)
 
 PATIENCE_S = 120.0
 """A loaded machine may take its time; nothing is asserted on how long anything took."""
@@ -56,19 +69,38 @@ class Device:
             self._process = None
 
 
+class RealPort:
+    """The board on a real port, whose power no test can switch."""
+
+    port = Path(REAL_PORT)
+
+    def start(self, *arguments: str) -> None:
+        """It is running."""
+
+    def kill(self) -> None:
+        """Nobody is there to pull the plug."""
+        pytest.skip("a real board's power cannot be cut by a test")
+
+
 class Hil:
     """A folder with a device, daemons and clients; everything ends with the test."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, kind: str = "python") -> None:
         self.folder = folder
+        self.kind = kind
         self.runs = folder / "runs"
         self._devices: list[Device] = []
         self._daemons: list[DaemonProcess] = []
         self._clients: list[Client] = []
 
-    def device(self, *arguments: str) -> Device:
-        """A simulated device, ten times as fast as the wall clock and paced by its host."""
-        chosen = arguments or ("--speed", "20", "--paced-by-host")
+    def device(self, *arguments: str) -> Device | RealPort:
+        """A device; unless told otherwise twenty times as fast as the wall clock, if the machine
+        can, and paced by its host."""
+        if self.kind == "port":
+            return RealPort()
+        chosen = list(arguments or ("--speed", "20", "--paced-by-host"))
+        if self.kind != "python":
+            chosen += ["--firmware", self.kind, "--store", str(self.folder / "store")]
         device = Device(self.folder, chosen)
         self._devices.append(device)
         return device
@@ -76,7 +108,11 @@ class Hil:
     def write_config(self, port: object, bench: str = "bench") -> Path:
         """Write the configuration of a daemon on a port; return its path."""
         config = Config(
-            link=LinkConfig(port=str(port), baud=921_600, reconnect_interval_s=0.05),
+            link=LinkConfig(
+                port=str(port),
+                baud=REAL_BAUD if self.kind == "port" else 921_600,
+                reconnect_interval_s=0.05,
+            ),
             recorder=RecorderConfig(folder=str(self.runs), automatic=False),
             telemetry=TelemetryConfig(endpoint=""),
             # Faster than the wall clock, it needs no priority, and would starve the machine.
@@ -126,10 +162,15 @@ class Hil:
 
 
 @pytest.fixture
-def hil() -> Iterator[Hil]:
+def hil(request: pytest.FixtureRequest) -> Iterator[Hil]:
+    kind = getattr(request, "param", "python")
+    if kind in PORTS:
+        reason = reason_to_skip(kind)
+        if reason:
+            pytest.skip(reason)
     # Socket paths are short; pytest's own folders are not.
     with tempfile.TemporaryDirectory(prefix="smad-hil-") as folder:
-        hil = Hil(Path(folder))
+        hil = Hil(Path(folder), kind)
         try:
             yield hil
         finally:

@@ -12,12 +12,13 @@ import pytest
 from smad.client import Client, NoDaemon, Refused, Stopped
 from smad.client.endpoints import FOLDER_VARIABLE, read_connection
 from smad.control.commands import Step
-from tests.hil.conftest import PATIENCE_S, Hil, arm, wait_for
+from tests.hil.conftest import EVERY_DEVICE, PATIENCE_S, Hil, arm, wait_for
 
 STEP = Step(displacement_mm=5.0, duration_s=3000.0)
 NOT_HEATING = ("SAFE", "COOL", "FAULT")
 
 
+@EVERY_DEVICE
 def test_a_device_that_loses_power_comes_back_watched_and_not_armed(hil: Hil) -> None:
     device = hil.device()
     hil.ready_daemon(device.port)
@@ -36,6 +37,7 @@ def test_a_device_that_loses_power_comes_back_watched_and_not_armed(hil: Hil) ->
     assert client.motion().armed
 
 
+@EVERY_DEVICE
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_disarms_and_the_last_line_says_so(hil: Hil, number: int) -> None:
     device = hil.device()
@@ -53,6 +55,7 @@ def test_a_signal_disarms_and_the_last_line_says_so(hil: Hil, number: int) -> No
     assert status.motion.fault is None
 
 
+@EVERY_DEVICE
 def test_after_a_daemon_is_killed_the_board_stops_by_itself_and_is_not_armed_again(
     hil: Hil,
 ) -> None:
@@ -171,6 +174,7 @@ def test_the_log_of_a_killed_daemon_keeps_its_flushed_rows(hil: Hil) -> None:
     assert len(run) > 100
 
 
+@EVERY_DEVICE
 def test_a_stopped_daemon_says_that_it_was_kept_from_running_and_the_board_has_stopped(
     hil: Hil,
 ) -> None:

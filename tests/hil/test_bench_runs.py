@@ -14,9 +14,10 @@ from smad.client.wire import Conversation, connect, new_identity, subscribe
 from smad.control.commands import Sine, Step
 from smad.control.metrics import tracking_r2
 from smad.runlog.reader import read_run
-from tests.hil.conftest import PATIENCE_S, Hil, arm
+from tests.hil.conftest import EVERY_DEVICE, PATIENCE_S, Hil, arm
 
 
+@EVERY_DEVICE
 def test_steps_and_a_sinusoid_are_followed_recorded_and_ended(hil: Hil) -> None:
     daemon = hil.ready_daemon(hil.device().port)
     client = hil.client()
@@ -103,6 +104,7 @@ def test_a_flood_of_commands_and_a_dead_viewer_cost_no_sample(hil: Hil) -> None:
     assert status.counts.setpoints_dropped == 0
 
 
+@EVERY_DEVICE
 def test_telemetry_numbers_every_sample_and_carries_board_paced_time(hil: Hil) -> None:
     hil.ready_daemon(hil.device("--speed", "5").port)
     client = hil.client()

@@ -39,18 +39,22 @@ int main(void)
     static struct smad_sv_memory s;
     struct smad_sv_measurements m;
     struct smad_sv_command c;
-    const struct smad_sv_limits *lim = &smad_sv_limits_compiled;
-    int64_t row[ROW], code, count = 0;
+    /* A copy: on a chip the compiled limits are in flash, where no pointer reaches. */
+    static struct smad_sv_limits limits;
+    const struct smad_sv_limits *lim = &limits;
+    int64_t row[ROW], code, count = 0, n;
+    limits = smad_sv_limits_compiled;
     smad_sv_init(&s);
     smad_sv_configure(&s, lim);
     while (fread(row, sizeof row, 1, stdin) == 1) {
         int64_t now = row[1];
-        int64_t *into = row[0] == 0 ? (int64_t *)&m : (int64_t *)&c;
-        size_t size = (row[0] == 0 ? sizeof m : sizeof c) / sizeof(int64_t);
-        for (size_t n = 0; n < size; n++) {
-            into[n] = row[2 + n];
+        int64_t *from = row + 2;
+        if (row[0] == 0) {
+MEASUREMENTS
+        } else {
+COMMAND
         }
-        switch (row[0]) {
+        switch ((int)row[0]) {
         case 0: smad_sv_sample(&s, &m, lim, now); code = 0; break;
         case 1: code = smad_sv_on_self_test(&s, lim, &c); break;
         case 2: code = smad_sv_on_arm_request(&s, &m, lim, &c, now); break;
@@ -64,7 +68,7 @@ int main(void)
         fwrite(&code, sizeof code, 1, stdout);
 FIELDS
         if (++count % FULL_EVERY == 0) {
-            fwrite(&s, sizeof s, 1, stdout);
+MEMORY
         }
     }
     return 0;
@@ -72,17 +76,46 @@ FIELDS
 """
 
 
-def build(folder: Path) -> Path:
-    """Compile the generated C with a program around it; return the program."""
-    writes = [f"fwrite(&s.{name}, sizeof s.{name}, 1, stdout);" for name in (*DECIDED, *PAIRS)]
-    text = _MAIN.replace("FIELDS", "\n".join(f"        {line}" for line in writes))
+def write_main(folder: Path) -> Path:
+    """Write the program around the generated C; return its path."""
+    memory = Memory(LINE_COUNT)
+    text = _MAIN
+    for word, lines in (
+        ("FIELDS", [_write(memory, name) for name in (*DECIDED, *PAIRS)]),
+        ("MEMORY", [_write(memory, field.name) for field in fields(memory)]),
+        ("MEASUREMENTS", [_read(Measurements(), "m", f.name) for f in fields(Measurements)]),
+        ("COMMAND", [_read(Command(), "c", f.name) for f in fields(Command)]),
+    ):
+        text = text.replace(f"{word}\n", "\n".join(lines) + "\n")
     text = text.replace("[ROW]", f"[{ROW}]").replace("FULL_EVERY", str(FULL_EVERY))
     main = folder / "main.c"
     main.write_text(text)
+    return main
+
+
+def build(folder: Path) -> Path:
+    """Compile the generated C with a program around it; return the program."""
+    main = write_main(folder)
     program = folder / "supervisor"
     command = [str(COMPILER), *FLAGS, f"-I{FOLDER}", str(main), str(FOLDER / "smad_supervisor.c")]
     subprocess.run([*command, "-o", str(program)], check=True, capture_output=True, text=True)
     return program
+
+
+def _elements(record: object, owner: str, name: str) -> list[str]:
+    value = getattr(record, name)
+    count = len(value) if isinstance(value, list) else 0
+    return [f"{owner}.{name}[{n}]" for n in range(count)] or [f"{owner}.{name}"]
+
+
+def _write(record: object, name: str) -> str:
+    """Fields have types of their own; the answer is 64 bits of each."""
+    elements = _elements(record, "s", name)
+    return "\n".join(f"n = {element}; fwrite(&n, sizeof n, 1, stdout);" for element in elements)
+
+
+def _read(record: object, owner: str, name: str) -> str:
+    return "\n".join(f"{element} = *from++;" for element in _elements(record, owner, name))
 
 
 def run(program: Path, rows: "array[int]") -> "array[int]":

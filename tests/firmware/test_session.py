@@ -1,0 +1,272 @@
+"""The firmware at the other end of a session: greeted, asked, refused, flooded, restarted."""
+
+import itertools
+import random
+from pathlib import Path
+
+import pytest
+
+from firmware_protocol import messages as wire
+from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause
+from firmware_protocol.events import Connected, HostState
+from firmware_protocol.parameters import PARAMETERS
+from firmware_protocol.schema import decompress, describe, own_crc
+from sim_device.faults import injection
+from sim_device.firmware.bench import ChipBench
+from tests.firmware.conftest import Make
+from tests.sim_device.loop import Loop, hold
+
+LIMIT = 20
+"""Number of the parameter current_limit_mA."""
+
+
+def identity(loop: Loop) -> wire.Ident:
+    event = loop.of(Connected)[-1]
+    assert isinstance(event, Connected)
+    return event.ident
+
+
+def restarted(loop: Loop) -> Loop:
+    """Cycle the power and step until the host has a session with the board again."""
+    sessions = len(loop.of(Connected))
+    loop.bench.reboot(ResetCause.POWER_ON)
+    loop.until(lambda: len(loop.of(Connected)) > sessions and loop.mode is not BoardState.BOOT)
+    loop.step(10)
+    return loop
+
+
+def error_of(answer: wire.Message | None) -> ErrorCode:
+    assert isinstance(answer, wire.Error), answer
+    return answer.code
+
+
+def test_it_says_who_it_is_and_streams_at_its_rate(make: Make) -> None:
+    loop = Loop(make()).connected()
+    ident = identity(loop)
+    assert (ident.major, ident.schema_crc) == (wire.PROTOCOL_MAJOR, own_crc())
+    assert (ident.boot_count, ident.reset_cause) == (1, ResetCause.POWER_ON)
+    assert ident.firmware.startswith("smad-")
+    begin = len(loop.states)
+    loop.step(200)
+    times = [state.t_us for state in loop.states[begin:]]
+    assert {b - a for a, b in itertools.pairwise(times)} == {10_000}
+    assert loop.host.stats.missed_states == 0
+
+
+def test_it_describes_itself_as_the_tables_do(make: Make) -> None:
+    loop = Loop(make()).connected()
+    blob = b""
+    total = 1
+    while len(blob) < total:
+        piece = loop.request(wire.Describe(len(blob)))
+        assert isinstance(piece, wire.Description)
+        blob += piece.data[: piece.size]
+        total = piece.total
+    assert decompress(blob) == describe()
+
+
+@pytest.mark.parametrize("rate_hz", [250, 500])
+def test_it_keeps_a_faster_rate_or_says_that_it_has_not_the_time(make: Make, rate_hz: int) -> None:
+    loop = Loop(make(rate_hz=rate_hz)).connected()
+    if isinstance(loop.bench, ChipBench):
+        assert identity(loop).state_rate_hz == 100
+        refused = loop.request(wire.ParamSet(0, 1, rate_hz))
+        assert isinstance(refused, wire.Error)
+        assert (refused.code, refused.limit) == (ErrorCode.RATE_TOO_HIGH, 100)
+        return
+    begin = len(loop.states)
+    loop.step(300)
+    times = [state.t_us for state in loop.states[begin:]]
+    assert {b - a for a, b in itertools.pairwise(times)} == {1_000_000 // rate_hz}
+
+
+def test_arming_takes_the_right_token_once_and_the_parameters_as_they_are(make: Make) -> None:
+    loop = Loop(make()).connected()
+    crc = identity(loop).param_crc
+    assert error_of(loop.request(wire.ArmRequest(0, crc ^ 1))) is ErrorCode.PARAMETERS_DIFFER
+    assert error_of(loop.request(wire.ArmRequest(1, crc))) is ErrorCode.NO_SUCH_AXIS
+    token = loop.request(wire.ArmRequest(0, crc))
+    assert isinstance(token, wire.ArmToken)
+    wrong = wire.ArmConfirm(0, token.token ^ 1)
+    assert error_of(loop.request(wrong)) is ErrorCode.TOKEN_WRONG
+    assert error_of(loop.request(wire.ArmConfirm(0, token.token))) is ErrorCode.TOKEN_WRONG
+    token = loop.request(wire.ArmRequest(0, crc))
+    assert isinstance(token, wire.ArmToken)
+    loop.step(token.valid_ms // 10 + 5)
+    assert error_of(loop.request(wire.ArmConfirm(0, token.token))) is ErrorCode.TOKEN_EXPIRED
+    loop.armed()
+    assert error_of(loop.request(wire.ArmRequest(0, crc))) is ErrorCode.WRONG_STATE
+    loop.request(wire.Disarm(0))
+    loop.until(lambda: loop.mode is BoardState.SAFE)
+
+
+def test_current_follows_the_setpoint_and_ends_with_the_host(make: Make) -> None:
+    loop = Loop(make()).armed()
+    loop.answer = hold(1500, 700, (0, 90))
+    loop.step(30)
+    board = loop.bench.board
+    assert (board.outputs.gate, board.outputs.applied_mA) == (1, [1500, 700])
+    assert board.outputs.duty == [0, 90]
+    assert loop.states[-1].i_meas_mA == pytest.approx((1500, 700), abs=20)
+    loop.answer = lambda state: None
+    loop.until(lambda: loop.mode is BoardState.HOLD, 30)
+    assert board.outputs.applied_mA == [0, 0]
+    loop.until(lambda: loop.mode is BoardState.FAULT, 70)
+    assert board.outputs.gate == 0
+    assert [report.fault for report in loop.reports] == [Fault.SETPOINT_LOST]
+
+
+def test_estop_ends_everything_until_the_power_is_cycled(make: Make) -> None:
+    loop = Loop(make()).armed()
+    loop.answer = hold(2000)
+    loop.step(20)
+    loop.host.send_estop()
+    loop.until(lambda: loop.mode is BoardState.ESTOP, 10)
+    assert loop.bench.board.outputs.gate == 0
+    crc = identity(loop).param_crc
+    assert error_of(loop.request(wire.ArmRequest(0, crc))) is ErrorCode.WRONG_STATE
+    restarted(loop)
+    assert loop.mode is BoardState.SAFE
+    assert identity(loop).boot_count == 2
+
+
+def test_parameters_are_set_within_their_range_and_only_where_it_is_safe(make: Make) -> None:
+    loop = Loop(make()).connected()
+    for row in PARAMETERS:
+        value = loop.request(wire.ParamGet(0, row.number))
+        assert isinstance(value, wire.ParamValue)
+        assert (value.value, value.minimum, value.maximum) == (
+            row.default, row.minimum, row.maximum,
+        )  # fmt: skip
+    too_much = loop.request(wire.ParamSet(0, LIMIT, 4001))
+    assert error_of(too_much) is ErrorCode.OUT_OF_RANGE
+    assert isinstance(too_much, wire.Error)
+    assert too_much.limit == 4000
+    assert error_of(loop.request(wire.ParamGet(0, 9))) is ErrorCode.UNKNOWN_PARAMETER
+    changed = loop.request(wire.ParamSet(0, LIMIT, 900))
+    assert isinstance(changed, wire.ParamValue)
+    loop.request(wire.ParamSave())
+    loop.armed()
+    assert error_of(loop.request(wire.ParamSet(0, LIMIT, 800))) is ErrorCode.WRONG_STATE
+    loop.answer = hold(2000)
+    loop.step(30)
+    assert loop.bench.board.outputs.applied_mA[0] == 900
+
+
+def test_saved_parameters_survive_a_power_cycle_and_others_do_not(make: Make) -> None:
+    loop = Loop(make()).connected()
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+    loop.request(wire.ParamSet(0, LIMIT, 800))
+    restarted(loop)
+    value = loop.request(wire.ParamGet(0, LIMIT))
+    assert isinstance(value, wire.ParamValue)
+    assert value.value == 900
+
+
+def test_a_save_that_meets_the_save_of_an_earlier_session_is_carried_out_after_it(
+    make: Make,
+) -> None:
+    loop = Loop(make()).connected()
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    loop.host.request(wire.ParamSave(), loop.bench.now_us)
+    loop.bench.receive(loop.host.data_to_send())
+    loop.host.lost(loop.bench.now_us)
+    loop.bench.data_to_send()
+    loop.host.connect(loop.bench.now_us)
+    sessions = len(loop.of(Connected))
+    loop.until(lambda: len(loop.of(Connected)) > sessions, 10)
+    loop.request(wire.ParamSet(0, LIMIT, 800))
+    assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+    restarted(loop)
+    value = loop.request(wire.ParamGet(0, LIMIT))
+    assert isinstance(value, wire.ParamValue)
+    assert value.value == 800
+
+
+@pytest.mark.parametrize("after_ms", range(0, 60, 7))
+def test_a_power_cut_in_the_middle_of_a_write_leaves_the_old_or_the_new(
+    make: Make, after_ms: int
+) -> None:
+    loop = Loop(make()).connected()
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    loop.request(wire.ParamSave())
+    loop.request(wire.ParamSet(0, LIMIT, 700))
+    loop.host.request(wire.ParamSave(), loop.bench.now_us)
+    loop.bench.receive(loop.host.data_to_send())
+    board = loop.bench.board
+    for _ in range(after_ms):
+        board.step(1000)
+    restarted(loop)
+    assert loop.mode is BoardState.SAFE
+    value = loop.request(wire.ParamGet(0, LIMIT))
+    assert isinstance(value, wire.ParamValue)
+    assert value.value in (900, 700)
+
+
+def test_a_damaged_store_stops_the_board_until_it_is_mended(make: Make) -> None:
+    loop = Loop(make(faults=[injection("corrupt_parameters", 0.5)])).connected()
+    loop.step(60)
+    loop.until(lambda: loop.mode is BoardState.FAULT)
+    assert loop.reports[-1].fault is Fault.PARAM_CRC
+    assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+    loop.step(2)
+    assert isinstance(loop.request(wire.ClearFault(0, Fault.PARAM_CRC)), wire.Done)
+    loop.until(lambda: loop.mode is BoardState.SAFE, 20)
+    assert restarted(loop).mode is BoardState.SAFE
+
+
+def test_garbage_and_floods_cost_nothing_but_time(make: Make) -> None:
+    rng = random.Random(4)
+    loop = Loop(make()).connected()
+    for _ in range(20):
+        loop.bench.receive(rng.randbytes(500))
+        loop.step(3)
+    loop.step(100)
+    assert loop.restarts == 0
+    assert loop.stats[-1].frames > 0
+    assert loop.stats[-1].length_errors + loop.stats[-1].cobs_errors > 10
+    assert isinstance(loop.request(wire.Disarm(0)), wire.Done)
+    assert loop.host.stats.missed_states <= 20
+
+
+def test_a_loop_that_hangs_is_ended_by_the_watchdog_with_the_gate_off(make: Make) -> None:
+    loop = Loop(make()).armed()
+    loop.answer = hold(2000)
+    loop.step(20)
+    loop.bench.hang(0.3)
+    loop.until(lambda: loop.restarts, 200)
+    assert loop.bench.board.resets == 1
+    assert loop.bench.board.outputs.gate == 0
+    loop.until(lambda: loop.mode is BoardState.SAFE)
+    assert identity(loop).reset_cause is ResetCause.WATCHDOG
+    assert loop.host.state is not HostState.RUNNING
+
+
+def test_a_short_hang_is_a_fault_and_no_restart(make: Make) -> None:
+    loop = Loop(make()).armed()
+    loop.answer = hold(2000)
+    loop.step(20)
+    loop.bench.hang(0.07)
+    loop.until(lambda: loop.mode is BoardState.FAULT, 60)
+    assert loop.reports[-1].fault is Fault.LOOP_OVERRUN
+    assert loop.restarts == 0
+
+
+def test_the_same_seed_gives_the_same_bytes(make: Make) -> None:
+    streams = []
+    for _ in range(2):
+        loop = Loop(make(seed=8)).armed()
+        loop.answer = hold(2500, 0, (0, 120))
+        loop.step(100)
+        streams.append([(s.t_us, s.rtd_cC, s.i_meas_mA, s.encoder_counts) for s in loop.states])
+    assert streams[0] == streams[1]
+
+
+def test_a_store_of_its_own_keeps_the_count_of_starts(make: Make, tmp_path: Path) -> None:
+    counts = []
+    for _ in range(3):
+        bench = make(store_path=tmp_path / "store")
+        counts.append(identity(Loop(bench).connected()).boot_count)
+        bench.close()
+    assert counts == [1, 2, 3]
