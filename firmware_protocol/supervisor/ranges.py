@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.errors import TranslationError
 from firmware_protocol.supervisor.limits import LIMIT_ROWS
 from firmware_protocol.supervisor.observers import FCC_PER_CC, SUM_MOST, POWER_MOST_mW
@@ -38,7 +39,7 @@ U8 = Range(0, 255)
 I32 = Range(-(1 << 31), (1 << 31) - 1)
 TOKEN = Range(-(1 << 62), 1 << 62)
 STATE = Range(0, 6)
-FAULT = Range(0, 31)
+FAULT = Range(0, max(Fault))
 CHANNEL = Range(0, 6)
 LIMITER = Range(0, 5)
 CURRENT = Range(0, LIMIT_ROWS["current_limit_mA"].compiled)
@@ -75,7 +76,7 @@ MEMORY: dict[str, Range] = {
     "setpoint_mA": U16, "setpoint_duty": U8, "setpoint_us": TIME,
     "setpoint_ttl_us": Range(0, 100_000), "stale_setpoints": TIMER, "stale_at_us": TIME,
     "token": TOKEN, "token_us": TIME, "token_valid": FLAG,
-    "faults": Range(0, (1 << 31) - 1), "latched": FLAG, "first_fault": FAULT,
+    "faults": Range(0, (1 << max(Fault)) - 1), "latched": FLAG, "first_fault": FAULT,
     "first_channel": CHANNEL, "first_value": I32, "first_limit": I32, "first_us": TIME,
     "value": I32, "limit": I32, "channel": CHANNEL,
     "coldest_cC": I16, "warmest_cC": I16, "sensor_ok": FLAG, "t_cC": I16,
@@ -100,7 +101,7 @@ RECORDS: dict[str, dict[str, Range]] = {
 }  # fmt: skip
 
 ARGUMENTS: dict[str, Range] = {
-    "k": CHANNEL, "now_us": TIME, "trigger": Range(0, 9), "fault": Range(1, 31),
+    "k": CHANNEL, "now_us": TIME, "trigger": Range(0, 9), "fault": Range(1, max(Fault)),
     "channel": CHANNEL, "code": Range(0, 63), "value": I32, "limit": I32, "link": Range(0, 15),
     "loss_mW_per_K": Range(0, 1020), "full": Range(0, 6000), "duty": U8,
     "above_cC": Range(-65_735, 65_735), "i_mA": I16, "v_mV": Range(-65_535, 65_535),

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-COPIED = ("bench", "docs", "firmware_protocol", "packaging", "sim_device", "smad", "tests", "tools")
+COPIED = (
+    "bench", "docs", "firmware", "firmware_protocol", "packaging", "sim_device", "smad", "tests",
+    "tools",
+)  # fmt: skip
 FILES = ("Makefile", "README.md", "pyproject.toml")
 
 
