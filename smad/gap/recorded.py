@@ -26,6 +26,8 @@ _NAMES = (
     "displacement_mm", "force_N",
 )  # fmt: skip
 _QUANTUM = {c.name: c.quantum for c in CHANNELS}
+_CONTROL = ControlConfig(kp_A_per_mm=15.0, ki_A_per_mm_s=3.0)
+"""The gains that the experiments of the catalogue were tried with; the shipped ones are quicker."""
 
 
 def recorded(
@@ -50,7 +52,7 @@ def recorded(
         quiet = ("current", "voltage", "temperature", "displacement", "force")
         parameters = parameters.replace(**{f"noise_{name}": 0.0 for name in quiet})
     plant = Plant(parameters, variant=model.variant, effects=model.within(point.effects), seed=seed)
-    controller = Controller(ControlConfig(), LimitsConfig())
+    controller = Controller(_CONTROL, LimitsConfig())
     n = round((timeline.duration_s if duration_s is None else duration_s) * RATE_HZ)
     rows = np.empty((n, len(_NAMES)))
     drive = Drive()

@@ -112,8 +112,10 @@ def test_telemetry_numbers_every_sample_and_carries_board_paced_time(hil: Hil) -
     samples = [next(stream) for _ in range(200)]
     numbers = [sample.sequence for sample in samples]
     assert numbers == list(range(numbers[0], numbers[0] + 200))
-    steps = {round(b.timestamp - a.timestamp, 4) for a, b in itertools.pairwise(samples)}
-    assert steps == {0.01}
+    steps_s = sorted(b.timestamp - a.timestamp for a, b in itertools.pairwise(samples))
+    # A stamp is steered to the host's clock by at most a tenth of a step; none goes back.
+    assert steps_s[0] > 0.0089
+    assert 0.0089 < steps_s[len(steps_s) // 2] < 0.0111
 
 
 def test_500_hz_runs_over_a_pseudo_terminal_without_a_missed_sample(hil: Hil) -> None:
