@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 FIRMWARE ?= python
-.PHONY: help firmware demo test check bench fuzz generate setup setup-test format clean
+.PHONY: help firmware demo test recipes notebooks check bench fuzz site generate setup setup-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -22,6 +22,12 @@ firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flas
 test: $(VENV)/.test-installed  ## all the tests
 	@$(PY) -m pytest -n 2 --dist worksteal
 
+recipes: $(VENV)/.test-installed  ## every step of docs/architecture.md's recipes left out once: something must complain
+	@$(PY) -m pytest -n 2 -m campaign tests/recipes
+
+notebooks: $(VENV)/.test-installed  ## run every notebook of examples/, the slow ones too
+	@SMAD_ALL_NOTEBOOKS=1 $(PY) -m pytest tests/docs/test_notebooks.py
+
 check: $(VENV)/.test-installed  ## lint, format, types, generated files, import directions
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
@@ -34,6 +40,9 @@ bench: $(VENV)/.test-installed  ## the numbers: speed as ratios within one run
 
 fuzz: $(VENV)/.test-installed  ## fuzz what reads bytes from outside: make fuzz FUZZ="frames --seconds 600"
 	@$(PY) -m tests.fuzz $(FUZZ)
+
+site: $(VENV)/.site-installed  ## the pages of docs/ as a site, in build/site
+	@$(BIN)/mkdocs build --quiet --strict
 
 generate: $(VENV)/.test-installed  ## write every generated file anew
 	@$(PY) tools/generate.py
@@ -51,7 +60,7 @@ $(VENV)/.python:
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.python
 	@echo "installing smad into $(VENV) (a minute or two the first time)"
-	@$(PY) -m pip install -qq --disable-pip-version-check -e .
+	@$(PY) -m pip install -qq --disable-pip-version-check -e '.[all]'
 	@echo "compiling the physics kernel (once)"
 	@$(PY) -m sim_device.plant.warm
 	@touch $@
@@ -59,6 +68,10 @@ $(VENV)/.installed: pyproject.toml $(VENV)/.python
 $(VENV)/.test-installed: pyproject.toml $(VENV)/.installed
 	@echo "installing what the tests need"
 	@$(PY) -m pip install -qq --disable-pip-version-check -e '.[test]'
+	@touch $@
+
+$(VENV)/.site-installed: pyproject.toml $(VENV)/.installed
+	@$(PY) -m pip install -qq --disable-pip-version-check -e '.[all,site]'
 	@touch $@
 
 clean:  ## remove what the build made (not your runs)

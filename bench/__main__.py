@@ -15,7 +15,10 @@ BENCHMARKS = {
     "runlog": "recording and reading runs",
     "daemon": "the control path beside a C program, idle and under load",
     "stop_latency": "a third party's stop, idle and under floods",
+    "view_stop": "a click on STOP of the live page, idle and under floods",
+    "view_cost": "setpoint age with the live page open and closed, in pairs",
     "gap": "the diagnosis",
+    "footprint": "what pip installs, in MB, and how long a client takes to import",
 }
 """By module of this folder."""
 

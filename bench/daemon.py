@@ -1,8 +1,9 @@
-"""How quick and steady the daemon is: `python -m bench.daemon [--quick|--hour|--steps]`.
+"""How quick and steady the daemon is: `python -m bench.daemon [--quick|--steps|--memory MINUTES]`.
 
 Rows are of 30 s each, five of a case, interleaved with those it is compared with; what is printed
 is their median and, in brackets, the least and the greatest. `--quick` takes two of 2 s, `--steps`
-leaves out everything but the compared rows, `--hour` runs an hour of board time for the memory.
+leaves out everything but the compared rows, `--memory` everything but that much board time (60 is
+an hour, in about ten minutes) after which the memory is looked at again.
 
 Every figure stands beside one of a minimal C program that does the same frame exchange on the same
 kind of port under the same load, in interleaved runs. A sentinel on each core says how late any
@@ -24,6 +25,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
+
+import click
 
 from bench.daemon_rig import Case, Rig, arm
 from smad.api import Status
@@ -59,6 +62,7 @@ class Plan:
         Case("daemon", 500, False),
         Case("C", 500, False),
         Case("daemon", 500, True, transport="socket"),
+        Case("daemon", 100, True, transport="socket"),
     )
 
 
@@ -339,18 +343,20 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Print the rows."""
-    plan = Plan()
-    if "--quick" in arguments:
-        plan = Plan(repeats=2, seconds=2.0, memory_minutes=1.0)
-    if "--hour" in arguments:
-        plan = Plan(memory_minutes=60.0)
-    if "--steps" in arguments:
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--quick", is_flag=True, help="Two rows of 2 s each instead of five of 30 s.")
+@click.option("--steps", is_flag=True, help="Only the compared rows.")
+@click.option("--memory", type=click.FloatRange(min=1.0), metavar="MINUTES", help="Only memory.")
+def main(quick: bool, steps: bool, memory: float | None) -> None:
+    """Print how quick and steady the daemon is."""
+    plan = Plan(repeats=2, seconds=2.0, memory_minutes=1.0) if quick else Plan()
+    if steps:
         plan = replace(plan, single=(), memory_minutes=0.0)
+    if memory is not None:
+        plan = replace(plan, repeats=0, single=(), memory_minutes=memory)
     for row in rows(plan):
         print(row)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -92,7 +92,7 @@ class Rig:
             if not device.stdout.readline().startswith(READY):
                 raise RuntimeError("the simulated device did not start; run smad sim to see why")
             if not extra:
-                _hurry(device.pid, DEVICE_PRIORITY)
+                hurry(device.pid, DEVICE_PRIORITY)
             ours.setblocking(False)
             yield str(tty), ours.fileno() if case.transport != "pty" else None
         finally:
@@ -172,6 +172,7 @@ def arm(client: Client) -> None:
             return
 
 
-def _hurry(process: int, priority: int) -> None:
+def hurry(process: int, priority: int) -> None:
+    """Give a process real-time priority, where that is allowed."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))

@@ -36,8 +36,8 @@ class Row:
 def rows() -> list[Row]:
     """All measurements; about three minutes on two free cores."""
     from smad.gap.plant import ModelPoint
-    from smad.gap.recorded import recorded
     from smad.gap.sma import SmaPlant
+    from smad.gap.sma.recorded import recorded
 
     plant = SmaPlant()
     names = tuple(e.name for e in plant.effects)

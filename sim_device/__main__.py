@@ -44,17 +44,6 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def list_faults() -> str:
-    """Return the table of faults as text, one line each."""
-    from sim_device.faults import FAULT_KINDS
-
-    lines = []
-    for row in FAULT_KINDS.values():
-        parameters = ",".join(f"{name}={value:g}" for name, value in row.parameters.items())
-        lines.append(f"{row.name:<19} {row.group:<9} {row.text}  [{parameters}]")
-    return "\n".join(lines)
-
-
 def make_bench(options: argparse.Namespace) -> SimulatedBench:
     """Return the bench that the options describe. Raises ValueError, BenchError, PlantError."""
     from sim_device.bench import SimulatedBench
@@ -81,6 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the simulated bench; return the exit status."""
     options = make_parser().parse_args(arguments)
     if options.list_faults:
+        from sim_device.faults import list_faults
+
         print(list_faults())
         return 0
     from sim_device.errors import BenchError

@@ -368,6 +368,15 @@ _ROWS: tuple[FaultKind, ...] = (
 FAULT_KINDS: dict[str, FaultKind] = {row.name: row for row in _ROWS}
 
 
+def list_faults() -> str:
+    """Return the table of faults as text, one line each."""
+    lines = []
+    for row in FAULT_KINDS.values():
+        parameters = ",".join(f"{name}={value:g}" for name, value in row.parameters.items())
+        lines.append(f"{row.name:<19} {row.group:<9} {row.text}  [{parameters}]")
+    return "\n".join(lines)
+
+
 def injection(name: str, at_s: float, **parameters: float) -> Injection:
     """Return the injection of row `name` at `at_s`; `lasts` (s) is how long, by default for ever.
 
@@ -405,6 +414,8 @@ def parse_injection(text: str) -> Injection:
     """
     head, _, tail = text.partition(":")
     name, at, time = head.partition("@")
+    if name not in FAULT_KINDS:
+        raise FaultSpecError(f"no fault is named {name!r}; there are {', '.join(FAULT_KINDS)}")
     if not at:
         raise FaultSpecError(f"{text!r} gives no time; write NAME@seconds[:parameter=value,...]")
     try:

@@ -1,6 +1,6 @@
 """Software of a shape-memory-alloy bench: daemon, clients, run logs, experiments, diagnosis.
 
-`smad.Client` and `smad.AsyncClient` command a running daemon.
+`smad.Client` and `smad.AsyncClient` command a running daemon, `smad.read_run` reads a run log.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -9,15 +9,25 @@ from smad.version import VERSION
 
 if TYPE_CHECKING:
     from smad.client import AsyncClient, Client
+    from smad.runlog.reader import read_run
 
 __version__ = VERSION
-__all__ = ["AsyncClient", "Client", "__version__"]
+__all__ = ["AsyncClient", "Client", "__version__", "read_run"]
+_HOMES = {
+    "AsyncClient": "smad.client",
+    "Client": "smad.client",
+    "read_run": "smad.runlog.reader",
+}
 
 
 def __getattr__(name: str) -> Any:
     # The physics and the diagnosis import this package too, and need no sockets.
-    if name in ("AsyncClient", "Client"):
-        import smad.client
+    if name in _HOMES:
+        from smad.parts import part
 
-        return getattr(smad.client, name)
+        return getattr(part(_HOMES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

@@ -8,14 +8,15 @@ reference in docs/guide/clients.md are made from it; motion commands are those o
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+import msgspec
 from msgspec import Meta, Struct
 
 from smad.control.commands import (
     DriveCurrent,
     Follow,
+    FollowInputs,
     HoldTemperature,
     Idle,
     MoveStage,
@@ -145,6 +146,9 @@ class StartRecording(Params, frozen=True, kw_only=True):
     """Begin a run log; it goes on until stopped, armed or not."""
 
     name: Annotated[str, Meta(max_length=64, description="goes into the file's name")] = ""
+    repeats: Annotated[
+        str, Meta(max_length=300, description="the run that this one repeats, for its header")
+    ] = ""
 
 
 class StopRecording(Params, frozen=True, kw_only=True):
@@ -197,6 +201,10 @@ class Entry(Struct, frozen=True):
     text: Annotated[str, Meta(description="what happened")]
 
 
+READ_AS = {"cC": ("°C", 0.01), "cC/s": ("°C/s", 0.01), "mA": ("A", 1e-3), "mV": ("V", 1e-3)}
+"""Units of the wire, what a person reads in their place, and how many of these one of them is."""
+
+
 class Fault(Struct, frozen=True, kw_only=True):
     """What stopped the bench: the fault that the board latched first, or a limit of the host."""
 
@@ -210,10 +218,14 @@ class Fault(Struct, frozen=True, kw_only=True):
 
     def in_words(self) -> str:
         """Return it in one line: name, place, value, limit."""
-        seen = "" if self.measured is None else f": {self.measured:g} {self.unit}".rstrip()
-        limit = "" if self.limit is None else f", limit {self.limit:g} {self.unit}".rstrip()
+        seen = "" if self.measured is None else f": {self._shown(self.measured)}"
+        limit = "" if self.limit is None else f", limit {self._shown(self.limit)}"
         where = f" at {self.channel}" if self.channel else ""
         return f"{self.name}{where}{seen}{limit}"
+
+    def _shown(self, value: float) -> str:
+        unit, scale = READ_AS.get(self.unit, (self.unit, 1.0))
+        return f"{value * scale:g} {unit}".rstrip()
 
 
 class Board(Struct, frozen=True, kw_only=True):
@@ -281,7 +293,7 @@ class Timing(Struct, frozen=True, kw_only=True):
 class RecorderStatus(Struct, frozen=True, kw_only=True):
     """The run log being written."""
 
-    recording: Annotated[bool, Meta(description="a log is open")]
+    recording: Annotated[bool, Meta(description="a log is open and takes rows")]
     path: Annotated[str, Meta(description="the file, or the last one")] = ""
     rows: Annotated[int, Meta(description="samples written or waiting")] = 0
     dropped: Annotated[int, Meta(description="samples lost because the disk was too slow")] = 0
@@ -302,13 +314,16 @@ class Control(Struct, frozen=True, kw_only=True):
 class Motion(Struct, frozen=True, kw_only=True):
     """What the controller is doing."""
 
-    running: Annotated[str, Meta(description="idle, displacement, temperature, current, or stage")]
+    running: Annotated[str, Meta(description="idle, displacement, temperature, current, inputs")]
     done: Annotated[bool, Meta(description="everything commanded has been carried out")]
     armed: Annotated[bool, Meta(description="the board lets current through")]
     mode: Annotated[str, Meta(description="state of the board")]
     reference_mm: Annotated[float | None, Meta(description="where displacement should be")]
     displacement_mm: Annotated[float | None, Meta(description="where it is")]
     board_time_s: Annotated[float, Meta(description="board time of the last sample")]
+    ended: Annotated[
+        str, Meta(description="why repeated inputs ended early; empty: they did not")
+    ] = ""
     fault: Annotated[Fault | None, Meta(description="the latched fault")] = None
     generation: Annotated[
         int, Meta(description="stops so far; a request that carries it is refused after the next")
@@ -337,6 +352,42 @@ class Status(Struct, frozen=True, kw_only=True):
     control: Annotated[Control, Meta(description="exclusive control")]
     events: Annotated[tuple[Entry, ...], Meta(description="what happened last, oldest first")]
 
+    def _repr_html_(self) -> str:
+        from smad import notebook
+
+        row, motion, recorder = self.sample, self.motion, self.recorder
+        readings = [
+            (name, "" if row is None else _reading(getattr(row, column), form))
+            for name, column, form in _READINGS
+        ]
+        rows = [
+            ("board", f"{motion.mode}, {'armed' if motion.armed else 'not armed'}"),
+            ("fault", motion.fault.in_words() if motion.fault else ""),
+            ("warnings", ", ".join(self.warnings)),
+            ("motion", f"{motion.running}, {'done' if motion.done else 'under way'}"),
+            *readings,
+            ("link", f"{self.link.state}, {self.link.rate_hz} Hz, {self.counts.missed} missed"),
+            ("run log", recorder.path),
+            ("in control", self.control.holder),
+        ]
+        return notebook.facts(f"Bench {self.bench}", rows)
+
+
+_READINGS = (
+    ("displacement", "displacement_mm", "{:.2f} mm"),
+    ("force", "force_N", "{:.2f} N"),
+    ("temperature X", "rtd_x_degC", "{:.1f} °C"),
+    ("temperature Y", "rtd_y_degC", "{:.1f} °C"),
+    ("current X", "i_meas_x_A", "{:.2f} A"),
+    ("current Y", "i_meas_y_A", "{:.2f} A"),
+    ("pump X", "duty_x", "{:.0%}"),
+    ("pump Y", "duty_y", "{:.0%}"),
+)
+
+
+def _reading(value: float | None, form: str) -> str:
+    return "" if value is None else form.format(value)
+
 
 class ConfigText(Struct, frozen=True, kw_only=True):
     """The configuration in force."""
@@ -361,7 +412,7 @@ class ParamList(Struct, frozen=True, kw_only=True):
     params: Annotated[tuple[Param, ...], Meta(description="one entry each")]
 
 
-class Telemetry(Row, kw_only=True):
+class Telemetry(Row, kw_only=True, omit_defaults=False):
     """One published sample: a row of the run log with its time and number.
 
     The stream has two frames a message: the topic `smad` and this, as JSON.
@@ -377,8 +428,7 @@ class Telemetry(Row, kw_only=True):
 Access = Literal["watch", "control", "stop"]
 
 
-@dataclass(frozen=True)
-class Method:
+class Method(Struct, frozen=True):
     """One thing a client can ask: name on the wire, parameters, reply, and who may ask it.
 
     `watch`: anyone; `control`: the holder of exclusive control, or anyone while there is none;
@@ -410,6 +460,7 @@ METHODS: tuple[Method, ...] = (
     Method("move", Follow, Motion, "control", ends_with_stop=True),
     Method("heat", HoldTemperature, Motion, "control", ends_with_stop=True),
     Method("current", DriveCurrent, Motion, "control", ends_with_stop=True),
+    Method("inputs", FollowInputs, Motion, "control", ends_with_stop=True),
     Method("stage", MoveStage, Motion, "control", ends_with_stop=True),
     Method("idle", Idle, Motion, "control"),
     Method("tune", Tune, Motion, "control", ends_with_stop=True),
@@ -425,3 +476,12 @@ METHODS: tuple[Method, ...] = (
 )
 
 BY_PARAMS: dict[type[Struct], Method] = {method.params: method for method in METHODS}
+
+
+def logged_details(params: Struct) -> dict[str, Any]:
+    """What the run log keeps of a command: its fields; of inputs, whose rows it has, how many."""
+    if isinstance(params, FollowInputs):
+        return {"rows": len(params.t_s), "begin_s": params.t_s[0], "end_s": params.end_s}
+    details = msgspec.to_builtins(params)
+    assert isinstance(details, dict)
+    return details

@@ -1,4 +1,4 @@
-"""What is generated in docs: the reference of docs/guide/clients.md, the list of decisions.
+"""What is generated in docs: methods of the clients, list of decisions, thresholds, scores.
 
 The reference is made from the types. `python -m smad.docs` writes what stands between
 `<!-- generated: NAME -->` and `<!-- end -->`; with `--check` it only says whether that is stale,
@@ -19,10 +19,17 @@ from msgspec import inspect as types
 
 from smad import api
 from smad.control import commands
+from smad.gap.settings import shipped
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
-PAGES = (_DOCS / "guide/clients.md", _DECISIONS / "README.md")
+_SCORES = _DOCS / "withheld-results.md"
+PAGES = (
+    _DOCS / "guide/clients.md",
+    _DECISIONS / "README.md",
+    _DOCS / "diagnosis.md",
+    _DOCS.parent / "README.md",
+)
 _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _SUPERSEDED = re.compile(r"^Status: superseded by (\d{4})", re.MULTILINE)
 _ACCESS = {
@@ -73,6 +80,41 @@ def decisions() -> str:
     return "".join(rows)
 
 
+_TRUST = {
+    "false alarms on none": "a cause named where nothing was wrong",
+    "detected at 10× the floor": "one effect of ten floors noticed",
+    "detected at 3× the floor": "one effect of three floors noticed",
+    "detected at 1× the floor": "one effect of one floor noticed",
+    "right name first, of the detected": "the right name first, where one was noticed",
+    "unknown effects named as a known one": "an effect that it does not know given a wrong name",
+    "pairs: exact": "both effects of a pair named, and no third",
+}
+"""What the README shows of the score table, in the words of somebody who has not read it."""
+
+
+def trust() -> str:
+    """A few rows of the last opening's score table."""
+    table = _SCORES.read_text().partition("<!-- end of withheld scores -->")[0]
+    cells = (line.split("|")[1:4] for line in table.splitlines())
+    scores = {row[0].strip(): (row[1].strip(), row[2].strip()) for row in cells if len(row) == 3}
+    lines = ["| what was asked | share of the cases [95 %] | cases |", "|---|---:|---:|"]
+    lines += [f"| {words} | {' | '.join(scores[name])} |" for name, words in _TRUST.items()]
+    return "\n".join((*lines, ""))
+
+
+def settings() -> str:
+    """Every size and threshold of the diagnosis, a table for each group."""
+    lines: list[str] = []
+    group = ""
+    for name, entry in shipped().items():
+        if entry["group"] != group:
+            group = entry["group"]
+            lines += [*([""] if lines else []), f"*{group}*", "", "| name | value | meaning |",
+                      "|---|---|---|"]  # fmt: skip
+        lines.append(f"| `{name}` | {entry['value']} | {entry['meaning']} |")
+    return "\n".join((*lines, ""))
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "methods": methods,
     "pieces": pieces,
@@ -80,6 +122,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "telemetry": telemetry,
     "reasons": reasons,
     "decisions": decisions,
+    "trust": trust,
+    "settings": settings,
 }
 
 

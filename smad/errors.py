@@ -56,10 +56,17 @@ def _visible(text: str) -> str:
 
 
 def _one_line(value: Any) -> str:
+    if isinstance(value, float):
+        # 3.1660000000000004 is the arithmetic's, not the user's.
+        value = float(f"{value:.9g}")
     text = value if isinstance(value, str) else repr(value)
     if len(text) > _LONGEST_VALUE:
         text = text[: _LONGEST_VALUE - 1] + "…"
     return text
+
+
+class MissingPartError(SmadError):
+    """A part of smad that is installed by an extra is not here."""
 
 
 class ConfigError(SmadError):

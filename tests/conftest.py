@@ -1,11 +1,25 @@
-"""The order of the tests: the longest first, or one worker would be left with them at the end."""
+"""For all tests: their order, the longest first, and signals as a shell leaves them."""
 
 from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
 
 import pytest
 
 LONGEST = "tests/withheld/"
+"""One worker would else be left with them at the end."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
+
+
+@pytest.fixture
+def not_ignored() -> Iterator[None]:
+    """Signals as a shell leaves them, whatever started the tests (nohup ignores SIGHUP)."""
+    both = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, signal.SIG_DFL) for number in both]
+    yield
+    for number, handler in zip(both, before, strict=True):
+        signal.signal(number, handler)

@@ -46,13 +46,19 @@ def bench(seed: int, noise: float) -> ParameterSet:
 
 
 def tuned(parameters: ParameterSet, seed: int, rate_hz: int) -> tuple[ControlConfig | None, str]:
-    """The configuration after tuning; None and the reason where tuning refused."""
+    """The configuration after tuning, the same where the trial went worse.
+
+    None and the reason where tuning refused.
+    """
     config = Config(link=LinkConfig(rate_hz=rate_hz, baud=921_600))
     driver = VirtualDriver(parameters, config=config, seed=seed)
     try:
-        found = tune_displacement(driver, config.control, trial=False).tuned
+        session = tune_displacement(driver, config.control)
     except SmadError as error:
         return None, str(error)
+    if session.worse:
+        return config.control, ""
+    found = session.tuned
     return msgspec.structs.replace(
         config.control,
         kp_A_per_mm=found.after.kp,

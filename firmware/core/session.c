@@ -357,9 +357,10 @@ static void on_request(const union message *m, int64_t now_us)
         counts.repeated_requests++;
         return;
     }
-    if (!answered) {
+    if (!answered && frame.type != SMAD_DISARM_NUMBER) {
         return;
     }
+    /* DISARM does not wait for a save. The host asks again for what it overtook. */
     request_type = frame.type;
     request_seq = frame.seq;
     answered = false;

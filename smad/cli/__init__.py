@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import click
 
 from smad.errors import SmadError
+from smad.parts import missing
 from smad.version import VERSION
 
 COMMANDS: Mapping[str, str] = {
@@ -20,6 +21,7 @@ COMMANDS: Mapping[str, str] = {
     "start": "smad.cli.start:start",
     "sim": "smad.cli.sim:sim",
     "status": "smad.cli.status:status",
+    "view": "smad.cli.view:view",
     "arm": "smad.cli.drive:arm",
     "disarm": "smad.cli.drive:disarm",
     "estop": "smad.cli.drive:estop",
@@ -35,6 +37,7 @@ COMMANDS: Mapping[str, str] = {
     "config": "smad.cli.config:config",
     "faults": "smad.cli.faults:faults",
     "keys": "smad.cli.keys:keys",
+    "service": "smad.cli.service:service",
     "log": "smad.cli.log:log",
     "run": "smad.cli.run:run",
     "tune": "smad.cli.tune:tune",
@@ -66,6 +69,18 @@ class LazyGroup(click.Group):
             return _Broken(cmd_name, error)
         assert isinstance(command, click.Command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that is called; one misspelt is answered with the nearest."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            import difflib
+
+            near = difflib.get_close_matches(args[0], COMMANDS, n=2)
+            hint = f" Did you mean {' or '.join(near)}?" if near else ""
+            ctx.fail(f"There is no command {args[0]!r}.{hint}")
+        return super().resolve_command(ctx, args)
 
 
 class _Broken(click.Command):
@@ -106,8 +121,9 @@ def execute(arguments: Sequence[str]) -> int:
         return error.exit_code
     except click.UsageError as error:
         path = error.ctx.command_path if error.ctx is not None else "smad"
-        what = error.format_message().rstrip(".")
-        return _complain(f"{what}. See {path} --help.", error.exit_code)
+        what = error.format_message().rstrip(".").replace("?.", "?")
+        end = "" if what.endswith("?") else "."
+        return _complain(f"{what}{end} See {path} --help.", error.exit_code)
     except click.ClickException as error:
         return _complain(error.format_message(), error.exit_code)
     except (click.Abort, KeyboardInterrupt):
@@ -116,6 +132,9 @@ def execute(arguments: Sequence[str]) -> int:
         # Whoever read our output has gone; a second complaint at exit would help nobody.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except ModuleNotFoundError as error:
+        extra = missing(error, arguments)
+        return _complain(str(extra), 1) if extra else _complain(_internal(error), _INTERNAL)
     except Exception as error:
         told = _unusable_path(error)
         return _complain(told, 1) if told else _complain(_internal(error), _INTERNAL)

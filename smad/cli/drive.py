@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from smad.cli.output import NEGATIVE, bench_option, client, described, wait_for_motion
+from smad.cli import complete
+from smad.cli.output import NEGATIVE, bench_option, checked, client, described, wait_for_motion
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 _wait = click.option(
@@ -39,11 +40,40 @@ def estop(bench: str) -> None:
     click.echo("ESTOP sent: everything is off until you switch the board off and on again")
 
 
+def _fault(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    """Return the number of a fault given by name or number."""
+    from firmware_protocol.enums import Fault
+
+    if value is None:
+        return None
+    by_name = {fault.name.lower(): fault.value for fault in Fault if fault}
+    number = by_name.get(value.lower().replace("-", "_"))
+    if number is None and value.isdecimal() and int(value) in by_name.values():
+        number = int(value)
+    if number is None:
+        names = ", ".join(by_name)
+        raise click.BadParameter(f"there is no fault {value!r}; there are {names}", ctx, param)
+    return number
+
+
+def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
+    """Return the share of full power: given as 0 to 1, or as a percentage with its sign."""
+    try:
+        duty = float(value.removesuffix("%")) / (100.0 if value.endswith("%") else 1.0)
+    except ValueError:
+        raise click.BadParameter(
+            f"{value!r} is no duty; give 0 to 1, or 0% to 100%", ctx, param
+        ) from None
+    if not 0.0 <= duty <= 1.0:
+        raise click.BadParameter(f"{value} is not within 0 to 1 (0% to 100%)", ctx, param)
+    return duty
+
+
 @click.command()
-@click.argument("fault", type=int, required=False)
+@click.argument("fault", callback=_fault, required=False, shell_complete=complete.faults)
 @bench_option
 def clear(bench: str, fault: int | None) -> None:
-    """Acknowledge the latched fault.
+    """Acknowledge the latched fault; FAULT, by name or number, refuses to clear another.
 
     Works once its cause is gone and the springs are cold.
     """
@@ -71,10 +101,22 @@ def heat(
     bench: str,
 ) -> None:
     """Hold SPRING (x or y) at a temperature in °C."""
+    from smad.control.commands import HoldTemperature
+
+    command = checked(
+        HoldTemperature(
+            spring="x" if spring == "x" else "y",
+            temperature_degC=temperature_degc,
+            rate_K_per_s=rate,
+            duration_s=duration_s,
+            use_water=water,
+        ),
+        {"temperature_degC": "DEGC", "rate_K_per_s": "--rate", "duration_s": "--for"},
+    )
     with client(bench) as bench_client:
         bench_client.heat(
-            "x" if spring == "x" else "y",
-            temperature_degc,
+            command.spring,
+            command.temperature_degC,
             rate_K_per_s=rate,
             duration_s=duration_s,
             use_water=water,
@@ -107,12 +149,15 @@ def current(
     from smad.control.commands import DriveCurrent
 
     heats_x = spring == "x"
-    command = DriveCurrent(
-        i_x_A=current_a if heats_x else 0.0,
-        i_y_A=0.0 if heats_x else current_a,
-        duration_s=duration_s,
-        stop_spring="x" if heats_x else "y",
-        stop_above_degC=until_degc,
+    command = checked(
+        DriveCurrent(
+            i_x_A=current_a if heats_x else 0.0,
+            i_y_A=0.0 if heats_x else current_a,
+            duration_s=duration_s,
+            stop_spring="x" if heats_x else "y",
+            stop_above_degC=until_degc,
+        ),
+        {"i_x_A": "A", "i_y_A": "A", "duration_s": "--for", "stop_above_degC": "--until"},
     )
     ends = duration_s is not None or until_degc is not None
     with client(bench) as bench_client:
@@ -124,18 +169,21 @@ def current(
 
 @click.command(context_settings=NEGATIVE)
 @click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("duty", type=float)
+@click.argument("duty", callback=_duty)
 @click.option("--for", "duration_s", type=float, metavar="S", help="End after so long.")
 @_wait
 @bench_option
 def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
-    """Run the pump of SPRING (x or y) at a DUTY of 0 to 1."""
+    """Run the pump of SPRING (x or y) at a DUTY of 0 to 1, or 0% to 100%."""
     from smad.control.commands import DriveCurrent
 
-    command = DriveCurrent(
-        pump_x_duty=duty if spring == "x" else 0.0,
-        pump_y_duty=duty if spring == "y" else 0.0,
-        duration_s=duration_s,
+    command = checked(
+        DriveCurrent(
+            pump_x_duty=duty if spring == "x" else 0.0,
+            pump_y_duty=duty if spring == "y" else 0.0,
+            duration_s=duration_s,
+        ),
+        {"duration_s": "--for"},
     )
     with client(bench) as bench_client:
         bench_client.current(command)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from smad.cli import complete
 from smad.cli.output import Finite, bench_option, client, progress
 from smad.errors import CommandError
 
@@ -25,7 +26,7 @@ def faults() -> None:
 
 
 @faults.command()
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=complete.faults)
 @bench_option
 def explain(name: str | None, bench: str) -> None:
     """Explain a fault by NAME or number; without one, the fault that is latched now."""
@@ -142,7 +143,7 @@ def soak(
     """
     from dataclasses import replace
 
-    from smad.cli.run import ended_by_signals
+    from smad.client.signals import ended_by_signals
     from smad.faults.soak import report
     from smad.faults.soak.found import FULL
     from smad.faults.soak.run import run_stage
@@ -183,7 +184,7 @@ def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
     Strangers' keys, replayed, malformed and huge messages, a crowd of connections. Exit status 1
     if one is carried out or not told, costs a sample, or leaves something behind.
     """
-    from smad.cli.run import ended_by_signals
+    from smad.client.signals import ended_by_signals
     from smad.faults.fort import Scale
     from smad.faults.hostile import json_of, run_attacks, table_of
     from smad.report.page import text_table

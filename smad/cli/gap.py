@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from smad.cli import complete
 from smad.cli.gap_check import check, score
+from smad.cli.gap_checkup import checkup, commission
+from smad.cli.gap_investigate import investigate
+from smad.cli.gap_runs import (
+    ManyRuns,
+    good_option,
+    hold_out_option,
+    runs_argument,
+    some_runs_argument,
+)
 from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
     from smad.gap.plant import ModelPoint
     from smad.gap.records import Diagnosis, ExperimentRecord
+    from smad.gap.report import Asked
     from smad.gap.runs import GapRun
     from smad.gap.sma import SmaPlant
 
@@ -42,12 +54,15 @@ def gap() -> None:
 
 gap.add_command(check)
 gap.add_command(score)
+gap.add_command(commission)
+gap.add_command(checkup)
+gap.add_command(investigate)
 
 
-@gap.command()
-@click.argument("runs", nargs=-1, required=True, type=_RUN, metavar="RUN…")
-@click.option("--hold-out", multiple=True, type=_RUN, help="Runs to judge on, never fitted to.")
-@click.option("--good", multiple=True, type=_RUN, help="Runs known to be good.")
+@gap.command(cls=ManyRuns)
+@runs_argument
+@hold_out_option
+@good_option
 @_params
 @_variant
 @_seed
@@ -70,18 +85,22 @@ def diagnose(
 
     With --good the question is what has changed since those runs; without, every difference between
     model and bench counts. Without --hold-out each run is left out in turn.
+
+    A RUN is a run log, a folder of them, or a quoted pattern. Give RUNs before --hold-out and
+    --good, which take all that follows.
     """
     plant = _plant(params, variant)
     with _clean_errors():
         result = _diagnosed(plant, runs, good, hold_out, seed)
-        _print_verdict(result)
+        asked = _asked(runs, hold_out, good, model_path)
+        _print_verdict(result, asked)
         if json_path is not None:
             json_path.write_bytes(result.to_json())
         if html_path is not None:
             from smad.gap.report import page_of
             from smad.report.page import write_page
 
-            write_page(page_of(result), html_path)
+            write_page(page_of(result, asked), html_path)
         if model_path is not None:
             from smad.gap.apply import apply
 
@@ -119,7 +138,7 @@ def effects(*, variant: str, as_json: bool) -> None:
 
 
 @gap.command()
-@click.argument("runs", nargs=-1, required=True, type=_RUN, metavar="RUN…")
+@runs_argument
 @click.option("--model", "model_path", required=True, type=_RUN, help="Model file of --apply.")
 @_params
 @_variant
@@ -148,15 +167,18 @@ def verify(
         )
 
 
-@gap.command(name="next")
-@click.argument("runs", nargs=-1, type=_RUN, metavar="[RUN…]")
-@click.option("--hold-out", multiple=True, type=_RUN, help="Runs to judge on, never fitted to.")
-@click.option("--good", multiple=True, type=_RUN, help="Runs known to be good.")
+@gap.command(name="next", cls=ManyRuns)
+@some_runs_argument
+@hold_out_option
+@good_option
 @click.option("--run", "chosen", metavar="NAME",
               help="Carry out this experiment now: arms the bench and heats it.")  # fmt: skip
+@click.option("--baseline", type=click.Path(file_okay=False, path_type=Path),
+              help="What to play again after a check-up against it, in place of RUNs.")  # fmt: skip
 @click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
 @click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
 @click.option("--effect", "bench_effects", multiple=True, metavar="NAME[:P=V,…]",
+              shell_complete=complete.effects,
               help="With --sim: an effect that the simulated bench has.")  # fmt: skip
 @click.option("--folder", type=click.Path(path_type=Path), default=Path("runs"), show_default=True,
               help="With --sim: where the run log goes.")  # fmt: skip
@@ -170,6 +192,7 @@ def next_experiment(
     hold_out: tuple[Path, ...],
     good: tuple[Path, ...],
     chosen: str | None,
+    baseline: Path | None,
     sim: bool,
     model_path: Path | None,
     bench_effects: tuple[str, ...],
@@ -189,6 +212,11 @@ def next_experiment(
         raise click.UsageError("--model and --effect are of a simulated bench; add --sim")
     if sim and chosen is None:
         raise click.UsageError("--sim says where --run runs; give --run NAME too")
+    if baseline is not None:
+        if runs or chosen is not None:
+            raise click.UsageError("--baseline has its own runs; give neither RUNs nor --run")
+        _propose(baseline)
+        return
     plant = _plant(params, variant)
     with _clean_errors():
         if chosen is not None:
@@ -202,8 +230,19 @@ def next_experiment(
             _list_catalogue()
             return
         result = _diagnosed(plant, runs, good, hold_out, seed)
-    _print_verdict(result)
+    _print_verdict(result, _asked(runs, hold_out, good, None))
     _print_experiments(result.experiments, result.settings["ambiguous_d2"])
+
+
+def _propose(baseline: Path) -> None:
+    from smad.cli.gap_investigate import proposal
+
+    found = proposal(baseline, None)
+    click.echo(found.why)
+    for offer in found.offers:
+        click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")
+    if found.run is not None:
+        click.echo("smad gap investigate plays it, and goes on until it is settled")
 
 
 def _plant(params: str, variant: str) -> SmaPlant:
@@ -227,7 +266,7 @@ def _clean_errors() -> Iterator[None]:
 
 
 def _read(paths: Sequence[Path]) -> list[GapRun]:
-    from smad.gap.sma_signals import read_gap_run
+    from smad.gap.sma.signals import read_gap_run
 
     return [read_gap_run(path) for path in paths]
 
@@ -254,13 +293,25 @@ def _diagnosed(
         )
 
 
-def _print_verdict(result: Diagnosis) -> None:
+def _asked(
+    runs: Sequence[Path], hold_out: Sequence[Path], good: Sequence[Path], model: Path | None
+) -> Asked:
+    """The arguments as a shell takes them, to ask once more."""
+    from smad.gap.report import Asked
+
+    words = [str(path) for path in runs]
+    for option, paths in (("--hold-out", hold_out), ("--good", good)):
+        words += [option, *map(str, paths)] if paths else []
+    return Asked(shlex.join(words), "" if model is None else str(model))
+
+
+def _print_verdict(result: Diagnosis, asked: Asked) -> None:
     from smad.gap.report import summary_lines
 
-    headline, *rest = summary_lines(result)
+    headline, answer, *rest = summary_lines(result, asked)
     click.secho(headline, bold=True)
-    for text in rest:
-        click.echo(click.wrap_text(text, width=100))
+    for text in (answer, *rest):
+        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=100))
 
 
 def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None:
@@ -275,7 +326,7 @@ def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None
 
 
 def _list_catalogue() -> None:
-    from smad.gap.catalogue import CATALOGUE, ROUTINE
+    from smad.gap.sma.catalogue import CATALOGUE, ROUTINE
 
     for heading, timelines in (
         ("everyday runs, to fit on and to judge on", ROUTINE),
@@ -290,7 +341,7 @@ def _perform(name: str, seed: int, bench: str) -> None:
     """Carries an experiment out on the bench."""
     from smad.cli.output import client
     from smad.experiments.live import LiveDriver
-    from smad.gap.catalogue import plan_named
+    from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
     with progress() as line:
@@ -314,8 +365,8 @@ def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelP
     """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
     from smad.experiments.driver import log_path
     from smad.experiments.virtual import VirtualDriver
-    from smad.gap.catalogue import plan_named
     from smad.gap.errors import GapError
+    from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
     if seed:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
@@ -11,10 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from smad.cli import complete
+from smad.cli.layouts import layouts
 from smad.errors import RunLogError
 
 if TYPE_CHECKING:
-    from smad.runlog.summary import Overview, RunSummary
+    from smad.runlog.overview import Overview
+    from smad.runlog.summary import RunSummary
 
 _EVENTS_SHOWN = 10
 _BAR_STEPS = 1000
@@ -27,7 +31,9 @@ _folder = click.option(
     help="Where run logs are, for a PATH left out.",
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
-_path = click.argument("path", required=False, type=click.Path(path_type=Path))
+_path = click.argument(
+    "path", required=False, type=click.Path(path_type=Path), shell_complete=complete.runs
+)
 
 
 @click.group()
@@ -38,12 +44,15 @@ def log() -> None:
     """
 
 
+log.add_command(layouts)
+
+
 @log.command("list")
 @_folder
 @_json
 def list_command(folder: str, as_json: bool) -> None:
     """List the run logs of a folder."""
-    from smad.runlog.summary import list_runs
+    from smad.runlog.overview import list_runs
 
     runs = list_runs(folder)
     if as_json:
@@ -115,6 +124,49 @@ def export(
     _print_notes(run.notes)
 
 
+@log.command()
+@click.argument(
+    "paths",
+    metavar="[RUN]...",
+    nargs=-1,
+    type=click.Path(path_type=Path),
+    shell_complete=complete.runs,
+)
+@_folder
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Page to write.")
+@click.option("--from", "from_s", type=float, default=-math.inf, help="Begin at so many seconds.")
+@click.option("--to", "to_s", type=float, default=math.inf, help="End at so many seconds.")
+@click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
+def plot(
+    *,
+    paths: tuple[Path, ...],
+    folder: str,
+    output: Path | None,
+    from_s: float,
+    to_s: float,
+    open_page: bool,
+) -> None:
+    """Make a page of one or more run logs: panels to zoom, with values under the pointer.
+
+    Several runs are overlaid from their first samples on; those of a bench are drawn over those of
+    a simulation. The page is one file and needs no network.
+    """
+    from smad.report.page import write_page
+    from smad.report.runs import page_of, shown
+    from smad.runlog.reader import read_run
+
+    sources = paths or (_resolve(None, folder),)
+    runs = []
+    for source in sources:
+        with _progress(f"reading {source.name}") as progress:
+            runs.append(read_run(source, progress=progress))
+    page = page_of(shown(runs, from_s, to_s))
+    written = write_page(page, output or sources[0].with_suffix(".html"))
+    click.echo(written)
+    if open_page:
+        click.launch(str(written))
+
+
 @log.command("import")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Run log to write.")
@@ -138,7 +190,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
     if done.ignored:
         click.echo(f"left out: {', '.join(done.ignored)}")
     if done.missing:
-        click.echo(f"not in the file, null in the log: {', '.join(done.missing)}")
+        click.echo(f"not in the file: {', '.join(done.missing)}")
 
 
 @log.command()
@@ -182,7 +234,6 @@ def _progress(label: str) -> Iterator[Callable[[float], None]]:
             bar.update(max(0, round(share * _BAR_STEPS) - bar.pos))
 
         yield advance
-        advance(1.0)
 
 
 def _print_json(value: Any) -> None:

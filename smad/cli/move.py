@@ -13,7 +13,7 @@ import click
 import msgspec
 from msgspec import inspect as types
 
-from smad.cli.output import NEGATIVE, bench_option, client, wait_for_motion
+from smad.cli.output import NEGATIVE, bench_option, checked, client, wait_for_motion
 from smad.control.commands import PIECES, Piece, Samples, Trajectory
 from smad.control.segment import millimetres
 from smad.errors import CommandError
@@ -64,11 +64,19 @@ def command_of(piece: type[Piece]) -> click.Command | None:
         for (field, _, meta), value in zip(fields, values, strict=True)
     ]
 
+    typed = {
+        name: parameter.human_readable_name
+        if isinstance(parameter, click.Argument)
+        else parameter.opts[0]
+        for name, parameter in zip(names, parameters, strict=True)
+    }
+
     def send(*, unit_mm: float = 1.0, queue: bool, wait: bool, bench: str, **given: Any) -> None:
         # click knows its arguments in lower case only.
         named = {name: given[name] if name in given else given[name.lower()] for name in names}
         scaled = {name: named[name] * unit_mm for name in lengths}
-        _send(cast("Trajectory", piece(**{**named, **scaled})), queue=queue, wait=wait, bench=bench)
+        made = checked(piece(**{**named, **scaled}), typed)
+        _send(cast("Trajectory", made), queue=queue, wait=wait, bench=bench)
 
     told = [
         f"{parameter.human_readable_name}: {meta.get('description', '')}"

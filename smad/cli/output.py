@@ -6,12 +6,14 @@ import contextlib
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 if TYPE_CHECKING:
+    from msgspec import Struct
+
     from smad.api import Motion
     from smad.client import Client
 
@@ -37,12 +39,51 @@ class Finite(click.FloatRange):
         return number
 
 
+C = TypeVar("C", bound="Struct")
+
+
+def checked(command: C, typed: Mapping[str, str]) -> C:
+    """Return the command if its values are allowed; `typed`: how each field was given.
+
+    Raises a usage error that names what was typed. The daemon checks it again.
+    """
+    import msgspec
+
+    from smad.bounds import field_and_words, unit_of
+
+    values = msgspec.to_builtins(command)
+    for name, value in values.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise click.BadParameter(
+                f"{value:g} is not a finite number", param_hint=repr(typed.get(name, name))
+            )
+    try:
+        msgspec.convert(values, type(command))
+    except msgspec.ValidationError as error:
+        name, bound = field_and_words(str(error))
+        unit, value = f" {unit_of(name)}".rstrip(), values.get(name)
+        shown = f"{value:g}" if isinstance(value, int | float) else repr(value)
+        raise click.BadParameter(
+            f"{shown}{unit}: {bound}{unit}", param_hint=repr(typed.get(name, name))
+        ) from None
+    return command
+
+
 bench_option = click.option(
     "--bench",
     default="bench",
     envvar="SMAD_BENCH",
     show_default=True,
     help="Name of the bench, where there are several.",
+)
+
+lease_option = click.option(
+    "--lease",
+    type=click.FloatRange(0.5, 3600.0),
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="On a real bench: the daemon disarms when this program was silent for so long.",
 )
 
 
@@ -98,17 +139,25 @@ def progress() -> Iterator[Progress]:
 
 
 def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
-    """Wait for a motion with a progress line; ctrl-C ends the motion, not only the waiting."""
+    """Wait for a motion with a progress line; ctrl-C ends the motion, not only the waiting.
+
+    So does a terminal that is closed, and SIGTERM.
+    """
+    from smad.client.signals import ended_by_signals
+
     if not wait:
         click.echo(f"{what}: begun")
         return
-    try:
-        with progress() as line:
-            motion = bench_client.wait_until_done(lambda now: line.say(f"{what}: {described(now)}"))
-    except KeyboardInterrupt:
-        bench_client.idle()
-        click.echo(f"{what}: interrupted; the bench is idle now and still armed", err=True)
-        raise
+    with ended_by_signals():
+        try:
+            with progress() as line:
+                motion = bench_client.wait_until_done(
+                    lambda now: line.say(f"{what}: {described(now)}")
+                )
+        except (KeyboardInterrupt, SystemExit):
+            bench_client.idle()
+            click.echo(f"{what}: interrupted; the bench is idle now and still armed", err=True)
+            raise
     click.echo(f"{what}: done; {described(motion)}")
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from smad.api import Param
+from smad.api import READ_AS, Param
+from smad.cli import complete
 from smad.cli.output import bench_option, client
 
 
@@ -22,13 +23,13 @@ def list_command(bench: str) -> None:
     width = max(len(p.name) for p in found)
     for param in found:
         click.echo(
-            f"{param.name:<{width}}  {_value(param):>16}  "
-            f"({param.minimum:g} to {param.maximum:g})  {param.description}"
+            f"{param.name:<{width}}  {_value(param):>20}  "
+            f"({param.minimum:.10g} to {param.maximum:.10g})  {param.description}"
         )
 
 
 @params.command()
-@click.argument("name")
+@click.argument("name", shell_complete=complete.parameters)
 @bench_option
 def get(name: str, bench: str) -> None:
     """Show one."""
@@ -37,7 +38,7 @@ def get(name: str, bench: str) -> None:
 
 
 @params.command("set")
-@click.argument("name")
+@click.argument("name", shell_complete=complete.parameters)
 @click.argument("value", type=float)
 @bench_option
 def set_command(name: str, value: float, bench: str) -> None:
@@ -57,4 +58,9 @@ def save(bench: str) -> None:
 
 
 def _value(param: Param) -> str:
-    return f"{param.value:g} {param.unit}".rstrip()
+    raw = f"{param.value:.10g} {param.unit}".rstrip()
+    if param.unit not in READ_AS:
+        return raw
+    # Named, and set, in the unit of the wire; a person reads the other.
+    unit, scale = READ_AS[param.unit]
+    return f"{raw} = {param.value * scale:g} {unit}"

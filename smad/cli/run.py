@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import bench_option, progress
+from smad.cli import complete
+from smad.cli.output import bench_option, lease_option, progress
 from smad.errors import SmadError
 
 if TYPE_CHECKING:
@@ -21,8 +20,26 @@ if TYPE_CHECKING:
 ALL = "all"
 
 
-@click.command()
-@click.argument("names", nargs=-1, metavar="NAME…|all")
+class _Run(click.Command):
+    """The command, and `smad run repeat` under its name."""
+
+    def make_context(
+        self,
+        info_name: str | None,
+        args: list[str],
+        parent: click.Context | None = None,
+        **extra: Any,
+    ) -> click.Context:
+        """Return the context of one of the two."""
+        if args and args[0] == "repeat":
+            from smad.cli.repeat import repeat
+
+            return repeat.make_context(f"{info_name} repeat", args[1:], parent, **extra)
+        return super().make_context(info_name, args, parent, **extra)
+
+
+@click.command(cls=_Run)
+@click.argument("names", nargs=-1, metavar="NAME…|all", shell_complete=complete.experiments)
 @click.option("--list", "listing", is_flag=True, help="Show the experiments and what each needs.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 @click.option("--sim", is_flag=True, help="In virtual time, on a simulated bench.")
@@ -97,20 +114,15 @@ ALL = "all"
     is_flag=True,
     help="Only print the section [control.feedforward] for --parameters, and end.",
 )
-@click.option(
-    "--lease",
-    type=click.FloatRange(0.5, 3600.0),
-    default=10.0,
-    show_default=True,
-    metavar="S",
-    help="On a real bench: the daemon disarms when this program was silent for so long.",
-)
+@lease_option
 @bench_option
 def run(names: tuple[str, ...], **options: Any) -> None:
     """Run experiments of the paper, analyse them, and write one page.
 
     NAME is an experiment, `all` is all of them. Without --sim they run on the daemon that is
     running, which arms the bench.
+
+    `smad run repeat RUN` plays the inputs of a recorded run again (smad run repeat --help).
     """
     if options["listing"]:
         _print_list(as_json=options["as_json"])
@@ -249,29 +261,12 @@ def _simulated(
             return run_campaign(experiments, bench, model, pool, line.say), facts
 
 
-@contextlib.contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP (a terminal that goes away) unwind the block, as ctrl-C does.
-
-    Without it they would end the process on the spot, and leave the bench armed.
-    """
-
-    def leave(number: int, frame: object) -> None:
-        raise SystemExit(128 + number)
-
-    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
 def _live(
     experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
 ) -> tuple[CampaignResult, Facts]:
     from smad.cli.leased import LeasedDriver
     from smad.cli.output import client
+    from smad.client.signals import ended_by_signals
     from smad.experiments.campaign import run_on
     from smad.experiments.live import LiveDriver
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from smad.cli import complete
 from smad.cli.output import Finite
 from smad.errors import SmadError
 from smad.processes.simulator import READY
@@ -48,11 +49,16 @@ class SimulatorError(SmadError):
     "effects",
     multiple=True,
     metavar="NAME[:PARAM=VALUE,…]",
+    shell_complete=complete.effects,
     help="An effect of smad gap effects that the bench has; typical strength without values.",
 )
 @click.option("--paced-by-host", is_flag=True, help="Wait, within bounds, for each setpoint.")
 @click.option(
-    "--fault", "faults", multiple=True, metavar="NAME@S[:KEY=VALUE,…]", help="Something to break."
+    "--fault",
+    "faults",
+    multiple=True,
+    metavar="NAME@S[:KEY=VALUE,…]",
+    help="Something to break; --fault list names what there is.",
 )
 @click.option(
     "--firmware",
@@ -96,6 +102,11 @@ def sim(
     from sim_device.pty import serve
     from smad.config import Config, load_config
 
+    if "list" in faults:
+        from sim_device.faults import list_faults
+
+        click.echo(list_faults())
+        return
     if parent is not None:
         _end_with(parent)
     config = Config() if path is None else load_config(path)

@@ -31,7 +31,9 @@ SIMULATED_BAUD = 921_600
 @click.option(
     "--paced-by-host", is_flag=True, help="With --sim: the board waits for each setpoint."
 )
-@click.option("--fault", "faults", multiple=True, help="With --sim: see smad sim --help.")
+@click.option(
+    "--fault", "faults", multiple=True, help="With --sim: something to break; see smad sim --help."
+)
 @click.option(
     "--firmware",
     type=click.Choice(["python", "host", "avr"]),

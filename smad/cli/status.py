@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import click
 
 from smad.api import Percentiles, Status
 from smad.cli.output import bad, bench_option, client, good, warned
+
+if TYPE_CHECKING:
+    from smad.client import Client
 
 _REFRESH_S = 0.5
 _EVENTS = 5
@@ -16,23 +21,42 @@ _LABEL = 11
 
 
 @click.command()
-@click.option("--watch", is_flag=True, help="Show it anew twice a second until ctrl-C.")
+@click.option("--watch", is_flag=True, help="A screen, drawn twice a second; space stops.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; with --watch, a line each time.")
 @bench_option
 def status(watch: bool, as_json: bool, bench: str) -> None:
     """Show link, board, motion, readings, timing, run log."""
     with client(bench) as bench_client:
+        if watch and not as_json:
+            _watch(bench_client)
+            return
         while True:
             now = bench_client.status()
             if as_json:
                 _print_json(now)
             else:
-                if watch:
-                    click.clear()
-                click.echo("\n".join(lines(now)))
+                click.echo("\n".join((*lines(now), *_others(now.bench))))
             if not watch:
                 return
             time.sleep(_REFRESH_S)
+
+
+def _watch(bench_client: Client) -> None:
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise click.UsageError("--watch needs a terminal; --watch --json prints lines.")
+    from smad.cli import watch
+
+    bench_client.timeout_s = watch.PATIENCE_S
+    watch.run(bench_client)
+
+
+def _others(bench: str) -> Iterator[str]:
+    """Name the other benches that run, if any."""
+    from smad.client.endpoints import candidate_folders, running_benches
+
+    others = [name for name in running_benches(candidate_folders()) if name != bench]
+    if others:
+        yield _line("also", f"{', '.join(others)} (smad status --bench NAME)")
 
 
 def lines(now: Status) -> Iterator[str]:

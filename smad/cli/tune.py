@@ -33,7 +33,8 @@ def tune(
     """Find gains of the displacement LOOP, or of the temperature loop, on the running bench.
 
     Arms, waits until the springs are cold, moves by some ±4 mm, and disarms; two to four minutes.
-    Nothing is changed without --apply or --save.
+    Nothing is changed without --apply or --save, and nothing when the trial goes worse than with
+    the gains you have.
     """
     if save is not None and save.exists():
         raise CommandError(
@@ -41,13 +42,16 @@ def tune(
         )
     session = _session(loop, spring, trial=trial, apply=apply, lease_s=lease, bench=bench)
     section = session.tuned.toml()
-    if save is not None:
+    if save is not None and not session.worse:
         save.write_text(section)
     if as_json:
         _print_json(session, section)
         return
     click.echo("\n".join(lines(session)))
     click.echo(f"\n{section}", nl=False)
+    if session.worse:
+        click.echo(f"keep the gains you have: {session.worse}; nothing was changed")
+        return
     if apply:
         click.echo("in force until the daemon ends; keep the section in its configuration")
     if save is not None:
@@ -58,7 +62,7 @@ def _session(
     loop: str, spring: str, *, trial: bool, apply: bool, lease_s: float, bench: str
 ) -> Session:
     from smad.cli.leased import LeasedDriver
-    from smad.cli.run import ended_by_signals
+    from smad.client.signals import ended_by_signals
     from smad.config import parse_config
     from smad.control.commands import Tune
     from smad.experiments.live import LiveDriver
@@ -82,7 +86,7 @@ def _session(
                 session = tune_displacement(driver, config, trial=trial)
         finally:
             connected.disarm()
-        if apply:
+        if apply and not session.worse:
             command = session.tuned.command(session.tuned.after)
             connected.tune(command)
             if session.tuned.band_mm:
@@ -159,5 +163,5 @@ def _print_json(session: Session, section: str) -> None:
     import msgspec
 
     found: dict[str, Any] = msgspec.to_builtins(session)
-    found["toml"] = section
+    found |= {"toml": section, "worse": session.worse}
     click.echo(msgspec.json.encode(found).decode())

@@ -21,6 +21,7 @@ from smad.client.blocking import DEFAULT_TIMEOUT_S, POLL_S, no_answer
 from smad.client.endpoints import Connection
 from smad.client.errors import NoAnswer, Refused
 from smad.client.progress import Wait
+from smad.client.signals import ended_by_signals
 from smad.client.wire import (
     Conversation,
     Keys,
@@ -36,6 +37,7 @@ from smad.client.wire import (
 from smad.control.commands import (
     DriveCurrent,
     Follow,
+    FollowInputs,
     HoldTemperature,
     Idle,
     MoveStage,
@@ -43,6 +45,7 @@ from smad.control.commands import (
     Trajectory,
     Tune,
 )
+from smad.control.inputs import in_pieces as rows_in_pieces
 from smad.errors import ConfigError, SmadError
 
 _TOPIC = api.TELEMETRY_TOPIC.encode()
@@ -133,8 +136,16 @@ class AsyncClient:
     async def arm(self) -> api.Motion:
         """Arm the bench. What you ask for afterwards is refused once anybody has stopped it."""
         motion = await self._call(api.Arm(), api.Motion)
-        self._conversation.generation = motion.generation
+        self._conversation.begin(motion.generation)
         return motion
+
+    def as_of(self, generation: int | None) -> None:
+        """Refuse what is asked from now on if a stop came after `generation`; None: after none.
+
+        For who passes on what a person asked: the person knew of the stops up to this one
+        (`Motion.generation`). The next arming is refused, too, also after a stop of ours.
+        """
+        self._conversation.begin(generation, known=generation)
 
     async def disarm(self) -> api.Motion:
         """Current off, water on until cool; returns when the board is not armed any more.
@@ -187,6 +198,14 @@ class AsyncClient:
         """Plain currents and pump duties, without feedback."""
         return await self._call(command, api.Motion)
 
+    async def follow_inputs(self, command: FollowInputs) -> api.Motion:
+        """Play recorded currents and duties; of any length, it is sent in pieces."""
+        first, *rest = rows_in_pieces(command)
+        motion = await self._call(first, api.Motion)
+        for piece in rest:
+            motion = await self._call(piece, api.Motion)
+        return motion
+
     async def stage(self, stage_mm: float, rate_mm_per_s: float) -> api.Motion:
         """Move the stretching stage."""
         return await self._call(
@@ -217,9 +236,9 @@ class AsyncClient:
         """Keep the parameters over a power cycle."""
         return (await self._call(api.SaveParams(), api.ParamList)).params
 
-    async def start_recording(self, name: str = "") -> api.RecorderStatus:
-        """Begin a run log."""
-        return await self._call(api.StartRecording(name=name), api.RecorderStatus)
+    async def start_recording(self, name: str = "", repeats: str = "") -> api.RecorderStatus:
+        """Begin a run log; `repeats` names the run whose inputs it plays again."""
+        return await self._call(api.StartRecording(name=name, repeats=repeats), api.RecorderStatus)
 
     async def stop_recording(self) -> api.RecorderStatus:
         """Close the run log; returns its path and how many rows it holds."""
@@ -249,22 +268,24 @@ class AsyncClient:
     async def armed(self) -> AsyncIterator[None]:
         """Armed for as long as the block lasts: disarmed at its end, on an exception, on ctrl-C.
 
-        A program that is killed cannot disarm; inside `in_control` the daemon misses it and does.
+        And on SIGTERM and SIGHUP, where the program has no handler of its own for them. One that
+        is killed cannot disarm; inside `in_control` the daemon misses it and does.
         """
-        try:
-            await self.arm()
-        except Refused:
-            # Somebody else may have armed it; that is not ours to end.
-            raise
-        except BaseException:
-            await self._disarm_after_an_error()
-            raise
-        try:
-            yield
-        except BaseException:
-            await self._disarm_after_an_error()
-            raise
-        await self.disarm()
+        refused = False
+        with ended_by_signals():
+            try:
+                try:
+                    await self.arm()
+                except Refused:
+                    # Somebody else may have armed it; that is not ours to end.
+                    refused = True
+                    raise
+                yield
+                await self.disarm()
+            except BaseException:
+                if not refused:
+                    await self._disarm_after_an_error()
+                raise
 
     async def _disarm_after_an_error(self) -> None:
         # What ended the block is what its caller has to hear of.

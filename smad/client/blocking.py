@@ -18,6 +18,7 @@ from smad import api
 from smad.client.endpoints import Connection
 from smad.client.errors import NoAnswer, Refused
 from smad.client.progress import Wait
+from smad.client.signals import ended_by_signals
 from smad.client.wire import (
     Conversation,
     Keys,
@@ -33,6 +34,7 @@ from smad.client.wire import (
 from smad.control.commands import (
     DriveCurrent,
     Follow,
+    FollowInputs,
     HoldTemperature,
     Idle,
     MoveStage,
@@ -40,6 +42,7 @@ from smad.control.commands import (
     Trajectory,
     Tune,
 )
+from smad.control.inputs import in_pieces as rows_in_pieces
 from smad.errors import ConfigError, SmadError
 
 DEFAULT_TIMEOUT_S = 5.0
@@ -130,8 +133,16 @@ class Client:
     def arm(self) -> api.Motion:
         """Arm the bench. What you ask for afterwards is refused once anybody has stopped it."""
         motion = self._call(api.Arm(), api.Motion)
-        self._conversation.generation = motion.generation
+        self._conversation.begin(motion.generation)
         return motion
+
+    def as_of(self, generation: int | None) -> None:
+        """Refuse what is asked from now on if a stop came after `generation`; None: after none.
+
+        For who passes on what a person asked: the person knew of the stops up to this one
+        (`Motion.generation`). The next arming is refused, too, also after a stop of ours.
+        """
+        self._conversation.begin(generation, known=generation)
 
     def disarm(self) -> api.Motion:
         """Current off, water on until cool; returns when the board is not armed any more.
@@ -184,6 +195,14 @@ class Client:
         """Plain currents and pump duties, without feedback."""
         return self._call(command, api.Motion)
 
+    def follow_inputs(self, command: FollowInputs) -> api.Motion:
+        """Play recorded currents and duties; of any length, it is sent in pieces."""
+        first, *rest = rows_in_pieces(command)
+        motion = self._call(first, api.Motion)
+        for piece in rest:
+            motion = self._call(piece, api.Motion)
+        return motion
+
     def stage(self, stage_mm: float, rate_mm_per_s: float) -> api.Motion:
         """Move the stretching stage."""
         return self._call(MoveStage(stage_mm=stage_mm, rate_mm_per_s=rate_mm_per_s), api.Motion)
@@ -212,9 +231,9 @@ class Client:
         """Keep the parameters over a power cycle."""
         return self._call(api.SaveParams(), api.ParamList).params
 
-    def start_recording(self, name: str = "") -> api.RecorderStatus:
-        """Begin a run log."""
-        return self._call(api.StartRecording(name=name), api.RecorderStatus)
+    def start_recording(self, name: str = "", repeats: str = "") -> api.RecorderStatus:
+        """Begin a run log; `repeats` names the run whose inputs it plays again."""
+        return self._call(api.StartRecording(name=name, repeats=repeats), api.RecorderStatus)
 
     def stop_recording(self) -> api.RecorderStatus:
         """Close the run log; returns its path and how many rows it holds."""
@@ -244,22 +263,24 @@ class Client:
     def armed(self) -> Iterator[None]:
         """Armed for as long as the block lasts: disarmed at its end, on an exception, on ctrl-C.
 
-        A program that is killed cannot disarm; inside `in_control` the daemon misses it and does.
+        And on SIGTERM and SIGHUP, where the program has no handler of its own for them. One that
+        is killed cannot disarm; inside `in_control` the daemon misses it and does.
         """
-        try:
-            self.arm()
-        except Refused:
-            # Somebody else may have armed it; that is not ours to end.
-            raise
-        except BaseException:
-            self._disarm_after_an_error()
-            raise
-        try:
-            yield
-        except BaseException:
-            self._disarm_after_an_error()
-            raise
-        self.disarm()
+        refused = False
+        with ended_by_signals():
+            try:
+                try:
+                    self.arm()
+                except Refused:
+                    # Somebody else may have armed it; that is not ours to end.
+                    refused = True
+                    raise
+                yield
+                self.disarm()
+            except BaseException:
+                if not refused:
+                    self._disarm_after_an_error()
+                raise
 
     def _disarm_after_an_error(self) -> None:
         # What ended the block is what its caller has to hear of.
@@ -267,7 +288,7 @@ class Client:
             while True:
                 try:
                     self.disarm()
-                except KeyboardInterrupt:
+                except (KeyboardInterrupt, SystemExit):
                     # Whoever presses ctrl-C twice wants it stopped all the more.
                     continue
                 return

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import msgspec
@@ -175,3 +175,9 @@ def read_connection(path: Path) -> Connection | None:
         except ProcessLookupError:
             return None
     return connection
+
+
+def running_benches(folders: Iterable[Path]) -> list[str]:
+    """Return the names of the benches whose daemon runs, in the order of their names."""
+    files = (path for folder in folders for path in folder.glob("*.json"))
+    return sorted({path.stem for path in files if read_connection(path) is not None})

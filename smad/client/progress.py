@@ -41,6 +41,11 @@ class Wait:
                 if fault
                 else "see smad status for what happened; arm and start again",
             )
+        if motion.ended:
+            raise Stopped(
+                f"the motion ended early: {motion.ended}",
+                action="the bench is idle; see what changed before it is repeated again",
+            )
         if motion.done:
             return True
         if self._timeout_s is not None and now_s - self._began_s > self._timeout_s:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
+import functools
 import math
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,8 +15,8 @@ from msgspec import Struct
 from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Reason, Telemetry
 from smad.client.endpoints import Connection, candidate_folders, read_connection
 from smad.client.errors import NoDaemon, Refused, refused
-from smad.config.curve import KEY_CHARACTERS, is_curve_key
 from smad.control.commands import Samples, Trajectory
+from smad.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
 
 Reply = TypeVar("Reply", bound=Struct)
@@ -41,11 +40,9 @@ class _Envelope(Struct, frozen=True):
 
 _ENCODER = msgspec.json.Encoder()
 _ENVELOPE = msgspec.json.Decoder(_Envelope)
-_TELEMETRY = msgspec.json.Decoder(Telemetry)
 
 
-@dataclass(frozen=True)
-class Keys:
+class Keys(Struct, frozen=True):
     """CURVE keys for a daemon on another machine, each 40 characters (Z85)."""
 
     public: str
@@ -58,12 +55,20 @@ class Conversation:
 
     `lease` is the secret of our exclusive control (empty: none). `generation` is the one in which
     we armed (None: we did not): what we ask for after that is refused once a stop has come.
+    `known` is the one that a person knew of for whom we ask (None: we were not told): the next
+    arming, which else begins anew, is then refused as well.
     """
 
     def __init__(self) -> None:
         self.lease = ""
         self.generation: int | None = None
+        self.known: int | None = None
         self._last_id = 0
+
+    def begin(self, generation: int | None, *, known: int | None = None) -> None:
+        """Set the generation of what is asked for from now on, and of the next arming."""
+        self.generation = generation
+        self.known = known
 
     def request(self, params: Struct) -> tuple[int, bytes]:
         """Return the id and the bytes of a request.
@@ -81,8 +86,9 @@ class Conversation:
         }
         if self.lease:
             request["lease"] = self.lease
-        if self.generation is not None and method.ends_with_stop and not isinstance(params, Arm):
-            request["generation"] = self.generation
+        generation = self.known if isinstance(params, Arm) else self.generation
+        if generation is not None and method.ends_with_stop:
+            request["generation"] = generation
         data = _ENCODER.encode(request)
         if len(data) > LARGEST_MESSAGE:
             raise Refused(
@@ -133,9 +139,14 @@ def _refuse_infinite(where: str, path: str, value: Any) -> None:
         )
 
 
+@functools.cache
+def _telemetry_decoder() -> msgspec.json.Decoder[Telemetry]:
+    return msgspec.json.Decoder(Telemetry)
+
+
 def telemetry_of(data: bytes) -> Telemetry:
     """Return one published sample. Raises msgspec.ValidationError when it is not one of ours."""
-    return _TELEMETRY.decode(data)
+    return _telemetry_decoder().decode(data)
 
 
 def find_daemon(bench: str, folder: str | Path | None) -> Connection:
@@ -167,7 +178,7 @@ def remote(address: str, stop_address: str, telemetry: str, keys: Keys) -> Conne
 
 
 def _require_keys(keys: Keys) -> None:
-    for name, key in dataclasses.asdict(keys).items():
+    for name, key in msgspec.structs.asdict(keys).items():
         if not is_curve_key(key):
             # A secret key is not repeated where others may read it.
             raise ConfigError(

@@ -13,7 +13,7 @@ from msgspec import Meta, Struct, field
 
 from firmware_protocol.supervisor.host import host_limits
 from firmware_protocol.supervisor.limits import compiled_limits
-from smad.config.curve import KEY_CHARACTERS, is_curve_key
+from smad.curve_key import KEY_CHARACTERS, is_curve_key
 
 _HOST = host_limits(compiled_limits())
 """What the host may ask of a board that nobody tightened; a tightened one is asked at arming."""
@@ -187,6 +187,23 @@ class FeedforwardConfig(Section, frozen=True, kw_only=True):
     ] = 0.05
 
 
+class RepeatConfig(Section, frozen=True, kw_only=True):
+    """How far a repeated run may leave the recorded one before it is ended."""
+
+    displacement_mm: Annotated[
+        float, Meta(gt=0.0, le=50.0, description="between displacement and the recorded one")
+    ] = 4.0
+    temperature_K: Annotated[
+        float, Meta(gt=0.0, le=100.0, description="between a spring and its recorded temperature")
+    ] = 8.0
+    force_N: Annotated[
+        float, Meta(gt=0.0, le=100.0, description="between tendon force and the recorded one")
+    ] = 1.0
+    for_s: Annotated[
+        float, Meta(ge=0.0, le=60.0, description="a reading may be further off for so long")
+    ] = 0.5
+
+
 class ControlConfig(Section, frozen=True, kw_only=True):
     """PI control on displacement: the demand heats the spring that has to pull."""
 
@@ -211,6 +228,7 @@ class ControlConfig(Section, frozen=True, kw_only=True):
     cooling: CoolingConfig = field(default_factory=CoolingConfig)
     feedforward: FeedforwardConfig = field(default_factory=FeedforwardConfig)
     temperature: TemperatureConfig = field(default_factory=TemperatureConfig)
+    repeat: RepeatConfig = field(default_factory=RepeatConfig)
 
 
 class LimitsConfig(Section, frozen=True, kw_only=True):

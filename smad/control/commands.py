@@ -12,11 +12,15 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 import msgspec
 from msgspec import Meta, Struct
 
+from smad.bounds import field_and_words
 from smad.errors import CommandError
 
 LONGEST_SAMPLES = 1500
 """Points in one command: fits one message of the command server, and is checked within a control
 period."""
+
+LONGEST_INPUTS = 500
+"""Rows of inputs in one command, for the same two reasons: a row holds up to eight numbers."""
 
 Spring = Literal["x", "y"]
 """Which spring of the pair. Displacement is positive when X pulls."""
@@ -29,6 +33,10 @@ Count = Annotated[int, Meta(ge=1, le=10_000)]
 Current = Annotated[float, Meta(ge=0.0, le=4.0)]
 Duty = Annotated[float, Meta(ge=0.0, le=1.0)]
 Temperature = Annotated[float, Meta(ge=0.0, le=120.0)]
+
+
+Recorded = tuple[Annotated[float, Meta(ge=-1000.0, le=1000.0)] | None, ...]
+"""What a sensor showed at each row; None where it showed nothing."""
 
 
 class Piece(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -192,6 +200,60 @@ class DriveCurrent(Command, tag="current", frozen=True, kw_only=True):
     ] = None
 
 
+class FollowInputs(Command, tag="inputs", frozen=True, kw_only=True):
+    """Currents and pump duties as they were recorded, without feedback; idle afterwards.
+
+    Each row holds until the next one, the last until `end_s`; times count from the first sample.
+    With readings, the motion ends as soon as one is further from the recorded one than
+    `control.repeat` allows. Host limits apply as in every mode.
+    """
+
+    t_s: Annotated[
+        tuple[Annotated[float, Meta(ge=0.0, le=86_400.0)], ...],
+        Meta(min_length=1, max_length=LONGEST_INPUTS, description="when each row begins"),
+    ]
+    end_s: Annotated[Duration, Meta(description="when the last row ends")]
+    i_x_A: Annotated[
+        tuple[Current, ...],
+        Meta(max_length=LONGEST_INPUTS, description="current in spring X, for each row"),
+    ]
+    i_y_A: Annotated[
+        tuple[Current, ...],
+        Meta(max_length=LONGEST_INPUTS, description="current in spring Y"),
+    ]
+    pump_x_duty: Annotated[
+        tuple[Duty, ...],
+        Meta(max_length=LONGEST_INPUTS, description="duty of the pump of spring X"),
+    ]
+    pump_y_duty: Annotated[
+        tuple[Duty, ...],
+        Meta(max_length=LONGEST_INPUTS, description="duty of the pump of spring Y"),
+    ]
+    drain_x: Annotated[
+        tuple[bool, ...],
+        Meta(max_length=LONGEST_INPUTS, description="drain the tube of spring X; empty: never"),
+    ] = ()
+    drain_y: Annotated[
+        tuple[bool, ...],
+        Meta(max_length=LONGEST_INPUTS, description="drain the tube of spring Y; empty: never"),
+    ] = ()
+    displacement_mm: Annotated[
+        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
+    ] = ()
+    rtd_x_degC: Annotated[
+        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
+    ] = ()
+    rtd_y_degC: Annotated[
+        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
+    ] = ()
+    force_N: Annotated[
+        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
+    ] = ()
+    queue: Annotated[
+        bool, Meta(description="go on where the rows that run end, instead of beginning anew")
+    ] = False
+
+
 class MoveStage(Command, tag="stage", frozen=True, kw_only=True):
     """Move the stretching stage, beside whatever else runs (a bench with a stage only)."""
 
@@ -236,7 +298,7 @@ class Tune(Command, tag="tune", frozen=True, kw_only=True):
     ] = None
 
 
-ModeCommand = Idle | Follow | HoldTemperature | DriveCurrent | MoveStage | Tune
+ModeCommand = Idle | Follow | HoldTemperature | DriveCurrent | FollowInputs | MoveStage | Tune
 """Everything `Controller.command` takes."""
 
 
@@ -255,8 +317,9 @@ def decoded(fields: Any) -> ModeCommand:
         # NaN passes no bound, and every float here has one.
         command: ModeCommand = msgspec.convert(fields, type=ModeCommand)
     except msgspec.ValidationError as refused:
+        field, words = field_and_words(str(refused))
         raise CommandError(
-            f"the command is not valid: {refused}",
+            f"the command is not valid: {f'{field}: ' if field else ''}{words}",
             value=_value_at(fields, str(refused)),
             action="nothing was changed",
         ) from None

@@ -8,6 +8,7 @@ from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
 from smad.control.commands import (
     DriveCurrent,
     Follow,
+    FollowInputs,
     HoldTemperature,
     Idle,
     ModeCommand,
@@ -15,6 +16,7 @@ from smad.control.commands import (
     Tune,
     checked,
 )
+from smad.control.inputs import Departure, InputsMode
 from smad.control.limits import HostLimit, HostLimits, Trip
 from smad.control.modes import (
     LONGEST_STEP_S,
@@ -58,13 +60,14 @@ class Controller:
         self._displacement = DisplacementMode(config, self._limits_config)
         self._mode: Mode = IdleMode()
         self._stage = _Stage()
+        self._departure: Departure | None = None
         self._sample: Sample | None = None
         self._armed = False
         self._output = Output()
 
     @property
     def mode(self) -> str:
-        """Name of the mode that runs: `idle`, `displacement`, `temperature` or `current`."""
+        """Name of the mode that runs: idle, displacement, temperature, current or inputs."""
         return self._mode.name
 
     @property
@@ -93,6 +96,11 @@ class Controller:
         """The host limit that ended the motion, until the next arming; None if none did."""
         return self._limits.trip
 
+    @property
+    def departure(self) -> Departure | None:
+        """The reading that ended repeated inputs, until the next motion; None if none did."""
+        return self._departure
+
     def command(self, command: ModeCommand) -> None:
         """Take a command. Raises CommandError, naming field, value and limit, and changing nothing.
 
@@ -110,11 +118,15 @@ class Controller:
                 self._hold_temperature(command)
             case DriveCurrent():
                 self._drive_current(command)
+            case FollowInputs():
+                self._follow_inputs(command)
             case MoveStage():
                 self._stage.move(command)
             case Tune():
                 self._displacement.tune(command)
                 self._warm = _tuned(self._warm, command)
+        if not isinstance(command, Tune | Idle):
+            self._departure = None
 
     def step(self, sample: Sample) -> Output:
         """The output for `sample`. A sample that brings no new time gives the last output again."""
@@ -128,7 +140,10 @@ class Controller:
             self._armed = True
             self._limits.rearm()
         demand = self._mode.step(sample, dt_s)
-        if self._mode.done and self._mode.name == "current":
+        mode = self._mode
+        if mode.done and isinstance(mode, CurrentMode | InputsMode):
+            if isinstance(mode, InputsMode):
+                self._departure = mode.departure
             self._mode = IdleMode()
         i_A = self._limits.apply(
             sample,
@@ -186,6 +201,19 @@ class Controller:
                     action="ask for less, or raise the limit in the configuration",
                 )
         self._mode = CurrentMode(command)
+
+    def _follow_inputs(self, command: FollowInputs) -> None:
+        mode = self._mode
+        if not command.queue or not isinstance(mode, InputsMode):
+            if command.queue:
+                raise CommandError(
+                    "there are no inputs to go on from",
+                    value=f"mode {mode.name}",
+                    action="begin anew: what was queued before has ended or was stopped",
+                )
+            mode = InputsMode(self._config.repeat, self._config.current_limit_A)
+        mode.follow(command)
+        self._mode = mode
 
     def _hold_temperature(self, command: HoldTemperature) -> None:
         limit_degC = self._limits_config.temperature_max_degC

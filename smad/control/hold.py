@@ -5,6 +5,9 @@ hysteresis, some kelvin wide. Control that answers every count of the encoder th
 and wears relay and pump. So once the reference rests and the error is within a band, neither
 spring's direction changes, no water flows, and the current follows only what is left of a smoothed
 error beyond half the band.
+
+Where friction lets the pair jump by more than the band, an integral goes from one side to the other
+for ever. So a hold whose pull turns more than once takes a wider band from then on.
 """
 
 from __future__ import annotations
@@ -14,11 +17,21 @@ from smad.config import HoldConfig
 FAR = 5.0
 """An error of so many bands ends the quiet at once."""
 
+WIDER = 2.0
+"""By how much each further turn of the pull widens the band of this hold; the current then follows
+what is beyond the band less half of `band_m`."""
+
+WIDEST = 4.0
+"""In bands: below `FAR`."""
+
 
 class QuietHold:
     """Says whether the hold is quiet, and which error the current is to follow then."""
 
-    __slots__ = ("_config", "_inside_s", "_reference_m", "_smooth_m", "band_m", "near", "quiet")
+    __slots__ = (
+        "_config", "_inside_s", "_pull", "_reference_m", "_smooth_m", "_turns", "band_m", "near",
+        "quiet",
+    )  # fmt: skip
 
     def __init__(self, config: HoldConfig) -> None:
         self._config = config
@@ -34,11 +47,23 @@ class QuietHold:
         self._reference_m = float("nan")
         self._smooth_m = 0.0
         self._inside_s = 0.0
+        self._pull = 0
+        self._turns = 0
+
+    @property
+    def wide_m(self) -> float:
+        """The band of this hold, m: `band_m` until its pull has turned more than once."""
+        return self.band_m * min(WIDEST, WIDER ** max(0, self._turns - 1))
+
+    def pulls(self, direction: int) -> None:
+        """Note which spring pulls now: +1 for X, -1 for Y."""
+        self._turns += self.quiet and self._pull == -direction
+        self._pull = direction
 
     @property
     def locked(self) -> bool:
         """Whether the direction must stay: the hold is quiet and the error within the band."""
-        return self.quiet and abs(self._smooth_m) <= self.band_m
+        return self.quiet and abs(self._smooth_m) <= self.wide_m
 
     def step(self, reference_m: float, error_m: float, dt_s: float) -> float:
         """The error to follow, m: all of it, or in the quiet what is beyond half the band."""
@@ -55,7 +80,7 @@ class QuietHold:
         self.quiet = self._inside_s >= config.settled_s
         if not self.quiet:
             return error_m
-        rest_m = max(0.0, size_m - 0.5 * band_m)
+        rest_m = max(0.0, size_m - (self.wide_m - 0.5 * band_m))
         return rest_m if self._smooth_m > 0.0 else -rest_m
 
 

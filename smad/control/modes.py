@@ -77,7 +77,8 @@ class DisplacementMode:
         self._direction = Direction(
             config.hold.reversal_A, config.hold.reversal_smooth_s, config.cooling.urgent_A
         )
-        self._hold_water_A = config.hold.water_A
+        # Off at half of it: a hold may need just the current that starts the water.
+        self._hold_water = Switch(config.hold.water_A, 0.5 * config.hold.water_A, 0.0, 0.0)
         self._ease_s = config.hold.ease_s
         self._urgent_A = config.cooling.urgent_A
         self._u_A = 0.0
@@ -155,7 +156,9 @@ class DisplacementMode:
                 push_A = forced * self._limit_A if advice.push else 0.0
         self._bound(forced)
         u_A = self._u_A = self._pi.step(followed_m, dt_s, push_A)
-        return self._split(u_A, self._direction.step(u_A, dt_s, forced), dt_s, forced != 0)
+        direction = self._direction.step(u_A, dt_s, forced)
+        hold.pulls(direction)
+        return self._split(u_A, direction, dt_s, forced != 0)
 
     def _split(self, u_A: float, direction: int, dt_s: float, sudden: bool) -> Demand:
         """Current for the spring that pulls, water for the other."""
@@ -164,7 +167,9 @@ class DisplacementMode:
         smooth_A = current_A
         if current_A < self._urgent_A:
             smooth_A = min(smooth_A, self._direction.demand_A * direction)
-        if self._hold.locked or (self._hold.near and smooth_A < self._hold_water_A):
+        if not self._hold.near:
+            self._hold_water.stop()
+        elif not self._hold_water.step(smooth_A, dt_s) or self._hold.locked:
             smooth_A = 0.0
         duty = [0.0, 0.0]
         duty[1 - pulling] = self._pumps[1 - pulling].step(smooth_A, 0.0, dt_s, sudden=sudden)

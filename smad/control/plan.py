@@ -50,9 +50,13 @@ Action = Do | UntilDone | Pause | Mark
 
 @dataclass(frozen=True)
 class Plan:
-    """One run, from rest, of springs mounted as `fixture` and `cooling` say (air: no module)."""
+    """One run, from rest, of springs mounted as `fixture` and `cooling` say (air: no module).
+
+    `repeats` is told in the run's header: the run whose inputs it plays again.
+    """
 
     name: str
     actions: tuple[Action, ...]
     fixture: Fixture = "antagonistic"
     cooling: Cooling = "water"
+    repeats: str = ""

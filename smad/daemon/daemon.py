@@ -21,6 +21,7 @@ from firmware_protocol.host import HostSession
 from firmware_protocol.messages import State
 from smad.config import Config
 from smad.control.controller import Controller
+from smad.control.inputs import Departure
 from smad.daemon.boardside import BoardSide
 from smad.daemon.command.answers import Answers
 from smad.daemon.command.lease import DeadMan, Lease
@@ -105,7 +106,7 @@ class Daemon:
         )
         board = self._towards_the_board(opener, process)
         self.recorder = self._recorder_of(process)
-        self.publisher = Publisher(self.loop, config.telemetry, process.reserve)
+        self.publisher = Publisher(self.loop, config.telemetry)
         self.collector = IdleCollector(enabled=False)
         self._towards_clients(board, process)
 
@@ -144,6 +145,7 @@ class Daemon:
             on_begin=self._on_stop_begun,
         )
         self._host_stop = HostStop(self.control.controller)
+        self._told_departure: Departure | None = None
         return BoardSide(
             self.link, self.control, self.requests, self.watch, self.stops, self._host_stop
         )
@@ -239,19 +241,28 @@ class Daemon:
         try:
             # Whatever died may be what lets the time of the wait itself run out.
             await asyncio.wait_for(self.stops.until_confirmed(), 2.0)
-        except (Refusal, TimeoutError) as error:
-            if not hot:
-                return "nothing was armed"
-            reason = error.cause if isinstance(error, Refusal) else "no answer within 2 s"
-            return f"the board did not confirm the disarm ({reason}); its watchdog ends heating"
-        return "disarmed, the board cools by itself" if hot else "nothing was armed"
+            # Without a session nothing is waited for, and nothing was confirmed.
+            lost = self.session.state in (HostState.DISCONNECTED, HostState.SYNC)
+            unconfirmed = "the link was lost" if lost else ""
+        except Refusal as refusal:
+            unconfirmed = refusal.cause
+        except TimeoutError:
+            unconfirmed = "no answer within 2 s"
+        if not hot:
+            return "nothing was armed"
+        if unconfirmed:
+            return (
+                f"the board did not confirm the disarm ({unconfirmed}); its watchdog ends heating"
+            )
+        return "disarmed, the board cools by itself"
 
     async def close(self) -> None:
         """Give everything back. The board must have been disarmed."""
         if self._housekeeping is not None:
             self._housekeeping.cancel()
-        self.server.close()
         await self.recorder.stop()
+        self.answers.give_up()
+        self.server.close()
         self.recorder.close()
         self.link.close()
         self.publisher.close()
@@ -320,6 +331,7 @@ class Daemon:
             self.watch.on_state(item.state)
             self.stops.on_sample(item.state)
         self._tell_of_host_stop()
+        self._tell_of_departure()
         self.notifier.alive(self._clock_us())
         if finished:
             self._on_finished()
@@ -368,6 +380,12 @@ class Daemon:
             data = {name: getattr(fault, name) for name in fault.__struct_fields__}
             self.say("fault", f"the host stopped: {in_full(fault)}", data)
             self.stops.begin(f"a limit of the host: {fault.name}")
+
+    def _tell_of_departure(self) -> None:
+        departure = self.control.controller.departure
+        if departure is not None and departure is not self._told_departure:
+            self.say("warning", f"repeated inputs were ended: {departure.in_words()}", {})
+        self._told_departure = departure
 
     def _each_second(self) -> None:
         self.status.refresh()

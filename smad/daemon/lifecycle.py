@@ -39,6 +39,7 @@ from smad.daemon.link.port import Transport
 from smad.daemon.link.wirerate import check_rate
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
+from smad.daemon.place import Place
 from smad.daemon.sockets.descriptors import (
     OPENED_LATER,
     Descriptors,
@@ -52,6 +53,9 @@ from smad.version import VERSION
 
 _BOUND, _BOUND_WITH_TCP = 5, 20
 """Descriptors of lock and sockets, more or less."""
+
+_LOOK_S = 1.0
+"""How often the daemon looks whether its sockets are still in their folder."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -106,6 +110,7 @@ class _Life:
         self._descriptors = Descriptors()
         self._umask = 0o077
         self._signal: asyncio.Future[str]
+        self._keeping: asyncio.TimerHandle | None = None
 
     async def live(self) -> Ended:
         self._divide_descriptors(_BOUND_WITH_TCP if self._config.daemon.tcp.enabled else _BOUND)
@@ -144,9 +149,16 @@ class _Life:
             daemon.start()
             await self._first_handshake(daemon)
             write_connection(self._endpoints.connection_file, connection, umask)
+            listeners = (*daemon.server.listeners, *daemon.publisher.listeners)
+            self._keep(
+                daemon,
+                Place(self._endpoints, connection, lock, listeners, self._descriptors.reserve),
+            )
             self._announce(daemon)
             return await self._until_the_end(daemon)
         finally:
+            if self._keeping is not None:
+                self._keeping.cancel()
             self._endpoints.connection_file.unlink(missing_ok=True)
             await daemon.close()
             if self._trace is not None:
@@ -157,6 +169,12 @@ class _Life:
                 measures.close()
             lock.release()
             self._journal.close()
+
+    def _keep(self, daemon: Daemon, place: Place) -> None:
+        news = place.look()
+        if news:
+            daemon.say("warning", news, {})
+        self._keeping = daemon.loop.call_later(_LOOK_S, self._keep, daemon, place)
 
     def _divide_descriptors(self, not_yet_open: int) -> Shares:
         used = open_descriptors() + OPENED_LATER + not_yet_open

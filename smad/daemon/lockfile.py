@@ -47,6 +47,20 @@ class LockFile:
             os.pwrite(fd, f"{os.getpid()}\n".encode(), 0)
         self._fd = fd
 
+    def take_again(self) -> None:
+        """Take the lock on the file that has the name now; the old one was deleted or moved.
+
+        Raises as `acquire` does, and holds the old one then.
+        """
+        before, self._fd = self._fd, None
+        try:
+            self.acquire()
+        except BaseException:
+            self._fd = before
+            raise
+        if before is not None:
+            os.close(before)
+
     def holder(self) -> str:
         """Return who wrote the file last, as `process 123`, for a message."""
         with contextlib.suppress(OSError, ValueError):

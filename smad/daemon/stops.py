@@ -27,6 +27,7 @@ PATIENCE_US = 1_000_000
 """How long a reply to a stop waits for the board."""
 
 ASK_AGAIN_US = 500_000
+_NOT_STOPPED = "the board has not confirmed that it stopped"
 _EARLIER = 1 << 31
 """Set in a difference of two of the board's times of 32 bits: the first is before the second."""
 
@@ -112,19 +113,37 @@ class Stops:
 
     async def until_confirmed(self) -> None:
         """Return once the board has confirmed the stop. Raises Refusal if it does not."""
-        await self._until(lambda: True, "the daemon goes on asking")
+        await self._until(lambda: self._confirmed, _NOT_STOPPED, "the daemon goes on asking")
 
     async def until_disarmed(self) -> None:
         """Return once a sample shows it, too, for a reply that tells the board's state."""
         await self._until(
-            lambda: self._confirmed_us is None and self._watch.mode not in (None, *HOT),
+            lambda: (
+                self._confirmed
+                and self._confirmed_us is None
+                and self._watch.mode not in (None, *HOT)
+            ),
+            _NOT_STOPPED,
             "the daemon goes on asking",
         )
 
     async def until_estop(self) -> None:
         """Return once the board says ESTOP. Raises Refusal if it does not."""
         await self._until(
-            lambda: self._watch.mode is BoardState.ESTOP, "ESTOP is sent until it does"
+            lambda: self._confirmed and self._watch.mode is BoardState.ESTOP,
+            _NOT_STOPPED,
+            "ESTOP is sent until it does",
+        )
+
+    async def until_armed(self, generation: int) -> None:
+        """Return once a sample shows that the board is armed, or a stop came after `generation`.
+
+        Raises Refusal if neither happens.
+        """
+        await self._until(
+            lambda: self._watch.mode in HOT or self.generation != generation,
+            "the board took the confirmation, and no sample shows yet that it is armed",
+            "it may be armed: disarm",
         )
 
     def link_lost(self, why: str) -> None:
@@ -176,16 +195,16 @@ class Stops:
             self._asking = False
         self._look()
 
-    async def _until(self, reached: Callable[[], bool], action: str) -> None:
+    async def _until(self, reached: Callable[[], bool], cause: str, action: str) -> None:
         deadline_us = self._clock_us() + PATIENCE_US
         while self._could_be_armed:
-            if self._confirmed and reached():
+            if reached():
                 return
             if self._clock_us() >= deadline_us:
                 mode = self._watch.mode
                 raise Refusal(
                     Reason.NO_REPLY,
-                    "the board has not confirmed that it stopped",
+                    cause,
                     value=f"it is in {'an unknown state' if mode is None else mode.name}",
                     limit=f"{PATIENCE_US / 1e6:g} s",
                     action=f"{action}; if current still flows, cut the power",

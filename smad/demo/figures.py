@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from smad.api import Percentiles, Status
 from smad.control.metrics import StepResponse, peak, step_response, tracking_r2
 from smad.demo.job import AMPLITUDE_MM, CYCLES, PERIOD_S, STEP_MM
-from smad.report.page import Page, Picture, Section, Table, Text, write_page
-from smad.report.plots import draw, label, new_figure, svg_of
+from smad.report.page import Page, Section, Table, Text, write_page
+from smad.report.panels import Panels, followed
+from smad.report.runs import panels_of, shown
 from smad.runlog.reader import Run, read_run
 
 Array = NDArray[np.float64]
@@ -116,40 +117,17 @@ def write(path: Path, run: Run, rows: Rows) -> None:
                     ),
                 ],
             ),
-            Section(
-                "The whole run", [Picture(_overview(run), "Displacement, temperature, drive.")]
-            ),
-            Section("The sinusoid", [Picture(_close_up(run), "Reference and displacement.")]),
+            Section("The whole run", [panels_of(shown([run]))]),
+            Section("The sinusoid", [_close_up(run)]),
         ],
     )
     write_page(page, path)
 
 
-def _overview(run: Run) -> str:
-    c = run.columns
-    t = c["t_s"] - c["t_s"][0]
-    figure, axes = new_figure(3, height_in=7.0, share_x=True)
-    draw(axes[0], t, c["reference_mm"], "reference", "reference", style="--")
-    draw(axes[0], t, c["displacement_mm"], "displacement", "x")
-    label(axes[0], "", "mm")
-    draw(axes[1], t, c["rtd_x_degC"], "spring X", "x")
-    draw(axes[1], t, c["rtd_y_degC"], "spring Y", "y")
-    label(axes[1], "", "°C")
-    draw(axes[2], t, c["i_meas_x_A"], "current X", "x")
-    draw(axes[2], t, c["i_meas_y_A"], "current Y", "y")
-    draw(axes[2], t, c["duty_x"], "pump X", "x", style=":")
-    draw(axes[2], t, c["duty_y"], "pump Y", "y", style=":")
-    label(axes[2], "time (s)", "A, duty")
-    return svg_of(figure, "displacement, temperatures, currents and pumps over time")
-
-
-def _close_up(run: Run) -> str:
+def _close_up(run: Run) -> Panels:
     t, reference, displacement = sinusoid(run)
-    figure, axes = new_figure(1)
-    draw(axes[0], t - t[0], reference, "reference", "reference", style="--")
-    draw(axes[0], t - t[0], displacement, "displacement", "x")
-    label(axes[0], "time (s)", "mm")
-    return svg_of(figure, "the sinusoid followed")
+    columns = {"reference_mm": reference, "displacement_mm": displacement}
+    return Panels([followed(t - t[0], columns)])
 
 
 def _seconds(value: float) -> str:

@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from sim_device.plant.parameters import ParameterSet
+from smad.bounds import field_and_words
 from smad.control.commands import Tune
 from smad.control.plan import Do
 from smad.experiments.contradictions import reference
@@ -121,10 +122,11 @@ def options_from(kind: type[Options], settings: Mapping[str, Any], experiment: s
         options: Options = msgspec.convert(settings, type=kind, strict=False)
     except msgspec.ValidationError as refused:
         known = ", ".join(field.name for field in msgspec.structs.fields(kind)) or "none"
+        field, words = field_and_words(str(refused))
         raise ExperimentError(
-            f"a setting of {experiment} is not valid: {refused}",
-            value=dict(settings),
-            limit=f"settings: {known}",
+            f"{experiment}: {field or 'a setting'} is not valid: {words}",
+            value=settings.get(field, dict(settings)),
+            limit=f"settings {known}",
             action=f"see docs/experiments/{experiment}.md",
         ) from None
     return options

@@ -13,5 +13,9 @@ class BenchLacksError(ExperimentError):
     """The bench has no sensor or actuator that the experiment needs. Nothing was moved."""
 
 
+class EndedEarlyError(ExperimentError):
+    """A reading left the recorded one, and the repeated inputs were ended; the log is kept."""
+
+
 class DataFileError(ExperimentError):
     """A data file (such as a calorimeter's) is not in the documented form."""

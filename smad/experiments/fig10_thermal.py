@@ -17,8 +17,8 @@ from smad.control.plan import Do, Mark, Plan, UntilDone
 from smad.experiments.base import Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
-from smad.report.page import Picture, Text
-from smad.report.plots import draw, label, new_figure, svg_of
+from smad.report.page import Text
+from smad.report.panels import Panel, Panels, Trace
 
 Array = NDArray[np.float64]
 ZERO_C = 273.15
@@ -106,7 +106,8 @@ class Fig10Thermal(Experiment[ThermalOptions]):
                 ),
             ),
             (
-                Picture(_figure(slow, fast, replayed), _CAPTION),
+                _heating(slow, replayed),
+                _cooling(slow, fast),
                 Text(
                     "Contradiction in the paper: its thermal model with water at 300 K cannot "
                     "bring the wire to 322 K at 1 A, nor move the actuator at 4 A. The missing "
@@ -158,21 +159,22 @@ def cooling_time(recording: Recording, to_K: float) -> float:
     return float(part.t_s[below[0]] - recording.marks["cool"]) if below.size else float("nan")
 
 
-def _figure(slow: Recording, fast: Recording, replayed: Mapping[str, Array]) -> str:
-    figure, (left, right) = new_figure(1, 2, width_in=9.0, height_in=3.2)
+def _heating(slow: Recording, replayed: Mapping[str, Array]) -> Panels:
     t = slow.t_s - slow.t_s[0]
-    draw(left, t, slow["rtd_x_degC"] + ZERO_C, "log, 1 A", "x", width=2.2)
-    draw(left, t, replayed["extended"], "model, water warms", "paper", style="--")
-    draw(left, t, replayed["printed"], "printed model", "model", style=":")
-    label(left, "time, s", "temperature of X, K")
-    for recording, name, colour in ((slow, "1 A", "x"), (fast, "4 A", "air")):
+    traces = [
+        Trace("printed model", t, replayed["printed"], "run-4", dash=(2, 3)),
+        Trace("model, water warms", t, replayed["extended"], "text", dash=(6, 4)),
+        Trace("log, 1 A", t, slow["rtd_x_degC"] + ZERO_C, "x"),
+    ]
+    return Panels([Panel("Temperature of X", "K", 1, traces)], caption=_CAPTION)
+
+
+def _cooling(slow: Recording, fast: Recording) -> Panels:
+    traces = []
+    for recording, name, pen in ((slow, "after 1 A", "x"), (fast, "after 4 A", "run-2")):
         part = recording.between("cool", None)
-        draw(
-            right,
-            part.t_s - recording.marks["cool"],
-            part["rtd_x_degC"] + ZERO_C,
-            f"after {name}",
-            colour,
-        )
-    label(right, "time after the pump's start, s", "temperature of X, K")
-    return svg_of(figure, "Heating at 1 A and cooling by water: log and model")
+        t = part.t_s - recording.marks["cool"]
+        traces.append(Trace(name, t, part["rtd_x_degC"] + ZERO_C, pen))
+    return Panels(
+        [Panel("Temperature of X", "K", 1, traces)], x_label="time after the pump's start (s)"
+    )

@@ -23,7 +23,8 @@ from smad.experiments.tracking import (
     sine_plan,
 )
 from smad.report.page import Picture, Table, Text
-from smad.report.plots import COLOURS, draw, label, new_figure, svg_of
+from smad.report.panels import Panels, followed
+from smad.report.plots import COLOURS, label, new_figure, svg_of
 
 BENCHES = "data/benches.json"
 """Written by tools/control_campaign.py table … --figure."""
@@ -111,7 +112,7 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
         return Findings(
             comparisons,
             (
-                Picture(_figure(runs, period_s), "Displacement in mm; dashed: the reference."),
+                _panels(runs),
                 Table(header, rows, numeric=frozenset({1, 2, 4, 5})),
                 Text(
                     "In air neither spring cools below M_S between two pulls. Both drift towards "
@@ -156,15 +157,11 @@ def _again(run: Recording) -> Recording:
     return Recording(run.columns, {"sine": float(t[0]) - 1e-6, "end": float(t[-1])})
 
 
-def _figure(runs: Mapping[str, Recording], period_s: float) -> str:
-    figure, axes = new_figure(
-        len(runs), 1, height_in=1.5 * len(runs) + 0.6, share_x=True, width_in=8.5
+def _panels(runs: Mapping[str, Recording]) -> Panels:
+    return Panels(
+        [
+            followed(run.t_s - run.t_s[0], run.columns, CONTROLS[name].name)
+            for name, run in runs.items()
+        ],
+        caption="Displacement with each control.",
     )
-    for place, (name, run) in zip(axes, runs.items(), strict=True):
-        t = run.t_s - run.t_s[0]
-        draw(place, t, run["reference_mm"], "", "reference", style="--")
-        draw(place, t, run["displacement_mm"], "", "air" if name == "air" else "actual")
-        label(place, "", "mm", CONTROLS[name].name, legend=False)
-        place.set_xlim(0.0, float(np.ceil(t[-1] / period_s) * period_s))
-    axes[-1].set_xlabel("time, s")
-    return svg_of(figure, "Tracking of a sinusoid with each control")

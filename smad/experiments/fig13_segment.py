@@ -18,8 +18,8 @@ from smad.control.segment import DEGREES_PER_MM
 from smad.experiments.base import PAPER_CONTROL, Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
-from smad.report.page import Picture, Text
-from smad.report.plots import draw, label, new_figure, svg_of
+from smad.report.page import Text
+from smad.report.panels import Panel, Panels, Trace, followed
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ class Fig13Segment(Experiment[SegmentOptions]):
                 ),
             ),
             (
-                Picture(_figure(run, angle), "Displacement of the springs and angle."),
+                _panels(run, angle),
                 Text(
                     "A camera measured the angle in the paper. Here it follows from the "
                     "displacement by the gain alone: the robot's own elasticity is not modelled."
@@ -97,12 +97,7 @@ class Fig13Segment(Experiment[SegmentOptions]):
         )
 
 
-def _figure(run: Recording, angle_deg: Array) -> str:
-    figure, (top, bottom) = new_figure(2, 1, height_in=4.0, share_x=True)
+def _panels(run: Recording, angle_deg: Array) -> Panels:
     t = run.t_s - run.t_s[0]
-    draw(top, t, run["reference_mm"], "reference", "reference", style="--")
-    draw(top, t, run["displacement_mm"], "displacement", "actual")
-    label(top, "", "mm")
-    draw(bottom, t, angle_deg, "angle of the segment", "model")
-    label(bottom, "time, s", "degrees")
-    return svg_of(figure, "Displacement of the springs and angle of the end segment")
+    angle = Trace("angle of the segment", t, angle_deg, "main")
+    return Panels([followed(t, run.columns), Panel("Angle", "°", 1, [angle])])

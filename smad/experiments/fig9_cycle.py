@@ -19,6 +19,7 @@ from smad.experiments.cycle_theory import CycleTheory, cycle_theory
 from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
 from smad.report.page import Picture, Text
+from smad.report.panels import Panels, followed
 from smad.report.plots import draw, label, new_figure, svg_of
 
 Array = NDArray[np.float64]
@@ -127,6 +128,7 @@ class Fig9Cycle(Experiment[CycleOptions]):
             ),
             (
                 Picture(_figure(run, theory, model), _CAPTION),
+                Panels([followed(run.t_s - run.t_s[0], run.columns)]),
                 Text(
                     "The printed Eq. (13a) has no condition on temperature. Used below M_S it "
                     "would go on to detwin a spring that only cools, and step 4 would not start "
@@ -212,7 +214,7 @@ def characteristic_curves(model: ParameterSet, top_N: float) -> tuple[Array, Arr
 
 def _figure(run: Recording, theory: CycleTheory, model: ParameterSet) -> str:
     mounted_mm = model["initial_deflection"] * 1e3
-    figure, (plane, course) = new_figure(1, 2, width_in=9.0, height_in=3.6)
+    figure, (plane,) = new_figure(width_in=6.5, height_in=4.0)
     force, martensite, austenite = characteristic_curves(model, 1.05 * theory.full_force_N)
     draw(plane, martensite * 1e3, force, "martensite curve", "reference", style=":")
     draw(plane, austenite * 1e3, force, "austenite curve", "reference", style="--")
@@ -233,8 +235,4 @@ def _figure(run: Recording, theory: CycleTheory, model: ParameterSet) -> str:
     plane.plot([mounted_mm], [model["initial_force"]], "k*", markersize=8)
     plane.set_xlim(10.0, 40.0)
     label(plane, "deflection of Y, mm", "force, N")
-    t = run.t_s - run.t_s[0]
-    draw(course, t, run["reference_mm"], "reference", "reference", style="--")
-    draw(course, t, run["displacement_mm"], "displacement", "actual")
-    label(course, "time, s", "displacement, mm")
     return svg_of(figure, "Force against deflection of a cycle of plus and minus 10 mm")

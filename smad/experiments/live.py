@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,15 +13,17 @@ from smad.config import parse_config
 from smad.control.commands import (
     DriveCurrent,
     Follow,
+    FollowInputs,
     HoldTemperature,
     Idle,
     ModeCommand,
     MoveStage,
     Tune,
 )
+from smad.control.inforce import tune_of
 from smad.control.plan import Cooling, Do, Fixture, Mark, Pause, Plan, UntilDone
 from smad.experiments.driver import PARTS, Mounting, Progress, log_name
-from smad.experiments.errors import BenchLacksError, ExperimentError
+from smad.experiments.errors import BenchLacksError, EndedEarlyError, ExperimentError
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
@@ -28,10 +31,13 @@ from smad.runlog.reader import read_run
 
 if TYPE_CHECKING:
     from smad.client import Client
+    from smad.runlog.schema import Row
 
 POLL_S = 0.02
 REST_K = 1.0
 """At rest means: both springs within this of the water (or the room)."""
+STEADY_S, STEADY_K = 20.0, 0.1
+"""Or they get no colder: by less than this in so long, with water on."""
 LONGEST_REST_S = 600.0
 RETURN_MM_PER_S = 5.0
 RESET_DEGC = 65.0
@@ -42,8 +48,11 @@ class LiveDriver:
     """A running daemon. The springs are mounted as the user says: `fixture` and `cooling`.
 
     Arms when needed. Before each run it waits until the springs are at rest, and it records each
-    run by itself. `sleep` waits for the wall clock.
+    run by itself. `sleep` waits for the wall clock. `log` is where the last run was recorded, also
+    one that ended early.
     """
+
+    log: Path | None = None
 
     def __init__(
         self,
@@ -92,30 +101,25 @@ class LiveDriver:
             client.arm()
         before = parse_config(client.config()).control
         try:
-            self._rest(plan)
+            self.rest(plan)
             if client.status().recorder.recording:
                 client.stop_recording()
-            client.start_recording(log_name(plan))
+            client.start_recording(log_name(plan), plan.repeats)
             try:
                 self._carry_out(plan)
             finally:
                 client.idle()
                 recorder = client.stop_recording()
-        finally:
-            client.tune(
-                Tune(
-                    kp_A_per_mm=before.kp_A_per_mm,
-                    ki_A_per_mm_s=before.ki_A_per_mm_s,
-                    hold_band_mm=before.hold.band_mm,
-                    temperature_kp_A_per_K=before.temperature.kp_A_per_K,
-                    temperature_ki_A_per_K_s=before.temperature.ki_A_per_K_s,
-                    current_limit_A=before.current_limit_A,
-                    cooling=before.cooling.mode,
-                    feedforward=before.feedforward.enabled,
-                    drain_before_heating=before.drain_before_heating,
+                self.log = Path(recorder.path)
+            if recorder.error:
+                raise ExperimentError(
+                    f"run {plan.name} could not be recorded whole: {recorder.error}",
+                    value=recorder.path,
+                    action="make room on the disk, and run it again",
                 )
-            )
-        return recording_of(read_run(Path(recorder.path)))
+        finally:
+            client.tune(tune_of(before))
+        return recording_of(read_run(self.log))
 
     def _carry_out(self, plan: Plan) -> None:
         client = self._client
@@ -126,7 +130,7 @@ class LiveDriver:
                 case Mark(name):
                     client.note(f"{MARK}{name}")
                 case Pause(seconds):
-                    self._wait(plan, seconds, lambda motion: False)
+                    self.pause(plan, seconds)
                 case UntilDone(timeout_s):
                     self._until_done(plan, "what was commanded did not end in time", timeout_s)
 
@@ -145,12 +149,27 @@ class LiveDriver:
                 )
             case DriveCurrent():
                 client.current(command)
+            case FollowInputs():
+                client.follow_inputs(command)
             case MoveStage():
                 client.stage(command.stage_mm, command.rate_mm_per_s)
             case Tune():
                 client.tune(command)
             case Idle():
                 client.idle()
+
+    def sample(self) -> Row | None:
+        """The last sample of the bench."""
+        return self._client.status().sample
+
+    def pause(self, plan: Plan, seconds: float) -> None:
+        """Let so many seconds of board time pass."""
+        self._wait(plan, seconds, lambda motion: False)
+
+    def carry_out(self, plan: Plan, command: ModeCommand, otherwise: str, timeout_s: float) -> None:
+        """Send a command and wait for its end. Raises ExperimentError, `otherwise` its cause."""
+        self._send(command)
+        self._until_done(plan, otherwise, timeout_s)
 
     def _until_done(self, plan: Plan, otherwise: str, timeout_s: float) -> None:
         if not self._wait(plan, timeout_s, lambda motion: motion.done):
@@ -178,9 +197,14 @@ class LiveDriver:
             self._progress(f"{plan.name}: {motion.board_time_s - began_s:.0f} s")
             self._sleep(POLL_S)
             motion = client.motion()
+        if motion.ended:
+            raise EndedEarlyError(
+                f"run {plan.name} was ended: {motion.ended}",
+                action="what was recorded until then is kept",
+            )
         return True
 
-    def _rest(self, plan: Plan) -> None:
+    def rest(self, plan: Plan) -> None:
         """Bring the springs to where a plan begins: cold, the stage back, no detwinned martensite.
 
         A single spring that was stretched keeps its length; heating it without load takes that out.
@@ -191,21 +215,38 @@ class LiveDriver:
             self._until_done(plan, "the stage does not come back", LONGEST_REST_S)
             client.heat("x", RESET_DEGC, duration_s=3.0, use_water=False)
             self._until_done(plan, "the spring does not warm up", LONGEST_REST_S)
+        self.cool(plan, REST_K)
+
+    def cool(self, plan: Plan, within_K: float) -> None:
+        """Water on, until both springs are so close to it (or to the room), or get no colder.
+
+        A sensor with an offset never shows the water's temperature. Then idle.
+        """
+        client = self._client
         duty = 1.0 if self._cooling == "water" else 0.0
         client.current(DriveCurrent(pump_x_duty=duty, pump_y_duty=duty))
 
+        since_s, was_degC = client.motion().board_time_s, math.inf
+
         def cold(motion: api.Motion) -> bool:
+            nonlocal since_s, was_degC
             row = client.status().sample
             if row is None or row.rtd_x_degC is None:
                 return False
             around = row.rtd_inlet_degC if self._cooling == "water" else row.rtd_ambient_degC
             springs = [t for t in (row.rtd_x_degC, row.rtd_y_degC) if t is not None]
-            return around is None or max(springs) - around < REST_K
+            if around is None or max(springs) - around < within_K:
+                return True
+            if motion.board_time_s - since_s < STEADY_S:
+                return False
+            steady = was_degC - max(springs) < STEADY_K
+            since_s, was_degC = motion.board_time_s, max(springs)
+            return steady
 
         if not self._wait(plan, LONGEST_REST_S, cold):
             raise ExperimentError(
                 f"run {plan.name}: the springs do not come to rest",
-                limit=f"within {REST_K:g} K of the water in {LONGEST_REST_S:g} s",
+                limit=f"within {within_K:g} K of the water in {LONGEST_REST_S:g} s",
                 action="check the pumps and the temperature sensors",
             )
         client.idle()

@@ -94,16 +94,18 @@ def campaign_page(
     """The whole page. `given` are the parameters of the simulated bench, None on a real one."""
     sections = [
         Section("Paper against here", (comparison_table(result),), "paper"),
-        Section(
-            "What cannot hold together in the paper",
-            tuple(Text(line) for line in numbered()),
-            "contradictions",
-        ),
     ]
     sections += [
         Section(one.experiment.title, one.findings.blocks, one.experiment.name)
         for one in result.results
     ]
+    sections.append(
+        Section(
+            "What cannot hold together in the paper",
+            tuple(Text(line) for line in numbered()),
+            "contradictions",
+        )
+    )
     if result.estimates:
         sections.append(
             Section(

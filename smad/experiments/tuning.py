@@ -34,6 +34,20 @@ class Session:
     tuned: Tuned
     trials: tuple[Trial, Trial] | tuple[WarmTrial, WarmTrial] | None
 
+    @property
+    def worse(self) -> str:
+        """What the trial has against the new gains; empty when nothing, or without a trial."""
+        if self.trials is None:
+            return ""
+        now, new = self.trials
+        if isinstance(now, Trial) and isinstance(new, Trial):
+            told = f"R² of the sinusoid is {new.r2:.4f} with the new gains, {now.r2:.4f} with yours"
+            return told if new.r2 < now.r2 else ""
+        assert isinstance(now, WarmTrial)
+        assert isinstance(new, WarmTrial)
+        told = f"within 0.5 K after {new.settling_s:.1f} s, with yours after {now.settling_s:.1f} s"
+        return told if new.settling_s > now.settling_s else ""
+
 
 def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = True) -> Session:
     """Tune the displacement loop of the bench behind `driver`, which has this configuration.

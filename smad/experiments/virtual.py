@@ -19,7 +19,7 @@ from smad.control.plan import Plan
 from smad.control.runner import run_virtual
 from smad.control.sample import Sample
 from smad.experiments.driver import PARTS, Mounting, Progress, log_name, log_path
-from smad.experiments.errors import ExperimentError
+from smad.experiments.errors import EndedEarlyError, ExperimentError
 from smad.experiments.recording import Recording
 from smad.runlog.reader import columns_of
 from smad.runlog.rows import row_of
@@ -120,6 +120,11 @@ class VirtualDriver:
             ) from None
         if self._folder is not None:
             self._write(plan, rows, done.marks, seed)
+        if controller.departure is not None:
+            raise EndedEarlyError(
+                f"run {plan.name} was ended: {controller.departure.in_words()}",
+                action="what was recorded until then is kept",
+            )
         columns = {name: np.asarray(column, float) for name, column in columns_of(rows).items()}
         return Recording(columns, done.marks)
 
@@ -135,6 +140,7 @@ class VirtualDriver:
             name=log_name(plan),
             rate_hz=float(self._config.link.rate_hz),
             seed=seed,
+            repeats=plan.repeats,
             configuration=config_to_toml(self._config),
             parameter_file=parameters_text(self._parameters),
             versions=installed_versions(),

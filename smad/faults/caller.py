@@ -10,7 +10,7 @@ import msgspec
 import zmq
 from msgspec import Struct
 
-from smad.api import BY_PARAMS, ReleaseControl, TakeControl
+from smad.api import BY_PARAMS, ReleaseControl, TakeControl, logged_details
 from smad.client.wire import Conversation, connect, new_identity
 from smad.errors import DaemonError
 
@@ -111,7 +111,7 @@ class Caller:
         if answer.refused:
             self.acknowledged.refused += 1
             return answer
-        details = msgspec.json.decode(_ENCODER.encode(params))
+        details = msgspec.json.decode(_ENCODER.encode(logged_details(params)))
         self.acknowledged.commands.append((BY_PARAMS[type(params)].name, details))
         if isinstance(params, TakeControl):
             self._conversation.lease = data["result"]["lease"]

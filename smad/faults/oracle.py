@@ -179,7 +179,10 @@ def _ending(outcome: Outcome) -> str:
     if ending is None:
         return ""
     if ending.status != ending.wanted_status:
-        return f"the daemon ended with status {ending.status}, not {ending.wanted_status}"
+        return (
+            f"the daemon ended with status {ending.status}, not {ending.wanted_status}: "
+            f"{ending.line!r}"
+        )
     for words in ending.wanted_words:
         if words not in ending.line:
             return f"its last line does not say {words!r}: {ending.line!r}"

@@ -193,6 +193,8 @@ def _stop_in_a_crowd(rig: Rig, client: Client) -> str:
         time.sleep(_CROWDED_S)
         if not client.motion().armed:
             return "a crowd disarmed the bench"
+    # Strangers are dropped after two seconds; those of a new crowd still hold what they took.
+    with crowd(client.connection, CROWD):
         with Client(folder=rig.folder, timeout_s=PATIENCE_S) as stopper:
             stopper.disarm()
         rig.wait("the stop of a new client arrives", lambda: not client.motion().armed)

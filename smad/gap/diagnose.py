@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 
-from smad.gap.admission import Admission, admit, in_common
-from smad.gap.closing import Closing, Shell
+from smad.gap.compare.tracks import Track, follow_tracks
+from smad.gap.compare.verdict import decide
+from smad.gap.compare.weigh import weigh
+from smad.gap.data.admission import Admission, Finding, admit, in_common
+from smad.gap.data.guards import too_few, without_repeats
 from smad.gap.errors import PlantMismatch, RunRefused
+from smad.gap.fit.stages import Prepared, prepare
+from smad.gap.fit.threads import repeatable
 from smad.gap.plant import Effect, PlantModel
 from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
+from smad.gap.report.builder import Closing, Shell
 from smad.gap.runs import GapRun, distinctly_named
 from smad.gap.settings import Settings
-from smad.gap.stages import Prepared, prepare
-from smad.gap.threads import repeatable
-from smad.gap.tracks import Track, follow_tracks
-from smad.gap.verdict import decide
-from smad.gap.weigh import weigh
 
 
 @repeatable
@@ -74,20 +75,18 @@ def _diagnose(
 ) -> Diagnosis:
     library = _library(plant, candidates)
     progress("admission")
-    order, admitted = _admitted(given.values(), plant, settings)
-    findings = [f for a in admitted for f in a.findings]
+    order, admitted = _admitted(given, plant, settings)
     fit_runs, hold_runs, good_runs = (a.admitted for a in admitted)
-    roles = {
+    roles: dict[str, Sequence[GapRun]] = {
         "fit": fit_runs,
         "hold-out": hold_runs,
         "good": good_runs,
-        "refused": [
-            r
-            for group, a in zip(order, admitted, strict=True)
-            for r in group
-            if r.name in a.refused
-        ],
     }
+    findings = [f for a in admitted for f in a.findings]
+    findings += too_few(roles, asked_good=bool(given["good"]))
+    roles["refused"] = tuple(
+        r for group, a in zip(order, admitted, strict=True) for r in group if r.name in a.refused
+    )
     shell = Shell(plant, settings, findings, roles, bool(given["good"]), began)
     if (refused := _none_left(order, admitted)) is not None:
         return shell.refused(*refused)
@@ -134,15 +133,27 @@ def _none_left(
 
 
 def _admitted(
-    groups: Iterable[Sequence[GapRun]], plant: PlantModel, settings: Settings
+    given: Mapping[str, Sequence[GapRun]], plant: PlantModel, settings: Settings
 ) -> tuple[list[list[GapRun]], list[Admission]]:
     """Each group of runs, in an order that does not depend on the one given, and its admission.
 
-    Runs are told apart by name, and groups have the same channels.
+    Runs are told apart by name, no recording is in two places, and groups have the same channels.
     """
-    ordered = [sorted(group, key=lambda r: (r.digest, r.name)) for group in groups]
-    order = distinctly_named(ordered)
-    return order, in_common([admit(group, plant, settings) for group in order], plant)
+    order = distinctly_named(
+        [sorted(group, key=lambda r: (r.digest, r.name)) for group in given.values()]
+    )
+    once, repeats = without_repeats(dict(zip(given, order, strict=True)))
+    admitted = [admit(group, plant, settings) for group in once.values()]
+    with_repeats = [
+        Admission(a.admitted, (*a.findings, *_of(group, repeats)))
+        for group, a in zip(order, admitted, strict=True)
+    ]
+    return order, in_common(with_repeats, plant)
+
+
+def _of(runs: Sequence[GapRun], findings: Sequence[Finding]) -> list[Finding]:
+    names = {r.name for r in runs}
+    return [f for f in findings if f.run in names]
 
 
 @repeatable
@@ -162,7 +173,8 @@ def ready(
     """
     settings = settings or Settings()
     progress("admission")
-    order, admitted = _admitted((runs, hold_out, good), plant, settings)
+    given = {"fit": runs, "hold-out": hold_out, "good": good}
+    order, admitted = _admitted(given, plant, settings)
     fit_runs, hold_runs, good_runs = (a.admitted for a in admitted)
     if (refused := _none_left(order, admitted)) is not None:
         what, admission = refused

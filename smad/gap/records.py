@@ -8,6 +8,8 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
+from smad import notebook
+
 
 class Outcome(StrEnum):
     """The seven verdicts, and the case in which no run could be used at all."""
@@ -217,6 +219,54 @@ class Trace(msgspec.Struct, frozen=True):
     final: list[float]
 
 
+class BudgetRow(msgspec.Struct, frozen=True):
+    """Where the gap of one signal goes; `signal` "" is all of them together.
+
+    `raw` and `left` are gaps in floors, the others shares of the raw gap: what other values of the
+    `parameters` take, each of the `causes` in turn, and the `rest`. They add up to 1.
+    """
+
+    signal: str
+    floor: float
+    unit: str
+    raw: float
+    parameters: float
+    causes: list[float]
+    rest: float
+    left: float
+
+
+class RunGap(msgspec.Struct, frozen=True):
+    """The gap of one run in floors: as configured, after the parameters, with the causes."""
+
+    run: str
+    raw: float
+    refit: float
+    final: float
+
+
+class Budget(msgspec.Struct, frozen=True):
+    """Where the gap goes on the runs judged: raw, parameters, each cause in turn, rest, noise.
+
+    The noise is 1 floor in every signal, by which all gaps are told. `causes` are those of the
+    answer, or, where none is `named`, the best that the library has. `parameters` says whether
+    other values of the parameters are needed at all beside the causes: where the model with the
+    causes alone predicts as well, they take nothing, and `alone` is what they would take without.
+    `dominated_by` is the run that carries `dominating` of the excess power after the parameters,
+    "" where none carries most of it.
+    """
+
+    causes: list[str]
+    named: bool
+    parameters: bool
+    alone: float
+    rows: list[BudgetRow]
+    runs: list[RunGap]
+    median: RunGap | None
+    dominated_by: str
+    dominating: float
+
+
 class Verdict(msgspec.Struct, frozen=True):
     """What the diagnosis says.
 
@@ -226,6 +276,8 @@ class Verdict(msgspec.Struct, frozen=True):
     `imitated`: other values of the parameters predict as well as `effects` or better, and these do
     not help beside them. `instead` are effects that the parameters of the known-good runs ask for,
     whose place other values of the parameters have taken; they would have left `gap_instead`.
+    `plain` is the answer in a sentence or two, `text` the numbers behind it. `bounded` are effects
+    that are not named because their strength ran into the bound of its range.
     """
 
     outcome: Outcome
@@ -247,6 +299,8 @@ class Verdict(msgspec.Struct, frozen=True):
     imitated: bool = False
     instead: list[str] = []
     gap_instead: float | None = None
+    plain: str = ""
+    bounded: list[str] = []
 
 
 class Diagnosis(msgspec.Struct, frozen=True):
@@ -287,6 +341,16 @@ class Diagnosis(msgspec.Struct, frozen=True):
     places: dict[str, dict[str, float]] = {}
     left_out: list[LeftOutRecord] = []
     laws: list[LawRecord] = []
+    budget: Budget | None = None
+
+    def _repr_html_(self) -> str:
+        values = [
+            (v.effect, v.name, f"{v.value:.4g} {v.unit}", f"{v.low:.4g} … {v.high:.4g}")
+            for v in self.values
+        ]
+        header = ("effect", "parameter", "value", "95 % interval") if values else ()
+        title = f"Gap diagnosis of {self.plant}: {self.verdict.outcome}"
+        return notebook.table(title, header, values, self.verdict.text)
 
     def to_json(self) -> bytes:
         """JSON with the same content; NaN and infinities become null."""

@@ -8,17 +8,17 @@ from concurrent.futures import Executor
 import msgspec
 import numpy as np
 
-from smad.gap.admission import admit
+from smad.gap.data.admission import admit
+from smad.gap.data.noise import estimate_floors
+from smad.gap.data.replay import Evidence
+from smad.gap.data.views import open_views
 from smad.gap.errors import RunRefused
-from smad.gap.judge import excess_by_key, shrink
-from smad.gap.lsq import Problem
-from smad.gap.noise import estimate_floors
+from smad.gap.fit.judge import excess_by_key, shrink
+from smad.gap.fit.lsq import Problem
+from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.plant import ModelPoint, PlantModel, nominal_point, units
-from smad.gap.replay import Evidence
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
-from smad.gap.views import open_views
-from smad.gap.whiten import OutputNoise, Whitening
 
 
 class Verified(msgspec.Struct, frozen=True):

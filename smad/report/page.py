@@ -1,6 +1,7 @@
 """A page of headings, text, tables and figures, as one HTML file without outside resources.
 
-Everything but the figures is escaped. The figures are SVG made by `smad.report.plots`, only.
+Everything but the figures is escaped. The figures are SVG made by `smad.report.plots`, or panels
+that the page draws itself.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smad.errors import SmadError
+from smad.report.panels import Panels
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -52,7 +54,7 @@ class Code:
     text: str
 
 
-Block = Text | Table | Picture | Code
+Block = Text | Table | Picture | Panels | Code
 
 
 @dataclass(frozen=True)
@@ -74,83 +76,40 @@ class Page:
     facts: Sequence[tuple[str, str]] = field(default_factory=tuple)
 
 
-_TEMPLATE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{{ page.title }}</title>
-<style>
-:root { color-scheme: light; }
-body { font: 16px/1.5 system-ui, sans-serif; color: #1b1f24; background: #fff;
-       max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.7rem; line-height: 1.2; margin-bottom: .3rem; }
-h2 { font-size: 1.25rem; margin-top: 2.4rem; border-bottom: 1px solid #d0d7de;
-     padding-bottom: .2rem; }
-.facts { color: #57606a; font-size: .85rem; }
-.facts span { margin-right: 1.2rem; white-space: nowrap; }
-nav { font-size: .9rem; columns: 2; }
-nav a { display: block; color: #0b5cad; }
-table { border-collapse: collapse; font-size: .9rem; margin: 1rem 0; width: 100%; }
-caption { text-align: left; color: #57606a; padding-bottom: .3rem; }
-th, td { border-bottom: 1px solid #d8dee4; padding: .3rem .6rem; text-align: left;
-         vertical-align: top; }
-th { background: #f6f8fa; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
-figure { margin: 1rem 0; }
-figure svg { max-width: 100%; height: auto; }
-figcaption { color: #57606a; font-size: .9rem; }
-.note, .warning { border-left: 4px solid #8b949e; padding: .1rem .9rem; background: #f6f8fa; }
-.warning { border-color: #bf8700; background: #fff8e5; }
-pre { background: #f6f8fa; padding: .8rem; overflow-x: auto; font-size: .85rem; }
-.wide { overflow-x: auto; }
-@media print { h2 { break-after: avoid; } figure { break-inside: avoid; } }
-</style>
-</head>
-<body>
-<h1>{{ page.title }}</h1>
-{% if page.facts %}<p class="facts">{% for name, value in page.facts %}<span>{{ name }}: {{ value }}
-</span>{% endfor %}</p>{% endif %}
-{% if page.lead %}<p>{{ page.lead }}</p>{% endif %}
-{% if page.sections | selectattr("anchor") | list | length > 2 %}<nav>
-{% for section in page.sections if section.anchor %}<a href="#{{ section.anchor }}">
-{{- section.title }}</a>
-{% endfor %}</nav>{% endif %}
-{% for section in page.sections %}
-<section{% if section.anchor %} id="{{ section.anchor }}"{% endif %}>
-<h2>{{ section.title }}</h2>
-{% for block in section.blocks %}{% set kind = kind_of(block) %}
-{% if kind == "Text" %}<p{% if block.kind != "plain" %} class="{{ block.kind }}"{% endif %}>
-{{- block.text }}</p>
-{% elif kind == "Table" %}<div class="wide"><table>
-{% if block.caption %}<caption>{{ block.caption }}</caption>{% endif %}
-<thead><tr>{% for cell in block.header %}<th
-{%- if loop.index0 in block.numeric %} class="n"{% endif %}>{{ cell }}</th>{% endfor %}</tr></thead>
-<tbody>{% for row in block.rows %}<tr>{% for cell in row %}<td
-{%- if loop.index0 in block.numeric %} class="n"{% endif %}>{{ cell }}</td>{% endfor %}</tr>
-{% endfor %}</tbody></table></div>
-{% elif kind == "Picture" %}<figure>{{ block.svg | safe }}
-{% if block.caption %}<figcaption>{{ block.caption }}</figcaption>{% endif %}</figure>
-{% else %}<pre>{{ block.text }}</pre>
-{% endif %}{% endfor %}</section>
-{% endfor %}
-</body>
-</html>
-"""
-
-
 @functools.cache
 def _template() -> Template:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.globals["kind_of"] = lambda block: type(block).__name__
-    return environment.from_string(_TEMPLATE)
+    return environment.from_string(_OURS.joinpath("page.html").read_text("utf-8"))
+
+
+_OURS = Path(__file__).parent / "static"
+_LIVE = Path(__file__).parents[1] / "view" / "static"
+"""Of the live page: its colours, and the uPlot that draws there as well."""
+_EXPORT = "export { uPlot as default };"
+
+
+def _style(interactive: bool) -> str:
+    files = [_LIVE / "colours.css", *([_LIVE / "vendor" / "uPlot.css"] if interactive else [])]
+    return "\n".join(path.read_text("utf-8") for path in [*files, _OURS / "page.css"])
+
+
+def _script() -> str:
+    """uPlot and what draws with it, as one module: a page of its own cannot import files."""
+    plot = (_LIVE / "vendor" / "uPlot.js").read_text("utf-8").replace(_EXPORT, "return uPlot;")
+    panels = (_OURS / "panels.js").read_text("utf-8")
+    return f"const uPlot = (() => {{\n{plot}}})();\n\n{panels}"
 
 
 def render(page: Page) -> str:
     """The page as HTML text. The same page gives the same text."""
-    return _template().render(page=page)
+    blocks = (block for section in page.sections for block in section.blocks)
+    interactive = any(isinstance(block, Panels) for block in blocks)
+    return _template().render(
+        page=page, style=_style(interactive), script=_script() if interactive else ""
+    )
 
 
 def write_page(page: Page, path: Path) -> Path:
@@ -173,7 +132,7 @@ def write_page(page: Page, path: Path) -> Path:
         raise SmadError(
             f"the report cannot be written ({error.strerror})",
             value=str(path),
-            action="choose another file with --report, or make room",
+            action="name another file, or make room",
         ) from None
     return path
 

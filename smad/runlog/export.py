@@ -2,8 +2,9 @@
 
 - CSV: one line of names (units are in them), then rows; empty where nothing was recorded. Header
   and events go to `<name>.header.json` beside it, so that the table stays a plain table.
-- Parquet: header and events in the metadata of the schema, the unit in that of each column.
-- MATLAB (version 5): `run.columns.<channel>`, `run.units.<channel>`, `run.header`, `run.events`.
+- Parquet: header and events in the metadata of the schema, unit and legend in that of each column.
+- MATLAB (version 5): `run.columns.<channel>`, `run.units.<channel>`, `run.legends.<channel>`,
+  `run.header`, `run.events`.
 
 Channels of which nothing was recorded are left out, in all three.
 """
@@ -19,6 +20,7 @@ import msgspec
 import numpy as np
 
 from smad.errors import RunLogError
+from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Column, Run, recorded
 from smad.runlog.schema import CHANNELS
 
@@ -76,6 +78,7 @@ def header_document(run: Run) -> bytes:
         {
             "header": run.header,
             "units": {name: CHANNELS[name].unit for name in _used(run)},
+            "legends": legends(run),
             "events": run.events,
             "link": run.link,
             "notes": run.notes,
@@ -83,6 +86,11 @@ def header_document(run: Run) -> bytes:
             "exported_from": run.path.name,
         }
     )
+
+
+def legends(run: Run) -> dict[str, Mapping[int, str]]:
+    """Return what the numbers of each channel stand for that has words, where it was recorded."""
+    return {name: LEGENDS[name] for name in _used(run) if name in LEGENDS}
 
 
 def _used(run: Run) -> dict[str, Column]:
@@ -95,7 +103,10 @@ def _arrow_table(run: Run) -> pyarrow.Table:
     arrays, fields = [], []
     for name, column in _used(run).items():
         arrays.append(pa.array(column, mask=~recorded(column)))
-        fields.append(pa.field(name, arrays[-1].type, metadata={"unit": CHANNELS[name].unit}))
+        about = {"unit": CHANNELS[name].unit}
+        if name in LEGENDS:
+            about["legend"] = msgspec.json.encode(LEGENDS[name]).decode()
+        fields.append(pa.field(name, arrays[-1].type, metadata=about))
     schema = pa.schema(fields, metadata={METADATA_KEY: header_document(run)})
     return pa.Table.from_arrays(arrays, schema=schema)
 
@@ -125,12 +136,21 @@ def _write_mat(run: Run, path: Path) -> None:
     content = {
         "columns": {name: np.asarray(column).reshape(-1, 1) for name, column in used.items()},
         "units": {name: CHANNELS[name].unit for name in used},
+        "legends": {name: _matlab_legend(words) for name, words in legends(run).items()},
         "header": header,
         "events": msgspec.json.encode(document["events"]).decode(),
         "notes": "\n".join(document["notes"]),
     }
     with path.open("wb") as file:
         savemat(file, {"run": content}, long_field_names=True, oned_as="column")
+
+
+def _matlab_legend(words: Mapping[int, str]) -> dict[str, Any]:
+    # As `containers.Map(numbers, words)` takes them: a struct has no numbers for names.
+    return {
+        "numbers": np.array(list(words), np.float64),
+        "words": np.array(list(words.values()), object),
+    }
 
 
 def _matlab_value(value: Any) -> Any:

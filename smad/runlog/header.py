@@ -22,7 +22,8 @@ class RunHeader(Struct, kw_only=True, frozen=True):
     """Stored as the MCAP metadata record `smad`, every field as text.
 
     `configuration` and `parameter_file` are the full texts (TOML), `message_schema` the JSON
-    description of the wire messages, `board` what the board said of itself. Units are in the names.
+    description of the wire messages, `board` what the board said of itself. `repeats` names the run
+    whose inputs were played again. Units are in the names.
     """
 
     source: Source = "unknown"
@@ -33,6 +34,7 @@ class RunHeader(Struct, kw_only=True, frozen=True):
     axis_count: int = 1
     seed: int | None = None
     part: int = 1
+    repeats: str = ""
     configuration: str = ""
     parameter_file: str = ""
     gains: dict[str, float] = {}

@@ -67,7 +67,7 @@ def import_csv(
     """Turn the CSV at `source` into a run log at `target`.
 
     A header that `smad log export` left beside the CSV is taken over. Channels that the file does
-    not have are null in the log and listed in the result.
+    not have are absent from the log and listed in the result.
 
     Raises LogImportError for a file that cannot be used, RunLogError for a target that cannot be
     written.

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from smad.runlog.mcap_file import CHANNEL_IDS, Packed, pack
-from smad.runlog.schema import Record
+from smad.runlog.schema import Record, Row
 
 _NS = 1_000_000_000
 _LARGEST_TIME_NS = 2**63 - 1
@@ -40,6 +40,9 @@ class RecordPacker:
     def pack(self, record: Record) -> Packed:
         """The message of a record. Raises TypeError for a field that JSON cannot hold."""
         body = self._encode(record)
+        if b":null" in body and isinstance(record, Row):
+            # A NaN was not measured either; viewers refuse a null where the schema has a number.
+            body = self._encode(_without_nan(record))
         channel_id = CHANNEL_IDS[type(record)]
         sequence = self._sequences[channel_id]
         self._sequences[channel_id] = (sequence + 1) & 0xFFFFFFFF
@@ -57,6 +60,15 @@ class RecordPacker:
             self._offset_ns = (self._last_ns if host_ns is None else host_ns) - board_ns
         self._last_ns = _clip(board_ns + self._offset_ns)
         return self._last_ns
+
+
+def _without_nan(row: Row) -> Row:
+    missing = {
+        name: None
+        for name, value in msgspec.structs.asdict(row).items()
+        if name != "t_s" and isinstance(value, float) and math.isnan(value)
+    }
+    return msgspec.structs.replace(row, **missing)
 
 
 def _to_ns(time_s: float | None) -> int | None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import msgspec
 import numpy as np
@@ -14,10 +13,11 @@ from mcap import records
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from smad import notebook
 from smad.errors import RunLogError
 from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
-from smad.runlog.scan import Damage, NotMcapError, scan
+from smad.runlog.scan import Damage, NotMcapError, Progress, no_progress, scan
 from smad.runlog.schema import (
     CHANNELS,
     EVENT_TOPIC,
@@ -30,9 +30,11 @@ from smad.runlog.schema import (
 )
 from smad.runlog.writer import END_METADATA_NAME
 
+if TYPE_CHECKING:
+    import pandas
+
 _ROWS_A_BATCH = 20_000
 _ITEMS_A_REPORT = 10_000
-Progress = Callable[[float], None]
 Column = NDArray[np.float64] | NDArray[np.int64]
 
 
@@ -70,14 +72,31 @@ class Run:
         """Channels of which nothing was recorded."""
         return [name for name, column in self.columns.items() if not recorded(column).any()]
 
+    def to_pandas(self) -> pandas.DataFrame:
+        """The channels that were recorded as a DataFrame of n rows, by board time `t_s`.
+
+        Whole numbers are nullable integers; `mode` and `limiter` are words. Units are in
+        `frame.attrs["units"]`. Raises MissingPartError without pandas.
+        """
+        from smad.runlog.frames import data_frame
+
+        masks = {name: recorded(column) for name, column in self.columns.items()}
+        return data_frame({n: c for n, c in self.columns.items() if masks[n].any()}, masks)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, CHANNELS[name].unit, f"{v.min():g}", f"{v.mean():g}", f"{v.max():g}")
+            for name, column in self.columns.items()
+            if (v := column[recorded(column)]).size
+        ]
+        title = f"{self.path.name}: {len(self)} rows, {self.duration_s:.2f} s, {self.header.source}"
+        header = ("channel", "unit", "least", "mean", "most")
+        return notebook.table(title, header, rows, "; ".join(self.notes))
+
 
 def board_duration_s(t_s: Column) -> float:
     """Return what times of the board, shape (n,), cover: all that goes forward, in s."""
     return float(np.maximum(np.diff(t_s), 0.0).sum())
-
-
-def no_progress(share: float) -> None:
-    """Progress that nobody watches."""
 
 
 def recorded(column: Column) -> NDArray[np.bool_]:
@@ -120,7 +139,9 @@ def read_run(path: str | Path, *, progress: Progress = no_progress) -> Run:
             value=f"{size} bytes",
             action="it was cut before the first sample, or another program wrote it",
         )
-    return intake.finish(path, damage)
+    run = intake.finish(path, damage)
+    progress(1.0)
+    return run
 
 
 T = TypeVar("T", bound=Struct)

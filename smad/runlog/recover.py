@@ -13,8 +13,7 @@ from mcap import records
 from smad.errors import RunLogError
 from smad.runlog import open_logs
 from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_METADATA_NAME, McapFile, Packed, pack
-from smad.runlog.reader import Progress, no_progress
-from smad.runlog.scan import Damage, Message, NotMcapError, scan
+from smad.runlog.scan import Damage, Message, NotMcapError, Progress, no_progress, scan
 from smad.runlog.schema import ROW_TOPIC, TOPICS
 
 RECOVERED_METADATA_NAME = "smad.recovered"
@@ -135,6 +134,7 @@ def _copy(
             rewrite.metadata(item)
         if count % _MESSAGES_A_REPORT == 0:
             progress(source.tell() / size)
+    progress(1.0)
 
 
 class _Rewrite:

@@ -2,16 +2,14 @@
 
 `Row` is that table: each field is a channel, with its unit, where it comes from and what it means.
 The JSON schema in the log file, the columns of an export, the units an import accepts and the
-table in the guide are made from it. A value that was not measured is None (NaN counts as None);
-it is never a NaN literal in the file.
+table in the guide are made from it. A value that was not measured is None (NaN counts as None), and
+the message in the file lacks it.
 """
 
 from __future__ import annotations
 
 import functools
-import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 import msgspec
@@ -29,7 +27,7 @@ def _of(unit: str, source: str, description: str) -> Meta:
     return Meta(description=description, extra={"unit": unit, "source": source})
 
 
-class Row(Struct, kw_only=True, gc=False):
+class Row(Struct, kw_only=True, gc=False, omit_defaults=True):
     """One sample: what was measured, what was commanded because of it, and when.
 
     Spring order is X, Y; displacement is positive when X pulls. `source` names the field of the
@@ -125,7 +123,7 @@ EventKind = Literal[
 ]
 
 
-class Event(Struct, kw_only=True):
+class Event(Struct, kw_only=True, omit_defaults=True):
     """Something that happened once: a command received, a fault, arming, a person's note."""
 
     t_s: Annotated[float | None, _of("s", "board", "board time, where there is one")] = None
@@ -135,7 +133,7 @@ class Event(Struct, kw_only=True):
     data: Annotated[dict[str, Any], _of("", "", "the details, for a program")] = {}
 
 
-class LinkSample(Struct, kw_only=True):
+class LinkSample(Struct, kw_only=True, omit_defaults=True):
     """The counters of the link, about once a second."""
 
     t_s: Annotated[float | None, _of("s", "board", "board time, where there is one")] = None
@@ -153,8 +151,7 @@ TOPICS: Mapping[type[Struct], str] = {
 }
 
 
-@dataclass(frozen=True)
-class ChannelSpec:
+class ChannelSpec(Struct, frozen=True):
     """One channel of a sample. `kind` is "float" or "integer"; `unit` "1": a ratio, "": none."""
 
     name: str
@@ -190,23 +187,34 @@ CHANNELS: Mapping[str, ChannelSpec] = {
 
 @functools.cache
 def json_schema(record: type[Struct]) -> bytes:
-    """The JSON schema of one of the three messages, as stored in the log file."""
+    """The JSON schema of one of the three messages, as stored in the log file.
+
+    As Foxglove and Lichtblick read it: each member has one plain type, and each object
+    `properties`. A member without a value is absent from the message.
+    """
+    import inspect
+
     (_,), components = msgspec.json.schema_components([record])
     schema = components[record.__name__]
     schema["description"] = inspect.getdoc(record)
     for name, annotation in get_type_hints(record, include_extras=True).items():
         member = schema["properties"][name]
-        _flatten_optional(member)
+        _make_plain(member)
         member["unit"] = get_args(annotation)[1].extra["unit"]
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     return msgspec.json.encode(schema)
 
 
-def _flatten_optional(member: dict[str, Any]) -> None:
-    # Viewers understand a list of types, few of them a choice of schemas.
+def _make_plain(member: dict[str, Any]) -> None:
     choices = member.pop("anyOf", None)
     if choices is not None:
-        member["type"] = [choice["type"] for choice in choices]
+        (member["type"],) = (choice["type"] for choice in choices if choice["type"] != "null")
+    if member.get("default", ...) is None:
+        del member["default"]
+    if "enum" in member:
+        member["type"] = "string"
+    if member["type"] == "object":
+        member["properties"] = {}
 
 
 def markdown_table() -> str:

@@ -6,7 +6,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    *sorted(ROOT.glob("*.md")),
+    ROOT / "examples/README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 DECISIONS = {page.name[:4]: page for page in (ROOT / "docs/decisions").glob("[0-9]*.md")}
 
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)

@@ -8,7 +8,7 @@ import pytest
 
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause
-from firmware_protocol.events import Connected, HostState
+from firmware_protocol.events import Connected, HostState, RequestDone
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
 from sim_device.faults import injection
@@ -182,6 +182,26 @@ def test_a_save_that_meets_the_save_of_an_earlier_session_is_carried_out_after_i
     value = loop.request(wire.ParamGet(0, LIMIT))
     assert isinstance(value, wire.ParamValue)
     assert value.value == 800
+
+
+def test_a_disarm_does_not_wait_for_a_save_and_the_save_is_answered_after_it(make: Make) -> None:
+    loop = Loop(make()).connected()
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    save = loop.host.request(wire.ParamSave(), loop.bench.now_us)
+    loop.bench.receive(loop.host.data_to_send())
+    disarm = loop.host.request(wire.Disarm(0), loop.bench.now_us)
+    done: list[int] = []
+
+    def both() -> bool:
+        done[:] = [event.id for event in loop.of(RequestDone)]
+        return {save, disarm} <= set(done)
+
+    loop.until(both)
+    assert done.index(disarm) < done.index(save)
+    restarted(loop)
+    value = loop.request(wire.ParamGet(0, LIMIT))
+    assert isinstance(value, wire.ParamValue)
+    assert value.value == 900
 
 
 @pytest.mark.parametrize("after_ms", range(0, 60, 7))

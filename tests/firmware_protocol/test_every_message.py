@@ -4,6 +4,7 @@ A message that a later table adds must not end a session before somebody has wri
 """
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated
 
 import pytest
@@ -106,17 +107,20 @@ def test_an_error_holds_any_number_as_far_as_the_wire_can(found: int) -> None:
 # The door for setpoints: in Python, and in the C that a firmware uses.
 
 
+@pytest.fixture(scope="module")
+def c_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if c_gate.COMPILER is None:
+        pytest.skip("this machine has no C compiler")
+    return c_gate.build(tmp_path_factory.mktemp("gate"))
+
+
 @pytest.fixture(params=["python", "c"])
-def gate(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[c_gate.Gate]:
+def gate(request: pytest.FixtureRequest) -> Iterator[c_gate.Gate]:
     if request.param == "python":
         door = SetpointGate(MOST_AGE_US)
         yield lambda t_ref_us, seq, now_us: door.admit(0, t_ref_us % WRAP, seq, now_us)
         return
-    if c_gate.COMPILER is None:
-        pytest.skip("this machine has no C compiler")
-    program = c_gate.CGate(c_gate.build(tmp_path_factory.mktemp("gate")))
+    program = c_gate.CGate(request.getfixturevalue("c_program"))
     yield program.admit
     assert program.close() == 0
 

@@ -12,11 +12,11 @@ from mcap import records
 
 from smad.cli.log import log
 from smad.errors import RunLogError
+from smad.runlog.overview import list_runs
 from smad.runlog.reader import Run, read_run
 from smad.runlog.recover import recover
 from smad.runlog.scan import Damage, Message, scan
 from smad.runlog.schema import CHANNELS, ROW_TOPIC, TOPICS, Row
-from smad.runlog.summary import list_runs
 from tests.fuzz.files import file_with, folder, no_file
 from tests.fuzz.program import require
 

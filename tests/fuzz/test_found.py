@@ -27,10 +27,10 @@ from smad.errors import LogImportError
 from smad.runlog.header import RunHeader
 from smad.runlog.importer import import_csv
 from smad.runlog.mcap_file import CHANNEL_IDS, pack
+from smad.runlog.overview import list_runs
 from smad.runlog.reader import read_run
 from smad.runlog.scan import Damage, scan
 from smad.runlog.schema import ROW_TOPIC, Row
-from smad.runlog.summary import list_runs
 from smad.runlog.writer import write_run
 from tests.firmware_protocol.pair import IDENT
 from tests.fuzz.targets import CORPUS

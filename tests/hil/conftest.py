@@ -62,8 +62,13 @@ class Device:
         assert self._process.stdout.readline().startswith("ready")
 
     def kill(self) -> None:
-        """The power goes: no goodbye."""
+        """The power goes: no goodbye, and the port's name goes with it, as that of a USB port does.
+
+        Under a name left behind a daemon would find the next pseudo-terminal of that number, which
+        another test may have.
+        """
         if self._process is not None:
+            self.port.unlink(missing_ok=True)
             self._process.kill()
             self._process.communicate()
             self._process = None

@@ -231,7 +231,7 @@ EXPERIMENT = Recipe(
     (
         Insert(
             "its module",
-            "smad/experiments/rest.py",
+            "smad/experiments/standing.py",
             '''"""At rest: how warm the springs are while nothing is asked of them."""
 
 from __future__ import annotations
@@ -250,7 +250,7 @@ from smad.experiments.recording import Recording
 
 
 class RestOptions(Options, frozen=True, kw_only=True):
-    """Settings of rest."""
+    """Settings of standing."""
 
     seconds_s: Annotated[float, Meta(ge=1.0, le=600.0)] = 5.0
 
@@ -258,7 +258,7 @@ class RestOptions(Options, frozen=True, kw_only=True):
 class Rest(Experiment[RestOptions]):
     """Nothing, for a while."""
 
-    name: ClassVar[str] = "rest"
+    name: ClassVar[str] = "standing"
     title: ClassVar[str] = "The springs at rest"
     needs: ClassVar[frozenset[str]] = frozenset({"rtd_x_degC"})
     options_type: ClassVar[type[Options]] = RestOptions
@@ -275,18 +275,18 @@ class Rest(Experiment[RestOptions]):
         Insert(
             "its line in the registry",
             "smad/experiments/registry.py",
-            '    "rest": "smad.experiments.rest:Rest",\n',
+            '    "standing": "smad.experiments.standing:Rest",\n',
             before='}\n"""In the order of the report.',
         ),
         Insert(
             "its page",
-            "docs/experiments/rest.md",
-            "# rest: the springs at rest\n\nNothing is asked of the springs for `seconds_s`.\n",
+            "docs/experiments/standing.md",
+            "# standing: the springs at rest\n\nNothing is asked of the springs for `seconds_s`.\n",
         ),
         Insert(
             "its row in the list of experiments",
             "docs/experiments/README.md",
-            "| [rest](rest.md) | the springs at rest |\n",
+            "| [standing](standing.md) | the springs at rest |\n",
             before="\nAll of them, with every figure",
         ),
     ),
@@ -300,4 +300,61 @@ class Rest(Experiment[RestOptions]):
     ),
 )
 
-RECIPES = (REQUEST, NEWS, CHECK, TRAJECTORY, EXPERIMENT)
+EFFECT = Recipe(
+    "effect",
+    (
+        Insert(
+            "its entry in the registry",
+            "sim_device/plant/effects/sensing.py",
+            """    Effect(
+        name="force_curve",
+        title="the force sensor is not linear",
+        subsystem="sensors",
+        equation="F_r = F (1 + c F)",
+        parameters=(
+            EffectParameter(
+                name="per_N",
+                term="force_curve",
+                unit="1/N",
+                low=-0.1,
+                high=0.1,
+                typical=0.02,
+                prior=either(0.02),
+                meaning="curvature c",
+            ),
+        ),
+        signals=("force",),
+        confused_with=("force_gain",),
+        separated_by="two dead weights: a gain errs by the same share on both",
+        reference="R. S. Figliola, D. E. Beasley, Mechanical Measurements, Wiley 2011",
+    ),
+""",
+            before="""    Effect(
+        name="force_gain",
+""",
+        ),
+        Insert(
+            "its field among the terms",
+            "sim_device/plant/kernel/model.py",
+            "    force_curve: float\n",
+            before="    force_gain: float\n",
+        ),
+        Insert(
+            "its term in the kernel",
+            "sim_device/plant/kernel/sensors.py",
+            "    if e.force_curve != 0.0:\n        F = F * (1.0 + e.force_curve * F)\n",
+            before="    if e.force_gain != 0.0:\n",
+        ),
+        Generate(),
+    ),
+    (
+        "tests/sim_device/plant/test_effects.py::"
+        "test_every_term_of_the_kernel_belongs_to_one_parameter",
+        "tests/sim_device/plant/test_effects.py::test_every_term_is_computed_with",
+        "tests/sim_device/plant/test_effects.py::test_an_entry_is_complete",
+        "tests/smad/gap/test_check_score.py",
+    ),
+    shows=("tests.recipes.effect_shows", "force_curve", "force_N"),
+)
+
+RECIPES = (REQUEST, NEWS, CHECK, TRAJECTORY, EXPERIMENT, EFFECT)

@@ -9,12 +9,23 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from numba.core.caching import _CacheLocator
+
+from sim_device.plant.kernel.compiled import PACKAGE
+
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = (
-    "bench", "docs", "firmware", "firmware_protocol", "packaging", "sim_device", "smad", "tests",
+    "bench", "docs", "examples", "firmware", "firmware_protocol", "sim_device", "smad", "tests",
     "tools",
 )  # fmt: skip
-FILES = ("Makefile", "README.md", "pyproject.toml")
+FILES = (
+    "CHANGELOG.md",
+    "CITATION.cff",
+    "CONTRIBUTING.md",
+    "Makefile",
+    "README.md",
+    "pyproject.toml",
+)
 
 
 @dataclass(frozen=True)
@@ -54,11 +65,12 @@ Step = Insert | Generate
 
 @dataclass(frozen=True)
 class Recipe:
-    """The steps, and the tests that show that all of them were done."""
+    """The steps, the tests that show that all of them were done, and a program that uses it."""
 
     name: str
     steps: tuple[Step, ...]
     tests: tuple[str, ...]
+    shows: tuple[str, ...] = ()
 
     def complaints(self, tree: Path, left_out: Step | None) -> str:
         """Carry out the recipe without one step; return what complains, or nothing."""
@@ -70,6 +82,8 @@ class Recipe:
         if left_out is None:
             checks.insert(2, ("-m", "ruff", "format", "-q", "--check", "."))
             checks.append(("-m", "mypy"))
+            if self.shows:
+                checks.append(("-m", *self.shows))
         for check in checks:
             done = run(tree, *check)
             if done.returncode:
@@ -77,14 +91,31 @@ class Recipe:
         return ""
 
 
-def copy_of_the_tree(folder: Path) -> Path:
-    """Return a copy of the sources, with what was compiled of the physics."""
+def copy_of_the_tree(folder: Path, *, whole: bool) -> Path:
+    """Return a copy of the sources, with what was compiled of the physics.
+
+    `whole`: with what mypy found out, too.
+    """
     for name in COPIED:
         ignored = shutil.ignore_patterns("*.mcap", ".*")
         shutil.copytree(ROOT / name, folder / name, ignore=ignored)
     for name in FILES:
         shutil.copy2(ROOT / name, folder / name)
+    _take_over_what_was_compiled(folder)
+    if whole and (ROOT / ".mypy_cache").is_dir():
+        shutil.copytree(ROOT / ".mypy_cache", folder / ".mypy_cache")
     return folder
+
+
+def _take_over_what_was_compiled(tree: Path) -> None:
+    # numba names a folder of its cache after the place of the sources.
+    package = tree / PACKAGE.relative_to(ROOT)
+    ours, theirs = (
+        _CacheLocator.get_suitable_cache_subpath(str(place / "step.py"))
+        for place in (PACKAGE, package)
+    )
+    for folder in (package / "__pycache__").glob(f"kernel-*/{ours}"):
+        folder.rename(folder.with_name(theirs))
 
 
 def run(tree: Path, *words: str) -> subprocess.CompletedProcess[str]:

@@ -4,6 +4,7 @@ import asyncio
 import inspect
 import os
 import pickle
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,8 +27,12 @@ from smad.client import (
 from smad.client.endpoints import Connection, write_connection
 from smad.client.progress import Wait
 from smad.client.wire import POINTS_A_PIECE, in_pieces
-from smad.control.commands import DriveCurrent, Hold, Samples, Sine, Step, Tune
+from smad.control.commands import DriveCurrent, FollowInputs, Hold, Samples, Sine, Step, Tune
 from tests.smad.fakedaemon import MOTION, FakeDaemon, Silent, fake_daemon
+
+INPUTS = FollowInputs(
+    t_s=(0.0,), end_s=1.0, i_x_A=(1.0,), i_y_A=(0.0,), pump_x_duty=(0.0,), pump_y_duty=(0.0,)
+)
 
 
 @pytest.fixture
@@ -74,6 +79,7 @@ def test_there_is_a_client_method_for_every_method_of_the_api(
         lambda: client.move(Step(displacement_mm=1.0, duration_s=1.0)),
         lambda: client.heat("x", 50.0),
         lambda: client.current(DriveCurrent(i_x_A=1.0)),
+        lambda: client.follow_inputs(INPUTS),
         lambda: client.stage(1.0, 1.0),
         lambda: client.tune(Tune(kp_A_per_mm=1.0)),
         lambda: client.get_param("a"),
@@ -359,6 +365,44 @@ def test_what_ended_an_armed_block_is_not_hidden_by_a_disarm_that_fails(
         pass
 
 
+def test_ctrl_c_at_the_very_end_of_an_armed_block_disarms_all_the_same(
+    client: Client, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disarm, presses = client.disarm, iter([KeyboardInterrupt])
+
+    def interrupted() -> api.Motion:
+        for press in presses:
+            raise press
+        return disarm()
+
+    monkeypatch.setattr(client, "disarm", interrupted)
+    with pytest.raises(KeyboardInterrupt), client.armed():
+        pass
+    assert [request["method"] for request in daemon.asked] == ["arm", "disarm"]
+
+
+@pytest.mark.usefixtures("not_ignored")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_ends_the_program_ends_an_armed_block_first(
+    client: Client, daemon: FakeDaemon, number: int
+) -> None:
+    with pytest.raises(SystemExit) as end, client.armed():
+        signal.raise_signal(number)
+    assert end.value.code == 128 + number
+    assert [request["method"] for request in daemon.asked] == ["arm", "disarm"]
+    assert signal.getsignal(number) is signal.SIG_DFL
+
+
+def test_a_signal_that_the_program_ignores_is_left_to_it(client: Client) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with client.armed():
+            signal.raise_signal(signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 async def test_an_armed_block_of_the_async_client_disarms_when_it_is_cancelled(
     daemon: FakeDaemon, tmp_path: Path
 ) -> None:
@@ -402,6 +446,19 @@ def test_after_arming_requests_carry_the_generation_and_in_control_the_lease(
     }
     assert "generation" not in daemon.asked[-1]
     assert "lease" not in daemon.asked[-1]
+
+
+def test_an_arming_for_a_person_carries_the_generation_that_the_person_knew_of(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    client.as_of(4)
+    client.arm()
+    client.arm()
+    client.as_of(5)
+    client.disarm()
+    client.arm()
+    told = [request.get("generation") for request in daemon.asked if request["method"] == "arm"]
+    assert told == [4, None, 5]
 
 
 def test_waiting_ends_when_somebody_stopped_the_bench_and_armed_it_again() -> None:

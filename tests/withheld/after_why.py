@@ -15,12 +15,12 @@ import msgspec
 from smad.errors import SmadError
 from smad.gap.check.key import file_digest
 from smad.gap.check.names import NAMING, canonical
-from smad.gap.check.reasons import FORMAT as REPORT_FORMAT
-from smad.gap.check.reasons import REASONS, Explained, Report, Way, parting
 from smad.gap.check.verdicts import CaseVerdict
 from smad.report.page import Table, text_table
 from tests.withheld.errors import WithheldError
 from tests.withheld.more_runs import Ask, Follow, judge_again, recorded
+from tests.withheld.reasons import FORMAT as REPORT_FORMAT
+from tests.withheld.reasons import REASONS, Explained, Report, Way, parting
 from tests.withheld.second_pass import opened, parts_beside, require_known, through
 
 FORMAT = "smad-after-why-2"

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.withheld import bank, quiz
+from tests.withheld import bank, playing, quiz
 from tests.withheld.errors import WithheldError
 from tests.withheld.follow import follow
 
@@ -89,6 +89,43 @@ def _follow(options: argparse.Namespace) -> None:
     print(follow(Path(options.bank), Path(options.key), options.case, Path(options.program)))
 
 
+def _play(options: argparse.Namespace) -> None:
+    order = playing.Order(
+        Path(options.bank),
+        Path(options.programme),
+        cases=options.cases,
+        benches=options.benches,
+        repeats=options.repeats,
+        seed=options.seed,
+    )
+    sha256 = playing.make(order, jobs=options.jobs)
+    print(f"bank  {order.folder}")
+    print(f"key   {order.key_folder / 'KEY.json'}")
+    print(f"SHA-256 of the key  {sha256}")
+
+
+def _check_up(options: argparse.Namespace) -> None:
+    from tests.withheld.check_up import run
+
+    benches = [b for b in options.benches.split(",") if b]
+    run(Path(options.bank), Path(options.out), benches=benches, repeats=options.repeats)
+
+
+def _calibrate(options: argparse.Namespace) -> None:
+    from tests.withheld.calibrating import calibrate
+
+    benches = [b for b in options.benches.split(",") if b]
+    out = Path(options.out) if options.out else None
+    calibrate(Path(options.bank), Path(options.key), out, benches)
+
+
+def _curves(options: argparse.Namespace) -> None:
+    from tests.withheld.curves import report
+
+    page = Path(options.page) if options.page else None
+    report(Path(options.verdicts), Path(options.key), page, options.note)
+
+
 def _mystery(options: argparse.Namespace) -> None:
     link = Path(options.link) if options.link else None
     quiz.run(options.seed, good=options.good, link=link, note=Path(options.note))
@@ -142,6 +179,33 @@ def _arguments() -> argparse.ArgumentParser:
     again.add_argument("case")
     again.add_argument("program", help="CSV of what to do, see docs/withheld.md")
     again.set_defaults(run=_follow)
+    play = commands.add_parser("play", help="a bank of check-ups: a programme, good and now")
+    play.add_argument("bank", help="the folder to make; its key goes beside it")
+    play.add_argument("--programme", required=True, help="folder of the programme's files")
+    play.add_argument("--cases", type=int, default=66)
+    play.add_argument("--benches", type=int, default=6)
+    play.add_argument("--repeats", type=int, default=2, help="good repeats of each bench")
+    play.add_argument("--seed", type=int, default=28)
+    play.add_argument("--jobs", type=int, default=2)
+    play.set_defaults(run=_play)
+    fitted = commands.add_parser("calibrate", help="constants of the check-up from a bank")
+    fitted.add_argument("bank", help="a development bank of `play`")
+    fitted.add_argument("key", help="the folder of its key")
+    fitted.add_argument("--out", help="write them to this TOML")
+    fitted.add_argument("--benches", default="", help="only these, separated by commas")
+    fitted.set_defaults(run=_calibrate)
+    curves = commands.add_parser("curves", help="scores of check-ups over strength")
+    curves.add_argument("verdicts", help="what `check-up` wrote")
+    curves.add_argument("key", help="the folder of the bank's key")
+    curves.add_argument("--page", help="put the tables between the marks of this page")
+    curves.add_argument("--note", default="", help="a line above them, with --page")
+    curves.set_defaults(run=_curves)
+    judged = commands.add_parser("check-up", help="judge a bank of `play` with the product")
+    judged.add_argument("bank")
+    judged.add_argument("--out", required=True, help="the verdicts, for `smad gap score`")
+    judged.add_argument("--benches", default="", help="only these, as bench-1,bench-4")
+    judged.add_argument("--repeats", type=int, help="only so many of the good repeats")
+    judged.set_defaults(run=_check_up)
     mystery = commands.add_parser("mystery", help="a bench on a pty with a hidden effect")
     mystery.add_argument("seed", type=int)
     mystery.add_argument("--good", action="store_true", help="the same bench before the trouble")

@@ -16,7 +16,7 @@ from smad.gap.check.verdicts import CaseVerdict, NextExperiment
 from smad.gap.plant import ModelPoint
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.sma import SmaPlant
-from smad.gap.sma_signals import run_from_columns
+from smad.gap.sma.signals import run_from_columns
 from tests.withheld.second_pass import Frozen, diagnosed, part_of
 
 _COLUMNS = {

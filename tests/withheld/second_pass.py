@@ -27,9 +27,9 @@ from smad.gap.check.running import Order, Progress, check, pool
 from smad.gap.check.score import Pair, matched
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile, read_verdict_file, read_verdicts
 from smad.gap.diagnose import ready
+from smad.gap.fit.stages import Prepared
 from smad.gap.records import Diagnosis
 from smad.gap.runs import GapRun
-from smad.gap.stages import Prepared
 from tests.withheld.errors import WithheldError
 
 

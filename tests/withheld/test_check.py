@@ -17,7 +17,6 @@ from smad.cli import execute
 from smad.gap.check.bank import open_bank
 from smad.gap.check.case import How, Part, Task
 from smad.gap.check.names import ALIASES, CAUSES, subsystem_of
-from smad.gap.check.reasons import Report, parting
 from smad.gap.check.running import Order, Progress, check, pool
 from smad.gap.check.scores import read_scores
 from smad.gap.check.verdicts import (
@@ -38,9 +37,10 @@ from tests.withheld.command import main
 from tests.withheld.follow import follow
 from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import BY_NAME, Active, names
+from tests.withheld.reasons import Report, parting
 from tests.withheld.second_pass import Frozen, entries, opened
 
-RUN_S = 24.0
+RUN_S = 12.0
 LIBRARY = ("rtd_offset", "flow_shortfall")
 QUICK = How(
     settings=Settings(

@@ -13,7 +13,13 @@ SECOND_PASS = (
     "best_entry.py",
     "after_next.py",
     "why.py",
+    "entry.py",
+    "reasons.py",
+    "reason_tables.py",
     "after_why.py",
+    "check_up.py",
+    "calibrating.py",
+    "curves.py",
 )
 SOURCES = sorted(HERE.rglob("*.py"))
 MAKERS = [p for p in SOURCES if not p.name.startswith("test_") and p.name not in SECOND_PASS]

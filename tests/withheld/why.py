@@ -1,7 +1,7 @@
 """What stands in the way: each case of one effect that was missed or misnamed, asked once more.
 
 The case is diagnosed with nothing but the right entry in the library, then with the names beside it
-that were given; the numbers say which reason of `smad.gap.check.reasons` holds.
+that were given; the numbers say which reason of `tests.withheld.reasons` holds.
 """
 
 import dataclasses
@@ -16,8 +16,13 @@ from smad.gap.check.bank import used
 from smad.gap.check.case import Part, Task
 from smad.gap.check.key import file_digest
 from smad.gap.check.names import OUTCOMES
-from smad.gap.check.reason_tables import case_table, count_table
-from smad.gap.check.reasons import (
+from smad.gap.check.score import Pair, name_credit, of_kind
+from smad.gap.check.verdicts import CaseVerdict
+from smad.report.page import text_table
+from tests.withheld.entry import EntryRecord, examine
+from tests.withheld.errors import WithheldError
+from tests.withheld.reason_tables import case_table, count_table
+from tests.withheld.reasons import (
     FORMAT,
     Report,
     counts,
@@ -26,11 +31,6 @@ from smad.gap.check.reasons import (
     meanings,
     told,
 )
-from smad.gap.check.score import Pair, name_credit, of_kind
-from smad.gap.check.verdicts import CaseVerdict
-from smad.gap.entry import EntryRecord, examine
-from smad.report.page import text_table
-from tests.withheld.errors import WithheldError
 from tests.withheld.second_pass import (
     Frozen,
     entries,

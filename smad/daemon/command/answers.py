@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import dataclass
 from typing import Any
 
 from msgspec import Struct
@@ -17,12 +18,24 @@ from smad.daemon.journal import Journal
 from smad.errors import SmadError
 
 MOST_WAITING = 64
+MOST_WAITING_EACH = 16
+"""Of one client: whoever floods is told so, and the others find room."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Later:
+    """A call whose reply has to wait for the board."""
+
+    client: bytes
+    call: Call
+    reply: Send
 
 
 class Answers:
     """Decodes, performs, replies. Every message with an id gets exactly one reply.
 
-    `waiting` says how many things wait for the board; with too many of them only stops are taken.
+    `waiting` says how many things wait for the board; with too many of them, in all or of one
+    client, only stops are taken.
     """
 
     def __init__(
@@ -41,6 +54,7 @@ class Answers:
         self._waiting = waiting
         self._commands = Decoder()
         self._stops = Decoder("stop")
+        self._later: set[_Later] = set()
 
     def command(self, client: bytes, data: bytes, send: Send, behind: bool = False) -> None:
         """Answer a message of the command socket; `behind`: it may have come before a stop."""
@@ -66,7 +80,7 @@ class Answers:
                 send(text)
 
         try:
-            self._require_room(call)
+            self._require_room(client, call)
             answer = self._service.perform(
                 call.method, call.params, Caller(client, call.lease, behind), call.generation
             )
@@ -77,26 +91,41 @@ class Answers:
             self._counts.done += 1
             reply(result_reply(call.id, answer))
         else:
-            self._spawn(call.method.name, self._answer_later(call, answer, reply))
+            later = _Later(client, call, reply)
+            self._later.add(later)
+            self._spawn(call.method.name, self._answer_later(later, answer))
 
-    async def _answer_later(self, call: Call, answer: Awaitable[Struct], reply: Send) -> None:
+    def give_up(self) -> None:
+        """Tell everybody who still waits for a reply that the daemon ends."""
+        while self._later:
+            later = self._later.pop()
+            self._refuse(later.call, _ending(), later.reply)
+
+    async def _answer_later(self, later: _Later, answer: Awaitable[Struct]) -> None:
+        call, reply = later.call, later.reply
         try:
             result = await answer
         except Exception as error:
             self._refuse(call, error, reply)
-            return
-        self._counts.done += 1
-        reply(result_reply(call.id, result))
+        else:
+            self._counts.done += 1
+            reply(result_reply(call.id, result))
+        finally:
+            self._later.discard(later)
 
-    def _require_room(self, call: Call) -> None:
-        if call.method.access != "stop" and self._waiting() >= MOST_WAITING:
-            raise Refusal(
-                Reason.BUSY,
-                "too many commands wait for the board",
-                value=self._waiting(),
-                limit=MOST_WAITING,
-                action="wait for replies before sending more",
-            )
+    def _require_room(self, client: bytes, call: Call) -> None:
+        if call.method.access == "stop":
+            return
+        of_client = sum(later.client == client for later in self._later)
+        for waiting, most in ((of_client, MOST_WAITING_EACH), (self._waiting(), MOST_WAITING)):
+            if waiting >= most:
+                raise Refusal(
+                    Reason.BUSY,
+                    "too many commands wait for the board",
+                    value=waiting,
+                    limit=most,
+                    action="wait for replies before sending more",
+                )
 
     def _refuse(self, call: Call, error: Exception, reply: Send) -> None:
         # A mistake of ours in one command is told to who sent it; the run goes on.
@@ -109,3 +138,11 @@ class Answers:
                 action="please report it; smad status shows whether the bench is armed",
             )
         reply(error_reply(call.id, error))
+
+
+def _ending() -> Refusal:
+    return Refusal(
+        Reason.STOPPED,
+        "the daemon ended before the board had answered",
+        action="the command may have been carried out; start the daemon again and see smad status",
+    )

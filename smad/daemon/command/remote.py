@@ -10,7 +10,7 @@ import contextlib
 import functools
 import operator
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import zmq
@@ -136,6 +136,15 @@ class RemoteDoor:
         self._open = connections
         self._set_gates()
 
+    @contextlib.contextmanager
+    def reserve(self) -> Iterator[None]:
+        """Open the reserve of descriptors; who waits at the two ports cannot get them."""
+        with contextlib.ExitStack() as held:
+            for gate, _ in self._gates:
+                held.enter_context(gate.held())
+            held.enter_context(self._reserve())
+            yield
+
     def close(self) -> None:
         """Close every socket."""
         for source in (*self.stops, *self.sources):
@@ -148,7 +157,7 @@ class RemoteDoor:
             most = self.most * share
             if self._open >= most:
                 self.counts.shut += gate.is_open
-                gate.shut(self._reserve)
+                gate.shut(self.reserve)
             elif self._open < most * _REOPENS_BELOW:
                 gate.open()
 
@@ -161,6 +170,9 @@ class RemoteDoor:
             (zmq.RCVHWM, queue),
             (zmq.SNDHWM, queue),
             (zmq.ROUTER_MANDATORY, 1),
+            # Who comes back after the network was gone has its old name. The connection that it
+            # had then may still look open from here, and must not make its stops unheard.
+            (zmq.ROUTER_HANDOVER, 1),
             (zmq.HANDSHAKE_IVL, _HANDSHAKE_MS),
             (zmq.CURVE_SERVER, 1),
             (zmq.CURVE_SECRETKEY, self._secret),

@@ -24,6 +24,7 @@ from smad.api import (
     Method,
     Reason,
 )
+from smad.bounds import in_words
 from smad.daemon.errors import Refusal
 from smad.errors import SmadError
 
@@ -50,7 +51,7 @@ def _request_type(method: Method) -> type[Struct]:
     )
 
 
-def _request_union(*access: Access) -> Any:
+def request_union(*access: Access) -> Any:
     """Return the tagged union of the requests of the methods with that access; all by default."""
     chosen = [m for m in METHODS if not access or m.access in access]
     union: Any = _request_type(chosen[0])
@@ -106,6 +107,9 @@ class _Names:
 _NUMBERS = re.compile(rb"\[[-+.0-9eE,\s]+\]")
 """Lists of numbers hold no names, and to read them would take most of the time."""
 
+_NO_PARAMETERS = re.compile(rb'"params"\s*:\s*\[\s*\]')
+"""How some libraries say that there are none: a stop must not fail for its form."""
+
 _REPLY = msgspec.json.Encoder()
 _MEMBERS = msgspec.json.Decoder(dict[str, msgspec.Raw])
 _ID = msgspec.json.Decoder(int | str | None)
@@ -116,9 +120,7 @@ class Decoder:
     """Decodes requests for methods of the given access; all methods by default."""
 
     def __init__(self, *access: Access) -> None:
-        self._decoder: msgspec.json.Decoder[_Request] = msgspec.json.Decoder(
-            _request_union(*access)
-        )
+        self._decoder: msgspec.json.Decoder[_Request] = msgspec.json.Decoder(request_union(*access))
         self._known = {m.name for m in METHODS if not access or m.access in access}
         self._names = _Names()
 
@@ -133,7 +135,8 @@ class Decoder:
             request = self._decoder.decode(data)
             twice = self._names.twice(data)
         except msgspec.ValidationError as error:
-            return self._refuse(data, str(error))
+            named = _NO_PARAMETERS.sub(b'"params":{}', data)
+            return self._refuse(data, str(error)) if named == data else self.decode(named)
         except (msgspec.DecodeError, RecursionError, ValueError) as error:
             return error_reply(None, _malformed(error))
         call_id = None if request.id is UNSET else request.id
@@ -253,7 +256,7 @@ def _bad_params(name: str, data: bytes, message: str) -> Refusal:
     field = path.rstrip("`").lstrip(".")
     return Refusal(
         Reason.INVALID,
-        f"{name}: {field or 'the request'} is not valid: {cause}",
+        f"{name}: {field or 'the request'} is not valid: {in_words(cause)}",
         value=_value_at(data, path.rstrip("`")),
         action="nothing was changed; docs/guide/clients.md lists the fields",
     )

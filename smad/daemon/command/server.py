@@ -1,7 +1,7 @@
 """The command server: at most one message each time round the loop, stops first.
 
 Before each message the serial port is looked at, so that a sample never waits for more than the
-command in hand; and all commands together may take only a share of the time.
+command in hand; and commands wait while the daemon uses more than a share of a core.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import contextlib
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import zmq
 
@@ -26,13 +26,15 @@ from smad.daemon.command.budget import TimeBudget
 from smad.daemon.command.remote import RemoteCounts, RemoteDoor, Routes, Socket, Source
 from smad.daemon.command.rpc import error_reply
 from smad.daemon.errors import Refusal
+from smad.daemon.sockets.address import listen_local
 from smad.daemon.sockets.descriptors import OPENED_LATER, Reserve, Shares, open_descriptors
-from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms, listen_local
+from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms
 from smad.daemon.sockets.zmtp import Broken, TooLong, encoded
 from smad.errors import DaemonError
 
 COMMAND_SHARE = 0.5
 COMMAND_BURST_NS = 5_000_000
+COMMAND_DELAY_MOST_NS = 20_000_000
 
 _CLIENTS = frozenset((b"DEALER", b"REQ", b"ROUTER"))
 _STOP_QUEUE = 100
@@ -109,7 +111,6 @@ class CommandServer:
         loop: asyncio.AbstractEventLoop,
         queue: int,
         reserve: Reserve = nullcontext,
-        clock_ns: Callable[[], int] = time.perf_counter_ns,
     ) -> None:
         self.counts = ServerCounts()
         self.server_key = ""
@@ -120,8 +121,7 @@ class CommandServer:
         self._look_at_port = handlers.look_at_port
         self._queue = queue
         self._reserve = reserve
-        self._clock_ns = clock_ns
-        self._budget = TimeBudget(COMMAND_SHARE, COMMAND_BURST_NS, clock_ns())
+        self._budget = TimeBudget(COMMAND_SHARE, COMMAND_BURST_NS, COMMAND_DELAY_MOST_NS)
         self._served: list[_Served] = []
         self._watched: list[Source] = []
         self._local: list[_Local] = []
@@ -244,32 +244,33 @@ class CommandServer:
                 standing_s=_STOP_STANDING_S if stops else _COMMAND_STANDING_S,
             ),
             Hooks(on_message, _say_too_long, self._look_at_port),
-            reserve=self._reserve,
+            reserve=self._open_reserve if stops else nullcontext,
         )
         self._local.append(local)
         self._served.append(local)
 
+    def _open_reserve(self) -> AbstractContextManager[Any]:
+        return self._reserve() if self._remote is None else self._remote.reserve()
+
     def _count_connections(self, remote: RemoteDoor) -> None:
-        now_ns = self._clock_ns()
+        now_ns = time.perf_counter_ns()
         if self._others and now_ns - self._looked_ns > _LOOK_NS:
             self._looked_ns = now_ns
-            with self._reserve():
-                known = self._others + sum(len(one) for one in self.listeners)
-                remote.look(open_descriptors() - known)
+            known = self._others + sum(len(one) for one in self.listeners)
+            remote.look(open_descriptors() - known)
 
     def _turn(self) -> None:
         self._look_at_port()
-        began_ns = self._clock_ns()
         for served in self._served:
             if served.serve_one():
                 self.counts.messages += 1
-                self._budget.spend(began_ns, self._clock_ns())
                 self._go_on()
                 return
         self._turning = False
         self._remote_behind = False
 
     def _go_on(self) -> None:
+        self._budget.look(time.perf_counter_ns(), time.thread_time_ns())
         delay_ns = self._budget.delay_ns()
         if delay_ns:
             self._loop.call_later(delay_ns * 1e-9, self._turn)

@@ -28,6 +28,7 @@ from smad.config import Config, config_to_toml
 from smad.control.commands import (
     DriveCurrent,
     Follow,
+    FollowInputs,
     HoldTemperature,
     Idle,
     MoveStage,
@@ -112,6 +113,7 @@ class Service:
             Follow: self.drive,
             HoldTemperature: self.drive,
             DriveCurrent: self.drive,
+            FollowInputs: self.drive,
             MoveStage: self.drive,
             Idle: self.settle,
             Tune: self.settle,
@@ -151,7 +153,7 @@ class Service:
         answer = self.methods[type(params)](params, caller)
         logged = method.access != "watch" or type(params) in _LOGGED_BESIDES
         if logged and type(params) not in _BEGIN_A_LOG:
-            self._say("command", method.name, _details(params))
+            self._say("command", method.name, api.logged_details(params))
         return answer
 
     def status(self, params: api.GetStatus, caller: Caller) -> api.Status:
@@ -217,11 +219,13 @@ class Service:
         if self._config.recorder.automatic and not self._recorder.recording:
             await self._recorder.start("", by_command=False)
             still_wanted()
-        self._say("command", "arm", _details(params))
+        self._say("command", "arm", api.logged_details(params))
         self._say("arm", "arming", {})
         await self._requests.ask(ArmConfirm(axis, token.token))
         still_wanted()
         self._dead_man.watch(caller.client, self._clock_us())
+        await self._stops.until_armed(generation)
+        still_wanted()
         return self._status.motion()
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Awaitable[api.Motion]:
@@ -277,7 +281,9 @@ class Service:
         return self._status.motion()
 
     def drive(
-        self, params: Follow | HoldTemperature | DriveCurrent | MoveStage, caller: Caller
+        self,
+        params: Follow | HoldTemperature | DriveCurrent | FollowInputs | MoveStage,
+        caller: Caller,
     ) -> api.Motion:
         """Hand a motion to the controller; it begins with the next sample."""
         self._conditions.require_armed()
@@ -319,13 +325,13 @@ class Service:
         self, params: api.StartRecording, caller: Caller
     ) -> api.RecorderStatus:
         """Begin a run log."""
-        await self._recorder.start(params.name, by_command=True)
-        self._say("command", "record.start", _details(params))
+        await self._recorder.start(params.name, by_command=True, repeats=params.repeats)
+        self._say("command", "record.start", api.logged_details(params))
         return self._recorder.status()
 
     async def stop_recording(self, params: api.StopRecording, caller: Caller) -> api.RecorderStatus:
-        """Close the run log."""
-        if not self._recorder.recording:
+        """Close the run log, also one that failed."""
+        if not self._recorder.recording and not self._recorder.failure():
             raise Refusal(
                 Reason.RECORDER, "nothing is being recorded", action="smad record start begins"
             )
@@ -367,9 +373,3 @@ class Service:
                 action="disarm it first (smad disarm); exclusive control does not take over an "
                 "armed bench",
             )
-
-
-def _details(params: Struct) -> dict[str, Any]:
-    details = msgspec.to_builtins(params)
-    assert isinstance(details, dict)
-    return details

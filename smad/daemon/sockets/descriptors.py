@@ -7,6 +7,7 @@ connections are accepted by ourselves, up to a share each; ZeroMQ has TCP only, 
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import resource
 import threading
@@ -46,8 +47,15 @@ class Shares:
 
 def open_descriptors() -> int:
     """Return how many descriptors this process has open."""
-    # One is that of the folder while it is read.
-    return len(os.listdir("/proc/self/fd")) - 1
+    try:
+        # One is that of the folder while it is read.
+        return len(os.listdir("/proc/self/fd")) - 1
+    except OSError as error:
+        # Not even one for the folder: all that are allowed are open. The reserve is not opened
+        # for this, since ZeroMQ's thread would take from it meanwhile.
+        if error.errno != errno.EMFILE:
+            raise
+        return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
 
 
 def shares_of(limit: int, used: int, *, tcp: bool) -> Shares:

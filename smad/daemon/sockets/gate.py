@@ -12,12 +12,13 @@ import ctypes
 import os
 import socket
 import struct
+from collections.abc import Iterator
 
+from smad.daemon.sockets.address import BACKLOG
 from smad.daemon.sockets.descriptors import Reserve
 
 _SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
 _RETURN = 0x06
-_BACKLOG = 128
 """So many may have arrived already when the gate closes."""
 
 
@@ -29,19 +30,37 @@ class Gate:
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
         self._socket = socket.socket(family, kind, number)
+        self._nobody = socket.socket(family, kind, number)
+        self._zeromq = -1
         self.is_open = True
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             self._socket.bind(address)
-            self._socket.listen(_BACKLOG)
+            self._socket.listen(BACKLOG)
             self._socket.setblocking(False)
+            _let_nobody_in(self._nobody)
+            self._nobody.listen(1)
+            self._nobody.setblocking(False)
         except OSError:
-            self._socket.close()
+            self.close()
             raise
 
     def for_zeromq(self) -> int:
         """Return a descriptor of it that ZeroMQ may keep (and closes)."""
-        return os.dup(self._socket.fileno())
+        self._zeromq = os.dup(self._socket.fileno())
+        return self._zeromq
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """While the block lasts, ZeroMQ's thread finds nobody who waits at the port.
+
+        Otherwise it takes every descriptor that comes free, however briefly, for a crowd.
+        """
+        os.dup2(self._nobody.fileno(), self._zeromq, inheritable=False)
+        try:
+            yield
+        finally:
+            os.dup2(self._socket.fileno(), self._zeromq, inheritable=False)
 
     def shut(self, reserve: Reserve) -> None:
         """Let nobody in; a client that tries hears nothing, and tries again.
@@ -50,13 +69,7 @@ class Gate:
         without a descriptor to take them in, ZeroMQ's thread would do nothing but try.
         """
         if self.is_open:
-            # One instruction: keep 0 bytes of whatever arrives.
-            program = ctypes.create_string_buffer(struct.pack("=HBBI", _RETURN, 0, 0, 0))
-            self._socket.setsockopt(
-                socket.SOL_SOCKET,
-                _SO_ATTACH_FILTER,
-                struct.pack("@HP", 1, ctypes.addressof(program)),
-            )
+            _let_nobody_in(self._socket)
             self.is_open = False
         with contextlib.suppress(OSError), reserve():
             while True:
@@ -71,3 +84,12 @@ class Gate:
     def close(self) -> None:
         """Give the socket back."""
         self._socket.close()
+        self._nobody.close()
+
+
+def _let_nobody_in(line: socket.socket) -> None:
+    # One instruction: keep 0 bytes of whatever arrives.
+    program = ctypes.create_string_buffer(struct.pack("=HBBI", _RETURN, 0, 0, 0))
+    line.setsockopt(
+        socket.SOL_SOCKET, _SO_ATTACH_FILTER, struct.pack("@HP", 1, ctypes.addressof(program))
+    )

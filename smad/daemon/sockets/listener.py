@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import fcntl
 import math
 import os
@@ -21,6 +22,7 @@ from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 
+from smad.daemon.sockets.address import BACKLOG, listen_local
 from smad.daemon.sockets.descriptors import Reserve
 from smad.daemon.sockets.zmtp import (
     GREETING,
@@ -35,7 +37,6 @@ from smad.daemon.sockets.zmtp import (
 
 HANDSHAKE_S = 2.0
 _PIECE = 65_536
-_BACKLOG = 128
 _RETRY_S = 0.1
 _MOST_TOPICS = 100
 
@@ -246,6 +247,27 @@ class Listener:
         line.setblocking(False)
         self._listen()
 
+    @property
+    def path(self) -> str:
+        """The name of its socket in the file system; empty for TCP."""
+        return str(self._line.getsockname()) if self._line.family == socket.AF_UNIX else ""
+
+    def listen_again(self, umask: int) -> None:
+        """Make the socket anew in its folder; connections go on, and who knocked comes in.
+
+        Raises OSError; it listens at the old one then.
+        """
+        line = listen_local(self.path, umask)
+        line.setblocking(False)
+        for _ in range(BACKLOG):
+            if not self._somebody_knocks() or not self._listening:
+                break
+            self._on_knock()
+        self._pause()
+        self._line.close()
+        self._line = line
+        self._listen()
+
     def mark(self) -> None:
         """Note that what was sent, or knocked, until now came before something that happens now."""
         for connection in self._connections:
@@ -268,11 +290,14 @@ class Listener:
         return Peer(self._accepts, self._longest, publishes=self.kind == b"PUB")
 
     def name(self, connection: Connection, wanted: bytes) -> bytes:
-        """Return the name a connection goes by. Raises Broken when another one has it."""
-        if wanted in self._names:
-            raise Broken("an identity that is in use")
-        # A name that begins with a zero byte nobody can choose.
-        name = wanted or b"\0" + secrets.token_bytes(8)
+        """Return the name a connection goes by: what it asks for, unless another one has that.
+
+        Whoever asks for a name in use is heard all the same: it may be there to stop the bench.
+        """
+        name = wanted
+        if not wanted or wanted in self._names:
+            # A name that begins with a zero byte nobody can choose.
+            name = b"\0" + secrets.token_bytes(8)
         self._names[name] = connection
         return name
 
@@ -297,9 +322,9 @@ class Listener:
             self._retry.cancel()
         for connection in tuple(self._connections):
             connection.close()
-        if self._line.family == socket.AF_UNIX:
+        if self.path:
             with contextlib.suppress(OSError):
-                os.unlink(self._line.getsockname())
+                os.unlink(self.path)
         self._line.close()
 
     def _listen(self) -> None:
@@ -321,15 +346,14 @@ class Listener:
                 self._listen_later(self._standing_s)
             return
         try:
-            with self._reserve():
-                line, _ = self._line.accept()
+            line = self._accept()
         except (BlockingIOError, InterruptedError, ConnectionError):
             return
         except OSError:
             # No descriptor or no memory. Readable it stays, so look again a little later.
             self.kept_waiting += 1
             self._pause()
-            self._listen_later(_RETRY_S)
+            self._listen_later(min(_RETRY_S, self._standing_s))
             return
         line.setblocking(False)
         connection = Connection(self, line)
@@ -337,6 +361,17 @@ class Listener:
         if self._knocked_before:
             connection.mark()
             self._knocked_before = self._somebody_knocks()
+
+    def _accept(self) -> socket.socket:
+        try:
+            return self._line.accept()[0]
+        except OSError as error:
+            if error.errno not in (errno.EMFILE, errno.ENFILE):
+                raise
+        # Its own silent ones go first, so that a crowd on one channel does not eat the reserve.
+        self._made_room()
+        with self._reserve():
+            return self._line.accept()[0]
 
     def _made_room(self) -> bool:
         silent = next(iter(self._connections), None)
@@ -357,42 +392,3 @@ def bytes_unread(line: socket.socket) -> int:
     count = bytearray(4)
     fcntl.ioctl(line, termios.FIONREAD, count)
     return int.from_bytes(count, sys.byteorder)
-
-
-def listen_local(address: str, umask: int) -> socket.socket:
-    """Return a listening socket at an `ipc://` address. Raises OSError.
-
-    What has the name already is removed: hold the bench's lock. A link there is not followed.
-    """
-    path = address.removeprefix("ipc://")
-    line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(path)
-        previous = os.umask(umask)
-        try:
-            line.bind(path)
-        finally:
-            os.umask(previous)
-        line.listen(_BACKLOG)
-    except OSError:
-        line.close()
-        raise
-    return line
-
-
-def listen_at(address: str, umask: int) -> socket.socket:
-    """Return a listening socket at an address as ZeroMQ writes it (`ipc://…`, `tcp://host:port`).
-
-    Raises OSError, also for an address that is neither.
-    """
-    if address.startswith("ipc://"):
-        return listen_local(address, umask)
-    host, colon, port = address.removeprefix("tcp://").rpartition(":")
-    if not address.startswith("tcp://") or not colon or not port.isdigit() or int(port) > 65_535:
-        raise OSError(0, "it is neither tcp://host:port nor ipc://path")
-    host = host.strip("[]")
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    return socket.create_server(
-        ("" if host == "*" else host, int(port)), family=family, backlog=_BACKLOG
-    )

@@ -6,14 +6,13 @@ A subscriber that does not read loses samples; the sequence number shows it, and
 from __future__ import annotations
 
 import asyncio
-from contextlib import nullcontext
 
 import msgspec
 
 from smad.api import TELEMETRY_TOPIC
 from smad.config import TelemetryConfig
-from smad.daemon.sockets.descriptors import Reserve
-from smad.daemon.sockets.listener import Hooks, Listener, Terms, listen_at
+from smad.daemon.sockets.address import listen_at
+from smad.daemon.sockets.listener import Hooks, Listener, Terms
 from smad.daemon.sockets.zmtp import encoded
 from smad.errors import DaemonError
 from smad.runlog.schema import Row
@@ -35,7 +34,6 @@ class Publisher:
         self,
         loop: asyncio.AbstractEventLoop,
         config: TelemetryConfig,
-        reserve: Reserve = nullcontext,
     ) -> None:
         self.sequence = 0
         self.dropped = 0
@@ -45,7 +43,6 @@ class Publisher:
         self._loop = loop
         self._every = config.every_nth_sample
         self._queue = config.high_water_mark
-        self._reserve = reserve
         self._count = 0
         self._encoder = msgspec.json.Encoder()
 
@@ -110,7 +107,6 @@ class Publisher:
             listen_at(address, umask),
             Terms(b"PUB", accepts=_VIEWERS, longest=_LONGEST, queue=self._queue),
             Hooks(),
-            reserve=self._reserve,
         )
         self.listeners.append(listener)
         self.addresses.append(address)

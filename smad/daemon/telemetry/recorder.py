@@ -8,6 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from pathlib import Path
 
+import msgspec
+
 from smad.api import Reason, RecorderStatus
 from smad.config import RecorderConfig
 from smad.daemon.errors import Refusal
@@ -53,8 +55,8 @@ class Recorder:
 
     @property
     def recording(self) -> bool:
-        """Whether a log is open."""
-        return self._writer is not None
+        """Whether a log is open and takes rows: one that failed takes no more."""
+        return self._writer is not None and not self._writer.error
 
     @property
     def ends_by_itself(self) -> bool:
@@ -68,7 +70,7 @@ class Recorder:
             self._dropped = writer.dropped
             self._error = writer.error or ""
         return RecorderStatus(
-            recording=writer is not None,
+            recording=self.recording,
             path=self._path,
             rows=self._rows,
             dropped=self._dropped,
@@ -79,15 +81,16 @@ class Recorder:
         """Return why the open log takes no more rows; empty while it does."""
         return "" if self._writer is None else self._writer.error or ""
 
-    async def start(self, name: str, *, by_command: bool) -> None:
+    async def start(self, name: str, *, by_command: bool, repeats: str = "") -> None:
         """Begin a log. Raises Refusal when one is open, or none can be created.
 
         A log that arming began makes way for one that is asked for by name, without losing a
-        sample between them; without a name it goes on as the one that was asked for.
+        sample between them; without a name it goes on as the one that was asked for. One that
+        failed makes way for any other.
         """
         async with self._lock:
             before = self._writer
-            if before is not None:
+            if before is not None and not before.error:
                 if by_command and not self._by_command and not name:
                     self._by_command = True
                     return
@@ -95,7 +98,7 @@ class Recorder:
                     raise _is_open(self._path)
             loop = asyncio.get_running_loop()
             self._writer = await loop.run_in_executor(
-                self._worker, self._create, name or _PLAIN_NAME
+                self._worker, self._create, name or _PLAIN_NAME, repeats
             )
             self._by_command = by_command
             self._path = str(self._writer.paths[0])
@@ -133,13 +136,13 @@ class Recorder:
         if self._writer is not None:
             self._writer.append(record)
 
-    def _create(self, name: str) -> RunWriter:
+    def _create(self, name: str, repeats: str) -> RunWriter:
         config = self._config
         when = datetime.fromtimestamp(self._wall_clock())
         try:
             return RunWriter(
                 new_run_path(Path(config.folder), name, when),
-                self._header(name),
+                msgspec.structs.replace(self._header(name), repeats=repeats),
                 flush_interval_s=config.flush_interval_s,
                 queue_rows=config.queue_rows,
                 max_file_bytes=config.max_file_MB * _BYTES_PER_MB,

@@ -13,6 +13,7 @@ from smad.control.commands import (
     Chirp,
     DriveCurrent,
     Follow,
+    FollowInputs,
     Hold,
     HoldTemperature,
     Idle,
@@ -97,6 +98,18 @@ def _current(rng: random.Random) -> DriveCurrent:
     )
 
 
+def _inputs(rng: random.Random) -> FollowInputs:
+    rows = rng.randint(1, 200)
+    return FollowInputs(
+        t_s=tuple(0.01 * k for k in range(rows)),
+        end_s=0.01 * rows,
+        i_x_A=(round(rng.uniform(0.0, 2.0), 3),) * rows,
+        i_y_A=(0.0,) * rows,
+        pump_x_duty=(0.0,) * rows,
+        pump_y_duty=(round(rng.random(), 3),) * rows,
+    )
+
+
 def _tune(rng: random.Random) -> Tune:
     return Tune(
         kp_A_per_mm=round(rng.uniform(5.0, 20.0), 3),
@@ -122,6 +135,7 @@ DRAWN: dict[str, Drawn] = {
     "move": Drawn(8.0, _follow),
     "heat": Drawn(3.0, _heat),
     "current": Drawn(3.0, _current),
+    "inputs": Drawn(0.5, _inputs),
     "stage": Drawn(0.2, lambda rng: MoveStage(stage_mm=round(rng.uniform(0.0, 5.0), 2),
                                               rate_mm_per_s=5.0)),
     "idle": Drawn(1.0, lambda rng: Idle()),

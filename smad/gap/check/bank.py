@@ -18,7 +18,7 @@ import numpy as np
 from smad.gap.check.bounds import MOST_MANIFEST_BYTES, read_bounded, require_bounded
 from smad.gap.check.errors import BankError
 from smad.gap.runs import Array, GapRun
-from smad.gap.sma_signals import CHANNELS, INPUTS, run_from_columns
+from smad.gap.sma.signals import CHANNELS, INPUTS, run_from_columns
 
 FORMAT = "smad-bank-1"
 _GOLDEN = 0.6180339887498949

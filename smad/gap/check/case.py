@@ -109,12 +109,15 @@ def source_digest() -> str:
     gap, plant = Path(smad.gap.__file__).parent, Path(sim_device.plant.__file__).parent
     control = Path(smad.control.__file__).parent
     files = [*gap.glob("*.py"), *(gap / "check" / n for n in _DECISIVE)]
+    files += [p for room in _ENGINE for p in (gap / room).glob("*.py")]
+    files.append(gap / "settings.toml")
     files += [*plant.rglob("*.py"), *control.glob("*.py")]
     for path in sorted([*files, *plant.rglob("*.toml")]):
         h.update(path.name.encode() + b"\0" + path.read_bytes())
     return h.hexdigest()
 
 
+_ENGINE = ("data", "model", "fit", "compare", "report", "sma")
 _DECISIVE = ("answer.py", "bank.py", "baselines.py", "case.py", "names.py", "quantities.py")
 
 

@@ -1,6 +1,7 @@
 """The registry of candidate effects: complete, switchable, absent at zero, and acting."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from sim_device.plant.effects import (
 )
 from sim_device.plant.effects.record import SIGNALS, SUBSYSTEMS
 from sim_device.plant.errors import EffectError
+from sim_device.plant.kernel.compiled import PACKAGE as KERNEL
 from sim_device.plant.replay import OUTPUTS
 from tests.sim_device.plant.cases import alternating
 
@@ -53,6 +55,15 @@ def test_every_term_of_the_kernel_belongs_to_one_parameter():
     terms = [term for term in of_parameters if term is not None]
     made = {"resists", "adds_strain", "late", "driver_knee", "reads_x"}
     assert sorted(terms) == sorted(set(effect_terms({})[0]) - made)
+
+
+def test_every_term_is_computed_with():
+    files = [*KERNEL.glob("*.py"), KERNEL.parent / "constants.py"]
+    text = "\n".join(file.read_text() for file in files if file.name != "model.py")
+    used = set(re.findall(r"\b[exy]\.(\w+)", text))
+    # Two become constants before the kernel sees them.
+    made = {"inverse_warming_share", "driver_deficit"}
+    assert set(effect_terms({})[0]) - used == made
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -194,7 +194,7 @@ def test_status_shows_a_fault_with_value_and_limit() -> None:
     )
     motion = msgspec.structs.replace(MOTION, armed=False, mode="FAULT", fault=fault)
     text = "\n".join(lines(msgspec.structs.replace(STATUS, motion=motion, sample=None)))
-    assert "OVER_TEMPERATURE at SPRING_X: 9050 cC, limit 9000 cC" in text
+    assert "OVER_TEMPERATURE at SPRING_X: 90.5 °C, limit 90 °C" in text
     assert "A spring got hotter than the limit" in text
     assert "Then smad clear." in text
 
@@ -459,7 +459,7 @@ def test_a_limit_that_is_no_number_is_refused_and_never_means_no_limit(
     capfd: pytest.CaptureFixture[str], daemon: FakeDaemon, words: tuple[str, ...]
 ) -> None:
     message = failed(capfd, *words)
-    assert "duration_s is not a finite number" in message
+    assert "is not a finite number" in message
     assert words[-1] in message
     assert daemon.asked == []
 
@@ -467,8 +467,9 @@ def test_a_limit_that_is_no_number_is_refused_and_never_means_no_limit(
 def test_negative_numbers_are_numbers_not_options(
     capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
 ) -> None:
-    assert execute(["current", "x", "-1", "--no-wait"]) == 0
-    assert daemon.asked[-1]["params"]["i_x_A"] == -1.0
+    assert execute(["move", "step", "-1", "--no-wait"]) == 0
+    assert daemon.asked[-1]["params"]["trajectories"][0]["displacement_mm"] == -1.0
+    assert "-1 A: it has to be at least 0 A" in failed(capfd, "current", "x", "-1")
 
 
 @pytest.mark.parametrize("seconds", ["nan", "-1", "inf"])

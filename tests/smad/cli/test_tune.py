@@ -10,6 +10,7 @@ import pytest
 from smad.cli import execute
 from smad.config import Config, config_to_toml
 from smad.control.commands import Tune
+from smad.control.tuning.tuned import Trial
 from smad.experiments.tuning import Session, tune_displacement
 from smad.experiments.virtual import VirtualDriver
 
@@ -67,6 +68,23 @@ def test_gains_are_shown_kept_and_applied_only_when_asked(
     assert kept.read_text().startswith("[control]\nkp_A_per_mm = ")
     assert execute(["tune", "--save", str(kept)]) == 1
     assert "nothing moved" in capsys.readouterr().err
+
+
+def test_gains_that_did_worse_in_the_trial_are_neither_applied_nor_kept(
+    bench: Noting, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    found = conducted(trial=False).tuned
+    now, new = (Trial(r2, 0.0, 9.0, 30.0, 2) for r2 in (0.99, 0.98))
+    monkeypatch.setattr(
+        "smad.experiments.tuning.tune_displacement", lambda *_, **__: Session(found, (now, new))
+    )
+    kept = tmp_path / "tuned.toml"
+    assert execute(["tune", "--apply", "--save", str(kept)]) == 0
+    assert bench.done == ["disarmed"]
+    assert not kept.exists()
+    assert "keep the gains you have: R² of the sinusoid is 0.9800" in capsys.readouterr().out
+    assert Session(found, (new, now)).worse == ""
 
 
 def test_an_interruption_ends_disarmed_and_applies_nothing(

@@ -4,6 +4,7 @@ import asyncio
 import math
 import os
 import resource
+import select
 import socket
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import nullcontext, suppress
@@ -15,6 +16,7 @@ import zmq
 
 from smad.config import TcpConfig
 from smad.daemon.command.remote import RemoteDoor, Routes
+from smad.daemon.sockets.address import listen_local
 from smad.daemon.sockets.descriptors import (
     RESERVE,
     Descriptors,
@@ -23,7 +25,7 @@ from smad.daemon.sockets.descriptors import (
     shares_of,
 )
 from smad.daemon.sockets.gate import Gate
-from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms, listen_local
+from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms
 from smad.daemon.sockets.zmtp import GREETING, encoded, ready
 from smad.errors import DaemonError
 from smad.faults.fort import free_ports
@@ -149,16 +151,20 @@ async def test_who_says_nothing_at_all_is_sent_away(
     assert len(room.listener) == 0
 
 
-async def test_a_name_that_is_in_use_is_refused_and_free_once_it_is_not(room: Room) -> None:
+async def test_who_asks_for_a_name_in_use_is_heard_by_another_name(room: Room) -> None:
     room.open()
     named = GREETING + ready(b"DEALER", b"me") + encoded([b"hello"])
-    first = room.enter(named)
+    first, second = room.enter(named), room.enter(named)
     await heard(first)
-    second = room.enter(named)
-    await until(lambda: not is_open(second))
+    await heard(second)
+    names = [one.identity for one in room.listener]
+    assert names.count(b"me") == 1
+    assert len(set(names)) == 2
     first.close()
+    second.close()
     await until(lambda: len(room.listener) == 0)
     await heard(room.enter(named))
+    assert [one.identity for one in room.listener] == [b"me"]
 
 
 async def test_a_peer_that_does_not_read_is_not_sent_more_than_the_queue(room: Room) -> None:
@@ -211,6 +217,39 @@ async def test_without_a_descriptor_a_connection_waits_and_the_reserve_lets_it_i
     assert len(room.listener) == 0
     allowed[0] = True
     await heard(line)
+
+
+async def test_without_a_descriptor_the_longest_silent_goes_before_the_reserve_is_touched(
+    room: Room, limits: None
+) -> None:
+    used = []
+    room.open(standing_s=0.0, reserve=lambda: nullcontext(used.append(open_descriptors())))
+    room.enter()
+    await until(lambda: len(room.listener) == 1)
+    late = socket.socket(socket.AF_UNIX)
+    room.lines.append(late)
+    full = max(int(one) for one in os.listdir("/proc/self/fd")) + 1
+    resource.setrlimit(
+        resource.RLIMIT_NOFILE, (full, resource.getrlimit(resource.RLIMIT_NOFILE)[1])
+    )
+    holes = []
+    with suppress(OSError):
+        while True:
+            holes.append(os.open("/dev/null", os.O_RDONLY))
+    late.connect(str(room.path))
+    late.setblocking(False)
+    late.sendall(HELLO + encoded([b"hello"]))
+    await heard(late)
+    for hole in holes:
+        os.close(hole)
+    assert room.listener.displaced == 1
+    assert used == [full - 1]
+
+
+def test_with_every_descriptor_taken_they_are_still_counted(limits: None) -> None:
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, hard))
+    assert open_descriptors() == 3
 
 
 def test_a_link_that_has_the_sockets_name_is_removed_and_not_followed(tmp_path: Path) -> None:
@@ -282,6 +321,21 @@ def test_a_gate_that_is_shut_keeps_newcomers_out_and_those_who_are_in_stay() -> 
         with socket.create_connection(address, timeout=60.0) as newcomer:
             assert newcomer.getpeername() == address
         inside.close()
+    zeromq.close()
+    gate.close()
+
+
+def test_while_a_gate_is_held_zeromq_finds_nobody_there() -> None:
+    gate = Gate("127.0.0.1", 0)
+    zeromq = socket.socket(fileno=gate.for_zeromq())
+    with socket.create_connection(zeromq.getsockname()), select.epoll() as ready_ones:
+        ready_ones.register(zeromq, select.EPOLLIN)
+        assert ready_ones.poll(60.0)
+        with gate.held(), pytest.raises(BlockingIOError):
+            zeromq.accept()
+        assert ready_ones.poll(0.0)
+        ready_ones.unregister(zeromq)
+        zeromq.accept()[0].close()
     zeromq.close()
     gate.close()
 

@@ -69,6 +69,15 @@ def test_a_valid_request_becomes_a_typed_call() -> None:
     assert (call.id, call.wants_reply, call.method.name) == (3, True, "params.get")
 
 
+def test_an_empty_list_of_parameters_says_that_there_are_none() -> None:
+    call = STOPS.decode(b'{"jsonrpc":"2.0","id":3,"method":"disarm","params": [ ]}')
+    assert isinstance(call, Call)
+    assert call.params == api.Disarm()
+    refused = ALL.decode(b'{"jsonrpc":"2.0","id":3,"method":"params.get","params":[]}')
+    assert isinstance(refused, bytes)
+    assert b"name" in refused
+
+
 def test_a_request_without_an_id_wants_no_reply() -> None:
     call = ALL.decode(b'{"jsonrpc":"2.0","method":"disarm"}')
     assert isinstance(call, Call)

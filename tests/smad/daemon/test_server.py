@@ -162,30 +162,37 @@ async def test_tcp_without_a_list_of_keys_is_refused(echo: Echo, tmp_path: Path)
         echo.server.serve_tcp(DaemonConfig(), echo.endpoints)
 
 
-async def test_over_tcp_a_listed_key_gets_in_and_a_strangers_does_not(
-    echo: Echo, tmp_path: Path
-) -> None:
-    friend, stranger = zmq.curve_keypair(), zmq.curve_keypair()
-    ports = _free_ports()
-    tcp = TcpConfig(
-        enabled=True,
-        command_port=ports[0],
-        stop_port=ports[1],
-        allowed_keys=(friend[0].decode(),),
-    )
-    command, _ = echo.server.serve_tcp(DaemonConfig(tcp=tcp), echo.endpoints)
+class Dialled:
+    """The echo's ports over TCP, which let in `friend`."""
 
-    def dial(keys: tuple[bytes, bytes] | None) -> Any:
-        socket = echo.clients.socket(zmq.DEALER)
+    def __init__(self, echo: Echo) -> None:
+        self.friend = zmq.curve_keypair()
+        ports = _free_ports()
+        tcp = TcpConfig(
+            enabled=True,
+            command_port=ports[0],
+            stop_port=ports[1],
+            allowed_keys=(self.friend[0].decode(),),
+        )
+        self._echo = echo
+        self._command, _ = echo.server.serve_tcp(DaemonConfig(tcp=tcp), echo.endpoints)
+
+    def dial(self, keys: tuple[bytes, bytes] | None, name: bytes | None = None) -> Any:
+        socket = self._echo.clients.socket(zmq.DEALER)
         socket.setsockopt(zmq.LINGER, 0)
+        if name is not None:
+            socket.setsockopt(zmq.IDENTITY, name)
         if keys is not None:
             socket.setsockopt(zmq.CURVE_PUBLICKEY, keys[0])
             socket.setsockopt(zmq.CURVE_SECRETKEY, keys[1])
-            socket.setsockopt(zmq.CURVE_SERVERKEY, echo.server.server_key.encode())
-        socket.connect(command)
+            socket.setsockopt(zmq.CURVE_SERVERKEY, self._echo.server.server_key.encode())
+        socket.connect(self._command)
         return socket
 
-    good, bad, plain = dial(friend), dial(stranger), dial(None)
+
+async def test_over_tcp_a_listed_key_gets_in_and_a_strangers_does_not(echo: Echo) -> None:
+    tcp = Dialled(echo)
+    good, bad, plain = tcp.dial(tcp.friend), tcp.dial(zmq.curve_keypair()), tcp.dial(None)
     await bad.send(b"let me in")
     await plain.send(b"me too")
     await good.send(b"hello")
@@ -195,6 +202,18 @@ async def test_over_tcp_a_listed_key_gets_in_and_a_strangers_does_not(
     while doorkeeper.refused == 0:
         await asyncio.sleep(0.01)
     assert echo.order == [b"hello"]
+
+
+async def test_over_tcp_who_comes_back_is_heard_though_its_old_connection_looks_open(
+    echo: Echo,
+) -> None:
+    tcp = Dialled(echo)
+    before = tcp.dial(tcp.friend, b"operator")
+    await before.send(b"hello")
+    assert await receive(before) == [b"re:hello"]
+    again = tcp.dial(tcp.friend, b"operator")
+    await again.send(b"stop")
+    assert await receive(again) == [b"re:stop"]
 
 
 def test_the_doorkeeper_refuses_what_is_no_curve_request() -> None:

@@ -15,10 +15,11 @@ from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.api import METHODS
 from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
+from smad.daemon.command.answers import MOST_WAITING_EACH
 from smad.daemon.command.service import Service
 from smad.daemon.errors import Refusal
 from smad.runlog.reader import read_run
-from tests.smad.daemon.rig import Refused, Rig, rig_in
+from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
 
 STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}
 
@@ -38,7 +39,7 @@ async def test_a_value_out_of_range_names_field_value_and_limit(tmp_path: Path) 
             await rig.ask("current", i_x_A=40.0)
         assert refused.value.code == -32602
         assert "i_x_A" in refused.value.data["cause"]
-        assert "4.0" in refused.value.data["cause"]
+        assert "at most 4" in refused.value.data["cause"]
         assert refused.value.data["value"] == 40.0
 
 
@@ -225,6 +226,28 @@ async def test_a_log_asked_for_by_name_takes_over_from_that_of_arming_without_a_
             await rig.ask("record.stop")
 
 
+async def test_a_log_that_failed_is_told_and_the_next_arming_begins_another(tmp_path: Path) -> None:
+    recorder = RecorderConfig(folder=str(tmp_path / "runs"), automatic=True)
+    async with rig_in(tmp_path, recorder=recorder) as rig:
+        await rig.arm()
+        first = rig.daemon.recorder._writer
+        assert first is not None
+        first.error = "the disk is full"
+        told = (await rig.ask("status"))["recorder"]
+        assert (told["recording"], told["error"]) == (False, "the disk is full")
+        await rig.ask("disarm")
+        await rig.arm()
+        told = (await rig.ask("status"))["recorder"]
+        assert (told["recording"], told["error"]) == (True, "")
+        assert Path(told["path"]) != first.paths[0]
+        second = rig.daemon.recorder._writer
+        assert second is not None
+        second.error = "the disk is full again"
+        assert (await rig.ask("record.stop"))["error"] == "the disk is full again"
+        with pytest.raises(Refused, match="nothing is being recorded"):
+            await rig.ask("record.stop")
+
+
 async def test_a_folder_that_cannot_be_written_refuses_arming_and_names_it(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
@@ -326,6 +349,25 @@ async def test_a_mistake_in_one_command_is_told_and_the_run_goes_on(
         assert refused.value.reason == "internal"
         assert not rig.daemon.failure.done()
         assert (await rig.ask("motion"))["armed"]
+
+
+async def test_repeated_inputs_that_the_bench_departs_from_end_and_the_log_says_why(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        path = Path((await rig.ask("record.start", name="again", repeats="a.mcap"))["path"])
+        row = {"i_x_A": [0.5], "i_y_A": [0.0], "pump_x_duty": [0.0], "pump_y_duty": [0.0]}
+        await rig.ask("inputs", t_s=[0.0], end_s=9.0, displacement_mm=[20.0], **row)
+        await rig.run_for(1.0)
+        motion = await rig.ask("motion")
+        assert (motion["running"], motion["armed"], motion["fault"]) == ("idle", True, None)
+        assert "instead of 20" in motion["ended"]
+        await rig.ask("record.stop")
+        run = read_run(path)
+        assert run.header.repeats == "a.mcap"
+        assert any("repeated inputs were ended" in event.text for event in run.events)
+        assert {"rows": 1, "begin_s": 0.0, "end_s": 9.0} in [event.data for event in run.events]
 
 
 async def test_every_method_of_the_api_is_carried_out_by_the_service(tmp_path: Path) -> None:
@@ -433,3 +475,17 @@ async def test_a_stage_is_moved_only_by_a_board_that_has_one(tmp_path: Path) -> 
         await rig.ask("stage", stage_mm=5.0, rate_mm_per_s=5.0)
         await rig.run_for(2.0)
         assert rig.bench.board.stage_m == pytest.approx(0.005)
+
+
+async def test_one_client_that_floods_is_told_so_and_another_finds_room(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        waiting = [rig.begin("record.start", b"flood", name="r") for _ in range(MOST_WAITING_EACH)]
+        too_many = rig.begin("record.start", b"flood", name="r")
+        other = rig.begin("params.get", b"other", name="state_rate_hz")
+        with pytest.raises(Refused, match="too many commands wait") as refused:
+            result_of(await rig.run_until(too_many))
+        assert refused.value.reason == "busy"
+        assert refused.value.data["limit"] == MOST_WAITING_EACH
+        result_of(await rig.run_until(other))
+        result_of(await rig.run_until(waiting[0]))

@@ -15,8 +15,17 @@ from sim_device.faults import injection
 from smad.client.endpoints import Endpoints
 from smad.client.wire import connect
 from smad.config import LimitsConfig
+from smad.daemon.sockets.listener import bytes_unread
 from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
 
+INPUTS = {
+    "t_s": [0.0],
+    "end_s": 9.0,
+    "i_x_A": [1.0],
+    "i_y_A": [0.0],
+    "pump_x_duty": [0.0],
+    "pump_y_duty": [0.0],
+}
 STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}
 HOT = (BoardState.ARMED, BoardState.HOLD)
 
@@ -38,6 +47,15 @@ async def test_a_stop_right_after_a_reconnection_ends_an_arming_that_waits(tmp_p
         assert refused.value.reason == "stopped"
         await rig.run_for(3.0)
         assert rig.bench.board.state is BoardState.SAFE
+
+
+async def test_whoever_waits_for_the_board_when_the_daemon_ends_is_told(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        waiting = rig.begin("arm")
+        await rig.daemon.close()
+        with pytest.raises(Refused, match="the daemon ended before the board had answered"):
+            result_of(await rig.wait_for(waiting))
 
 
 @pytest.mark.parametrize("turns", range(14))
@@ -71,6 +89,7 @@ async def test_until_the_board_confirms_a_stop_nothing_that_moves_it_is_taken(
         stopping = rig.begin("disarm")
         for method, params in (
             ("current", {"i_x_A": 1.0}),
+            ("inputs", INPUTS),
             ("move", {"trajectories": [STEP]}),
             ("heat", {"spring": "x", "temperature_degC": 50.0}),
             ("tune", {"kp_A_per_mm": 3.0}),
@@ -109,6 +128,7 @@ async def test_what_was_asked_before_a_stop_is_refused_after_somebody_armed_agai
         for method, params in (
             ("move", {"trajectories": [STEP], "queue": True}),
             ("current", {"i_x_A": 1.0}),
+            ("inputs", INPUTS),
             ("tune", {"kp_A_per_mm": 3.0}),
         ):
             with pytest.raises(Refused, match=r"stopped after this was asked for \(disarm\)"):
@@ -130,7 +150,7 @@ async def _safe(rig: Rig) -> None:
 async def test_a_disarm_overtakes_what_others_ask_of_the_board(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
-        others = [rig.begin("clear", b"other", fault=1) for _ in range(60)]
+        others = [rig.begin("clear", b"other %d" % (n % 6), fault=1) for n in range(60)]
         stopping = rig.begin("disarm")
         await rig.run(3)
         assert rig.bench.board.state not in HOT
@@ -158,6 +178,13 @@ async def test_a_disarm_replies_with_the_state_that_it_led_to(tmp_path: Path) ->
         motion = await rig.ask("disarm")
         assert (motion["armed"], motion["mode"]) == (False, rig.bench.board.state.name)
         assert (await rig.ask("estop"))["mode"] == "ESTOP"
+
+
+async def test_an_arm_replies_with_the_state_that_it_led_to(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        motion = result_of(await rig.run_until(rig.begin("arm")))
+        assert (motion["armed"], motion["mode"]) == (True, "ARMED")
 
 
 async def test_a_stop_that_the_board_does_not_carry_out_says_so_and_is_asked_for_again(
@@ -218,6 +245,14 @@ async def test_a_lost_link_and_a_board_that_restarts_end_what_was_asked_before(
         assert rig.daemon.stops.generation > lost
 
 
+def until_the_kernel_has(rig: Rig, *sizes: int) -> None:
+    """Wait for ZeroMQ's own thread to write so much to each channel; our loop must not read it."""
+    for listener, size in zip(rig.daemon.server.listeners, sizes, strict=True):
+        (connection,) = listener
+        while bytes_unread(connection._line) < size:
+            time.sleep(0.001)
+
+
 async def test_what_waited_unread_when_the_stop_came_is_refused_however_late_it_is_read(
     tmp_path: Path,
 ) -> None:
@@ -234,11 +269,13 @@ async def test_what_waited_unread_when_the_stop_came_is_refused_however_late_it_
             await stopper.send(b'{"jsonrpc":"2.0","id":0,"method":"disarm"}')
             await rig.run_until(stopper.recv())
             # All of it is in the kernel before the daemon looks again; the stop is served first.
-            for number in range(20):
-                await eager.send(b'{"jsonrpc":"2.0","id":%d,"method":"motion"}' % number)
-            await eager.send(b'{"jsonrpc":"2.0","id":20,"method":"arm"}')
-            await stopper.send(b'{"jsonrpc":"2.0","id":1,"method":"disarm"}')
-            time.sleep(0.3)  # ZeroMQ's own thread writes meanwhile; this loop must not read
+            asked = [b'{"jsonrpc":"2.0","id":%d,"method":"motion"}' % n for n in range(20)]
+            asked.append(b'{"jsonrpc":"2.0","id":20,"method":"arm"}')
+            stop = b'{"jsonrpc":"2.0","id":1,"method":"disarm"}'
+            for message in asked:
+                await eager.send(message)
+            await stopper.send(stop)
+            until_the_kernel_has(rig, len(stop) + 2, sum(len(one) + 2 for one in asked))
             assert not result_of(await rig.run_until(stopper.recv()))["armed"]
             replies = [await rig.run_until(eager.recv()) for _ in range(21)]
             with pytest.raises(Refused, match="stop") as refused:

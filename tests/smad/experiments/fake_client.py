@@ -10,8 +10,17 @@ from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad import api
 from smad.config import Config, ControlConfig, CoolingConfig, config_to_toml
-from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Idle, MoveStage, Tune
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    FollowInputs,
+    HoldTemperature,
+    Idle,
+    MoveStage,
+    Tune,
+)
 from smad.control.controller import Controller
+from smad.control.inputs import in_pieces
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.runlog.header import RunHeader
@@ -24,6 +33,7 @@ class _Recorder:
     def __init__(self, path: str, recording: bool) -> None:
         self.path = path
         self.recording = recording
+        self.error = ""
 
 
 class _Board:
@@ -66,7 +76,7 @@ class FakeClient:
         self._sample: Sample | None = None
         self._records: list[Row | Event] = []
         self._path = ""
-        self._name = ""
+        self._header = RunHeader()
         self._logs = 0
         self.recording = False
         self.tunes: list[Tune] = []
@@ -102,6 +112,7 @@ class FakeClient:
 
     def motion(self) -> api.Motion:
         assert self._sample is not None
+        departure = self._controller.departure
         return api.Motion(
             running=self._controller.mode,
             done=self._controller.done,
@@ -110,6 +121,7 @@ class FakeClient:
             reference_mm=None,
             displacement_mm=self._sample.displacement_m * 1e3,
             board_time_s=self._sample.t_us * 1e-6,
+            ended="" if departure is None else departure.in_words(),
         )
 
     def status(self) -> _Status:
@@ -118,16 +130,16 @@ class FakeClient:
     def config(self) -> str:
         return config_to_toml(self._config)
 
-    def start_recording(self, name: str = "") -> _Recorder:
+    def start_recording(self, name: str = "", repeats: str = "") -> _Recorder:
         self.recording, self._records = True, []
         self._logs += 1
-        self._name = name
+        self._header = RunHeader(name=name, repeats=repeats)
         self._path = str(self._folder / f"{self._logs}-{name}.mcap")
         return _Recorder(self._path, True)
 
     def stop_recording(self) -> _Recorder:
         self.recording = False
-        write_run(self._path, RunHeader(name=self._name), self._records)
+        write_run(self._path, self._header, self._records)
         return _Recorder(self._path, False)
 
     def note(self, text: str) -> None:
@@ -144,6 +156,10 @@ class FakeClient:
 
     def current(self, command: DriveCurrent) -> None:
         self._controller.command(command)
+
+    def follow_inputs(self, command: FollowInputs) -> None:
+        for piece in in_pieces(command):
+            self._controller.command(piece)
 
     def stage(self, stage_mm: float, rate_mm_per_s: float) -> None:
         self._controller.command(MoveStage(stage_mm=stage_mm, rate_mm_per_s=rate_mm_per_s))

@@ -18,7 +18,7 @@ import smad.experiments
 from sim_device.plant import Plant
 from sim_device.plant.errors import SolverError
 from smad.cli import execute as command
-from smad.cli.run import ended_by_signals
+from smad.client.signals import ended_by_signals
 from smad.experiments.base import Comparison, Experiment, Findings
 from smad.experiments.campaign import Bench, CampaignResult, run_campaign
 from smad.experiments.contradictions import CONTRADICTIONS
@@ -190,6 +190,7 @@ def test_the_command_runs_one_experiment_and_writes_page_and_parameters(
     assert "resistivity" in parameters.read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("not_ignored")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_ends_the_command_still_disarms(number: int) -> None:
     before = signal.getsignal(number)

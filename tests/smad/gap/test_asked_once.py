@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from smad.gap import select
-from smad.gap.fit import JointFit, Start, joint_fits
-from smad.gap.lsq import Fitted
+from smad.gap.compare import select
+from smad.gap.compare.select import Candidate, Selection, Selector
+from smad.gap.fit.joint import JointFit, Start, joint_fits
+from smad.gap.fit.lsq import Fitted
+from smad.gap.fit.stages import prepare
 from smad.gap.plant import Effect
-from smad.gap.select import Candidate, Selection, Selector
-from smad.gap.stages import prepare
 from tests.smad.gap.cases import OTHER, QUICK, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 

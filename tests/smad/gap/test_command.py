@@ -10,7 +10,7 @@ from click.testing import CliRunner, Result
 
 from smad.cli.gap import gap
 from smad.errors import SmadError
-from smad.gap.catalogue import CATALOGUE
+from smad.gap.sma.catalogue import CATALOGUE
 from tests.smad.gap.cases import ask_alike
 
 
@@ -79,7 +79,7 @@ def test_a_recorded_experiment_is_a_run_that_verify_can_read(log: Path, tmp_path
 
 
 def test_a_log_that_is_cut_is_used_up_to_the_cut(log: Path, tmp_path: Path) -> None:
-    from smad.gap.sma_signals import read_gap_run
+    from smad.gap.sma.signals import read_gap_run
 
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(log.read_bytes()[: int(0.6 * log.stat().st_size)])

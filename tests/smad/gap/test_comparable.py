@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from smad.gap import Settings
-from smad.gap.baseline import other_starts
-from smad.gap.descent import descent
-from smad.gap.judge import judge
-from smad.gap.lsq import Fitted, Problem, drive, fitting
+from smad.gap.compare.select import Selection, Selector
+from smad.gap.compare.tracks import follow_tracks
+from smad.gap.compare.weigh import weigh
+from smad.gap.data.replay import Detail, Evidence
+from smad.gap.data.views import local_views
+from smad.gap.fit.baseline import other_starts
+from smad.gap.fit.descent import descent
+from smad.gap.fit.judge import judge
+from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.fit.stages import Prepared, prepare
+from smad.gap.model.space import Space
+from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.plant import ModelPoint
-from smad.gap.recorded import recorded as bench_recorded
-from smad.gap.replay import Detail, Evidence
-from smad.gap.select import Selection, Selector
 from smad.gap.sma import SmaPlant
-from smad.gap.space import Space
-from smad.gap.stages import Prepared, prepare
-from smad.gap.tracks import follow_tracks
-from smad.gap.views import local_views
-from smad.gap.weigh import weigh
-from smad.gap.whiten import OutputNoise, Whitening
+from smad.gap.sma.recorded import recorded as bench_recorded
 from tests.smad.gap.cases import OTHER, QUICK, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 

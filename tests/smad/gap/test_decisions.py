@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from smad.gap import Settings
-from smad.gap.assess import Worth
+from smad.gap.compare.assess import Worth
+from smad.gap.compare.verdict import Evidenced, Unexplained, decide, p_unknown
 from smad.gap.records import Outcome
-from smad.gap.verdict import Evidenced, Unexplained, decide, p_unknown
-from smad.gap.words import gap_sentence, words
+from smad.gap.report.words import gap_sentence, words
+from smad.gap.settings import shipped
 from tests.smad.gap.heater_plant import HeaterPlant
 
 SETTINGS = Settings()
@@ -123,3 +124,8 @@ def test_a_gap_of_exactly_zero_with_an_unknown_cause_is_put_into_words(tied: boo
     )  # fmt: skip
     assert "0.0× the noise floor" in said
     assert "Cause: unknown" in said
+
+
+def test_every_setting_of_the_file_is_one_of_the_diagnosis() -> None:
+    assert list(shipped()) == [f.name for f in fields(Settings)]
+    assert all(entry["meaning"] and entry["group"] for entry in shipped().values())

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from smad.gap import Settings
-from smad.gap.deficit import Deficit, Usual, clearest, worst_run
+from smad.gap.compare.verdict import Unexplained, decide
+from smad.gap.fit.deficit import Deficit, Usual, clearest, worst_run
 from smad.gap.records import Outcome
-from smad.gap.verdict import Unexplained, decide
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, without
 from tests.smad.gap.test_decisions import evidenced, worth
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from smad.gap import Settings
+from smad.gap.compare.select import Selection
+from smad.gap.compare.tracks import follow_tracks
 from smad.gap.diagnose import ready
-from smad.gap.doubt import Doubt
+from smad.gap.fit.doubt import Doubt
+from smad.gap.fit.stages import Prepared
 from smad.gap.plant import ModelPoint
-from smad.gap.select import Selection
-from smad.gap.stages import Prepared
-from smad.gap.tracks import follow_tracks
 from tests.smad.gap.cases import OTHER, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 
@@ -83,8 +83,8 @@ def test_nothing_is_doubted_where_laws_are_known_to_be_those_of_the_bench() -> N
 def test_a_second_cause_that_brings_nothing_is_as_likely_absent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("smad.gap.select.acceptable", lambda c, s, *, tied: True)
-    monkeypatch.setattr("smad.gap.select.asked_gain", lambda c, s, *, tied: -np.inf)
+    monkeypatch.setattr("smad.gap.compare.select.acceptable", lambda c, s, *, tied: True)
+    monkeypatch.setattr("smad.gap.compare.select.asked_gain", lambda c, s, *, tied: -np.inf)
     both = selected("sensor_lag", "driver_gain")
     assert set(both.best.names) == {"sensor_lag", "driver_gain"}
     assert both.probability["sensor_lag"][""] < 0.01

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from smad.gap import Settings
-from smad.gap.candidate import Candidate, acceptable, asked_gain
+from smad.gap.fit.candidate import Candidate, acceptable, asked_gain
 
 SETTINGS = Settings()
 

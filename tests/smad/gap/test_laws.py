@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.leftover import Lawless, leftover, main
 from smad.gap import Settings, diagnose
-from smad.gap.baseline import choices
-from smad.gap.judge import judge
-from smad.gap.leftover import Lawless, leftover, main
+from smad.gap.compare.tracks import follow_tracks
+from smad.gap.data.replay import Grid, thinned
+from smad.gap.fit.baseline import choices
+from smad.gap.fit.judge import judge
+from smad.gap.fit.stages import known_good, prepare
 from smad.gap.plant import Array, Effect, EffectParameter, ModelPoint
-from smad.gap.recorded import recorded
 from smad.gap.records import Outcome
-from smad.gap.replay import Grid, thinned
 from smad.gap.report import page_of
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
-from smad.gap.stages import known_good, prepare
-from smad.gap.tracks import follow_tracks
+from smad.gap.sma.recorded import recorded
 from smad.report.page import render
 from tests.smad.gap.cases import OTHER, QUICK, ask, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
@@ -170,10 +170,12 @@ def test_inlet_and_room_as_measured_do_not_hide_what_the_model_says_of_them() ->
 def test_the_model_with_laws_leaves_less_of_a_bench_with_a_cooling_front() -> None:
     bench = ModelPoint({}, {"cooling_front": {"share": 0.8, "place": 0.6}})
     good = [
-        recorded(f, SmaPlant(), bench, 3 + i, duration_s=40.0)
+        recorded(f, SmaPlant(), bench, 3 + i, duration_s=20.0)
         for i, f in enumerate(("mixed", "repeats"))
     ]
-    (with_laws, unseen), (without,) = leftover(good, SmaPlant(), good), leftover(good, Lawless())
+    few, settings = ("cooling_front", "rtd_lag"), replace(QUICK, baseline_rounds=0, law_starts=0)
+    (with_laws, unseen) = leftover(good, SmaPlant(only=few), good, settings)
+    (without,) = leftover(good, Lawless(only=few), settings=settings)
     assert unseen["rtd_x_degC"] < 1.5 * with_laws["rtd_x_degC"]  # here the runs it was fitted to
     assert with_laws["rtd_x_degC"] < 0.5 * without["rtd_x_degC"]
 

@@ -9,16 +9,16 @@ from statsmodels.regression.linear_model import yule_walker
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from smad.gap import Settings
-from smad.gap.flexible import Designs, fit_correction
-from smad.gap.lsq import Problem, drive, fitting, solve_box
-from smad.gap.noise import estimate_floors, repeat_spread
+from smad.gap.compare.residual_tests import ar_coefficients, cross_correlation, ljung_box
+from smad.gap.data.noise import estimate_floors, repeat_spread
+from smad.gap.data.replay import Evidence, Grid
+from smad.gap.data.views import local_views, open_views
+from smad.gap.fit.lsq import Problem, drive, fitting, solve_box
+from smad.gap.fit.significance import benjamini_hochberg, tail_p
+from smad.gap.model.flexible import Designs, fit_correction
+from smad.gap.model.space import Space
+from smad.gap.model.whiten import OutputNoise, Whitening, arma_innovations
 from smad.gap.plant import ModelPoint
-from smad.gap.replay import Evidence, Grid
-from smad.gap.residual_tests import ar_coefficients, cross_correlation, ljung_box
-from smad.gap.significance import benjamini_hochberg, tail_p
-from smad.gap.space import Space
-from smad.gap.views import local_views, open_views
-from smad.gap.whiten import OutputNoise, Whitening, arma_innovations
 from tests.smad.gap.cases import OTHER, bank
 from tests.smad.gap.heater_plant import NOMINAL, PARAMETERS, HeaterPlant, recorded
 

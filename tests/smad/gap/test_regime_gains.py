@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from smad.gap import Settings
 from smad.gap.diagnose import ready
-from smad.gap.fit import Start, joint_fits
-from smad.gap.judge import regime_gains
-from smad.gap.lsq import Fitted
-from smad.gap.stages import Prepared
+from smad.gap.fit.joint import Start, joint_fits
+from smad.gap.fit.judge import regime_gains
+from smad.gap.fit.lsq import Fitted
+from smad.gap.fit.stages import Prepared
 from tests.smad.gap.cases import OTHER, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 

@@ -9,7 +9,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from smad.gap import diagnose
-from smad.gap.threads import repeatable
+from smad.gap.fit.threads import repeatable
 from tests.smad.gap.cases import OTHER, QUICK, bank
 from tests.smad.gap.heater_plant import HeaterPlant
 

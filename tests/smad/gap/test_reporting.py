@@ -12,21 +12,21 @@ from msgspec.structs import replace
 
 from sim_device.plant import load_parameters
 from smad.gap.apply import apply, model_point
-from smad.gap.assess import counted_share
-from smad.gap.candidate import Candidate
+from smad.gap.compare.assess import counted_share
+from smad.gap.compare.nextexp import Trial, enough, propose
 from smad.gap.errors import PlantMismatch, RunRefused
-from smad.gap.fit import JointFit
-from smad.gap.judge import Judged
-from smad.gap.lsq import Fitted
-from smad.gap.nextexp import Trial, enough, propose
+from smad.gap.fit.candidate import Candidate
+from smad.gap.fit.joint import JointFit
+from smad.gap.fit.judge import Judged
+from smad.gap.fit.lsq import Fitted
+from smad.gap.model.space import Space
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.records import Diagnosis, ExperimentRecord, Outcome
 from smad.gap.report import page_of, summary_lines
+from smad.gap.report.words import next_sentence
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
-from smad.gap.space import Space
 from smad.gap.verify import verified
-from smad.gap.words import next_sentence
 from smad.report.page import render
 from tests.smad.gap.cases import ALIKE, OTHER, ask, ask_alike, bank
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
@@ -57,8 +57,15 @@ def test_the_page_shows_what_the_json_holds(found: Diagnosis) -> None:
         *found.limits,
     ):
         assert needed in text or needed in html
-    assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", html)
-    assert html.count("<svg") >= 5
+    assert re.findall(r"""(?:src|href)=["'](?!#|data:)|url\((?!#)|@import""", html) == []
+    assert html.count("<svg") >= 4
+    assert html.count('class="panels"') >= 1
+
+
+def test_a_notebook_shows_the_verdict(found: Diagnosis) -> None:
+    html = found._repr_html_()
+    assert found.verdict.outcome in html
+    assert found.values[0].name in html
 
 
 def test_a_record_with_numbers_that_are_none_reads_back_and_writes_the_same(
@@ -83,7 +90,7 @@ def test_a_record_with_numbers_that_are_none_reads_back_and_writes_the_same(
 def test_every_outcome_makes_a_page() -> None:
     for diagnosis in (ask(bank()), ask([recorded("random", 1).part(0, 30)])):
         assert "Gap diagnosis" in render(page_of(diagnosis))
-        assert summary_lines(diagnosis)[1] == diagnosis.verdict.text
+        assert summary_lines(diagnosis)[1] == diagnosis.verdict.plain
 
 
 def test_the_waterfall_falls_from_raw_over_the_refit_to_the_floor(found: Diagnosis) -> None:
@@ -147,8 +154,8 @@ def test_a_model_file_of_the_spring_pair_comes_back_as_it_was(tmp_path: Path) ->
 
 def test_weak_excitation_leaves_two_causes_and_the_proposal_tells_them_apart() -> None:
     """A late dial and a dial with play look alike in a slow ramp that turns once."""
-    from smad.gap.fit import Start, joint_fits
-    from smad.gap.stages import prepare
+    from smad.gap.fit.joint import Start, joint_fits
+    from smad.gap.fit.stages import prepare
 
     plant = HeaterPlant()
     bench = {"backlash": {"gap_um": 1.2}}
@@ -181,10 +188,10 @@ def test_different_experiments_add_up_to_a_separation_or_do_not() -> None:
 
 def test_a_separation_counts_by_how_much_more_than_expected_the_runs_vary_along_it() -> None:
     """A background nine times as strong as Σ says leaves a ninth; one of its size leaves all."""
-    from smad.gap.lsq import Problem
-    from smad.gap.replay import Evidence
-    from smad.gap.views import local_views
-    from smad.gap.whiten import OutputNoise, Whitening
+    from smad.gap.data.replay import Evidence
+    from smad.gap.data.views import local_views
+    from smad.gap.fit.lsq import Problem
+    from smad.gap.model.whiten import OutputNoise, Whitening
 
     class Plain(Problem):
         def row_weight(self, z: Array, heat: float = 1.0) -> Array:
@@ -221,7 +228,7 @@ def test_two_causes_that_look_alike_are_told_apart_by_the_experiment_that_is_rec
     assert 16.0 < first.counted <= first.separation
     assert first.together == first.counted
     said = f"Next experiment: {first.title} (60 s); separation d² ≈ {first.counted:.1f}."
-    assert before.verdict.text.endswith(said)
+    assert said in before.verdict.text
     assert "together" in render(page_of(before))
     after = ask_alike([recorded(first.name, 9, OTHER, ALIKE)])
     assert after.verdict.outcome is Outcome.EFFECT

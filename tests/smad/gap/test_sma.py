@@ -10,19 +10,19 @@ import pytest
 
 from sim_device.plant.effects.registry import EFFECTS
 from smad.gap import Settings
-from smad.gap.discrepancy import fed_noise
-from smad.gap.fit import dispersion
-from smad.gap.lsq import Problem, drive, fitting
-from smad.gap.noise import estimate_floors
+from smad.gap.data.noise import estimate_floors
+from smad.gap.data.replay import Evidence
+from smad.gap.data.views import local_views
+from smad.gap.fit.discrepancy import fed_noise
+from smad.gap.fit.joint import dispersion
+from smad.gap.fit.lsq import Problem, drive, fitting
+from smad.gap.model.space import Space
+from smad.gap.model.whiten import Whitening
 from smad.gap.plant import ModelPoint
-from smad.gap.recorded import recorded
-from smad.gap.replay import Evidence
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
-from smad.gap.sma_signals import CHANNELS, run_from_columns
-from smad.gap.space import Space
-from smad.gap.views import local_views
-from smad.gap.whiten import Whitening
+from smad.gap.sma.recorded import recorded
+from smad.gap.sma.signals import CHANNELS, run_from_columns
 
 PLANT, PRINTED = SmaPlant(), SmaPlant(variant="printed")
 EXTENDED_EFFECTS = [e.name for e in PLANT.effects]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from smad.gap.errors import GapError
+from smad.gap.model.space import Space
 from smad.gap.plant import Effect, EffectParameter
-from smad.gap.space import Space
 
 DRAUGHT = Effect(
     "draught", "a draught", "thermal",

@@ -12,6 +12,7 @@ from smad.errors import LogImportError, RunLogError
 from smad.runlog.column_names import ALIASES
 from smad.runlog.export import export_run
 from smad.runlog.importer import import_csv, read_mapping
+from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CHANNELS
 from smad.runlog.units import UNITS, convert, units_for
@@ -66,6 +67,20 @@ def test_a_csv_has_plain_names_and_empty_cells_for_what_was_not_measured(
     assert names.split(",")[:3] == ["t_s", "host_time_s", "tick"]
     assert "stage_mm" not in names
     assert first.split(",")[names.split(",").index("displacement_mm")] == ""
+
+
+def test_what_numbers_stand_for_goes_with_them(tmp_path: Path, run: Run) -> None:
+    from pyarrow import parquet
+    from scipy.io import loadmat
+
+    export_run(run, tmp_path / "out.parquet")
+    legend = parquet.read_schema(tmp_path / "out.parquet").field("mode").metadata[b"legend"]
+    assert msgspec.json.decode(legend, type=dict[int, str]) == LEGENDS["mode"]
+    export_run(run, tmp_path / "out.mat")
+    legends = loadmat(tmp_path / "out.mat", simplify_cells=True)["run"]["legends"]
+    words = dict(zip(legends["mode"]["numbers"], legends["mode"]["words"], strict=True))
+    assert words == LEGENDS["mode"]
+    assert list(legends) == ["mode"]
 
 
 def test_a_parquet_file_keeps_numbers_types_units_and_header(tmp_path: Path, run: Run) -> None:

@@ -13,10 +13,11 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from smad.errors import RunLogError
+from smad.runlog.overview import list_runs
 from smad.runlog.reader import read_run
 from smad.runlog.recover import recover
 from smad.runlog.schema import EVENT_TOPIC, ROW_TOPIC, Event, Row, json_schema
-from smad.runlog.summary import list_runs, summarise
+from smad.runlog.summary import summarise
 
 from .helpers import HEADER, row_numbers, rows, write_small_run
 
@@ -343,3 +344,16 @@ def test_records_of_any_content_are_read_or_refused(
     check_any_file(
         start + b"".join(bytes([op]) + len(b).to_bytes(8, "little") + b for op, b in records)
     )
+
+
+def test_progress_ends_at_the_whole(tmp_path: Path) -> None:
+    path = write_small_run(tmp_path / "run.mcap", 100)
+    told: list[float] = []
+    read_run(path, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:-100])
+    told.clear()
+    recover(cut, progress=told.append)
+    assert told[-1] == 1.0

@@ -2,11 +2,13 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 
 from smad.runlog.header import RunHeader, installed_versions
+from smad.runlog.pack import RecordPacker
 from smad.runlog.schema import CHANNELS, TOPICS, Event, LinkSample, Row, json_schema, markdown_table
 from smad.runlog.units import UNITS
 
@@ -28,20 +30,45 @@ def test_the_guide_lists_the_channels_as_they_are() -> None:
     assert markdown_table() in (DOCS / "guide/run-logs.md").read_text()
 
 
+PLAIN = {"boolean", "string", "number", "integer"}
+
+
+def refused_by_viewers(schema: dict[str, Any], where: str = "message") -> list[str]:
+    """Why Lichtblick's `parseJsonSchema` (and Foxglove's) would refuse the topic."""
+    if schema.get("type") != "object":
+        return [f"{where}: type {schema.get('type')!r} instead of object"]
+    if "properties" not in schema:
+        return [f"{where}: an object without properties"]
+    found = []
+    for name, member in schema["properties"].items():
+        inner = member["items"] if member.get("type") == "array" else member
+        kind = inner.get("type")
+        if kind == "object":
+            found += refused_by_viewers(inner, f"{where}.{name}")
+        elif not (isinstance(kind, str) and kind in PLAIN) or "contentEncoding" in inner:
+            found.append(f"{where}.{name}: type {kind!r}")
+    return found
+
+
 @pytest.mark.parametrize("record", TOPICS, ids=lambda r: r.__name__)
-def test_the_json_schema_describes_every_member_and_allows_null_where_it_may_be(record) -> None:
+def test_viewers_take_the_json_schema_and_every_member_is_described(record) -> None:
     schema = json.loads(json_schema(record))
-    assert schema["type"] == "object"
+    assert refused_by_viewers(schema) == []
     assert set(schema["properties"]) == set(record.__struct_fields__)
     for member in schema["properties"].values():
         assert member["description"]
-    assert schema["properties"]["host_time_s"]["type"] == ["number", "null"]
+        assert member.get("default", {}) is not None
 
 
-def test_nothing_but_null_stands_for_a_value_that_was_not_measured() -> None:
-    body = msgspec.json.encode(Row(t_s=1.0, force_N=float("nan")))
-    assert json.loads(body)["force_N"] is None
-    assert b"NaN" not in body
+def test_what_viewers_refuse_is_told() -> None:
+    members = {"a": {"type": ["number", "null"]}, "b": {"enum": ["x"]}, "c": {"type": "object"}}
+    refused = refused_by_viewers({"type": "object", "properties": members})
+    assert [line.partition(":")[0] for line in refused] == ["message.a", "message.b", "message.c"]
+
+
+def test_a_value_that_was_not_measured_is_absent() -> None:
+    for row in (Row(t_s=1.0), Row(t_s=1.0, force_N=float("nan")), Row(t_s=1.0, force_N=None)):
+        assert RecordPacker(0.0).pack(row)[-1].endswith(b'{"t_s":1.0}')
 
 
 def test_events_and_link_samples_keep_their_details() -> None:

@@ -15,11 +15,11 @@ import pytest
 from mcap.reader import NonSeekingReader, make_reader
 
 from smad.errors import RunLogError
+from smad.runlog.overview import list_runs
 from smad.runlog.paths import free_path, new_run_path, newest_run
 from smad.runlog.reader import read_run
 from smad.runlog.recover import recover
 from smad.runlog.schema import ROW_TOPIC, Event, Row
-from smad.runlog.summary import list_runs
 from smad.runlog.writer import RunWriter, write_run
 
 from .helpers import HEADER, row_numbers, rows, write_small_run

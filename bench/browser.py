@@ -1,0 +1,131 @@
+"""The live page in a real browser, for its tests and benchmarks: bench, daemon, page, chromium."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from smad.cli.start import SIMULATED_BAUD
+from smad.client.endpoints import FOLDER_VARIABLE
+from smad.config import Config, LinkConfig, RecorderConfig, TelemetryConfig, config_to_toml
+from smad.processes.daemon import DaemonProcess
+from smad.processes.simulator import simulated_bench
+
+_PROGRAMS = ("chromium", "chromedriver")
+_QUIET = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+)
+
+
+def what_is_missing() -> str:
+    """Return what to install for a browser to be driven here; empty when all is there."""
+    if not all(map(shutil.which, _PROGRAMS)):
+        return "install a browser to try the live page in: apt-get install chromium chromium-driver"
+    if importlib.util.find_spec("selenium") is None:
+        return "install what drives the browser: pip install 'smad[test]'"
+    return ""
+
+
+@contextlib.contextmanager
+def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[DaemonProcess]:
+    """A simulated bench and its daemon, with their sockets in `folder`."""
+    rate = ("--rate", str(rate_hz))
+    with simulated_bench([*rate, *sim], folder / "tty", waiting=lambda text: None) as port:
+        config = Config(
+            link=LinkConfig(port=port, rate_hz=rate_hz, baud=SIMULATED_BAUD),
+            recorder=RecorderConfig(folder=str(folder / "runs"), automatic=False),
+            telemetry=TelemetryConfig(endpoint=""),
+        )
+        path = folder / "bench.toml"
+        path.write_text(config_to_toml(config))
+        daemon = DaemonProcess(["--config", str(path)], folder)
+        try:
+            daemon.wait_until_ready()
+            yield daemon
+        finally:
+            if daemon.process.poll() is None:
+                daemon.end()
+
+
+class LivePage:
+    """A running `smad view`: its process and its links."""
+
+    def __init__(self, folder: Path) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "smad", "view", "--no-browser", "--port", "0"],
+            env={**os.environ, FOLDER_VARIABLE: str(folder)},
+            stdout=subprocess.PIPE,
+            text=True,
+            # ctrl-C at the terminal is for whoever started us.
+            start_new_session=True,
+        )
+        assert self.process.stdout is not None
+        said = [self.process.stdout.readline() for _ in range(2)]
+        self.command, self.watch = (line.split()[-1] for line in said)
+
+    def end(self) -> int:
+        """End it as ctrl-C does; return its exit status."""
+        self.process.send_signal(signal.SIGINT)
+        status = self.process.wait(timeout=30)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+        return status
+
+
+@contextlib.contextmanager
+def live_page(folder: Path) -> Iterator[LivePage]:
+    """`smad view` of the daemon whose sockets are in `folder`."""
+    page = LivePage(folder)
+    try:
+        yield page
+    finally:
+        if page.process.poll() is None:
+            page.end()
+
+
+@contextlib.contextmanager
+def browser(folder: Path, width: int = 1200, height: int = 1000) -> Iterator[Any]:
+    """Chromium without a window; its profile is in `folder`."""
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for argument in (*_QUIET, f"--user-data-dir={folder}", f"--window-size={width},{height}"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    service = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
+    driver = webdriver.Chrome(options=options, service=service)
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+def resize(driver: Any, width: int, height: int) -> None:
+    """Give the page a size, also one that no window can be made as narrow as."""
+    driver.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
+    )
+
+
+def colours(driver: Any, scheme: str) -> None:
+    """Make the browser ask for "dark" or "light"."""
+    driver.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia",
+        {"features": [{"name": "prefers-color-scheme", "value": scheme}]},
+    )

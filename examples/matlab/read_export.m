@@ -1,0 +1,35 @@
+% Read a run that smad exported for MATLAB, and plot it.
+%
+% Beforehand, in a terminal:  smad log export runs/20261120-050709-step.mcap -o run.mat
+
+loaded = load('run.mat');
+run = loaded.run;
+t = run.columns.t_s - run.columns.t_s(1);
+
+% Channels of which nothing was recorded are not there; NaN (or -1 in whole numbers) is a gap.
+disp(fieldnames(run.columns));
+fprintf('temperature in %s\n', run.units.rtd_x_degC);
+
+% What the numbers of mode and limiter stand for.
+words = containers.Map(run.legends.mode.numbers, run.legends.mode.words);
+fprintf('the board was %s at the end\n', words(double(run.columns.mode(end))));
+armed = run.legends.mode.numbers(strcmp(run.legends.mode.words, 'ARMED'));
+moving = run.columns.mode == armed;
+
+tiledlayout(2, 1);
+nexttile;
+plot(t(moving), run.columns.reference_mm(moving), '--', t(moving), run.columns.displacement_mm(moving));
+ylabel('displacement (mm)');
+legend('reference', 'measured');
+nexttile;
+plot(t, run.columns.rtd_x_degC, t, run.columns.rtd_y_degC);
+ylabel('temperature (°C)');
+xlabel('time (s)');
+legend('spring X', 'spring Y');
+
+% Commands, faults, arming and notes.
+events = jsondecode(run.events);
+for k = 1:numel(events)
+    if iscell(events), event = events{k}; else, event = events(k); end
+    fprintf('%-8s %s\n', event.kind, event.text);
+end

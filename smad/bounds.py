@@ -1,0 +1,37 @@
+"""A value that its type does not allow, told without the words of a schema. Pure."""
+
+from __future__ import annotations
+
+import re
+
+_BOUND = re.compile(r"Expected `(?:float|int)` (?P<side>[<>]=?) (?P<limit>[-+.0-9e]+)")
+_SIDES = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
+_UNITS = (
+    ("_mm_per_s", "mm/s"),
+    ("_K_per_s", "K/s"),
+    ("_degC", "°C"),
+    ("_mm", "mm"),
+    ("_Hz", "Hz"),
+    ("_A", "A"),
+    ("_s", "s"),
+)
+"""Longest first: what a name ends with, and the unit that it means."""
+
+
+def in_words(cause: str) -> str:
+    """Return what msgspec says of a number out of range in words; anything else as it is."""
+    bound = _BOUND.fullmatch(cause)
+    if bound is None:
+        return cause
+    return f"it has to be {_SIDES[bound['side']]} {float(bound['limit']):g}"
+
+
+def unit_of(name: str) -> str:
+    """Return the unit in the name of a field; empty where there is none."""
+    return next((unit for ending, unit in _UNITS if name.endswith(ending)), "")
+
+
+def field_and_words(message: str) -> tuple[str, str]:
+    """Return where msgspec found a value that is not allowed (`a[2].b`, or empty), and why."""
+    cause, _, path = message.partition(" - at `$")
+    return path.rstrip("`").removeprefix("."), in_words(cause)

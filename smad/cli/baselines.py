@@ -1,0 +1,78 @@
+"""What the commands about baselines share: programme, bench, and how a verdict is printed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from smad.gap.paired.programme import Programme
+    from smad.gap.paired.series import Play
+    from smad.gap.paired.verdict import Verdict
+    from smad.gap.sma import SmaPlant
+
+
+def require_same(
+    folder: Path, bench: str, whose: str, digest: str, programme: Programme, *, part: bool = False
+) -> None:
+    """Refuses a baseline of another bench or programme; `part`: some of its runs suffice."""
+    from smad.gap.paired.errors import BaselineError
+    from smad.gap.paired.programme import shipped
+
+    if bench != whose:
+        raise BaselineError(
+            f"the baseline {folder} is of another bench",
+            value=bench,
+            limit=whose,
+            action="give the baseline of this bench",
+        )
+    allowed = {programme.digest}
+    if part:
+        allowed |= {shipped().digest, shipped().quick().digest}
+    if digest not in allowed:
+        raise BaselineError(
+            f"the baseline {folder} is of another programme",
+            value=digest[:12],
+            limit=programme.digest[:12],
+            action="give with --programme the one it was recorded with, or commission again",
+        )
+
+
+def new_plant() -> SmaPlant:
+    from smad.gap.sma import SmaPlant
+
+    return SmaPlant()
+
+
+def chosen_programme(folder: Path | None, quick: bool) -> Programme:
+    from smad.gap.paired.programme import read_programme, shipped
+
+    programme = shipped() if folder is None else read_programme(folder)
+    return programme.quick() if quick else programme
+
+
+def player(
+    *, sim: bool, seed: int, effects: Sequence[str], bench: str
+) -> AbstractContextManager[Play]:
+    from smad.cli.benches import live, simulated
+
+    if sim:
+        return simulated(seed=seed, effects=effects)
+    return live(bench, who="smad gap")
+
+
+def say(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def print_verdict(verdict: Verdict) -> None:
+    from smad.gap.paired.verdict import lines
+
+    headline, *rest = lines(verdict)
+    click.secho(headline, bold=True)
+    for text in rest:
+        click.echo(text)

@@ -1,0 +1,136 @@
+"""What plays the runs of a programme: a simulated bench, or the one that the daemon runs."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.output import progress
+from smad.client.signals import ended_by_signals
+
+if TYPE_CHECKING:
+    from smad.client import Client
+    from smad.control.plan import Plan
+    from smad.experiments.repeating import Repeat
+    from smad.gap.paired.programme import ProgrammeRun
+    from smad.gap.paired.series import Play, Recorded
+
+LEASE_S = 10.0
+_SEED_STEP = 100_003
+
+
+def _planned(run: ProgrammeRun, original: Path | None) -> tuple[Plan, Repeat | None]:
+    from smad.experiments.repeating import read_repeat
+    from smad.gap.paired.playing import plan_of
+
+    if original is None:
+        return plan_of(run, run.name), None
+    repeat = read_repeat(original)
+    return repeat.plan(run.name), repeat
+
+
+@contextlib.contextmanager
+def simulated(*, seed: int, effects: Sequence[str]) -> Iterator[Play]:
+    """A fresh simulated bench for each run, in virtual time."""
+    from sim_device.plant import load_parameters
+    from sim_device.plant.effects.registry import from_text, resolve
+    from sim_device.plant.errors import PlantError
+    from smad.experiments.driver import log_path
+    from smad.experiments.errors import EndedEarlyError
+    from smad.experiments.virtual import VirtualDriver
+    from smad.gap.paired.series import Recorded
+
+    try:
+        chosen = resolve(dict(from_text(text) for text in effects))
+    except PlantError as error:
+        raise click.UsageError(f"--effect: {error}") from None
+    seeds = itertools.count(seed, _SEED_STEP)
+    with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
+        folder = Path(scratch)
+
+        def play(run: ProgrammeRun, original: Path | None) -> Recorded:
+            plan, _ = _planned(run, original)
+            driver = VirtualDriver(load_parameters("A"), seed=next(seeds) & 0xFFFF_FFFF,
+                                   effects=chosen, folder=folder)  # fmt: skip
+            try:
+                driver.run(plan)
+            except EndedEarlyError as error:
+                return Recorded(log_path(folder, plan), error.cause, run.duration_s)
+            return Recorded(log_path(folder, plan), took_s=run.duration_s)
+
+        yield play
+
+
+@contextlib.contextmanager
+def live(bench: str, *, who: str) -> Iterator[Play]:
+    """The bench of the running daemon, disarmed after each run and at the end.
+
+    Each run begins from the same rest: cold, after a stroke of each spring. A bench that does not
+    come back to where the recorded run began is told of and played all the same.
+    """
+    from smad.cli.output import client
+
+    with ended_by_signals(), client(bench) as connected:
+        player = _LivePlayer(connected, bench, who)
+        try:
+            yield player
+        finally:
+            player.disarm()
+
+
+class _LivePlayer:
+    def __init__(self, client: Client, bench: str, who: str) -> None:
+        from smad.config import parse_config
+
+        self._client = client
+        self._bench = bench
+        self._who = who
+        self._config = parse_config(client.config())
+        board = client.status().board
+        self._uid = "" if board is None else board.uid
+        self._armed = False
+
+    def __call__(self, run: ProgrammeRun, original: Path | None) -> Recorded:
+        from smad.cli.leased import LeasedDriver
+        from smad.experiments.errors import EndedEarlyError
+        from smad.experiments.replayer import Replayer
+        from smad.gap.paired.series import Recorded
+
+        plan, repeat = _planned(run, original)
+        if repeat is not None:
+            repeat.require_fit(self._config)
+            repeat.require_bench(self._uid, self._bench)
+        with progress() as line:
+            driver = Replayer(self._client, progress=line.say, sleep=time.sleep, strokes=True,
+                              elsewhere=_warn)  # fmt: skip
+            driver.start = None if repeat is None else repeat.start
+            leased = LeasedDriver(
+                self._client, driver, lease_s=LEASE_S, progress=line.say, who=self._who
+            )
+            self._armed = True
+            ended, began_s = "", self._client.motion().board_time_s
+            try:
+                leased.run(plan)
+            except EndedEarlyError as error:
+                ended = error.cause
+            assert driver.log is not None
+            return Recorded(driver.log, ended, self._client.motion().board_time_s - began_s)
+
+    def disarm(self) -> None:
+        """Leave the bench disarmed, if it was ever armed; a daemon that is gone has done so."""
+        from smad.errors import SmadError
+
+        if self._armed:
+            with contextlib.suppress(SmadError):
+                self._client.disarm()
+
+
+def _warn(text: str) -> None:
+    click.echo(text, err=True)

@@ -1,0 +1,70 @@
+"""What the shell offers on the tab key, from the tables that the commands themselves use.
+
+Each function has the signature that click wants, and offers nothing where its table cannot be read.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem
+
+Offer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+
+
+def _offer(names: Callable[[], Iterable[tuple[str, str]]]) -> Offer:
+    def offered(
+        context: click.Context, parameter: click.Parameter, typed: str
+    ) -> list[CompletionItem]:
+        # A part that is not installed has no names to offer, and the tab key no place for errors.
+        with contextlib.suppress(ImportError, OSError):
+            wanted = typed.lower()
+            return [
+                CompletionItem(name, help=about or None)
+                for name, about in names()
+                if name.lower().startswith(wanted)
+            ]
+        return []
+
+    return offered
+
+
+def _parameters() -> Iterator[tuple[str, str]]:
+    from firmware_protocol.parameters import PARAMETERS
+
+    return ((entry.name, entry.doc) for entry in PARAMETERS)
+
+
+def _experiments() -> Iterator[tuple[str, str]]:
+    from smad.experiments.registry import EXPERIMENTS
+
+    return ((name, "") for name in (*EXPERIMENTS, "all"))
+
+
+def _effects() -> Iterator[tuple[str, str]]:
+    from sim_device.plant.effects.registry import EFFECTS
+
+    return ((effect.name, effect.title) for effect in EFFECTS)
+
+
+def _faults() -> Iterator[tuple[str, str]]:
+    from firmware_protocol.enums import Fault
+
+    return ((fault.name, "") for fault in Fault if fault is not Fault.NONE)
+
+
+parameters = _offer(_parameters)
+experiments = _offer(_experiments)
+effects = _offer(_effects)
+faults = _offer(_faults)
+
+
+def runs(context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Offer the run logs of the command's folder, newest first, and other files as usual."""
+    folder = Path(str(context.params.get("folder") or "runs"))
+    logs = sorted((str(path) for path in folder.glob("*.mcap")), reverse=True)
+    found = [CompletionItem(path) for path in logs if path.startswith(typed)]
+    return found or [CompletionItem(typed, type="file")]

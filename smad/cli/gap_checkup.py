@@ -1,0 +1,244 @@
+"""`smad gap commission` and `smad gap checkup`: the bench as its own control."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.baselines import (
+    chosen_programme,
+    new_plant,
+    player,
+    print_verdict,
+    require_same,
+    say,
+)
+from smad.cli.output import bench_option, progress
+
+if TYPE_CHECKING:
+    from smad.gap.paired.difference import Paired
+    from smad.gap.paired.programme import Programme
+    from smad.gap.paired.verdict import Verdict
+    from smad.gap.runs import GapRun
+
+_FOLDER = click.Path(file_okay=False, path_type=Path)
+_OUT = click.Path(dir_okay=False, path_type=Path)
+
+_sim = click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
+_effect = click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
+                       help="With --sim: an effect that the simulated bench has.")  # fmt: skip
+_seed = click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+                     help="With --sim: of its noise.")  # fmt: skip
+_programme = click.option("--programme", "programme_folder", type=_FOLDER,
+                          help="Another programme than the one in the package.")  # fmt: skip
+
+
+@click.command()
+@click.option("--baseline", "folder", type=_FOLDER, required=True, help="Where the baseline goes.")
+@click.option("--repeats", type=click.IntRange(1, 8), default=2, show_default=True,
+              help="How often the whole programme is played.")  # fmt: skip
+@click.option("--again", is_flag=True, help="Add repeats to a baseline: the floor gets better.")
+@click.option("--quick", is_flag=True, help="Only the part that separates most.")
+@_sim
+@_seed
+@_programme
+@bench_option
+def commission(
+    *,
+    folder: Path,
+    repeats: int,
+    again: bool,
+    quick: bool,
+    sim: bool,
+    seed: int,
+    programme_folder: Path | None,
+    bench: str,
+) -> None:
+    """Record what a good bench makes of the programme, and compute a baseline from it.
+
+    Runs are kept in FOLDER/good-1, good-2 …; interrupted, the same command goes on after the last
+    run that was finished. Arms the bench and heats it.
+    """
+    from smad.gap.paired.commission import commissioned
+    from smad.gap.paired.errors import BaselineError
+    from smad.gap.paired.series import finished, folder_for, play_series
+    from smad.gap.paired.store import Baseline, load, read_about, save
+
+    plant = new_plant()
+    programme = chosen_programme(programme_folder, quick)
+    whose = "simulated" if sim else bench
+    known = (folder / "baseline.json").exists()
+    if known and not again:
+        raise BaselineError(
+            f"{folder} is a baseline already",
+            action="add repeats to it with --again, or give another folder",
+        )
+    if known:
+        require_same(folder, read_about(folder).bench, whose, load(folder, plant).programme,
+                      programme)  # fmt: skip
+    before = len(finished(_good(folder), programme)) if known else 0
+    while (have := len(finished(_good(folder), programme))) < before + repeats:
+        place = folder_for(folder, "good", programme, time.time)
+        originals = None if place.name == "good-1" else folder / "good-1"
+        number = int(place.name.removeprefix("good-"))
+        with player(sim=sim, seed=seed + number, effects=(), bench=bench) as play:
+            ended = play_series(place, programme, play, originals, say)
+        if ended:
+            raise BaselineError(
+                f"{place.name} is no repeat of good-1, and is left out: {ended}",
+                value=f"{have} repeats so far",
+                action="see what changed on the bench, then give the same command again",
+            )
+    repeated = _read_repeats(finished(_good(folder), programme), programme)
+    with progress() as line:
+        reference = commissioned(plant, repeated, progress=line.say)
+    save(Baseline(whose, programme.digest, reference), plant, folder)
+    minutes = programme.duration_s / 60.0
+    click.echo(
+        f"baseline {folder}: {len(programme.runs)} runs of {minutes:.1f} min in all, "
+        f"{reference.repeats} repeats of each"
+    )
+    if reference.repeats < 2:
+        click.echo("one repeat leaves the floor a guess; add another with --again", err=True)
+
+
+@click.command()
+@click.option("--baseline", "folder", type=_FOLDER, help="Play its programme again, and judge.")
+@click.option("--good", type=_FOLDER, help="Run files of a good day, several repeats at best.")
+@click.option("--now", type=_FOLDER, help="Run files of now: the same inputs as the good ones.")
+@click.option("--quick", is_flag=True, help="With --baseline: the part that separates most.")
+@click.option("--out", type=_FOLDER, help="With --baseline: where the runs of now go  [default: "
+              "BASELINE/now-1, now-2 …]")  # fmt: skip
+@_sim
+@_effect
+@_seed
+@_programme
+@bench_option
+@click.option("--json", "json_path", type=_OUT, help="Write the verdict here.")
+@click.option("--report", "page_path", type=_OUT, help="Write a page with figures here.")
+def checkup(
+    *,
+    folder: Path | None,
+    good: Path | None,
+    now: Path | None,
+    quick: bool,
+    out: Path | None,
+    sim: bool,
+    effects: tuple[str, ...],
+    seed: int,
+    programme_folder: Path | None,
+    bench: str,
+    json_path: Path | None,
+    page_path: Path | None,
+) -> None:
+    """Say what has changed since the bench was good, from equal inputs then and now.
+
+    With --baseline the programme is played (or read, with --now) and compared with the baseline.
+    With --good and --now run files are compared: run logs, CSV or Parquet with units in their
+    columns' names. Runs are paired by their inputs, and by name where several fit.
+    """
+    import msgspec
+
+    if (folder is None) == (good is None):
+        raise click.UsageError("give --baseline, or --good and --now")
+    if good is not None and now is None:
+        raise click.UsageError("--good needs --now: the runs to judge")
+    if effects and not sim:
+        raise click.UsageError("--effect is of a simulated bench; add --sim")
+    if good is not None:
+        pairs, verdict = _of_files(good, now)
+    else:
+        assert folder is not None
+        programme = chosen_programme(programme_folder, quick)
+        pairs, verdict = _of_baseline(
+            folder, programme, now, out, sim=sim, effects=effects, seed=seed, bench=bench
+        )
+    print_verdict(verdict)
+    if json_path is not None:
+        json_path.write_bytes(msgspec.json.format(msgspec.json.encode(verdict), indent=1))
+        click.echo(f"written: {json_path}", err=True)
+    if page_path is not None:
+        from smad.gap.paired.page import checkup_page
+        from smad.report.page import write_page
+
+        facts = [("baseline", str(folder or good)), ("repeats", str(verdict.repeats))]
+        write_page(checkup_page(pairs, verdict, facts), page_path)
+        click.echo(f"written: {page_path}", err=True)
+
+
+def _of_files(good: Path, now: Path | None) -> tuple[Paired, Verdict]:
+    from smad.gap.paired.commission import checked_files
+    from smad.gap.paired.files import read_folder
+
+    assert now is not None
+    with progress() as line:
+        line.say("reading")
+        pairs, verdict, matched = checked_files(
+            new_plant(), read_folder(good), read_folder(now), progress=line.say
+        )
+    for text in matched.lines:
+        click.echo(text, err=True)
+    for name in matched.alone:
+        click.echo(f"{name} has the inputs of no good run, and is left out", err=True)
+    return pairs, verdict
+
+
+def _of_baseline(
+    folder: Path,
+    programme: Programme,
+    now: Path | None,
+    out: Path | None,
+    *,
+    sim: bool,
+    effects: Sequence[str],
+    seed: int,
+    bench: str,
+) -> tuple[Paired, Verdict]:
+    from smad.gap.paired.commission import judged
+    from smad.gap.paired.errors import BaselineError
+    from smad.gap.paired.files import read_folder
+    from smad.gap.paired.series import folder_for, play_series, read_state
+    from smad.gap.paired.store import load
+
+    plant = new_plant()
+    baseline = load(folder, plant)
+    known = {r.name for r in baseline.reference.runs}
+    if now is None:
+        require_same(folder, baseline.bench, "simulated" if sim else bench, baseline.programme,
+                      programme, part=True)  # fmt: skip
+        # A baseline of the quick part has nothing to compare the other runs with.
+        own = tuple(run for run in programme.runs if run.name in known)
+        programme = replace(programme, runs=own)
+        now = out or folder_for(folder, "now", programme, time.time)
+        with player(sim=sim, seed=seed + 1000, effects=effects, bench=bench) as play:
+            play_series(now, programme, play, folder / "good-1", say)
+    state = read_state(now)
+    if state is not None and state.ended:
+        click.echo(f"not all of it was played: {state.ended}", err=True)
+    runs = [(f.run, f.name) for f in read_folder(now) if f.name in known]
+    if not runs:
+        raise BaselineError(
+            f"{now} holds no run of the baseline {folder}",
+            limit=", ".join(sorted(known)),
+            action="name the files after the runs of the programme, or use --good",
+        )
+    with progress() as line:
+        return judged(plant, baseline.reference, runs, progress=line.say)
+
+
+def _good(folder: Path) -> list[Path]:
+    return sorted(folder.glob("good-*"))
+
+
+def _read_repeats(places: Sequence[Path], programme: Programme) -> list[list[GapRun]]:
+    from smad.gap.paired.files import read_file
+
+    return [
+        [replace(read_file(p / f"{run.name}.mcap"), name=run.name) for p in places]
+        for run in programme.runs
+    ]

@@ -1,0 +1,138 @@
+"""`smad gap investigate`: play what separates, until the cause is settled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.baselines import new_plant, player, require_same, say
+from smad.cli.output import bench_option, progress
+
+if TYPE_CHECKING:
+    from smad.gap.paired.inquiry import Report
+    from smad.gap.paired.investigate import Proposal
+
+_FOLDER = click.Path(file_okay=False, path_type=Path)
+
+
+@click.command()
+@click.option("--baseline", "folder", type=_FOLDER, required=True, help="What the bench was like.")
+@click.option("--minutes", type=click.FloatRange(1.0, 600.0), default=20.0, show_default=True,
+              help="Bench time for all runs with their rests.")  # fmt: skip
+@click.option("--programme", "programme_folder", type=_FOLDER,
+              help="Another programme than the one in the package.")  # fmt: skip
+@click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
+@click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
+              help="With --sim: an effect that the simulated bench has.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+              help="With --sim: of its noise.")  # fmt: skip
+@bench_option
+def investigate(
+    *,
+    folder: Path,
+    minutes: float,
+    programme_folder: Path | None,
+    sim: bool,
+    effects: tuple[str, ...],
+    seed: int,
+    bench: str,
+) -> None:
+    """Find what has changed: check up, then play again what separates best, until it is settled.
+
+    Stops when one cause is left, the time is spent, or no run would separate what stays. Then the
+    check-up is played once more as proof, and the model with the cause is written. Says at each
+    step what it plays and why. Interrupted, the same command goes on. The bench is disarmed after
+    each run.
+    """
+    from smad.cli.baselines import chosen_programme
+    from smad.gap.paired.inquiry import Inquiry
+    from smad.gap.paired.series import next_open
+    from smad.gap.paired.store import load
+
+    if effects and not sim:
+        raise click.UsageError("--effect is of a simulated bench; add --sim")
+    plant = new_plant()
+    baseline = load(folder, plant)
+    programme = chosen_programme(programme_folder, quick=False)
+    require_same(folder, baseline.bench, "simulated" if sim else bench, baseline.programme,
+                 programme, part=True)  # fmt: skip
+    place = next_open(folder, "investigation", "investigation.json", _over)
+    before = len(list(place.glob("*.mcap")))
+    with player(sim=sim, seed=seed + 1000 + before, effects=effects, bench=bench) as play:
+        inquiry = Inquiry(
+            plant=plant,
+            reference=baseline.reference,
+            programme=programme,
+            originals=folder / "good-1",
+            folder=place,
+            play=play,
+            say=say,
+            seconds=60.0 * minutes,
+        )
+        with progress() as line:
+            report = inquiry.carry_out(line.say)
+    _print(report, place, inquiry.spent_s(report))
+
+
+def _over(path: Path) -> bool:
+    """Whether an investigation has come to its end."""
+    import msgspec
+
+    from smad.gap.paired.inquiry import Report
+
+    return bool(msgspec.json.decode(path.read_bytes(), type=Report).why_over)
+
+
+def _print(report: Report, folder: Path, spent_s: float) -> None:
+    from smad.cli.baselines import print_verdict
+    from smad.gap.paired.verdict import budget_lines
+
+    assert report.verdict is not None
+    print_verdict(report.verdict)
+    click.echo(f"{report.why_over}; {len(report.records)} runs in {spent_s / 60.0:.1f} min")
+    for run, separation in report.offers.items():
+        click.echo(
+            f"the baseline lacks {run}: commissioned on the good bench, it might separate them by "
+            f"d² = {separation:.0f}"
+        )
+    if report.proof:
+        click.echo("held out, with the strengths from the runs before:")
+        for text in budget_lines(report.proof):
+            click.echo(text)
+    if report.model:
+        click.echo(f"model: {report.model}")
+    click.echo(f"runs and report: {folder}")
+
+
+def proposal(folder: Path, now: Path | None) -> Proposal:
+    """What an investigation would play next, from the newest runs of now beside a baseline."""
+    from smad.gap.paired.constants import shipped_constants
+    from smad.gap.paired.difference import paired
+    from smad.gap.paired.errors import BaselineError
+    from smad.gap.paired.files import read_folder
+    from smad.gap.paired.investigate import propose
+    from smad.gap.paired.judge import examine
+    from smad.gap.paired.spring_pair import TRAITS
+    from smad.gap.paired.store import load
+    from smad.gap.paired.verdict import decide
+
+    plant = new_plant()
+    reference = load(folder, plant).reference
+    begun = (p for p in folder.glob("now-*") if any(p.glob("*.mcap")))
+    places = sorted(begun, key=lambda p: p.stat().st_mtime)
+    if now is None and not places:
+        raise BaselineError(
+            f"{folder} holds no check-up yet", action="make one with smad gap checkup --baseline"
+        )
+    known = {r.name for r in reference.runs}
+    found = read_folder(now or places[-1])
+    runs = [(f.run, f.name) for f in found if f.name in known]
+    pairs = paired(plant, TRAITS, reference, runs)
+    constants = shipped_constants()
+    with progress() as line:
+        verdict = decide(pairs, examine(pairs, constants, progress=line.say), constants)
+    click.secho(verdict.headline, bold=True)
+    alike = dict.fromkeys(known, 1.0)
+    return propose(pairs, verdict, constants, alike, left_s=1.0)

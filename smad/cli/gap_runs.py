@@ -1,0 +1,83 @@
+"""Runs on the command line of the diagnosis: files, patterns and folders, several to an option."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from smad.cli import complete
+
+SUFFIX = ".mcap"
+"""What a folder is searched for: run logs."""
+
+
+class ManyRuns(click.Command):
+    """A command whose `--hold-out` and `--good` take all that follows, up to the next option."""
+
+    GREEDY = ("--hold-out", "--good")
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, spread(args, self.GREEDY))
+
+
+def spread(args: Sequence[str], greedy: Sequence[str]) -> list[str]:
+    """The arguments with the name of a greedy option before each of its values."""
+    out: list[str] = []
+    option = ""
+    for i, arg in enumerate(args):
+        if arg == "--":
+            return [*out, *args[i:]]
+        if arg.startswith("-"):
+            option = arg if arg in greedy else ""
+            following = args[i + 1] if i + 1 < len(args) else "--"
+            if not option or following.startswith("-"):
+                out.append(arg)
+        else:
+            out += [option, arg] if option else [arg]
+    return out
+
+
+def files(ctx: click.Context, param: click.Parameter, values: Sequence[str]) -> tuple[Path, ...]:
+    """A callback: the run logs that files, patterns ('runs/*.mcap') and folders stand for."""
+    return tuple(path for value in values for path in _files(value, ctx, param))
+
+
+def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]:
+    path = Path(value)
+    if path.is_file():
+        return [path]
+    if path.is_dir():
+        found = sorted(p for p in path.iterdir() if p.suffix == SUFFIX)
+        lacking = f"folder {value!r} holds no run log (*{SUFFIX})"
+    else:
+        found = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
+        lacking = f"no file, folder or match of a pattern is {value!r}"
+    if not found:
+        raise click.BadParameter(
+            f"{lacking}. Give run logs, a folder of them or a quoted pattern", ctx, param
+        )
+    return found
+
+
+runs_argument = click.argument(
+    "runs",
+    nargs=-1,
+    required=True,
+    callback=files,
+    metavar="RUN…",
+    shell_complete=complete.runs,
+)
+some_runs_argument = click.argument(
+    "runs", nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
+)
+hold_out_option = click.option(
+    "--hold-out", multiple=True, callback=files, metavar="RUN…",
+    help="Runs to judge on, never fitted to: files, patterns or folders, up to the next option.",
+)  # fmt: skip
+good_option = click.option(
+    "--good", multiple=True, callback=files, metavar="RUN…",
+    help="Runs known to be good: files, patterns or folders, up to the next option.",
+)  # fmt: skip

@@ -1,0 +1,113 @@
+"""`smad run repeat`: the inputs of a recorded run again, on a bench or in virtual time."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.output import bench_option, lease_option, progress
+
+if TYPE_CHECKING:
+    from smad.experiments.repeating import Repeat
+
+_FILE = click.Path(dir_okay=False, path_type=Path)
+
+
+@click.command()
+@click.argument("run", type=_FILE)
+@click.option("--as-is", is_flag=True, help="Begin where the bench is, without cooling first.")
+@click.option("--other-bench", is_flag=True, help="Also a run of another bench or board.")
+@click.option("--sim", is_flag=True, help="In virtual time, on a simulated bench.")
+@click.option(
+    "--save-logs",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    help="With --sim, the folder of the new run log.",
+)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+              help="With --sim: of its noise.")  # fmt: skip
+@lease_option
+@bench_option
+def repeat(
+    *,
+    run: Path,
+    as_is: bool,
+    other_bench: bool,
+    sim: bool,
+    save_logs: Path,
+    seed: int,
+    lease: float,
+    bench: str,
+) -> None:
+    """Play the currents and pump duties of RUN again, sample by sample, into a new run log.
+
+    Any run log can be repeated, also of closed-loop motion: what its board applied is played open
+    loop. The springs are cooled first, until displacement and temperatures are where RUN began. All
+    limits act, and the motion ends when a reading is further from RUN than `control.repeat` allows.
+    """
+    from smad.experiments.repeating import read_repeat
+
+    found = read_repeat(run)
+    if found.armed_s < found.whole_s - 0.1:
+        click.echo(
+            f"{run.name}: its board was armed for {found.armed_s:.1f} of {found.whole_s:.1f} s; "
+            "that part is repeated",
+            err=True,
+        )
+    name = f"repeat-of-{run.stem}"[:64]
+    path = (
+        _virtual(found, name, save_logs, seed)
+        if sim
+        else _live(found, name, bench, lease, as_is=as_is, other_bench=other_bench)
+    )
+    click.echo(f"{run.name} repeated: {path}")
+
+
+def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
+    from sim_device.plant import load_parameters
+    from smad.config import Config
+    from smad.experiments.driver import log_path
+    from smad.experiments.virtual import VirtualDriver
+
+    found.require_fit(Config())
+    plan = found.plan(name)
+    with progress() as line:
+        VirtualDriver(load_parameters("A"), seed=seed, folder=folder, progress=line.say).run(plan)
+    return log_path(folder, plan)
+
+
+def _live(
+    found: Repeat, name: str, bench: str, lease_s: float, *, as_is: bool, other_bench: bool
+) -> Path:
+    from smad.cli.leased import LeasedDriver
+    from smad.cli.output import client
+    from smad.client.signals import ended_by_signals
+    from smad.config import parse_config
+    from smad.experiments.errors import EndedEarlyError
+    from smad.experiments.replayer import Directly, Replayer
+
+    with ended_by_signals(), client(bench) as connected, progress() as line:
+        found.require_fit(parse_config(connected.config()))
+        if not other_bench:
+            board = connected.status().board
+            found.require_bench("" if board is None else board.uid, bench)
+        driver: Directly | Replayer
+        if as_is:
+            driver = Directly(connected, progress=line.say)
+        else:
+            driver = Replayer(connected, progress=line.say, sleep=time.sleep)
+            driver.start = found.start
+        leased = LeasedDriver(
+            connected, driver, lease_s=lease_s, progress=line.say, who="smad run repeat"
+        )
+        try:
+            leased.run(found.plan(name))
+        except EndedEarlyError:
+            click.echo(f"recorded until then: {driver.log}", err=True)
+            raise
+        assert driver.log is not None
+        return driver.log

@@ -1,0 +1,52 @@
+"""`smad service`: the files that let systemd and udev look after a bench."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+_NEXT = """\
+Next: put the vendor and product of your adapter into the udev rule, then
+  udevadm control --reload && udevadm trigger
+  systemctl daemon-reload"""
+
+
+@click.group()
+def service() -> None:
+    """Install the unit for systemd and the rule for udev."""
+
+
+@service.command()
+@click.option(
+    "--root",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("/"),
+    show_default=True,
+    help="Root of the system, for an image that is being made.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace files that somebody changed.")
+def install(root: Path, overwrite: bool) -> None:
+    """Write both files where the system looks for them; needs root.
+
+    The unit starts the smad that this command belongs to.
+    """
+    from smad.service import files
+
+    for path in files.install(root, _program(), overwrite=overwrite):
+        click.echo(path)
+    click.echo(_NEXT)
+
+
+@service.command()
+def show() -> None:
+    """Print both files as `install` would write them."""
+    from smad.service import files
+
+    for name, place in files.PLACES.items():
+        click.echo(f"# /{place}/{name}\n{files.content(name, _program())}")
+
+
+def _program() -> str:
+    return str(Path(sys.prefix) / "bin" / "smad")

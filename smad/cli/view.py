@@ -1,0 +1,58 @@
+"""`smad view`: the live page in a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.output import bench_option
+
+if TYPE_CHECKING:
+    from smad.view.server import Links
+
+
+@click.command()
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8787,
+    show_default=True,
+    help="TCP port on this machine; 0 takes any.",
+)
+@click.option("--no-browser", is_flag=True, help="Only print the links.")
+@click.option("--watch-only", is_flag=True, help="No link commands the bench.")
+@bench_option
+def view(port: int, no_browser: bool, watch_only: bool, bench: str) -> None:
+    """Serve the live page of the bench until ctrl-C, and open it in a browser.
+
+    It is reached from this machine only, with the token in its link.
+    """
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_serve(bench, port, watch_only=watch_only, browser=not no_browser))
+
+
+async def _serve(bench: str, port: int, *, watch_only: bool, browser: bool) -> None:
+    from smad.view.server import serving
+
+    async with serving(bench, port, watch_only=watch_only) as page:
+        _tell(page.links)
+        if browser:
+            _open(page.links)
+        await asyncio.Event().wait()
+
+
+def _tell(links: Links) -> None:
+    if links.command:
+        click.echo(f"command: {links.command}")
+    click.echo(f"watch:   {links.watch}")
+    click.echo("Whoever has a link can use it; ctrl-C ends the page, not the bench.")
+
+
+def _open(links: Links) -> None:
+    import webbrowser
+
+    if not webbrowser.open(links.command or links.watch):
+        click.echo("no browser was found here; open a link yourself", err=True)

@@ -1,0 +1,150 @@
+"""`smad status --watch`: a screen that is drawn anew twice a second, and two keys."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+from smad.cli.watch_screen import History, Line, Style, screen
+from smad.errors import SmadError
+
+if TYPE_CHECKING:
+    import curses
+
+    from smad.api import Motion, Status
+
+REFRESH_S = 0.5
+PATIENCE_S = 1.0
+"""How long an answer may take before the screen says that it is not live."""
+STOP_KEYS = frozenset(" sS")
+QUIT_KEYS = frozenset("qQ")
+
+
+class Bench(Protocol):
+    """What of a client is used here."""
+
+    def status(self) -> Status:
+        """Return everything about the bench."""
+
+    def disarm(self) -> Motion:
+        """Stop it."""
+
+
+class Terminal(Protocol):
+    """A screen and its keys."""
+
+    def size(self) -> tuple[int, int]:
+        """Return columns and rows."""
+
+    def draw(self, lines: Sequence[Line]) -> None:
+        """Show these lines and nothing else."""
+
+    def key(self, timeout_s: float) -> str:
+        """Return the next key, or nothing when none came in time."""
+
+
+def watch(bench: Bench, terminal: Terminal, clock_s: Callable[[], float]) -> None:
+    """Show the bench until somebody quits."""
+    history, now, away, said = History(), None, "", ""
+    due_s = clock_s()
+    while True:
+        if clock_s() >= due_s:
+            try:
+                now, away = bench.status(), ""
+            except SmadError as error:
+                away = str(error)
+            history.add(None if now is None or away else now.sample)
+            due_s = clock_s() + REFRESH_S
+        columns, rows = terminal.size()
+        terminal.draw(screen(now, history, columns=columns, rows=rows, away=away, said=said))
+        key = terminal.key(max(0.0, due_s - clock_s()))
+        if key in QUIT_KEYS:
+            return
+        if key in STOP_KEYS:
+            said = _stopped(bench)
+            due_s = clock_s()
+
+
+def _stopped(bench: Bench) -> str:
+    try:
+        return f"stopped: the board is in {bench.disarm().mode}"
+    except SmadError as error:
+        return f"NOT CONFIRMED: {error}"
+
+
+class CursesTerminal:
+    """The terminal that we run in, on its alternate buffer."""
+
+    def __init__(self, window: curses.window) -> None:
+        import curses
+
+        self._window = window
+        self._error = curses.error
+        window.keypad(True)
+        with contextlib.suppress(curses.error):
+            curses.curs_set(0)
+        self._attributes: dict[Style, int] = dict.fromkeys(_COLOURS, curses.A_BOLD)
+        self._attributes |= {"plain": 0, "title": curses.A_BOLD}
+        if curses.has_colors():
+            curses.use_default_colors()
+            for number, (style, colour) in enumerate(_COLOURS.items(), 1):
+                curses.init_pair(number, getattr(curses, colour), -1)
+                self._attributes[style] = curses.color_pair(number) | curses.A_BOLD
+
+    def size(self) -> tuple[int, int]:
+        """Return columns and rows; it may have been made larger or smaller."""
+        rows, columns = self._window.getmaxyx()
+        return columns, rows
+
+    def draw(self, lines: Sequence[Line]) -> None:
+        """Show these lines and nothing else."""
+        self._window.erase()
+        for row, line in enumerate(lines):
+            # Writing into the last place of a window moves beyond it, which curses calls an error.
+            with contextlib.suppress(self._error):
+                self._window.addstr(row, 0, line.text, self._attributes[line.style])
+        self._window.refresh()
+
+    def key(self, timeout_s: float) -> str:
+        """Return the next key, or nothing when none came in time, or the size changed."""
+        self._window.timeout(round(timeout_s * 1000))
+        try:
+            key = self._window.get_wch()
+        except self._error:
+            return ""
+        return key if isinstance(key, str) else ""
+
+
+_COLOURS: dict[Style, str] = {
+    "good": "COLOR_GREEN",
+    "warned": "COLOR_YELLOW",
+    "bad": "COLOR_RED",
+    "armed": "COLOR_YELLOW",
+}
+
+
+def run(bench: Bench) -> None:
+    """Watch in this terminal, and leave it as it was; ctrl-C quits too."""
+    with _curses() as terminal, contextlib.suppress(KeyboardInterrupt):
+        watch(bench, terminal, time.monotonic)
+
+
+@contextlib.contextmanager
+def _curses() -> Iterator[CursesTerminal]:
+    import curses
+    import locale
+
+    locale.setlocale(locale.LC_ALL, "")
+    window = curses.initscr()
+    try:
+        curses.noecho()
+        curses.cbreak()
+        if curses.has_colors():
+            curses.start_color()
+        yield CursesTerminal(window)
+    finally:
+        curses.nocbreak()
+        curses.echo()
+        curses.endwin()

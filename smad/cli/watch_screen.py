@@ -1,0 +1,162 @@
+"""What `smad status --watch` shows: lines of text that fit a terminal. Pure."""
+
+from __future__ import annotations
+
+import textwrap
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
+
+from firmware_protocol import enums
+from firmware_protocol.supervisor.faults import FAULT_TEXTS
+from smad.api import Entry, Status
+from smad.runlog.schema import Row
+from smad.view.strips import STRIPS, Curve, Strip
+
+LEAST_COLUMNS, LEAST_ROWS = 60, 20
+MOST_HISTORY = 240
+BARS = "▁▂▃▄▅▆▇█"
+GAP = " "
+KEYS = "space: STOP (disarm)   q: quit, the bench goes on"
+
+_NAME, _VALUE, _RANGE = 25, 11, 19
+
+Style = Literal["plain", "title", "good", "warned", "bad", "armed"]
+
+
+class Line(NamedTuple):
+    """One row of the screen."""
+
+    text: str
+    style: Style = "plain"
+
+
+class History:
+    """What the sparklines show: the last values of each curve, one a refresh."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, deque[float | None]] = {}
+
+    def add(self, row: Row | None) -> None:
+        """Take in the readings of one refresh; None: there were none."""
+        for strip, curve in CURVES:
+            value = None if row is None else getattr(row, curve.column)
+            kept = self._values.setdefault(curve.column, deque(maxlen=MOST_HISTORY))
+            kept.append(None if value is None else value * strip.scale)
+
+    def last(self, column: str, count: int) -> list[float | None]:
+        """Return the newest `count` values of a column, oldest first."""
+        return list(self._values.get(column, ()))[-count:]
+
+
+CURVES: tuple[tuple[Strip, Curve], ...] = tuple(
+    (strip, curve) for strip in STRIPS if not strip.on_demand for curve in strip.curves
+)
+
+
+def sparkline(values: Sequence[float | None]) -> str:
+    """Return a bar a value, from the least to the most of them; a space where there is none."""
+    known = [value for value in values if value is not None]
+    low, high = (min(known), max(known)) if known else (0.0, 0.0)
+    step = (high - low) / (len(BARS) - 1)
+    return "".join(
+        GAP if value is None else BARS[round((value - low) / step) if step else 0]
+        for value in values
+    )
+
+
+def screen(
+    now: Status | None, history: History, *, columns: int, rows: int, away: str = "", said: str = ""
+) -> list[Line]:
+    """Return at most `rows` lines of at most `columns` characters.
+
+    State and fault stand first and the keys last, whatever there is between. `away` says why there
+    is no status, or that `now` is old; `said` what came of the last key.
+    """
+    if columns < LEAST_COLUMNS or rows < LEAST_ROWS:
+        needed = f"This needs {LEAST_COLUMNS} columns and {LEAST_ROWS} rows."
+        return [Line(text[:columns]) for text in (needed, KEYS)][:rows]
+    pinned = [*_away(away), *(() if now is None else _pinned(now, columns))]
+    foot = [Line(said), Line(KEYS, "title")]
+    middle = [] if now is None else [*_readings(now, history, columns), *_facts(now)]
+    room = rows - len(pinned) - len(foot)
+    if now is not None:
+        middle += _events(now, room - len(middle))
+    middle = middle[:room]
+    middle += [Line("")] * (room - len(middle))
+    return [Line(line.text[:columns], line.style) for line in (*pinned, *middle, *foot)]
+
+
+def _away(why: str) -> Iterator[Line]:
+    if why:
+        yield Line(f"NOT LIVE: {why}", "bad")
+
+
+def _pinned(now: Status, columns: int) -> Iterator[Line]:
+    motion = now.motion
+    state = f"{now.bench}: {'ARMED' if motion.armed else 'not armed'}, board {motion.mode}"
+    yield Line(f"{state}, link {now.link.state}", "armed" if motion.armed else "good")
+    if motion.fault is None:
+        yield Line("no fault")
+    else:
+        yield Line(f"FAULT {motion.fault.in_words()} (by the {motion.fault.by})", "bad")
+        text = FAULT_TEXTS[enums.Fault(motion.fault.number)]
+        told = textwrap.wrap(f"{text.cause} {text.remedy} Then smad clear.", columns - 2)
+        yield from (Line(f"  {line}", "bad") for line in told)
+    if now.warnings:
+        yield Line(f"warnings: {', '.join(now.warnings)}", "warned")
+    done = "done" if motion.done else "under way"
+    yield Line(f"{motion.running}, {done}; limited by: {now.limiter}")
+    yield Line("")
+
+
+def _readings(now: Status, history: History, columns: int) -> Iterator[Line]:
+    width = columns - _NAME - _VALUE - _RANGE - 3
+    yield Line(f"{'':<{_NAME}} {'now':>{_VALUE}} {'':<{width}} {'least … most':>{_RANGE}}", "title")
+    for strip, curve in CURVES:
+        values = history.last(curve.column, width)
+        known = [value for value in values if value is not None]
+        if not known:
+            continue
+        name = f"{strip.title.partition(' of ')[0]}, {curve.label}"
+        newest = values[-1]
+        value = "–" if newest is None else f"{_fixed(newest, strip.digits)} {strip.unit}"
+        ends = f"{_fixed(min(known), strip.digits)} … {_fixed(max(known), strip.digits)}"
+        yield Line(
+            f"{name:<{_NAME}} {value:>{_VALUE}} {sparkline(values):>{width}} {ends:>{_RANGE}}"
+        )
+
+
+def _fixed(value: float, digits: int) -> str:
+    # Without the sign of a zero.
+    return f"{round(value, digits) + 0.0:.{digits}f}"
+
+
+def _facts(now: Status) -> Iterator[Line]:
+    yield Line("")
+    age = now.timing.setpoint_age
+    if age.count:
+        yield Line(f"setpoint age p50 {age.p50_us:.0f} µs, p99 {age.p99_us:.0f} µs")
+    missed = now.counts.missed
+    yield Line(
+        f"{now.link.rate_hz} Hz, {missed} of {now.counts.samples} samples missed",
+        "bad" if missed else "plain",
+    )
+    recorder = now.recorder
+    if recorder.error:
+        yield Line(f"run log: {recorder.error}", "bad")
+    elif recorder.recording:
+        yield Line(f"recording {recorder.path}")
+    if now.control.holder:
+        yield Line(f"in control: {now.control.holder}, {now.control.left_s:.0f} s left")
+
+
+def _events(now: Status, room: int) -> list[Line]:
+    if room < 2:
+        return []
+    return [Line(""), *map(_event, now.events[1 - room :])]
+
+
+def _event(event: Entry) -> Line:
+    return Line(f"{time.strftime('%H:%M:%S', time.localtime(event.time_s))}  {event.text}")

@@ -1,0 +1,81 @@
+"""The daemon's names in its runtime folder, made again when somebody deletes them.
+
+A cleaner of /tmp, or a hand, may remove the folder while the daemon runs. Open connections go on;
+without the names nobody new could stop the bench.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from contextlib import nullcontext
+from pathlib import Path
+
+from smad.client.endpoints import Connection, Endpoints, prepare_folder, write_connection
+from smad.daemon.lockfile import LockFile
+from smad.daemon.sockets.descriptors import Reserve
+from smad.daemon.sockets.listener import Listener
+from smad.errors import DaemonError
+
+_Identity = tuple[int, int] | None
+"""Device and number of the file that has a name; None: there is none."""
+
+
+class Place:
+    """Lock, sockets and connection file of one bench. All of them must be there by now."""
+
+    def __init__(
+        self,
+        endpoints: Endpoints,
+        connection: Connection,
+        lock: LockFile,
+        listeners: Iterable[Listener],
+        reserve: Reserve = nullcontext,
+    ) -> None:
+        self._endpoints = endpoints
+        self._connection = connection
+        self._lock = lock
+        self._listeners = {Path(one.path): one for one in listeners if one.path}
+        self._reserve = reserve
+        self._trouble = ""
+        self._known = self._identities()
+
+    def look(self) -> str:
+        """Make again what is gone; return what there is to tell, which is mostly nothing."""
+        gone = [path for path, identity in self._known.items() if _identity(path) != identity]
+        if not gone:
+            return ""
+        with self._reserve():
+            before, self._trouble = self._trouble, self._restored(gone)
+        if self._trouble:
+            return "" if self._trouble == before else self._trouble
+        self._known = self._identities()
+        names = ", ".join(path.name for path in gone)
+        return f"somebody removed {names} from {self._endpoints.folder}: made again"
+
+    def _restored(self, gone: list[Path]) -> str:
+        try:
+            umask = prepare_folder(self._endpoints.folder)
+            if self._lock.path in gone:
+                self._lock.take_again()
+            for path, listener in self._listeners.items():
+                if path in gone:
+                    listener.listen_again(umask)
+            write_connection(self._endpoints.connection_file, self._connection, umask)
+        except BlockingIOError:
+            return f"another daemon has the name of this bench: {self._lock.holder()}"
+        except (DaemonError, OSError) as error:
+            return f"the sockets in {self._endpoints.folder} cannot be made again: {error}"
+        return ""
+
+    def _identities(self) -> dict[Path, _Identity]:
+        paths = (self._lock.path, self._endpoints.connection_file, *self._listeners)
+        return {path: _identity(path) for path in paths}
+
+
+def _identity(path: Path) -> _Identity:
+    try:
+        found = os.lstat(path)
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino

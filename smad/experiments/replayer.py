@@ -1,0 +1,83 @@
+"""Runs played again on a bench, each begun from the rest that the recorded one began from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from smad.control.commands import DriveCurrent
+from smad.control.plan import Plan
+from smad.experiments.driver import Progress
+from smad.experiments.errors import ExperimentError
+from smad.experiments.live import LiveDriver
+from smad.experiments.rest import NEAR_K, NEAR_MM, Start, start_of_row
+
+if TYPE_CHECKING:
+    from smad.client import Client
+
+STROKE_DEGC = 45.0
+STROKE_A = 2.5
+LONGEST_STROKE_S = 60.0
+COLD_K = 1.0
+SETTLE_S = 1.0
+
+
+class Replayer(LiveDriver):
+    """Brings the springs to a known rest before each run.
+
+    `start` is the rest that the next run is to begin from; None: any cold one. With `strokes` each
+    spring is heated once before, always in the same order, so that what the springs keep of earlier
+    runs is the same every time; without, only when the bench is not at its start. `elsewhere` is
+    told when it does not come to its start; without it that is an error.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        *,
+        progress: Progress | None = None,
+        sleep: Callable[[float], None],
+        strokes: bool = False,
+        elsewhere: Progress | None = None,
+    ) -> None:
+        super().__init__(client, progress=progress, sleep=sleep)
+        self.start: Start | None = None
+        self._strokes = strokes
+        self._elsewhere = elsewhere
+
+    def rest(self, plan: Plan) -> None:
+        """Cool, make the strokes, and wait until the bench is where it was, or say why not."""
+        self.cool(plan, COLD_K)
+        if self._strokes or self._away():
+            self._stroke(plan, DriveCurrent(i_y_A=STROKE_A, stop_spring="y",
+                                            stop_above_degC=STROKE_DEGC))  # fmt: skip
+            self._stroke(plan, DriveCurrent(i_x_A=STROKE_A, stop_spring="x",
+                                            stop_above_degC=STROKE_DEGC))  # fmt: skip
+        self.pause(plan, SETTLE_S)
+        away = self._away()
+        if away and self._elsewhere is not None:
+            self._elsewhere(f"{plan.name} begins elsewhere than the run it repeats: {away}")
+        elif away:
+            raise ExperimentError(
+                f"run {plan.name}: the bench does not come to the rest it began from then",
+                value=away,
+                limit=f"{NEAR_MM:g} mm and {NEAR_K:g} K either way",
+                action="see whether something holds the tendon, or begin where it is with --as-is",
+            )
+
+    def _stroke(self, plan: Plan, command: DriveCurrent) -> None:
+        self.carry_out(plan, command, "the spring does not warm up", LONGEST_STROKE_S)
+        self.cool(plan, COLD_K)
+
+    def _away(self) -> str:
+        row = self.sample()
+        if self.start is None or row is None:
+            return ""
+        return self.start.away(start_of_row(row))
+
+
+class Directly(LiveDriver):
+    """Begins each run where the bench is."""
+
+    def rest(self, plan: Plan) -> None:
+        """Nothing to wait for."""

@@ -1,0 +1,59 @@
+"""Whether an effect has come since the known-good runs, or was there all along."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from smad.gap.fit.candidate import Candidate, cluster_gain
+from smad.gap.fit.judge import judge
+from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.plant import Effect
+
+_ITERATIONS = 4
+
+
+def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: float) -> bool:
+    """Whether the last effect of `candidate` explains the runs better than the good runs' value.
+
+    If the good runs do not ask for the effect, it is new. If they do, it is a law that the model
+    lacks, and what counts is what its value of today gains over theirs: more than `errors` standard
+    errors of the held-out score.
+    """
+    effect = candidate.fit.space.effects[-1]
+    known = _fitted_to(good, effect, candidate)
+    settings = good.problem.evidence.settings
+    if good.objective - known.objective < settings.asked_gain:
+        return True
+    as_before = _with_values(candidate.fit, effect, known)
+    judged = judge([as_before], hold)[0]
+    gain, error = cluster_gain(
+        candidate.fit.problem, hold, candidate.judged.scores() - judged.scores()
+    )
+    return gain > errors * error
+
+
+def _fitted_to(good: Fitted, effect: Effect, candidate: Candidate) -> Fitted:
+    """The good runs' fit with the effect free and all else as it was."""
+    values = {effect.name: candidate.fit.point.effects[effect.name]}
+    space, p = good.beside((effect,), values)
+    n = space.n_theta
+    pinned = {i: float(p[i]) for i in range(n)}
+    steps = fitting(
+        good.problem, space, p, theta_A=good.A[:, :n], iterations=_ITERATIONS, pinned=pinned
+    )
+    return drive(good.problem.evidence, [steps])[0]
+
+
+def _with_values(fit: Fitted, effect: Effect, source: Fitted) -> Fitted:
+    """The refit beside the good runs' value of one effect, which is fixed there."""
+    fixed = {**fit.space.fixed, effect.name: source.point.effects[effect.name]}
+    space = replace(fit.space, effects=fit.space.effects[:-1], fixed=fixed)
+    n = fit.space.n_theta
+    steps = fitting(
+        fit.problem,
+        space,
+        fit.p[: space.size],
+        theta_A=fit.A[:, :n],
+        iterations=_ITERATIONS,
+    )
+    return drive(fit.problem.evidence, [steps])[0]

@@ -1,0 +1,270 @@
+"""Forward and backward selection of effects, judged on runs and regimes left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.gap.compare.places import Place, posterior
+from smad.gap.fit.candidate import Candidate, acceptable, asked_gain, cluster_gain, touched_outputs
+from smad.gap.fit.joint import JointFit, Start, joint_fits
+from smad.gap.fit.judge import Judged, judge, regime_gains, shrink
+from smad.gap.fit.lsq import Fitted, Problem
+from smad.gap.fit.screen import Probes, Screened, probe, reprobe, screen
+from smad.gap.fit.significance import tail_p
+from smad.gap.plant import Array, Effect
+from smad.gap.settings import Settings
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The outcome: `base` (refit only), `best`, and what stood beside it.
+
+    `steps` are the accepted models in order. `rivals` are, for each effect of `best`, the models
+    with that effect replaced by another. `probability` is, for each effect of `best`, that of every
+    effect in its place, "" being none. `screened` is the first screening.
+    """
+
+    base: Candidate
+    best: Candidate
+    steps: tuple[Candidate, ...]
+    rivals: dict[str, tuple[Candidate, ...]]
+    probability: dict[str, dict[str, float]]
+    screened: tuple[Screened, ...]
+    tried: tuple[Candidate, ...]
+
+    @classmethod
+    def without_effects(cls, refit: Candidate, asked: Selection) -> Selection:
+        """Another refit, with nothing in it, as the answer to what `asked` has screened."""
+        return cls(refit, refit, (), {}, {}, asked.screened, ())
+
+
+class Selector:
+    """Forward steps, swaps and backward steps over the effects of a library.
+
+    `unscreened` effects are fitted and judged even where screening gains nothing by them.
+    """
+
+    def __init__(
+        self,
+        refit: Fitted,
+        hold: Problem | None,
+        effects: Sequence[Effect],
+        null: Callable[[Probes], Array],
+        progress: Callable[[str], None] = lambda text: None,
+        *,
+        is_new: Callable[[Candidate], bool] = lambda candidate: True,
+        unscreened: Collection[str] = (),
+    ) -> None:
+        self.refit, self.hold, self.is_new = refit, hold, is_new
+        self.unscreened = unscreened
+        self.tied = refit.space.tie is not None
+        # The order in which a library lists its effects must not matter.
+        self.effects = tuple(sorted(effects, key=lambda e: e.name))
+        self.settings: Settings = refit.problem.evidence.settings
+        self._null_of, self._null = null, np.zeros(0)
+        self.progress = progress
+        self.masks = refit.problem.evidence.regime_masks()
+        # What is asked twice of the same fit, with the fit, so that its identity stays its own.
+        self._refits: dict[tuple[int, tuple[str, ...]], tuple[Fitted, JointFit]] = {}
+        self._less: dict[tuple[int, str], tuple[Fitted, Candidate]] = {}
+        self._news: dict[int, tuple[Fitted, bool]] = {}
+
+    def run(self) -> Selection:
+        """The whole selection."""
+        base = Candidate(JointFit(self.refit, ()), judge([self.refit], self.hold)[0])
+        current = base
+        steps: list[Candidate] = []
+        tried: list[Candidate] = []
+        first: list[Screened] = []
+        while len(steps) < self.settings.max_effects:
+            self.progress(f"screening for effect {len(steps) + 1}")
+            ranked, candidates = self._level(current, first_level=not steps)
+            first = first or ranked
+            chosen = self._first(candidates)
+            if chosen is not None:
+                current, candidates = self._on_equal_terms(current, chosen, candidates)
+                if steps:
+                    steps[-1] = current
+                else:
+                    base = current
+                chosen = self._first(candidates)
+            tried += candidates
+            if chosen is None:
+                break
+            steps.append(chosen)
+            current = chosen
+        best = self._backward(base, current) if len(steps) > 1 else current
+        best, places = self._places(base, best, tried)
+        rivals = {name: place.rivals for name, place in places.items()}
+        probability = {name: posterior(name, p, best, self.hold) for name, p in places.items()}
+        if not places and tried:
+            nothing = Place(base, tuple(tried[:4]))
+            probability[""] = posterior("", nothing, base, self.hold)
+        return Selection(base, best, tuple(steps), rivals, probability, tuple(first), tuple(tried))
+
+    def _level(
+        self, current: Candidate, *, first_level: bool
+    ) -> tuple[list[Screened], list[Candidate]]:
+        if first_level:
+            self._probes = probe(current.fit, self.effects)
+            self._null = self._null_of(self._probes)
+        ranked = screen(reprobe(self._probes, current.fit)) if self.effects else []
+        count = self.settings.survivors if first_level else max(3, self.settings.survivors - 3)
+        survivors = _short_list(ranked, count, self.unscreened)
+        self.progress(f"fitting {len(survivors)} candidates")
+        starts = []
+        for s in survivors:
+            sets = (*current.fit.space.effects, s.effect)
+            before = dict(current.fit.point.effects)
+            starts += [
+                Start(sets, {**before, s.effect.name: values})
+                for values in (s.start, s.second)[: self.settings.starts]
+                if values is not None
+            ]
+            if first_level and not self.tied:
+                starts.append(Start(sets, {s.effect.name: s.start}, from_centre=True))
+        joints = joint_fits(current.fit, starts)
+        return ranked, self._judged(current, list(joints.values()))
+
+    def _judged(self, before: Candidate, joints: Sequence[JointFit]) -> list[Candidate]:
+        """Candidates with their gains over `before`, best first."""
+        judged = judge([j.fit for j in joints], self.hold)
+        out = [self._candidate(before, j, v) for j, v in zip(joints, judged, strict=True)]
+        return sorted(out, key=_best_first)
+
+    def _candidate(self, before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
+        rise = before.doubt.scores(judged) - before.doubt.scores(before.judged)
+        gain, se = cluster_gain(before.fit.problem, self.hold, rise)
+        touched = touched_outputs(before.judged, judged)
+        rises = [
+            shrink(judged.excess(keys), before.judged.excess(keys))
+            for keys in (None, list(touched))
+        ]
+        likelihood_gain = before.fit.objective - joint.fit.objective
+        return Candidate(
+            joint,
+            judged,
+            gain,
+            se,
+            tail_p(likelihood_gain, self._null),
+            touched,
+            max(rises),
+            before.judged.excess(list(touched)),
+            float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
+            len(rise),
+        )
+
+    def _first(self, candidates: Sequence[Candidate]) -> Candidate | None:
+        return next((c for c in candidates if self._enters(c)), None)
+
+    def _on_equal_terms(
+        self, before: Candidate, chosen: Candidate, candidates: list[Candidate]
+    ) -> tuple[Candidate, list[Candidate]]:
+        """The model before, refitted from where a candidate has taken its parameters.
+
+        A candidate's fit goes on where the other had ended. What it gains because the parameters
+        have come to a better place is not its effect's: if the model before does better from there,
+        too, that is what all candidates are compared with.
+        """
+        joint = self._refitted(chosen, before.fit.space.effects)
+        if joint.fit.objective >= before.fit.objective:
+            return before, candidates
+        fairer = replace(before, joint=joint, judged=judge([joint.fit], self.hold)[0])
+        again = [self._candidate(fairer, c.joint, c.judged) for c in candidates]
+        return fairer, sorted(again, key=_best_first)
+
+    def _enters(self, c: Candidate) -> bool:
+        if not acceptable(c, self.settings, tied=self.tied):
+            return False
+        # However its gain is reckoned, its fit is judged as it was.
+        known = self._news.get(id(c.fit))
+        if known is None:
+            known = self._news[id(c.fit)] = (c.fit, self.is_new(c))
+        return known[1]
+
+    def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:
+        names = tuple(e.name for e in effects)
+        known = self._refits.get((id(current.fit), names))
+        if known is None:
+            values = current.fit.point.effects
+            start = Start(effects, {name: values[name] for name in names})
+            joint = next(iter(joint_fits(current.fit, [start], finish=1).values()))
+            known = self._refits[id(current.fit), names] = (current.fit, joint)
+        return known[1]
+
+    def _without(self, base: Candidate, current: Candidate, name: str) -> Candidate:
+        """The model refitted without one of its effects; the same for whoever asks first."""
+        known = self._less.get((id(current.fit), name))
+        if known is None:
+            keep = tuple(e for e in current.fit.space.effects if e.name != name)
+            joint = self._refitted(current, keep)
+            without = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
+            known = self._less[id(current.fit), name] = (current.fit, without)
+        return known[1]
+
+    def _backward(self, base: Candidate, current: Candidate) -> Candidate:
+        """Drops effects that the others have made superfluous."""
+        while len(current.names) > 1:
+            smaller = []
+            for drop in current.fit.space.effects:
+                without = self._without(base, current, drop.name)
+                again = self._candidate(without, current.joint, current.judged)
+                # What would not be let in may still carry the others: only its gain counts here.
+                if again.gain <= asked_gain(again, self.settings, tied=self.tied):
+                    smaller.append(without)
+            if not smaller:
+                break
+            current = min(smaller, key=lambda c: (-c.score, c.names))
+        return current
+
+    def _places(
+        self, base: Candidate, best: Candidate, tried: Sequence[Candidate]
+    ) -> tuple[Candidate, dict[str, Place]]:
+        """For each effect of the best model, what else could stand in its place.
+
+        A rival that scores better becomes the best, once: greedy steps may have begun wrongly.
+        """
+        if not best.names:
+            return best, {}
+        if len(best.names) == 1:
+            pool = [c for c in tried if len(c.names) == 1 and c.names != best.names]
+            return best, {best.names[0]: Place(base, tuple(pool[:5]))}
+        for attempt in range(2):
+            out = {name: self._place(base, best, name) for name in best.names}
+            rivals = [c for place in out.values() for c in place.rivals]
+            better = [c for c in rivals if c.score > best.score]
+            if not better or attempt == 1:
+                break
+            winner = max(better, key=lambda c: c.score)
+            best = self._candidate(base, winner.joint, winner.judged)
+        return best, out
+
+    def _place(self, base: Candidate, best: Candidate, name: str) -> Place:
+        """The best model without one of its several effects, and with others in its place."""
+        keep = tuple(e for e in best.fit.space.effects if e.name != name)
+        reduced = self._without(base, best, name)
+        ranked = screen(reprobe(self._probes, reduced.fit))
+        ranked = [s for s in ranked if s.effect.name not in best.names][:4]
+        values = reduced.fit.point.effects
+        starts = [Start((*keep, s.effect), {**values, s.effect.name: s.start}) for s in ranked]
+        found = self._judged(reduced, list(joint_fits(reduced.fit, starts).values()))
+        return Place(reduced, tuple(found))
+
+
+def _best_first(c: Candidate) -> tuple[float, tuple[str, ...]]:
+    return -c.gain, c.names
+
+
+def _short_list(
+    ranked: Sequence[Screened], count: int, unscreened: Collection[str] = ()
+) -> list[Screened]:
+    """The best overall, the best of every sub-model that gains anything, and the `unscreened`."""
+    chosen = [s for s in ranked if s.gain > 0][:count]
+    for s in ranked:
+        if s.gain > 2.0 and all(c.effect.sub_model != s.effect.sub_model for c in chosen):
+            chosen.append(s)
+    chosen += [s for s in ranked if s.effect.name in unscreened and s not in chosen]
+    return chosen

@@ -1,0 +1,120 @@
+"""From a finished selection to the numbers that a verdict rests on."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import norm
+
+from smad.gap.compare.assess import Standing, group_of
+from smad.gap.compare.select import Selection
+from smad.gap.compare.tracks import Track
+from smad.gap.compare.verdict import Evidenced, Unexplained
+from smad.gap.fit.candidate import touched_outputs
+from smad.gap.fit.deficit import clearest, deficit_of, worst_run
+from smad.gap.fit.stages import Prepared
+
+
+def weigh(prepared: Prepared, track: Track) -> Evidenced:
+    """Gaps, shrink, groups and chances of the answer that `track` gave."""
+    selection = track.selection
+    standing = Standing.of(selection, None if track.tied else prepared.gentle)
+    whole = standing.worth(selection.best.judged.bench.evidence.keys)
+    outputs = touched_outputs(selection.base.judged, selection.best.judged)
+    touched = standing.worth(outputs) if outputs else whole
+    errors = prepared.settings.free_standard_errors
+    return Evidenced(
+        effects=_by_importance(selection),
+        groups=_groups(prepared, selection),
+        probability={k: v for table in selection.probability.values() for k, v in table.items()},
+        gap_raw=prepared.raw.excess(),
+        threshold=prepared.threshold,
+        touched=touched,
+        whole=whole,
+        since_good=prepared.background is not None,
+        gap_free=track.free.excess(),
+        tied=track.tied,
+        imitated=track.imitated,
+        instead=track.displaced,
+        gap_instead=track.asked.best.judged.excess(),
+        instead_better=track.free_gain > errors * track.free_gain_se,
+        moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
+        chance=_chance(selection),
+        taken=_taken(prepared, selection),
+        strongest=_strongest(selection),
+        unexplained=_unexplained(prepared, track),
+        visible=_visible(prepared, selection),
+    )
+
+
+def _visible(prepared: Prepared, selection: Selection) -> float:
+    """Share of the effects screened that would show at their typical strength."""
+    floors = prepared.settings.visible_floors
+    shown = [s.size > floors for s in selection.screened]
+    return float(np.mean(shown)) if shown else 1.0
+
+
+def _strongest(selection: Selection) -> float:
+    """Largest gain, nats a cell, of an effect that entered and is still there."""
+    named = set(selection.best.names)
+    steps = [c for c in selection.steps if c.cells and set(c.names) <= named]
+    return max((c.gain / c.cells for c in steps), default=0.0)
+
+
+def _unexplained(prepared: Prepared, track: Track) -> Unexplained | None:
+    """What stands beyond known-good runs whether their parameters are kept or all are refitted."""
+    usual = None if prepared.background is None else prepared.background.usual
+    if usual is None:
+        return None
+    models = [deficit_of(usual, j) for j in (track.asked.base.judged, track.free)]
+    output, spreads = clearest(usual, models)
+    run_output, run, run_deficit = worst_run(models)
+    deficit = min(m.whole for m in models)
+    if spreads > prepared.settings.since_spreads:
+        channel = prepared.outputs[output].channel
+        return Unexplained(deficit, spreads, run_deficit, output, channel)
+    if run_deficit > prepared.settings.since_run_deficit:
+        channel = prepared.outputs[run_output].channel
+        return Unexplained(deficit, spreads, run_deficit, run_output, channel, run)
+    return Unexplained(deficit, spreads, run_deficit)
+
+
+def _taken(prepared: Prepared, selection: Selection) -> float:
+    """Part of what the runs score worse than good runs left out that the effects make good."""
+    usual = None if prepared.background is None else prepared.background.usual
+    if usual is None:
+        return 0.0
+    lacking = deficit_of(usual, selection.base.judged).whole
+    left = deficit_of(usual, selection.best.judged).whole
+    return 1.0 - left / lacking if lacking > 0.0 else 1.0
+
+
+def _chance(selection: Selection) -> float:
+    """How often the best of the single effects tried would stand out as it does by chance."""
+    single = [c for c in selection.tried if len(c.names) == 1 and c.gain_se > 0]
+    if not single:
+        return 1.0
+    strongest = max(c.gain / c.gain_se for c in single)
+    return float(min(1.0, len(single) * norm.sf(strongest)))
+
+
+def _groups(prepared: Prepared, s: Selection) -> dict[str, list[str]]:
+    settings = prepared.settings
+    return {
+        name: group_of(
+            s.best, rivals, s.probability[name], settings.ambiguous_odds, settings.ambiguous_d2
+        )
+        for name, rivals in s.rivals.items()
+    }
+
+
+def _by_importance(selection: Selection) -> tuple[str, ...]:
+    """Effects of the best model, by what leaving each out would change of its predictions."""
+    best = selection.best
+    if len(best.names) < 2:
+        return best.names
+    ev = best.fit.problem.evidence
+    cost = {}
+    for name in best.names:
+        change = ev.predict([best.fit.without(name)])[0] - best.fit.predicted
+        cost[name] = float(np.sum(np.square(best.fit.problem.whitening.scale(change))))
+    return tuple(sorted(cost, key=lambda n: (-cost[n], n)))

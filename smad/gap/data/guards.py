@@ -1,0 +1,98 @@
+"""What would make a verdict false: the same recording given twice, and too few runs.
+
+A recording is known by what it holds, not by its name or file: a copy that was renamed, or written
+by another exporter with other rounding, is the same one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from smad.gap.data.admission import Finding
+from smad.gap.plant import Array
+from smad.gap.runs import GapRun
+
+FIT, HOLD_OUT, GOOD = "fit", "hold-out", "good"
+_ROUNDING = 1e-5
+_WHY_NOT_TWICE = {
+    FIT: "it would only count twice",
+    HOLD_OUT: "it would only count twice",
+    GOOD: "known-good runs would seem to repeat better than they do",
+}
+_WHY_NOT_BOTH = {
+    (FIT, HOLD_OUT): "a model cannot be judged on what it was fitted to",
+    (FIT, GOOD): "a run that is in question cannot say what is good",
+    (HOLD_OUT, GOOD): "a run that is in question cannot say what is good",
+}
+
+
+def without_repeats(
+    groups: Mapping[str, Sequence[GapRun]],
+) -> tuple[dict[str, list[GapRun]], list[Finding]]:
+    """The groups (fit, hold-out, good) with each recording once, in the first that has it.
+
+    The second says what was left out; each of it is a refused run.
+    """
+    kept: dict[str, list[GapRun]] = {role: [] for role in groups}
+    findings = []
+    for role, runs in groups.items():
+        for run in runs:
+            earlier = next(
+                ((r, k) for r, others in kept.items() for k in others if same_recording(k, run)),
+                None,
+            )
+            if earlier is None:
+                kept[role].append(run)
+            else:
+                findings.append(_repeated(run, role, *earlier))
+    return kept, findings
+
+
+def _repeated(run: GapRun, role: str, earlier_role: str, earlier: GapRun) -> Finding:
+    if role == earlier_role:
+        text = f"holds the same samples as {earlier.name}; left out, since {_WHY_NOT_TWICE[role]}"
+    else:
+        why = _WHY_NOT_BOTH[earlier_role, role]
+        text = (
+            f"given as {role}, holds the same samples as {earlier.name}, given as {earlier_role}; "
+            f"left out, since {why}"
+        )
+    return Finding(run.name, "given twice", text, refuses=True)
+
+
+def same_recording(one: GapRun, other: GapRun) -> bool:
+    """Whether two runs hold the same samples, up to rounding and the start of their clocks."""
+    if len(one.t_s) != len(other.t_s) or not len(one.t_s):
+        return False
+    shared = one.outputs.keys() & other.outputs.keys()
+    if one.inputs.keys() != other.inputs.keys() or not shared:
+        return False
+    columns = [(one.t_s - one.t_s[0], other.t_s - other.t_s[0])]
+    columns += [(one.outputs[name], other.outputs[name]) for name in shared]
+    columns += [(one.inputs[name], other.inputs[name]) for name in one.inputs]
+    return all(_alike(a, b) for a, b in columns)
+
+
+def _alike(a: Array, b: Array) -> bool:
+    size = float(np.max(np.abs(a), initial=0.0, where=np.isfinite(a)))
+    return np.allclose(a, b, rtol=0.0, atol=_ROUNDING * size, equal_nan=True)
+
+
+def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list[Finding]:
+    """What fewer runs than a diagnosis needs cost it, by group; the groups are admitted runs."""
+    found = []
+    if len(groups[FIT]) == 1 and not groups[HOLD_OUT]:
+        text = (
+            "a single run to fit and none held out: every figure is of the run that was fitted to; "
+            "give a second run, or one to --hold-out"
+        )
+        found.append(Finding("all runs", "few runs", text, refuses=False))
+    if asked_good and len(groups[GOOD]) == 1:
+        text = (
+            "a single known-good run: what good runs differ in is not known, and any difference "
+            "counts as a change; give two or more of different kinds"
+        )
+        found.append(Finding("all runs", "few runs", text, refuses=False))
+    return found

@@ -1,0 +1,162 @@
+"""The noise floor of each channel: from rest segments, from repeats, and from the quantum.
+
+Run-to-run spread (what repeats differ by, noise included) is told apart: it limits how well any
+model can do, but it is not sensor noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from smad.gap.data.replay import Grid
+from smad.gap.plant import Array, Channel, Mask, PlantModel
+from smad.gap.runs import GapRun
+from smad.gap.settings import Settings
+
+_MIN_REST_ROWS = 30
+_MIN_REST_RUN = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """Noise of one channel on the analysis grid, in channel units.
+
+    `source` is "rest", "differences" or "assumed". `rho` is the correlation between neighbouring
+    rows. `resolution` is what a simulator is not trusted below. `spread` is the run-to-run standard
+    deviation of single samples, their noise included; NaN without repeats.
+    """
+
+    channel: str
+    sigma: float
+    rho: float
+    source: str
+    spread: float = float("nan")
+    resolution: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Noise and resolution in quadrature: what a residual is measured by."""
+        return float(np.hypot(self.sigma, self.resolution))
+
+
+def _stretches(mask: Mask) -> list[slice]:
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int)))
+    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _detrended(y: Array) -> Array:
+    t = np.linspace(-1.0, 1.0, len(y))
+    return y - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 2))
+
+
+def rest_residuals(
+    runs: Sequence[GapRun], grids: Sequence[Grid], plant: PlantModel, channel: Channel
+) -> list[Array]:
+    """Detrended rest stretches of one channel, on the grid."""
+    found = []
+    for run, grid in zip(runs, grids, strict=True):
+        if channel.name not in run.outputs:
+            continue
+        rest = grid.majority(plant.regimes(run, channel.side)["rest"]) & grid.valid
+        y = grid.mean(run.outputs[channel.name])
+        found += [_detrended(y[s]) for s in _stretches(rest) if s.stop - s.start >= _MIN_REST_RUN]
+    return found
+
+
+def _difference_sigma(runs: Sequence[GapRun], grids: Sequence[Grid], name: str) -> float:
+    # Third differences remove any smooth course; their variance is 20 σ². The lower quartile of
+    # |d| keeps the edges of the excitation out.
+    d = [
+        np.diff(g.mean(r.outputs[name]), 3)
+        for r, g in zip(runs, grids, strict=True)
+        if name in r.outputs
+    ]
+    joined = np.abs(np.concatenate(d)) if d else np.zeros(1)
+    return float(np.quantile(joined, 0.25) / 0.3186 / np.sqrt(20.0)) if len(joined) else 0.0
+
+
+def estimate_floors(
+    runs: Sequence[GapRun], plant: PlantModel, settings: Settings
+) -> dict[str, Floor]:
+    """Floor of every channel that some run has, by channel name."""
+    grids = [Grid.of(run, settings.period_s) for run in runs]
+    spread = repeat_spread(runs, plant)
+    floors = {}
+    excursion = excursions(runs, plant)
+    for channel in plant.channels:
+        name = channel.name
+        if not any(name in run.outputs for run in runs):
+            continue
+        least = float(channel.quantum / np.sqrt(12.0))
+        rest = rest_residuals(runs, grids, plant, channel)
+        rows = sum(len(y) for y in rest)
+        rho = 0.0
+        if rows >= _MIN_REST_ROWS:
+            # Three coefficients were fitted to each stretch.
+            freedom = max(rows - 3 * len(rest), 1) / rows
+            # By the median, since a lost contact or a late edge is not noise.
+            middle = float(np.median(np.abs(np.concatenate(rest))))
+            sigma = middle / 0.6745 / float(np.sqrt(freedom))
+            cut = [np.clip(y, -4 * sigma, 4 * sigma) for y in rest]
+            power = sum(float(y @ y) for y in cut)
+            lagged = sum(float(y[1:] @ y[:-1]) for y in cut)
+            rho = float(np.clip(lagged / power, 0.0, 0.95)) if power > 0 else 0.0
+            source = "rest"
+        else:
+            sigma, source = _difference_sigma(runs, grids, name), "differences"
+        if sigma < least:
+            rho = 0.0
+        if sigma <= 0.0 and least == 0.0:
+            sigma, source = channel.noise, "assumed"
+        floors[name] = Floor(
+            name,
+            max(sigma, least),
+            rho,
+            source,
+            spread.get(name, float("nan")),
+            settings.resolution * excursion.get(name, 0.0),
+        )
+    return floors
+
+
+def excursions(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, float]:
+    """Median over runs of the range that each channel goes through, less its extreme percents."""
+    out = {}
+    for channel in plant.channels:
+        spans = [
+            float(np.ptp(np.quantile(r.outputs[channel.name][r.good], (0.01, 0.99))))
+            for r in runs
+            if channel.name in r.outputs
+        ]
+        if spans:
+            out[channel.name] = float(np.median(spans))
+    return out
+
+
+def repeat_spread(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, float]:
+    """Run-to-run standard deviation of each channel, from pairs of runs with equal inputs."""
+    pairs = [(a, b) for a, b in combinations(runs, 2) if _same_inputs(a, b, plant)]
+    out = {}
+    for channel in plant.channels:
+        squares = [
+            float(np.mean((a.outputs[channel.name] - b.outputs[channel.name]) ** 2) / 2)
+            for a, b in pairs
+            if channel.name in a.outputs and channel.name in b.outputs
+        ]
+        if squares:
+            out[channel.name] = float(np.sqrt(np.mean(squares)))
+    return out
+
+
+def _same_inputs(a: GapRun, b: GapRun, plant: PlantModel) -> bool:
+    if len(a.t_s) != len(b.t_s):
+        return False
+    return all(
+        bool(np.max(np.abs(a.inputs[s.name] - b.inputs[s.name])) <= 1e-3 * (s.high - s.low))
+        for s in plant.inputs
+        if s.name in a.inputs and s.name in b.inputs
+    )

@@ -1,0 +1,1 @@
+"""Fits, and how well a fit predicts runs that it has not seen."""

@@ -1,0 +1,192 @@
+"""The bench as it was: effects that even known-good runs ask for.
+
+A model that lacks a law shows the lack in good runs too. What the library can say of it is fitted
+to the good runs and stays in the model, fixed; the question is then what has changed on top of it,
+and what remains is K_δ. An effect of the baseline may change as well: it stays a candidate.
+
+What is missing here turns up later as a change that never happened, so that effects enter by the
+handful, not by the best one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from smad.gap.fit.candidate import cluster_gain
+from smad.gap.fit.descent import descent
+from smad.gap.fit.joint import polished
+from smad.gap.fit.judge import judge
+from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.fit.refit import refit
+from smad.gap.fit.screen import Screened, probe, reprobe, screen
+from smad.gap.model.space import Space
+from smad.gap.plant import Array, Effect, Parameter
+
+_LAW_START = 0.3
+_ASIDE = 0.5
+_AGREED = 1.1
+_TOLERANCE = 2.0
+
+
+def learn_baseline(
+    fit: Fitted, effects: Sequence[Effect], progress: Callable[[str], None] = lambda text: None
+) -> Fitted:
+    """The fit of the good runs with the effects that they ask for, all then fixed.
+
+    A few at a time, the best first, judged on good runs left out in turn; a handful that fails
+    together is tried by its first alone. What `fit` has already stays free until the end.
+    """
+    settings = fit.problem.evidence.settings
+    current = fit
+    probes = probe(current, sorted(effects, key=lambda e: e.name))
+    for _ in range(settings.baseline_rounds):
+        probes = reprobe(probes, current)
+        asked = [s for s in screen(probes) if s.gain > settings.baseline_gain]
+        asked = asked[: settings.baseline_handful]
+        entered = _entered(current, asked) if asked else None
+        if entered is None and len(asked) > 1:
+            entered = _entered(current, asked[:1])
+        if entered is None:
+            break
+        current = entered
+        progress("baseline: " + ", ".join(e.name for e in current.space.effects))
+    current.problem.evidence.calibrate(current.point)
+    return frozen(polished(current))
+
+
+def with_laws(
+    problem: Problem, parameters: Sequence[Parameter], effects: Sequence[Effect]
+) -> Fitted:
+    """The least-squares fit of the parameters and of the laws of the library beside them.
+
+    Laws begin at a part of what they typically are, since a slope at nothing says little, and
+    parameters at their nominal values: fitted alone, they would stand for the laws. A law without
+    a strength replaces another; the fit goes on with it or without, whichever comes further. So
+    many coordinates have more than one minimum: other starts about the first are followed some
+    way, one by one, until two of all come down to the same misfit; the best goes on to
+    its end.
+    """
+    laws = laws_of(effects)
+    if not laws:
+        return refit(problem, parameters, squares=True)
+    evidence, settings = problem.evidence, problem.evidence.settings
+
+    def begin(space: Space) -> Array:
+        return space.start({e.name: e.at(_LAW_START) for e in space.effects})
+
+    def go(space: Space, start: Array, rounds: int) -> Fitted:
+        return drive(evidence, [descent(problem, space, start, rounds=rounds)])[0]
+
+    def misfit(end: Fitted) -> float:
+        # A descent ends calibrated where it is, so that ends compare as if in full detail.
+        return problem.misfit(end.z)
+
+    ends = []
+    for chosen in choices(laws):
+        space = Space(tuple(parameters), chosen)
+        ends.append(go(space, begin(space), settings.law_rounds))
+    best = min(ends, key=misfit)
+    space, ends = best.space, [best]
+    others = other_starts(space, begin(space), settings.law_starts, settings.seed)
+    while others and not _two_agree([misfit(end) for end in ends]):
+        start, *others = others
+        ends.append(go(space, start, settings.law_rounds))
+    best = min(ends, key=misfit)
+    return go(space, best.p, settings.law_rounds_last)
+
+
+def laws_of(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Those that are laws, in an order of their own."""
+    return tuple(sorted((e for e in effects if e.law), key=lambda e: e.name))
+
+
+def choices(laws: Sequence[Effect]) -> list[tuple[Effect, ...]]:
+    """The laws with those that replace another, and, if there are such, without them."""
+    added = tuple(e for e in laws if any(q.strength for q in e.parameters))
+    return [tuple(laws), added] if 0 < len(added) < len(laws) else [tuple(laws)]
+
+
+def _two_agree(misfits: Sequence[float]) -> bool:
+    best, *rest = sorted(misfits)
+    return bool(rest) and rest[0] <= _AGREED * best
+
+
+def other_starts(space: Space, p: Array, count: int, seed: int) -> list[Array]:
+    """Other starts: parameters half a prior's deviation off, effects by half their size."""
+    rng = np.random.default_rng(seed)
+    n = space.n_theta
+    lo, hi = space.bounds()
+    out = []
+    for _ in range(count):
+        theta = p[:n] + rng.normal(0.0, _ASIDE, n)
+        effects = p[n:] * np.exp(rng.normal(0.0, _ASIDE, len(p) - n))
+        out.append(np.clip(np.r_[theta, effects], lo, hi))
+    return out
+
+
+def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
+    """The fit with these effects too, if runs left out gain by it."""
+    settings = current.problem.evidence.settings
+    effects = (*current.space.effects, *(s.effect for s in chosen))
+    values = {**current.point.effects, **{s.effect.name: s.start for s in chosen}}
+    space, p = current.beside(effects, values)
+    steps = fitting(
+        current.problem,
+        space,
+        p,
+        theta_A=current.A[:, : space.n_theta],
+        iterations=settings.fit_iterations,
+        refresh_theta=True,
+        rough=True,
+        steady=True,
+    )
+    trial = drive(current.problem.evidence, [steps])[0]
+    before, after = judge([current, trial], None)
+    gain, se = cluster_gain(current.problem, None, after.scores() - before.scores())
+    return trial if gain > max(settings.baseline_gain, se) else None
+
+
+def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
+    """The refit in which parameters and laws of a bench may be others than in its good runs.
+
+    From where they are tied to those, with its effects. Laws to `keep` stay as they were. The
+    evidence is calibrated near where the fit ends.
+    """
+    problem, own = tied.problem, tied.space.effects
+    held = {*keep, *(e.name for e in own)}
+    fixed = [e for e in problem.evidence.plant.effects if e.name in tied.space.fixed]
+    laws = [e for e in laws_of(fixed) if e.name not in held]
+    space = replace(tied.space, tie=None, effects=(*laws, *own))
+    start = space.start(tied.point.effects)
+    start[: space.n_theta] = tied.p[: space.n_theta]
+    steps = fitting(
+        problem,
+        space,
+        start,
+        iterations=problem.evidence.settings.refit_iterations,
+        refresh_theta=True,
+        tolerance=_TOLERANCE,
+        rough=True,
+        steady=True,
+    )
+    end = drive(problem.evidence, [steps])[0]
+    problem.evidence.calibrate(end.point)
+    return polished(end, tolerance=_TOLERANCE)
+
+
+def as_fixed(fit: Fitted) -> Fitted:
+    """The same fit, nothing moved, whose effects count as fixed."""
+    space = replace(fit.space, effects=(), fixed=fit.point.effects)
+    n = space.size
+    return replace(fit, space=space, p=fit.p[:n], A=fit.A[:, :n], at_bound=fit.at_bound[:n])
+
+
+def frozen(fit: Fitted) -> Fitted:
+    """The fit with its effects fixed where they are, the parameters refitted in a few steps."""
+    space = replace(fit.space, effects=(), fixed=fit.point.effects)
+    p, A = fit.p[: space.size], fit.A[:, : space.size]
+    steps = fitting(fit.problem, space, p, theta_A=A, iterations=0)
+    return drive(fit.problem.evidence, [steps])[0]

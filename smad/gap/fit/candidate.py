@@ -1,0 +1,131 @@
+"""A candidate: a set of effects, fitted and judged, and what its last one must show to enter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from smad.gap.data.replay import Index
+from smad.gap.fit.doubt import Doubt
+from smad.gap.fit.joint import JointFit
+from smad.gap.fit.judge import Judged
+from smad.gap.fit.lsq import Fitted, Problem
+from smad.gap.fit.significance import block_of
+from smad.gap.plant import Array
+from smad.gap.settings import Settings
+
+_TOUCHED = 0.1
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model of the selection: a set of effects, fitted and judged.
+
+    `gain` is the rise of the held-out log-likelihood over the model it was added to, as far as that
+    model's own causes are to be believed (`doubt`), `gain_se` its standard error over runs and
+    blocks, `p_value` that of the whole selection's null, `touched` the outputs that carry the
+    effect's signature, `shrink_gain` the rise of S over them (or over all outputs, if larger),
+    `excess_before` the gap over them without it, `regime_gain` the sum of gains on regimes left
+    out, `cells` the number of cells that were judged.
+    """
+
+    joint: JointFit
+    judged: Judged
+    gain: float = 0.0
+    gain_se: float = 0.0
+    p_value: float = 1.0
+    touched: tuple[str, ...] = ()
+    shrink_gain: float = 0.0
+    excess_before: float = 0.0
+    regime_gain: float = 0.0
+    cells: int = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.joint.names
+
+    @property
+    def fit(self) -> Fitted:
+        return self.joint.fit
+
+    @cached_property
+    def score(self) -> float:
+        """Log-likelihood of everything that it is judged on."""
+        return float(self.judged.scores().sum())
+
+    @cached_property
+    def doubt(self) -> Doubt:
+        """What its own causes leave uncertain."""
+        return Doubt.about(self.fit, self.judged)
+
+
+def differing(model: Candidate, other: Candidate) -> str:
+    """The effect of `other` that `model` lacks."""
+    extra = [n for n in other.names if n not in model.names]
+    return extra[0] if extra else ""
+
+
+def cluster_gain(problem: Problem, hold: Problem | None, gain: Array) -> tuple[float, float]:
+    """Sum of a cell-wise gain and its standard error over blocks of time."""
+    sums = block_sums(problem, hold, gain)
+    total = float(sums.sum())
+    return total, float(np.std(sums) * np.sqrt(len(sums)))
+
+
+def block_sums(problem: Problem, hold: Problem | None, values: Array) -> Array:
+    """Sums of what `Judged.scores` would list, over the cells of each block of time of each run."""
+    block = block_of(*held_cells(problem, hold))
+    return np.asarray(np.bincount(block, weights=values), dtype=np.float64)
+
+
+def held_cells(problem: Problem, hold: Problem | None) -> tuple[Index, Index]:
+    """Run and block of every cell that `Judged.scores` lists."""
+    a = problem.evidence
+    if hold is None:
+        return a.cell_run, a.cell_block
+    b = hold.evidence
+    return np.r_[a.cell_run, b.cell_run + len(a.runs)], np.r_[a.cell_block, b.cell_block]
+
+
+def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
+    """Outputs that carry at least a tenth of what an effect changes, in floors."""
+    ev = after.bench.evidence
+    change = np.square(after.bench.whitening.scale(after.predicted - before.predicted))
+    power = {k: float(sum(change[s.rows].sum() for s in ev.rows_of(k))) for k in ev.keys}
+    total = sum(power.values())
+    return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED * total)
+
+
+def _clear(c: Candidate, s: Settings) -> bool:
+    """Whether an effect takes most of a gap that none could overlook, if only in a few cells."""
+    return c.shrink_gain >= s.clear_shrink and c.excess_before >= s.clear_excess
+
+
+def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
+    """What the held-out gain of a candidate must exceed, nats.
+
+    Beside tied parameters every effect gains something where the bench's laws have another form
+    than the model's, in proportion to the cells judged.
+    """
+    if not tied:
+        return max(2.0, s.gain_standard_errors * c.gain_se)
+    if _clear(c, s):
+        return s.clear_standard_errors * c.gain_se
+    first = len(c.names) == 1
+    errors = s.since_standard_errors if first else s.further_standard_errors
+    return max(s.since_gain * c.cells, errors * c.gain_se)
+
+
+def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
+    """Whether the last effect of a candidate may enter, beside tied parameters or free ones."""
+    stands = c.gain > asked_gain(c, s, tied=tied) and c.p_value <= s.significance
+    if tied:
+        # Beside tied parameters an effect stands out by its score although the background is
+        # larger; but what the form of a law leaves in one regime is no help in another. So large
+        # as a cause may be that acts in one regime only, it is not.
+        share = 0.0 if c.gain > s.regime_sure * c.cells else s.regime_share
+        return stands and c.regime_gain > share * c.gain
+    takes = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
+    return stands and takes and c.gain + c.regime_gain > 0.0

@@ -1,0 +1,283 @@
+"""Joint fits of effects and model parameters, and how certain their values are.
+
+Intervals come from a bootstrap over runs and blocks, from the profile of the likelihood, and from
+the spread over starts, whichever is widest; never from the Jacobian alone. What another form of the
+same law would change is added in quadrature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import hypot
+
+import numpy as np
+
+from smad.gap.fit.lsq import FitSteps, Fitted, Problem, drive, fitting, solve_box
+from smad.gap.fit.significance import resample_weights
+from smad.gap.model.space import Space
+from smad.gap.model.whiten import lagged_products
+from smad.gap.plant import Array, Effect
+from smad.gap.records import HALF_CHI2_95
+
+_UNTOLD = 0.5
+"""An interval of this share of a range or more does not tell the value."""
+_PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
+_TOGETHER = 8
+_TRUSTED = 2
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a joint fit begins: the effects of the model with their values, and the parameters.
+
+    `from_centre` begins at the middle of the prior: where an effect is strong, the refit without it
+    has run away from the truth.
+    """
+
+    effects: tuple[Effect, ...]
+    values: Mapping[str, Mapping[str, float]]
+    from_centre: bool = False
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The best of several starts, and where the others that fit as well ended."""
+
+    fit: Fitted
+    rivals: tuple[Array, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(e.name for e in self.fit.space.effects)
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A fitted parameter of an effect with its 95 % interval.
+
+    `profile` holds (value, rise of the negative log-likelihood). `identifiable` is False where the
+    profile never rises to the 95 % level inside the range on either side.
+    """
+
+    effect: str
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    at_bound: bool
+    identifiable: bool
+    profile: tuple[tuple[float, float], ...]
+
+
+def joint_fits(
+    base: Fitted, starts: Sequence[Start], *, finish: int = 2
+) -> dict[tuple[str, ...], JointFit]:
+    """Fits every start, in step, and keeps the best of each of the better sets of effects.
+
+    In three rounds, each for fewer: a short and rough one for every start; a longer one for the
+    best start of the better sets, rough too but for the first two sets given, since what is quick
+    is hidden from rough replays; and, for the best `finish` sets, one in detail, in which the
+    sensitivities of the model parameters are renewed instead of following Broyden's rule.
+    """
+    settings = base.problem.evidence.settings
+    n_theta = base.space.n_theta
+
+    def go(space: Space, p: Array, *, iterations: int, renew: bool, rough: bool) -> FitSteps:
+        known = None if renew else base.A[:, :n_theta]
+        return fitting(
+            base.problem,
+            space,
+            p,
+            theta_A=known,
+            iterations=iterations,
+            refresh_theta=renew,
+            rough=rough,
+            steady=renew,
+        )
+
+    base.problem.evidence.match_rough(base.point, base.predicted)
+    first = []
+    for start in starts:
+        space, p = base.beside(start.effects, start.values)
+        if start.from_centre:
+            p[:n_theta] = 0.0
+        first.append(go(space, p, iterations=settings.short_iterations, renew=False, rough=True))
+    ends: dict[tuple[str, ...], JointFit] = {}
+    for i in range(0, len(first), _TOGETHER):
+        for fit in drive(base.problem.evidence, first[i : i + _TOGETHER]):
+            _enter(ends, fit)
+    given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
+    trusted = given[:_TRUSTED]
+    order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
+    kept = list(dict.fromkeys([*trusted, *order]))[: settings.longer_fits]
+    for renew, count in ((False, len(kept)), (True, finish)):
+        order = sorted(kept, key=lambda names: (ends[names].fit.objective, names))
+        again = [
+            go(
+                ends[names].fit.space,
+                ends[names].fit.p,
+                iterations=settings.fit_iterations,
+                renew=renew,
+                rough=not renew and names not in trusted,
+            )
+            for names in order[:count]
+        ]
+        for fit in drive(base.problem.evidence, again):
+            _enter(ends, fit)
+    return {names: ends[names] for names in kept}
+
+
+def _enter(ends: dict[tuple[str, ...], JointFit], fit: Fitted) -> None:
+    """Keeps the better fit whole, and of the other only where it ended."""
+    names = tuple(e.name for e in fit.space.effects)
+    known = ends.get(names)
+    if known is None:
+        ends[names] = JointFit(fit, ())
+        return
+    best, other = sorted((known.fit, fit), key=lambda f: f.objective)
+    rivals = known.rivals if best is known.fit or _near(best, other) else ()
+    if _near(best, other):
+        rivals = (*rivals, other.p)
+    ends[names] = JointFit(best, rivals)
+
+
+def _near(best: Fitted, other: Fitted) -> bool:
+    return other.objective - best.objective < HALF_CHI2_95
+
+
+def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
+    """The fit with all sensitivities renewed, and a few more steps."""
+    steps = fitting(
+        fit.problem,
+        fit.space,
+        fit.p,
+        iterations=3,
+        refresh_theta=True,
+        tolerance=tolerance,
+        steady=True,
+    )
+    return drive(fit.problem.evidence, [steps])[0]
+
+
+def bootstrap(fit: Fitted, draws: int, seed: int) -> Array:
+    """One-step estimates on resampled runs and blocks; shape (draws, coordinates)."""
+    H, g = fit.normal_equations()
+    ev = fit.problem.evidence
+    rng = np.random.default_rng(seed)
+    weights = resample_weights(ev.cell_run, ev.cell_block, draws, rng)
+    lo, hi = fit.space.bounds()
+    _, precision = fit.space.prior()
+    k = fit.space.size
+    Hs = (weights @ H.reshape(len(H), -1)).reshape(draws, k, k) + precision
+    gs = (weights - 1.0) @ g
+    return np.array(
+        [fit.p + solve_box(a, b, lo - fit.p, hi - fit.p) for a, b in zip(Hs, gs, strict=True)]
+    )
+
+
+def dispersion(problem: Problem, z: Array) -> dict[str, float]:
+    """Effective share of independent rows of each output, 1 for white residuals.
+
+    1/(1 + 2 Σ ρ) over lags up to the first that is not positive.
+    """
+    ev = problem.evidence
+    longest = int(10.0 / ev.settings.period_s)
+    out = {}
+    for key in ev.keys:
+        acf = lagged_products([z[seg.rows] for seg in ev.rows_of(key)], longest)
+        rho = acf / acf[0] if acf[0] > 0 else acf
+        stop = np.flatnonzero(rho[1:] <= 0.02)
+        last = int(stop[0]) + 1 if len(stop) else longest
+        out[key] = float(1.0 / (1.0 + 2.0 * np.sum(rho[1:last])))
+    return out
+
+
+def independent_share(fit: Fitted) -> float:
+    """Effective share of independent rows of a fit: the mean of `dispersion` over its outputs."""
+    return float(np.mean(list(dispersion(fit.problem, fit.z).values())))
+
+
+def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Interval]:
+    """95 % intervals of the parameters of every effect in a joint fit.
+
+    `form_share` is the share of a strength that another form of the same law may differ by.
+    """
+    fit = joint.fit
+    settings = fit.problem.evidence.settings
+    draws = bootstrap(fit, settings.bootstrap, seed)
+    columns = list(range(fit.space.n_theta, fit.space.size))
+    profiles = _profiles(fit, columns, draws)
+    temper = independent_share(fit)
+    lo, hi = fit.space.bounds()
+    before, _ = fit.space.prior()
+    flat = [(e, q) for e in fit.space.effects for q in e.parameters]
+    out = []
+    for i in columns:
+        effect, q = flat[i - fit.space.n_theta]
+        low, high = (float(v) for v in np.quantile(draws[:, i], (0.025, 0.975)))
+        curve = [(v, temper * rise) for v, rise in profiles[i]]
+        below, above = _crossing(curve, fit.p[i], -1), _crossing(curve, fit.p[i], +1)
+        low = min(low, below if below is not None else low)
+        high = max(high, above if above is not None else high)
+        for rival in joint.rivals:
+            low, high = min(low, float(rival[i])), max(high, float(rival[i]))
+        if below is None and above is None:
+            # All that was tried is within the level: the interval is at least that wide.
+            low, high = min(low, curve[0][0]), max(high, curve[-1][0])
+        value = fit.space.value
+        margin = form_share * abs(float(fit.p[i] - before[i])) if q.strength else 0.0
+        here = float(fit.p[i])
+        low, high = here - hypot(here - low, margin), here + hypot(high - here, margin)
+        out.append(
+            Interval(
+                effect.name,
+                q.name,
+                q.unit,
+                value(i, here),
+                value(i, max(low, float(lo[i]))),
+                value(i, min(high, float(hi[i]))),
+                fit.at_bound[i],
+                high - low < _UNTOLD * float(hi[i] - lo[i]),
+                tuple((value(i, v), rise) for v, rise in curve),
+            )
+        )
+    return out
+
+
+def _profiles(
+    fit: Fitted, columns: Sequence[int], draws: Array
+) -> dict[int, list[tuple[float, float]]]:
+    """(coordinate, rise of the objective), all else refitted, at a few values of each column."""
+    lo, hi = fit.space.bounds()
+    jobs: list[tuple[int, float]] = []
+    for i in columns:
+        spread = max(float(np.std(draws[:, i])), 2e-3)
+        values = {float(np.clip(fit.p[i] + o * spread, lo[i], hi[i])) for o in _PROFILE_OFFSETS}
+        jobs += [(i, v) for v in sorted(values) if abs(v - fit.p[i]) > 1e-6]
+    steps = []
+    for i, v in jobs:
+        p = fit.p.copy()
+        p[i] = v
+        A = fit.A[:, : fit.space.n_theta]
+        steps.append(
+            fitting(fit.problem, fit.space, p, theta_A=A, iterations=2, pinned={i: v}, rough=True)
+        )
+    fit.problem.evidence.match_rough(fit.point, fit.predicted)
+    ends = drive(fit.problem.evidence, steps)
+    out: dict[int, list[tuple[float, float]]] = {i: [(float(fit.p[i]), 0.0)] for i in columns}
+    for (i, v), end in zip(jobs, ends, strict=True):
+        out[i].append((v, max(0.0, end.objective - fit.objective)))
+    return {i: sorted(curve) for i, curve in out.items()}
+
+
+def _crossing(curve: Sequence[tuple[float, float]], centre: float, side: int) -> float | None:
+    """Where a profile reaches the 95 % level on one side, by linear interpolation of its root."""
+    ordered = sorted((c for c in curve if side * (c[0] - centre) >= 0), key=lambda c: side * c[0])
+    for (x0, y0), (x1, y1) in pairwise(ordered):
+        if y1 >= HALF_CHI2_95 > y0:
+            r0, r1 = np.sqrt(y0), np.sqrt(y1)
+            return float(x0 + (x1 - x0) * (np.sqrt(HALF_CHI2_95) - r0) / (r1 - r0))
+    return None

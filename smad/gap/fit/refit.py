@@ -1,0 +1,52 @@
+"""The refit of the nominal model: what the uncertain parameters alone can remove."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from smad.gap.fit.joint import polished
+from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.model.space import Space
+from smad.gap.plant import Array, EffectValues, Parameter
+
+_TOLERANCE = 2.0
+
+
+def refit(
+    problem: Problem,
+    parameters: Sequence[Parameter],
+    centre: Mapping[str, float] | None = None,
+    fixed: EffectValues | None = None,
+    *,
+    squares: bool = False,
+    tie: Array | None = None,
+) -> Fitted:
+    """Fit of the model parameters within their bounds, from the prior's centre.
+
+    `fixed` are effects that belong to the model, `squares` asks for plain least squares, `tie`
+    holds the parameters near the centre (see `Space`).
+
+    Afterwards the evidence is calibrated for its coarse step, and the fit is finished with that.
+    """
+    space = Space(tuple(parameters), (), centre, fixed or {}, tie)
+    iterations = problem.evidence.settings.refit_iterations
+    begin = space.start()
+    problem.evidence.calibrate(space.point(begin))
+    steps = fitting(
+        problem,
+        space,
+        begin,
+        iterations=iterations,
+        refresh_theta=True,
+        tolerance=_TOLERANCE,
+        squares=squares,
+        rough=True,
+    )
+    fit = drive(problem.evidence, [steps])[0]
+    problem.evidence.calibrate(fit.point)
+    if not squares:
+        return polished(fit, tolerance=_TOLERANCE)
+    again = fitting(
+        problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=_TOLERANCE, squares=True
+    )
+    return drive(problem.evidence, [again])[0]

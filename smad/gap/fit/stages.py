@@ -1,0 +1,325 @@
+"""Stages 1 to 4 put together: from admitted runs to a refitted model with its weights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from smad.gap.data.noise import Floor, estimate_floors
+from smad.gap.data.replay import Detail, Evidence, Segment
+from smad.gap.data.views import local_views, open_views, shared_views
+from smad.gap.errors import RunRefused
+from smad.gap.fit.baseline import as_fixed, learn_baseline, unbound, with_laws
+from smad.gap.fit.discrepancy import Background, fed_noise, learn_background
+from smad.gap.fit.judge import Judged, excess_of, judge, predict_by_run
+from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.fit.refit import refit
+from smad.gap.fit.screen import Probes
+from smad.gap.fit.significance import null_gains, top_null
+from smad.gap.fit.threads import repeatable
+from smad.gap.model.whiten import OutputNoise, Whitening
+from smad.gap.plant import Array, EffectValues, ModelPoint, PlantModel, View, nominal_point
+from smad.gap.runs import GapRun
+from smad.gap.settings import Settings
+
+_NULL_DRAWS = 60
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Everything the selection needs.
+
+    `centre` are the parameter values the question starts from: the nominal ones, or those of the
+    known-good runs; `fixed` the effects that those ask for already. `fit` is the refit with every
+    parameter free, `tied` the one with the parameters as well known as the good runs make them
+    (only with good runs). `threshold` is the gap over the floor that counts as significant.
+    """
+
+    plant: PlantModel
+    settings: Settings
+    floors: Mapping[str, Floor]
+    noise: Mapping[str, OutputNoise]
+    problem: Problem
+    hold: Problem | None
+    fit: Fitted
+    tied: Fitted | None
+    free: Judged
+    raw: Judged
+    background: Background | None
+    centre: Mapping[str, float]
+    fixed: EffectValues
+    threshold: float
+
+    @cached_property
+    def gentle(self) -> Judged:
+        """The free refit by plain least squares, judged."""
+        return judge([_plain(self.fit)], self.hold)[0]
+
+    @cached_property
+    def outputs(self) -> dict[str, Segment]:
+        """Every output of the runs to fit on or held out, as a segment that has it."""
+        held = () if self.hold is None else self.hold.evidence.segments
+        return {s.key: s for s in (*held, *self.problem.evidence.segments)}
+
+    def recalibrate(self) -> None:
+        """Makes the evidence what it was when the parameters had been tied."""
+        if self.tied is not None:
+            self.problem.evidence.calibrate(self.tied.point)
+
+    def null(self, probes: Probes) -> Array:
+        """Largest gain of the screening on data without any effect."""
+        if self.background is None:
+            source, z = self.problem, self.fit.z
+        else:
+            source, z = self.background.fit.problem, self.background.white
+        draws = null_gains(probes, source, z, _NULL_DRAWS, self.settings.seed)
+        return top_null(draws)
+
+
+def prepare(
+    runs: Sequence[GapRun],
+    plant: PlantModel,
+    settings: Settings,
+    *,
+    good: Sequence[GapRun] = (),
+    hold_out: Sequence[GapRun] = (),
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Prepared:
+    """Noise floor, background from good runs, refit, and the held-out judgement of the refit."""
+    views = shared_views(local_views(plant), (runs, hold_out, good))
+    if not views:
+        raise RunRefused(
+            "the runs share no output",
+            value="no view of the plant is fed and measured in runs to fit, held out and good ones",
+            action="give runs in which the same channels were recorded",
+        )
+    progress("noise floor")
+    floors = estimate_floors([*runs, *hold_out, *good], plant, settings)
+
+    def evidence(chosen: Sequence[GapRun]) -> Evidence:
+        return Evidence(plant, chosen, views, settings, executor)
+
+    background = None
+    if good:
+        progress(f"fitting {len(good)} known-good runs")
+        background = _background_of(evidence(good), floors, progress)
+    ev = evidence(runs)
+    lost = _keys(local_views(plant)) - _keys(views)
+    ev.missing += [f"{key}: not every group of runs can be judged by it" for key in sorted(lost)]
+    hold = evidence(hold_out) if hold_out else None
+    refitting = f"refitting {len(plant.parameters)} parameters"
+    if background is None:
+        noise = fed_noise(ev, floors, nominal_point(plant), settings.seed)
+        progress(refitting)
+        stood = _from_nominal(ev, hold, noise)
+    else:
+        noise = dict(background.noise)
+        progress(refitting)
+        stood = _from_good(ev, hold, background)
+    start = stood.start
+    problem, held = stood.problem, stood.hold
+    raw = Judged(
+        problem,
+        held,
+        ev.predict([start], detail=Detail.FINE)[0],
+        np.zeros(0) if hold is None else hold.predict([start], detail=Detail.FINE)[0],
+    )
+    return Prepared(
+        plant,
+        settings,
+        floors,
+        noise,
+        problem,
+        held,
+        stood.fit,
+        stood.tied,
+        stood.free,
+        raw,
+        background,
+        start.theta,
+        start.effects,
+        _threshold(background, settings),
+    )
+
+
+@dataclass(frozen=True)
+class _Refitted:
+    """The refit of the model at `start`, in the names of `Prepared`."""
+
+    start: ModelPoint
+    problem: Problem
+    hold: Problem | None
+    fit: Fitted
+    tied: Fitted | None
+    free: Judged
+
+
+def _from_nominal(
+    ev: Evidence, hold: Evidence | None, noise: Mapping[str, OutputNoise]
+) -> _Refitted:
+    """The refit of the nominal model, every parameter free."""
+    problem = _weighed(ev, noise, None)
+    held = None if hold is None else _weighed(hold, noise, None)
+    start = nominal_point(ev.plant)
+    fit = refit(problem, ev.plant.parameters, start.theta)
+    return _Refitted(start, problem, held, fit, None, judge([fit], held)[0])
+
+
+def _from_good(ev: Evidence, hold: Evidence | None, background: Background) -> _Refitted:
+    """The refits of the model of the good runs: parameters tied to it, and free."""
+    problem = _weighed(ev, background.noise, background)
+    held = None if hold is None else _weighed(hold, background.noise, background)
+    start = background.fit.point
+    tie = _tie(background, ev.settings)
+    tied = refit(problem, ev.plant.parameters, start.theta, start.effects, tie=tie)
+    fit, free = _unbound(tied, held)
+    return _Refitted(start, problem, held, fit, tied, free)
+
+
+def _weighed(
+    ev: Evidence, noise: Mapping[str, OutputNoise], background: Background | None
+) -> Problem:
+    """Evidence with its weights, and what good runs expect of it."""
+    own = {k: noise[k] for k in ev.keys}
+    expected = np.zeros(ev.n) if background is None else background.expected(ev)
+    return Problem(ev, Whitening(ev, own), expected)
+
+
+@repeatable
+def known_good(
+    runs: Sequence[GapRun], plant: PlantModel, settings: Settings, executor: Executor | None = None
+) -> Background:
+    """What the model makes of known-good runs alone: baseline, K_δ and the fit itself."""
+    ev = Evidence(plant, runs, local_views(plant), settings, executor)
+    floors = estimate_floors(runs, plant, settings)
+    return _background_of(ev, floors, lambda text: None)
+
+
+def _keys(views: Sequence[View]) -> set[str]:
+    return {o.key for v in views for o in v.outputs}
+
+
+def _background_of(
+    ev: Evidence,
+    floors: Mapping[str, Floor],
+    progress: Callable[[str], None],
+) -> Background:
+    """Baseline and K_δ of known-good runs.
+
+    First by least squares, which shares the misfit out; its size by output and regime is then the
+    weight with which the baseline is sought and the fit repeated.
+    """
+    base = fed_noise(ev, floors, nominal_point(ev.plant), ev.settings.seed)
+    parameters, effects = ev.plant.parameters, ev.plant.effects
+    plain = Problem(ev, Whitening(ev, base), np.zeros(ev.n))
+    rough = with_laws(plain, parameters, effects)
+    noise = learn_background(rough, base, templates=False).noise
+    weighed = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
+    steps = fitting(
+        weighed,
+        rough.space,
+        rough.p,
+        iterations=ev.settings.refit_iterations,
+        refresh_theta=True,
+        steady=True,
+    )
+    fit = drive(ev, [steps])[0]
+    fit = learn_baseline(fit, effects, progress)
+    return learn_background(fit, base)
+
+
+def _unbound(tied: Fitted, hold: Problem | None) -> tuple[Fitted, Judged]:
+    """The refit with parameters and laws free, and its judgement.
+
+    It is calibrated and judged where it ends; afterwards the evidence is as the tied fit left it.
+    """
+    fit = unbound(tied)
+    judged = judge([fit], hold)[0]
+    tied.problem.evidence.calibrate(tied.point)
+    return as_fixed(fit), judged
+
+
+def _tie(background: Background, settings: Settings) -> Array:
+    """Precision of the parameters after the good runs, loosened by what a day changes.
+
+    The good runs count as fully as the runs under test do: a fit with this tie is the fit of both
+    together, the effects acting on the latter only. Shape (parameters, parameters).
+    """
+    fit = background.fit
+    H, _ = fit.normal_equations()
+    known = np.linalg.inv(H.sum(axis=0) + np.eye(fit.space.n_theta))
+    return np.asarray(np.linalg.inv(known + np.eye(len(known)) * settings.day_share**2))
+
+
+def _plain(fit: Fitted) -> Fitted:
+    """The refit by plain least squares, every cell at its full weight."""
+    problem = _Plain(fit.problem.evidence, fit.problem.whitening, fit.problem.background)
+    steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3, tolerance=2.0)
+    end = drive(fit.problem.evidence, [steps])[0]
+    return Fitted(
+        fit.problem,
+        end.space,
+        end.p,
+        end.predicted,
+        end.z,
+        end.A,
+        end.objective,
+        end.at_bound,
+    )
+
+
+class _Plain(Problem):
+    """Ordinary least squares: the scale of every cell is known to be the floor."""
+
+    def cell_score(self, z: Array, heat: float = 1.0) -> Array:
+        return -0.5 * self.cell_q(z) / heat**2
+
+    def cell_weight(self, z: Array, heat: float = 1.0) -> Array:
+        return np.asarray((self.evidence.cell_size > 0) / heat**2)
+
+
+def _threshold(background: Background | None, settings: Settings) -> float:
+    """Gap over the floor beyond which a refitted gap is significant.
+
+    Good runs show how much a run without any trouble exceeds the floor that all of them set.
+    """
+    if background is None:
+        return settings.min_excess
+    own = background.problem
+    ev = own.evidence
+    squares = np.square(own.scaled(background.left_out.predicted))
+    per_run = []
+    for r in range(len(ev.runs)):
+        weight = np.zeros(ev.n)
+        for s in ev.segments:
+            if s.run == r:
+                weight[s.rows] = 1.0
+        per_run.append(excess_of(own, squares, None, weight))
+    # The mean of several runs varies less than one run does.
+    return max(settings.min_excess, 1.1 * max(per_run) / float(np.sqrt(2.0)))
+
+
+def open_loop(prepared: Prepared, executor: Executor | None = None) -> Problem:
+    """The whole simulator on the judging runs, with the floor that good runs give each output."""
+    plant, settings = prepared.plant, prepared.settings
+    bench = prepared.problem if prepared.hold is None else prepared.hold
+    runs = bench.evidence.runs
+    known = prepared.background
+    good_runs = () if known is None else known.fit.problem.evidence.runs
+    views = shared_views(open_views(plant), (runs, good_runs))
+    ev = Evidence(plant, runs, views, settings, executor, fast=False)
+    noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
+    if known is not None:
+        good = Evidence(plant, good_runs, views, settings, executor, fast=False)
+        problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
+        residual = good.residual(predict_by_run(problem, known.left_out.points, known.fit.point))
+        for key in list(noise):
+            rows = good.valid_rows(key, residual)
+            power = float(np.mean(np.square(rows))) if len(rows) else 0.0
+            noise[key] = OutputNoise(max(noise[key].sigma, float(np.sqrt(power))))
+    return Problem(ev, Whitening(ev, noise), np.zeros(ev.n))

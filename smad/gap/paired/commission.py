@@ -1,0 +1,65 @@
+"""A baseline from runs, and a check-up against it: what the command line and banks both call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from smad.gap.paired.constants import Constants, shipped_constants
+from smad.gap.paired.difference import Paired, paired
+from smad.gap.paired.files import Found, Matched, match
+from smad.gap.paired.judge import examine
+from smad.gap.paired.reference import Reference, reference_from
+from smad.gap.paired.spring_pair import TRAITS
+from smad.gap.paired.verdict import Verdict, decide
+from smad.gap.plant import ModelPoint, PlantModel
+from smad.gap.runs import GapRun
+
+
+def _silent(text: str) -> None:
+    pass
+
+
+def commissioned(
+    plant: PlantModel,
+    groups: Sequence[Sequence[GapRun]],
+    start: ModelPoint | None = None,
+    progress: Callable[[str], None] = _silent,
+) -> Reference:
+    """The reference of good runs, the repeats of each run of a programme in a group."""
+    return reference_from(plant, TRAITS, groups, start, progress)
+
+
+def checked(
+    plant: PlantModel,
+    reference: Reference,
+    runs: Sequence[tuple[GapRun, str]],
+    constants: Constants | None = None,
+    progress: Callable[[str], None] = _silent,
+) -> Verdict:
+    """The verdict over runs of now, each with the name of the good run that it repeats."""
+    return judged(plant, reference, runs, constants, progress)[1]
+
+
+def judged(
+    plant: PlantModel,
+    reference: Reference,
+    runs: Sequence[tuple[GapRun, str]],
+    constants: Constants | None = None,
+    progress: Callable[[str], None] = _silent,
+) -> tuple[Paired, Verdict]:
+    """The same with the pairs that it rests on, which a page shows."""
+    constants = constants or shipped_constants()
+    pairs = paired(plant, TRAITS, reference, runs)
+    return pairs, decide(pairs, examine(pairs, constants, progress=progress), constants)
+
+
+def checked_files(
+    plant: PlantModel,
+    good: Sequence[Found],
+    now: Sequence[Found],
+    progress: Callable[[str], None] = _silent,
+) -> tuple[Paired, Verdict, Matched]:
+    """The verdict over files of a good day and of now, and what was paired with what."""
+    matched = match(plant, good, now)
+    reference = commissioned(plant, matched.groups, progress=progress)
+    return *judged(plant, reference, matched.now, progress=progress), matched

@@ -1,0 +1,220 @@
+"""Runs from files: run logs, and CSV or Parquet of any bench, and which of them are paired."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smad.errors import LogImportError
+from smad.gap.paired.errors import PairingError
+from smad.gap.paired.reference import input_spans
+from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
+from smad.gap.plant import Array, PlantModel
+from smad.gap.runs import GapRun
+from smad.gap.sma.signals import CHANNELS, INPUTS, read_gap_run, run_from_columns
+
+_KINDS = (".mcap", ".parquet", ".csv", ".csv.gz")
+_LIKE = 0.05
+
+
+@dataclass(frozen=True)
+class Found:
+    """A run of a folder: its name without folder and suffix, and the folder it lies in."""
+
+    name: str
+    group: str
+    path: Path
+    run: GapRun
+
+
+def read_folder(folder: Path) -> list[Found]:
+    """All runs of a folder and its subfolders, by path. Raises PairingError when there is none."""
+    if not folder.is_dir():
+        raise PairingError(
+            f"{folder} is no folder", action="give the folder that holds the run files"
+        )
+    paths = sorted(p for p in folder.rglob("*") if p.is_file() and p.name.endswith(_KINDS))
+    if not paths:
+        raise PairingError(
+            f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
+        )
+    return [Found(_stem(p), str(p.parent.relative_to(folder)), p, read_file(p)) for p in paths]
+
+
+def _stem(path: Path) -> str:
+    return path.name.split(".")[0]
+
+
+def read_file(path: Path) -> GapRun:
+    """A run of a file; columns are told from their names as `smad log import` does.
+
+    Raises LogImportError and PairingError, which name the file and what is wrong with it.
+    """
+    if path.suffix == ".mcap":
+        return _checked(path, read_gap_run(path))
+    table = _table(path)
+    from smad.runlog.column_names import assign
+    from smad.runlog.schema import CHANNELS as LOGGED
+    from smad.runlog.units import convert
+
+    try:
+        rules = assign(table, {}).rules
+    except LogImportError as error:
+        raise PairingError(f"{path}: {error}", action="rename the column") from error
+    columns = {
+        rule.channel: convert(
+            _numbers(path, name, table[name]), rule.unit, LOGGED[rule.channel].unit
+        )
+        for name, rule in rules.items()
+    }
+    flags = columns.pop("valid", None)
+    if flags is not None:
+        use = np.nan_to_num(flags) > 0.5
+        measured = {c.name for c in CHANNELS}
+        columns = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
+    return _checked(path, _as_run(path, columns))
+
+
+def _as_run(path: Path, columns: dict[str, Array]) -> GapRun:
+    t_s = columns.get("t_s")
+    if t_s is None or len(t_s) < 2 or not np.isfinite(t_s).all() or np.any(np.diff(t_s) <= 0.0):
+        raise PairingError(
+            f"{path} has no rising time column",
+            value="none" if t_s is None else f"{len(t_s)} rows",
+            limit="t_s, time_s, time_ms …, each later than the last",
+            action="name the column time_s, sort its rows, and take lost ones out",
+        )
+    return run_from_columns(_stem(path), columns)
+
+
+def _checked(path: Path, run: GapRun) -> GapRun:
+    lacking = [s.name for s in INPUTS if s.name not in run.inputs]
+    if lacking or not run.outputs:
+        raise PairingError(
+            f"{path} lacks columns",
+            value=", ".join(lacking) or "no measured channel",
+            limit="currents and duties of both springs, and at least one measured channel",
+            action="add the column, in the unit its name ends with",
+        )
+    return run
+
+
+def _table(path: Path) -> dict[str, Any]:
+    """Columns as they stand in the file."""
+    try:
+        if path.suffix == ".parquet":
+            import pyarrow.parquet as pq
+
+            table = pq.read_table(path)
+        else:
+            from pyarrow import csv
+
+            missing = csv.ConvertOptions(null_values=["", "nan", "NaN", "NAN"])
+            table = csv.read_csv(path, convert_options=missing)
+    except (OSError, ValueError, KeyError) as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise PairingError(f"{path} cannot be read: {said}", action="restore the file") from error
+    return {n: table[n].to_numpy(zero_copy_only=False) for n in table.column_names}
+
+
+def _numbers(path: Path, name: str, column: Any) -> Array:
+    try:
+        return np.asarray(column, dtype=np.float64)
+    except (ValueError, TypeError):
+        raise PairingError(
+            f"{path}: column {name} holds text", limit="numbers, or nothing", action="correct it"
+        ) from None
+
+
+@dataclass(frozen=True)
+class Matched:
+    """Good runs by what they repeat, and which of them each run of now repeats, by first name.
+
+    `lines` say in words what was paired with what; `alone` names runs that have no partner.
+    """
+
+    groups: list[list[GapRun]]
+    now: list[tuple[GapRun, str]]
+    lines: list[str]
+    alone: list[str]
+
+
+def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Matched:
+    """Pairs files by name where names repeat over folders and inputs agree, else by inputs.
+
+    Raises PairingError when nothing is paired, and when a run of now is one of the good ones.
+    """
+    _refuse_same(good, now)
+    groups: list[list[Found]] = []
+    for found in good:
+        mine = next((g for g in groups if _repeats(plant, found, g[0])), None)
+        if mine is None:
+            groups.append([found])
+        else:
+            mine.append(found)
+    pairs: list[tuple[Found, list[Found]]] = []
+    alone: list[str] = []
+    for found in now:
+        fits = [g for g in groups if _repeats(plant, found, g[0])]
+        fits.sort(key=lambda g: found.name not in {f.name for f in g})
+        if fits:
+            pairs.append((found, fits[0]))
+        else:
+            alone.append(str(found.path))
+    if not pairs:
+        raise PairingError(
+            "no run of now has the inputs of a good one",
+            value=f"{len(good)} good, {len(now)} now",
+            action="play the same programme on both days; docs/guide/check-up.md says how",
+        )
+    used = [g for g in groups if any(g is own for _, own in pairs)]
+    named = {id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used)
+             else str(g[0].path) for g in used}  # fmt: skip
+    lines = [
+        f"{found.path} repeats {len(own)} good run{'s' if len(own) > 1 else ''}: "
+        + ", ".join(str(f.path) for f in own)
+        for found, own in pairs
+    ]
+    return Matched(
+        [[_renamed(f.run, named[id(g)]) for f in g] for g in used],
+        [(found.run, named[id(own)]) for found, own in pairs],
+        lines,
+        alone,
+    )
+
+
+def _renamed(run: GapRun, name: str) -> GapRun:
+    from dataclasses import replace
+
+    return replace(run, name=name)
+
+
+def _refuse_same(good: Sequence[Found], now: Sequence[Found]) -> None:
+    known = {f.run.digest: f.path for f in good}
+    for found in now:
+        if found.run.digest in known:
+            raise PairingError(
+                f"{found.path} is the same recording as {known[found.run.digest]}",
+                action="give runs of now that are not among the good ones",
+            )
+
+
+def _repeats(plant: PlantModel, one: Found, other: Found) -> bool:
+    """Whether two runs have the same inputs over what both recorded."""
+    a, b = one.run, other.run
+    if not len(edges_s(a)) or not len(edges_s(b)):
+        return one.name == other.name
+    names = [s.name for s in plant.inputs]
+    start = float(b.t_s[0] - b.dt_s)
+    bins = max(1, int(b.duration_s / 0.2))
+    first = binned(b, bins, [], names, start)
+    second = binned(a, bins, [], names, start + offset_s(a, b))
+    both = first.covered & second.covered
+    if both.mean() < 0.05:
+        return False
+    off = input_difference(second, first, input_spans(plant))[both].max(axis=1)
+    return bool(off.mean() < _LIKE)

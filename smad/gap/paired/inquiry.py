@@ -1,0 +1,188 @@
+"""The loop of an investigation: play, judge, play what separates best, until it is settled.
+
+Every run is kept under its number, so that an investigation that was interrupted goes on from what
+it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+
+from smad.gap.paired.constants import shipped_constants
+from smad.gap.paired.difference import paired
+from smad.gap.paired.files import read_file
+from smad.gap.paired.investigate import Offer, Proposal, propose, unpaired_offers
+from smad.gap.paired.judge import examine
+from smad.gap.paired.programme import Programme, ProgrammeRun
+from smad.gap.paired.reference import Reference
+from smad.gap.paired.series import Play, keep, write_whole
+from smad.gap.paired.spring_pair import TRAITS
+from smad.gap.paired.verdict import Share, Verdict, budget_of, decide
+from smad.gap.plant import ModelPoint, PlantModel
+
+REST_S = 60.0
+"""What the rest before a run takes at least, until one has been measured."""
+_HELD_OUT = "proof"
+Say = Callable[[str], None]
+
+
+class Record(msgspec.Struct, frozen=True):
+    """A run of an investigation: its file, what it repeats, why it was played, whether it was held
+    out as proof, and what it took with its rest."""
+
+    file: str
+    run: str
+    why: str
+    held_out: bool
+    took_s: float
+    ended: str = ""
+
+
+class Report(msgspec.Struct, frozen=True):
+    """`investigation.json`: what was played and why, and what came of it.
+
+    `proof` is the budget over the runs that were held out, with the strengths fitted to the others;
+    `offers` the runs that the baseline lacks, with the separation that the model expects of them.
+    """
+
+    records: list[Record]
+    why_over: str = ""
+    verdict: Verdict | None = None
+    proof: list[Share] = []
+    offers: dict[str, float] = {}
+    model: str = ""
+
+
+class Savable(PlantModel, Protocol):
+    """A plant that can write a model file."""
+
+    def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
+
+
+@dataclass
+class Inquiry:
+    """An investigation in a folder.
+
+    It begins with the quick runs of the programme, and ends with them, held out as proof.
+    """
+
+    plant: Savable
+    reference: Reference
+    programme: Programme
+    originals: Path
+    folder: Path
+    play: Play
+    say: Say
+    seconds: float
+
+    def carry_out(self, progress: Say) -> Report:
+        """Play and judge until it is over. What was recorded is kept whatever happens."""
+        report = self._begun()
+        known = {r.name for r in self.reference.runs}
+        quick = [run for run in self.programme.runs if run.quick and run.name in known]
+        quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
+        for run in quick[sum(not r.held_out for r in report.records) :]:
+            report = self._played(report, run, "the check-up", held_out=False)
+        while True:
+            verdict, proposal = self._judged(report, quick, progress)
+            self.say(f"verdict: {verdict.headline}")
+            self.say(proposal.why)
+            ended = next((r.ended for r in report.records if r.ended), "")
+            if ended or proposal.run is None:
+                break
+            report = self._played(
+                report, self.programme.run(proposal.run), proposal.why, held_out=False
+            )
+        why = f"a run was ended early: {ended}" if ended else proposal.why
+        report = msgspec.structs.replace(report, verdict=verdict)
+        if not ended:
+            report = self._proved(report, quick, verdict)
+        report = self._with_model(report, verdict)
+        if proposal.staying:
+            report = self._with_offers(report, verdict)
+        # Last of all: an investigation that lost its bench during the proof is not over.
+        report = msgspec.structs.replace(report, why_over=why)
+        self._write(report)
+        return report
+
+    def spent_s(self, report: Report) -> float:
+        """Bench time so far."""
+        return sum(r.took_s for r in report.records)
+
+    def _begun(self) -> Report:
+        path = self.folder / "investigation.json"
+        if path.exists():
+            report = msgspec.json.decode(path.read_bytes(), type=Report)
+            self.say(f"goes on with {len(report.records)} runs of {self.folder}")
+            return report
+        return Report([])
+
+    def _played(self, report: Report, run: ProgrammeRun, why: str, *, held_out: bool) -> Report:
+        number = len(report.records) + 1
+        self.say(f"{number}: {run.name}, {run.duration_s:.0f} s, for {why}")
+        recorded = self.play(run, self.originals / f"{run.name}.mcap")
+        file = f"{number:02d}-{run.name}.mcap"
+        keep(recorded.path, self.folder / file)
+        record = Record(file, run.name, why, held_out, recorded.took_s or run.duration_s,
+                        recorded.ended)  # fmt: skip
+        report = msgspec.structs.replace(report, records=[*report.records, record])
+        self._write(report)
+        return report
+
+    def _judged(
+        self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
+    ) -> tuple[Verdict, Proposal]:
+        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
+        pairs = paired(self.plant, TRAITS, self.reference, runs)
+        constants = shipped_constants()
+        verdict = decide(pairs, examine(pairs, constants, progress=progress), constants)
+        costs = self._costs_s(report)
+        reserved = sum(costs[run.name] for run in quick)
+        left = self.seconds - self.spent_s(report) - reserved
+        return verdict, propose(pairs, verdict, constants, costs, left)
+
+    def _costs_s(self, report: Report) -> dict[str, float]:
+        """What each run takes: its length, and the longest rest so far."""
+        lengths = {run.name: run.duration_s for run in self.programme.runs}
+        rests = [r.took_s - lengths[r.run] for r in report.records if not r.ended]
+        rest = max(rests, default=REST_S)
+        return {r.name: lengths[r.name] + rest for r in self.reference.runs}
+
+    def _proved(self, report: Report, quick: Sequence[ProgrammeRun], verdict: Verdict) -> Report:
+        """The check-up once more, held out: what strengths fitted before leave of it."""
+        values = verdict.likely[0].values if verdict.likely else {}
+        if not values:
+            return report
+        for run in quick[sum(r.held_out for r in report.records) :]:
+            report = self._played(report, run, _HELD_OUT, held_out=True)
+            if report.records[-1].ended:
+                break
+        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
+        shares, whole = budget_of(paired(self.plant, TRAITS, self.reference, runs), values)
+        return msgspec.structs.replace(report, proof=[*shares, whole])
+
+    def _with_model(self, report: Report, verdict: Verdict) -> Report:
+        if not verdict.likely or not verdict.likely[0].values:
+            return report
+        path = self.folder / "model.toml"
+        point = self.reference.point
+        effects = {**point.effects, **verdict.likely[0].values}
+        self.plant.save_model(ModelPoint(point.theta, effects), path, verdict.headline)
+        return msgspec.structs.replace(report, model=str(path))
+
+    def _with_offers(self, report: Report, verdict: Verdict) -> Report:
+        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
+        pairs = paired(self.plant, TRAITS, self.reference, runs)
+        found: list[Offer] = unpaired_offers(pairs, verdict, self.programme)
+        return msgspec.structs.replace(
+            report, offers={o.run: round(o.separation, 1) for o in found}
+        )
+
+    def _write(self, report: Report) -> None:
+        text = msgspec.json.format(msgspec.json.encode(report), indent=1)
+        write_whole(self.folder / "investigation.json", text)

@@ -1,0 +1,165 @@
+"""A baseline as a folder: the good runs, and what was computed of them once.
+
+`baseline.json` says what it is and what it belongs to; `reference.npz` holds the arrays. Both carry
+the schema's number, the programme's hash and the plant's version: of another one nothing is judged.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from smad.gap.paired.errors import BaselineError
+from smad.gap.paired.floor import Floor
+from smad.gap.paired.model import Atom, Played
+from smad.gap.paired.reference import Reference, RunReference
+from smad.gap.paired.rows import Binned
+from smad.gap.plant import ModelPoint, PlantModel
+from smad.gap.runs import GapRun
+
+SCHEMA = 2
+_ABOUT, _ARRAYS = "baseline.json", "reference.npz"
+_FLOOR = ("sd", "rho", "day_sd", "gauge")
+_RUN = ("mean", "valid", "count", "regime", "base", "slopes", "signatures")
+_FIRST = ("values", "valid", "inputs", "covered")
+
+
+class _AtomFile(msgspec.Struct, frozen=True):
+    entry: str
+    strength: str
+    level: float
+    variant: str
+    values: dict[str, float]
+
+
+class _RunFile(msgspec.Struct, frozen=True):
+    name: str
+    bins: int
+    start_s: float
+    around: dict[str, float]
+
+
+class About(msgspec.Struct, frozen=True):
+    """`baseline.json`: identity, reference model, and the list of runs."""
+
+    schema: int
+    bench: str
+    programme: str
+    plant: str
+    repeats: int
+    degrees: int
+    theta: dict[str, float]
+    effects: dict[str, dict[str, float]]
+    atoms: list[_AtomFile]
+    runs: list[_RunFile]
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A reference with what it belongs to: bench, hash of the programme."""
+
+    bench: str
+    programme: str
+    reference: Reference
+
+
+def identity(plant: PlantModel) -> str:
+    """What signatures depend on beside the inputs: the model and its library."""
+    return f"{plant.name}, {plant.version}"
+
+
+def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
+    """Writes the baseline whole or not at all. Raises BaselineError for a disk that is full."""
+    r = baseline.reference
+    about = About(
+        SCHEMA, baseline.bench, baseline.programme, identity(plant), r.repeats, r.floor.degrees,
+        dict(r.point.theta), {k: dict(v) for k, v in r.point.effects.items()},
+        [_AtomFile(a.entry, a.strength, a.level, a.variant, a.values) for a in r.atoms],
+        [_RunFile(x.name, x.played.bins, x.played.start_s, dict(x.around)) for x in r.runs],
+    )  # fmt: skip
+    arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
+    for k, x in enumerate(r.runs):
+        arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
+        arrays |= {f"{k}.first.{n}": getattr(x.inputs, n) for n in _FIRST}
+        whole = x.played.whole
+        arrays[f"{k}.t_s"] = whole.t_s
+        arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = folder / f"{_ARRAYS}.part"
+        with partial.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+        text = folder / f"{_ABOUT}.part"
+        text.write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=1))
+        os.replace(partial, folder / _ARRAYS)
+        os.replace(text, folder / _ABOUT)
+    except OSError as error:
+        raise BaselineError(
+            f"cannot write the baseline {folder}: {error.strerror}",
+            action="make room; the runs are kept, and the same command goes on",
+        ) from error
+
+
+def load(folder: Path, plant: PlantModel) -> Baseline:
+    """The baseline of a folder. Raises BaselineError where it is not whole or not this plant's."""
+    about = read_about(folder)
+    if about.plant != identity(plant):
+        raise BaselineError(
+            f"the baseline {folder} was computed with another model or library",
+            value=about.plant,
+            limit=identity(plant),
+            action="commission again, or give the parameter file of the baseline with --params",
+        )
+    try:
+        with np.load(folder / _ARRAYS, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        runs = tuple(_run(k, x, arrays) for k, x in enumerate(about.runs))
+        sd, rho, day_sd, gauge = (arrays[f"floor.{n}"] for n in _FLOOR)
+        floor = Floor(sd, rho, day_sd, about.degrees, gauge)
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise BaselineError(
+            f"{folder / _ARRAYS} cannot be read: {error}", action="commission again"
+        ) from error
+    atoms = tuple(Atom(a.entry, a.strength, a.level, a.variant, a.values) for a in about.atoms)
+    point = ModelPoint(about.theta, about.effects)
+    reference = Reference(runs, point, floor, atoms, about.repeats)
+    return Baseline(about.bench, about.programme, reference)
+
+
+def read_about(folder: Path) -> About:
+    """What a baseline says of itself. Raises BaselineError."""
+    try:
+        about = msgspec.json.decode((folder / _ABOUT).read_bytes(), type=About)
+    except OSError as error:
+        raise BaselineError(
+            f"{folder} is no baseline: {_ABOUT} cannot be read ({error.strerror})",
+            action="make one with smad gap commission",
+        ) from error
+    except msgspec.MsgspecError as error:
+        raise BaselineError(f"{folder / _ABOUT} is not valid: {error}",
+                            action="commission again") from None  # fmt: skip
+    if about.schema != SCHEMA:
+        raise BaselineError(
+            f"the baseline {folder} was written by another version",
+            value=f"schema {about.schema}",
+            limit=f"schema {SCHEMA}",
+            action="commission again; its runs can be judged with --good",
+        )
+    return about
+
+
+def _run(k: int, x: _RunFile, arrays: dict[str, np.ndarray]) -> RunReference:
+    n = len(arrays[f"{k}.t_s"])
+    prefix = f"{k}.input."
+    inputs = {name.removeprefix(prefix): v for name, v in arrays.items() if name.startswith(prefix)}
+    around = {c: np.full(n, v) for c, v in x.around.items()}
+    run = GapRun(x.name, arrays[f"{k}.t_s"], inputs, around)
+    first = Binned(x.name, *(arrays[f"{k}.first.{f}"] for f in _FIRST))
+    own = {f: arrays[f"{k}.{f}"] for f in _RUN}
+    return RunReference(
+        name=x.name, played=Played.of(run, x.start_s), inputs=first, around=dict(x.around), **own
+    )

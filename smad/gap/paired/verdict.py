@@ -1,0 +1,278 @@
+"""The verdict of a check-up: one rule over the findings, a budget, and words for both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from smad.gap.paired.constants import Constants
+from smad.gap.paired.difference import SHARE, Paired
+from smad.gap.paired.judge import Findings, score
+from smad.gap.paired.refine import Refined
+from smad.gap.plant import Array, EffectValues, Mask
+
+QUIET, PARAMETERS, CAUSE, GROUP, UNKNOWN = "quiet", "parameters", "cause", "group", "unknown"
+_LEFT_WIDTH = 0.07
+_PARAMETER_COST = 2.0
+
+
+class Share(msgspec.Struct, frozen=True):
+    """One signal's budget, RMS in its unit: raw difference; less days and small moves of
+    parameters; less the named entries as well; and what a bench without a change shows."""
+
+    signal: str
+    unit: str
+    raw: float
+    parameters: float
+    entries: float
+    noise: float
+
+
+class Likely(msgspec.Struct, frozen=True):
+    """A hypothesis: entries at work together, or "parameters" or "unknown"."""
+
+    names: list[str]
+    probability: float
+    values: dict[str, dict[str, float]] = {}
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """What a check-up says.
+
+    `outcome` is quiet, parameters, cause, group or unknown. `left` is the share of the excess that
+    the named entries leave; `ratio` the mean square over the floor's; `budget` by signal, `whole`
+    over all signals in floors. `notes` say what a reader must know of the runs.
+    """
+
+    outcome: str
+    headline: str
+    likely: list[Likely]
+    group: list[str]
+    left: float
+    ratio: float
+    worst_run: str
+    budget: list[Share]
+    whole: Share
+    notes: list[str]
+    repeats: int
+
+
+def decide(paired: Paired, findings: Findings, constants: Constants) -> Verdict:
+    """The verdict, by the rule that `Constants` explains."""
+    f = findings
+    final = f.steps[-1] if f.steps else None
+    outcome, likely, group = _outcome(f, constants)
+    named = final if outcome in (CAUSE, GROUP) else None
+    budget, whole = budget_of(paired, {} if named is None else named.values)
+    worst = int(np.argmax(f.by_run)) if len(f.by_run) else 0
+    left = f.left
+    return Verdict(
+        outcome=outcome,
+        headline=_headline(outcome, likely, group, left, constants),
+        likely=likely,
+        group=group,
+        left=left if outcome != QUIET else 0.0,
+        ratio=f.ratio,
+        worst_run=paired.pairs[worst].now,
+        budget=budget,
+        whole=whole,
+        notes=_notes(paired, final if outcome in (CAUSE, GROUP) else None),
+        repeats=paired.reference.repeats,
+    )
+
+
+def is_quiet(f: Findings, constants: Constants) -> bool:
+    """Whether nothing stands out of the repeat floor."""
+    best = score(f.singles[0]) if f.singles else 0.0
+    return bool(
+        best < constants.quiet_gain
+        and f.ratio < constants.quiet_ratio
+        and f.by_channel.max() < constants.channel_ratio
+    )
+
+
+def tempering(gain: float, constants: Constants) -> float:
+    """How much better a score has to be for odds of e to 1, where the best takes `gain`."""
+    return 2.0 * (constants.temper + constants.form_share**2 * max(gain, 0.0))
+
+
+def _outcome(f: Findings, constants: Constants) -> tuple[str, list[Likely], list[str]]:
+    if is_quiet(f, constants):
+        return QUIET, [], []
+    likely = hypotheses(f, constants)
+    top = likely[0]
+    if top.names == [UNKNOWN]:
+        return UNKNOWN, likely, []
+    if top.names == [PARAMETERS]:
+        return PARAMETERS, likely, []
+    near = [
+        x.names[0]
+        for x in likely[1:]
+        if x.names != [UNKNOWN] and x.probability * constants.odds > top.probability
+    ]
+    return (GROUP, likely, [top.names[0], *near]) if near else (CAUSE, likely, [])
+
+
+def hypotheses(f: Findings, constants: Constants) -> list[Likely]:
+    """What may be the matter with a bench that has changed, with probabilities, likeliest first."""
+    if not f.singles:
+        return [Likely([UNKNOWN], 1.0)]
+    final = f.steps[-1]
+    best = max(score(s) for s in f.singles)
+    width = tempering(f.best_gain, constants)
+    weights = {s.names: float(np.exp((score(s) - best) / width)) for s in f.singles}
+    free = f.parameters - _PARAMETER_COST * f.parameter_odds
+    of_parameters = float(np.exp(min((free - best) / width, 30.0)))
+    if len(final.names) > 1:
+        of_parameters *= float(np.exp(min((best - score(final)) / width, 0.0)))
+    unknown = _logistic((f.left - constants.unknown_left) / _LEFT_WIDTH)
+    total = sum(weights.values()) + of_parameters
+    rest = 1.0 - unknown
+    singles = {s.names: s for s in f.singles}
+    first = max(weights, key=lambda n: weights[n])
+    likely = []
+    for names, w in weights.items():
+        fit = final if names == first else singles[names]
+        likely.append(Likely(list(fit.names), rest * w / total, fit.values))
+    likely.append(Likely([PARAMETERS], rest * of_parameters / total))
+    likely.append(Likely([UNKNOWN], unknown))
+    return sorted(likely, key=lambda x: -x.probability)
+
+
+def _logistic(x: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-np.clip(x, -40.0, 40.0))))
+
+
+def _headline(
+    outcome: str, likely: list[Likely], group: list[str], left: float, constants: Constants
+) -> str:
+    if outcome == QUIET:
+        return "no change beyond the repeat floor"
+    if outcome == PARAMETERS:
+        return (
+            "changed: other values of the parameters explain it, no entry of the library is needed"
+        )
+    if outcome == UNKNOWN:
+        return (
+            f"changed, cause unknown: the best of the library leaves {100 * left:.0f} % of it "
+            f"(a name may leave {100 * constants.unknown_left:.0f} %)"
+        )
+    if outcome == GROUP:
+        return f"changed: {' or '.join(group)}, which these runs do not tell apart"
+    names = " + ".join(likely[0].names)
+    rest = f"; {100 * left:.0f} % of the change is not explained" if left > 0.1 else ""
+    return f"changed: {names} (probability {likely[0].probability:.2f}){rest}"
+
+
+def budget_of(paired: Paired, values: EffectValues) -> tuple[list[Share], Share]:
+    """Raw difference, less the days and parameters of the joint fit, less the entries as well.
+
+    By signal, and over all signals in floors.
+    """
+    raw = [p.difference for p in paired.pairs]
+    change = paired.change(values) if values else None
+    entries = change or [np.zeros_like(d) for d in raw]
+    after = _without_days(paired, [d - c for d, c in zip(raw, entries, strict=True)])
+    beside = [x + c for x, c in zip(after, entries, strict=True)]
+    sd = [p.rows.sd for p in paired.pairs]
+    valid = [p.rows.valid for p in paired.pairs]
+    stages = (raw, beside, after, sd)
+    columns = [_rms(x, valid) for x in stages]
+    shares = [
+        Share(c.name, c.unit, *(float(column[i]) for column in columns))
+        for i, c in enumerate(paired.plant.channels)
+        if any(v[:, i].any() for v in valid)
+    ]
+    floors = [[x / s for x, s in zip(part, sd, strict=True)] for part in stages]
+    return shares, Share("all signals", "floors", *(_overall(x, valid) for x in floors))
+
+
+def _overall(parts: list[Array], valid: list[Mask]) -> float:
+    rows = np.concatenate([x[v] for x, v in zip(parts, valid, strict=True)])
+    return float(np.sqrt(np.mean(rows**2)))
+
+
+def _rms(parts: list[Array], valid: list[Mask]) -> Array:
+    rows, good = np.concatenate(parts), np.concatenate(valid)
+    count = np.maximum(good.sum(axis=0), 1)
+    return np.asarray(np.sqrt(np.where(good, rows**2, 0.0).sum(axis=0) / count))
+
+
+def _without_days(paired: Paired, difference: list[Array]) -> list[Array]:
+    """The difference less the most likely day of each run and the parameters' small move."""
+    r = paired.tie(paired.white([d[None] for d in difference]))[0]
+    J = SHARE * paired.tie(paired.slopes)
+    # The posterior mean of directions that were shrunk is their product with the white rows.
+    theta = J @ r * SHARE
+    out = []
+    for p, d in zip(paired.pairs, difference, strict=True):
+        moved = d - np.tensordot(theta, p.reference.slopes, axes=1)
+        own = p.rows.shrink(p.rows.independent(moved[None]))[0]
+        days = p.rows.shrink(p.rows.days) @ own
+        out.append(moved - np.tensordot(days * p.rows.day_sd, p.rows.day, axes=1))
+    return out
+
+
+def _notes(paired: Paired, fit: Refined | None) -> list[str]:
+    out = []
+    if paired.reference.repeats < 2:
+        out.append(
+            "a run was recorded good only once: the repeat floor is a guess; record it again "
+            "on another day"
+        )
+    for p in paired.pairs:
+        if p.share < 0.98:
+            out.append(
+                f"{p.now} counts as far as it goes: {100 * p.share:.0f} % of it was recorded"
+            )
+        if p.carried:
+            out.append(f"{p.now}: inputs differed from the good run's; the model carried that over")
+    warm = [
+        f"{c} {p.around[c] - p.reference.around[c]:+.1f} K in {p.now}"
+        for p in paired.pairs
+        for c in p.around
+        if c in p.reference.around and abs(p.around[c] - p.reference.around[c]) > 1.0
+    ]
+    if warm:
+        out.append("carried over by the model: " + ", ".join(warm))
+    if fit is not None and fit.at_bound:
+        out.append(f"at the end of its range: {', '.join(fit.at_bound)}")
+    return out
+
+
+UNCALIBRATED = (
+    "the probabilities are relative to the library and not calibrated yet: on development benches"
+    " they were too sure (docs/guide/check-up.md)"
+)
+
+
+def budget_lines(shares: Sequence[Share]) -> list[str]:
+    """A budget as a table."""
+    head = f"{'RMS of now − then':<27} {'raw':>9} {'less days':>9} {'less named':>10} {'floor':>9}"
+    return [head] + [
+        f"{s.signal:<19} {s.unit:<7} {s.raw:>9.3g} {s.parameters:>9.3g} "
+        f"{s.entries:>10.3g} {s.noise:>9.3g}"
+        for s in shares
+    ]
+
+
+def lines(verdict: Verdict) -> list[str]:
+    """The verdict in plain words, the headline first."""
+    v = verdict
+    out = [v.headline]
+    for x in v.likely[:3]:
+        if x.probability < 0.02:
+            continue
+        values = "; ".join(
+            f"{q} = {number:.3g}" for own in x.values.values() for q, number in own.items()
+        )
+        out.append(
+            f"  {x.probability:.2f}  {' + '.join(x.names)}{f'  ({values})' if values else ''}"
+        )
+    out += budget_lines((*v.budget, v.whole))
+    if v.outcome != QUIET:
+        out.append(f"the run with most of it: {v.worst_run}")
+        out.append(UNCALIBRATED)
+    return [*out, *v.notes]

@@ -1,0 +1,54 @@
+"""What to do after a diagnosis, as commands to copy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smad.gap.records import NAMED, Diagnosis, Outcome
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How the diagnosis was asked for: its runs and options as typed, and the model it wrote."""
+
+    arguments: str = "RUN…"
+    model: str = ""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A thing to do: why, and the command that does it, "" where there is none."""
+
+    why: str
+    command: str = ""
+
+
+def advice(d: Diagnosis, asked: Asked) -> list[Step]:
+    """The next steps, the most useful first."""
+    v = d.verdict
+    if v.outcome is Outcome.REFUSED:
+        return [Step("mend what the runs were refused for, and ask again",
+                     f"smad gap diagnose {asked.arguments}")]  # fmt: skip
+    if v.outcome is Outcome.NO_EXCITATION:
+        return [Step("list the runs that move more, and record some", "smad gap next")]
+    steps = []
+    open_question = v.outcome in (Outcome.UNKNOWN, Outcome.AMBIGUOUS) or v.imitated
+    if d.experiments:
+        steps += [Step(f"record: {x.title}", x.command) for x in d.experiments]
+        steps.append(
+            Step("ask again with them", f"smad gap diagnose {asked.arguments} --html gap.html")
+        )
+    elif open_question:
+        steps.append(Step("see where the gap is, on the page",
+                          f"smad gap diagnose {asked.arguments} --html gap.html"))  # fmt: skip
+    if v.outcome in NAMED or v.outcome is Outcome.PARAMETERS:
+        model = asked.model or "better.toml"
+        if not asked.model:
+            steps.append(
+                Step("keep the better model",
+                     f"smad gap diagnose {asked.arguments} --apply {model}")
+            )  # fmt: skip
+        steps.append(
+            Step("try it on runs that are new to it", f"smad gap verify --model {model} NEW_RUN…")
+        )
+    return steps

@@ -1,0 +1,128 @@
+"""Where the gap goes: raw, parameters, each cause in turn, rest; on the runs that were judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from smad.gap.data.replay import Detail
+from smad.gap.fit.candidate import Candidate, cluster_gain
+from smad.gap.fit.judge import Judged, excess_of
+from smad.gap.fit.lsq import Problem
+from smad.gap.fit.stages import Prepared
+from smad.gap.plant import Array, ModelPoint, units
+from smad.gap.records import Budget, BudgetRow, RunGap
+from smad.gap.report.summary import waterfall
+
+_CLEAR = 2.0
+"""Standard errors by which parameters must improve a held-out score to be needed."""
+_DOMINATES = 0.5
+
+
+@dataclass(frozen=True)
+class Way:
+    """The models from the raw one to the last, and what each predicts of the judged runs.
+
+    `predictions` are of the model as configured, after the parameters, and after each of `causes`.
+    `parameters`: whether the values of the parameters that the refit found are part of the models.
+    """
+
+    causes: tuple[str, ...]
+    parameters: bool
+    predictions: Sequence[Array]
+
+
+def way(prepared: Prepared, chain: Sequence[Candidate], refit: Judged) -> Way:
+    """The way to the last of `chain`, without other values of the parameters where none is needed.
+
+    They are not where the effects of the last model, at the parameters as they were, predict runs
+    that were not fitted to as well, or leave no gap that is significant.
+    """
+    causes = tuple(name for c in chain[-1:] for name in _in_order(chain, c))
+    if not causes:
+        return Way((), True, [prepared.raw.predicted, refit.predicted])
+    last = chain[-1]
+    points = [
+        ModelPoint(prepared.centre, {**prepared.fixed, **_only(last, causes[: i + 1])})
+        for i in range(len(causes))
+    ]
+    problem, hold = prepared.problem, prepared.hold
+    own = problem.evidence.predict(points, detail=Detail.FINE)
+    held = own[:, :0] if hold is None else hold.evidence.predict(points, detail=Detail.FINE)
+    plain = Judged(problem, hold, own[-1], held[-1])
+    gain, error = cluster_gain(problem, hold, last.judged.scores() - plain.scores())
+    if gain > _CLEAR * error and plain.excess() > prepared.threshold:
+        steps = [c.judged.predicted for c in chain]
+        return Way(causes, True, [prepared.raw.predicted, refit.predicted, *steps])
+    steps = list(own if hold is None else held)
+    return Way(causes, False, [prepared.raw.predicted, prepared.raw.predicted, *steps])
+
+
+def _in_order(chain: Sequence[Candidate], last: Candidate) -> list[str]:
+    """The effects of the last model, in the order in which the chain took them in."""
+    entered = [name for c in chain for name in c.names if name in last.names]
+    return list(dict.fromkeys(entered))
+
+
+def _only(c: Candidate, names: Sequence[str]) -> dict[str, dict[str, float]]:
+    return {k: dict(v) for k, v in c.fit.point.effects.items() if k in names}
+
+
+def budget_of(prepared: Prepared, way: Way, refit: Judged, *, named: bool) -> Budget:
+    """The budget on the judged runs, by signal, in all, and by run."""
+    bench = refit.bench
+    rows = waterfall("local", bench, way.predictions, prepared.plant)
+    unit = units(prepared.plant)
+    raw = rows[-1].raw
+    alone = 1.0 - refit.excess() / raw if raw > 0.0 else 0.0
+    runs = _by_run(bench, way.predictions)
+    carried = np.array([r.refit**2 for r in runs])
+    share = float(carried.max() / carried.sum()) if carried.sum() > 0.0 else 0.0
+    # Of two runs one always has half.
+    dominates = len(runs) > 1 and share > max(_DOMINATES, 1.8 / len(runs))
+    return Budget(
+        causes=list(way.causes),
+        named=named,
+        parameters=way.parameters,
+        alone=alone,
+        rows=[
+            _row(r.output, r.floor, unit.get(r.channel, ""), [r.raw, r.refit, *r.effects])
+            for r in (rows[-1], *rows[:-1])
+        ],
+        runs=runs,
+        median=_median(runs),
+        dominated_by=runs[int(carried.argmax())].run if dominates else "",
+        dominating=share if dominates else 0.0,
+    )
+
+
+def _row(signal: str, floor: float, unit: str, gaps: Sequence[float]) -> BudgetRow:
+    raw = gaps[0]
+    shares = [(a - b) / raw if raw > 0.0 else 0.0 for a, b in pairwise(gaps)]
+    rest = gaps[-1] / raw if raw > 0.0 else 0.0
+    return BudgetRow(signal, floor, unit, raw, shares[0], shares[1:], rest, gaps[-1])
+
+
+def _by_run(problem: Problem, predictions: Sequence[Array]) -> list[RunGap]:
+    ev = problem.evidence
+    squares = [np.square(problem.scaled(p)) for p in (*predictions[:2], predictions[-1])]
+    out = []
+    for k, run in enumerate(ev.runs):
+        rows = np.zeros(ev.n)
+        for s in ev.segments:
+            if s.run == k:
+                rows[s.rows] = 1.0
+        out.append(RunGap(run.name, *(excess_of(problem, q, None, rows) for q in squares)))
+    return out
+
+
+def _median(runs: Sequence[RunGap]) -> RunGap | None:
+    if len(runs) < 2:
+        return None
+    return RunGap(
+        "median",
+        *(float(np.median([getattr(r, f) for r in runs])) for f in ("raw", "refit", "final")),
+    )

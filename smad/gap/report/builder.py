@@ -1,0 +1,402 @@
+"""From a selection to the records: verdict in words, intervals, next experiment, figures."""
+
+from __future__ import annotations
+
+import dataclasses
+import platform
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from importlib.metadata import version
+
+import msgspec
+import numpy as np
+
+from smad.gap.compare.agreement import disagreement
+from smad.gap.compare.confused import confused, parting_experiments
+from smad.gap.compare.localise import HeatMap
+from smad.gap.compare.select import Selection
+from smad.gap.compare.tracks import Track
+from smad.gap.compare.verdict import Evidenced, decide, stands_out
+from smad.gap.compare.weigh import weigh
+from smad.gap.data.admission import Admission, Finding
+from smad.gap.fit.candidate import Candidate, differing
+from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
+from smad.gap.fit.judge import excess_by_key, predict_by_run
+from smad.gap.fit.stages import Prepared, open_loop
+from smad.gap.plant import Array, ModelPoint, PlantModel
+from smad.gap.records import (
+    NAMED,
+    Diagnosis,
+    FindingRecord,
+    LeftOutRecord,
+    Outcome,
+    ValueRecord,
+    Verdict,
+)
+from smad.gap.report.budget import Way, budget_of, way
+from smad.gap.report.plain import plain
+from smad.gap.report.summary import (
+    candidate_records,
+    dominant_outputs,
+    fitted_records,
+    floor_records,
+    heat_of,
+    heat_records,
+    law_records,
+    pair_records,
+    parameter_records,
+    residual_test_records,
+    run_records,
+    traces,
+    value_records,
+    waterfall,
+    window_records,
+)
+from smad.gap.report.words import words
+from smad.gap.runs import GapRun
+from smad.gap.settings import Settings
+
+LIMITS = (
+    "Every figure is about this plant model and its library: a cause outside it can only be "
+    "reported as unknown.",
+    "Probabilities are relative to the library and to the runs given; since known-good runs they "
+    "have been calibrated on simulated plants, not on a bench; without, on nothing.",
+    "A refit can imitate an effect: the masked share of each candidate says how much of it these "
+    "runs cannot show.",
+)
+
+SINGLE = (
+    "There was a single run to fit, and none to judge on: every figure is of the run that was "
+    "fitted to, and says how well it can be described, not what would be predicted."
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Shell:
+    """What every diagnosis carries, whatever it found."""
+
+    plant: PlantModel
+    settings: Settings
+    findings: Sequence[Finding]
+    roles: dict[str, Sequence[GapRun]]
+    since_good: bool
+    began: float
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the figures are of runs that were not fitted to."""
+        return bool(self.roles["hold-out"]) or len(self.roles["fit"]) != 1
+
+    @property
+    def judged_on(self) -> str:
+        """What the figures are of."""
+        if self.roles["hold-out"]:
+            return "runs held out"
+        return "each run left out in turn" if self.unseen else "the run it was fitted to"
+
+    def record(self, verdict: Verdict, **parts: object) -> Diagnosis:
+        empty: dict[str, object] = {
+            name: []
+            for name in (
+                "missing", "floors", "steps", "waterfall", "heat", "windows", "candidates",
+                "values", "parameters", "pairs", "residual_tests", "experiments", "traces",
+            )
+        }  # fmt: skip
+        return Diagnosis(
+            plant=self.plant.name,
+            plant_version=self.plant.version,
+            versions={
+                "smad": version("smad"),
+                "numpy": np.__version__,
+                "scipy": version("scipy"),
+                "python": platform.python_version(),
+            },
+            settings=dataclasses.asdict(self.settings),
+            question="what has changed since the known-good runs"
+            if self.since_good
+            else "what differs between model and bench",
+            judged_on=self.judged_on,
+            verdict=verdict,
+            runs=run_records(self.roles),
+            findings=[FindingRecord(f.run, f.kind, f.text, f.refuses) for f in self.findings],
+            limits=list(LIMITS if self.unseen else (*LIMITS, SINGLE)),
+            seconds=time.perf_counter() - self.began,
+            **(empty | {"model": {}} | parts),  # type: ignore[arg-type]
+        )
+
+    def refused(self, what: str, admission: Admission) -> Diagnosis:
+        """No run of those `what` could be used: the verdict names why, and nothing else."""
+        kinds = list(dict.fromkeys(f.kind for f in admission.findings if f.refuses))
+        starved = set(kinds) <= {"too short", "no excitation"}
+        outcome = Outcome.NO_EXCITATION if starved else Outcome.REFUSED
+        reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings if f.refuses)
+        why = ", ".join(kinds) or "none was given"
+        text = f"No run {what} can be used ({why}). {reasons}".strip()
+        return self.record(_blank_verdict(outcome, text))
+
+
+def _blank_verdict(outcome: Outcome, text: str) -> Verdict:
+    plain = text.partition(". ")[0].rstrip(".") + "."
+    return Verdict(
+        outcome=outcome, plain=plain, effects=[], group=[], sub_model="", regimes=[],
+        probability=1.0,
+        probabilities={}, gap_raw=0.0, gap_refit=0.0, gap_final=0.0, shrink=0.0, shrink_low=0.0,
+        shrink_high=0.0, ceiling=0.0, open_loop=[], text=text,
+    )  # fmt: skip
+
+
+def _bounded(values: Sequence[ValueRecord], plant: PlantModel) -> list[str]:
+    """Effects whose strength ends at the upper bound of its range, or lower, if that is not 0.
+
+    A share of 1 is no bound of a range: there is no more than all.
+    """
+    strengths = {(e.name, q.name): q for e in plant.effects for q in e.parameters if q.strength}
+    found = []
+    for v in values:
+        q = strengths.get((v.effect, v.name))
+        all_of_it = q is not None and q.unit == "1" and q.high == 1.0 and v.value > 0.5
+        if q is None or not v.at_bound or all_of_it:
+            continue
+        found.append(v.effect)
+    return list(dict.fromkeys(found))
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """Where a gap lies, and the heat map of the refit that shows it."""
+
+    sub_model: str
+    regimes: list[str]
+    channels: list[str]
+    refit_heat: HeatMap
+
+
+def _first(numbers: Evidenced) -> str:
+    """The first cause, by importance; "" without any."""
+    return numbers.effects[0] if numbers.effects else ""
+
+
+class Closing:
+    """From a selection to the records: worth, verdict, intervals, next experiment."""
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        track: Track,
+        shell: Shell,
+        executor: Executor,
+        progress: Callable[[str], None],
+    ) -> None:
+        self.prepared, self.track, self.shell = prepared, track, shell
+        self.selection: Selection = track.selection
+        self.executor, self.progress = executor, progress
+
+    def diagnosis(self, left_out: Sequence[LeftOutRecord] = ()) -> Diagnosis:
+        """All records of the diagnosis; `left_out` are verdicts with a cause withheld."""
+        prepared, selection, settings = self.prepared, self.selection, self.prepared.settings
+        best = selection.best
+        self.progress("judging")
+        shell = self.shell
+        if text := disagreement(best.fit):
+            finding = Finding("all runs", "runs disagree", text, refuses=False)
+            shell = dataclasses.replace(shell, findings=[*shell.findings, finding])
+        numbers = weigh(prepared, self.track)
+        outcome, p = decide(numbers, settings)
+        first = _first(numbers)
+        self.progress("intervals")
+        final = self._final(outcome in NAMED)
+        values = self._values(final) if outcome in NAMED else []
+        bounded = _bounded(values, prepared.plant)
+        if bounded:
+            outcome, p = Outcome.UNKNOWN, settings.unknown_right
+            final, values = self._final(False), []
+        named = outcome in NAMED
+        took = way(prepared, self._chain(), selection.base.judged)
+        budget = budget_of(prepared, took, selection.base.judged, named=named)
+        place = self._place(outcome, numbers)
+        question = confused(prepared, self.track, outcome, numbers.groups)
+        if question is not None:
+            self.progress("next experiment")
+        experiments = [] if question is None else parting_experiments(prepared, question)
+        text = words(
+            outcome, numbers, prepared.plant, p=p, sub_model=place.sub_model,
+            regimes=place.regimes, outputs=place.channels, values=values,
+            experiments=experiments, wanted=settings.ambiguous_d2,
+            unseen=self.shell.unseen,
+        )  # fmt: skip
+        model, holds = self._model(outcome, final, took)
+        verdict = self._verdict(outcome, p, numbers, place, opened=[], text=f"{text} {holds}")
+        opened, open_rows, shown = self._open_loop(named)
+        answer = plain(
+            outcome,
+            titles={e.name: e.title for e in prepared.plant.effects},
+            effects=verdict.effects,
+            group=verdict.group,
+            values=values,
+            budget=budget,
+            bounded=bounded,
+            since_good=shell.since_good,
+        )
+        verdict = msgspec.structs.replace(verdict, open_loop=opened, plain=answer, bounded=bounded)
+        bench = best.judged.bench
+        stand = self._in_one_place(first)
+        return shell.record(
+            verdict,
+            missing=sorted(set(prepared.problem.evidence.missing)),
+            floors=floor_records(prepared),
+            steps=[list(c.names) for c in self._chain()],
+            waterfall=waterfall("local", bench, self._steps(), prepared.plant) + open_rows,
+            heat=heat_records(heat_of(prepared.raw), place.refit_heat, heat_of(best.judged)),
+            windows=window_records(place.refit_heat),
+            candidates=candidate_records(
+                self.track.asked, selection.probability.get(first, {}), settings.false_discovery
+            ),
+            values=values,
+            parameters=parameter_records(
+                prepared, final, bootstrap(final.fit, settings.bootstrap, settings.seed)
+            ),
+            laws=law_records(prepared, final),
+            pairs=pair_records(stand) if len(stand) > 1 else [],
+            residual_tests=residual_test_records(prepared, best),
+            experiments=experiments,
+            traces=shown,
+            fitted=fitted_records(self.track.asked, selection),
+            places=selection.probability,
+            left_out=list(left_out),
+            model={
+                "theta": dict(model.theta),
+                "effects": {k: dict(v) for k, v in model.effects.items()},
+            },
+            budget=budget,
+        )
+
+    def _in_one_place(self, first: str) -> dict[str, Candidate]:
+        """The models that stand in the place of the first cause, by the effect they have there.
+
+        Where nothing has entered, the first effects that were tried.
+        """
+        s = self.selection
+        if not first:
+            return {c.names[0]: c for c in s.tried[:5] if len(c.names) == 1}
+        return {first: s.best, **{differing(s.best, c): c for c in s.rivals.get(first, ())}}
+
+    def _final(self, named: bool) -> Candidate:
+        """The model that the verdict stands for: the refit, or the fit of the cause, polished."""
+        if not named:
+            return self.selection.base
+        best = self.selection.best
+        # What coarser replays cost was learnt where the effect was not.
+        best.fit.problem.evidence.calibrate(best.fit.point)
+        return dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
+
+    def _model(self, outcome: Outcome, final: Candidate, took: Way) -> tuple[ModelPoint, str]:
+        """The model to apply, and a sentence that says all it holds.
+
+        Parameters that no better prediction asks for stay as they were.
+        """
+        prepared, point = self.prepared, final.fit.point
+        named = set(final.names) if outcome in NAMED else set()
+        quiet = outcome in (Outcome.NO_GAP, Outcome.NO_EXCITATION)
+        moved = not quiet and (not named or took.parameters)
+        if not moved:
+            own = {k: dict(v) for k, v in point.effects.items() if k in named}
+            point = ModelPoint(prepared.centre, {**prepared.fixed, **own})
+        laws = sorted(set(point.effects) - named)
+        what = [", ".join(sorted(named)) or "no effect"]
+        if laws:
+            what.append(f"the laws of the known-good runs ({', '.join(laws)})")
+        as_good = "of the known-good runs" if prepared.background is not None else "as they were"
+        what.append("the refitted parameters" if moved else f"the parameters {as_good}")
+        return point, f"The model to apply holds {', '.join(what[:-1])} and {what[-1]}."
+
+    def _values(self, final: Candidate) -> list[ValueRecord]:
+        """Strengths and shapes of the causes with their intervals."""
+        prepared, settings = self.prepared, self.prepared.settings
+        # How far the forms of laws differ has been seen on benches with known-good runs only.
+        form = 0.0 if prepared.background is None else settings.form_share
+        return value_records(intervals(final.joint, settings.seed, form), prepared.fixed)
+
+    def _place(self, outcome: Outcome, numbers: Evidenced) -> Place:
+        """Where the gap lies: on the cause's own outputs, or on those that stand out."""
+        prepared, judged = self.prepared, self.selection.base.judged
+        heat = heat_of(judged)
+        outputs = dominant_outputs(excess_by_key(judged.bench, judged.squares()))
+        sub_model = heat.worst_sub_model
+        if outcome in NAMED:
+            first = next(e for e in prepared.plant.effects if e.name == numbers.effects[0])
+            sub_model = first.sub_model
+            touched = numbers.touched.keys
+            outputs = [k for k in touched if k in outputs] or list(touched)
+        elif output := stands_out(numbers):
+            outputs = [output]
+            sub_model = prepared.outputs[output].sub_model
+        part = prepared.outputs[outputs[0]].sub_model if outputs else sub_model
+        channels = list(dict.fromkeys(prepared.outputs[k].channel for k in outputs))
+        return Place(sub_model, heat.worst_regimes(part), channels, heat)
+
+    def _verdict(
+        self,
+        outcome: Outcome,
+        p: float,
+        numbers: Evidenced,
+        place: Place,
+        *,
+        opened: list[float],
+        text: str,
+    ) -> Verdict:
+        named, whole = outcome in NAMED, numbers.whole
+        low, high = whole.interval
+        return Verdict(
+            outcome=outcome,
+            effects=list(numbers.effects) if named else [],
+            group=[n for e in numbers.effects[:1] for n in numbers.groups.get(e, ())]
+            if named
+            else [],
+            sub_model=place.sub_model,
+            regimes=place.regimes,
+            probability=p,
+            probabilities=self.selection.probability.get(_first(numbers), {}),
+            gap_raw=numbers.gap_raw,
+            gap_refit=whole.gap_refit,
+            gap_final=whole.gap_final,
+            shrink=whole.shrink if named else 0.0,
+            shrink_low=low,
+            shrink_high=high,
+            ceiling=whole.ceiling,
+            open_loop=opened,
+            text=text,
+            imitated=named and numbers.imitated,
+            instead=list(numbers.instead),
+            gap_instead=numbers.gap_instead if numbers.instead else None,
+        )
+
+    def _steps(self) -> list[Array]:
+        return [
+            self.prepared.raw.predicted,
+            self.selection.base.judged.predicted,
+            *[c.judged.predicted for c in self._chain()],
+        ]
+
+    def _chain(self) -> list[Candidate]:
+        """The way to the best model: accepted steps that are part of it, then itself."""
+        s = self.selection
+        if not s.best.names:
+            return []
+        return [c for c in s.steps if set(c.names) < set(s.best.names)] + [s.best]
+
+    def _open_loop(self, named: bool) -> tuple[list[float], list[object], list[object]]:
+        s, prepared = self.selection, self.prepared
+        problem = open_loop(prepared, self.executor)
+        ev = problem.evidence
+        chain = self._chain() if named else []
+        predictions = [ev.predict([ModelPoint(prepared.centre, prepared.fixed)])[0]]
+        for c in (s.base, *chain):
+            if prepared.hold is None:
+                predictions.append(predict_by_run(problem, c.judged.points, c.fit.point))
+            else:
+                predictions.append(ev.predict([c.fit.point])[0])
+        rows = waterfall("open loop", problem, predictions, prepared.plant)
+        total = rows[-1]
+        shown = traces("open loop", problem, predictions[1], predictions[-1], prepared.plant)
+        return [total.raw, total.refit, *total.effects], list(rows), list(shown)

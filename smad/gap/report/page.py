@@ -1,0 +1,403 @@
+"""The diagnosis as one HTML page. Everything shown is in the JSON file too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from smad.gap.records import Budget, Diagnosis, Outcome
+from smad.gap.report import figures
+from smad.gap.report.advice import Asked, advice
+from smad.gap.report.terms import TERMS, budget_remarks, budget_table
+from smad.report.page import Block, Code, Page, Picture, Section, Table, Text, text_table
+
+_TITLES = {
+    Outcome.NO_GAP: "No gap",
+    Outcome.PARAMETERS: "Parameters only",
+    Outcome.EFFECT: "Cause found",
+    Outcome.AMBIGUOUS: "Cause not separable with these runs",
+    Outcome.PLUS_REST: "Cause found, with an unexplained rest",
+    Outcome.UNKNOWN: "Unknown cause",
+    Outcome.NO_EXCITATION: "Not enough excitation",
+    Outcome.REFUSED: "Runs refused",
+}
+
+
+def page_of(d: Diagnosis, asked: Asked | None = None) -> Page:
+    """The whole report: answer, what to do next, numbers, evidence; and its terms.
+
+    `asked` says how the diagnosis was asked for, so that commands can be copied.
+    """
+    sections = [
+        Section("Answer", [Text(d.verdict.plain, "note" if _quiet(d) else "warning")], "answer"),
+        Section("What to do next", _next(d, asked or Asked()), "next"),
+        Section("The numbers", _verdict(d), "numbers"),
+    ]
+    if d.waterfall:
+        sections += [
+            Section("How much goes at each step", _waterfall(d), "waterfall"),
+            Section("Where it is", _place(d), "where"),
+            Section("Measured and simulated, on runs held out", _overlays(d), "overlays"),
+            Section("Candidates", _candidates(d), "candidates"),
+            Section("Parameters", _parameters(d), "parameters"),
+            Section("What is left in the residuals", _residuals(d), "residuals"),
+        ]
+    sections += [
+        Section("Runs, and what was refused", _runs(d), "runs"),
+        Section("Limits, settings and versions", _limits(d), "limits"),
+        Section("Terms of this page", [Table(("term", "meaning"), TERMS)], "terms"),
+    ]
+    facts = [
+        ("plant", f"{d.plant} {d.plant_version}"),
+        ("question", d.question),
+        ("judged on", d.judged_on),
+        ("time", f"{d.seconds:.0f} s"),
+    ]
+    return Page(f"Gap diagnosis: {_TITLES[d.verdict.outcome]}", sections, "", facts)
+
+
+def _quiet(d: Diagnosis) -> bool:
+    return d.verdict.outcome in (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.EFFECT)
+
+
+def _next(d: Diagnosis, asked: Asked) -> list[Block]:
+    steps = advice(d, asked)
+    if not steps:
+        return [Text("Nothing needs to be done.")]
+    lines = [f"{s.command}    # {s.why}" if s.command else f"# {s.why}" for s in steps]
+    return [Code("\n".join(lines))]
+
+
+def _verdict(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [] if d.budget is None else _budget(d.budget)
+    out.append(Text(d.verdict.text))
+    if d.values:
+        out.append(
+            Table(
+                ("effect", "parameter", "value", "95 % interval", ""),
+                [
+                    (
+                        x.effect,
+                        x.name,
+                        f"{x.value:.4g} {x.unit}".removesuffix(" 1"),
+                        f"{x.low:.4g} … {x.high:.4g}",
+                        _remark(x.at_bound, x.identifiable),
+                    )
+                    for x in d.values
+                ],
+                "Parameters of the cause, fitted together with those of the model",
+                frozenset({2, 3}),
+            )
+        )
+    if d.experiments:
+        limit = d.settings["ambiguous_d2"]
+        out.append(
+            Table(
+                ("experiment", "duration", "d² predicted", "counted", "together", "run it"),
+                [
+                    (
+                        x.title,
+                        f"{x.duration_s:.0f} s",
+                        f"{x.separation:.0f}",
+                        _number(x.counted, ".1f"),
+                        _number(x.together, ".1f"),
+                        x.command,
+                    )
+                    for x in d.experiments
+                ],
+                "Experiments that would tell the remaining causes apart, best first; "
+                f"{limit:g} is {limit**0.5:g} standard errors. Of the d² that the models predict "
+                "only a part can be counted on, "
+                "by how much more than they say the runs vary along it; together is that of this "
+                "experiment and those above it",
+                frozenset({1, 2, 3, 4}),
+            )
+        )
+    return out
+
+
+def _budget(budget: Budget) -> list[Block]:
+    header, rows = budget_table(budget)
+    out: list[Block] = [
+        Table(
+            header,
+            rows,
+            "Where the gap goes, on the runs judged. Gaps are in noise floors; the shares of the "
+            "gap at first add up to 100 %. The noise itself is 1 floor in every signal.",
+            frozenset(range(1, len(header))),
+        )
+    ]
+    if len(budget.runs) > 1:
+        out.append(
+            Table(
+                ("run", "gap at first", "after the parameters", "at last"),
+                [
+                    (r.run, *(f"{x:.2f}×" for x in (r.raw, r.refit, r.final)))
+                    for r in (*budget.runs, *([budget.median] if budget.median else []))
+                ],
+                "The same, run by run",
+                frozenset({1, 2, 3}),
+            )
+        )
+    return [*out, *(Text(line) for line in budget_remarks(budget))]
+
+
+def _remark(at_bound: bool, identifiable: bool) -> str:
+    if at_bound:
+        return "at the bound of its range"
+    return "" if identifiable else "not told by these runs"
+
+
+def _waterfall(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [
+        Text(
+            "The gap of a signal is the root of its excess mean square error over the noise floor, "
+            f"in floors, on {d.judged_on}. The refit moves the parameters of the "
+            "model only: what it removes is not credited to any effect."
+        ),
+        Picture(
+            figures.waterfall(d),
+            "All signals together: as configured, after the refit, after each effect.",
+        ),
+    ]
+    for view, text in (
+        ("open loop", "The whole simulator, open loop: recorded inputs only"),
+        ("local", "Each sub-model alone, fed with measured neighbours: what was fitted and judged"),
+    ):
+        rows = [r for r in d.waterfall if r.view == view]
+        width = max((len(r.effects) for r in rows), default=0)
+        labels = [f"with {' + '.join(names)}" for names in d.steps]
+        out.append(
+            Table(
+                ("signal", "floor", "raw", "after refit", *labels[:width]),
+                [
+                    (
+                        r.output or "all",
+                        f"{r.floor:.3g} {r.unit}" if r.output else "",
+                        f"{r.raw:.2f}×",
+                        f"{r.refit:.2f}×",
+                        *(f"{e:.2f}×" for e in r.effects),
+                    )
+                    for r in rows
+                ],
+                text,
+                frozenset(range(1, 4 + width)),
+            )
+        )
+    return out
+
+
+def _place(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [
+        Text(
+            "Excess error by sub-model, side and regime, in floors, after the refit and after the "
+            "best model; early and late are the halves of each run."
+        ),
+        Picture(figures.heat_map(d), "Heat map before and after."),
+    ]
+    if d.windows:
+        out.append(
+            Table(
+                ("run", "signal", "window", "share of all excess error"),
+                [
+                    (
+                        w.run,
+                        w.output,
+                        f"{w.start_s:.1f} – {w.stop_s:.1f} s",
+                        f"{w.share:.0%}",
+                    )
+                    for w in d.windows
+                ],
+                "The stretches that carry most of it, after the refit",
+                frozenset({3}),
+            )
+        )
+    return out
+
+
+def _overlays(d: Diagnosis) -> list[Block]:
+    return list(figures.overlays(d))
+
+
+def _number(x: float | None, form: str) -> str:
+    return "–" if x is None else format(x, form)
+
+
+def _candidates(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [
+        Text(
+            "Gain is a rise in log-likelihood. Masked is the share of an effect's signature that "
+            "the refitted parameters can imitate on these runs; visible is what is left of it at "
+            "its typical strength, in floors: under about 4 these runs could not show it. "
+            "p is against the null of the whole selection."
+        ),
+        Table(
+            (
+                "effect", "part", "screened gain", "masked", "visible", "p",
+                "held-out gain", "S on its signals", "probability",
+            ),
+            [
+                (
+                    f"{c.title} [{c.name}]",
+                    c.sub_model,
+                    f"{c.screen_gain:.0f}",
+                    f"{c.masked:.0%}",
+                    f"{c.visible:.0f}",
+                    _number(c.p_value, ".1g"),
+                    "–" if c.gain is None else f"{c.gain:.0f} ± {c.gain_se or 0.0:.0f}",
+                    _number(c.shrink, ".2f"),
+                    _number(c.probability, ".2f"),
+                )
+                for c in d.candidates
+            ],
+            "The library, best first; the part below the fitted ones was not worth a fit",
+            frozenset(range(2, 9)),
+        ),
+    ]  # fmt: skip
+    if d.pairs:
+        out.append(
+            Picture(
+                figures.ambiguity(d),
+                "Ambiguity: d² between the best model with the row's effect and the one with the "
+                "column's, after that one has refitted all it can. Under "
+                f"{d.settings['ambiguous_d2']:g} they cannot be told "
+                "apart with these runs.",
+            )
+        )
+    return out
+
+
+def _parameters(d: Diagnosis) -> list[Block]:
+    out: list[Block] = []
+    if any(len(v.profile) > 1 for v in d.values):
+        out.append(
+            Picture(
+                figures.profiles(d),
+                "Profiles: rise of the negative log-likelihood with all else refitted; the dashed "
+                "line is the 95 % level. A flat profile means that the runs do not fix the value.",
+            )
+        )
+    out.append(
+        Table(
+            ("parameter", "before", "after refit", "with the effects", "95 % interval", ""),
+            [
+                (
+                    p.name,
+                    f"{p.before:.4g}",
+                    f"{p.refit:.4g}",
+                    f"{p.final:.4g} {p.unit}".removesuffix(" 1"),
+                    f"{p.low:.4g} … {p.high:.4g}",
+                    "at its bound" if p.at_bound else "",
+                )
+                for p in d.parameters
+            ],
+            "Parameters of the model; intervals by bootstrap over runs and blocks",
+            frozenset({1, 2, 3, 4}),
+        )
+    )
+    if d.laws:
+        out.append(
+            Table(
+                ("law", "value", "in the known-good runs", "now"),
+                [
+                    (x.law, x.name, f"{x.before:.4g}", f"{x.after:.4g} {x.unit}".removesuffix(" 1"))
+                    for x in d.laws
+                ],
+                "Laws that the known-good runs ask for; they move with a refit that replaces them",
+                frozenset({2, 3}),
+            )
+        )
+    return out
+
+
+def _residuals(d: Diagnosis) -> list[Block]:
+    return [
+        Text(
+            "Diagnostics, not the verdict: when the true law differs in form from the one in the "
+            "library, residuals stay coloured after a correct attribution."
+        ),
+        Table(
+            ("signal", "test", "statistic", "p"),
+            [
+                (t.output, t.test, f"{t.statistic:.3g}", f"{t.p_value:.2g}")
+                for t in d.residual_tests
+            ],
+            "Residuals of the final model on the longest run",
+            frozenset({2, 3}),
+        ),
+    ]
+
+
+def _runs(d: Diagnosis) -> list[Block]:
+    out: list[Block] = [
+        Table(
+            ("run", "used as", "duration", "SHA-256 of its data"),
+            [(r.name, r.role, f"{r.duration_s:.1f} s", r.sha256[:16]) for r in d.runs],
+            "",
+            frozenset({2}),
+        )
+    ]
+    if d.findings:
+        out.append(
+            Table(
+                ("run", "finding", "what", "consequence"),
+                [
+                    (f.run, f.kind, f.text, "refused" if f.refuses else "used with care")
+                    for f in d.findings
+                ],
+                "Findings of the admission",
+            )
+        )
+    if d.missing:
+        out.append(Text("Switched off for want of a signal: " + "; ".join(d.missing) + "."))
+    if d.floors:
+        out.append(
+            Table(
+                ("channel", "noise floor", "from", "run-to-run spread"),
+                [
+                    (
+                        f.channel,
+                        f"{f.sigma:.3g} {f.unit}",
+                        f.source,
+                        "no repeats" if f.spread is None else f"{f.spread:.3g} {f.unit}",
+                    )
+                    for f in d.floors
+                ],
+                "Noise floor of each channel, after averaging to the analysis grid",
+                frozenset({1, 3}),
+            )
+        )
+    return out
+
+
+def _limits(d: Diagnosis) -> list[Block]:
+    return [
+        *[Text(t) for t in d.limits],
+        Code(
+            "\n".join(
+                [f"{k} {v}" for k, v in d.versions.items()]
+                + [f"{k} = {v}" for k, v in d.settings.items()]
+            )
+        ),
+    ]
+
+
+def summary_lines(d: Diagnosis, asked: Asked | None = None) -> Sequence[str]:
+    """The verdict for a terminal: headline, answer, next steps, budget, numbers, findings.
+
+    Lines that begin with two spaces keep their form; the others may be wrapped.
+    """
+    v = d.verdict
+    lines = [_TITLES[v.outcome], v.plain]
+    lines += [f"{f.run}: {f.kind}: {f.text}" for f in d.findings if f.kind != "channel missing"]
+    steps = advice(d, asked or Asked())
+    if steps:
+        lines += ["", "Next:"]
+    for step in steps:
+        lines += [f"  # {step.why}", *([f"  {step.command}"] if step.command else [])]
+    if d.budget is not None:
+        header, rows = budget_table(d.budget)
+        table = text_table(Table(header, rows, "", frozenset(range(1, len(header)))))
+        lines += ["", f"Where the gap goes, on {d.judged_on}, in noise floors:"]
+        lines += [f"  {line}" for line in table.splitlines()]
+        lines += budget_remarks(d.budget)
+    return [*lines, "", v.text]

@@ -1,0 +1,60 @@
+"""The parts of smad that are installed by an extra, and what to say where one is missing."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from smad.errors import MissingPartError
+
+EXTRA_OF: Mapping[str, str] = {
+    "jinja2": "log",
+    "matplotlib": "report",
+    "numba": "sim",
+    "numpy": "log",
+    "pandas": "notebook",
+    "pyarrow": "export",
+    "scipy": "export",
+    "threadpoolctl": "gap",
+}
+"""Package -> the smallest extra that brings it."""
+EXTRA_OF_COMMAND: Mapping[str, str] = {
+    "demo": "sim",
+    "faults": "sim",
+    "gap": "gap",
+    "log export": "export",
+    "log import": "export",
+    "run": "report",
+    "sim": "sim",
+    "start": "sim",
+    "tune": "sim",
+}
+"""Command -> the extra that brings all it needs, where that is more than its first package."""
+
+
+def part(name: str) -> Any:
+    """Import and return a package of an extra. Raises MissingPartError, naming the extra."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        told = missing(error)
+        raise told if told is not None else error from None
+
+
+def missing(error: ModuleNotFoundError, arguments: Sequence[str] = ()) -> MissingPartError | None:
+    """Return what to say of an import that failed; None when it is not for want of an extra.
+
+    `arguments` are those of the command that needed it, if it was one.
+    """
+    package = (error.name or "").partition(".")[0]
+    extra = EXTRA_OF.get(package)
+    if extra is None:
+        return None
+    command = next(
+        (name for name in (" ".join(arguments[:2]), *arguments[:1]) if name in EXTRA_OF_COMMAND), ""
+    )
+    return MissingPartError(
+        f"{package} is not installed, which {f'smad {command}' if command else 'this'} needs",
+        action=f"pip install 'smad[{EXTRA_OF_COMMAND.get(command, extra)}]'",
+    )

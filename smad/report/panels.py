@@ -1,0 +1,184 @@
+"""Plots that answer: panels in a page that zoom and say the values under the pointer.
+
+Pure. A `Panels` block is drawn in the browser by `static/panels.js` with the uPlot that the live
+page ships; all of it stands in the page, which needs no network.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 12_000
+"""Points of a trace that a page holds; of a longer one each stretch keeps its extremes."""
+LONG_PAUSE = 10.0
+"""Times the usual step between two samples: from there on the line is broken."""
+_X_DIGITS = 4
+_MORE_DIGITS = 1
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A line of a panel: `x` and `y` of shape (n,), NaN in `y` where nothing was recorded.
+
+    `x` does not decrease. `pen` is a colour of `smad/view/static/colours.css`; `group` the run it
+    belongs to, where several are overlaid. `dash` are the lengths of line and gap in pixels.
+    """
+
+    label: str
+    x: Array
+    y: Array
+    pen: str
+    group: str = ""
+    dash: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Traces that share an axis of their own. `on_demand`: shown when asked for."""
+
+    title: str
+    unit: str
+    digits: int
+    traces: Sequence[Trace]
+    on_demand: bool = False
+
+
+def digits_for(y: Array) -> int:
+    """Digits after the point that tell a thousandth of the range of `y` apart."""
+    span = float(np.nanmax(y) - np.nanmin(y)) if np.isfinite(y).any() else 0.0
+    return max(0, 3 - math.floor(math.log10(span))) if span > 0.0 else 3
+
+
+def followed(t_s: Array, columns: Mapping[str, Array], title: str = "Displacement") -> Panel:
+    """The displacement over its reference, both of the run log's columns, of shape (n,)."""
+    return Panel(
+        title,
+        "mm",
+        2,
+        [
+            Trace("reference", t_s, columns["reference_mm"], "reference", dash=(6, 4)),
+            Trace("measured", t_s, columns["displacement_mm"], "main"),
+        ],
+    )
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A line across all panels, at `x`, and what happened there."""
+
+    x: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Panels:
+    """A block of panels over one axis `x_label`; they zoom together.
+
+    Of traces in one panel the later are drawn over the earlier.
+    """
+
+    panels: Sequence[Panel]
+    x_label: str = "time (s)"
+    caption: str = ""
+    marks: Sequence[Mark] = field(default_factory=tuple)
+
+    def as_json(self) -> str:
+        """What the page draws, as JSON that may stand in a script element."""
+        text: str = msgspec.json.encode(self._described()).decode()
+        # "</script>" in a name would end the element; in JSON "<" may be written as a number.
+        return text.replace("<", "\\u003c")
+
+    def _described(self) -> dict[str, Any]:
+        axes = _Axes()
+        panels = [
+            {
+                "title": panel.title,
+                "unit": panel.unit,
+                "digits": panel.digits,
+                "on_demand": panel.on_demand,
+                "traces": [axes.describe(trace, panel.digits) for trace in panel.traces],
+            }
+            for panel in self.panels
+        ]
+        return {
+            "x_label": self.x_label,
+            "xs": axes.xs,
+            "panels": panels,
+            "marks": [{"x": round(mark.x, _X_DIGITS), "text": mark.text} for mark in self.marks],
+        }
+
+
+class _Axes:
+    """The distinct x of a block: traces of one run share theirs, in the page too."""
+
+    def __init__(self) -> None:
+        self.xs: list[list[float]] = []
+        self._cuts: dict[int, tuple[int, Stretches]] = {}
+
+    def describe(self, trace: Trace, digits: int) -> dict[str, Any]:
+        if id(trace.x) not in self._cuts:
+            cut = Stretches(trace.x)
+            self._cuts[id(trace.x)] = (len(self.xs), cut)
+            self.xs.append(np.round(cut.x, _X_DIGITS).tolist())
+        place, cut = self._cuts[id(trace.x)]
+        return {
+            "label": trace.label,
+            "group": trace.group,
+            "pen": trace.pen,
+            "dash": trace.dash,
+            "x": place,
+            # NaN becomes null.
+            "y": np.round(cut.thinned(trace.y), digits + _MORE_DIGITS).tolist(),
+        }
+
+
+class Stretches:
+    """How an axis `x` of n samples is thinned: two points a stretch, and a break at each pause.
+
+    `x` is then what is left; where n is at most `most` all stay.
+    """
+
+    def __init__(self, x: Array, most: int = MOST_POINTS) -> None:
+        steps = np.diff(x)
+        usual = float(np.median(steps)) if steps.size else 0.0
+        pauses = (
+            np.flatnonzero(steps > LONG_PAUSE * usual) + 1 if usual > 0.0 else np.array([], int)
+        )
+        self._whole = x.size <= most
+        if self._whole:
+            self._starts = np.arange(x.size)
+            self._breaks = pauses
+            points = x
+        else:
+            every = -(-2 * x.size // most)
+            pieces = pairwise([0, *pauses.tolist(), x.size])
+            starts = [np.arange(begin, end, every) for begin, end in pieces]
+            self._starts = np.concatenate(starts)
+            self._breaks = 2 * np.cumsum([piece.size for piece in starts])[:-1]
+            ends = np.append(self._starts[1:], x.size)
+            points = _alternating(x[self._starts], x[(self._starts + ends) // 2])
+        self._ends = np.append(self._starts[1:], x.size) - 1
+        middles = (points[self._breaks - 1] + points[self._breaks]) / 2.0
+        self.x = np.insert(points, self._breaks, middles)
+
+    def thinned(self, y: Array) -> Array:
+        """`y` of shape (n,) at the points of `x`: the extremes of each stretch; NaN at a break."""
+        if not self._whole:
+            low, high = np.fmin.reduceat(y, self._starts), np.fmax.reduceat(y, self._starts)
+            rising = ~(y[self._ends] < y[self._starts])
+            y = _alternating(np.where(rising, low, high), np.where(rising, high, low))
+        return np.insert(y, self._breaks, np.nan)
+
+
+def _alternating(first: Array, second: Array) -> Array:
+    return np.stack([first, second], axis=1).ravel()

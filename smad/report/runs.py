@@ -1,0 +1,196 @@
+"""Run logs as panels: the strips of the live page, whole runs, one over the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from smad.errors import RunLogError
+from smad.report.page import Page, Section, Table, Text
+from smad.report.panels import Array, Mark, Panel, Panels, Trace
+from smad.runlog.reader import Column, Run, recorded
+from smad.runlog.schema import Event
+from smad.version import VERSION
+from smad.view.strips import STRIPS, Curve, Strip
+
+LETTERS = 26
+PENS = 6
+"""Colours for runs in `colours.css`; more runs begin anew."""
+_MARKED = frozenset({"state", "fault", "warning", "note"})
+_DASHES = {"reference": (6, 4), "y": (3, 2)}
+"""How the lines of one run differ when the colour says which run it is."""
+_MOST_EVENTS = 200
+_VERSION = (("smad", VERSION),)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A run on the axis of a page: the part of it that is shown.
+
+    `x` in s from the run's first sample, shape (n,), increasing; `y` the columns, each of that
+    shape; `start_s` the board time of x = 0. `sign` stands for its name where several are shown.
+    """
+
+    run: Run
+    label: str
+    x: Array
+    y: Mapping[str, Column]
+    start_s: float
+    sign: str = ""
+
+    @property
+    def name(self) -> str:
+        """The label, behind the sign if there is one."""
+        return f"{self.sign}: {self.label}" if self.sign else self.label
+
+
+def elapsed_s(t_s: Array) -> Array:
+    """Return board time, shape (n,), as time that runs on where the board restarted, from 0."""
+    steps = np.diff(t_s)
+    forward = steps[steps > 0.0]
+    usual = float(np.median(forward)) if forward.size else 0.0
+    steps = np.where(steps > 0.0, steps, usual)
+    return np.concatenate([[0.0], np.cumsum(steps)])[: t_s.size]
+
+
+def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf) -> list[Shown]:
+    """The runs by the names of their files, in the order in which they are drawn.
+
+    Runs of a bench come after those of a simulation: what was measured lies on top. `from_s` and
+    `to_s` cut a part out, in s from each run's first sample. Raises RunLogError where nothing is
+    left of a run.
+    """
+    stems = [run.path.stem for run in runs]
+    names = [
+        stem if stems.count(stem) == 1 else f"{stem} ({at})" for at, stem in enumerate(stems, 1)
+    ]
+    found = [_part(run, name, from_s, to_s) for run, name in zip(runs, names, strict=True)]
+    found.sort(key=lambda one: one.run.header.source != "sim")
+    if len(found) == 1:
+        return found
+    return [replace(one, sign=_sign(at)) for at, one in enumerate(found)]
+
+
+def _part(run: Run, label: str, from_s: float, to_s: float) -> Shown:
+    t_s = run.columns["t_s"].astype(np.float64)
+    x = elapsed_s(t_s)
+    inside = (x >= from_s) & (x <= to_s)
+    if not inside.any():
+        raise RunLogError(
+            f"nothing of {run.path} is left to draw",
+            value=f"{from_s:g} to {to_s:g} s",
+            limit=f"0 to {x[-1]:.2f} s" if x.size else "a log with samples",
+            action="choose another part, or another log",
+        )
+    columns = {name: column[inside] for name, column in run.columns.items()}
+    return Shown(run, label, x[inside], columns, float(t_s[0]))
+
+
+def panels_of(runs: Sequence[Shown], caption: str = "") -> Panels:
+    """One panel for each strip of which something was recorded, the runs overlaid."""
+    panels = [panel for panel in (_panel(strip, runs) for strip in STRIPS) if panel.traces]
+    marks = _marks(runs[0]) if len(runs) == 1 else ()
+    return Panels(panels, caption=caption, marks=marks)
+
+
+def _panel(strip: Strip, runs: Sequence[Shown]) -> Panel:
+    # References first, of all runs: what was measured is drawn over what was wanted.
+    curves = sorted(strip.curves, key=lambda curve: curve.pen != "reference")
+    traces = [
+        _trace(strip, curve, one, f"run-{at % PENS + 1}")
+        for curve in curves
+        for at, one in enumerate(runs)
+        if recorded(one.y[curve.column]).any()
+    ]
+    return Panel(strip.title, strip.unit, strip.digits, traces, on_demand=strip.on_demand)
+
+
+def _trace(strip: Strip, curve: Curve, one: Shown, run_pen: str) -> Trace:
+    y = one.y[curve.column].astype(np.float64) * strip.scale
+    dash = _DASHES.get(curve.pen, ())
+    if one.sign:
+        return Trace(f"{one.sign} {curve.label}", one.x, y, run_pen, one.name, dash)
+    return Trace(curve.label, one.x, y, curve.pen, dash=() if curve.pen == "y" else dash)
+
+
+def _sign(at: int) -> str:
+    """A letter that stands for a run where its name is too long."""
+    return chr(ord("A") + at) if at < LETTERS else str(at + 1)
+
+
+def _marks(one: Shown) -> list[Mark]:
+    return [
+        Mark(event.t_s - one.start_s, event.text)
+        for event in one.run.events
+        if event.kind in _MARKED and event.t_s is not None
+    ]
+
+
+def page_of(runs: Sequence[Shown]) -> Page:
+    """A page of runs, overlaid from their first samples on."""
+    several = len(runs) > 1
+    caption = "Time from the first sample of each run." if several else ""
+    sections = [
+        Section("Panels", [panels_of(runs, caption)]),
+        Section("Runs", [_facts(runs), *_notes(runs)]),
+        *(Section(_events_title(one, several), [_events(one)]) for one in runs if one.run.events),
+    ]
+    names = ", ".join(one.label for one in runs)
+    return Page(f"Runs {names}" if several else f"Run {names}", sections, facts=_VERSION)
+
+
+def _events_title(one: Shown, several: bool) -> str:
+    return f"Events of {one.label}" if several else "Events"
+
+
+def _facts(runs: Iterable[Shown]) -> Table:
+    return Table(
+        ("run", "source", "started (UTC)", "duration (s)", "rows", "gains"),
+        [
+            (
+                one.name,
+                one.run.header.source,
+                _date(one.run.header.started_unix_s),
+                f"{one.run.duration_s:.2f}",
+                str(len(one.run)),
+                ", ".join(f"{name} = {value:g}" for name, value in one.run.header.gains.items()),
+            )
+            for one in runs
+        ],
+        numeric=frozenset({3, 4}),
+    )
+
+
+def _notes(runs: Iterable[Shown]) -> list[Text]:
+    return [
+        Text(f"{one.label}: {note}", "note")
+        for one in runs
+        for note in (*one.run.header.notes, *one.run.notes)
+    ]
+
+
+def _events(one: Shown) -> Table:
+    events = one.run.events[-_MOST_EVENTS:]
+    left_out = len(one.run.events) - len(events)
+    return Table(
+        ("time (s)", "kind", "what"),
+        [(_when(event, one.start_s), event.kind, event.text) for event in events],
+        f"The last {len(events)}; {left_out} earlier ones are in the log" if left_out else "",
+        numeric=frozenset({0}),
+    )
+
+
+def _when(event: Event, start_s: float) -> str:
+    return "" if event.t_s is None else f"{event.t_s - start_s:.3f}"
+
+
+def _date(unix_s: float) -> str:
+    try:
+        return datetime.fromtimestamp(unix_s, UTC).strftime("%Y-%m-%d %H:%M:%S") if unix_s else ""
+    except (OverflowError, ValueError, OSError):
+        # A damaged header, or another program's, may hold what no calendar does.
+        return f"{unix_s:g} s"

@@ -1,0 +1,107 @@
+"""Who is let in: a secret in the link or cookie, and only pages that this server gave out.
+
+Pure. The secret keeps out other users of the machine; the checks of `Host` and `Origin` keep out
+other pages in the same browser, which can send requests here but choose neither header.
+"""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+from collections.abc import Mapping
+from http import HTTPStatus
+from http.cookies import CookieError, SimpleCookie
+from typing import Literal, NamedTuple
+from urllib.parse import parse_qs, urlsplit
+
+Right = Literal["command", "watch"]
+
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+"""Sent with every answer: nothing from elsewhere runs in the page, and nobody frames it."""
+
+
+class Denied(NamedTuple):
+    """Why a request gets nothing."""
+
+    status: HTTPStatus
+    text: str
+
+
+class Admitted(NamedTuple):
+    """What a request may do; `cookie` is to be set and the token taken out of the address."""
+
+    right: Right
+    cookie: str = ""
+
+
+class Door:
+    """The secrets of one server and the addresses it answers to.
+
+    `command` is empty where nobody may command (`smad view --watch-only`).
+    """
+
+    def __init__(self, port: int, *, watch_only: bool = False) -> None:
+        self.watch = secrets.token_urlsafe(32)
+        self.command = "" if watch_only else secrets.token_urlsafe(32)
+        # Cookies know no ports: two servers on one machine must not share a name.
+        self.cookie_name = f"smad_view_{port}"
+        self._hosts = frozenset(
+            (f"127.0.0.1:{port}", f"localhost:{port}") + (("127.0.0.1",) if port == 80 else ())
+        )
+
+    def admit(
+        self, target: str, headers: Mapping[str, str], *, websocket: bool
+    ) -> Admitted | Denied:
+        """Judge a request by its target (path and query) and its headers (names in lower case)."""
+        if headers.get("host", "").lower() not in self._hosts:
+            return Denied(HTTPStatus.FORBIDDEN, "This address is not the one of the page.")
+        origin = headers.get("origin", "")
+        if (origin or websocket) and not self._is_ours(origin):
+            return Denied(HTTPStatus.FORBIDDEN, "This request comes from another page.")
+        # No link is made of the token for the connection: a page has the cookie.
+        given = None if websocket else _token_of(target)
+        if given is not None:
+            right = self._right(given)
+            cookie = f"{self.cookie_name}={given}; HttpOnly; SameSite=Strict; Path=/"
+        else:
+            right, cookie = self._right(_cookie_of(headers.get("cookie", ""), self.cookie_name)), ""
+        if right is None:
+            return Denied(
+                HTTPStatus.UNAUTHORIZED,
+                "This page needs the link that `smad view` printed, with its token.",
+            )
+        return Admitted(right, cookie)
+
+    def _is_ours(self, origin: str) -> bool:
+        scheme, _, host = origin.partition("://")
+        return scheme == "http" and host.lower() in self._hosts
+
+    def _right(self, given: str) -> Right | None:
+        # Both are compared, whatever the first says: the time taken tells nothing.
+        offered = given.encode("utf-8", "surrogateescape")
+        commands = bool(self.command) & hmac.compare_digest(offered, self.command.encode())
+        watches = hmac.compare_digest(offered, self.watch.encode())
+        return "command" if commands else "watch" if watches else None
+
+
+def _token_of(target: str) -> str | None:
+    found = parse_qs(urlsplit(target).query, keep_blank_values=True).get("token")
+    return None if found is None else found[0]
+
+
+def _cookie_of(header: str, name: str) -> str:
+    try:
+        found = SimpleCookie(header).get(name)
+    except CookieError:
+        return ""
+    return "" if found is None else found.value

@@ -1,0 +1,288 @@
+"""One open page: what it is sent, and what it asks for.
+
+A frame goes out only when the page has drawn the one before, and the status only when it has
+confirmed the one before: a slow browser gets the newest, and nothing queues up for it.
+
+A stop does not wait for anything. It has the stop channel to itself and takes with it what the
+page had asked for before and was not carried out yet.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Protocol
+
+import msgspec
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
+
+from smad.client import AsyncClient
+from smad.config import Config
+from smad.errors import SmadError
+from smad.view import commands, forms, strips
+from smad.view.access import Right
+from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor
+from smad.view.source import Source
+from smad.view.state import MODES, control_condition
+
+IN_FLIGHT = 2
+"""Frames on their way to a page, or being drawn: one while the other travels."""
+MOST_WAITING = 16
+"""Commands of one page that wait; more are refused. A stop never waits."""
+MOST_STOPS = 8
+"""Stops of one page at once; each has a connection of its own while another is under way."""
+FRESH_STATUSES = 2
+"""So many statuses after arming, one has been asked for since, and knows of it."""
+_WATCH_ONLY = "this link is for watching: it commands nothing"
+_encode = msgspec.json.Encoder().encode
+
+
+class Clients(Protocol):
+    """Makes a client of the bench."""
+
+    def __call__(self) -> AsyncClient:
+        """Return a new one. Raises NoDaemon."""
+
+
+class Page:
+    """A browser's page at the other end of a WebSocket."""
+
+    def __init__(
+        self, connection: ServerConnection, right: Right, source: Source, clients: Clients
+    ) -> None:
+        self._connection = connection
+        self._right = right
+        self._source = source
+        self._clients = clients
+        self._cursor = Cursor(source.feed)
+        self._frames = 0
+        self._statuses = 0
+        self._config: Config | None = None
+        self._version = -1
+        self._armed_at = 0
+        self._silent = False
+        self._waiting: asyncio.Queue[commands.Command | commands.Alive] = asyncio.Queue(
+            MOST_WAITING
+        )
+        self._client: AsyncClient | None = None
+        self._control: commands.Control | None = None
+        self._stops: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> None:
+        """Serve the page until it goes away."""
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                rest = [tasks.create_task(self._feed()), tasks.create_task(self._work())]
+                await self._read()
+                for task in rest:
+                    task.cancel()
+        except* ConnectionClosed:
+            pass
+        finally:
+            for task in tuple(self._stops):
+                # A stop is carried out, whether or not somebody is there to read its reply.
+                with contextlib.suppress(SmadError, ConnectionClosed):
+                    await task
+            if self._client is not None:
+                # A lease is left to lapse: who vanishes while armed is to be missed.
+                self._client.close()
+
+    async def _read(self) -> None:
+        async for text in self._connection:
+            try:
+                ask = commands.decoder.decode(text)
+            except msgspec.MsgspecError as error:
+                await self._reply(0, False, f"not understood: {error}")
+                continue
+            await self._take(ask)
+
+    async def _take(self, ask: commands.Message) -> None:
+        if self._right != "command" and not isinstance(ask, commands.WATCHING):
+            await self._reply(ask.id, False, _WATCH_ONLY)
+        elif isinstance(ask, commands.Drawn):
+            self._frames = max(0, self._frames - 1)
+        elif isinstance(ask, commands.Alive):
+            self._statuses = max(0, self._statuses - 1)
+            # Whatever the page asks for renews its lease, so nothing waits behind a renewal.
+            if self._waiting.empty():
+                self._waiting.put_nowait(ask)
+        elif isinstance(ask, commands.LookAt):
+            self._cursor.look_at(ask.window)
+        elif isinstance(ask, commands.Stop) and len(self._stops) >= MOST_STOPS:
+            await self._reply(ask.id, False, f"{MOST_STOPS} stops are under way already")
+        elif isinstance(ask, commands.Stop):
+            task = asyncio.create_task(self._stop(ask, self._take_back()))
+            self._stops.add(task)
+            task.add_done_callback(self._stops.discard)
+        else:
+            try:
+                self._waiting.put_nowait(ask)
+            except asyncio.QueueFull:
+                await self._reply(ask.id, False, f"{MOST_WAITING} commands wait already")
+
+    def _take_back(self) -> list[int]:
+        taken = []
+        with contextlib.suppress(asyncio.QueueEmpty):
+            while True:
+                taken.append(self._waiting.get_nowait().id)
+        return taken
+
+    async def _stop(self, ask: commands.Stop, taken_back: list[int]) -> None:
+        spare: AsyncClient | None = None
+        try:
+            client, control = self._connected()
+            if len(self._stops) > 1:
+                # One client's stops go one after the other; this one does not wait for the last.
+                client = spare = self._clients()
+            motion = await client.disarm()
+            done, text = True, f"stopped: the board is in {motion.mode}"
+        except SmadError as error:
+            done, text = False, str(error)
+        finally:
+            if spare is not None:
+                spare.close()
+        with contextlib.suppress(ConnectionClosed):
+            await self._reply(ask.id, done, text)
+            for number in filter(None, taken_back):
+                await self._reply(number, False, "not carried out: you stopped the bench")
+        if done:
+            with contextlib.suppress(SmadError):
+                await control.release()
+
+    async def _work(self) -> None:
+        while True:
+            ask = await self._waiting.get()
+            if isinstance(ask, commands.Alive):
+                await self._renew()
+                continue
+            try:
+                client, control = self._connected()
+                done, text = True, await commands.carry_out(client, control, ask)
+                if isinstance(ask, commands.Arm):
+                    self._armed_at = self._source.version
+            except SmadError as error:
+                done, text = False, str(error)
+            await self._reply(ask.id, done, text)
+
+    async def _renew(self) -> None:
+        control = self._control
+        if control is None or not control.held:
+            return
+        try:
+            # Control is for driving: once somebody has ended that, it is anybody's again.
+            await (control.release() if self._is_over(control) else control.take())
+        except SmadError:
+            control.held = False
+
+    def _is_over(self, control: commands.Control) -> bool:
+        now = self._source.shown
+        return (
+            control.armed
+            and now is not None
+            and not now.armed
+            and self._source.version >= self._armed_at + FRESH_STATUSES
+        )
+
+    def _connected(self) -> tuple[AsyncClient, commands.Control]:
+        if self._client is None or self._control is None:
+            self._client = self._clients()
+            self._control = commands.Control(self._client)
+        return self._client, self._control
+
+    async def _feed(self) -> None:
+        while True:
+            for message in self._news():
+                await self._connection.send(message)
+            await asyncio.sleep(1 / FRAMES_PER_S)
+
+    def _news(self) -> Iterator[str]:
+        source = self._source
+        silent = source.silent_s > 0
+        if source.config is not self._config:
+            # The daemon was started again, perhaps with other gains and limits: begin anew.
+            self._config = source.config
+            self._cursor.look_at(0)
+            self._frames = 0
+            yield _encode(hello(source, self._right)).decode()
+        if self._statuses == 0 and (source.version != self._version or silent != self._silent):
+            self._version, self._silent = source.version, silent
+            self._statuses += 1
+            ours = self._control is not None and self._control.held
+            yield _encode(status_message(source, ours=ours)).decode()
+        if self._frames < IN_FLIGHT and not silent:
+            taken = self._cursor.take()
+            if taken is not None:
+                self._frames += 1
+                yield _encode(self._frame(*taken)).decode()
+
+    def _frame(self, frame: Any, whole: bool) -> dict[str, Any]:
+        return {
+            "type": "frame",
+            "window": self._cursor.window,
+            "whole": whole,
+            "from_s": frame.from_s,
+            "t": frame.t,
+            "y": frame.y,
+            "now": self._source.now,
+            "mode": MODES.get(self._source.mode or 0, ""),
+        }
+
+    async def _reply(self, number: int, done: bool, text: str) -> None:
+        await self._send({"type": "reply", "id": number, "done": done, "text": text})
+
+    async def _send(self, message: dict[str, Any]) -> None:
+        await self._connection.send(_encode(message).decode())
+
+
+def hello(source: Source, right: Right) -> dict[str, Any]:
+    """Return the first message: all that the page is built from."""
+    return {
+        "type": "hello",
+        "bench": source.bench,
+        "right": right,
+        "windows": [{"label": w.label, "span_s": w.span_s} for w in WINDOWS],
+        "strips": strips.STRIPS,
+        "limits": strips.limits(source.config),
+        "trajectories": forms.trajectories(),
+        "tuning": forms.tuning(source.config),
+    }
+
+
+def status_message(source: Source, *, ours: bool) -> dict[str, Any]:
+    """Return the status, and why it is not to be trusted if so; `ours`: the page has control."""
+    now = source.shown
+    if now is not None:
+        conditions = (*now.conditions, control_condition(now.holder, ours=ours))
+        holder = "this page" if ours and now.holder else now.holder
+        now = msgspec.structs.replace(now, holder=holder, conditions=conditions)
+    return {
+        "type": "status",
+        "away": source.why_away,
+        "silent_s": round(source.silent_s, 1),
+        "status": now,
+        "limits": strips.limits(source.config),
+    }
+
+
+def static_files() -> dict[str, tuple[str, bytes]]:
+    """Return each path that is served, with its type and content: nothing else can be asked for."""
+    kinds = {
+        ".html": "text/html",
+        ".css": "text/css",
+        ".js": "text/javascript",
+        ".txt": "text/plain",
+    }
+    folder = Path(__file__).parent / "static"
+    found = {
+        f"/{path.relative_to(folder).as_posix()}": (
+            f"{kinds[path.suffix]}; charset=utf-8",
+            path.read_bytes(),
+        )
+        for path in sorted(folder.rglob("*"))
+        if path.suffix in kinds
+    }
+    found["/"] = found.pop("/index.html")
+    return found

@@ -1,0 +1,151 @@
+"""The page's web server: static files, and one WebSocket for each open page. Loopback only."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import socket
+from collections.abc import AsyncIterator
+from http import HTTPStatus
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from smad.client import AsyncClient
+from smad.errors import ConfigError
+from smad.view.access import HEADERS, Denied, Door
+from smad.view.page import Page, static_files
+from smad.view.source import TIMEOUT_S, Source
+
+HOST = "127.0.0.1"
+MOST_PAGES = 16
+LARGEST_MESSAGE = 16_384
+"""Bytes that a page may send at once; a form is a few hundred."""
+CLOSING_S = 1.0
+"""How long the server waits at its end for a page to say goodbye; one that is asleep never does."""
+_WEBSOCKET = "/ws"
+_log = logging.getLogger(__name__)
+
+
+class Links(NamedTuple):
+    """What to open in a browser; `command` is empty where nobody may command."""
+
+    command: str
+    watch: str
+
+
+class LivePage:
+    """Serves the live page of a bench. `links` holds the secrets."""
+
+    def __init__(self, bench: str, door: Door, port: int) -> None:
+        self.source = Source(bench)
+        self._bench = bench
+        self._door = door
+        self._pages = 0
+        self._files = static_files()
+        address = f"http://{HOST}:{port}/?token="
+        self.links = Links(door.command and address + door.command, address + door.watch)
+
+    def answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request for a file, or let it become a WebSocket (None)."""
+        path = urlsplit(request.path).path
+        judged = self._door.admit(
+            request.path, _headers(request.headers), websocket=path == _WEBSOCKET
+        )
+        if isinstance(judged, Denied):
+            return _response(judged.status, f"{judged.text}\n".encode())
+        if judged.cookie:
+            # The token leaves the address bar, and so the history and what is shown on a screen.
+            return _response(HTTPStatus.SEE_OTHER, b"", Location="/", Set_Cookie=judged.cookie)
+        if path == _WEBSOCKET:
+            if self._pages >= MOST_PAGES:
+                return _response(
+                    HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_PAGES} pages are open.\n".encode()
+                )
+            return None
+        if path not in self._files:
+            return _response(HTTPStatus.NOT_FOUND, b"There is no such page.\n")
+        kind, content = self._files[path]
+        return _response(HTTPStatus.OK, content, Content_Type=kind)
+
+    async def talk(self, connection: ServerConnection) -> None:
+        """Serve one page over its WebSocket."""
+        request = connection.request
+        assert request is not None
+        judged = self._door.admit(request.path, _headers(request.headers), websocket=True)
+        if isinstance(judged, Denied):
+            return
+        self._pages += 1
+        try:
+            await Page(
+                connection,
+                judged.right,
+                self.source,
+                lambda: AsyncClient(self._bench, timeout_s=TIMEOUT_S),
+            ).run()
+        except Exception:
+            _log.exception("a page was closed by an error of the server")
+            raise
+        finally:
+            self._pages -= 1
+
+
+@contextlib.asynccontextmanager
+async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIterator[LivePage]:
+    """Serve the page as long as the block lasts. Port 0: any free one. Raises ConfigError."""
+    try:
+        listening = socket.create_server((HOST, port))
+    except OSError as error:
+        raise ConfigError(
+            f"cannot listen on {HOST}: {os.strerror(error.errno or 0)}",
+            value=port,
+            limit="a free port",
+            action="give another with --port, or 0 for any",
+        ) from error
+    bound = listening.getsockname()[1]
+    page = LivePage(bench, Door(bound, watch_only=watch_only), bound)
+    quiet = logging.getLogger("smad.view.strangers")
+    # Strangers knocking are no news; a person at the terminal would take each for a fault.
+    quiet.addHandler(logging.NullHandler())
+    quiet.propagate = False
+    async with serve(
+        page.talk,
+        sock=listening,
+        process_request=page.answer,
+        compression=None,
+        max_size=LARGEST_MESSAGE,
+        max_queue=8,
+        close_timeout=CLOSING_S,
+        server_header=None,
+        logger=quiet,
+    ):
+        following = asyncio.create_task(page.source.run())
+        try:
+            yield page
+        finally:
+            following.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await following
+
+
+def _headers(headers: Headers) -> dict[str, str]:
+    # A header that comes twice is joined, and so is no host or origin of ours.
+    return {name.lower(): ", ".join(headers.get_all(name)) for name in headers}
+
+
+def _response(status: HTTPStatus, body: bytes, **extra: str) -> Response:
+    headers = Headers(
+        {
+            **HEADERS,
+            "Content-Type": "text/plain; charset=utf-8",
+            "Content-Length": str(len(body)),
+            "Connection": "close",
+            **{name.replace("_", "-"): value for name, value in extra.items()},
+        }
+    )
+    return Response(int(status), status.phrase, headers, body)

@@ -1,0 +1,128 @@
+"""The bench as all pages see it: samples into the feed, the status twice a second, who is there.
+
+A client like any other. The telemetry is emptied thirty times a second instead of being awaited
+sample by sample: the process wakes less often than samples come.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable
+
+import msgspec
+import zmq
+
+from firmware_protocol.supervisor.limits import compiled_limits
+from smad.api import TELEMETRY_TOPIC, Status
+from smad.client import AsyncClient
+from smad.client.wire import subscribe, telemetry_of
+from smad.config import Config
+from smad.config.load import parse_config
+from smad.errors import SmadError
+from smad.view import strips
+from smad.view.feed import FRAMES_PER_S, Feed
+from smad.view.state import Shown, shown
+
+STATUS_EVERY_S = 0.5
+PARAMS_EVERY = 10
+"""The board's parameters are read once in so many statuses."""
+RETRY_S = 0.5
+SILENT_AFTER_S = 1.5
+TIMEOUT_S = 2.0
+_QUEUE = 2000
+_TOPIC = TELEMETRY_TOPIC.encode()
+
+
+class Source:
+    """One bench, seen by any number of pages.
+
+    `why_away` says in a line why the daemon cannot be reached, and is empty while it can.
+    `version` grows with every status, and with every failure to get one.
+    """
+
+    def __init__(self, bench: str, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self.bench = bench
+        self.feed = Feed(len(strips.COLUMNS))
+        self.version = 0
+        self.why_away = "the daemon has not answered yet"
+        self.shown: Shown | None = None
+        self.config = Config()
+        self.now: tuple[float | None, ...] = ()
+        self.mode: int | None = None
+        self._clock_s = clock_s
+        self._last_sample_s = clock_s()
+        self._params: dict[str, float] = {}
+        self._off_current_mA = float(compiled_limits().off_current_mA)
+
+    @property
+    def silent_s(self) -> float:
+        """Seconds since the last sample, once they are too many; else 0."""
+        silent = self._clock_s() - self._last_sample_s
+        return silent if silent > SILENT_AFTER_S else 0.0
+
+    async def run(self) -> None:
+        """Follow the bench for ever: connect, and connect again whenever the daemon is gone."""
+        while True:
+            try:
+                async with AsyncClient(self.bench, timeout_s=TIMEOUT_S) as client:
+                    await self._follow(client)
+            except SmadError as error:
+                self._away(str(error))
+            await asyncio.sleep(RETRY_S)
+
+    async def _follow(self, client: AsyncClient) -> None:
+        self.config = parse_config(await client.config())
+        self._last_sample_s = self._clock_s()
+        async with asyncio.TaskGroup() as tasks:
+            draining = tasks.create_task(self._drain(client.connection.telemetry))
+            try:
+                count = 0
+                while True:
+                    status = await client.status()
+                    if count % PARAMS_EVERY == 0:
+                        with contextlib.suppress(SmadError):
+                            self._params = {p.name: p.value for p in await client.params()}
+                    count += 1
+                    self._seen(status)
+                    await asyncio.sleep(STATUS_EVERY_S)
+            except SmadError as error:
+                self._away(str(error))
+            finally:
+                draining.cancel()
+
+    def _seen(self, status: Status) -> None:
+        self.shown = shown(status, self._params, self._off_current_mA)
+        self.why_away = ""
+        self.version += 1
+
+    def _away(self, why: str) -> None:
+        self.why_away = why
+        self.version += 1
+
+    async def _drain(self, address: str) -> None:
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        socket = subscribe(context, address, _TOPIC, _QUEUE)
+        try:
+            while True:
+                self._take_all(socket)
+                await asyncio.sleep(1 / FRAMES_PER_S)
+        finally:
+            socket.close(linger=0)
+            context.destroy(linger=0)
+
+    def _take_all(self, socket: zmq.Socket[bytes]) -> None:
+        for _ in range(_QUEUE):
+            try:
+                _, data = socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            with contextlib.suppress(msgspec.ValidationError):
+                self._sample(data)
+
+    def _sample(self, data: bytes) -> None:
+        sample = telemetry_of(data)
+        self.now, self.mode = strips.values(sample), sample.mode
+        self._last_sample_s = self._clock_s()
+        self.feed.add(sample.timestamp, self.now)

@@ -1,0 +1,189 @@
+"""What a page says beside its strips: the status in words, and what stands against arming.
+
+Pure: from the daemon's status to what is shown. Texts of the bench (names, notes, events) go out
+as they are; the page puts them in as text, never as markup.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import PurePath
+
+from msgspec import Struct
+
+from firmware_protocol.enums import BoardState, Fault
+from firmware_protocol.supervisor.faults import FAULT_TEXTS
+from smad import api
+from smad.runlog.schema import Row
+
+EVENTS = 12
+MODES = {int(state): state.name for state in BoardState}
+"""The board's states by the number that a sample carries."""
+
+MODE_MEANS: Mapping[str, str] = {
+    "BOOT": "the board is starting",
+    "SAFE": "no current can flow; it can be armed",
+    "ARMED": "current flows when commanded",
+    "HOLD": "no fresh setpoint came; current is zero",
+    "COOL": "disarmed; water runs until the springs are cold",
+    "FAULT": "a fault stopped it",
+    "ESTOP": "stopped until its power is cycled",
+}
+
+
+class Condition(Struct, frozen=True):
+    """Something that has to hold before the bench arms. `holds` is None while it is not known."""
+
+    text: str
+    holds: bool | None
+    detail: str = ""
+
+
+class Trouble(Struct, frozen=True):
+    """The first fault, in plain words."""
+
+    number: int
+    what: str
+    cause: str
+    remedy: str
+
+
+class Shown(Struct, frozen=True, kw_only=True):
+    """The status as the page shows it."""
+
+    bench: str
+    mode: str
+    mode_means: str
+    armed: bool
+    running: str
+    limiter: str
+    warnings: tuple[str, ...]
+    trouble: Trouble | None
+    generation: int
+    holder: str
+    lease_left_s: float
+    recording: bool
+    log: str
+    rows: int
+    recorder_error: str
+    link: str
+    rate_hz: int
+    setpoint_age_p99_ms: float | None
+    missed: int
+    events: tuple[api.Entry, ...]
+    conditions: tuple[Condition, ...]
+
+
+def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float) -> Shown:
+    """Return what the page shows of `status`. `params` are the board's parameters by name."""
+    motion, recorder, age = status.motion, status.recorder, status.timing.setpoint_age
+    return Shown(
+        bench=status.bench,
+        mode=motion.mode,
+        mode_means=MODE_MEANS.get(motion.mode, ""),
+        armed=motion.armed,
+        running=motion.running + (", done" if motion.done else ", under way"),
+        limiter="" if status.limiter == "none" else status.limiter,
+        warnings=status.warnings,
+        trouble=_trouble(motion.fault),
+        generation=motion.generation,
+        holder=status.control.holder,
+        lease_left_s=status.control.left_s,
+        recording=recorder.recording,
+        log=PurePath(recorder.path).name,
+        rows=recorder.rows,
+        recorder_error=recorder.error,
+        link=status.link.state,
+        rate_hz=status.link.rate_hz,
+        setpoint_age_p99_ms=round(age.p99_us / 1e3, 2) if age.count else None,
+        missed=status.counts.missed,
+        events=status.events[-EVENTS:],
+        conditions=tuple(conditions(status, params, off_current_mA)),
+    )
+
+
+def _trouble(fault: api.Fault | None) -> Trouble | None:
+    if fault is None:
+        return None
+    text = FAULT_TEXTS[Fault(fault.number)]
+    return Trouble(
+        number=fault.number,
+        what=f"{fault.in_words()} (stopped by the {fault.by})",
+        cause=text.cause,
+        remedy=text.remedy,
+    )
+
+
+def conditions(
+    status: api.Status, params: Mapping[str, float], off_current_mA: float
+) -> Iterator[Condition]:
+    """Yield what has to hold before anybody arms, in the order in which it is checked."""
+    board, row, mode = status.board, status.sample, status.motion.mode
+    connected = status.link.state not in ("disconnected", "sync")
+    yield Condition("The board is connected", connected, f"link: {status.link.state}")
+    yield Condition(
+        "Board and smad use the same messages", None if board is None else board.schema_agrees
+    )
+    yield Condition(
+        "Board and smad know the same parameters",
+        None if board is None else board.params_agree,
+    )
+    yield Condition(
+        "The clocks of board and computer are compared", status.timing.round_trip_us is not None
+    )
+    fault = status.motion.fault
+    yield Condition("No fault stands", fault is None, "" if fault is None else fault.name)
+    yield Condition(
+        "The board is in SAFE: not armed, and cooled", mode == "SAFE", f"it is in {mode}"
+    )
+    parts = () if board is None else board.capabilities
+    yield from _readings(row if connected else None, parts, params, off_current_mA)
+
+
+def control_condition(holder: str, *, ours: bool) -> Condition:
+    """Return whether control stands against arming from a page that has it itself, or not."""
+    free = ours or not holder
+    return Condition("Nobody else has exclusive control", free, "" if free else f"{holder} has it")
+
+
+def _readings(
+    row: Row | None, parts: Collection[str], params: Mapping[str, float], off_current_mA: float
+) -> Iterator[Condition]:
+    if row is None:
+        yield Condition("Every sensor gives a reading", None, "no sample has come yet")
+        return
+    silent = [name for name, value in _sensors(row, parts) if value is None]
+    yield Condition("Every sensor gives a reading", not silent, ", ".join(silent))
+    cold_cC = params.get("cold_cC")
+    for name, degC in (("X", row.rtd_x_degC), ("Y", row.rtd_y_degC)):
+        cold = None if cold_cC is None or degC is None else degC < cold_cC / 100
+        limit = "" if cold_cC is None else f", has to be below {cold_cC / 100:g} °C"
+        reading = "no reading" if degC is None else f"{degC:.1f} °C"
+        yield Condition(f"Spring {name} is cold", cold, reading + limit)
+    flowing = [
+        f"{name}: {amperes:.2f} A"
+        for name, amperes in (("X", row.i_meas_x_A), ("Y", row.i_meas_y_A))
+        if amperes is not None and amperes * 1e3 > off_current_mA
+    ]
+    yield Condition("No current flows", not flowing, ", ".join(flowing))
+    least_mV = params.get("brown_out_mV")
+    if row.supply_V is not None:
+        yield Condition(
+            "The supply is up",
+            None if least_mV is None else row.supply_V * 1e3 >= least_mV,
+            f"{row.supply_V:.1f} V"
+            + ("" if least_mV is None else f", has to be at least {least_mV / 1e3:g} V"),
+        )
+
+
+def _sensors(row: Row, parts: Collection[str]) -> Iterator[tuple[str, float | None]]:
+    yield "spring X", row.rtd_x_degC
+    yield "spring Y", row.rtd_y_degC
+    for part, name, value in (
+        ("rtd_inlet", "inlet", row.rtd_inlet_degC),
+        ("rtd_ambient", "room", row.rtd_ambient_degC),
+        ("encoder", "encoder", row.displacement_mm),
+        ("force_sensor", "force", row.force_N),
+    ):
+        if part in parts:
+            yield name, value

@@ -1,0 +1,77 @@
+// The WebSocket: messages in, questions out, and what to say when it is gone.
+
+const RETRY_MS = 1000;
+const PATIENCE_MS = 5000; // the server speaks twice a second
+
+export class Link {
+  // `on` has a function for each type of message, and `lost(why)`.
+  constructor(on) {
+    this.on = on;
+    this.generation = null; // the stops that this page has shown
+    this.lastId = 0;
+    this.heardMs = 0;
+    this.waiting = new Map();
+    setInterval(() => this.check(), 500);
+    this.open();
+  }
+
+  open() {
+    const socket = new WebSocket(`ws://${location.host}/ws`);
+    this.socket = socket;
+    this.heardMs = performance.now();
+    socket.onmessage = (event) => this.take(socket, event.data);
+    socket.onclose = () => this.closed(socket);
+  }
+
+  take(socket, text) {
+    if (socket !== this.socket) return;
+    this.heardMs = performance.now();
+    const message = JSON.parse(text);
+    if (message.type === "status") {
+      if (message.status) this.generation = message.status.generation;
+      this.send({ do: "alive" });
+    }
+    if (message.type === "reply") this.answered(message);
+    else this.on[message.type](message);
+  }
+
+  answered(reply) {
+    const tell = this.waiting.get(reply.id);
+    this.waiting.delete(reply.id);
+    if (tell) tell(reply);
+  }
+
+  closed(socket) {
+    if (socket !== this.socket) return;
+    this.socket = null;
+    for (const tell of this.waiting.values()) {
+      tell({ done: false, text: "the connection was lost before an answer came" });
+    }
+    this.waiting.clear();
+    this.on.lost("The connection to smad view is gone. If it was started again, open its new link.");
+    setTimeout(() => this.open(), RETRY_MS);
+  }
+
+  check() {
+    if (this.socket && performance.now() - this.heardMs > PATIENCE_MS) {
+      this.on.lost("smad view has not said anything for five seconds.");
+    }
+  }
+
+  send(message) {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  }
+
+  // Ask for something; resolves to { done, text }.
+  ask(message) {
+    this.lastId += 1;
+    const id = this.lastId;
+    if (this.socket?.readyState !== WebSocket.OPEN) {
+      return Promise.resolve({ done: false, text: "not sent: there is no connection" });
+    }
+    return new Promise((resolve) => {
+      this.waiting.set(id, resolve);
+      this.send({ ...message, id, generation: this.generation });
+    });
+  }
+}

@@ -1,0 +1,181 @@
+// The page: puts what comes into its places, and asks for what is clicked.
+// Whatever the bench says goes in as text, never as markup.
+
+import { build, buildLive } from "./forms.js";
+import { Link } from "./link.js";
+import { Strips, element, setText } from "./strips.js";
+
+const $ = (id) => document.getElementById(id);
+let strips = null;
+let status = null;
+
+const link = new Link({
+  hello: begin,
+  frame: (frame) => {
+    if (frame.window !== Number($("window").value)) link.send({ do: "drawn" });
+    else strips.take(frame);
+    mode(frame.mode);
+  },
+  status: take,
+  lost: (why) => become("lost", "Connection lost", `${why} STOP does not reach the bench from here: use smad disarm, or its switch.`),
+});
+
+// "live", or why what stands here is not to be trusted. STOP works as long as the daemon answers.
+function become(state, what = "", why = "") {
+  document.body.dataset.link = state;
+  setText($("lost-what"), what);
+  setText($("lost-why"), why);
+  if ($("stop")) {
+    $("stop").disabled = state === "lost" || state === "away";
+    $("commands").disabled = state !== "live";
+    if (state !== "live") $("arming").close();
+  }
+}
+
+function begin(hello) {
+  strips?.close();
+  strips = new Strips($("strips"), hello, () => link.send({ do: "drawn" }));
+  setText($("bench"), hello.bench);
+  document.title = `${hello.bench} – smad`;
+  if (hello.right !== "command") {
+    document.querySelectorAll(".command").forEach((node) => node.remove());
+  } else {
+    moving(hello.trajectories);
+    $("tune").replaceChildren();
+    buildLive($("tune"), hello.tuning, tune);
+  }
+  const windows = hello.windows.map((w, i) => element("option", { value: i, textContent: w.label }));
+  $("window").replaceChildren(...windows);
+  $("window").onchange = () => {
+    const window = Number($("window").value);
+    strips.spanS = hello.windows[window].span_s;
+    link.send({ do: "look_at", window });
+  };
+  $("axes").onchange = () => {
+    strips.fit = $("axes").value === "fit";
+    strips.draw();
+  };
+  $("axes").onchange();
+  $("on-demand").replaceChildren(...hello.strips.filter((s) => s.on_demand).map((strip) => {
+    const box = element("input", { type: "checkbox" });
+    box.onchange = () => strips.show(strip.name, box.checked);
+    return element("label", {}, box, ` ${strip.title}`);
+  }));
+}
+
+function take(message) {
+  status = message.status;
+  strips.limits = message.limits;
+  if (message.away) {
+    become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`);
+  } else if (message.silent_s > 0) {
+    become("silent", "No samples come", `The board is ${status.link}. STOP is sent all the same; what stands here is old.`);
+  } else {
+    become("live");
+  }
+  if (status) show(status);
+}
+
+function show(now) {
+  mode(now.mode);
+  setText($("mode-means"), now.mode_means);
+  setText($("running"), now.running + (now.limiter ? `, held down by ${now.limiter}` : ""));
+  setText($("holder"), now.holder ? `${now.holder}, ${now.lease_left_s.toFixed(0)} s left` : "anybody");
+  setText($("recording"), now.recorder_error
+    || (now.recording ? `${now.log}, ${now.rows} samples` : "no"));
+  const age = now.setpoint_age_p99_ms == null ? "" : `, setpoint age ${now.setpoint_age_p99_ms} ms (p99)`;
+  setText($("link"), `${now.link}, ${now.rate_hz} Hz, ${now.missed} missed${age}`);
+  $("trouble").hidden = !now.trouble;
+  if (now.trouble) {
+    setText($("trouble-what"), now.trouble.what);
+    setText($("trouble-cause"), now.trouble.cause);
+    setText($("trouble-remedy"), now.trouble.remedy);
+  }
+  $("warnings").hidden = !now.warnings.length;
+  setText($("warnings"), `Warning: ${now.warnings.join(", ")}`);
+  $("events").replaceChildren(...[...now.events].reverse().map((event) => element("li", {},
+    element("time", { textContent: new Date(event.time_s * 1000).toLocaleTimeString([], { hour12: false }) }),
+    ` ${event.text}`)));
+  if ($("stop")) offer(now);
+}
+
+function mode(name) {
+  setText($("mode"), name || "–");
+  $("mode").dataset.mode = name;
+}
+
+// What can be asked for now, and what stands against arming.
+function offer(now) {
+  $("arm").disabled = now.armed;
+  $("disarm").disabled = !now.armed;
+  $("clear").disabled = !now.trouble;
+  $("idle").disabled = !now.armed;
+  setText($("record-go"), now.recording ? "Stop recording" : "Record");
+  $("record-name").hidden = now.recording;
+  $("note").hidden = !now.recording;
+  const state = (holds) => (holds === null ? "unknown" : holds ? "holds" : "fails");
+  $("conditions").replaceChildren(...now.conditions.map((one) => element("li",
+    { className: state(one.holds) }, one.text,
+    element("span", { textContent: one.detail ? ` – ${one.detail}` : "" }))));
+  $("arm-now").disabled = now.conditions.some((one) => one.holds === false);
+}
+
+async function ask(message) {
+  const reply = await link.ask(message);
+  setText($("said"), reply.text);
+  $("said").classList.toggle("refused", !reply.done);
+  return reply.done;
+}
+
+async function tune(field, value) {
+  const done = await ask({ do: "tune", tune: { mode: "tune", [field.name]: value } });
+  if (done) strips.mark(`${field.label} ${value} ${field.unit}`);
+}
+
+function moving(kinds) {
+  const chosen = $("kind").value || kinds[0].tag;
+  $("kind").replaceChildren(...kinds.map((kind) => element("option", { value: kind.tag, textContent: kind.title })));
+  $("kind").value = chosen;
+  const fill = () => {
+    const kind = kinds.find((one) => one.tag === $("kind").value);
+    $("move").replaceChildren(element("p", { className: "small", textContent: kind.about }));
+    const read = build($("move"), kind);
+    $("move").append(element("div", { className: "row" },
+      element("button", { textContent: "Go", value: "go" }),
+      element("button", { textContent: "Queue", value: "queue" })));
+    $("move").onsubmit = (event) => {
+      event.preventDefault();
+      const queue = event.submitter?.value === "queue";
+      ask({ do: "move", trajectory: { kind: kind.tag, ...read() }, queue });
+    };
+  };
+  $("kind").onchange = fill;
+  fill();
+}
+
+function submitted(id, todo) {
+  $(id).onsubmit = (event) => {
+    event.preventDefault();
+    todo();
+  };
+}
+
+$("stop").onclick = () => ask({ do: "stop" });
+$("disarm").onclick = () => ask({ do: "stop" });
+$("idle").onclick = () => ask({ do: "idle" });
+$("clear").onclick = () => status?.trouble && ask({ do: "clear", fault: status.trouble.number });
+$("arm").onclick = () => $("arming").show();
+$("arm-not").onclick = () => $("arming").close();
+$("arm-now").onclick = () => {
+  $("arming").close();
+  ask({ do: "arm", keep_control: $("keep").checked });
+};
+submitted("tune", () => {});
+submitted("record", () =>
+  ask(status?.recording ? { do: "end_record" } : { do: "record", name: $("record-name").value }));
+submitted("note", async () => {
+  const text = $("note-text").value;
+  if (!(await ask({ do: "note", text }))) return;
+  strips.mark(text);
+  $("note-text").value = "";
+});

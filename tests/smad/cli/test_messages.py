@@ -1,0 +1,86 @@
+"""What a person types wrong is answered in words of what they typed."""
+
+import os
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from sim_device.errors import FaultSpecError
+from sim_device.faults import FAULT_KINDS, parse_injection
+from smad.bounds import in_words
+from smad.cli import execute
+from smad.cli.sim import sim
+from smad.client.endpoints import Connection, running_benches, write_connection
+from smad.errors import SmadError
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("statsu", "There is no command 'statsu'. Did you mean status or start? See smad --help."),
+        ("log shwo", "Did you mean 'show'? See smad log --help."),
+        ("pump x 50", "50 is not within 0 to 1 (0% to 100%)"),
+        ("pump x 101%", "101% is not within 0 to 1"),
+        ("pump x nan", "nan is not within 0 to 1"),
+        ("pump x full", "'full' is no duty; give 0 to 1, or 0% to 100%"),
+        ("move step 5000", "'DISPLACEMENT_MM': 5000 mm: it has to be at most 50 mm"),
+        ("move step 5000 --deg", "'DISPLACEMENT_MM': 800 mm: it has to be at most 50 mm"),
+        ("move sine 2 -7", "'PERIOD_S': -7 s: it has to be above 0 s"),
+        ("move sine 2 7 --cycles 0", "'--cycles': 0: it has to be at least 1"),
+        ("heat x 500", "'DEGC': 500 °C: it has to be at most 120 °C"),
+        ("heat x 50 --for -1", "'--for': -1 s: it has to be above 0 s"),
+        ("current y 50", "'A': 50 A: it has to be at most 4 A"),
+        ("clear nosuch", "there is no fault 'nosuch'; there are self_test, "),
+        ("clear 0", "there is no fault '0'"),
+    ],
+)
+def test_a_slip_is_answered_in_words(
+    words: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(words.split()) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> None:
+    listed = CliRunner().invoke(sim, ["--fault", "list"]).output.splitlines()
+    assert [line.split()[0] for line in listed] == list(FAULT_KINDS)
+    with pytest.raises(FaultSpecError, match="no fault is named 'nosuch'; there are "):
+        parse_injection("nosuch")
+    with pytest.raises(FaultSpecError, match="gives no time"):
+        parse_injection("stall")
+
+
+@pytest.mark.parametrize(
+    ("schema", "words"),
+    [
+        ("Expected `float` <= 1.0", "it has to be at most 1"),
+        ("Expected `int` >= 1", "it has to be at least 1"),
+        ("Expected `float` > 0.0", "it has to be above 0"),
+        ("Invalid enum value 'z'", "Invalid enum value 'z'"),
+    ],
+)
+def test_a_bound_is_told_without_the_words_of_a_schema(schema: str, words: str) -> None:
+    assert in_words(schema) == words
+
+
+def test_only_benches_whose_daemon_lives_are_named(tmp_path: Path) -> None:
+    (tmp_path / "broken.json").write_text("{")
+    for bench, pid in (("here", os.getpid()), ("gone", 2**22 + 1)):
+        connection = Connection(
+            bench=bench,
+            pid=pid,
+            version="1",
+            command="ipc://c",
+            stop="ipc://s",
+            telemetry="ipc://t",
+        )
+        write_connection(tmp_path / f"{bench}.json", connection, 0o077)
+    assert running_benches([tmp_path, tmp_path / "none"]) == ["here"]
+
+
+def test_a_number_in_an_error_is_told_without_the_noise_of_its_last_digits() -> None:
+    assert str(SmadError("too far", value=3.1660000000000004, limit=0.1 + 0.2)) == (
+        "too far; got 3.166; allowed: 0.3"
+    )
+    assert "got 200.0" in str(SmadError("too far", value=200.0))

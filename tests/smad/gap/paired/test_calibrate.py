@@ -1,0 +1,92 @@
+"""Constants from benches whose truth is known."""
+
+import numpy as np
+import pytest
+
+from smad.gap.paired.calibrate import (
+    Judged,
+    Truth,
+    left_out,
+    quiet_limits,
+    reliability,
+    reliability_lines,
+    tried,
+)
+from smad.gap.paired.constants import shipped_constants
+from smad.gap.paired.judge import Findings
+from smad.gap.paired.refine import Refined
+from smad.gap.paired.verdict import is_quiet
+from smad.gap.plant import Effect
+
+from .short import PLANT
+
+BEFORE = shipped_constants()
+BY_NAME = {e.name: e for e in PLANT.effects}
+
+
+def fit(effect: Effect, gain: float) -> Refined:
+    none = np.zeros(1)
+    return Refined((effect,), {effect.name: {}}, gain, none, none[None], none, ())
+
+
+def found(gains: dict[str, float], *, ratio: float = 5.0, left: float = 0.1) -> Findings:
+    """What a check-up with these gains would have found."""
+    singles = tuple(sorted((fit(BY_NAME[n], g) for n, g in gains.items()), key=lambda s: -s.gain))
+    return Findings(
+        count=1000, ratio=ratio, by_channel=np.full(3, ratio), by_run=np.ones(1), excess=10.0,
+        parameters=0.0, parameter_odds=0.0, screened=(), singles=singles, steps=singles[:1],
+        left=left,
+    )  # fmt: skip
+
+
+def judged(seed: int, *, swap: float) -> list[Judged]:
+    """Check-ups of four benches, in a share of which the neighbour's score is the better one."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for k in range(24):
+        names = ["rtd_lag", "driver_gain"]
+        right = str(rng.choice(names))
+        other = next(n for n in names if n != right)
+        first, second = (other, right) if rng.uniform() < swap else (right, other)
+        gains = {first: 2000.0, second: 1900.0}
+        out.append(Judged(f"bench-{k % 4}", Truth("effects", frozenset((right,))), found(gains)))
+    return out
+
+
+def test_one_quiet_bench_in_sixty_is_called_changed() -> None:
+    rng = np.random.default_rng(5)
+
+    def quiet() -> Judged:
+        one = found({"rtd_lag": float(np.exp(rng.normal(2.0, 0.8)))},
+                    ratio=float(np.exp(rng.normal(0.0, 0.2))))  # fmt: skip
+        return Judged("bench-1", Truth("quiet"), one)
+
+    limits = quiet_limits([quiet() for _ in range(300)], BEFORE)
+    alarms = [not is_quiet(quiet().findings, limits) for _ in range(3000)]
+    assert 0.002 < np.mean(alarms) < 0.04
+
+
+@pytest.mark.parametrize("swap", [0.0, 0.4])
+def test_probabilities_become_as_sure_as_the_names_are_right(swap: float) -> None:
+    cases = judged(7, swap=swap)
+    after = tried([(BEFORE, cases)]).best()
+    told = reliability(cases, after)
+    assert told.on_truth == pytest.approx(1.0 - swap if swap else 1.0, abs=0.15)
+    assert told.log_score >= reliability(cases, BEFORE).log_score
+    assert told.error < 0.15
+
+
+def test_a_bench_that_is_left_out_is_told_with_the_constants_of_the_others() -> None:
+    cases = judged(9, swap=0.3)
+    by_form = [(BEFORE, cases)]
+    trials = tried(by_form)
+    told = list(left_out(trials, by_form))
+    assert sorted(j.bench for j, _ in told) == sorted(j.bench for j in cases)
+    assert all(c == trials.best(without=j.bench) for j, c in told)
+
+
+def test_a_reliability_is_told_as_a_table() -> None:
+    head, titles, *rows = reliability_lines("before", reliability(judged(3, swap=0.2), BEFORE))
+    assert head.startswith("before: 24 called changed")
+    assert "right" in titles
+    assert sum(int(row.split()[3]) for row in rows) == 4 * 24

@@ -1,0 +1,203 @@
+"""A bench as its own control, on short programmes of the simulated bench."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smad.gap.paired.commission import checked, checked_files, commissioned, judged
+from smad.gap.paired.errors import BaselineError, PairingError, ProgrammeError
+from smad.gap.paired.files import read_file, read_folder
+from smad.gap.paired.page import checkup_page
+from smad.gap.paired.programme import (
+    Programme,
+    ProgrammeRun,
+    read_programme,
+    shipped,
+    write_programme,
+)
+from smad.gap.paired.reference import Reference
+from smad.gap.paired.store import Baseline, load, save
+from smad.gap.runs import GapRun
+from smad.gap.sma import SmaPlant
+from smad.report.page import render
+
+from .short import PLANT, SHORT, played
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    return commissioned(PLANT, [[played(seed) for seed in (1, 2, 3)]])
+
+
+def test_a_bench_without_a_change_is_quiet(reference: Reference) -> None:
+    verdict = checked(PLANT, reference, [(played(10), "short")])
+    assert verdict.outcome == "quiet"
+    assert verdict.ratio < 1.5
+
+
+def test_a_lagging_sensor_is_named_with_its_value(reference: Reference) -> None:
+    now = played(11, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
+    verdict = checked(PLANT, reference, [(now, "short")])
+    assert verdict.outcome == "cause"
+    assert verdict.likely[0].names == ["rtd_lag"]
+    assert verdict.likely[0].values["rtd_lag"]["tau_s"] == pytest.approx(0.1, rel=0.1)
+
+
+def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
+    now = played(12, {"force_offset": {"offset_N": 0.05}})
+    verdict = checked(PLANT, reference, [(now, "short")])
+    force = next(s for s in verdict.budget if s.signal == "force_N")
+    assert force.raw > 10.0 * force.noise
+    assert force.entries < 2.0 * force.noise
+
+
+def test_the_page_shows_answer_budget_and_differences(reference: Reference) -> None:
+    now = played(20, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
+    pairs, verdict = judged(PLANT, reference, [(now, "short")])
+    page = render(checkup_page(pairs, verdict, [("baseline", "somewhere")]))
+    for words in ("Changed: rtd_lag", "less named entries", "rtd_x_degC", "now − then", "tau_s"):
+        assert words in page
+    quiet = judged(PLANT, reference, [(played(10), "short")])
+    assert "No change beyond the repeat floor" in render(checkup_page(*quiet, []))
+
+
+def test_two_causes_are_named_together(reference: Reference) -> None:
+    both = {"force_offset": {"offset_N": 0.1}, "rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
+    verdict = checked(PLANT, reference, [(played(13, both), "short")])
+    assert sorted(verdict.likely[0].names) == ["force_offset", "rtd_lag"]
+
+
+def test_what_no_entry_explains_is_unknown(reference: Reference) -> None:
+    now = played(14)
+    bent = now.outputs["displacement_mm"] + 0.3 * np.sin(now.t_s)
+    verdict = checked(
+        PLANT, reference, [(now.with_columns(outputs={"displacement_mm": bent}), "short")]
+    )
+    assert verdict.outcome == "unknown"
+
+
+def test_warmer_water_is_carried_over_and_told(reference: Reference) -> None:
+    verdict = checked(PLANT, reference, [(played(15, water_degC=28.5), "short")])
+    assert verdict.outcome in ("quiet", "parameters")
+    assert any("rtd_inlet_degC +1.5 K" in note for note in verdict.notes)
+
+
+def test_a_run_that_was_cut_short_counts_as_far_as_it_goes(reference: Reference) -> None:
+    now = played(16, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
+    verdict = checked(PLANT, reference, [(now.part(0, len(now.t_s) // 2), "short")])
+    assert verdict.likely[0].names == ["rtd_lag"]
+    assert any("counts as far as it goes" in note for note in verdict.notes)
+
+
+def test_other_inputs_are_refused(reference: Reference) -> None:
+    now = played(17)
+    swapped = {"i_applied_x_A": now.inputs["i_applied_y_A"] * 1.3 + 2.0}
+    with pytest.raises(PairingError, match="other inputs"):
+        checked(PLANT, reference, [(now.with_columns(inputs=swapped), "short")])
+
+
+def test_a_baseline_judges_the_same_after_it_was_stored(
+    reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    again = load(tmp_path, PLANT)
+    now = played(18, {"driver_gain": {"gain": 0.02, "y_share": 1.0}})
+    first, second = (checked(PLANT, r, [(now, "short")]) for r in (reference, again.reference))
+    assert again.bench == "bench"
+    assert first.likely[0].names == second.likely[0].names == ["driver_gain"]
+    assert second.ratio == pytest.approx(first.ratio, rel=1e-6)
+
+
+def test_a_baseline_of_another_library_or_schema_is_refused(
+    reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    with pytest.raises(BaselineError, match="another model or library"):
+        load(tmp_path, SmaPlant(variant="printed"))
+    about = (tmp_path / "baseline.json").read_text()
+    (tmp_path / "baseline.json").write_text(about.replace('"schema": 2', '"schema": 1'))
+    with pytest.raises(BaselineError, match="another version"):
+        load(tmp_path, PLANT)
+
+
+def _write(path: Path, run: GapRun) -> None:
+    """A CSV with the names and units of another laboratory."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    names = {
+        "i_applied_x_A": ("current_applied_x (mA)", 1e3),
+        "displacement_mm": ("Displacement [m]", 1e-3),
+        "rtd_x_degC": ("T_x_K", 1.0),
+    }
+    columns = {"time_ms": 1e3 * run.t_s}
+    for name, values in {**run.inputs, **run.outputs}.items():
+        label, factor = names.get(name, (name, 1.0))
+        columns[label] = factor * values + (273.15 if label == "T_x_K" else 0.0)
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+
+
+def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) -> None:
+    for k, seed in enumerate((1, 2)):
+        _write(tmp_path / "good" / f"day-{k}" / "a.csv", played(seed))
+    _write(tmp_path / "now" / "renamed.csv", played(20, {"force_offset": {"offset_N": 0.05}}))
+    _, verdict, matched = checked_files(
+        PLANT, read_folder(tmp_path / "good"), read_folder(tmp_path / "now")
+    )
+    assert verdict.likely[0].names == ["force_offset"]
+    assert "repeats 2 good runs" in matched.lines[0]
+
+
+def test_a_recording_that_is_on_both_sides_is_refused(tmp_path: Path) -> None:
+    _write(tmp_path / "good" / "a.csv", played(1))
+    _write(tmp_path / "now" / "b.csv", played(1))
+    with pytest.raises(PairingError, match="same recording"):
+        checked_files(PLANT, read_folder(tmp_path / "good"), read_folder(tmp_path / "now"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a,b\n1,2\n", "no rising time column"),
+        ("time_s,i_applied_x_A\n0,1\n1,1\n", "lacks columns"),
+        ("time_s,current_x\n0,1\n1,1\n", "unit is missing"),
+        ("time_s,force_N\n0,x\n1,y\n", "holds text"),
+        ("", "cannot be read"),
+    ],
+)
+def test_a_file_that_cannot_be_used_says_why(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    with pytest.raises(PairingError, match=said):
+        read_file(path)
+
+
+def test_a_programme_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    programme = Programme("p", 'with "quotes"', (replace(SHORT, quick=True),))
+    write_programme(programme, tmp_path)
+    again = read_programme(tmp_path)
+    assert again.digest == programme.digest
+    assert again.title == programme.title
+    assert again.runs[0].quick
+
+
+def test_a_programme_with_too_much_current_is_refused() -> None:
+    with pytest.raises(ProgrammeError, match="i_x_A leaves its range"):
+        ProgrammeRun("hot", "", np.array([0.0]), np.array([[4.5, 0.0, 0.0, 0.0]]), 5.0)
+
+
+def test_the_shipped_programme_has_a_quick_part_of_three_minutes() -> None:
+    programme = shipped()
+    assert 400.0 <= programme.duration_s <= 660.0
+    assert 0.0 < programme.quick().duration_s <= 180.0
+
+
+def test_what_was_recorded_after_an_early_end_does_not_count(reference: Reference) -> None:
+    now = played(19)
+    cut = now.part(0, 700)
+    idle = {name: np.where(cut.t_s > cut.t_s[0] + 5.4, 0.0, v) for name, v in cut.inputs.items()}
+    warm = cut.outputs["rtd_x_degC"] + np.where(cut.t_s > cut.t_s[0] + 5.4, 9.0, 0.0)
+    ended = cut.with_columns(inputs=idle, outputs={"rtd_x_degC": warm})
+    verdict = checked(PLANT, reference, [(ended, "short")])
+    assert verdict.outcome == "quiet"

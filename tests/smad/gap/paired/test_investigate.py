@@ -1,0 +1,186 @@
+"""What is played next, and why; and the loop until it is settled."""
+
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from smad.gap.paired.commission import commissioned
+from smad.gap.paired.constants import shipped_constants
+from smad.gap.paired.difference import Paired, paired
+from smad.gap.paired.inquiry import Inquiry, Report
+from smad.gap.paired.investigate import propose, unpaired_offers
+from smad.gap.paired.judge import examine
+from smad.gap.paired.programme import Programme, ProgrammeRun
+from smad.gap.paired.reference import Reference
+from smad.gap.paired.segments import run_of
+from smad.gap.paired.series import Recorded
+from smad.gap.paired.spring_pair import TRAITS
+from smad.gap.paired.verdict import Likely, Verdict, decide
+from smad.gap.plant import EffectValues
+from smad.gap.runs import GapRun
+from smad.runlog.header import RunHeader
+from smad.runlog.schema import Row
+from smad.runlog.writer import write_run
+
+from .short import PLANT, SHORT, played
+
+STILL = run_of(
+    "still", "hardly anything", [(1.0, 0, 0, 0, 0), (6.0, 0, 0, 0.3, 0), (1.0, 0, 0, 0, 0)]
+)
+PROGRAMME = Programme("short", "two runs", (replace(SHORT, quick=True), STILL))
+LAG = {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
+GAIN = {"driver_gain": {"gain": 0.02, "y_share": 1.0}}
+OFFSET = {"force_offset": {"offset_N": 0.1}}
+CONSTANTS = shipped_constants()
+COSTS = {"short": 60.0, "still": 60.0}
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    groups = [[played(10 * k + seed, what=run) for seed in (1, 2, 3)]
+              for k, run in enumerate(PROGRAMME.runs)]  # fmt: skip
+    return commissioned(PLANT, groups)
+
+
+@pytest.fixture(scope="module")
+def lagging(reference: Reference) -> tuple[Paired, Verdict]:
+    """A check-up of the run that shows little, on a bench with a lag."""
+    pairs = paired(PLANT, TRAITS, reference, [(played(40, LAG, what=STILL), "still")])
+    constants = shipped_constants()
+    return pairs, decide(pairs, examine(pairs, constants), constants)
+
+
+def undecided(verdict: Verdict, *hypotheses: EffectValues) -> Verdict:
+    likely = [
+        Likely(list(h), 1.0 / len(hypotheses), {k: dict(v) for k, v in h.items()})
+        for h in hypotheses
+    ]
+    group = [x.names[0] for x in likely]
+    return msgspec.structs.replace(verdict, outcome="group", likely=likely, group=group)
+
+
+def test_the_run_that_separates_what_stays_is_proposed_with_the_reason(
+    lagging: tuple[Paired, Verdict],
+) -> None:
+    pairs, verdict = lagging
+    found = propose(pairs, undecided(verdict, LAG, GAIN), CONSTANTS, COSTS, 600.0)
+    assert found.run == "short"
+    assert found.staying == ("rtd_lag", "driver_gain")
+    assert [o.run for o in found.offers] == ["short", "still"]
+    assert "short again: it separates rtd_lag and driver_gain best" in found.why
+
+
+def test_a_run_is_chosen_by_what_it_separates_for_its_time(
+    lagging: tuple[Paired, Verdict],
+) -> None:
+    pairs, verdict = lagging
+    far = {"force_offset": {"offset_N": 1.0}}
+    open_question = undecided(verdict, LAG, far)
+    costs = {"short": 1e5, "still": 10.0}
+    assert propose(pairs, open_question, CONSTANTS, costs, 1e6).run == "still"
+
+
+def test_what_is_settled_proposes_nothing(lagging: tuple[Paired, Verdict]) -> None:
+    pairs, verdict = lagging
+    for outcome in ("quiet", "cause", "unknown", "parameters"):
+        settled = msgspec.structs.replace(verdict, outcome=outcome)
+        found = propose(pairs, settled, CONSTANTS, COSTS, 600.0)
+        assert found.settled
+        assert found.why.startswith("settled")
+
+
+def test_hypotheses_that_predict_the_same_are_not_played_for(
+    lagging: tuple[Paired, Verdict],
+) -> None:
+    pairs, verdict = lagging
+    found = propose(pairs, undecided(verdict, LAG, LAG), CONSTANTS, COSTS, 600.0)
+    assert found.run is None
+    assert not found.settled
+    assert "no run on offer separates" in found.why
+
+
+def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(
+    lagging: tuple[Paired, Verdict],
+) -> None:
+    pairs, verdict = lagging
+    found = propose(pairs, undecided(verdict, LAG, GAIN), CONSTANTS, COSTS, 30.0)
+    assert found.run is None
+    assert "the time is spent: short would separate" in found.why
+
+
+def test_a_run_that_the_baseline_lacks_is_offered_by_what_the_model_expects(
+    lagging: tuple[Paired, Verdict],
+) -> None:
+    pairs, verdict = lagging
+    other = replace(SHORT, name="other")
+    programme = Programme("short", "three runs", (*PROGRAMME.runs, other))
+    (offer,) = unpaired_offers(pairs, undecided(verdict, LAG, OFFSET), programme)
+    assert (offer.run, offer.known) == ("other", False)
+    assert offer.separation > 16.0
+
+
+def write_log(path: Path, run: GapRun) -> None:
+    columns = {"t_s": run.t_s, **run.inputs, **run.outputs}
+    rows = [
+        Row(**dict(zip(columns, values, strict=True)))
+        for values in zip(*(c.tolist() for c in columns.values()), strict=True)
+    ]
+    write_run(path, RunHeader(source="sim", rate_hz=100.0), rows)
+
+
+def inquiry(
+    reference: Reference, folder: Path, effects: EffectValues, *, fails_at: int = 0
+) -> Inquiry:
+    """An investigation of a simulated bench with effects; the run number `fails_at` is lost."""
+    number = count(1)
+
+    def play(run: ProgrammeRun, original: Path | None) -> Recorded:
+        k = next(number)
+        if k == fails_at:
+            raise ConnectionError("the daemon went away")
+        log = folder.parent / "played.mcap"
+        log.unlink(missing_ok=True)
+        write_log(log, played(60 + k, effects, what=run))
+        return Recorded(log, took_s=60.0)
+
+    return Inquiry(
+        plant=PLANT, reference=reference, programme=PROGRAMME, originals=folder, folder=folder,
+        play=play, say=lambda text: None, seconds=600.0,
+    )  # fmt: skip
+
+
+def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
+    reference: Reference, tmp_path: Path
+) -> None:
+    folder = tmp_path / "investigation-1"
+    report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
+    assert report.verdict is not None
+    assert report.verdict.likely[0].names == ["force_offset"]
+    assert [r.held_out for r in report.records] == [False, True]
+    force = next(s for s in report.proof if s.signal == "force_N")
+    assert force.raw > 5.0 * force.noise
+    assert force.entries < 2.0 * force.noise
+    assert PLANT.load_model(Path(report.model)).effects["force_offset"]["offset_N"] == (
+        pytest.approx(0.1, rel=0.1)
+    )
+    assert msgspec.json.decode((folder / "investigation.json").read_bytes(), type=Report) == report
+
+
+def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
+    reference: Reference, tmp_path: Path
+) -> None:
+    folder = tmp_path / "investigation-1"
+    with pytest.raises(ConnectionError):
+        inquiry(reference, folder, OFFSET, fails_at=2).carry_out(lambda text: None)
+    report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
+    assert [r.file for r in report.records] == ["01-short.mcap", "02-short.mcap"]
+    assert report.proof
+
+
+def test_a_quiet_bench_needs_no_proof(reference: Reference, tmp_path: Path) -> None:
+    report = inquiry(reference, tmp_path / "investigation-1", {}).carry_out(lambda text: None)
+    assert report.why_over == "settled: nothing has changed beyond the repeat floor"
+    assert (len(report.records), report.proof, report.model) == (1, [], "")

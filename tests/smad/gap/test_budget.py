@@ -1,0 +1,103 @@
+"""The budget: where the gap goes, always told; and a model that holds what the verdict names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from smad.gap import diagnose
+from smad.gap.plant import Effect
+from smad.gap.records import Budget, Diagnosis, Outcome
+from smad.gap.report import summary_lines
+from tests.smad.gap.cases import FAR_OFF, OTHER, QUICK, SHOWN, ask, bank, without
+from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
+
+COUPLED = {"coupling": SHOWN["coupling"]}
+
+
+@pytest.fixture(scope="module")
+def coupled() -> Diagnosis:
+    return ask(bank(OTHER, COUPLED))
+
+
+def budget(d: Diagnosis) -> Budget:
+    assert d.budget is not None
+    return d.budget
+
+
+def test_the_shares_of_every_signal_add_up_to_the_raw_gap(coupled: Diagnosis) -> None:
+    for row in budget(coupled).rows:
+        if row.raw > 0.0:
+            assert row.parameters + sum(row.causes) + row.rest == pytest.approx(1.0)
+            assert row.left == pytest.approx(row.rest * row.raw)
+    assert budget(coupled).rows[0].signal == ""
+    assert len(budget(coupled).rows) > 3
+
+
+def test_parameters_that_the_cause_makes_needless_take_nothing_and_are_not_in_the_model() -> None:
+    d = ask(bank(None, COUPLED))
+    assert d.verdict.effects == ["coupling"]
+    assert not budget(d).parameters
+    assert budget(d).rows[0].parameters == 0.0
+    assert d.model == {
+        "theta": {p.name: p.nominal for p in HeaterPlant().parameters},
+        "effects": {"coupling": d.model["effects"]["coupling"]},
+    }
+    assert "holds coupling and the parameters as they were" in d.verdict.text
+
+
+def test_parameters_that_are_needed_beside_the_cause_are_told_and_kept(coupled: Diagnosis) -> None:
+    assert budget(coupled).parameters
+    assert coupled.model["theta"]["c_J_K"] == pytest.approx(OTHER["c_J_K"], rel=0.02)
+    assert "holds coupling and the refitted parameters" in coupled.verdict.text
+
+
+def test_a_quiet_bench_gets_a_model_with_nothing_in_it() -> None:
+    d = ask(bank()[:2])
+    assert d.verdict.outcome is Outcome.NO_GAP
+    assert d.model["effects"] == {}
+    assert d.model["theta"] == {p.name: p.nominal for p in HeaterPlant().parameters}
+    assert d.verdict.plain == "Model and bench agree within the noise."
+
+
+def test_an_unknown_cause_has_a_budget_whose_rest_is_told() -> None:
+    d = ask(bank(OTHER, {"sensor_lag": SHOWN["sensor_lag"]})[::2], without("sensor_lag"))
+    assert d.verdict.outcome is Outcome.UNKNOWN
+    assert not budget(d).named
+    assert budget(d).rows[0].rest > 0.3
+    assert f"{budget(d).rows[0].rest:.0%}".replace("%", " % is left.") in d.verdict.plain
+
+
+def test_a_cause_whose_strength_ends_at_its_bound_is_not_found() -> None:
+    weak = tuple(_weaker(e) if e.name == "coupling" else e for e in EFFECTS)
+    d = diagnose(bank(OTHER, COUPLED), plant=HeaterPlant(weak), settings=QUICK)
+    assert d.verdict.outcome is Outcome.UNKNOWN
+    assert d.verdict.bounded == ["coupling"]
+    assert d.verdict.plain.startswith("No cause found")
+    assert d.model["effects"] == {}
+
+
+def _weaker(effect: Effect) -> Effect:
+    """The effect with a range that ends at half of what the bench has."""
+    half = SHOWN["coupling"]["g_W_K"] / 2
+    return replace(
+        effect, parameters=tuple(replace(q, high=half, typical=half / 2) for q in effect.parameters)
+    )
+
+
+def test_the_run_that_carries_most_of_the_gap_is_named_beside_the_median() -> None:
+    runs = [recorded("random", seed, OTHER, duration_s=30.0) for seed in (1, 2, 3)]
+    odd = replace(recorded("random", 4, FAR_OFF, duration_s=30.0), name="odd one")
+    d = ask([*runs, odd])
+    assert budget(d).dominated_by == "odd one"
+    assert budget(d).median is not None
+    assert any("odd one carries" in line for line in summary_lines(d))
+
+
+def test_the_answer_comes_first_then_what_to_do_then_the_numbers(coupled: Diagnosis) -> None:
+    headline, answer, *rest = summary_lines(coupled)
+    assert headline == "Cause found"
+    assert answer == coupled.verdict.plain
+    assert rest.index("Next:") < rest.index(coupled.verdict.text)
+    assert any(line.startswith("  smad gap verify --model better.toml") for line in rest)

@@ -1,0 +1,154 @@
+"""Panels of a page: what stands in it, how long runs are thinned, and that a browser draws it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from msgspec.structs import replace
+
+from bench.browser import browser, colours, what_is_missing
+from smad.cli.log import log
+from smad.errors import RunLogError
+from smad.report.page import Page, Section, render
+from smad.report.panels import Panel, Panels, Stretches, Trace, digits_for
+from smad.report.runs import elapsed_s, page_of, panels_of, shown
+from smad.runlog.reader import read_run
+from smad.runlog.writer import write_run
+from tests.smad.runlog.helpers import HEADER, rows, write_small_run
+
+MISSING = what_is_missing()
+NASTY = "</script><script>document.title = 'mine'</script>"
+
+
+def drawn(panels: Panels) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(panels.as_json())
+    return found
+
+
+def test_a_long_trace_keeps_the_extremes_of_each_stretch() -> None:
+    x = np.arange(50_000) / 500.0
+    y = np.sin(x)
+    y[31_415] = 7.0
+    cut = Stretches(x, 1000)
+    thin = cut.thinned(y)
+    assert thin.shape == cut.x.shape
+    assert cut.x.size <= 1000
+    assert np.all(np.diff(cut.x) > 0.0)
+    assert (thin.min(), thin.max()) == (y.min(), 7.0)
+    assert abs(cut.x[thin.argmax()] - x[31_415]) < 0.2
+
+
+@pytest.mark.parametrize("most", [100, 10_000])
+def test_a_pause_breaks_the_line(most: int) -> None:
+    x = np.arange(2000) / 100.0
+    x[1200:] += 30.0
+    cut = Stretches(x, most)
+    thin = cut.thinned(np.ones(2000))
+    (at,) = np.flatnonzero(np.isnan(thin))
+    assert 12.0 < cut.x[at] < 42.0
+    assert np.all(np.diff(cut.x) > 0.0)
+
+
+def test_traces_of_one_run_share_their_times_and_what_is_missing_is_null() -> None:
+    x = np.arange(3.0)
+    panel = Panel(
+        "P", "mm", 1, [Trace("a", x, np.array([0.123, np.nan, 2.0]), "x"), Trace("b", x, x, "y")]
+    )
+    data = drawn(Panels([panel]))
+    assert data["xs"] == [[0.0, 1.0, 2.0]]
+    assert [trace["y"] for trace in data["panels"][0]["traces"]] == [[0.12, None, 2.0], [0, 1, 2]]
+
+
+def test_a_name_cannot_leave_the_data() -> None:
+    x = np.arange(2.0)
+    panels = Panels([Panel(NASTY, "mm", 1, [Trace(NASTY, x, x, "x")])])
+    assert drawn(panels)["panels"][0]["title"] == NASTY
+    text = render(Page("t", [Section("s", [panels])]))
+    assert NASTY not in text
+    assert re.findall(r"""(?:src|href)=["'](?!#)""", text) == []
+
+
+@pytest.mark.parametrize(("span", "digits"), [(0.0, 3), (10.0, 2), (0.02, 5), (4e4, 0)])
+def test_digits_tell_a_thousandth_of_the_range_apart(span: float, digits: int) -> None:
+    assert digits_for(np.array([1.0, 1.0 + span, np.nan])) == digits
+
+
+def test_time_runs_on_where_the_board_restarted() -> None:
+    assert elapsed_s(np.array([5.0, 5.1, 5.2, 0.0, 0.1])) == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
+    assert elapsed_s(np.array([])).shape == (0,)
+
+
+def two_runs(folder: Path) -> tuple[Path, Path]:
+    bench = replace(HEADER, source="bench")
+    write_run(folder / "real.mcap", bench, rows(100))
+    return folder / "real.mcap", write_small_run(folder / "made.mcap", 300)
+
+
+def test_what_was_measured_is_drawn_over_what_was_simulated(tmp_path: Path) -> None:
+    runs = shown([read_run(path) for path in two_runs(tmp_path)])
+    assert [one.name for one in runs] == ["A: made", "B: real"]
+    displacement = panels_of(runs).panels[0]
+    assert [trace.label for trace in displacement.traces] == ["A measured", "B measured"]
+    assert len({trace.pen for trace in displacement.traces}) == 2
+
+
+def test_each_quantity_has_an_axis_of_its_own_and_voltages_wait(tmp_path: Path) -> None:
+    write_run(tmp_path / "run.mcap", HEADER, (replace(row, v_x_V=1.0) for row in rows(10)))
+    panels = panels_of(shown([read_run(tmp_path / "run.mcap")])).panels
+    assert [(panel.unit, panel.on_demand) for panel in panels] == [
+        ("mm", False), ("N", False), ("°C", False), ("%", False), ("V", True),
+    ]  # fmt: skip
+    assert panels[3].traces[0].y.max() == 50.0
+
+
+def test_a_part_keeps_its_time_and_an_empty_one_is_refused(tmp_path: Path) -> None:
+    run = read_run(write_small_run(tmp_path / "run.mcap", 300))
+    (part,) = shown([run], 1.0, 2.0)
+    assert (part.x[0], part.x[-1]) == pytest.approx((1.0, 2.0))
+    assert "too hot" in render(page_of([part]))
+    with pytest.raises(RunLogError, match=r"0 to 2\.99 s"):
+        shown([run], 50.0, 60.0)
+
+
+def test_the_command_writes_a_page_beside_the_first_log(tmp_path: Path) -> None:
+    real, made = two_runs(tmp_path)
+    done = CliRunner().invoke(log, ["plot", str(real), str(made)])
+    assert done.output.strip() == str(tmp_path / "real.html")
+    assert "Runs made, real" in (tmp_path / "real.html").read_text("utf-8")
+
+
+@pytest.mark.skipif(
+    bool(MISSING) and not os.environ.get("SMAD_REQUIRE_BROWSER"), reason=MISSING or "-"
+)
+def test_a_browser_draws_zooms_and_says_the_values(tmp_path: Path) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    page = tmp_path / "page.html"
+    page.write_text(render(page_of(shown([read_run(path) for path in two_runs(tmp_path)]))))
+    with browser(tmp_path / "profile") as driver:
+
+        def pointed() -> str:
+            return str(driver.find_element(By.CSS_SELECTOR, ".tools output").text)
+
+        colours(driver, "dark")
+        driver.get(f"file://{page}")
+        plot = driver.find_element(By.CSS_SELECTOR, ".u-over")
+        ActionChains(driver).move_to_element(plot).perform()
+        # Halfway along the longer run of 3 s; the other ended after 1 s.
+        assert pointed().startswith("time (s): 1.49")
+        temperature = driver.find_elements(By.CSS_SELECTOR, ".panel h3")[2].text
+        assert "A X 21.5 °C" in temperature
+        assert "B X – °C" in temperature
+        drag = ActionChains(driver).move_to_element_with_offset(plot, -200, 0).click_and_hold()
+        drag.move_by_offset(100, 0).release().move_to_element(plot).perform()
+        assert pointed().startswith("time (s): 1.0")
+        assert driver.title == "Runs made, real"
+        assert driver.get_log("browser") == []

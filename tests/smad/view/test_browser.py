@@ -1,0 +1,321 @@
+"""The live page in Debian's chromium, on a simulated bench in a process of its own.
+
+Where there is no browser these tests are skipped; with SMAD_REQUIRE_BROWSER set (as in .ci/run)
+they fail instead.
+"""
+
+from __future__ import annotations
+
+import http.client
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from bench.browser import LivePage, browser, live_page, resize, running_daemon, what_is_missing
+from smad.client import Client
+from smad.processes.daemon import DaemonProcess
+from smad.runlog.reader import read_run
+
+MISSING = what_is_missing()
+REQUIRED = bool(os.environ.get("SMAD_REQUIRE_BROWSER"))
+pytestmark = pytest.mark.skipif(bool(MISSING) and not REQUIRED, reason=MISSING)
+
+PATIENCE_S = 60.0
+"""Until something is there that comes within a second on a machine that is not busy."""
+HOSTILE = "<img src=x onerror=hacked=1><script>hacked=1</script>"
+STOP_BOX = """const box = document.getElementById("stop").getBoundingClientRect();
+return [box.left, box.right, box.top]"""
+GREYED = """return document.getElementById("stop").disabled
+&& document.getElementById("commands").disabled
+&& getComputedStyle(document.getElementById("lost")).display !== 'none'"""
+
+
+class Bench:
+    """A daemon, its page, and a client of ours beside them."""
+
+    def __init__(self, folder: Path, daemon: DaemonProcess, page: LivePage) -> None:
+        self.folder = folder
+        self.daemon = daemon
+        self.page = page
+        self.client = Client(folder=folder, timeout_s=PATIENCE_S)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    assert not MISSING, MISSING
+    folder = tmp_path_factory.mktemp("view")
+    with running_daemon(folder, "--paced-by-host") as daemon, live_page(folder) as page:
+        made = Bench(folder, daemon, page)
+        with made.client:
+            yield made
+
+
+@pytest.fixture(scope="module")
+def chromium(bench: Bench) -> Iterator[Any]:
+    with browser(bench.folder / "profile") as driver:
+        yield driver
+
+
+@pytest.fixture
+def page(bench: Bench, chromium: Any) -> Iterator[Any]:
+    """The page by its commanding link, live; the bench is disarmed afterwards."""
+    resize(chromium, 1200, 1000)
+    chromium.get(bench.page.command)
+    until(chromium, is_live)
+    yield chromium
+    # Only if need be: after a stop the next page begins with an old status, and old clicks.
+    if bench.client.motion().armed:
+        bench.client.disarm()
+    # The page gives control back once it is disarmed; one that vanishes leaves its lease to lapse.
+    until(chromium, lambda d: not bench.client.status().control.holder)
+    assert [entry for entry in chromium.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+def until(driver: Any, true: Callable[[Any], Any]) -> Any:
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    return WebDriverWait(driver, PATIENCE_S, poll_frequency=0.05).until(true)
+
+
+def text_of(driver: Any, name: str) -> str:
+    return str(
+        driver.execute_script("return document.getElementById(arguments[0]).textContent", name)
+    )
+
+
+def is_live(driver: Any) -> bool:
+    return bool(driver.execute_script("return document.body.dataset.link === 'live'"))
+
+
+def click(driver: Any, selector: str) -> None:
+    from selenium.webdriver.common.by import By
+
+    until(driver, lambda d: d.find_element(By.CSS_SELECTOR, selector).is_enabled())
+    driver.find_element(By.CSS_SELECTOR, selector).click()
+
+
+def arm(driver: Any) -> None:
+    click(driver, "#arm")
+    click(driver, "#arm-now")
+    until(driver, lambda d: text_of(d, "mode") == "ARMED")
+
+
+def pictures(driver: Any) -> dict[str, str]:
+    found: dict[str, str] = driver.execute_script(
+        "return Object.fromEntries([...document.querySelectorAll('.strip:not([hidden])')].map("
+        "(box) => [box.dataset.strip, box.querySelector('canvas').toDataURL()]))"
+    )
+    return found
+
+
+def test_the_strips_move_and_show_what_the_bench_does(page: Any, bench: Bench) -> None:
+    arm(page)
+    page.execute_script(
+        "const kind = document.getElementById('kind'); kind.value = 'sine'; kind.onchange()"
+    )
+    before = pictures(page)
+    assert set(before) == {"displacement", "force", "temperature", "current", "pump"}
+    click(page, "#move button[value=go]")
+    until(page, lambda d: "sine" in text_of(d, "said").lower())
+    until(page, lambda d: all(now != before[name] for name, now in pictures(d).items()))
+    assert bench.client.motion().running == "displacement"
+    until(page, lambda d: "to the limit of 80" in d.page_source)
+
+
+def test_voltages_come_on_demand(page: Any) -> None:
+    assert "voltage" not in pictures(page)
+    click(page, "#on-demand input")
+    until(page, lambda d: "voltage" in pictures(d))
+
+
+def test_arming_takes_two_steps_and_shows_what_has_to_hold(page: Any, bench: Bench) -> None:
+    click(page, "#arm")
+    until(
+        page,
+        lambda d: (
+            d.execute_script("return document.querySelectorAll('#conditions .holds').length") > 8
+        ),
+    )
+    assert bench.client.motion().armed is False
+    click(page, "#arm-not")
+    assert bench.client.motion().armed is False
+    arm(page)
+    assert bench.client.status().control.holder == "live page"
+
+
+def test_stop_disarms_while_others_flood(page: Any, bench: Bench) -> None:
+    arm(page)
+    generation = bench.client.motion().generation
+    flood = subprocess.Popen(
+        [sys.executable, "-m", "bench.stop_latency", "--flood", "current",
+         bench.client.connection.command],
+        cwd=Path(__file__).parents[3],
+    )  # fmt: skip
+    try:
+        refused = bench.client.status().counts.refused
+        until(page, lambda d: bench.client.status().counts.refused > refused + 100)
+        # The page's own commands are no hindrance either.
+        page.execute_script(
+            "for (let n = 0; n < 40; n += 1) document.querySelector('#move button').click();"
+            "document.getElementById('stop').click()"
+        )
+        until(page, lambda d: text_of(d, "mode") in ("COOL", "SAFE"))
+        until(page, lambda d: "stopped" in text_of(d, "said"))
+        assert flood.poll() is None
+    finally:
+        flood.kill()
+        flood.wait()
+    motion = bench.client.motion()
+    assert not motion.armed
+    assert motion.generation > generation
+
+
+def test_a_gain_is_set_and_marked(page: Any, bench: Bench) -> None:
+    page.execute_script(
+        "const input = document.querySelector('#tune input[name=kp_A_per_mm]');"
+        "input.value = 7; input.dispatchEvent(new Event('change'))"
+    )
+    until(page, lambda d: "kp_A_per_mm 7" in text_of(d, "said"))
+
+
+def write(driver: Any, name: str, text: str) -> None:
+    driver.execute_script("document.getElementById(arguments[0]).value = arguments[1]", name, text)
+
+
+def test_what_a_stranger_writes_is_shown_as_text(page: Any, bench: Bench) -> None:
+    with bench.client.in_control(HOSTILE, lease_s=60.0):
+        until(page, lambda d: HOSTILE in text_of(d, "holder"))
+    write(page, "record-name", HOSTILE)
+    click(page, "#record-go")
+    until(page, lambda d: ".mcap" in text_of(d, "recording"))
+    write(page, "note-text", HOSTILE)
+    click(page, "#note button")
+    until(page, lambda d: HOSTILE in text_of(d, "said"))
+    click(page, "#record-go")
+    until(page, lambda d: text_of(d, "recording") == "no")
+    inside = "return document.body.querySelectorAll('img, script').length"
+    assert page.execute_script(inside) == 0
+    assert page.execute_script("return typeof hacked") == "undefined"
+
+
+def test_a_note_goes_into_the_run_log(page: Any, bench: Bench) -> None:
+    with bench.client.record("noted") as log:
+        until(page, lambda d: ".mcap" in text_of(d, "recording"))
+        write(page, "note-text", "all is well")
+        click(page, "#note button")
+        until(page, lambda d: "all is well" in text_of(d, "said"))
+    assert "all is well" in [event.text for event in read_run(log.path).events]
+
+
+@pytest.mark.parametrize("width", [320, 390, 768, 1600])
+def test_no_width_needs_sideways_scrolling(page: Any, width: int) -> None:
+    resize(page, width, 800)
+    until(page, lambda d: d.execute_script("return innerWidth") == width)
+    wide = "return document.documentElement.scrollWidth"
+    until(page, lambda d: d.execute_script(wide) <= width)
+    left, right, _ = page.execute_script(STOP_BOX)
+    assert 0 <= left < right <= width
+    page.execute_script("scrollTo(0, 1e6)")
+    until(page, lambda d: d.execute_script("return scrollY") > 0)
+    assert 0 <= page.execute_script(STOP_BOX)[2] < 200
+
+
+def test_the_link_for_watching_has_no_button_that_commands(chromium: Any, bench: Bench) -> None:
+    chromium.get(bench.page.watch)
+    until(chromium, is_live)
+    assert (
+        chromium.execute_script("return document.querySelectorAll('.command, #stop, #arm').length")
+        == 0
+    )
+    until(
+        chromium,
+        lambda d: (
+            "mm" in d.execute_script("return document.querySelector('.strip .value').textContent")
+        ),
+    )
+
+
+def answered(page: LivePage, path: str, **headers: str) -> tuple[int, bytes]:
+    address = urlsplit(page.command)
+    connection = http.client.HTTPConnection(
+        address.hostname or "", address.port, timeout=PATIENCE_S
+    )
+    try:
+        connection.request("GET", path, headers=headers)
+        answer = connection.getresponse()
+        return answer.status, answer.read()
+    finally:
+        connection.close()
+
+
+def cookie_of(link: str) -> str:
+    address = urlsplit(link)
+    return f"smad_view_{address.port}={address.query.partition('=')[2]}"
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/view.js", "/vendor/uPlot.js", "/ws", "/?token=wrong", "/../page.py"]
+)
+def test_a_stranger_gets_nothing(bench: Bench, path: str) -> None:
+    status, body = answered(bench.page, path)
+    assert status in (401, 403)
+    assert len(body) < 100
+
+
+def test_who_has_the_link_gets_the_files_that_are_served_and_no_others(bench: Bench) -> None:
+    cookie = cookie_of(bench.page.watch)
+    assert answered(bench.page, "/view.js", Cookie=cookie)[0] == 200
+    for path in ("/../page.py", "/%2e%2e/page.py", "/vendor", "/nothing", "//etc/passwd"):
+        assert answered(bench.page, path, Cookie=cookie)[0] == 404
+    assert answered(bench.page, "/", Cookie=cookie, Host="evil.example")[0] == 403
+
+
+@pytest.mark.parametrize(
+    ("origin", "with_cookie", "status"),
+    [("http://evil.example", True, 403), (None, True, 403), ("ours", False, 401)],
+)
+def test_no_connection_from_another_page_or_without_the_token(
+    bench: Bench, origin: str | None, with_cookie: bool, status: int
+) -> None:
+    address = urlsplit(bench.page.command)
+    cookie = {"Cookie": cookie_of(bench.page.command)} if with_cookie else {}
+    given: Any = f"http://{address.netloc}" if origin == "ours" else origin
+    with (
+        pytest.raises(InvalidStatus) as refused,
+        connect(f"ws://{address.netloc}/ws", origin=given, additional_headers=cookie),
+    ):
+        pass
+    assert refused.value.response.status_code == status
+
+
+def test_a_page_whose_daemon_is_silent_says_so_greys_its_buttons_and_comes_back(
+    page: Any, bench: Bench
+) -> None:
+    bench.daemon.process.send_signal(signal.SIGSTOP)
+    try:
+        until(page, lambda d: "daemon does not answer" in text_of(d, "lost-what"))
+        assert page.execute_script(GREYED)
+    finally:
+        bench.daemon.process.send_signal(signal.SIGCONT)
+    until(page, is_live)
+    assert not page.execute_script(GREYED)
+
+
+def test_a_page_whose_server_is_gone_says_so_and_greys_its_buttons(
+    chromium: Any, bench: Bench
+) -> None:
+    with live_page(bench.folder) as view:
+        chromium.get(view.command)
+        until(chromium, is_live)
+        assert view.end() == 0
+        until(chromium, lambda d: "Connection lost" in text_of(d, "lost-what"))
+        assert chromium.execute_script(GREYED)

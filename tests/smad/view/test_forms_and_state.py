@@ -1,0 +1,173 @@
+"""What the page is made of: forms from the types, strips from the table, conditions in words."""
+
+import json
+from pathlib import Path
+from typing import Any, get_args
+
+import msgspec
+import pytest
+
+from smad import api
+from smad.config import Config, ControlConfig
+from smad.control.commands import Samples, Trajectory, Tune
+from smad.runlog.schema import Row
+from smad.view import commands, forms, page, state, strips
+from smad.view.source import Source
+
+STATIC = Path(page.__file__).parent / "static"
+
+
+def read(form: forms.Form) -> dict[str, Any]:
+    return {field.name: field.initial for field in form.fields}
+
+
+def test_every_trajectory_has_a_form_whose_first_values_are_a_valid_command() -> None:
+    made = {form.tag: form for form in forms.trajectories()}
+    assert len(made) == len(get_args(Trajectory)) - 1
+    for tag, form in made.items():
+        piece = msgspec.convert({"kind": tag, **read(form)}, type=Trajectory)
+        assert not isinstance(piece, Samples)
+        assert form.about
+
+
+def test_the_bounds_of_a_form_are_those_of_the_type() -> None:
+    sine = next(form for form in forms.trajectories() if form.tag == "sine")
+    period = next(field for field in sine.fields if field.name == "period_s")
+    assert (period.label, period.unit, period.least, period.above) == ("period", "s", 0.0, True)
+    cycles = next(field for field in sine.fields if field.name == "cycles")
+    assert (cycles.kind, cycles.least, cycles.most) == ("whole", 1, 10_000)
+
+
+def test_the_gains_begin_at_those_in_force_and_each_alone_is_a_valid_command() -> None:
+    config = Config(control=ControlConfig(kp_A_per_mm=7.5, current_limit_A=2.5))
+    form = forms.tuning(config)
+    assert {field.name for field in form.fields} == set(Tune.__struct_fields__)
+    assert read(form)["kp_A_per_mm"] == 7.5
+    assert None not in read(form).values()
+    assert all(field.unit for field in form.fields if field.kind == "number")
+    for field in form.fields:
+        msgspec.convert({"mode": "tune", field.name: field.initial}, type=Tune)
+    limit = next(field for field in form.fields if field.name == "current_limit_A")
+    assert limit.slider == limit.most == 2.5
+
+
+def test_a_gain_of_zero_still_has_a_slider() -> None:
+    form = forms.tuning(Config(control=ControlConfig(ki_A_per_mm_s=0.0)))
+    assert all(field.slider != 0.0 for field in form.fields)
+
+
+def test_every_column_of_a_strip_is_one_of_the_telemetry() -> None:
+    assert set(strips.COLUMNS) <= set(api.Telemetry.__struct_fields__)
+    sample = api.Telemetry(timestamp=1.0, sequence=1, t_s=1.0, force_N=2.5)
+    assert dict(zip(strips.COLUMNS, strips.values(sample), strict=True))["force_N"] == 2.5
+
+
+def test_limits_are_those_of_the_configuration() -> None:
+    limits = strips.limits(Config())
+    assert limits["temperature"] == Config().limits.temperature_max_degC
+    assert limits["displacement"] == Config().limits.displacement_max_mm
+
+
+def test_every_command_of_a_page_has_a_way_to_the_client() -> None:
+    assert set(commands.COMMANDS) == set(get_args(commands.Command))
+
+
+def test_the_first_message_holds_nothing_that_json_cannot() -> None:
+    source = Source("bench")
+    text = msgspec.json.encode(
+        [page.hello(source, "command"), page.status_message(source, ours=False)]
+    )
+    assert json.loads(text)[0]["strips"][0]["name"] == "displacement"
+
+
+def status(mode: str = "SAFE", fault: api.Fault | None = None, **row: Any) -> api.Status:
+    raw: dict[str, Any] = dict.fromkeys(api.Status.__struct_fields__)
+    spread = {"own_share": {}, "setpoint_age": {}, "jitter": {}}
+    readings = {name: 25.0 for name in Row.__struct_fields__ if name.startswith("rtd_")}
+    sample = {"t_s": 1.0, "supply_V": 12.0, "i_meas_x_A": 0.0, "i_meas_y_A": 0.0, **readings}
+    board = {
+        "uid": "1", "firmware": "f", "protocol": "1.0", "reset_cause": "power on", "boot_count": 1,
+        "capabilities": ["rtd_inlet", "rtd_ambient"], "schema_agrees": True, "params_agree": True,
+    }  # fmt: skip
+    link = {
+        "port": "p", "baud": 1, "rate_hz": 100, "state": "monitor", "notes": [], "bytes_in": 0,
+        "bytes_out": 0, "short_writes": 0, "losses": 0, "frames": {}, "board_stats": {},
+    }  # fmt: skip
+    motion = {
+        "running": "idle", "done": True, "armed": mode == "ARMED", "mode": mode,
+        "reference_mm": None, "displacement_mm": None, "board_time_s": 1.0,
+        "fault": None if fault is None else msgspec.to_builtins(fault), "generation": 3,
+    }  # fmt: skip
+    raw |= {
+        "bench": "b", "version": "1", "pid": 1, "uptime_s": 1.0, "memory_MiB": 1.0, "link": link,
+        "board": board, "motion": motion, "limiter": "none", "faults": [], "warnings": [],
+        "sample": {**sample, **row}, "counts": dict.fromkeys(api.Counts.__struct_fields__, 0),
+        "timing": {**spread, "round_trip_us": 100.0, "collections": 0}, "realtime": [],
+        "recorder": {"recording": False}, "control": {}, "events": [],
+    }  # fmt: skip
+    return msgspec.convert(raw, type=api.Status)
+
+
+PARAMS = {"cold_cC": 4500.0, "brown_out_mV": 7500.0}
+
+
+def failing(now: api.Status) -> list[str]:
+    return [one.text for one in state.conditions(now, PARAMS, 100.0) if one.holds is not True]
+
+
+def test_a_bench_in_order_meets_every_condition() -> None:
+    assert failing(status()) == []
+
+
+@pytest.mark.parametrize(
+    ("now", "text"),
+    [
+        (status(mode="COOL"), "The board is in SAFE: not armed, and cooled"),
+        (status(rtd_x_degC=45.0), "Spring X is cold"),
+        (status(rtd_inlet_degC=None), "Every sensor gives a reading"),
+        (status(i_meas_y_A=0.2), "No current flows"),
+        (status(supply_V=7.4), "The supply is up"),
+        (status(fault=api.Fault(number=6, name="OVER_TEMPERATURE")), "No fault stands"),
+    ],
+)
+def test_what_stands_against_arming_is_named(now: api.Status, text: str) -> None:
+    assert failing(now) == [text]
+
+
+def test_control_stands_against_arming_only_while_another_has_it() -> None:
+    assert state.control_condition("", ours=False).holds
+    assert state.control_condition("live page", ours=True).holds
+    theirs = state.control_condition("Ada", ours=False)
+    assert (theirs.holds, theirs.detail) == (False, "Ada has it")
+
+
+def test_what_is_not_known_is_not_said_to_hold() -> None:
+    conditions = list(state.conditions(status(), {}, 100.0))
+    unknown = [one.text for one in conditions if one.holds is None]
+    assert unknown == ["Spring X is cold", "Spring Y is cold", "The supply is up"]
+
+
+def test_the_first_fault_is_said_in_plain_words() -> None:
+    fault = api.Fault(
+        number=6, name="OVER_TEMPERATURE", channel="SPRING_X", measured=96.0, limit=95.0, unit="°C"
+    )
+    shown = state.shown(status(mode="FAULT", fault=fault), PARAMS, 100.0)
+    assert shown.trouble is not None
+    assert "96 °C" in shown.trouble.what
+    assert shown.trouble.cause
+    assert shown.trouble.remedy
+
+
+def test_the_page_puts_nothing_in_as_markup() -> None:
+    for path in STATIC.glob("*.js"):
+        text = path.read_text()
+        assert "innerHTML" not in text
+        assert "insertAdjacentHTML" not in text
+        assert "eval(" not in text
+
+
+def test_the_page_asks_no_other_machine_for_anything() -> None:
+    for path in (*STATIC.glob("*.js"), *STATIC.glob("*.css"), STATIC / "index.html"):
+        assert "http" not in path.read_text(), path.name
+    assert all(name.startswith("/") for name in page.static_files())
+    assert "Permission is hereby granted" in (STATIC / "vendor" / "LICENSE.txt").read_text()

@@ -1,0 +1,358 @@
+"""One page's conversation: what is sent and when, what is done, and that a stop never waits."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from typing import Any, cast
+
+import pytest
+from websockets.asyncio.server import ServerConnection
+
+from smad import api
+from smad.client import AsyncClient, NotReady
+from smad.view.access import Right
+from smad.view.page import IN_FLIGHT, MOST_STOPS, MOST_WAITING, Page
+from smad.view.source import SILENT_AFTER_S, Source
+from smad.view.state import shown
+
+from .test_forms_and_state import status
+
+MOTION = api.Motion(
+    running="idle",
+    done=True,
+    armed=False,
+    mode="COOL",
+    reference_mm=None,
+    displacement_mm=None,
+    board_time_s=1.0,
+)
+MOVE = {"do": "move", "trajectory": {"kind": "hold", "duration_s": 1}}
+
+
+class Browser:
+    """The other end of a page's connection."""
+
+    def __init__(self) -> None:
+        self.got: list[dict[str, Any]] = []
+        self._said: asyncio.Queue[str | None] = asyncio.Queue()
+
+    async def send(self, text: str) -> None:
+        self.got.append(json.loads(text))
+
+    def __aiter__(self) -> AsyncIterator[str]:
+        return self._messages()
+
+    async def _messages(self) -> AsyncIterator[str]:
+        while (text := await self._said.get()) is not None:
+            yield text
+
+    def say(self, message: Any) -> None:
+        self._said.put_nowait(message if isinstance(message, str) else json.dumps(message))
+
+    def leave(self) -> None:
+        self._said.put_nowait(None)
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        return [message for message in self.got if message["type"] == kind]
+
+    def replies(self) -> dict[int, tuple[bool, str]]:
+        return {reply["id"]: (reply["done"], reply["text"]) for reply in self.of("reply")}
+
+
+class FakeClient:
+    """Notes what it is asked; `busy` holds every command back until it is set."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.generations: list[int | None] = []
+        self.free = asyncio.Event()
+        self.free.set()
+        self.stopped = asyncio.Event()
+        self.stopped.set()
+        self.refuse_arming = False
+
+    def as_of(self, generation: int | None) -> None:
+        self.generations.append(generation)
+
+    async def _do(self, name: str) -> api.Motion:
+        self.asked.append(name)
+        await self.free.wait()
+        return MOTION
+
+    async def move(self, *pieces: Any, queue: bool) -> api.Motion:
+        return await self._do("move")
+
+    async def arm(self) -> api.Motion:
+        await self._do("arm")
+        if self.refuse_arming:
+            raise NotReady("it is too warm")
+        return MOTION
+
+    async def disarm(self) -> api.Motion:
+        self.asked.append("disarm")
+        await self.stopped.wait()
+        return MOTION
+
+    async def take_control(self, name: str, lease_s: float) -> None:
+        self.asked.append("take_control")
+
+    async def release_control(self) -> None:
+        self.asked.append("release_control")
+
+    def close(self) -> None:
+        self.asked.append("close")
+
+
+class Rig:
+    """A page with a fake browser and a fake client."""
+
+    def __init__(self, right: Right) -> None:
+        self.now_s = 0.0
+        self.clients = 0
+        self.source = Source("bench", clock_s=lambda: self.now_s)
+        self.browser, self.client = Browser(), FakeClient()
+        page = Page(
+            cast(ServerConnection, self.browser),
+            right,
+            self.source,
+            self._new_client,
+        )
+        self.running = asyncio.create_task(page.run())
+
+    def _new_client(self) -> AsyncClient:
+        self.clients += 1
+        return cast(AsyncClient, self.client)
+
+    async def settle(self) -> None:
+        """Let everything happen that can happen without time passing."""
+        for _ in range(50):
+            await asyncio.sleep(0)
+
+    async def frames_pass(self, count: int) -> None:
+        """Let the page's own clock tick; how long that takes does not matter."""
+        for _ in range(count):
+            await asyncio.sleep(1 / 30)
+
+    async def end(self) -> None:
+        self.browser.leave()
+        await self.running
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    made = Rig("command")
+    yield made
+    await made.end()
+
+
+@pytest.fixture
+async def watcher() -> AsyncIterator[Rig]:
+    made = Rig("watch")
+    yield made
+    await made.end()
+
+
+async def test_a_stop_passes_a_command_that_hangs_and_takes_the_waiting_ones_with_it(
+    rig: Rig,
+) -> None:
+    rig.client.free.clear()
+    rig.browser.say({**MOVE, "id": 1})
+    await rig.settle()
+    for number in range(2, 6):
+        rig.browser.say({**MOVE, "id": number})
+    rig.browser.say({"do": "stop", "id": 9})
+    await rig.settle()
+    assert rig.client.asked[:2] == ["move", "disarm"]
+    replies = rig.browser.replies()
+    assert replies[9] == (True, "stopped: the board is in COOL")
+    assert {number for number, (done, _) in replies.items() if not done} == {2, 3, 4, 5}
+    rig.client.free.set()
+    await rig.settle()
+    assert rig.client.asked.count("move") == 1
+
+
+async def test_a_stop_does_not_wait_for_an_earlier_stop(rig: Rig) -> None:
+    rig.client.stopped.clear()
+    rig.browser.say({"do": "stop", "id": 1})
+    await rig.settle()
+    for number in range(2, 21):
+        rig.browser.say({"do": "stop", "id": number})
+    await rig.settle()
+    asked, clients = rig.client.asked.count("disarm"), rig.clients
+    rig.client.stopped.set()
+    await rig.settle()
+    # Each has a client of its own, as one client's stops go one after the other.
+    assert (asked, clients) == (MOST_STOPS, MOST_STOPS)
+    assert sum(done for done, _ in rig.browser.replies().values()) == MOST_STOPS
+
+
+async def test_a_flood_from_the_page_is_refused_and_does_not_grow(rig: Rig) -> None:
+    rig.client.free.clear()
+    rig.browser.say({**MOVE, "id": 1})
+    await rig.settle()
+    for number in range(2, 1001):
+        rig.browser.say({**MOVE, "id": number})
+    await rig.settle()
+    await rig.frames_pass(1)
+    refused = [text for done, text in rig.browser.replies().values() if not done]
+    assert len(refused) == 1000 - MOST_WAITING - 1
+    rig.client.free.set()
+
+
+async def test_a_command_carries_the_generation_that_the_page_had_shown(rig: Rig) -> None:
+    rig.browser.say({**MOVE, "id": 1, "generation": 4})
+    await rig.settle()
+    assert rig.client.generations == [4]
+
+
+async def test_a_page_that_keeps_control_renews_it_while_it_is_there(rig: Rig) -> None:
+    rig.browser.say({"do": "arm", "id": 1})
+    await rig.settle()
+    assert rig.client.asked == ["take_control", "arm"]
+    rig.browser.say({"do": "alive"})
+    await rig.settle()
+    assert rig.client.asked[2:] == ["take_control"]
+    rig.browser.say({"do": "stop", "id": 2})
+    await rig.settle()
+    assert rig.client.asked[3:] == ["disarm", "release_control"]
+    rig.browser.say({"do": "alive"})
+    await rig.settle()
+    assert len(rig.client.asked) == 5
+
+
+async def test_control_is_given_back_once_somebody_else_has_stopped_the_bench(rig: Rig) -> None:
+    rig.browser.say({"do": "arm", "id": 1})
+    await rig.settle()
+    rig.source.shown = shown(status("COOL"), {}, 100.0)
+    for version, asked in ((0, "take_control"), (1, "take_control"), (2, "release_control")):
+        # The first ones may have been asked for before the bench was armed.
+        rig.source.version = version
+        rig.browser.say({"do": "alive"})
+        await rig.settle()
+        assert rig.client.asked[-1] == asked
+
+
+async def test_an_arming_that_is_refused_gives_control_back(rig: Rig) -> None:
+    rig.client.refuse_arming = True
+    rig.browser.say({"do": "arm", "id": 1})
+    await rig.settle()
+    assert rig.client.asked == ["take_control", "arm", "release_control"]
+    assert rig.browser.replies()[1] == (False, "it is too warm")
+
+
+async def test_a_page_that_goes_away_lets_its_lease_lapse() -> None:
+    rig = Rig("command")
+    rig.browser.say({"do": "arm", "id": 1})
+    await rig.settle()
+    await rig.end()
+    # Giving it back would leave an armed bench that nobody is missed at.
+    assert rig.client.asked == ["take_control", "arm", "close"]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        {"do": "stop"},
+        {"do": "arm"},
+        {"do": "clear", "fault": 1},
+        MOVE,
+        {"do": "idle"},
+        {"do": "tune", "tune": {"mode": "tune", "kp_A_per_mm": 1}},
+        {"do": "note", "text": "x"},
+        {"do": "record"},
+        {"do": "end_record"},
+    ],
+    ids=lambda command: str(command["do"]),
+)
+async def test_the_link_for_watching_commands_nothing(
+    watcher: Rig, command: dict[str, Any]
+) -> None:
+    watcher.browser.say({**command, "id": 7})
+    await watcher.settle()
+    done, text = watcher.browser.replies()[7]
+    assert not done
+    assert "watching" in text
+    assert watcher.client.asked == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{",
+        '{"do":"shutdown"}',
+        '{"do":"move","trajectory":{"kind":"step","displacement_mm":1e9,"duration_s":1}}',
+        '{"do":"note","text":""}',
+        '{"do":"look_at","window":7}',
+        '{"do":"stop","extra":1}',
+    ],
+)
+async def test_nonsense_is_refused_and_the_page_goes_on(rig: Rig, text: str) -> None:
+    rig.browser.say(text)
+    rig.browser.say({**MOVE, "id": 1})
+    await rig.settle()
+    assert rig.browser.replies()[0][1].startswith("not understood")
+    assert rig.browser.replies()[1][0]
+    assert rig.client.asked == ["move"]
+
+
+async def test_a_browser_that_draws_nothing_gets_no_more_and_then_the_newest(rig: Rig) -> None:
+    for n in range(200):
+        rig.source.feed.add(1000.0 + n * 0.1, (float(n),) * 12)
+        if n % 20 == 0:
+            await rig.frames_pass(1)
+    await rig.frames_pass(3)
+    assert len(rig.browser.of("frame")) == IN_FLIGHT
+    rig.browser.say({"do": "drawn"})
+    await rig.settle()
+    await rig.frames_pass(3)
+    frames = rig.browser.of("frame")
+    assert len(frames) == IN_FLIGHT + 1
+    assert frames[-1]["y"][0][-1] == 199.0
+
+
+async def test_the_status_goes_out_again_only_when_the_last_was_received(rig: Rig) -> None:
+    for version in range(10):
+        rig.source.version = version
+        await rig.frames_pass(1)
+    await rig.frames_pass(2)
+    assert len(rig.browser.of("status")) == 1
+    rig.browser.say({"do": "alive"})
+    await rig.settle()
+    await rig.frames_pass(2)
+    assert len(rig.browser.of("status")) == 2
+
+
+async def test_a_bench_that_fell_silent_is_said_to_be_and_nothing_old_is_drawn_anew(
+    rig: Rig,
+) -> None:
+    rig.source.feed.add(1000.0, (1.0,) * 12)
+    await rig.frames_pass(2)
+    rig.browser.say({"do": "alive"})
+    rig.browser.say({"do": "drawn"})
+    await rig.settle()
+    rig.now_s = SILENT_AFTER_S + 1.0
+    before = len(rig.browser.of("frame"))
+    await rig.frames_pass(1)
+    rig.browser.say({"do": "drawn"})
+    await rig.settle()
+    await rig.frames_pass(3)
+    assert rig.browser.of("status")[-1]["silent_s"] == SILENT_AFTER_S + 1.0
+    assert len(rig.browser.of("frame")) <= before + 1
+    rig.browser.say({"do": "stop", "id": 5})
+    await rig.settle()
+    assert rig.browser.replies()[5][0]
+
+
+async def test_another_window_is_sent_whole(rig: Rig) -> None:
+    for n in range(100):
+        rig.source.feed.add(1000.0 + n, (float(n),) * 12)
+    rig.browser.say({"do": "look_at", "window": 2})
+    await rig.settle()
+    await rig.frames_pass(2)
+    frames = [frame for frame in rig.browser.of("frame") if frame["window"] == 2]
+    assert frames[0]["whole"]
+    assert frames[0]["y"][0][-1] == 99.0

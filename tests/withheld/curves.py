@@ -1,0 +1,193 @@
+"""Scores of a bank of check-ups over strength, and what it said of benches without a listed effect.
+
+The tables are put into a page by this command only, between `<!-- scores -->` and `<!-- end -->`.
+"""
+
+import json
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from smad.gap.check.intervals import wilson
+from smad.gap.check.names import canonical
+from tests.withheld.errors import BankError
+
+EDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
+"""Strengths: what an effect changes of the signal that shows it most, in repeat floors."""
+_FIRST = 3
+_MARKED = re.compile(r"(<!-- scores -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A case beside its verdict; `ranked` are the sets of names with probabilities, best first."""
+
+    kind: str
+    strength: float
+    names: frozenset[str]
+    outcome: str
+    ranked: tuple[tuple[frozenset[str], float], ...]
+    group: frozenset[str]
+    left: float
+    seconds: float
+
+    @property
+    def detected(self) -> bool:
+        """Whether it was called changed."""
+        return self.outcome != "no_gap"
+
+    @property
+    def named(self) -> frozenset[str]:
+        """The names that the verdict gives, none for unknown and parameters."""
+        if self.outcome == "ambiguous":
+            return self.group
+        return self.ranked[0][0] if self.outcome == "effect" else frozenset()
+
+    @property
+    def right_first(self) -> bool:
+        """Whether the truth is named, alone or first in a group."""
+        return bool(self.named) and self.ranked[0][0] == self.names
+
+    @property
+    def in_first(self) -> bool:
+        """Whether the truth is among the three likeliest."""
+        return any(names == self.names for names, _ in self.ranked[:_FIRST])
+
+    @property
+    def on_truth(self) -> float:
+        """Probability that was given to the truth."""
+        truth = {"unknown": frozenset(("unknown",)), "parameters": frozenset(("parameters",))}
+        wanted = truth.get(self.kind, self.names)
+        return sum(p for names, p in self.ranked if names == wanted)
+
+
+def scored(verdicts: Path, key: Path) -> list[Scored]:
+    """All cases of a verdict file. Raises BankError when the key is not of the same bank."""
+    told = json.loads(verdicts.read_text())
+    known = json.loads((key / "KEY.json").read_text())
+    if known["bank"] != told["bank"]:
+        raise BankError(f"{verdicts} is of bank {told['bank']}, the key of {known['bank']}")
+    out = []
+    for name, v in told["verdicts"].items():
+        entry = known["cases"][name]
+        ranked = tuple(
+            (frozenset(canonical(n) for n in c["names"]), c["probability"]) for c in v["causes"]
+        )
+        out.append(
+            Scored(
+                kind=entry["kind"],
+                strength=entry["gap_worst"],
+                names=frozenset(canonical(e["name"]) for e in entry["effects"]),
+                outcome=v["outcome"],
+                ranked=ranked,
+                group=frozenset(canonical(n) for n in v["group"]),
+                left=1.0 - v["shrink"],
+                seconds=v["seconds"],
+            )
+        )
+    return out
+
+
+def tables(cases: Sequence[Scored]) -> str:
+    """Everything as Markdown."""
+    return "\n".join((_by_strength(cases), "", _others(cases), "", _seconds(cases), ""))
+
+
+def _by_strength(cases: Sequence[Scored]) -> str:
+    single = [c for c in cases if c.kind == "single"]
+    lines = [
+        "| one effect of the library, floors | cases | detected | of these right first | alone "
+        "| among the first three | probability of the truth |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    spans = [(0.0, EDGES[0]), *pairwise(EDGES), (EDGES[-1], math.inf)]
+    for low, high in [*spans, (0.0, math.inf)]:
+        inside = [c for c in single if low <= c.strength < high]
+        if not inside:
+            continue
+        seen = [c for c in inside if c.detected]
+        lines.append(
+            f"| {_span(low, high)} | {len(inside)} | {_share(inside, lambda c: c.detected)} | "
+            f"{_share(seen, lambda c: c.right_first)} | "
+            f"{_share(seen, lambda c: c.right_first and c.outcome == 'effect')} | "
+            f"{_share(seen, lambda c: c.in_first)} | {_mean(seen)} |"
+        )
+    return "\n".join(lines)
+
+
+def _others(cases: Sequence[Scored]) -> str:
+    def of(kind: str) -> list[Scored]:
+        return [c for c in cases if c.kind == kind]
+
+    unknown = [c for c in of("unknown") if c.detected]
+    pairs = [c for c in of("pair") if c.detected]
+    rows = [
+        ("nothing", "false alarms", of("none"), lambda c: c.detected),
+        ("other parameter values", "a name that is not there", of("parameters"),
+         lambda c: bool(c.named)),
+        ("an effect outside the library", "detected", of("unknown"), lambda c: c.detected),
+        ("the same, detected", "said to be unknown", unknown, lambda c: c.outcome == "unknown"),
+        ("the same, detected", "called by a name of the library", unknown,
+         lambda c: bool(c.named)),
+        ("two effects", "detected", of("pair"), lambda c: c.detected),
+        ("the same, detected", "both named, and nothing else", pairs, lambda c: c.right_first),
+        ("the same, detected", "at least one named, none wrong", pairs,
+         lambda c: bool(c.named) and c.named <= c.names),
+    ]  # fmt: skip
+    lines = ["| what was the matter | what it said | cases | share |", "|---|---|---:|---:|"]
+    lines += [
+        f"| {matter} | {said} | {len(inside)} | {_share(inside, right)} |"
+        for matter, said, inside, right in rows
+    ]
+    return "\n".join(lines)
+
+
+def _seconds(cases: Sequence[Scored]) -> str:
+    took = [c.seconds for c in cases]
+    return (
+        f"A verdict took {median(took):.1f} s of processor time (median), "
+        f"{max(took):.1f} s at most, over {len(cases)} cases."
+    )
+
+
+def _span(low: float, high: float) -> str:
+    if math.isinf(high):
+        return "all" if low == 0.0 else f"above {low:g}"
+    return f"below {high:g}" if low == 0.0 else f"{low:g} to {high:g}"
+
+
+def _share(cases: Sequence[Scored], right: Callable[[Scored], bool]) -> str:
+    """A share with its 95 % interval."""
+    if not cases:
+        return "–"
+    hits = sum(right(c) for c in cases)
+    low, high = wilson(hits, len(cases))
+    return f"{hits / len(cases):.2f} ({low:.2f}–{high:.2f})"
+
+
+def _mean(cases: Sequence[Scored]) -> str:
+    return f"{sum(c.on_truth for c in cases) / len(cases):.2f}" if cases else "–"
+
+
+def put_into(page: Path, text: str) -> None:
+    """Replace what stands between the marks of a page. Raises BankError where there are none."""
+    before = page.read_text()
+    after, count = _MARKED.subn(lambda m: f"{m[1]}{text}{m[2]}", before)
+    if count != 1:
+        raise BankError(f"{page} has {count} places for scores: mark one with <!-- scores -->")
+    page.write_text(after)
+
+
+def report(verdicts: Path, key: Path, page: Path | None, note: str) -> dict[str, Any]:
+    """Print the tables; with `page` put them there, below a line that says what they are of."""
+    cases = scored(verdicts, key)
+    text = tables(cases)
+    print(text)
+    if page is not None:
+        put_into(page, f"{note}\n\n{text}")
+    return {"cases": len(cases)}

@@ -1,0 +1,82 @@
+"""Scores of check-ups: what counts as detected and as right, and where the tables go."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.withheld.calibrating import truth_of
+from tests.withheld.curves import put_into, scored, tables
+from tests.withheld.errors import BankError
+
+
+def entry(kind: str, strength: float, *names: str) -> dict[str, Any]:
+    return {"kind": kind, "gap_worst": strength, "effects": [{"name": n} for n in names]}
+
+
+def verdict(
+    outcome: str, *causes: tuple[str, float], group: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    told = [{"names": n.split("+"), "probability": p} for n, p in causes]
+    return {"outcome": outcome, "causes": told, "group": list(group), "shrink": 0.9, "seconds": 2.0}
+
+
+CASES = [
+    (entry("single", 5.0, "rtd_lag"), verdict("effect", ("rtd_lag", 0.9), ("driver_lag", 0.1))),
+    (entry("single", 5.0, "rtd_lag"), verdict("ambiguous", ("driver_lag", 0.5), ("rtd_lag", 0.4),
+                                              group=("driver_lag", "rtd_lag"))),
+    (entry("single", 0.5, "rtd_lag"), verdict("no_gap")),
+    (entry("none", 0.0), verdict("no_gap")),
+    (entry("none", 0.0), verdict("effect", ("rtd_lag", 1.0))),
+    (entry("unknown", 4.0, "stiction"), verdict("unknown", ("unknown", 0.8))),
+    (entry("pair", 8.0, "rtd_lag", "force_gain"), verdict("effect", ("rtd_lag+force_gain", 0.7))),
+    (entry("pair", 8.0, "rtd_lag", "force_gain"), verdict("effect", ("rtd_lag", 0.7))),
+]  # fmt: skip
+
+
+@pytest.fixture
+def bank(tmp_path: Path) -> tuple[Path, Path]:
+    """A verdict file and the folder of its key."""
+    names = [f"case-{k}" for k in range(len(CASES))]
+    told = {"bank": "b", "verdicts": {n: v for n, (_, v) in zip(names, CASES, strict=True)}}
+    key = {"bank": "b", "cases": {n: e for n, (e, _) in zip(names, CASES, strict=True)}}
+    (tmp_path / "verdicts.json").write_text(json.dumps(told))
+    (tmp_path / "KEY.json").write_text(json.dumps(key))
+    return tmp_path / "verdicts.json", tmp_path
+
+
+def test_the_tables_count_what_was_detected_and_named(bank: tuple[Path, Path]) -> None:
+    text = tables(scored(*bank))
+    strong = next(line for line in text.splitlines() if line.startswith("| 3 to 10"))
+    shown = [cell.strip().split(" ")[0] for cell in strong.split("|")[2:8]]
+    assert shown == ["2", "1.00", "0.50", "0.50", "1.00", "0.65"]
+    assert "| nothing | false alarms | 2 | 0.50" in text
+    assert "| the same, detected | said to be unknown | 1 | 1.00" in text
+    assert "| the same, detected | both named, and nothing else | 2 | 0.50" in text
+    assert "| the same, detected | at least one named, none wrong | 2 | 1.00" in text
+
+
+def test_a_key_of_another_bank_is_refused(bank: tuple[Path, Path]) -> None:
+    verdicts, key = bank
+    (key / "KEY.json").write_text(json.dumps({"bank": "other", "cases": {}}))
+    with pytest.raises(BankError, match="of bank b"):
+        scored(verdicts, key)
+
+
+def test_tables_go_between_the_marks_of_a_page_and_nowhere_else(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- scores -->\nold\n<!-- end -->\nafter\n")
+    put_into(page, "new\n")
+    assert page.read_text() == "before\n<!-- scores -->\nnew\n<!-- end -->\nafter\n"
+    page.write_text("no marks")
+    with pytest.raises(BankError, match="mark one with"):
+        put_into(page, "new\n")
+
+
+def test_the_truth_of_a_key_is_in_the_librarys_names() -> None:
+    library = {"saturation": "driver_saturation"}
+    one = {"kind": "single", "effects": [{"name": "saturation"}]}
+    assert truth_of(one, library).names == {"driver_saturation"}
+    assert truth_of({"kind": "unknown", "effects": [{"name": "x"}]}, library).kind == "unknown"
+    assert truth_of({"kind": "none", "effects": []}, library).kind == "quiet"

@@ -1,0 +1,57 @@
+"""The protocol check-up: what is played, and what a bank of it holds."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.withheld.errors import BankError
+from tests.withheld.playing import Order, make, read_programme
+
+PROGRAMME = """format = "smad-programme-1"
+name = "tiny"
+title = "one run"
+
+[[runs]]
+name = "run-1"
+title = "a pulse"
+duration_s = 12.0
+quick = true
+"""
+
+
+def _programme(folder: Path) -> Path:
+    folder.mkdir()
+    (folder / "programme.toml").write_text(PROGRAMME)
+    (folder / "run-1.csv").write_text("t_s,i_x_A,i_y_A,duty_x,duty_y\n0,0,0,0,0\n4,2.5,0,0,0.5\n")
+    return folder
+
+
+def test_a_row_holds_until_the_next_and_the_last_to_the_end(tmp_path: Path) -> None:
+    (run,) = read_programme(_programme(tmp_path / "p"))
+    assert run.program.shape == (1200, 7)
+    assert np.all(run.program[:400, 2] == 0.0)
+    assert np.all(run.program[400:, 2] == 2.5)
+    assert np.all(run.program[400:, 5] == 0.5)
+
+
+def test_a_folder_without_a_programme_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BankError, match="holds no programme"):
+        read_programme(tmp_path)
+
+
+def test_a_bank_keeps_its_key_apart_and_benches_on_days_of_their_own(tmp_path: Path) -> None:
+    order = Order(tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=2, seed=3)
+    make(order, jobs=1)
+    manifest = json.loads((order.folder / "manifest.json").read_text())
+    key = json.loads((order.key_folder / "KEY.json").read_text())
+    assert {c["id"] for c in manifest["cases"]} == set(key["cases"])
+    assert not list(order.folder.rglob("KEY.json"))
+    days = [
+        (order.folder / "benches" / "bench-1" / f"good-{n}" / "run-1.parquet").read_bytes()
+        for n in (1, 2)
+    ]
+    assert days[0] != days[1]
+    with pytest.raises(BankError, match="exists"):
+        make(order, jobs=1)

@@ -1,0 +1,39 @@
+"""Hook of mkdocs: the README as the site's first page, and links out of docs/ made plain.
+
+make site
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).resolve().parents[1]
+_LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the README as index.md."""
+    text = (ROOT / "README.md").read_text().replace("](docs/", "](")
+    files.append(File.generated(config, "index.md", content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> str:
+    """Turn links to files that the site does not have into their text."""
+    folder = posixpath.dirname(page.file.src_uri)
+
+    def kept(link: re.Match[str]) -> str:
+        picture, text, target, anchor = link.groups()
+        if "://" in target or target.startswith("mailto:"):
+            return link[0]
+        path = posixpath.normpath(posixpath.join(folder, target))
+        if path == "../README.md":
+            return f"[{text}]({posixpath.relpath('index.md', folder or '.')}{anchor or ''})"
+        return link[0] if files.get_file_from_path(path) is not None or picture else text
+
+    return _LINK.sub(kept, markdown)
