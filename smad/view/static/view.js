@@ -77,6 +77,7 @@ function take(message) {
 }
 
 function show(now) {
+  document.body.dataset.generation = now.generation;
   mode(now.mode);
   setText($("mode-means"), now.mode_means);
   setText($("running"), now.running + (now.limiter ? `, held down by ${now.limiter}` : ""));

@@ -71,8 +71,9 @@ def page(bench: Bench, chromium: Any) -> Iterator[Any]:
     resize(chromium, 1200, 1000)
     chromium.get(bench.page.command)
     until(chromium, is_live)
+    # A click on a page that has not shown the last stop yet is refused, as it should be.
+    until(chromium, lambda d: shown_generation(d) == bench.client.motion().generation)
     yield chromium
-    # Only if need be: after a stop the next page begins with an old status, and old clicks.
     if bench.client.motion().armed:
         bench.client.disarm()
     # The page gives control back once it is disarmed; one that vanishes leaves its lease to lapse.
@@ -94,6 +95,10 @@ def text_of(driver: Any, name: str) -> str:
 
 def is_live(driver: Any) -> bool:
     return bool(driver.execute_script("return document.body.dataset.link === 'live'"))
+
+
+def shown_generation(driver: Any) -> int:
+    return int(driver.execute_script("return document.body.dataset.generation || -1"))
 
 
 def click(driver: Any, selector: str) -> None:
