@@ -12,6 +12,7 @@ GENERATORS = (
     "firmware_protocol.supervisor.generate",
     "sim_device.plant.docs",
     "firmware.generate",
+    "tools.blocking_client",
     "smad.daemon.command.schema",
     "smad.docs",
 )

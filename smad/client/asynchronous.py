@@ -1,11 +1,11 @@
-"""The client for asyncio: the same methods as the blocking one, to be awaited.
+"""The client for asyncio: one method for each command of `smad.api`, to be awaited.
 
-Calls of one client go one after the other; use several clients for calls side by side.
+Calls of one client go one after the other; use several clients for calls side by side. The
+blocking client is this file without its `await`s: `python -m tools.blocking_client` writes it.
 """
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator, Callable
@@ -13,27 +13,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import zmq
-import zmq.asyncio
-
 from smad import api
-from smad.client.blocking import DEFAULT_TIMEOUT_S, POLL_S, no_answer
+from smad.client.async_channel import AsyncChannel, pause
 from smad.client.endpoints import Connection
-from smad.client.errors import NoAnswer, Refused
+from smad.client.errors import Refused
 from smad.client.progress import Wait
 from smad.client.signals import ended_by_signals
-from smad.client.wire import (
-    Conversation,
-    Keys,
-    Reply,
-    connect,
-    find_daemon,
-    in_pieces,
-    new_identity,
-    remote,
-    subscribe,
-    telemetry_of,
-)
+from smad.client.wire import Keys, Reply, find_daemon, remote
 from smad.control.commands import (
     DriveCurrent,
     Follow,
@@ -45,10 +31,11 @@ from smad.control.commands import (
     Trajectory,
     Tune,
 )
-from smad.control.inputs import in_pieces as rows_in_pieces
-from smad.errors import ConfigError, SmadError
+from smad.control.pieces import in_pieces, rows_in_pieces
+from smad.errors import SmadError
 
-_TOPIC = api.TELEMETRY_TOPIC.encode()
+DEFAULT_TIMEOUT_S = 5.0
+POLL_S = 0.05
 
 
 class AsyncClient:
@@ -88,17 +75,8 @@ class AsyncClient:
     def _open(self, connection: Connection, keys: Keys | None, timeout_s: float) -> None:
         self.connection = connection
         self.timeout_s = timeout_s
-        self._context = zmq.asyncio.Context()
-        # The stop channel has a turn of its own: a stop never waits behind a command.
-        self._turn = {False: asyncio.Lock(), True: asyncio.Lock()}
-        self._conversation = Conversation()
-        identity = new_identity()
-        self._commands = connect(self._context, connection.command, keys, identity)
-        try:
-            self._stops = connect(self._context, connection.stop, keys, identity)
-        except ConfigError:
-            self._commands.close(linger=0)
-            raise
+        self._channel = AsyncChannel(connection, keys)
+        self._conversation = self._channel.conversation
 
     async def __aenter__(self) -> AsyncClient:
         return self
@@ -113,9 +91,7 @@ class AsyncClient:
 
     def close(self) -> None:
         """Give the sockets back; the bench goes on as it is."""
-        self._commands.close(linger=0)
-        self._stops.close(linger=0)
-        self._context.destroy(linger=0)
+        self._channel.close()
 
     async def status(self) -> api.Status:
         """Everything about the bench now."""
@@ -127,7 +103,8 @@ class AsyncClient:
 
     async def config(self) -> str:
         """The configuration in force, as TOML."""
-        return (await self._call(api.GetConfig(), api.ConfigText)).toml
+        replied = await self._call(api.GetConfig(), api.ConfigText)
+        return replied.toml
 
     async def reset_timing(self) -> api.Timing:
         """Begin the timing's percentiles anew, to measure a stretch by itself."""
@@ -222,7 +199,8 @@ class AsyncClient:
 
     async def params(self) -> tuple[api.Param, ...]:
         """The parameters stored on the board."""
-        return (await self._call(api.ListParams(), api.ParamList)).params
+        replied = await self._call(api.ListParams(), api.ParamList)
+        return replied.params
 
     async def get_param(self, name: str) -> api.Param:
         """One parameter of the board."""
@@ -234,7 +212,8 @@ class AsyncClient:
 
     async def save_params(self) -> tuple[api.Param, ...]:
         """Keep the parameters over a power cycle."""
-        return (await self._call(api.SaveParams(), api.ParamList)).params
+        replied = await self._call(api.SaveParams(), api.ParamList)
+        return replied.params
 
     async def start_recording(self, name: str = "", repeats: str = "") -> api.RecorderStatus:
         """Begin a run log; `repeats` names the run whose inputs it plays again."""
@@ -290,7 +269,13 @@ class AsyncClient:
     async def _disarm_after_an_error(self) -> None:
         # What ended the block is what its caller has to hear of.
         with contextlib.suppress(SmadError):
-            await self.disarm()
+            while True:
+                try:
+                    await self.disarm()
+                except (KeyboardInterrupt, SystemExit):
+                    # Whoever presses ctrl-C twice wants it stopped all the more.
+                    continue
+                return
 
     @contextlib.asynccontextmanager
     async def in_control(self, name: str, lease_s: float = 10.0) -> AsyncIterator[None]:
@@ -331,25 +316,14 @@ class AsyncClient:
                 progress(motion)
             if wait.over(motion, time.monotonic()):
                 return motion
-            await asyncio.sleep(POLL_S)
+            await pause(POLL_S)
 
-    async def telemetry(
+    def telemetry(
         self, *, timeout_s: float | None = None, queue: int = 1000
     ) -> AsyncIterator[api.Telemetry]:
         """Published samples, as they come. Raises NoAnswer when none comes for `timeout_s`."""
         limit_s = self.timeout_s if timeout_s is None else timeout_s
-        socket = subscribe(self._context, self.connection.telemetry, _TOPIC, queue)
-        try:
-            while True:
-                if not await socket.poll(int(limit_s * 1000)):
-                    raise NoAnswer(
-                        "no telemetry came",
-                        limit=f"{limit_s:g} s",
-                        action="see smad status: is the board connected, is telemetry enabled?",
-                    )
-                yield telemetry_of((await socket.recv_multipart())[1])
-        finally:
-            socket.close(linger=0)
+        return self._channel.telemetry(limit_s, queue)
 
     async def _call(
         self,
@@ -360,15 +334,4 @@ class AsyncClient:
         timeout_s: float | None = None,
     ) -> Reply:
         limit_s = self.timeout_s if timeout_s is None else timeout_s
-        socket = self._stops if stop else self._commands
-        async with self._turn[stop]:
-            call_id, data = self._conversation.request(params)
-            try:
-                async with asyncio.timeout(limit_s):
-                    await socket.send(data)
-                    while True:
-                        reply = self._conversation.reply(await socket.recv(), call_id, kind)
-                        if reply is not None:
-                            return reply
-            except TimeoutError:
-                raise no_answer(self.connection, limit_s) from None
+        return await self._channel.call(params, kind, limit_s, stop=stop)

@@ -1,6 +1,6 @@
-"""The blocking client: no threads, no background work; every wait has a deadline.
+"""The blocking client: one method for each command of `smad.api`; every wait has a deadline.
 
-It keeps working after a time-out, because a late reply is recognised by its number and dropped.
+Written by `python -m tools.blocking_client` from asynchronous.py: edit that.
 """
 
 from __future__ import annotations
@@ -12,25 +12,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import zmq
-
 from smad import api
+from smad.client.channel import Channel, pause
 from smad.client.endpoints import Connection
-from smad.client.errors import NoAnswer, Refused
+from smad.client.errors import Refused
 from smad.client.progress import Wait
 from smad.client.signals import ended_by_signals
-from smad.client.wire import (
-    Conversation,
-    Keys,
-    Reply,
-    connect,
-    find_daemon,
-    in_pieces,
-    new_identity,
-    remote,
-    subscribe,
-    telemetry_of,
-)
+from smad.client.wire import Keys, Reply, find_daemon, remote
 from smad.control.commands import (
     DriveCurrent,
     Follow,
@@ -42,12 +30,11 @@ from smad.control.commands import (
     Trajectory,
     Tune,
 )
-from smad.control.inputs import in_pieces as rows_in_pieces
-from smad.errors import ConfigError, SmadError
+from smad.control.pieces import in_pieces, rows_in_pieces
+from smad.errors import SmadError
 
 DEFAULT_TIMEOUT_S = 5.0
 POLL_S = 0.05
-_TOPIC = api.TELEMETRY_TOPIC.encode()
 
 
 class Client:
@@ -87,15 +74,8 @@ class Client:
     def _open(self, connection: Connection, keys: Keys | None, timeout_s: float) -> None:
         self.connection = connection
         self.timeout_s = timeout_s
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._conversation = Conversation()
-        identity = new_identity()
-        self._commands = connect(self._context, connection.command, keys, identity)
-        try:
-            self._stops = connect(self._context, connection.stop, keys, identity)
-        except ConfigError:
-            self._commands.close(linger=0)
-            raise
+        self._channel = Channel(connection, keys)
+        self._conversation = self._channel.conversation
 
     def __enter__(self) -> Client:
         return self
@@ -110,9 +90,7 @@ class Client:
 
     def close(self) -> None:
         """Give the sockets back; the bench goes on as it is."""
-        self._commands.close(linger=0)
-        self._stops.close(linger=0)
-        self._context.destroy(linger=0)
+        self._channel.close()
 
     def status(self) -> api.Status:
         """Everything about the bench now."""
@@ -124,7 +102,8 @@ class Client:
 
     def config(self) -> str:
         """The configuration in force, as TOML."""
-        return self._call(api.GetConfig(), api.ConfigText).toml
+        replied = self._call(api.GetConfig(), api.ConfigText)
+        return replied.toml
 
     def reset_timing(self) -> api.Timing:
         """Begin the timing's percentiles anew, to measure a stretch by itself."""
@@ -217,7 +196,8 @@ class Client:
 
     def params(self) -> tuple[api.Param, ...]:
         """The parameters stored on the board."""
-        return self._call(api.ListParams(), api.ParamList).params
+        replied = self._call(api.ListParams(), api.ParamList)
+        return replied.params
 
     def get_param(self, name: str) -> api.Param:
         """One parameter of the board."""
@@ -229,7 +209,8 @@ class Client:
 
     def save_params(self) -> tuple[api.Param, ...]:
         """Keep the parameters over a power cycle."""
-        return self._call(api.SaveParams(), api.ParamList).params
+        replied = self._call(api.SaveParams(), api.ParamList)
+        return replied.params
 
     def start_recording(self, name: str = "", repeats: str = "") -> api.RecorderStatus:
         """Begin a run log; `repeats` names the run whose inputs it plays again."""
@@ -332,25 +313,14 @@ class Client:
                 progress(motion)
             if wait.over(motion, time.monotonic()):
                 return motion
-            time.sleep(POLL_S)
+            pause(POLL_S)
 
     def telemetry(
         self, *, timeout_s: float | None = None, queue: int = 1000
     ) -> Iterator[api.Telemetry]:
         """Published samples, as they come. Raises NoAnswer when none comes for `timeout_s`."""
         limit_s = self.timeout_s if timeout_s is None else timeout_s
-        socket = subscribe(self._context, self.connection.telemetry, _TOPIC, queue)
-        try:
-            while True:
-                if not socket.poll(int(limit_s * 1000)):
-                    raise NoAnswer(
-                        "no telemetry came",
-                        limit=f"{limit_s:g} s",
-                        action="see smad status: is the board connected, is telemetry enabled?",
-                    )
-                yield telemetry_of(socket.recv_multipart()[1])
-        finally:
-            socket.close(linger=0)
+        return self._channel.telemetry(limit_s, queue)
 
     def _call(
         self,
@@ -361,27 +331,4 @@ class Client:
         timeout_s: float | None = None,
     ) -> Reply:
         limit_s = self.timeout_s if timeout_s is None else timeout_s
-        socket = self._stops if stop else self._commands
-        call_id, data = self._conversation.request(params)
-        deadline_s = time.monotonic() + limit_s
-        try:
-            socket.send(data, zmq.NOBLOCK)
-        except zmq.Again:
-            raise no_answer(self.connection, limit_s) from None
-        while True:
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0 or not socket.poll(max(1, int(left_s * 1000))):
-                raise no_answer(self.connection, limit_s)
-            reply = self._conversation.reply(socket.recv(), call_id, kind)
-            if reply is not None:
-                return reply
-
-
-def no_answer(connection: Connection, limit_s: float) -> NoAnswer:
-    """Return the error of a reply that did not come."""
-    return NoAnswer(
-        "the daemon did not answer; the command may have been carried out",
-        value=connection.command,
-        limit=f"{limit_s:g} s",
-        action="look at smad status, and at the daemon's own output",
-    )
+        return self._channel.call(params, kind, limit_s, stop=stop)

@@ -14,16 +14,12 @@ from msgspec import Struct
 
 from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Reason, Telemetry
 from smad.client.endpoints import Connection, candidate_folders, read_connection
-from smad.client.errors import NoDaemon, Refused, refused
-from smad.control.commands import Samples, Trajectory
+from smad.client.errors import NoAnswer, NoDaemon, Refused, refused
 from smad.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
 
 Reply = TypeVar("Reply", bound=Struct)
 Socket = zmq.Socket[bytes]
-
-POINTS_A_PIECE = 500
-"""Longer sample trajectories go out in pieces of so many points, to keep messages short."""
 
 
 class _Error(Struct, frozen=True):
@@ -190,6 +186,17 @@ def _require_keys(keys: Keys) -> None:
             )
 
 
+def connect_both(context: zmq.Context[Any], connection: Connection, keys: Keys | None) -> Any:
+    """Return the sockets for commands and for stops, as one client. Raises ConfigError."""
+    identity = new_identity()
+    commands = connect(context, connection.command, keys, identity)
+    try:
+        return commands, connect(context, connection.stop, keys, identity)
+    except ConfigError:
+        commands.close(linger=0)
+        raise
+
+
 def connect(context: zmq.Context[Any], address: str, keys: Keys | None, identity: bytes) -> Any:
     """Return a DEALER socket that talks to `address`. Raises ConfigError when that is none."""
     socket = context.socket(zmq.DEALER)
@@ -226,21 +233,23 @@ def new_identity() -> bytes:
     return b"c" + os.urandom(16)
 
 
-def in_pieces(trajectory: Trajectory) -> list[Trajectory]:
-    """Return the trajectory, cut where it is too long for one message."""
-    if not isinstance(trajectory, Samples) or len(trajectory.t_s) <= POINTS_A_PIECE:
-        return [trajectory]
-    pieces: list[Trajectory] = []
-    for begin in range(0, len(trajectory.t_s) - 1, POINTS_A_PIECE - 1):
-        part = slice(begin, begin + POINTS_A_PIECE)
-        start_s = trajectory.t_s[begin]
-        pieces.append(
-            Samples(
-                t_s=tuple(t - start_s for t in trajectory.t_s[part]),
-                displacement_mm=trajectory.displacement_mm[part],
-            )
-        )
-    return pieces
+def no_answer(connection: Connection, limit_s: float) -> NoAnswer:
+    """Return the error of a reply that did not come."""
+    return NoAnswer(
+        "the daemon did not answer; the command may have been carried out",
+        value=connection.command,
+        limit=f"{limit_s:g} s",
+        action="look at smad status, and at the daemon's own output",
+    )
+
+
+def no_telemetry(limit_s: float) -> NoAnswer:
+    """Return the error of a sample that did not come."""
+    return NoAnswer(
+        "no telemetry came",
+        limit=f"{limit_s:g} s",
+        action="see smad status: is the board connected, is telemetry enabled?",
+    )
 
 
 def _set_keys(socket: Any, keys: Keys | None) -> None:

@@ -6,13 +6,11 @@ import math
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
-
-import msgspec
 
 from smad.config import RepeatConfig
-from smad.control.commands import LONGEST_INPUTS, FollowInputs
+from smad.control.commands import FollowInputs
 from smad.control.modes import Demand
+from smad.control.pieces import COLUMNS, DRIVEN, READINGS
 from smad.control.sample import Sample
 from smad.errors import CommandError
 
@@ -20,39 +18,13 @@ LONGEST_QUEUE_ROWS = 100_000
 """Rows that wait: a thousand seconds at 100 Hz, some 25 MB."""
 _JOINED_S = 1e-4
 
-_DRIVEN = ("i_x_A", "i_y_A", "pump_x_duty", "pump_y_duty")
-_DRAINS = ("drain_x", "drain_y")
-READINGS = ("displacement_mm", "rtd_x_degC", "rtd_y_degC", "force_N")
-"""What may be watched beside the recorded."""
-COLUMNS = (*_DRIVEN, *_DRAINS, *READINGS)
-"""Every field of FollowInputs that has a value for each row."""
-
-
-def in_pieces(command: FollowInputs) -> list[FollowInputs]:
-    """The command cut into such as fit one message; all but the first are queued."""
-    rows = len(command.t_s)
-    pieces = []
-    for begin in range(0, max(rows, 1), LONGEST_INPUTS):
-        end = begin + LONGEST_INPUTS
-        part: dict[str, Any] = {name: getattr(command, name)[begin:end] for name in COLUMNS}
-        pieces.append(
-            msgspec.structs.replace(
-                command,
-                t_s=command.t_s[begin:end],
-                end_s=command.end_s if end >= rows else command.t_s[end],
-                queue=command.queue or begin > 0,
-                **part,
-            )
-        )
-    return pieces
-
 
 def require_playable(command: FollowInputs, current_limit_A: float) -> None:
     """Raise CommandError unless rows are whole, in order, and below the limit of the currents."""
     rows = len(command.t_s)
     for name in COLUMNS:
         own = len(getattr(command, name))
-        if own != rows and (own or name in _DRIVEN):
+        if own != rows and (own or name in DRIVEN):
             raise CommandError(
                 f"{name} and t_s differ in length",
                 value=f"{own} and {rows}",

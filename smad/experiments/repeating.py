@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from firmware_protocol.enums import BoardState
 from smad.config import Config
 from smad.control.commands import FollowInputs
-from smad.control.inputs import LONGEST_QUEUE_ROWS, READINGS, in_pieces, require_playable
+from smad.control.inputs import LONGEST_QUEUE_ROWS, require_playable
+from smad.control.pieces import READINGS, rows_in_pieces
 from smad.control.plan import Action, Do, Plan, UntilDone
 from smad.errors import CommandError
 from smad.experiments.errors import ExperimentError
@@ -64,7 +65,7 @@ class Repeat:
 
     def plan(self, name: str) -> Plan:
         """The same as a plan, whatever carries it out."""
-        actions: list[Action] = [Do(piece) for piece in in_pieces(self.command)]
+        actions: list[Action] = [Do(piece) for piece in rows_in_pieces(self.command)]
         waited = (*actions, UntilDone(self.command.end_s + 5.0))
         return Plan(name, waited, repeats=self.source)
 

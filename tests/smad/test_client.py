@@ -26,8 +26,8 @@ from smad.client import (
 )
 from smad.client.endpoints import Connection, write_connection
 from smad.client.progress import Wait
-from smad.client.wire import POINTS_A_PIECE, in_pieces
 from smad.control.commands import DriveCurrent, FollowInputs, Hold, Samples, Sine, Step, Tune
+from smad.control.pieces import POINTS_A_PIECE, in_pieces
 from tests.smad.fakedaemon import MOTION, FakeDaemon, Silent, fake_daemon
 
 INPUTS = FollowInputs(

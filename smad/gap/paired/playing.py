@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from smad.control.commands import FollowInputs
-from smad.control.inputs import in_pieces
+from smad.control.pieces import rows_in_pieces
 from smad.control.plan import Do, Plan, UntilDone
 from smad.gap.paired.programme import ProgrammeRun
 
@@ -21,5 +21,5 @@ def plan_of(run: ProgrammeRun, name: str) -> Plan:
         pump_x_duty=duty_x,
         pump_y_duty=duty_y,
     )
-    actions = [Do(piece) for piece in in_pieces(command)]
+    actions = [Do(piece) for piece in rows_in_pieces(command)]
     return Plan(name, (*actions, UntilDone(run.duration_s + _LATE_S)))

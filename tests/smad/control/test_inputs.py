@@ -9,7 +9,7 @@ import pytest
 from smad.config import ControlConfig, RepeatConfig
 from smad.control.commands import LONGEST_INPUTS, DriveCurrent, FollowInputs, Tune
 from smad.control.controller import Controller
-from smad.control.inputs import in_pieces
+from smad.control.pieces import rows_in_pieces
 from smad.errors import CommandError
 
 from .helpers import drive, sample
@@ -55,7 +55,7 @@ def test_jitter_and_a_lost_sample_move_no_other_row() -> None:
 
 def test_a_long_run_is_cut_into_pieces_that_play_as_one() -> None:
     whole = rows(2 * LONGEST_INPUTS + 7, displacement_mm=(0.0,) * (2 * LONGEST_INPUTS + 7))
-    pieces = in_pieces(whole)
+    pieces = rows_in_pieces(whole)
     assert [len(p.t_s) for p in pieces] == [LONGEST_INPUTS, LONGEST_INPUTS, 7]
     assert [p.queue for p in pieces] == [False, True, True]
     outputs = drive(started(*pieces), range(1, len(whole.t_s) + 1))
@@ -129,7 +129,7 @@ def test_rows_that_cannot_be_played_are_refused_and_change_nothing(
 
 
 def test_rows_do_not_go_on_after_the_bench_was_disarmed_between() -> None:
-    first, second, *_ = in_pieces(rows(LONGEST_INPUTS + 5))
+    first, second, *_ = rows_in_pieces(rows(LONGEST_INPUTS + 5))
     controller = started(first)
     controller.step(sample(1))
     controller.step(sample(2, armed=False))

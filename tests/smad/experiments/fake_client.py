@@ -20,7 +20,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.controller import Controller
-from smad.control.inputs import in_pieces
+from smad.control.pieces import rows_in_pieces
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.runlog.header import RunHeader
@@ -158,7 +158,7 @@ class FakeClient:
         self._controller.command(command)
 
     def follow_inputs(self, command: FollowInputs) -> None:
-        for piece in in_pieces(command):
+        for piece in rows_in_pieces(command):
             self._controller.command(piece)
 
     def stage(self, stage_mm: float, rate_mm_per_s: float) -> None:

@@ -1,0 +1,69 @@
+"""The sockets of the client for asyncio; every wait has a deadline."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncGenerator
+
+import zmq.asyncio
+from msgspec import Struct
+
+from smad.api import TELEMETRY_TOPIC, Telemetry
+from smad.client.endpoints import Connection
+from smad.client.wire import (
+    Conversation,
+    Keys,
+    Reply,
+    connect_both,
+    no_answer,
+    no_telemetry,
+    subscribe,
+    telemetry_of,
+)
+
+pause = asyncio.sleep
+
+
+class AsyncChannel:
+    """Asks one daemon, one call after the other: a late reply is known by its number."""
+
+    def __init__(self, connection: Connection, keys: Keys | None) -> None:
+        self.connection = connection
+        self.conversation = Conversation()
+        # The stop channel has a turn of its own: a stop never waits behind a command.
+        self._turn = {False: asyncio.Lock(), True: asyncio.Lock()}
+        self._context = zmq.asyncio.Context()
+        self._commands, self._stops = connect_both(self._context, connection, keys)
+
+    def close(self) -> None:
+        """Give the sockets back."""
+        self._commands.close(linger=0)
+        self._stops.close(linger=0)
+        self._context.destroy(linger=0)
+
+    async def call(self, params: Struct, kind: type[Reply], limit_s: float, *, stop: bool) -> Reply:
+        """Return the reply to a request. Raises NoAnswer after `limit_s`, and Refused."""
+        socket = self._stops if stop else self._commands
+        async with self._turn[stop]:
+            call_id, data = self.conversation.request(params)
+            try:
+                async with asyncio.timeout(limit_s):
+                    await socket.send(data)
+                    while True:
+                        reply = self.conversation.reply(await socket.recv(), call_id, kind)
+                        if reply is not None:
+                            return reply
+            except TimeoutError:
+                raise no_answer(self.connection, limit_s) from None
+
+    async def telemetry(self, limit_s: float, queue: int) -> AsyncGenerator[Telemetry]:
+        """Published samples, as they come. Raises NoAnswer when none comes for `limit_s`."""
+        topic = TELEMETRY_TOPIC.encode()
+        socket = subscribe(self._context, self.connection.telemetry, topic, queue)
+        try:
+            while True:
+                if not await socket.poll(int(limit_s * 1000)):
+                    raise no_telemetry(limit_s)
+                yield telemetry_of((await socket.recv_multipart())[1])
+        finally:
+            socket.close(linger=0)

@@ -1,0 +1,70 @@
+"""The sockets of the blocking client: no threads, no background work; every wait has a deadline."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from typing import Any
+
+import zmq
+from msgspec import Struct
+
+from smad.api import TELEMETRY_TOPIC, Telemetry
+from smad.client.endpoints import Connection
+from smad.client.wire import (
+    Conversation,
+    Keys,
+    Reply,
+    connect_both,
+    no_answer,
+    no_telemetry,
+    subscribe,
+    telemetry_of,
+)
+
+pause = time.sleep
+
+
+class Channel:
+    """Asks one daemon. It keeps working after a time-out: a late reply is known by its number."""
+
+    def __init__(self, connection: Connection, keys: Keys | None) -> None:
+        self.connection = connection
+        self.conversation = Conversation()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._commands, self._stops = connect_both(self._context, connection, keys)
+
+    def close(self) -> None:
+        """Give the sockets back."""
+        self._commands.close(linger=0)
+        self._stops.close(linger=0)
+        self._context.destroy(linger=0)
+
+    def call(self, params: Struct, kind: type[Reply], limit_s: float, *, stop: bool) -> Reply:
+        """Return the reply to a request. Raises NoAnswer after `limit_s`, and Refused."""
+        socket: Any = self._stops if stop else self._commands
+        call_id, data = self.conversation.request(params)
+        deadline_s = time.monotonic() + limit_s
+        try:
+            socket.send(data, zmq.NOBLOCK)
+        except zmq.Again:
+            raise no_answer(self.connection, limit_s) from None
+        while True:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0 or not socket.poll(max(1, int(left_s * 1000))):
+                raise no_answer(self.connection, limit_s)
+            reply = self.conversation.reply(socket.recv(), call_id, kind)
+            if reply is not None:
+                return reply
+
+    def telemetry(self, limit_s: float, queue: int) -> Generator[Telemetry]:
+        """Published samples, as they come. Raises NoAnswer when none comes for `limit_s`."""
+        topic = TELEMETRY_TOPIC.encode()
+        socket = subscribe(self._context, self.connection.telemetry, topic, queue)
+        try:
+            while True:
+                if not socket.poll(int(limit_s * 1000)):
+                    raise no_telemetry(limit_s)
+                yield telemetry_of(socket.recv_multipart()[1])
+        finally:
+            socket.close(linger=0)
