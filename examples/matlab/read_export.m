@@ -1,4 +1,4 @@
-% Read a run that smad exported for MATLAB, and plot it.
+% Read a run that smad exported for MATLAB or GNU Octave, and plot it.
 %
 % Beforehand, in a terminal:  smad log export runs/20261120-050709-step.mcap -o run.mat
 
@@ -16,12 +16,11 @@ fprintf('the board was %s at the end\n', words(double(run.columns.mode(end))));
 armed = run.legends.mode.numbers(strcmp(run.legends.mode.words, 'ARMED'));
 moving = run.columns.mode == armed;
 
-tiledlayout(2, 1);
-nexttile;
+subplot(2, 1, 1);
 plot(t(moving), run.columns.reference_mm(moving), '--', t(moving), run.columns.displacement_mm(moving));
 ylabel('displacement (mm)');
 legend('reference', 'measured');
-nexttile;
+subplot(2, 1, 2);
 plot(t, run.columns.rtd_x_degC, t, run.columns.rtd_y_degC);
 ylabel('temperature (°C)');
 xlabel('time (s)');

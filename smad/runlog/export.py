@@ -11,6 +11,7 @@ Channels of which nothing was recorded are left out, in all three.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -138,7 +139,7 @@ def _write_mat(run: Run, path: Path) -> None:
         "units": {name: CHANNELS[name].unit for name in used},
         "legends": {name: _matlab_legend(words) for name, words in legends(run).items()},
         "header": header,
-        "events": msgspec.json.encode(document["events"]).decode(),
+        "events": _matlab_json(document["events"]),
         "notes": "\n".join(document["notes"]),
     }
     with path.open("wb") as file:
@@ -153,10 +154,15 @@ def _matlab_legend(words: Mapping[int, str]) -> dict[str, Any]:
     }
 
 
+def _matlab_json(value: Any) -> str:
+    # Other letters as \u escapes: Octave reads one byte a letter, and its jsondecode then fails.
+    return json.dumps(value, separators=(",", ":"))
+
+
 def _matlab_value(value: Any) -> Any:
     # Keys of tables are free text, which MATLAB does not take as names: JSON, for jsondecode.
     if isinstance(value, Mapping | list):
-        return msgspec.json.encode(value).decode()
+        return _matlab_json(value)
     return np.nan if value is None else value
 
 

@@ -14,7 +14,7 @@ from smad.runlog.export import export_run
 from smad.runlog.importer import import_csv, read_mapping
 from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Run, read_run
-from smad.runlog.schema import CHANNELS
+from smad.runlog.schema import CHANNELS, Event
 from smad.runlog.units import UNITS, convert, units_for
 
 from .helpers import HEADER, write_small_run
@@ -109,6 +109,19 @@ def test_a_matlab_file_has_columns_units_and_header_under_valid_names(
     assert content["header"]["seed"] == 7
     assert msgspec.json.decode(content["header"]["gains"]) == HEADER.gains
     assert msgspec.json.decode(content["events"])[1]["text"] == "too hot"
+
+
+def test_octave_reads_the_events_of_a_matlab_file_whatever_their_letters(
+    tmp_path: Path, run: Run
+) -> None:
+    from scipy.io import loadmat
+
+    run.events.append(Event(t_s=3.0, kind="state", text="ARMED → SAFE"))
+    export_run(run, tmp_path / "out.mat")
+    events = loadmat(tmp_path / "out.mat", simplify_cells=True)["run"]["events"]
+    # Octave's letters are bytes: another encoding of them is no JSON.
+    assert events.isascii()
+    assert msgspec.json.decode(events)[-1]["text"] == "ARMED → SAFE"
 
 
 @pytest.mark.parametrize("name", ["out.csv", "out.parquet", "out.mat"])
