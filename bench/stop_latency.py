@@ -93,7 +93,7 @@ def bench_in(folder: Path, transport: str) -> Iterator[None]:
             daemon.end()
 
 
-def _armed(client: Client) -> None:
+def armed_and_driven(client: Client) -> None:
     """Arm, trying again while the bench cools or is busy, and drive a little."""
     deadline_s = time.monotonic() + _PATIENCE_S
     while True:
@@ -117,7 +117,7 @@ def latencies_ms(folder: Path, name: str, stops: int) -> list[float]:
         flooded(name, owner.connection.command),
     ):
         for n in range(stops):
-            _armed(owner)
+            armed_and_driven(owner)
             # Not in step with the board's samples.
             time.sleep(0.02 + 0.01 * (n * 0.618 % 1.0))
             began_s = time.perf_counter()

@@ -17,12 +17,11 @@ import click
 import zmq
 
 from bench.browser import browser, live_page, running_daemon, what_is_missing
-from bench.stop_latency import FLOODS, flooded
+from bench.stop_latency import FLOODS, armed_and_driven, flooded
 from firmware_protocol.enums import BoardState
 from smad.api import TELEMETRY_TOPIC
-from smad.client import Client, Refused
+from smad.client import Client
 from smad.client.wire import subscribe, telemetry_of
-from smad.control.commands import DriveCurrent
 from smad.report.page import Table, text_table
 
 GOAL_MS = 100.0
@@ -30,20 +29,6 @@ _DRIVING = (BoardState.ARMED, BoardState.HOLD)
 _PATIENCE_S = 60.0
 _CLICK = """const now = performance.timeOrigin + performance.now();
 document.getElementById("stop").click(); return now / 1000;"""
-
-
-def _armed(client: Client) -> None:
-    deadline_s = time.monotonic() + _PATIENCE_S
-    while True:
-        try:
-            client.arm()
-            client.current(DriveCurrent(i_x_A=0.3))
-        except Refused:
-            if time.monotonic() > deadline_s:
-                raise
-            time.sleep(0.02)
-        else:
-            return
 
 
 def _until_not_armed(telemetry: Any, clicked_s: float) -> float:
@@ -69,7 +54,7 @@ def latencies_ms(folder: Path, driver: Any, name: str, stops: int) -> list[float
         # The stream has to flow before the first click, or its beginning would be measured.
         telemetry.poll(int(_PATIENCE_S * 1000))
         for n in range(stops):
-            _armed(owner)
+            armed_and_driven(owner)
             # Not in step with the board's samples.
             time.sleep(0.05 + 0.01 * (n * 0.618 % 1.0))
             taken.append(_until_not_armed(telemetry, driver.execute_script(_CLICK)))
