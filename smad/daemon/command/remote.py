@@ -27,6 +27,13 @@ LAST_WORDS_MS = 200
 
 _ZAP_DOMAIN = b"smad"
 _HANDSHAKE_MS = 2000
+_KEEP_ALIVE = (
+    (zmq.TCP_KEEPALIVE, 1),
+    (zmq.TCP_KEEPALIVE_IDLE, 60),
+    (zmq.TCP_KEEPALIVE_INTVL, 10),
+    (zmq.TCP_KEEPALIVE_CNT, 3),
+)
+"""A client whose machine or network is gone gives its place back after a minute and a half."""
 _REOPENS_BELOW = 0.75
 
 _COUNTED: dict[int, str] = {
@@ -174,6 +181,7 @@ class RemoteDoor:
             # had then may still look open from here, and must not make its stops unheard.
             (zmq.ROUTER_HANDOVER, 1),
             (zmq.HANDSHAKE_IVL, _HANDSHAKE_MS),
+            *_KEEP_ALIVE,
             (zmq.CURVE_SERVER, 1),
             (zmq.CURVE_SECRETKEY, self._secret),
             (zmq.ZAP_DOMAIN, _ZAP_DOMAIN),

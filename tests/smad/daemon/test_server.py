@@ -1,6 +1,7 @@
 """The command server and the telemetry stream over real sockets, in this process."""
 
 import asyncio
+import contextlib
 import json
 import os
 import socket
@@ -175,6 +176,7 @@ class Dialled:
             allowed_keys=(self.friend[0].decode(),),
         )
         self._echo = echo
+        self.command_port = ports[0]
         self._command, _ = echo.server.serve_tcp(DaemonConfig(tcp=tcp), echo.endpoints)
 
     def dial(self, keys: tuple[bytes, bytes] | None, name: bytes | None = None) -> Any:
@@ -214,6 +216,37 @@ async def test_over_tcp_who_comes_back_is_heard_though_its_old_connection_looks_
     again = tcp.dial(tcp.friend, b"operator")
     await again.send(b"stop")
     assert await receive(again) == [b"re:stop"]
+
+
+def options_of_the_connection_at(port: int) -> list[int]:
+    """SO_KEEPALIVE, idle s, probes and their interval s of what came in at a port here."""
+    for name in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(OSError):
+            copy = socket.socket(fileno=int(name))
+            try:
+                if copy.getsockname()[1:2] == (port,) and copy.getpeername():
+                    return [copy.getsockopt(level, option) for level, option in KEEP_ALIVE]
+            finally:
+                copy.detach()
+    return []
+
+
+KEEP_ALIVE = (
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL),
+)
+
+
+async def test_over_tcp_a_client_whose_machine_is_gone_is_found_out(echo: Echo) -> None:
+    tcp = Dialled(echo)
+    client = tcp.dial(tcp.friend)
+    await client.send(b"hello")
+    assert await receive(client) == [b"re:hello"]
+    kept_alive, idle_s, count, every_s = options_of_the_connection_at(tcp.command_port)
+    assert kept_alive
+    assert idle_s + count * every_s <= 120
 
 
 def test_the_doorkeeper_refuses_what_is_no_curve_request() -> None:
