@@ -13,7 +13,7 @@ from tests.firmware.conftest import needs
 
 def test_they_agree_over_random_events() -> None:
     needs("host")
-    verdict = compare(build("host"), 1500, seed=6)
+    verdict = compare("host", 1500, seed=6)
     assert not verdict.differences, report(verdict)
     assert verdict.total >= 1500
     seen = {BoardState.BOOT, BoardState.SAFE, BoardState.ARMED, BoardState.FAULT}
