@@ -44,6 +44,9 @@ LAST_us = 7000
 """What would be handled later after the tick waits for the next sample."""
 ANSWER_STEP_us = 250
 ANSWER_MOST_us = 1500
+MOST_COUNTS = 100
+"""A sample, of the encoder: 10 mm/s. A driver that is shorted moves the spring faster than edges
+can be put on the pins between two samples."""
 BOOT_MOST_us = 200_000
 BLANKED = {
     wire.Done: ("t_us",),
@@ -74,9 +77,13 @@ class ChipTwins(Twins):
     most_junk = 60
     """A longer burst would still be on the line at the next tick."""
     rates = False
+    fed: Seen
 
     def __init__(self, program: Sequence[str], folder: Path, seed: int) -> None:
-        super().__init__([*program, "--watch", hex(_speeds_at(folder))], folder, seed)
+        sample = _symbols(OUTPUT / "smad-mega.elf")["now"][0] & 0xFFFF
+        self._born_us = _first_word([*program, "--watch", hex(sample)], folder / "first")
+        speeds = sample + _offset_of_speeds(folder)
+        super().__init__([*program, "--watch", hex(speeds)], folder, seed)
 
     def power_up(self) -> None:
         """Cycle the power of both boards, up to the chip's first sample."""
@@ -99,8 +106,7 @@ class ChipTwins(Twins):
                 self.c.sample_cycles = 0  # the pins' first level is no sample
             elif self.c.sample_cycles and not sampled_us:
                 sampled_us = self.c.clock_us - self.c.sample_cycles // MHZ
-            if self.c.clock_us > BOOT_MOST_us:
-                raise BenchError(f"the chip sent no STATE in {BOOT_MOST_us} us")
+            _give_up(self.c)
         self.now_us = self.c.line.state.t_us
         # The clock is started after memory is cleared, which takes more than a millisecond.
         self._ahead_us = sampled_us - self.now_us
@@ -111,8 +117,9 @@ class ChipTwins(Twins):
             boot_count=self._boots,
             image=self._image,
             hardware=self.fed,  # type: ignore[arg-type]
-            now_us=self.now_us - PERIOD_us,
+            now_us=self._born_us,
         )
+        self.fed.pump_rpm = self.c.watched
         self.python.sample(self.plant.read(), self.now_us)
         self._run_to(DONE_AFTER_us)
         self._listen()
@@ -140,7 +147,7 @@ class ChipTwins(Twins):
         self.hardware.measure(self.plant.read(), s, self._seen, span_us * 1e-6)
         self._codes = encode(self._seen, self.hardware)
         if missed:
-            self._encoder = self._codes.encoder - self._origin
+            self._move_encoder(missed * MOST_COUNTS)
         self.fed.codes = replace(self._codes, encoder=self._encoder)
         self.now_us += span_us
         if missed:
@@ -151,8 +158,12 @@ class ChipTwins(Twins):
         self.python.sample(self.plant.read(), self.now_us)
         self._listen()
         # It moves now, in time for the next sample: edges crowded before the tick would be lost.
-        self._encoder = self._codes.encoder - self._origin
+        self._move_encoder(MOST_COUNTS)
         self.c.step(0, codes=replace(self.fed.codes, encoder=self._encoder))
+
+    def _move_encoder(self, most: int) -> None:
+        behind = self._codes.encoder - self._origin - self._encoder
+        self._encoder += max(-most, min(most, behind))
 
     def differences(self) -> list[str]:
         """Return what the boards said or do differently since the last call, one line each."""
@@ -196,19 +207,34 @@ class ChipTwins(Twins):
         self.c.step(self._until(after_us))
 
 
-def _speeds_at(folder: Path) -> int:
-    """Return the address in the chip's memory of the speeds that its sample measured."""
-    source = folder / "offset.c"
+def _first_word(program: Sequence[str], store: Path) -> int:
+    """Return what the watched memory first has: there, the time at which the core starts."""
+    board = FirmwareBoard(program, store, hardware=Hardware())
+    try:
+        while not board.watched[0]:
+            board.step(ANSWER_STEP_us)
+            _give_up(board)
+        return board.watched[0]
+    finally:
+        board.close()
+
+
+def _give_up(board: FirmwareBoard) -> None:
+    if board.clock_us > BOOT_MOST_us:
+        raise BenchError(f"the chip has not started in {BOOT_MOST_us} us")
+
+
+def _offset_of_speeds(folder: Path) -> int:
+    """Return where in the core's record of a sample the speeds of the pumps are."""
+    source, probe = folder / "offset.c", folder / "offset.o"
     source.write_text(
-        "#include <stddef.h>\n#include \"sample.h\"\n"
+        '#include <stddef.h>\n#include "sample.h"\n'
         "char offset[offsetof(struct sample, measured.pump_rpm)];\n"
     )
     places = [f"-I{place}" for place in (SOURCES / "core", PROTOCOL)]
-    probe = folder / "offset.o"
     command = ["avr-gcc", "-mmcu=atmega2560", "-std=gnu99", *places, "-c", str(source)]
     subprocess.run([*command, "-o", str(probe)], check=True)
-    offset = _symbols(probe)["offset"][1]
-    return (_symbols(OUTPUT / "smad-mega.elf")["now"][0] & 0xFFFF) + offset
+    return _symbols(probe)["offset"][1]
 
 
 def _symbols(path: Path) -> dict[str, tuple[int, int]]:

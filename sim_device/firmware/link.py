@@ -51,8 +51,8 @@ def exchange(
         raise LinkError(f"the firmware does not answer ({error}); start it again") from error
     if len(message) < _OUT.size:
         raise LinkError("the firmware's process ended; its last words are on standard error")
-    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles, *watched = (
-        _OUT.unpack_from(message)
+    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles, *watched = _OUT.unpack_from(
+        message
     )
     return Outputs(
         t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles,

@@ -1,4 +1,4 @@
-"""SMAD_HIL_PORT, tried: the firmware by itself behind a pseudo-terminal stands for a serial line."""
+"""SMAD_HIL_PORT, tried: the firmware behind a pseudo-terminal stands for a serial line."""
 
 import os
 import subprocess

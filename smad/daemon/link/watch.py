@@ -133,8 +133,9 @@ class BoardWatch:
         if opened and ident.baud and ident.baud != opened:
             self._say(
                 "warning",
-                f"the board's line runs at {ident.baud} baud, the port was opened with {opened} (only "
-                f"a pseudo-terminal or plain USB carries that); set link.baud = {ident.baud}",
+                f"the board's line runs at {ident.baud} baud, the port was opened with {opened} "
+                "(only a pseudo-terminal or plain USB carries that); "
+                f"set link.baud = {ident.baud}",
                 {},
             )
         self._spawn("parameters", self._learn(ident))
