@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from smad.cli.start import SIMULATED_BAUD
+from smad.cli.start import SIMULATED_BAUDS
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, LinkConfig, RecorderConfig, TelemetryConfig, config_to_toml
 from smad.processes.daemon import DaemonProcess
@@ -46,7 +46,7 @@ def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[Daem
     rate = ("--rate", str(rate_hz))
     with simulated_bench([*rate, *sim], folder / "tty", waiting=lambda text: None) as port:
         config = Config(
-            link=LinkConfig(port=port, rate_hz=rate_hz, baud=SIMULATED_BAUD),
+            link=LinkConfig(port=port, rate_hz=rate_hz, baud=SIMULATED_BAUDS["python"]),
             recorder=RecorderConfig(folder=str(folder / "runs"), automatic=False),
             telemetry=TelemetryConfig(endpoint=""),
         )

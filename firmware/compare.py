@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from firmware.chip_twin import ChipTwins
 from firmware.stimulus import Stimulus
 from firmware.twin import Twins
 from firmware_protocol.enums import Fault
@@ -43,12 +44,16 @@ class Verdict:
         return sum(self.events.values())
 
 
-def compare(program: Sequence[str], events: int, seed: int) -> Verdict:
-    """Give both boards so many random events; stop at the first difference."""
+def compare(port: str, events: int, seed: int) -> Verdict:
+    """Give the Python board and the firmware of a port so many random events.
+
+    Stops at the first difference. Raises BuildError and LinkError.
+    """
     verdict = Verdict()
     latest: deque[str] = deque(maxlen=KEPT)
     with tempfile.TemporaryDirectory(prefix="smad-compare-") as folder:
-        twins = Twins(program, Path(folder), seed)
+        kind = ChipTwins if port == "avr" else Twins
+        twins = kind(build(port), Path(folder), seed)
         try:
             stimulus = Stimulus(twins, random.Random(seed))
             verdict.events = stimulus.counts
@@ -98,11 +103,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument(
+        "--port", choices=("host", "avr"), default="host", help="avr is the emulated Mega (host)"
+    )
     parser.add_argument("--events", type=int, default=10_000, help="random events (10000)")
     parser.add_argument("--seed", type=int, default=0, help="of everything random (0)")
     options = parser.parse_args(arguments)
     try:
-        verdict = compare(build("host"), options.events, options.seed)
+        verdict = compare(options.port, options.events, options.seed)
     except BenchError as error:
         print(f"firmware.compare: {error}", file=sys.stderr)
         return 2

@@ -124,7 +124,7 @@ class Stimulus:
 
     def _ask(self) -> None:
         rng = self.rng
-        row = rng.choice(PARAMETERS)
+        row = rng.choice(PARAMETERS[0 if self.twins.rates else 1 :])
         value = rng.choice(
             (row.default, row.minimum, row.maximum, rng.randrange(row.minimum, row.maximum + 1))
         )
@@ -154,7 +154,7 @@ class Stimulus:
         rng = self.rng
         kind = rng.randrange(5)
         if kind == 0:
-            junk = rng.randbytes(rng.randrange(1, 300)) + b"\x00"
+            junk = rng.randbytes(rng.randrange(1, self.twins.most_junk)) + b"\x00"
             self._deliver("junk", lambda session, token: junk)
         elif kind == 1 and self._last is not None:
             self._deliver("repeat", self._last, keep=False)

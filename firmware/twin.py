@@ -52,6 +52,8 @@ class Ear:
 
     session: int = 0
     token: int = 0
+    keys: int = 0
+    """Sessions and tokens so far."""
     heard: list[wire.Message] = field(default_factory=list)
     decoder: FrameDecoder = field(default_factory=FrameDecoder)
 
@@ -61,8 +63,10 @@ class Ear:
             message = CODEC.unpack(frame.type, frame.payload)
             if isinstance(message, wire.Ident):
                 self.session = message.session
+                self.keys += message.session != 0
             elif isinstance(message, wire.ArmToken):
                 self.token = message.token
+                self.keys += 1
             self.heard.append(message)
 
     def take(self) -> list[wire.Message]:
@@ -88,6 +92,11 @@ def _blanked(message: wire.Message) -> wire.Message:
 
 class Twins:
     """A plant and its parts, with both boards on it. The Python board's outputs move the plant."""
+
+    most_junk = 300
+    """Bytes of rubbish at once."""
+    rates = True
+    """Whether other rates of samples are asked for."""
 
     def __init__(self, program: Sequence[str], folder: Path, seed: int) -> None:
         self._program = tuple(program)
@@ -172,13 +181,15 @@ class Twins:
         if len(python) != len(c):
             names = ([type(message).__name__ for message in said] for said in (python, c))
             found.append("messages: Python {}, C {}".format(*names))
+        return found + self._pins()
+
+    def _pins(self) -> list[str]:
         s, out = self.python.outputs, self.c.outputs
-        found.extend(
+        return [
             f"pins: {name}: Python {getattr(s, name)}, C {getattr(out, name)}"
             for name in ("gate", "applied_mA", "duty")
             if getattr(s, name) != getattr(out, name)
-        )
-        return found
+        ]
 
     def _listen(self) -> None:
         self.ears[0].hear(self.python.session.data_to_send())

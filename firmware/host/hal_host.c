@@ -1,6 +1,8 @@
-/* The core as a Linux process, on virtual time, in lockstep with a plant (sim/link.h).
+/* The core as a Linux process: on virtual time, in lockstep with a plant (sim/link.h), or by itself
+ * in real time behind a pseudo-terminal (realtime.c).
  *
  *   smad-firmware-host --link FD --store FILE [--time US] [--cause N] [--resets N]
+ *   smad-firmware-host --pty NAME --store FILE [--cause N]
  *
  * FD is one end of a SOCK_SEQPACKET pair. Power-up takes no time; after that time passes only as
  * the link says: to each tick of the sample timer and each end of a write to the store, then to
@@ -10,6 +12,7 @@
 #include "board.h"
 #include "hal.h"
 #include "link.h"
+#include "realtime.h"
 
 #include "smad_protocol.h"
 
@@ -32,6 +35,7 @@ const char hal_name[] = "smad-host 1.0";
 static struct {
     int link;
     int store_fd;
+    const char *pty;
     const char *program;
     const char *store_name;
     uint8_t cause;
@@ -51,10 +55,7 @@ static uint64_t last_tick_us;
 static bool tick_waits;
 static bool linked;
 
-static struct {
-    struct link_in head;
-    uint8_t bytes[LINK_BYTES];
-} in;
+static struct realtime_in in;
 static struct {
     struct link_out head;
     uint8_t bytes[LINK_BYTES];
@@ -116,13 +117,16 @@ static void answer(void)
 {
     out.head.t_us = now_us;
     out.head.resets = run.resets;
+    if (run.pty != NULL) {
+        return; /* the next step writes it */
+    }
     if (send(run.link, &out, sizeof out.head + out.head.size, 0) < 0) {
         exit(errno == EPIPE ? 0 : 1);
     }
     out.head.size = 0;
 }
 
-static void next_step(void)
+static void receive_step(void)
 {
     ssize_t size = recv(run.link, &in, sizeof in, 0);
     if (size <= 0) {
@@ -131,6 +135,17 @@ static void next_step(void)
     if ((size_t)size < sizeof in.head || (size_t)size != sizeof in.head + in.head.size) {
         fprintf(stderr, "smad-firmware-host: a message of %zd bytes does not fit\n", size);
         exit(1);
+    }
+}
+
+static void next_step(void)
+{
+    if (run.pty != NULL) {
+        uint64_t next = store_ready_us > now_us && store_ready_us < tick_us ? store_ready_us : tick_us;
+        realtime_step(&out.head, out.bytes, &in, next - now_us);
+        out.head.size = 0;
+    } else {
+        receive_step();
     }
     linked = true;
     end_us = now_us + in.head.dt_us;
@@ -352,7 +367,9 @@ int main(int count, char **arguments)
     for (int i = 1; i + 1 < count; i += 2) {
         const char *name = arguments[i];
         const char *value = arguments[i + 1];
-        if (strcmp(name, "--link") == 0) {
+        if (strcmp(name, "--pty") == 0) {
+            run.pty = value;
+        } else if (strcmp(name, "--link") == 0) {
             run.link = atoi(value);
         } else if (strcmp(name, "--store") == 0) {
             run.store_name = value;
@@ -366,14 +383,18 @@ int main(int count, char **arguments)
             owes = true;
         }
     }
-    if (run.link < 0 || run.store_name == NULL) {
-        fprintf(stderr, "usage: %s --link FD --store FILE [--time US] [--cause N]\n", arguments[0]);
+    if ((run.link < 0) == (run.pty == NULL) || run.store_name == NULL) {
+        fprintf(stderr, "usage: %s --link FD | --pty NAME --store FILE [--time US] [--cause N]\n",
+                arguments[0]);
         return 2;
     }
     open_store();
     last_tick_us = kicked_us = end_us = now_us;
     arrived = true;
     board_start();
+    if (run.pty != NULL) {
+        realtime_open(run.pty);
+    }
     if (!owes) {
         next_step();
     }

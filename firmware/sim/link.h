@@ -34,6 +34,7 @@ struct link_out {
     uint16_t resets; /* of the watchdog, since power-up */
     uint16_t size;
     uint32_t sample_cycles; /* of an emulated chip: the longest sample that ended in this step */
+    uint32_t watched[2];    /* of an emulated chip: its memory where --watch says */
 };
 
 #endif

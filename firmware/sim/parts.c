@@ -18,6 +18,7 @@
 #define BRIDGE_DATA 5
 #define BRIDGE_CLOCK 6
 #define DAC 4
+#define EDGE_LEAST 640u /* cycles; 25 mm/s at a count of 1 um, beyond what the bench does */
 
 static avr_t *avr;
 static struct link_in shown;
@@ -119,14 +120,24 @@ static void on_mark(struct avr_irq_t *irq, uint32_t value, void *unused)
 static int32_t encoder_at;
 static avr_cycle_count_t edge_cycles;
 
+/* A leads on the way up: 00, 10, 11, 01. */
+static const uint8_t A[4] = {0, 1, 1, 0};
+static const uint8_t B[4] = {0, 0, 1, 1};
+
 static void show_encoder(void)
 {
-    /* A leads on the way up: 00, 10, 11, 01. */
-    static const uint8_t A[4] = {0, 1, 1, 0};
-    static const uint8_t B[4] = {0, 0, 1, 1};
     uint8_t phase = (uint8_t)((uint32_t)encoder_at & 3u);
     avr_raise_irq(parts_pin(avr, 'E', 4), A[phase]);
     avr_raise_irq(parts_pin(avr, 'E', 5), B[phase]);
+}
+
+/* The pull-ups that the chip switches on at its start do not lift what the encoder drives. */
+static void hold_encoder(void)
+{
+    uint8_t phase = (uint8_t)((uint32_t)encoder_at & 3u);
+    avr_ioport_external_t driven = {.name = 'E', .mask = 3u << 4,
+                                    .value = (A[phase] | B[phase] << 1) << 4};
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('E'), &driven);
 }
 
 static avr_cycle_count_t on_edge(avr_t *chip, avr_cycle_count_t when, void *unused)
@@ -168,9 +179,9 @@ void parts_show(const struct link_in *in, uint32_t dt_us)
     }
     avr_raise_irq(parts_pin(avr, 'C', LEAK), (shown.inputs & 1u) == 0);
     avr_raise_irq(parts_pin(avr, 'A', ENCODER_ALARM), (shown.inputs & 2u) == 0);
-    if (edges > 0 && dt_us > 0) {
+    if (edges > 0) {
         edge_cycles = (avr_cycle_count_t)dt_us * MHZ / 2u / (uint32_t)edges;
-        edge_cycles = edge_cycles < 200u ? 200u : edge_cycles;
+        edge_cycles = edge_cycles < EDGE_LEAST ? EDGE_LEAST : edge_cycles;
         avr_cycle_timer_cancel(avr, on_edge, NULL);
         avr_cycle_timer_register(avr, edge_cycles, on_edge, NULL);
     }
@@ -195,6 +206,7 @@ void parts_reset(void)
         avr_extint_set_strict_lvl_trig(avr, k, 0);
     }
     avr_raise_irq(parts_pin(avr, 'A', BRIDGE_DATA), 0);
+    hold_encoder();
     show_encoder();
 }
 

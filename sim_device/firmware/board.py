@@ -99,6 +99,8 @@ class FirmwareBoard:
         """The chip's time at the end of the last step."""
         self.sample_cycles = 0
         """Cycles that an emulated chip took for its last sample."""
+        self.watched = (0, 0)
+        """Two long words of an emulated chip's memory, where `--watch` of its program says."""
         self._path = path
         self._to_send = bytearray()
         self._codes = encode(self.measurements, hardware)
@@ -218,6 +220,7 @@ class FirmwareBoard:
     def _take(self, out: Outputs) -> None:
         self.clock_us = out.t_us
         self.sample_cycles = out.sample_cycles or self.sample_cycles
+        self.watched = out.watched
         if out.resets != self.resets:
             self.resets = out.resets
             self.now_us = out.t_us

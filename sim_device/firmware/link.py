@@ -12,7 +12,7 @@ from sim_device.firmware.frontend import Codes
 MOST_BYTES = 4096
 PATIENCE_S = 60.0
 _IN = struct.Struct("<II8H4Hii2IBBH")
-_OUT = struct.Struct("<Q2H2BBBHHI")
+_OUT = struct.Struct("<Q2H2BBBHHI2I")
 
 
 class LinkError(BenchError):
@@ -29,6 +29,7 @@ class Outputs(NamedTuple):
     drain: int
     resets: int
     sample_cycles: int
+    watched: tuple[int, int]
     data: bytes
 
 
@@ -50,7 +51,10 @@ def exchange(
         raise LinkError(f"the firmware does not answer ({error}); start it again") from error
     if len(message) < _OUT.size:
         raise LinkError("the firmware's process ended; its last words are on standard error")
-    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles = _OUT.unpack_from(message)
-    return Outputs(
-        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles, message[_OUT.size :][:size]
+    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles, *watched = _OUT.unpack_from(
+        message
     )
+    return Outputs(
+        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles,
+        (watched[0], watched[1]), message[_OUT.size :][:size],
+    )  # fmt: skip

@@ -15,7 +15,7 @@ from smad.errors import ConfigError
 if TYPE_CHECKING:
     from smad.config import Config
 
-SIMULATED_BAUD = 921_600
+SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
 """What the simulated board says it has; a pseudo-terminal takes any."""
 
 
@@ -175,7 +175,7 @@ def _on_simulation(
     symlink = folder / f"{config.daemon.bench}.tty"
     with progress() as line, simulated_bench(arguments, symlink, waiting=line.say) as port:
         line.done()
-        config = replaced(config, "link", port=port, baud=SIMULATED_BAUD)
+        config = replaced(config, "link", port=port, baud=SIMULATED_BAUDS[firmware])
         return _run(config, _parameter_text(config), reread)
 
 

@@ -134,6 +134,7 @@ class Daemon:
             config.link,
             self.requests,
             self._means,
+            baud=lambda: 0 if self.link.transport is None else self.link.transport.baud,
             on_scales=self._set_scales,
             on_found_armed=self._stop_found,
         )

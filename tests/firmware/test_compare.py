@@ -5,27 +5,35 @@ import pytest
 from firmware.compare import compare, main, report
 from firmware_protocol.enums import BoardState
 from firmware_protocol.supervisor import Measurements
-from sim_device.firmware.build import build
 from sim_device.firmware.frontend import decode, encode, resistance_ohm, rtd_cC, rtd_register
 from sim_device.hardware import Hardware
-from tests.firmware.conftest import needs
+from tests.firmware.conftest import PORTS, needs
 
 
 def test_they_agree_over_random_events() -> None:
     needs("host")
-    verdict = compare(build("host"), 1500, seed=6)
+    verdict = compare("host", 1500, seed=6)
     assert not verdict.differences, report(verdict)
     assert verdict.total >= 1500
     seen = {BoardState.BOOT, BoardState.SAFE, BoardState.ARMED, BoardState.FAULT}
     assert {state.name for state in seen} <= set(verdict.states)
 
 
+def test_the_chip_agrees_with_python_sample_by_sample() -> None:
+    needs("avr")
+    verdict = compare("avr", 600, seed=2)
+    assert not verdict.differences, report(verdict)
+    assert verdict.total >= 600
+    assert {BoardState.ARMED.name, BoardState.FAULT.name} <= set(verdict.states)
+
+
+@pytest.mark.parametrize("port", PORTS)
 def test_a_board_that_differs_is_noticed(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], port: str
 ) -> None:
-    needs("host")
+    needs(port)
     monkeypatch.setattr("sim_device.board.SELF_TEST_SAMPLES", 6)
-    assert main(["--events", "50"]) == 1
+    assert main(["--events", "50", "--port", port]) == 1
     assert "State.mode: Python 0, C 1" in capsys.readouterr().out
 
 

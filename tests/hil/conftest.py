@@ -7,6 +7,7 @@ firmware on an emulated chip; and, where SMAD_HIL_PORT names a serial port, agai
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -75,7 +76,8 @@ class Device:
 
 
 class RealPort:
-    """The board on a real port, whose power no test can switch."""
+    """The board on a real port, whose power no test can switch. What is asked for the simulation
+    alone, its speed for one, is not asked of it."""
 
     port = Path(REAL_PORT)
 
@@ -194,7 +196,7 @@ def wait_for(client: Client, condition: Callable[[Status], bool]) -> Status:
 
 
 def arm(client: Client) -> None:
-    """Arm as soon as the board allows it."""
+    """Arm as soon as the board allows it. A real board keeps the fault of the test before."""
     deadline = time.monotonic() + PATIENCE_S
     while True:
         try:
@@ -202,6 +204,8 @@ def arm(client: Client) -> None:
         except Refused:
             if time.monotonic() > deadline:
                 raise
+            with contextlib.suppress(Refused):
+                client.clear()
             time.sleep(0.05)
         else:
             return

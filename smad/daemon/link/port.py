@@ -32,6 +32,8 @@ class Transport(Protocol):
     """Bytes in and out of a file descriptor that never blocks."""
 
     name: str
+    baud: int
+    """Speed of the line in Bd; 0 for one without."""
     notes: tuple[str, ...]
 
     def fileno(self) -> int:
@@ -48,6 +50,7 @@ class SerialTransport:
 
     def __init__(self, device: serial.Serial, lock: LockFile, notes: tuple[str, ...]) -> None:
         self.name = str(device.port)
+        self.baud = int(device.baudrate)
         self.notes = notes
         self._device = device
         self._lock = lock
@@ -65,6 +68,7 @@ class SerialTransport:
 class SocketTransport:
     """One end of a connected stream socket."""
 
+    baud = 0
     notes: tuple[str, ...] = ()
 
     def __init__(self, end: socket.socket, name: str = "socket pair") -> None:

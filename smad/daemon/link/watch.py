@@ -39,7 +39,8 @@ class BoardWatch:
     """Keeps what is known of the board, and tells the journal and the run log what changes.
 
     `on_scales` gets the scales of the readings once the parameters are read; `on_found_armed` is
-    called for a board that is armed when it connects; `identified` is set once it was heard of;
+    called for a board that is armed when it connects; `baud` tells the speed of the line as it was
+    opened, 0 for none; `identified` is set once it was heard of;
     `incompatible` holds why this board cannot be used, or only be watched.
     """
 
@@ -49,6 +50,7 @@ class BoardWatch:
         requests: BoardRequests,
         means: Means,
         *,
+        baud: Callable[[], int],
         on_scales: Callable[[Scales], None],
         on_found_armed: Callable[[], None],
     ) -> None:
@@ -64,6 +66,7 @@ class BoardWatch:
         self._requests = requests
         self._say = means.say
         self._spawn = means.spawn
+        self._baud = baud
         self._on_scales = on_scales
         self._on_found_armed = on_found_armed
 
@@ -126,6 +129,15 @@ class BoardWatch:
             f"{ident.state_rate_hz} Hz; monitoring, not armed",
             {},
         )
+        opened = self._baud()
+        if opened and ident.baud and ident.baud != opened:
+            self._say(
+                "warning",
+                f"the board's line runs at {ident.baud} baud, the port was opened with {opened} "
+                "(only a pseudo-terminal or plain USB carries that); "
+                f"set link.baud = {ident.baud}",
+                {},
+            )
         self._spawn("parameters", self._learn(ident))
 
     def _incompatible(self, event: Incompatible) -> None:

@@ -11,6 +11,7 @@ from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.control.controller import Output
 from smad.control.sample import Sample
+from smad.daemon.link.port import SocketTransport
 from smad.runlog.rows import row_of
 from tests.smad.daemon.rig import Refused, rig_in
 
@@ -294,3 +295,14 @@ async def test_a_restart_of_the_board_is_not_counted_as_missed_samples(tmp_path:
         await rig.run(200)
         assert bench.board.tick < 300
         assert rig.daemon.session.stats.missed_states == 0
+
+
+async def test_a_line_opened_with_another_speed_than_the_boards_is_warned_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for opened, warned in ((115_200, True), (921_600, False)):
+        monkeypatch.setattr(SocketTransport, "baud", opened)
+        async with rig_in(tmp_path / str(opened)) as rig:
+            await rig.run_for(1.0)
+            events = (await rig.ask("status"))["events"]
+            assert any("set link.baud = 921600" in event["text"] for event in events) == warned
