@@ -222,6 +222,7 @@ static uint16_t smad_sv_of_duty(uint16_t full, uint8_t duty);
 static int32_t smad_sv_loss_mW(uint16_t loss_mW_per_K, int32_t above_cC);
 static uint32_t smad_sv_power_mW(int16_t i_mA, int32_t v_mV);
 static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
+static uint8_t smad_sv_is_believed(const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
@@ -639,10 +640,17 @@ static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct 
     }
 }
 
+static uint8_t smad_sv_is_believed(const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
+{
+    (void)lim;
+    return (SMAD_SV_LIMIT_RAIL_LOW_CC < m->rtd_cC[k]) && (m->rtd_cC[k] < SMAD_SV_LIMIT_RAIL_HIGH_CC);
+}
+
 static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
 {
     int16_t j;
     int32_t step_cC;
+    int64_t off_fcC;
     for (j = 0; j < 4; j++) {
         step_cC = ((int32_t)m->rtd_cC[j] - (int32_t)s->last_cC[j]);
         s->last_cC[j] = m->rtd_cC[j];
@@ -650,8 +658,9 @@ static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv
             s->jumps[j] = smad_sv_hold32(((int32_t)s->jumps[j] + (int32_t)1), 0, 60000);
             s->jump_us[j] = 0;
             s->jump_cC[j] = smad_sv_abs32(step_cC);
-            if (j < 2) {
-                s->off_fcC[j] = smad_sv_hold64(((int64_t)s->off_fcC[j] + ((int64_t)step_cC * (int64_t)SMAD_SV_FCC_PER_CC)), -2147483647 - 1, 2147418112);
+            if ((j < 2) && (smad_sv_is_believed(m, lim, j))) {
+                off_fcC = ((int64_t)s->off_fcC[j] + ((int64_t)((int32_t)m->rtd_cC[j] - (int32_t)s->t_cC[j]) * (int64_t)SMAD_SV_FCC_PER_CC));
+                s->off_fcC[j] = smad_sv_hold64(smad_sv_max64(off_fcC, (int64_t)((int32_t)SMAD_SV_LIMIT_RAIL_LOW_CC * SMAD_SV_FCC_PER_CC)), -2147483647 - 1, 2147418112);
             }
         } else if ((int32_t)s->jumps[j] > (int32_t)0) {
             s->jump_us[j] = smad_sv_hold32(((int32_t)s->jump_us[j] + (int32_t)s->dt_us), 0, 1000000000);
@@ -669,7 +678,7 @@ static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_s
     int16_t flow;
     int16_t loss_mW_per_K;
     t_cC = m->rtd_cC[k];
-    if ((SMAD_SV_LIMIT_RAIL_LOW_CC < t_cC) && (t_cC < SMAD_SV_LIMIT_RAIL_HIGH_CC)) {
+    if (smad_sv_is_believed(m, lim, k)) {
         s->t_cC[k] = t_cC;
         s->sensor_ok[k] = 1;
     } else {

@@ -77,6 +77,11 @@ def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
         s.warmest_cC = max(inlet_cC, ambient_cC)
 
 
+def is_believed(m: Measurements, lim: Limits, k: int) -> bool:
+    """Return whether the reading of spring k is one that a sensor in order can show."""
+    return lim.rail_low_cC < m.rtd_cC[k] < lim.rail_high_cC
+
+
 def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
     """Count jumps of each RTD from one sample to the next; with time they are forgotten."""
     for j in range(4):
@@ -86,9 +91,11 @@ def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
             s.jumps[j] += 1
             s.jump_us[j] = 0
             s.jump_cC[j] = abs(step_cC)
-            if j < 2:
-                # A jump is the sensor's; it must not pass for warming.
-                s.off_fcC[j] += step_cC * FCC_PER_CC
+            if j < 2 and is_believed(m, lim, j):
+                # A jump is the sensor's; it must not pass for warming. It is one from the last
+                # reading that was believed: what a broken sensor showed in between is no place.
+                off_fcC = s.off_fcC[j] + (m.rtd_cC[j] - s.t_cC[j]) * FCC_PER_CC
+                s.off_fcC[j] = max(off_fcC, lim.rail_low_cC * FCC_PER_CC)
         elif s.jumps[j] > 0:
             s.jump_us[j] += s.dt_us
             if s.jump_us[j] >= lim.jump_decay_us:
@@ -99,7 +106,7 @@ def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
 def observe_spring(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     """Advance what is known of spring k by one sample."""
     t_cC = m.rtd_cC[k]
-    if lim.rail_low_cC < t_cC < lim.rail_high_cC:
+    if is_believed(m, lim, k):
         s.t_cC[k] = t_cC
         s.sensor_ok[k] = 1
     else:

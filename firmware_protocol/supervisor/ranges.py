@@ -129,7 +129,7 @@ SATURATED: dict[str, str] = {
     "bad_us": _LONG,
     "jumps": "forgotten one in two seconds; a line so bad trips long before",
     "bad_samples": "compared with three at most",
-    "off_fcC": "follows the sensor; jumps add up only while none is believed",
+    "off_fcC": "between the rail and the last reading that was believed",
     "low_fcC": "no spring is colder than absolute zero, and the loss goes to zero before",
     "high_fcC": "as low_uK",
     "filter_share": _SHARE,

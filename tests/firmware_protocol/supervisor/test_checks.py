@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from firmware_protocol.enums import BoardState, Channel, Fault, Limiter
-from firmware_protocol.supervisor import CHECKS, FAULT_TEXTS, Disarmed, Measurements
+from firmware_protocol.supervisor import CHECKS, FAULT_TEXTS, Disarmed, Measurements, SelfTest
 from firmware_protocol.supervisor.table import ALWAYS, LINES
 
 from .bench import Rig
@@ -245,6 +245,20 @@ def test_a_spring_that_goes_on_warming_after_it_was_switched_off_is_a_fault() ->
     fault, channel, took = trips(rig, 10.0)
     assert (fault, channel) == (Fault.HEATING_WHILE_OFF, Channel.SPRING_X)
     assert 3.0 < took < 4.6
+
+
+@pytest.mark.parametrize("broken_cC", [-32768, 32767, 20000, -4000])
+def test_a_sensor_that_is_gone_for_a_while_is_not_taken_for_warming(broken_cC: int) -> None:
+    rig = Rig(physical=False)
+    rig.event(SelfTest(True))
+    rig.m.rtd_cC[0] = 4000
+    stays(rig, 10.0, BoardState.SAFE)
+    for _ in range(3):
+        rig.m.rtd_cC[0] = broken_cC
+        stays(rig, 0.5, BoardState.SAFE)
+        rig.m.rtd_cC[0] += 4150 - broken_cC
+        stays(rig, 0.5, BoardState.SAFE)
+        assert rig.memory.off_fcC[0] == pytest.approx(4150 << 16, abs=200 << 16)
 
 
 def test_a_room_that_warms_in_the_sun_is_not_a_runaway() -> None:
