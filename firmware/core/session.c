@@ -335,8 +335,11 @@ static void carry_out(const union message *m, int64_t now_us)
     case SMAD_PARAM_SET_NUMBER:
         board_on_param_set(m->param_set.param, m->param_set.value, now_us);
         break;
-    default:
+    case SMAD_PARAM_SAVE_NUMBER:
         board_on_param_save(now_us);
+        break;
+    default:
+        session_refuse(SMAD_ERROR_CODE_UNKNOWN_TYPE, 0, frame.type, 0, now_us);
         break;
     }
 }

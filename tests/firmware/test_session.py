@@ -4,11 +4,13 @@ import itertools
 import random
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause
 from firmware_protocol.events import Connected, HostState, RequestDone
+from firmware_protocol.generate.vectors import random_message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
 from sim_device.faults import injection
@@ -98,6 +100,23 @@ def test_arming_takes_the_right_token_once_and_the_parameters_as_they_are(make: 
     assert error_of(loop.request(wire.ArmRequest(0, crc))) is ErrorCode.WRONG_STATE
     loop.request(wire.Disarm(0))
     loop.until(lambda: loop.mode is BoardState.SAFE)
+
+
+def test_every_request_of_the_table_is_carried_out_and_its_axis_is_looked_at(make: Make) -> None:
+    loop = Loop(make()).connected()
+    rng = random.Random(1)
+    for kind in (kind for kind in wire.MESSAGES if kind.info.pace == "request"):
+        request = random_message(kind, rng)
+        if hasattr(request, "axis"):
+            other = loop.request(msgspec.structs.replace(request, axis=99))
+            assert error_of(other) is ErrorCode.NO_SUCH_AXIS, kind
+            request = msgspec.structs.replace(request, axis=0)
+        answer = loop.request(request)
+        assert answer is not None, kind
+        if isinstance(answer, wire.Error):
+            assert answer.code not in (ErrorCode.UNKNOWN_TYPE, ErrorCode.NO_SUCH_AXIS), kind
+        else:
+            assert type(answer).__name__ in kind.info.replies, kind
 
 
 def test_current_follows_the_setpoint_and_ends_with_the_host(make: Make) -> None:

@@ -14,6 +14,7 @@ from firmware_protocol.board import BoardSession
 from firmware_protocol.codec import CODEC, Codec
 from firmware_protocol.enums import BoardState, ErrorCode, Limiter, ResetCause, ValidBit
 from firmware_protocol.framing import FrameDecoder
+from firmware_protocol.generate.vectors import random_message
 from firmware_protocol.host import HostSession
 from tests.firmware_protocol.lossy import Line
 
@@ -114,7 +115,12 @@ class TestBoard:
             self.mode = BoardState.COOL if self.mode is BoardState.ARMED else self.mode
             self.session.done(event.request, self.t_us)
         elif request is not None:
-            self.session.done(request, self.t_us)
+            (reply,) = request.message.info.replies
+            kind = next(kind for kind in m.MESSAGES if kind.__name__ == reply)
+            if kind is m.Done:
+                self.session.done(request, self.t_us)
+            else:
+                self.session.reply(request, random_message(kind, random.Random(1)), self.t_us)
         self.session.safe = self.mode is BoardState.SAFE
 
     def sample(self, base: Any = SAMPLE) -> None:

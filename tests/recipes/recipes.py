@@ -12,6 +12,7 @@ REQUEST = Recipe(
     """Lets the board's lamp blink, to find it among others."""
 
     info = MessageInfo(number=0x30, direction=Direction.TO_BOARD, pace="request", replies=("Done",))
+    axis: Annotated[int, Wire("u8", "axis")]
     times: Annotated[int, Wire("u8", "how often")]
 
 
@@ -48,11 +49,35 @@ REQUEST = Recipe(
             "            heard.BlinkRequested: lambda e, us: board.session.done(e.request, us),\n",
             before="            heard.ParameterChanged: self._parameter,\n",
         ),
+        Insert(
+            "its place among the firmware's messages",
+            "firmware/core/inbox.h",
+            "    struct smad_blink blink;\n",
+            before="    struct smad_time_request time_request;\n",
+        ),
+        Insert(
+            "how the firmware reads it",
+            "firmware/core/inbox.c",
+            """    case SMAD_BLINK_NUMBER:
+        return as_reading(smad_unpack_blink(&m->blink, data, size));
+""",
+            before="    case SMAD_TIME_REQUEST_NUMBER:\n",
+        ),
+        Insert(
+            "what the firmware does",
+            "firmware/core/session.c",
+            """    case SMAD_BLINK_NUMBER:
+        session_done(now_us);
+        break;
+""",
+            before="    case SMAD_PARAM_SAVE_NUMBER:\n",
+        ),
         Generate(),
     ),
     (
         "tests/firmware_protocol/test_every_message.py",
         "tests/sim_device/test_told_anything.py::test_the_board_acts_on_every_event_of_its_session",
+        "tests/firmware/test_session.py::test_every_request_of_the_table_is_carried_out_and_its_axis_is_looked_at[host]",
     ),
 )
 
@@ -220,6 +245,18 @@ TRAJECTORY = Recipe(
             "smad/control/trajectories.py",
             "    Triangle,\n",
             before=")\nfrom smad.errors import CommandError",
+        ),
+        Insert(
+            "an example for the test of what the limits look at",
+            "tests/smad/control/test_trajectories.py",
+            "        Triangle(displacement_mm=3.0, rate_mm_per_s=2.0),\n",
+            before="        Sine(amplitude_mm=2.0, period_s=4.0, cycles=2, offset_mm=1.0),\n",
+        ),
+        Insert(
+            "the example's import",
+            "tests/smad/control/test_trajectories.py",
+            "    Triangle,\n",
+            before=")\nfrom smad.control.trajectories import KINDS",
         ),
         Generate(),
     ),

@@ -19,7 +19,7 @@ from sim_device.plant.effects.record import SIGNALS, SUBSYSTEMS
 from sim_device.plant.errors import EffectError
 from sim_device.plant.kernel.compiled import PACKAGE as KERNEL
 from sim_device.plant.replay import OUTPUTS
-from tests.sim_device.plant.cases import alternating
+from tests.sim_device.plant.cases import alternating, still
 
 P = load_parameters("A")
 NAMES = [entry.name for entry in EFFECTS]
@@ -107,6 +107,14 @@ def test_at_typical_strength_an_effect_shows_in_the_signals_it_claims_and_no_oth
     claimed = effect(name).signals
     assert max(shown[signal] for signal in claimed) > 1.0
     assert {signal for signal in SIGNALS if shown[signal] > 2.0} <= set(claimed)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_pair_that_nobody_drives_stays_as_it_was_mounted_with_each_effect(name):
+    out = simulate(P, still(np.arange(2000) * 0.01), variant=variant_of(name), effects={name: {}})
+    for wire in ("T_x_K", "T_y_K"):
+        assert np.abs(out[wire] - P["ambient_temperature"]).max() < 0.05
+    assert np.abs(out["true_displacement_m"]).max() < 5e-6
 
 
 @pytest.mark.parametrize("name", NAMES)

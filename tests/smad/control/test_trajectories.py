@@ -1,5 +1,7 @@
 """Trajectories: shapes, queueing, hand-over, and what is refused."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -181,3 +183,36 @@ def test_an_overfull_queue_is_refused() -> None:
 
 def test_every_piece_can_be_followed() -> None:
     assert set(KINDS) == set(PIECES)
+
+
+EXAMPLES: dict[type, Trajectory] = {
+    type(piece): piece
+    for piece in (
+        Step(displacement_mm=3.0, duration_s=1.0),
+        Hold(duration_s=1.0),
+        Ramp(displacement_mm=-4.0, rate_mm_per_s=2.0),
+        Sine(amplitude_mm=2.0, period_s=4.0, cycles=2, offset_mm=1.0),
+        Chirp(amplitude_mm=1.0, start_Hz=0.1, end_Hz=1.0, duration_s=20.0),
+        Staircase(step_mm=1.0, steps=3, dwell_s=1.0),
+        RandomLevels(amplitude_mm=3.0, dwell_s=0.5, levels=9, seed=4),
+        Samples(t_s=(0.0, 1.0, 1.5), displacement_mm=(1.0, 2.0, -1.0)),
+    )
+}
+"""One of each kind of trajectory, from an offset where it has one."""
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_what_the_limits_look_at_holds_for_every_position(kind: type) -> None:
+    assert kind in EXAMPLES, f"give an example of {kind.__name__} in EXAMPLES"
+    compiled = compile_piece(EXAMPLES[kind], 0.002, LIMITS)
+    count = 20_000
+    step_s = compiled.duration_s / count
+    found = [compiled.position(k * step_s) for k in range(count + 1)]
+    assert compiled.low_m - 1e-9 <= min(found)
+    assert max(found) <= compiled.high_m + 1e-9
+    assert found[-1] == pytest.approx(compiled.end_m, abs=1e-9)
+    if compiled.start_m is None:
+        return
+    assert found[0] == pytest.approx(compiled.start_m, abs=1e-9)
+    fastest = max(abs(b - a) for a, b in pairwise(found)) / step_s
+    assert fastest <= compiled.speed_m_per_s * 1.001 + 1e-9
