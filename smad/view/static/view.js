@@ -111,6 +111,7 @@ function offer(now) {
   $("disarm").disabled = !now.armed;
   $("clear").disabled = !now.trouble;
   $("idle").disabled = !now.armed;
+  movable(now.armed);
   setText($("record-go"), now.recording ? "Stop recording" : "Record");
   $("record-name").hidden = now.recording;
   $("note").hidden = !now.recording;
@@ -119,6 +120,13 @@ function offer(now) {
     { className: state(one.holds) }, one.text,
     element("span", { textContent: one.detail ? ` – ${one.detail}` : "" }))));
   $("arm-now").disabled = now.conditions.some((one) => one.holds === false);
+}
+
+function movable(armed) {
+  document.querySelectorAll("#move button").forEach((button) => {
+    button.disabled = !armed;
+    button.title = armed ? "" : "Press Arm first";
+  });
 }
 
 async function ask(message) {
@@ -144,6 +152,7 @@ function moving(kinds) {
     $("move").append(element("div", { className: "row" },
       element("button", { textContent: "Go", value: "go" }),
       element("button", { textContent: "Queue", value: "queue" })));
+    movable(Boolean(status?.armed));
     $("move").onsubmit = (event) => {
       event.preventDefault();
       const queue = event.submitter?.value === "queue";
