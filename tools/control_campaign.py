@@ -2,10 +2,13 @@
 
     python tools/control_campaign.py run FILE [--first 0] [--last 100] [--rate 100] [--minutes 30]
     python tools/control_campaign.py table FILE [FILE …] [--figure TO]
+    python tools/control_campaign.py constants FILE [--first 1] [--last 21]
 
 `run` appends a line of JSON for each case to FILE and goes on where FILE ends. Benches 0 and 1 are
 sets A and B; from 2 on every parameter is drawn evenly within its range, as in the harsh campaign
-(tests/sim_device/harsh.py), with the sensor noise of set A, once and three times.
+(tests/sim_device/harsh.py), with the sensor noise of set A, once and three times. With `--shipped`
+no bench is tuned. `constants` holds the development benches with each constant of the quiet hold
+changed alone, and prints how far each choice is from the goals.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ import msgspec
 import numpy as np
 
 from sim_device.plant import ParameterSet, load_parameters
-from smad.config import Config, ControlConfig, LinkConfig
+from smad.config import Config, ControlConfig, HoldConfig, LinkConfig
 from smad.control.commands import Step
 from smad.errors import SmadError
 from smad.experiments.tuning import tune_displacement
@@ -72,26 +75,74 @@ def measured(
 ) -> dict[str, Any]:
     """What the table is made of, for one bench and configuration."""
     out: dict[str, Any] = {"kp": config.kp_A_per_mm, "ki": config.ki_A_per_mm_s}
-    trace = runs.follow(parameters, config, [runs.demo_sine(6)], seed=seed, rate_hz=rate_hz)
+    trace = runs.follow(parameters, config, [runs.demo_sine(4)], seed=seed, rate_hz=rate_hz)
     score = runs.sine_score(trace, 7.0)
     out |= {"r2": score.r2, "energy_J": score.energy_J, "cycle_starts": score.pump_starts}
     step = runs.step_score(parameters, config, 0.0, 2.0, seed=seed, rate_hz=rate_hz)
     out |= {"settling_s": step.settling_time_s, "overshoot": step.overshoot_fraction}
     for level in LEVELS_MM:
-        pieces = [Step(displacement_mm=level, duration_s=runs.REACH_S + runs.HOLD_S)]
-        if level == 0.0:
-            pieces.insert(0, Step(displacement_mm=5.0, duration_s=runs.REACH_S))
-        held_trace = runs.follow(parameters, config, pieces, seed=seed, rate_hz=rate_hz)
-        to_s = float(held_trace.t_s[-1])
-        held = runs.hold_at(held_trace, to_s - runs.HOLD_S, to_s)
-        part = held_trace.between(to_s - runs.HOLD_S, to_s)
-        off_mm = abs(float(np.mean(part.reference_mm - part.true_mm)))
-        out[f"hold {level:g}"] = {
-            "starts": sum(held.pump_starts), "ripple_mA": 1e3 * held.ripple_A,
-            "error_um": 1e3 * held.error_rms, "reached": off_mm < REACHED_MM,
-            "true_um": runs.true_error_um(held_trace, to_s - runs.HOLD_S, to_s),
-        }  # fmt: skip
+        out[f"hold {level:g}"] = held(parameters, config, level, seed, rate_hz)
     return out
+
+
+def held(
+    parameters: ParameterSet, config: ControlConfig, level_mm: float, seed: int, rate_hz: int
+) -> dict[str, Any]:
+    """A minute at a level, reached by a step from rest, or back to 0 from 5 mm."""
+    pieces = [Step(displacement_mm=level_mm, duration_s=runs.REACH_S + runs.HOLD_S)]
+    if level_mm == 0.0:
+        pieces.insert(0, Step(displacement_mm=5.0, duration_s=runs.REACH_S))
+    trace = runs.follow(parameters, config, pieces, seed=seed, rate_hz=rate_hz)
+    to_s = float(trace.t_s[-1])
+    quality = runs.hold_at(trace, to_s - runs.HOLD_S, to_s)
+    part = trace.between(to_s - runs.HOLD_S, to_s)
+    off_mm = abs(float(np.mean(part.reference_mm - part.true_mm)))
+    return {
+        "starts": sum(quality.pump_starts), "ripple_mA": 1e3 * quality.ripple_A,
+        "error_um": 1e3 * quality.error_rms, "reached": off_mm < REACHED_MM,
+        "true_um": runs.true_error_um(trace, to_s - runs.HOLD_S, to_s),
+    }  # fmt: skip
+
+
+GOALS = {"starts": 2.0, "ripple_mA": 50.0, "error_um": 20.0}
+"""What a hold of a minute should not exceed."""
+CHOICES = {
+    "stand_s": (5.0, 10.0, 20.0),
+    "ease_s": (2.5, 5.0, 10.0),
+}
+"""Constants of the hold that are chosen by their score; the middle ones ship."""
+
+
+def constants(file: Path, first: int, last: int) -> None:
+    """Hold benches `first` to `last` - 1 with each choice, noise ×3, at 0 mm after 5 mm."""
+    done = [json.loads(line) for line in file.open()] if file.exists() else []
+    shipped = {name: values[1] for name, values in CHOICES.items()}
+    sets = [shipped] + [
+        shipped | {name: value} for name, values in CHOICES.items() for value in values[::2]
+    ]
+    with file.open("a") as out:
+        for chosen in sets:
+            config = msgspec.structs.replace(ControlConfig(), hold=HoldConfig(**chosen))
+            for seed in range(first, last):
+                case = {**chosen, "bench": seed}
+                if any(case.items() <= found.items() for found in done):
+                    continue
+                case |= held(bench(seed, 3.0), config, 0.0, seed, 100)
+                done.append(case)
+                out.write(json.dumps(case) + "\n")
+                out.flush()
+    print("| constant | value | mean score | 5 % | starts > 2 | ripple > 50 mA | error > 20 µm |")
+    print("|---|---:|---:|---:|---:|---:|---:|")
+    for chosen in sets:
+        part = [c for c in done if chosen.items() <= c.items() and c["reached"]]
+        scores = sorted(max(c[key] / goal for key, goal in GOALS.items()) for c in part)
+        changed = [name for name in chosen if chosen[name] != shipped[name]] or ["shipped"]
+        value = f"{chosen[changed[0]]:g}" if changed[0] in chosen else ""
+        missed = " | ".join(str(sum(c[key] > goal for c in part)) for key, goal in GOALS.items())
+        print(f"| {changed[0]} | {value} | {np.mean(scores):.2f} | "
+              f"{scores[round(0.95 * (len(scores) - 1))]:.1f} | {missed} |")  # fmt: skip
+    print(f"\n{len(part)} holds of benches {first} to {last - 1}; score: the largest of starts, "
+          "ripple and error, each over its goal")  # fmt: skip
 
 
 def cases(first: int, last: int, rate_hz: int) -> Iterator[dict[str, Any]]:
@@ -101,7 +152,7 @@ def cases(first: int, last: int, rate_hz: int) -> Iterator[dict[str, Any]]:
             yield {"bench": seed, "noise": noise, "rate": rate_hz}
 
 
-def run(file: Path, first: int, last: int, rate_hz: int, minutes: float) -> None:
+def run(file: Path, first: int, last: int, rate_hz: int, minutes: float, *, shipped: bool) -> None:
     """Carry out the cases that FILE does not hold yet."""
     done = set()
     if file.exists():
@@ -115,7 +166,9 @@ def run(file: Path, first: int, last: int, rate_hz: int, minutes: float) -> None
                 return
             seed = case["bench"]
             parameters = bench(seed, case["noise"])
-            config, case["refused"] = tuned(parameters, seed, rate_hz)
+            config, case["refused"] = None, ""
+            if not shipped:
+                config, case["refused"] = tuned(parameters, seed, rate_hz)
             for name, chosen in (("shipped", ControlConfig()), ("tuned", config)):
                 try:
                     case[name] = chosen and measured(parameters, chosen, seed, rate_hz)
@@ -201,11 +254,12 @@ def figure_data(files: list[Path], to: Path) -> None:
 def main() -> None:
     """Run or print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["run", "table"])
+    parser.add_argument("what", choices=["run", "table", "constants"])
     parser.add_argument("files", nargs="+", type=Path)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--last", type=int, default=100)
     parser.add_argument("--rate", type=int, default=100)
+    parser.add_argument("--shipped", action="store_true")
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--figure", type=Path)
     chosen = parser.parse_args()
@@ -213,8 +267,13 @@ def main() -> None:
         table(chosen.files)
         if chosen.figure is not None:
             figure_data(chosen.files, chosen.figure)
+    elif chosen.what == "constants":
+        constants(chosen.files[0], chosen.first, chosen.last)
     else:
-        run(chosen.files[0], chosen.first, chosen.last, chosen.rate, chosen.minutes)
+        run(
+            chosen.files[0], chosen.first, chosen.last, chosen.rate, chosen.minutes,
+            shipped=chosen.shipped,
+        )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -109,13 +109,14 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     settled_s: Annotated[
         float, Meta(ge=0.0, le=60.0, description="quiet after so long within five bands")
     ] = 0.3
-    water_A: Annotated[
-        float, Meta(ge=0.0, le=4.0, description="demand that starts a pump during a hold")
-    ] = 2.0
     ease_s: Annotated[
         float,
         Meta(ge=0.1, le=600.0, description="in the quiet the current falls so, until it acts"),
     ] = 5.0
+    stand_s: Annotated[
+        float,
+        Meta(ge=0.1, le=600.0, description="what has stood for about so long is no drift"),
+    ] = 10.0
     reversal_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="demand on the other spring that turns to it")
     ] = 0.3

@@ -77,9 +77,8 @@ class DisplacementMode:
         self._direction = Direction(
             config.hold.reversal_A, config.hold.reversal_smooth_s, config.cooling.urgent_A
         )
-        # Off at half of it: a hold may need just the current that starts the water.
-        self._hold_water = Switch(config.hold.water_A, 0.5 * config.hold.water_A, 0.0, 0.0)
         self._ease_s = config.hold.ease_s
+        self._gave_way_A = 0.0
         self._urgent_A = config.cooling.urgent_A
         self._u_A = 0.0
         self._queue = ReferenceQueue(limits, config.handover_rate_mm_per_s)
@@ -145,7 +144,15 @@ class DisplacementMode:
         if hold.quiet:
             if not was_quiet:
                 self._pi.preset(self._u_A, followed_m)
-            self._pi.integral *= math.exp(-dt_s / self._ease_s)
+            if not hold.drifted:
+                self._pi.integral *= math.exp(-dt_s / self._ease_s)
+            if hold.gave_way:
+                self._gave_way_A = self._u_A
+            if hold.came_back:
+                # Too much now, too little then: what holds lies between.
+                excess_A = self._u_A - self._gave_way_A
+                if excess_A * self._direction.sign > 0.0:
+                    self._pi.integral -= 0.5 * excess_A
         push_A = 0.0
         forced = self._direction.sign if hold.locked else 0
         if self._anticipate:
@@ -167,9 +174,7 @@ class DisplacementMode:
         smooth_A = current_A
         if current_A < self._urgent_A:
             smooth_A = min(smooth_A, self._direction.demand_A * direction)
-        if not self._hold.near:
-            self._hold_water.stop()
-        elif not self._hold_water.step(smooth_A, dt_s) or self._hold.locked:
+        if self._hold.near:
             smooth_A = 0.0
         duty = [0.0, 0.0]
         duty[1 - pulling] = self._pumps[1 - pulling].step(smooth_A, 0.0, dt_s, sudden=sudden)

@@ -40,14 +40,53 @@ def test_a_reference_that_moves_is_followed_with_the_whole_error() -> None:
     assert not hold.quiet
 
 
-def test_within_half_the_band_nothing_is_followed_and_beyond_it_the_rest() -> None:
+def test_within_half_the_band_nothing_is_followed_and_the_direction_stays() -> None:
     hold = QuietHold(HoldConfig())
     assert held_for(hold, 0.4 * BAND_M, 2.0) == 0.0
     assert hold.locked
-    assert held_for(hold, -0.9 * BAND_M, 2.0) == pytest.approx(-0.4 * BAND_M, rel=1e-3)
+
+
+def test_a_displacement_that_drifts_is_followed_until_it_has_stood() -> None:
+    config = HoldConfig()
+    hold = QuietHold(config)
+    held_for(hold, 0.0, 2.0)
+    hold.pulls(-1)
+    assert held_for(hold, -1.4 * BAND_M, 0.5) < -0.5 * BAND_M
+    assert (hold.drifted, hold.locked) == (True, False)
+    assert held_for(hold, -1.4 * BAND_M, 5.0 * config.stand_s) == 0.0
     assert hold.locked
-    held_for(hold, 1.5 * BAND_M, 2.0)
-    assert (hold.quiet, hold.locked) == (True, False)
+
+
+def test_a_large_error_that_stands_is_worked_off_slowly() -> None:
+    hold = QuietHold(HoldConfig())
+    held_for(hold, 0.0, 2.0)
+    assert held_for(hold, 3.0 * BAND_M, 60.0) == pytest.approx(0.4 * BAND_M)
+
+
+def test_giving_way_and_coming_back_are_told_once_each() -> None:
+    hold = QuietHold(HoldConfig())
+    held_for(hold, 0.0, 2.0)
+    hold.pulls(1)
+    gave = []
+    for _ in range(200):
+        hold.step(0.0, 3.0 * BAND_M, DT_S)
+        gave.append(hold.gave_way)
+    assert sum(gave) == 1
+    back = []
+    for k in range(300):
+        hold.step(0.0, (3.0 - 0.01 * k) * BAND_M, DT_S)
+        back.append(hold.came_back)
+    assert sum(back) == 2
+
+
+def test_a_displacement_brought_too_far_lets_the_current_ease_off_again() -> None:
+    hold = QuietHold(HoldConfig())
+    held_for(hold, 0.0, 2.0)
+    hold.pulls(1)
+    held_for(hold, BAND_M, 1.0)
+    assert hold.drifted
+    held_for(hold, -BAND_M, 1.0)
+    assert (hold.drifted, hold.gave_way) == (False, False)
 
 
 def test_an_error_far_beyond_the_band_ends_the_quiet() -> None:
@@ -148,32 +187,20 @@ def hold_of(
     return hold_quality(t, error, (i_x, i_y), (d_x, d_y))
 
 
-def test_a_hold_that_turns_again_and_again_takes_a_wider_band() -> None:
-    hold = QuietHold(HoldConfig())
-    held_for(hold, 0.0, 2.0)
-    hold.pulls(1)
-    hold.pulls(-1)
-    assert hold.wide_m == BAND_M
-    for turn, wider in ((1, 2.0), (-1, 4.0), (1, 4.0)):
-        hold.pulls(turn)
-        assert hold.wide_m == wider * BAND_M
-    assert held_for(hold, 3.0 * BAND_M, 2.0) == 0.0
-    assert hold.locked
-    hold.step(1e-3, 0.0, DT_S)
-    assert hold.wide_m == BAND_M
-
-
-def test_a_hold_that_needs_just_the_current_at_which_water_starts_does_not_chatter() -> None:
-    # The bench and the place where the campaign found 145 starts a minute.
-    held = hold_of(bench_of(12), -10.0, ControlConfig())
-    assert sum(held.pump_starts) <= 1
-
-
-def test_a_bench_that_jumps_by_more_than_the_band_stands_aside_instead_of_cycling() -> None:
-    held = hold_of(bench_of(16), 0.0, ControlConfig(), noise=1.0)
-    assert sum(held.pump_starts) <= 1
-    assert held.ripple_A < 0.1
-    assert held.error_rms < 0.04
+@pytest.mark.parametrize("noise", [1.0, 3.0])
+@pytest.mark.parametrize(
+    ("seed", "level_mm"),
+    [(28, -10.0), (55, 0.0), (42, -10.0), (23, 0.0), (9, 0.0), (11, 0.0), (12, -10.0), (16, 0.0)],
+)
+def test_no_bench_of_these_holds_with_a_limit_cycle(
+    seed: int, level_mm: float, noise: float
+) -> None:
+    # The places where the campaign found up to 145 starts a minute and 579 mA.
+    held = hold_of(bench_of(seed), level_mm, ControlConfig(), noise=noise)
+    assert sum(held.pump_starts) == 0
+    # The slow turns that remain where both springs are warm stay below this.
+    assert held.ripple_A < 0.35
+    assert held.error_rms < 0.03
 
 
 @pytest.mark.parametrize("seed", [0, 1, 4])
@@ -186,8 +213,6 @@ def test_a_hold_is_quiet_on_benches_of_all_kinds(seed: int, level_mm: float) -> 
 
 
 def test_without_the_band_the_same_hold_chatters() -> None:
-    restless = ControlConfig(
-        hold=HoldConfig(band_mm=0.0, reversal_A=0.0, reversal_smooth_s=0.0, water_A=0.0)
-    )
+    restless = ControlConfig(hold=HoldConfig(band_mm=0.0, reversal_A=0.0, reversal_smooth_s=0.0))
     held = hold_of(load_parameters("A"), 0.0, restless)
     assert sum(held.pump_starts) > 10 or held.ripple_A > 0.15
