@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 
 from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.admission import Admission, Finding, admit, in_common
-from smad.gap.data.guards import too_few, without_repeats
+from smad.gap.data.guards import goes_further, too_few, without_repeats
 from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.fit.stages import Prepared, prepare
 from smad.gap.fit.threads import repeatable
@@ -90,6 +91,7 @@ def _diagnose(
     shell = Shell(plant, settings, findings, roles, bool(given["good"]), began)
     if (refused := _none_left(order, admitted)) is not None:
         return shell.refused(*refused)
+    shell = replace(shell, findings=[*findings, *goes_further(roles, plant)])
     prepared = prepare(
         fit_runs,
         plant,
