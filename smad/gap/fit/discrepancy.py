@@ -192,7 +192,8 @@ def learn_background(
     found: dict[str, Correction] = {}
     remainder = residual.copy()
     made = Designs.of(ev)
-    for key in ev.keys if templates else []:
+    # What one run has of its own is no background of others.
+    for key in ev.keys if templates and len(ev.runs) > 1 else []:
         correction, predicted = fit_correction(made, residual, problem.whitening.s, key)
         if correction.explained >= _WORTH_A_TEMPLATE:
             found[key] = correction

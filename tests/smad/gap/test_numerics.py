@@ -165,6 +165,18 @@ def test_a_flexible_correction_predicts_runs_it_was_not_fitted_to() -> None:
     assert np.std(residual[rows] - left_out[rows]) < 0.4 * np.std(residual[rows])
 
 
+def test_a_flexible_correction_of_one_run_predicts_stretches_that_it_was_not_fitted_to() -> None:
+    ev = Evidence(HeaterPlant(), [recorded("sines", 1, duration_s=200.0)],
+                  local_views(HeaterPlant()), Settings())  # fmt: skip
+    residual, key = ev.residual(ev.predict([ModelPoint(NOMINAL)])[0]), "thermal:l"
+    made, scale, (rows,) = Designs.of(ev), np.ones(ev.n), [s.rows for s in ev.rows_of(key)]
+    assert fit_correction(made, residual, scale, key)[0].explained < 0.05
+    residual[rows] += 0.02 * np.maximum(ev.measured[rows] - 22.0, 0.0) ** 1.3
+    correction, left_out = fit_correction(made, residual, scale, key)
+    assert correction.explained > 0.8
+    assert np.std(residual[rows] - left_out[rows]) < 0.4 * np.std(residual[rows])
+
+
 @pytest.mark.parametrize("rows", [1, 2, 9, 16, 27])
 def test_a_series_shorter_than_the_lags_is_tested_on_those_it_has(rows: int) -> None:
     rng = np.random.default_rng(rows)
