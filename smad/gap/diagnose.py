@@ -15,6 +15,7 @@ from smad.gap.data.guards import goes_further, too_few, without_repeats
 from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.fit.stages import Prepared, prepare
 from smad.gap.fit.threads import repeatable
+from smad.gap.model.scales import suited
 from smad.gap.plant import Effect, PlantModel
 from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
 from smad.gap.report.builder import Closing, Shell
@@ -42,9 +43,10 @@ def diagnose(
     out in turn. `executor` runs the replays; by default a pool of two threads. `candidates` are the
     effects of the library that may be named; known-good runs are asked for all of them. `leave_out`
     asks once more without the first cause in the library, to see that the answer then is "unknown".
+    Without `settings`, how long a row and a cell are follows from the records.
     The result depends on the runs, the plant and the settings only.
     """
-    settings = settings or Settings()
+    settings = settings or suited(Settings(), [*runs, *good, *hold_out], plant)
     began = time.perf_counter()
     pool = executor or ThreadPoolExecutor(max_workers=2)
     try:
@@ -173,7 +175,7 @@ def ready(
 
     Raises RunRefused when no run can be used.
     """
-    settings = settings or Settings()
+    settings = settings or suited(Settings(), [*runs, *good, *hold_out], plant)
     progress("admission")
     given = {"fit": runs, "hold-out": hold_out, "good": good}
     order, admitted = _admitted(given, plant, settings)

@@ -25,6 +25,7 @@ from smad.gap.plant import Array, ModelPoint
 from smad.gap.runs import GapRun
 
 _MIN_ROWS = 12
+_LONGEST_LAG = 200
 _WORTH_A_TEMPLATE = 0.2
 
 
@@ -154,11 +155,11 @@ def _with_regimes(
 
 
 def correlation_time(evidence: Evidence, residual: Array, key: str) -> float:
-    """Time in which the autocorrelation of an output's residual falls to 1/e; at most 20 s.
+    """Time in which the autocorrelation of an output's residual falls to 1/e; at most 200 rows.
 
     The lag-one value is taken as the start, so that white noise on top does not shorten it.
     """
-    longest = int(20.0 / evidence.settings.period_s)
+    longest = _LONGEST_LAG
     parts = [residual[seg.rows] for seg in evidence.rows_of(key)]
     total = lagged_products([y - float(np.mean(y)) for y in parts], longest)
     if total[0] <= 0 or total[1] <= 0.05 * total[0]:

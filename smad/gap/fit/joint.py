@@ -26,6 +26,7 @@ _UNTOLD = 0.5
 _PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
 _TOGETHER = 8
 _TRUSTED = 2
+_LONGEST_LAG = 100
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ def dispersion(problem: Problem, z: Array) -> dict[str, float]:
     1/(1 + 2 Σ ρ) over lags up to the first that is not positive.
     """
     ev = problem.evidence
-    longest = int(10.0 / ev.settings.period_s)
+    longest = _LONGEST_LAG
     out = {}
     for key in ev.keys:
         acf = lagged_products([z[seg.rows] for seg in ev.rows_of(key)], longest)

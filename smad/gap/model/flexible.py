@@ -17,7 +17,8 @@ from smad.gap.data.replay import Evidence
 from smad.gap.plant import Array
 
 _KNOTS = (0.05, 0.25, 0.5, 0.75, 0.95)
-_MEMORY_S = (1.5, 6.0)
+_MEMORY = (15, 60)
+"""Rows over which a feature is remembered: a fifth of its correlation time, and nearly all."""
 _RIDGES = (3.0, 30.0, 300.0, 3000.0)
 _STRETCHES = 5
 
@@ -77,9 +78,9 @@ def _columns(evidence: Evidence, run: int, side: str) -> dict[str, Array]:
     for name, column in evidence.plant.features(evidence.runs[run], side).items():
         binned = grid.mean(np.nan_to_num(column))
         out[name] = binned
-        for memory in _MEMORY_S:
-            keep = float(np.exp(-evidence.settings.period_s / memory))
-            out[f"{name}~{memory:g}s"] = lfilter(
+        for memory in _MEMORY:
+            keep = float(np.exp(-1.0 / memory))
+            out[f"{name}~{memory}"] = lfilter(
                 [1 - keep], [1.0, -keep], binned, zi=np.array([keep * binned[0]])
             )[0]
     return out

@@ -120,10 +120,17 @@ class Shell:
             verdict=verdict,
             runs=run_records(self.roles),
             findings=[FindingRecord(f.run, f.kind, f.text, f.refuses) for f in self.findings],
-            limits=list(LIMITS if self.unseen else (*LIMITS, SINGLE)),
+            limits=self._limits(),
             seconds=time.perf_counter() - self.began,
             **(empty | {"model": {}} | parts),  # type: ignore[arg-type]
         )
+
+    def _limits(self) -> list[str]:
+        times = (
+            f"Samples were averaged over {self.settings.period_s:g} s, and runs judged in blocks "
+            f"of {self.settings.block_s:g} s: what is quicker than the former is not seen."
+        )
+        return [*LIMITS, times, *([] if self.unseen else [SINGLE])]
 
     def refused(self, what: str, admission: Admission) -> Diagnosis:
         """No run of those `what` could be used: the verdict names why, and nothing else."""
