@@ -294,8 +294,8 @@ class Closing:
             return self.selection.base
         best = self.selection.best
         # What coarser replays cost was learnt where the effect was not.
-        best.fit.problem.evidence.calibrate(best.fit.point)
-        return dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
+        end = polished(best.fit.recalibrated())
+        return dataclasses.replace(best, joint=JointFit(end, best.joint.rivals))
 
     def _model(self, outcome: Outcome, final: Candidate, took: Way) -> tuple[ModelPoint, str]:
         """The model to apply, and a sentence that says all it holds.

@@ -41,7 +41,7 @@ def test_a_fit_ends_where_scipys_least_squares_ends() -> None:
     noise = {k: OutputNoise(0.5) for k in ev.keys}
     problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
     space = Space(PARAMETERS)
-    ours = drive(ev, [fitting(problem, space, space.start(), iterations=12, refresh_theta=True)])[0]
+    ours = drive([fitting(problem, space, space.start(), iterations=12, refresh_theta=True)])[0]
 
     def residual(p):  # type: ignore[no-untyped-def]
         return np.r_[problem.white(ev.predict([space.point(p)])[0]), p]
