@@ -93,7 +93,7 @@ def _diagnose(
     shell = Shell(plant, settings, findings, roles, bool(given["good"]), began)
     if (refused := _none_left(order, admitted)) is not None:
         return shell.refused(*refused)
-    shell = replace(shell, findings=[*findings, *goes_further(roles, plant)])
+    shell = replace(shell, findings=[*findings, *goes_further(roles, plant, settings)])
     prepared = prepare(
         fit_runs,
         plant,

@@ -24,9 +24,7 @@ from smad.gap.model.whiten import OutputNoise, Whitening, lagged_products
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.runs import GapRun
 
-_MIN_ROWS = 12
 _LONGEST_LAG = 200
-_WORTH_A_TEMPLATE = 0.2
 
 
 @dataclass(frozen=True)
@@ -147,7 +145,7 @@ def _with_regimes(
         if n == 0:
             continue
         own = max(0.0, float(np.mean(square[here])) - base.sigma**2)
-        share = n / (n + _MIN_ROWS)
+        share = n / (n + evidence.settings.regime_rows)
         excess = inflate * (share * own + (1 - share) * overall)
         old = base.k.get(name, base.k.get("", 0.0))
         k[name] = float(np.sqrt(excess + old**2))
@@ -196,7 +194,7 @@ def learn_background(
     # What one run has of its own is no background of others.
     for key in ev.keys if templates and len(ev.runs) > 1 else []:
         correction, predicted = fit_correction(made, residual, problem.whitening.s, key)
-        if correction.explained >= _WORTH_A_TEMPLATE:
+        if correction.explained >= ev.settings.template_share:
             found[key] = correction
             remainder -= np.where(ev.valid, predicted, 0.0)
     inflate = {k: _enlargement(ev, remainder, k) for k in ev.keys}
