@@ -94,6 +94,7 @@ class Settings:
     least_regime: float = _VALUE["least_regime"]
     determined_share: float = _VALUE["determined_share"]
     template_share: float = _VALUE["template_share"]
+    coarse_share: float = _VALUE["coarse_share"]
     regime_rows: int = _VALUE["regime_rows"]
     least_spread: float = _VALUE["least_spread"]
     disagreeing: float = _VALUE["disagreeing"]

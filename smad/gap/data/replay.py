@@ -159,7 +159,8 @@ class Evidence:
     A coarse replay is corrected by what its step costs at one point; `calibrated` and `matching`
     make evidence with the correction of another. `views` are the views that are laid out; a view
     whose feeds or channels a run lacks is left out for that run and named in `missing`, and so are
-    outputs that are `not_shared` with other groups of runs.
+    outputs that are `not_shared` with other groups of runs. Without `fast` every replay is made in
+    full detail, whatever is asked for.
     """
 
     def __init__(
@@ -180,9 +181,9 @@ class Evidence:
         self.detail = Detail.FAST if fast else Detail.FINE
         self.grids = [Grid.of(run, settings.period_s) for run in runs]
         whole = list(zip(self.runs, self.grids, strict=True))
-        self._replayed = {Detail.FINE: whole} | {
+        self._replayed = dict.fromkeys(Detail, whole) | {
             detail: [thinned(run, grid, pieces, settings.period_s) for run, grid in whole]
-            for detail, pieces in _PIECES.items()
+            for detail, pieces in (_PIECES if fast else {}).items()
         }
         self.missing = [f"{k}: not every group of runs can be judged by it" for k in not_shared]
         self.segments: list[Segment] = []
@@ -379,7 +380,7 @@ class Evidence:
             views=self._views_of_run[r],
             keys=self._keys_of_run[r],
             points=points,
-            fast=detail is not Detail.FINE,
+            fast=detail is not Detail.FINE and self.detail is not Detail.FINE,
         )
 
     def _span(self, r: int) -> slice:

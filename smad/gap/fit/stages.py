@@ -14,6 +14,7 @@ from smad.gap.data.replay import Detail, Evidence, Segment
 from smad.gap.data.views import local_views, open_views, shared_views
 from smad.gap.errors import RunRefused
 from smad.gap.fit.baseline import as_fixed, learn_baseline, unbound, with_laws
+from smad.gap.fit.coarse import coarse_replays_serve
 from smad.gap.fit.discrepancy import Background, fed_noise, learn_background
 from smad.gap.fit.judge import Judged, excess_of, judge, predict_by_run
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
@@ -95,16 +96,19 @@ def prepare(
         )
     progress("noise floor")
     floors = estimate_floors([*runs, *hold_out, *good], plant, settings)
+    fast = coarse_replays_serve(Evidence(plant, runs[:1], views, settings, executor), floors)
+    if not fast:
+        progress("replaying at the plant's own step")
 
     def evidence(chosen: Sequence[GapRun]) -> Evidence:
-        return Evidence(plant, chosen, views, settings, executor)
+        return Evidence(plant, chosen, views, settings, executor, fast=fast)
 
     background = None
     if good:
         progress(f"fitting {len(good)} known-good runs")
         background = _background_of(evidence(good), floors, progress)
     lost = sorted(_keys(local_views(plant)) - _keys(views))
-    ev = Evidence(plant, runs, views, settings, executor, not_shared=lost)
+    ev = Evidence(plant, runs, views, settings, executor, fast=fast, not_shared=lost)
     hold = evidence(hold_out) if hold_out else None
     refitting = f"refitting {len(plant.parameters)} parameters"
     if background is None:

@@ -20,6 +20,7 @@ from smad.gap.compare.tracks import Track
 from smad.gap.compare.verdict import Evidenced, decide, stands_out
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.admission import Admission, Finding
+from smad.gap.data.replay import Detail
 from smad.gap.fit.candidate import Candidate, differing
 from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
 from smad.gap.fit.judge import excess_by_key, predict_by_run
@@ -64,6 +65,11 @@ LIMITS = (
     "have been calibrated on simulated plants, not on a bench; without, on nothing.",
     "A refit can imitate an effect: the masked share of each candidate says how much of it these "
     "runs cannot show.",
+)
+
+_OWN_STEP = (
+    "longer steps change what the plant's parameters and effects do: every replay was made at its "
+    "own step, which takes longer"
 )
 
 SINGLE = (
@@ -207,6 +213,9 @@ class Closing:
         shell = self.shell
         if text := disagreement(best.fit):
             finding = Finding("all runs", "runs disagree", text, refuses=False)
+            shell = dataclasses.replace(shell, findings=[*shell.findings, finding])
+        if prepared.problem.evidence.detail is Detail.FINE:
+            finding = Finding("all runs", "own step", _OWN_STEP, refuses=False)
             shell = dataclasses.replace(shell, findings=[*shell.findings, finding])
         numbers = weigh(prepared, self.track)
         outcome, p = decide(numbers, settings)

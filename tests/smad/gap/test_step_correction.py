@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from smad.gap.model.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.runs import GapRun
-from tests.smad.gap.cases import OTHER
+from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
 
 HERE, THERE = ModelPoint(NOMINAL), ModelPoint({**NOMINAL, **OTHER})
@@ -70,3 +71,21 @@ def test_fits_with_corrections_of_their_own_may_go_side_by_side(evidence: Eviden
         assert np.array_equal(a.p, b.p)
         assert a.problem is b.problem
     assert not np.array_equal(alone[0].p, alone[1].p)
+
+
+class OnlyFine(HeaterPlant):
+    """A plant whose quick replays know no play in the dial, as long steps may not."""
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        effects = {k: v for k, v in point.effects.items() if not fast or k != "backlash"}
+        return super().simulate(replace(point, effects=effects), run, views, fast=fast)
+
+
+def test_a_plant_that_is_right_at_its_own_step_only_is_replayed_at_it_and_that_is_said() -> None:
+    runs = bank(OTHER, {"backlash": SHOWN["backlash"]})
+    found = ask(runs, OnlyFine())
+    assert found.verdict.effects == ["backlash"]
+    assert [f.kind for f in found.findings if f.run == "all runs"] == ["own step"]
+    assert not any(f.kind == "own step" for f in ask(runs).findings)
