@@ -23,24 +23,19 @@ def coarse_replays_serve(evidence: Evidence, floors: Mapping[str, Floor]) -> boo
     """Whether coarser replays change with the model as those in full detail do.
 
     Every parameter is moved, and every effect put as it typically is: what counts is the largest
-    share of such a change that a coarser replay gets wrong, in floors, over all outputs.
+    share of such a change that the coarsest replay gets wrong, in floors, over all outputs.
     """
     plant = evidence.plant
     points = [nominal_point(plant), *_changes(plant)]
     floor = np.ones(evidence.n)
     for s in evidence.segments:
         floor[s.rows] = floors[s.channel].total
-    changes = {d: _scaled_changes(evidence, points, d, floor) for d in Detail}
-    fine = changes[Detail.FINE]
+    fine, rough = (_scaled_changes(evidence, points, d, floor) for d in (Detail.FINE, Detail.ROUGH))
     seen = np.sqrt(np.mean(np.square(fine), axis=1)) > _LEAST
     if not seen.any():
         return True
-    size = np.linalg.norm(fine[seen], axis=1)
-    wrong = [
-        np.max(np.linalg.norm(changes[d][seen] - fine[seen], axis=1) / size)
-        for d in (Detail.FAST, Detail.ROUGH)
-    ]
-    return bool(max(wrong) <= evidence.settings.coarse_share)
+    wrong = np.linalg.norm((rough - fine)[seen], axis=1) / np.linalg.norm(fine[seen], axis=1)
+    return bool(np.max(wrong) <= evidence.settings.coarse_share)
 
 
 def _changes(plant: PlantModel) -> list[ModelPoint]:

@@ -28,6 +28,7 @@ from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 
 _NULL_DRAWS = 60
+_TOLD_ROWS = 400
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,8 @@ def prepare(
         )
     progress("noise floor")
     floors = estimate_floors([*runs, *hold_out, *good], plant, settings)
-    fast = coarse_replays_serve(Evidence(plant, runs[:1], views, settings, executor), floors)
+    first = _beginning(runs[0], settings)
+    fast = coarse_replays_serve(Evidence(plant, [first], views, settings, executor), floors)
     if not fast:
         progress("replaying at the plant's own step")
 
@@ -198,6 +200,11 @@ def known_good(
     ev = Evidence(plant, runs, local_views(plant), settings, executor)
     floors = estimate_floors(runs, plant, settings)
     return _background_of(ev, floors, lambda text: None)
+
+
+def _beginning(run: GapRun, settings: Settings) -> GapRun:
+    """As much of a run as tells whether coarser replays serve."""
+    return run.part(0, int(np.searchsorted(run.t_s - run.t_s[0], _TOLD_ROWS * settings.period_s)))
 
 
 def _keys(views: Sequence[View]) -> set[str]:
