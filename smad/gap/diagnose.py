@@ -5,15 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 
 from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.admission import Admission, Finding, admit, in_common
-from smad.gap.data.guards import too_few, without_repeats
+from smad.gap.data.guards import goes_further, too_few, without_repeats
 from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.fit.stages import Prepared, prepare
 from smad.gap.fit.threads import repeatable
+from smad.gap.model.scales import suited
 from smad.gap.plant import Effect, PlantModel
 from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
 from smad.gap.report.builder import Closing, Shell
@@ -41,9 +43,10 @@ def diagnose(
     out in turn. `executor` runs the replays; by default a pool of two threads. `candidates` are the
     effects of the library that may be named; known-good runs are asked for all of them. `leave_out`
     asks once more without the first cause in the library, to see that the answer then is "unknown".
+    Without `settings`, how long a row and a cell are follows from the records.
     The result depends on the runs, the plant and the settings only.
     """
-    settings = settings or Settings()
+    settings = settings or suited(Settings(), [*runs, *good, *hold_out], plant)
     began = time.perf_counter()
     pool = executor or ThreadPoolExecutor(max_workers=2)
     try:
@@ -90,6 +93,7 @@ def _diagnose(
     shell = Shell(plant, settings, findings, roles, bool(given["good"]), began)
     if (refused := _none_left(order, admitted)) is not None:
         return shell.refused(*refused)
+    shell = replace(shell, findings=[*findings, *goes_further(roles, plant, settings)])
     prepared = prepare(
         fit_runs,
         plant,
@@ -171,7 +175,7 @@ def ready(
 
     Raises RunRefused when no run can be used.
     """
-    settings = settings or Settings()
+    settings = settings or suited(Settings(), [*runs, *good, *hold_out], plant)
     progress("admission")
     given = {"fit": runs, "hold-out": hold_out, "good": good}
     order, admitted = _admitted(given, plant, settings)

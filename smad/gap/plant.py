@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -206,6 +206,11 @@ class PlantModel(Protocol):
         """What a flexible correction may depend on: inputs and measured or derived states."""
         ...
 
+
+@runtime_checkable
+class Experimenter(Protocol):
+    """What a plant has beside, if experiments are to be proposed."""
+
     def catalogue(self) -> Sequence[Experiment]:
         """Safe experiments, within the limits of temperature, current and force."""
         ...
@@ -213,6 +218,22 @@ class PlantModel(Protocol):
     def perform(self, experiment: str, point: ModelPoint, seed: int) -> GapRun:
         """The run that the plant at `point` would give: inputs and noise-free measured channels."""
         ...
+
+
+def catalogue_of(plant: PlantModel) -> Sequence[Experiment]:
+    """The experiments of a plant, none where it has no catalogue."""
+    return plant.catalogue() if isinstance(plant, Experimenter) else ()
+
+
+def performed(plant: PlantModel, experiment: str, point: ModelPoint, seed: int) -> GapRun:
+    """The run that the plant at `point` would give. Raises GapError without a catalogue."""
+    if not isinstance(plant, Experimenter):
+        raise GapError(
+            "the plant performs no experiments",
+            value=plant.name,
+            action="give it the methods `catalogue` and `perform`",
+        )
+    return plant.perform(experiment, point, seed)
 
 
 def nominal_point(plant: PlantModel) -> ModelPoint:

@@ -15,6 +15,7 @@ from smad.gap.data.views import open_views
 from smad.gap.errors import RunRefused
 from smad.gap.fit.judge import excess_by_key, shrink
 from smad.gap.fit.lsq import Problem
+from smad.gap.model.scales import suited
 from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.plant import ModelPoint, PlantModel, nominal_point, units
 from smad.gap.runs import GapRun
@@ -43,7 +44,7 @@ def verified(
 
     Raises RunRefused when no run is admitted.
     """
-    settings = settings or Settings()
+    settings = settings or suited(Settings(), runs, plant)
     admission = admit(runs, plant, settings)
     if not admission.admitted:
         raise RunRefused(

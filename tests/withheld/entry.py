@@ -23,7 +23,7 @@ from smad.gap.errors import PlantMismatch
 from smad.gap.fit.candidate import Candidate, acceptable, asked_gain
 from smad.gap.fit.stages import Prepared
 from smad.gap.fit.threads import repeatable
-from smad.gap.plant import Array, Effect
+from smad.gap.plant import Array, Effect, catalogue_of
 from smad.gap.records import Outcome
 
 MOST_ODDS = 1e6
@@ -183,7 +183,7 @@ def _apart(prepared: Prepared, one: Candidate, other: Candidate) -> list[Apart]:
         [one.fit, other.fit],
         [0.5, 0.5],
         prepared.noise,
-        prepared.plant.catalogue(),
+        catalogue_of(prepared.plant),
         share=counted_share(one, other),
     )
     return [Apart(q.experiment.name, q.separation, q.counted) for q in found]

@@ -14,6 +14,7 @@ from smad.gap.compare.tracks import Track
 from smad.gap.fit.candidate import Candidate
 from smad.gap.fit.joint import JointFit
 from smad.gap.fit.stages import Prepared
+from smad.gap.plant import catalogue_of
 from smad.gap.records import NAMED, ExperimentRecord, Outcome
 
 _MOST_RIVALS = 3
@@ -59,7 +60,7 @@ def parting_experiments(prepared: Prepared, question: Confused) -> list[Experime
         [m.fit for m in question.models],
         question.weights,
         prepared.noise,
-        prepared.plant.catalogue(),
+        catalogue_of(prepared.plant),
         share=counted_share(favoured, other),
     )
     together = np.cumsum([q.counted for q in found]).tolist()

@@ -41,7 +41,7 @@ def _fitted_to(good: Fitted, effect: Effect, candidate: Candidate) -> Fitted:
     steps = fitting(
         good.problem, space, p, theta_A=good.A[:, :n], iterations=_ITERATIONS, pinned=pinned
     )
-    return drive(good.problem.evidence, [steps])[0]
+    return drive([steps])[0]
 
 
 def _with_values(fit: Fitted, effect: Effect, source: Fitted) -> Fitted:
@@ -56,4 +56,4 @@ def _with_values(fit: Fitted, effect: Effect, source: Fitted) -> Fitted:
         theta_A=fit.A[:, :n],
         iterations=_ITERATIONS,
     )
-    return drive(fit.problem.evidence, [steps])[0]
+    return drive([steps])[0]

@@ -18,7 +18,7 @@ from smad.gap.data.replay import Detail, Evidence
 from smad.gap.fit.joint import independent_share
 from smad.gap.fit.lsq import Fitted
 from smad.gap.model.whiten import OutputNoise, Whitening
-from smad.gap.plant import Array, Experiment
+from smad.gap.plant import Array, Experiment, performed
 
 _STEP = 0.2
 
@@ -66,7 +66,7 @@ class Trial:
     ) -> None:
         self.fits, self.weights, self.experiment = fits, weights, experiment
         first = fits[0].problem.evidence
-        run = first.plant.perform(experiment.name, fits[0].point, first.settings.seed)
+        run = performed(first.plant, experiment.name, fits[0].point, first.settings.seed)
         self._ev = Evidence(
             first.plant,
             [run],

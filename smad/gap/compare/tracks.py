@@ -152,7 +152,6 @@ def _helps(prepared: Prepared, best: Candidate, free: Judged) -> bool:
     (beside,) = judge([unbound(best.fit)], prepared.hold)
     if prepared.tied is not None and any(n in prepared.fixed for n in best.names):
         (free,) = judge([unbound(prepared.tied, best.names)], prepared.hold)
-    prepared.recalibrate()
     gain, error = _gain(prepared, beside, free)
     return gain > prepared.settings.beside_standard_errors * error
 

@@ -173,7 +173,15 @@ def p_unknown(e: Evidenced, settings: Settings) -> float:
     """
     if e.tied and (e.taken > settings.since_taken or e.strongest > settings.since_sure):
         return 0.0
-    return _too_little(e.touched, settings, tied=e.tied)
+    too_little = _too_little(e.touched, settings, tied=e.tied)
+    return too_little if e.tied else max(too_little, _nothing_in_all(e.whole, settings))
+
+
+def _nothing_in_all(whole: Worth, settings: Settings) -> float:
+    """Share of bootstrap draws in which causes that help on their own signals do not in all."""
+    if whole.gap_refit < settings.min_excess:
+        return 0.0
+    return float(np.mean(whole.draws[:, 0] < settings.min_shrink_gain))
 
 
 def _too_little(worth: Worth, settings: Settings, *, tied: bool) -> float:

@@ -19,6 +19,9 @@ from smad.gap.plant import Array, PlantModel, nominal_point
 from smad.gap.runs import GapRun, bridged
 from smad.gap.settings import Settings
 
+_HARDLY, _FOLLOWS = 0.3, 0.5
+"""Correlations of changes from row to row: hardly related, and clearly."""
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -244,12 +247,19 @@ def _check_against_model(
             refuses=True,
         )
     if not swapped:
-        worst = _unrelated(plant, measured, predicted, settings.seed)
-        if worst:
+        apart, following = _unrelated(plant, measured, predicted, settings.seed)
+        if apart and following:
+            say(
+                "channels do not follow",
+                f"{', '.join(apart)} move otherwise than the inputs would make them, while "
+                f"{', '.join(following)} follow: either these are of another run, or something "
+                "that the model lacks drives them",
+            )
+        elif apart:
             say(
                 "inputs do not drive the outputs",
                 "the recorded inputs explain the measured channels no better than the same inputs "
-                f"shifted in time ({', '.join(worst)}): inputs and outputs are not of one run",
+                f"shifted in time ({', '.join(apart)}): inputs and outputs are not of one run",
                 refuses=True,
             )
 
@@ -274,11 +284,12 @@ def _swapped_twins(
 
 def _unrelated(
     plant: PlantModel, measured: dict[str, Array], predicted: dict[str, Array], seed: int
-) -> list[str]:
-    """Channels that should move, when together they follow the model no better than by chance.
+) -> tuple[list[str], list[str]]:
+    """Channels that should move and do not follow the model, and those that clearly do.
 
-    What is compared are changes from row to row, at the lag of up to a second that fits best. By
-    chance is: hardly at all, or no better than the same prediction shifted in time.
+    What is compared are changes from row to row, at the lag of up to ten rows that fits best. Where
+    all together follow the model by chance only (hardly at all, or no better than the same
+    prediction shifted in time), a channel must follow clearly.
     """
     rng = np.random.default_rng(seed)
     moving = []
@@ -289,7 +300,7 @@ def _unrelated(
             if np.std(y) > 0 and np.std(m) > 0:
                 moving.append((name, y, m))
     if not moving:
-        return []
+        return [], []
     n = len(moving[0][1])
 
     def follows(shift: int) -> float:
@@ -297,9 +308,13 @@ def _unrelated(
 
     own = follows(0)
     others = sorted(follows(int(s)) for s in rng.integers(n // 10, n - n // 10, size=19))
-    if own < 0.3 or (own < 0.5 and own <= others[-2]):
-        return [name for name, _, _ in moving]
-    return []
+    related = own >= _FOLLOWS or (own >= _HARDLY and own > others[-2])
+    alone = {name: _best_lag(y, m) for name, y, m in moving}
+    following = [name for name, r in alone.items() if r >= _FOLLOWS]
+    if related and not following:
+        return [], []
+    least = _HARDLY if related else _FOLLOWS
+    return [name for name, r in alone.items() if r < least], following
 
 
 def _best_lag(y: Array, m: Array) -> float:

@@ -1,4 +1,4 @@
-"""What would make a verdict false: the same recording given twice, and too few runs.
+"""What would make a verdict false: the same recording twice, too few runs, or runs that go further.
 
 A recording is known by what it holds, not by its name or file: a copy that was renamed, or written
 by another exporter with other rounding, is the same one.
@@ -11,8 +11,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from smad.gap.data.admission import Finding
-from smad.gap.plant import Array
+from smad.gap.data.views import open_views
+from smad.gap.plant import Array, PlantModel, nominal_point
 from smad.gap.runs import GapRun
+from smad.gap.settings import Settings
 
 FIT, HOLD_OUT, GOOD = "fit", "hold-out", "good"
 _ROUNDING = 1e-5
@@ -95,4 +97,48 @@ def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list
             "counts as a change; give two or more of different kinds"
         )
         found.append(Finding("all runs", "few runs", text, refuses=False))
+    return found
+
+
+def goes_further(
+    groups: Mapping[str, Sequence[GapRun]], plant: PlantModel, settings: Settings
+) -> list[Finding]:
+    """A sentence on runs in question that drive the bench beyond where the known-good ones do.
+
+    By what the nominal model makes of their inputs, so that no effect counts as excitation.
+    """
+    good = _ranges(groups[GOOD], plant)
+    asked = _ranges([*groups[FIT], *groups[HOLD_OUT]], plant)
+    channels = {c.name: c for c in plant.channels}
+    further = []
+    for name, (low, high) in good.items():
+        a, b = asked.get(name, (low, high))
+        channel, beyond = channels[name], max(low - a, b - high)
+        least = settings.further_share * (high - low)
+        if beyond > max(least, settings.moving_share * (channel.high - channel.low)):
+            further.append(
+                f"{name} from {a:.3g} to {b:.3g} {channel.unit}, the known-good ones only from "
+                f"{low:.3g} to {high:.3g} {channel.unit}"
+            )
+    if not further:
+        return []
+    text = (
+        f"by their inputs they should drive {'; '.join(further)}: what the model gets wrong out "
+        "there counts as a change; give known-good runs that go as far"
+    )
+    return [Finding("the runs in question", "further than good", text, refuses=False)]
+
+
+def _ranges(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each channel that the nominal model predicts of some runs."""
+    views = open_views(plant)
+    point = nominal_point(plant)
+    found: dict[str, tuple[float, float]] = {}
+    for run in runs:
+        values = plant.simulate(point, run, [v.name for v in views], fast=True)
+        for out in (o for v in views for o in v.outputs if o.key in values):
+            y = values[out.key][np.isfinite(values[out.key])]
+            if out.channel in run.outputs and len(y):
+                low, high = found.get(out.channel, (np.inf, -np.inf))
+                found[out.channel] = min(low, float(y.min())), max(high, float(y.max()))
     return found

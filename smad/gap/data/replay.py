@@ -7,7 +7,8 @@ one output; they are what is reweighted, bootstrapped and left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import copy
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from enum import Enum
@@ -153,10 +154,13 @@ def simulate_binned(
 
 
 class Evidence:
-    """Measured rows, and predictions for them.
+    """Measured rows, and predictions for them. Nothing of it changes once it is made.
 
-    `views` are the views that are laid out; a view whose feeds or channels a run lacks is left out
-    for that run and named in `missing`.
+    A coarse replay is corrected by what its step costs at one point; `calibrated` and `matching`
+    make evidence with the correction of another. `views` are the views that are laid out; a view
+    whose feeds or channels a run lacks is left out for that run and named in `missing`, and so are
+    outputs that are `not_shared` with other groups of runs. Without `fast` every replay is made in
+    full detail, whatever is asked for.
     """
 
     def __init__(
@@ -168,6 +172,7 @@ class Evidence:
         executor: Executor | None = None,
         *,
         fast: bool = True,
+        not_shared: Iterable[str] = (),
     ) -> None:
         if not runs:
             raise GapError("there is no run to replay", action="give at least one admitted run")
@@ -176,18 +181,18 @@ class Evidence:
         self.detail = Detail.FAST if fast else Detail.FINE
         self.grids = [Grid.of(run, settings.period_s) for run in runs]
         whole = list(zip(self.runs, self.grids, strict=True))
-        self._replayed = {Detail.FINE: whole} | {
+        self._replayed = dict.fromkeys(Detail, whole) | {
             detail: [thinned(run, grid, pieces, settings.period_s) for run, grid in whole]
-            for detail, pieces in _PIECES.items()
+            for detail, pieces in (_PIECES if fast else {}).items()
         }
-        self.missing: list[str] = []
+        self.missing = [f"{k}: not every group of runs can be judged by it" for k in not_shared]
         self.segments: list[Segment] = []
         self._views_of_run: list[list[str]] = []
         self._keys_of_run: list[list[tuple[str, float, float]]] = []
         self.n = 0
         for r, run in enumerate(self.runs):
             self._lay_out(r, run)
-        self.coarseness = {detail: np.zeros(self.n) for detail in Detail}
+        self._step_error: Mapping[Detail, Array] = {d: np.zeros(self.n) for d in Detail}
         self._measure()
         self._cut_cells()
 
@@ -273,10 +278,17 @@ class Evidence:
         asked = set(range(len(self.runs)) if runs is None else runs)
         # A run of which no view can be judged has no rows.
         wanted = sorted(r for r in asked if self._keys_of_run[r])
+        detail = detail or self.detail
+        out = self._replay(points, wanted, detail)
+        for r in wanted:
+            out[:, self._span(r)] += self._step_error[detail][self._span(r)]
+        return out
+
+    def _replay(self, points: Sequence[ModelPoint], wanted: Sequence[int], detail: Detail) -> Array:
+        """Predictions as the plant makes them, not corrected."""
         out = np.zeros((len(points), self.n))
         if not points or not wanted:
             return out
-        detail = detail or self.detail
         jobs = [(r, chunk) for r in wanted for chunk in self._chunks(len(points), len(wanted))]
         spans = {r: self._span(r) for r in wanted}
         if self.executor is None:
@@ -284,14 +296,13 @@ class Evidence:
         else:
             futures = [self.executor.submit(self._job(r, points[c], detail)) for r, c in jobs]
             results = [f.result() for f in futures]
-        correction = self.coarseness[detail]
         for (r, chunk), values in zip(jobs, results, strict=True):
-            out[chunk, spans[r]] = values + correction[spans[r]]
+            out[chunk, spans[r]] = values
         return out
 
     def failed(self, values: Array, run: int, detail: Detail | None = None) -> bool:
         """Whether the plant could not simulate a run: its first output lies at the upper limit."""
-        return self._at_limit(values - self.coarseness[detail or self.detail], run)
+        return self._at_limit(values - self._step_error[detail or self.detail], run)
 
     def fails(self, values: Array, detail: Detail | None = None) -> bool:
         """Whether any run of a prediction could not be simulated."""
@@ -323,17 +334,16 @@ class Evidence:
         at_limit = uncorrected[segment.rows] >= high - 1e-6 * (high - low)
         return bool(np.mean(at_limit) > 0.5)
 
-    def calibrate(self, point: ModelPoint) -> None:
-        """Learns at `point` what coarser replays cost, and takes it off later on.
+    def calibrated(self, point: ModelPoint) -> Evidence:
+        """The same evidence, whose coarser replays agree at `point` with those in full detail.
 
         The error of a step hardly changes between neighbouring models, so that fits can use the
         coarse step and still end at the model of the fine one.
         """
         if self.detail is Detail.FINE:
-            return
+            return self
         fine = self.predict([point], detail=Detail.FINE)[0]
-        for detail in _PIECES:
-            self._calibrate(detail, point, fine)
+        return self._corrected({d: self._error_of_step(d, point, fine) for d in _PIECES})
 
     def coarse_error(self, point: ModelPoint, predicted: Array) -> Array:
         """What full detail changes of `predicted`, a prediction at `point`; 0 in runs that fail."""
@@ -342,16 +352,23 @@ class Evidence:
         fine = self.predict([point], detail=Detail.FINE)
         return np.asarray(self.change(fine, predicted, Detail.FINE)[0])
 
-    def match_rough(self, point: ModelPoint, predicted: Array) -> None:
-        """Makes rough replays agree at `point` with `predicted`, which was replayed in detail."""
-        self._calibrate(Detail.ROUGH, point, predicted)
+    def matching(self, point: ModelPoint, predicted: Array) -> Evidence:
+        """The same evidence, whose rough replays agree at `point` with `predicted`."""
+        error = self._error_of_step(Detail.ROUGH, point, predicted)
+        return self._corrected({Detail.ROUGH: error})
 
-    def _calibrate(self, detail: Detail, point: ModelPoint, truth: Array) -> None:
-        self.coarseness[detail] = np.zeros(self.n)
-        coarse = self.predict([point], detail=detail)[0]
-        runs = range(len(self.runs))
-        if not any(self._at_limit(y, r) for r in runs for y in (truth, coarse)):
-            self.coarseness[detail] = truth - coarse
+    def _corrected(self, errors: Mapping[Detail, Array]) -> Evidence:
+        other = copy.copy(self)
+        other._step_error = {**self._step_error, **errors}
+        return other
+
+    def _error_of_step(self, detail: Detail, point: ModelPoint, truth: Array) -> Array:
+        """What a coarser replay lacks of `truth` at `point`; 0 where either cannot be simulated."""
+        runs = [r for r in range(len(self.runs)) if self._keys_of_run[r]]
+        coarse = self._replay([point], runs, detail)[0]
+        if any(self._at_limit(y, r) for r in runs for y in (truth, coarse)):
+            return np.zeros(self.n)
+        return np.asarray(truth - coarse)
 
     def _job(self, r: int, points: Sequence[ModelPoint], detail: Detail) -> Callable[[], Array]:
         run, grid = self._replayed[detail][r]
@@ -363,7 +380,7 @@ class Evidence:
             views=self._views_of_run[r],
             keys=self._keys_of_run[r],
             points=points,
-            fast=detail is not Detail.FINE,
+            fast=detail is not Detail.FINE and self.detail is not Detail.FINE,
         )
 
     def _span(self, r: int) -> slice:

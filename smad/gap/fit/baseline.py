@@ -53,8 +53,7 @@ def learn_baseline(
             break
         current = entered
         progress("baseline: " + ", ".join(e.name for e in current.space.effects))
-    current.problem.evidence.calibrate(current.point)
-    return frozen(polished(current))
+    return frozen(polished(current.recalibrated()))
 
 
 def with_laws(
@@ -72,13 +71,13 @@ def with_laws(
     laws = laws_of(effects)
     if not laws:
         return refit(problem, parameters, squares=True)
-    evidence, settings = problem.evidence, problem.evidence.settings
+    settings = problem.evidence.settings
 
     def begin(space: Space) -> Array:
         return space.start({e.name: e.at(_LAW_START) for e in space.effects})
 
     def go(space: Space, start: Array, rounds: int) -> Fitted:
-        return drive(evidence, [descent(problem, space, start, rounds=rounds)])[0]
+        return drive([descent(problem, space, start, rounds=rounds)])[0]
 
     def misfit(end: Fitted) -> float:
         # A descent ends calibrated where it is, so that ends compare as if in full detail.
@@ -134,7 +133,7 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
     values = {**current.point.effects, **{s.effect.name: s.start for s in chosen}}
     space, p = current.beside(effects, values)
     steps = fitting(
-        current.problem,
+        current.problem.matching(current.point, current.predicted),
         space,
         p,
         theta_A=current.A[:, : space.n_theta],
@@ -143,7 +142,7 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
         rough=True,
         steady=True,
     )
-    trial = drive(current.problem.evidence, [steps])[0]
+    trial = drive([steps])[0]
     before, after = judge([current, trial], None)
     gain, se = cluster_gain(current.problem, None, after.scores() - before.scores())
     return trial if gain > max(settings.baseline_gain, se) else None
@@ -152,8 +151,7 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
 def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
     """The refit in which parameters and laws of a bench may be others than in its good runs.
 
-    From where they are tied to those, with its effects. Laws to `keep` stay as they were. The
-    evidence is calibrated near where the fit ends.
+    From where they are tied to those, with its effects. Laws to `keep` stay as they were.
     """
     problem, own = tied.problem, tied.space.effects
     held = {*keep, *(e.name for e in own)}
@@ -172,8 +170,7 @@ def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
         rough=True,
         steady=True,
     )
-    end = drive(problem.evidence, [steps])[0]
-    problem.evidence.calibrate(end.point)
+    end = drive([steps])[0].recalibrated()
     return polished(end, tolerance=_TOLERANCE)
 
 
@@ -189,4 +186,4 @@ def frozen(fit: Fitted) -> Fitted:
     space = replace(fit.space, effects=(), fixed=fit.point.effects)
     p, A = fit.p[: space.size], fit.A[:, : space.size]
     steps = fitting(fit.problem, space, p, theta_A=A, iterations=0)
-    return drive(fit.problem.evidence, [steps])[0]
+    return drive([steps])[0]

@@ -16,8 +16,6 @@ from smad.gap.fit.significance import block_of
 from smad.gap.plant import Array
 from smad.gap.settings import Settings
 
-_TOUCHED = 0.1
-
 
 @dataclass(frozen=True)
 class Candidate:
@@ -90,12 +88,14 @@ def held_cells(problem: Problem, hold: Problem | None) -> tuple[Index, Index]:
 
 
 def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
-    """Outputs that carry at least a tenth of what an effect changes, in floors."""
+    """Outputs that carry a good part of what an effect changes, in floors."""
     ev = after.bench.evidence
     change = np.square(after.bench.whitening.scale(after.predicted - before.predicted))
     power = {k: float(sum(change[s.rows].sum() for s in ev.rows_of(k))) for k in ev.keys}
     total = sum(power.values())
-    return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED * total)
+    return tuple(
+        k for k, v in power.items() if total > 0 and v >= ev.settings.touched_share * total
+    )
 
 
 def _clear(c: Candidate, s: Settings) -> bool:

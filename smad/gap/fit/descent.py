@@ -58,13 +58,13 @@ def descent(
     floor as large as the misfit.
 
     The evidence is calibrated anew before each round: what coarser replays cost changes over so
-    long a way. Other fits must therefore not be driven beside it.
+    long a way.
     """
     way = _Way(problem, space)
     p = np.clip(start, *space.bounds())
     axes, share, total, fruitless = np.diag(space.steps(p)), _SHARE, 0.0, 0
     for _ in range(rounds):
-        problem.evidence.calibrate(space.point(p))
+        way.problem = problem.calibrated(space.point(p))
         yield from way.begin(p)
         A = yield from way.slopes(axes)
         gained, around = yield from way.go_by(A)
@@ -77,8 +77,8 @@ def descent(
         else:
             fruitless = 0
         axes = _axes(space, way, around, share)
-    problem.evidence.calibrate(space.point(p))
-    predicted = (yield Ask([space.point(way.p)]))[0]
+    problem = problem.calibrated(space.point(p))
+    predicted = (yield Ask(problem.evidence, [space.point(way.p)]))[0]
     z = problem.white(predicted)
     value = objective(problem, space, way.p, z)
     return Fitted(problem, space, way.p, predicted, z, way.A, value, edges(space, way.p))
@@ -112,7 +112,9 @@ class _Way:
 
     def replayed(self, points: list[Array]) -> Generator[Ask, Array, Array]:
         """Predictions at these coordinates."""
-        return (yield Ask([self.space.point(p) for p in points], Detail.ROUGH))
+        return (
+            yield Ask(self.problem.evidence, [self.space.point(p) for p in points], Detail.ROUGH)
+        )
 
     def begin(self, p: Array) -> Generator[Ask, Array, None]:
         """Take a place to start from."""

@@ -24,8 +24,7 @@ from smad.gap.model.whiten import OutputNoise, Whitening, lagged_products
 from smad.gap.plant import Array, ModelPoint
 from smad.gap.runs import GapRun
 
-_MIN_ROWS = 12
-_WORTH_A_TEMPLATE = 0.2
+_LONGEST_LAG = 200
 
 
 @dataclass(frozen=True)
@@ -146,7 +145,7 @@ def _with_regimes(
         if n == 0:
             continue
         own = max(0.0, float(np.mean(square[here])) - base.sigma**2)
-        share = n / (n + _MIN_ROWS)
+        share = n / (n + evidence.settings.regime_rows)
         excess = inflate * (share * own + (1 - share) * overall)
         old = base.k.get(name, base.k.get("", 0.0))
         k[name] = float(np.sqrt(excess + old**2))
@@ -154,11 +153,11 @@ def _with_regimes(
 
 
 def correlation_time(evidence: Evidence, residual: Array, key: str) -> float:
-    """Time in which the autocorrelation of an output's residual falls to 1/e; at most 20 s.
+    """Time in which the autocorrelation of an output's residual falls to 1/e; at most 200 rows.
 
     The lag-one value is taken as the start, so that white noise on top does not shorten it.
     """
-    longest = int(20.0 / evidence.settings.period_s)
+    longest = _LONGEST_LAG
     parts = [residual[seg.rows] for seg in evidence.rows_of(key)]
     total = lagged_products([y - float(np.mean(y)) for y in parts], longest)
     if total[0] <= 0 or total[1] <= 0.05 * total[0]:
@@ -192,9 +191,10 @@ def learn_background(
     found: dict[str, Correction] = {}
     remainder = residual.copy()
     made = Designs.of(ev)
-    for key in ev.keys if templates else []:
+    # What one run has of its own is no background of others.
+    for key in ev.keys if templates and len(ev.runs) > 1 else []:
         correction, predicted = fit_correction(made, residual, problem.whitening.s, key)
-        if correction.explained >= _WORTH_A_TEMPLATE:
+        if correction.explained >= ev.settings.template_share:
             found[key] = correction
             remainder -= np.where(ev.valid, predicted, 0.0)
     inflate = {k: _enlargement(ev, remainder, k) for k in ev.keys}

@@ -26,6 +26,7 @@ _UNTOLD = 0.5
 _PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
 _TOGETHER = 8
 _TRUSTED = 2
+_LONGEST_LAG = 100
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,14 @@ def joint_fits(
     is hidden from rough replays; and, for the best `finish` sets, one in detail, in which the
     sensitivities of the model parameters are renewed instead of following Broyden's rule.
     """
-    settings = base.problem.evidence.settings
+    problem = base.problem.matching(base.point, base.predicted)
+    settings = problem.evidence.settings
     n_theta = base.space.n_theta
 
     def go(space: Space, p: Array, *, iterations: int, renew: bool, rough: bool) -> FitSteps:
         known = None if renew else base.A[:, :n_theta]
         return fitting(
-            base.problem,
+            problem,
             space,
             p,
             theta_A=known,
@@ -98,7 +100,6 @@ def joint_fits(
             steady=renew,
         )
 
-    base.problem.evidence.match_rough(base.point, base.predicted)
     first = []
     for start in starts:
         space, p = base.beside(start.effects, start.values)
@@ -107,7 +108,7 @@ def joint_fits(
         first.append(go(space, p, iterations=settings.short_iterations, renew=False, rough=True))
     ends: dict[tuple[str, ...], JointFit] = {}
     for i in range(0, len(first), _TOGETHER):
-        for fit in drive(base.problem.evidence, first[i : i + _TOGETHER]):
+        for fit in drive(first[i : i + _TOGETHER]):
             _enter(ends, fit)
     given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
     trusted = given[:_TRUSTED]
@@ -125,7 +126,7 @@ def joint_fits(
             )
             for names in order[:count]
         ]
-        for fit in drive(base.problem.evidence, again):
+        for fit in drive(again):
             _enter(ends, fit)
     return {names: ends[names] for names in kept}
 
@@ -159,7 +160,7 @@ def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
         tolerance=tolerance,
         steady=True,
     )
-    return drive(fit.problem.evidence, [steps])[0]
+    return drive([steps])[0]
 
 
 def bootstrap(fit: Fitted, draws: int, seed: int) -> Array:
@@ -184,7 +185,7 @@ def dispersion(problem: Problem, z: Array) -> dict[str, float]:
     1/(1 + 2 Σ ρ) over lags up to the first that is not positive.
     """
     ev = problem.evidence
-    longest = int(10.0 / ev.settings.period_s)
+    longest = _LONGEST_LAG
     out = {}
     for key in ev.keys:
         acf = lagged_products([z[seg.rows] for seg in ev.rows_of(key)], longest)
@@ -257,16 +258,16 @@ def _profiles(
         spread = max(float(np.std(draws[:, i])), 2e-3)
         values = {float(np.clip(fit.p[i] + o * spread, lo[i], hi[i])) for o in _PROFILE_OFFSETS}
         jobs += [(i, v) for v in sorted(values) if abs(v - fit.p[i]) > 1e-6]
+    problem = fit.problem.matching(fit.point, fit.predicted)
     steps = []
     for i, v in jobs:
         p = fit.p.copy()
         p[i] = v
         A = fit.A[:, : fit.space.n_theta]
         steps.append(
-            fitting(fit.problem, fit.space, p, theta_A=A, iterations=2, pinned={i: v}, rough=True)
+            fitting(problem, fit.space, p, theta_A=A, iterations=2, pinned={i: v}, rough=True)
         )
-    fit.problem.evidence.match_rough(fit.point, fit.predicted)
-    ends = drive(fit.problem.evidence, steps)
+    ends = drive(steps)
     out: dict[int, list[tuple[float, float]]] = {i: [(float(fit.p[i]), 0.0)] for i in columns}
     for (i, v), end in zip(jobs, ends, strict=True):
         out[i].append((v, max(0.0, end.objective - fit.objective)))

@@ -15,9 +15,6 @@ from smad.gap.fit.leave_out import left_out
 from smad.gap.fit.lsq import Fitted, Problem, solve_box
 from smad.gap.plant import Array, Mask, ModelPoint
 
-_MIN_REGIME = 0.05
-_DETERMINED = 0.2
-
 
 @dataclass(frozen=True)
 class Judged:
@@ -144,13 +141,13 @@ def regime_gains(before: Fitted, after: Fitted, masks: dict[str, Mask]) -> dict[
     """Gain in log-likelihood on each regime, predicted from the other regimes alone.
 
     Linear around each fit: the step that leaving the regime's rows out would make is undone, and
-    the rows are scored with what remains. Left out of the question are regimes of less than a
-    twentieth of the rows, and those without which the effects' parameters of either model are no
+    the rows are scored with what remains. Left out of the question are regimes of few rows,
+    and those without which the effects' parameters of either model are no
     longer determined.
     """
-    out = {}
+    least, out = before.problem.evidence.settings.least_regime, {}
     for name, mask in masks.items():
-        if not _MIN_REGIME <= float(mask.mean()) <= 0.8:
+        if not least <= float(mask.mean()) <= 0.8:
             continue
         own, other = _scored_without(after, mask), _scored_without(before, mask)
         if own is not None and other is not None:
@@ -166,7 +163,8 @@ def _scored_without(fit: Fitted, mask: Mask) -> float | None:
     own = (inside.T @ inside).astype(float)
     H = (outside.T @ outside).astype(float) + precision
     n = fit.space.n_theta
-    if np.any(_information(H, n) < _DETERMINED * _information(H + own, n)):
+    determined = fit.problem.evidence.settings.determined_share
+    if np.any(_information(H, n) < determined * _information(H + own, n)):
         return None
     g = -(inside.T @ (w * fit.z)[mask]).astype(float)
     step = solve_box(H, g, lo - fit.p, hi - fit.p)

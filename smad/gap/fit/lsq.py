@@ -35,8 +35,9 @@ _FIRST_DAMPING, _DAMPINGS = 1e-3, 4
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """Points that a fit wants replayed, and how finely (None: as the evidence is)."""
+    """Points that a fit wants replayed by its evidence, and how finely (None: as that is)."""
 
+    evidence: Evidence
     points: list[ModelPoint]
     detail: Detail | None = None
 
@@ -51,6 +52,14 @@ class Problem:
     evidence: Evidence
     whitening: Whitening
     background: Array
+
+    def calibrated(self, point: ModelPoint) -> Problem:
+        """The same problem, whose coarser replays are right at `point`."""
+        return replace(self, evidence=self.evidence.calibrated(point))
+
+    def matching(self, point: ModelPoint, predicted: Array) -> Problem:
+        """The same problem, whose rough replays agree at `point` with `predicted`."""
+        return replace(self, evidence=self.evidence.matching(point, predicted))
 
     def white(self, predicted: Array) -> Array:
         """White residual of one prediction."""
@@ -88,7 +97,10 @@ class Problem:
 
 @dataclass(frozen=True)
 class Fitted:
-    """End of a fit: coordinates, prediction, white residual, white sensitivities A = d(pred)/dp."""
+    """End of a fit: coordinates, prediction, white residual, white sensitivities A = d(pred)/dp.
+
+    `problem` carries the correction of the coarse step that the fit was made with.
+    """
 
     problem: Problem
     space: Space
@@ -102,6 +114,10 @@ class Fitted:
     @property
     def point(self) -> ModelPoint:
         return self.space.point(self.p)
+
+    def recalibrated(self) -> Fitted:
+        """The same fit, whose coarser replays are right at its own point from now on."""
+        return replace(self, problem=self.problem.calibrated(self.point))
 
     def without(self, name: str) -> ModelPoint:
         """Its point, with one effect as it was in known-good runs, which is mostly absent."""
@@ -200,7 +216,9 @@ def sensitivities(
         return space.point(q)
 
     points = [beside(i, h) for i, h in zip(columns, wanted, strict=True)]
-    values = yield Ask(points if predicted is not None else [*points, space.point(p)], detail)
+    values = yield Ask(
+        problem.evidence, points if predicted is not None else [*points, space.point(p)], detail
+    )
     here = values[-1] if predicted is None else predicted
     values, signed = values[: len(points)], np.array(wanted)
     # A parameter may stand at the edge of what is physical: then its slope is that on the inside.
@@ -212,7 +230,7 @@ def sensitivities(
     ]
     if over:
         signed[over] *= -1.0
-        values[over] = yield Ask([beside(columns[k], signed[k]) for k in over], detail)
+        values[over] = yield Ask(ev, [beside(columns[k], signed[k]) for k in over], detail)
     diff = ev.change(values, here, detail) / signed[:, None]
     white = problem.whitening.white(np.ascontiguousarray(diff.T))
     return white.astype(np.float32)
@@ -297,7 +315,7 @@ class _Fit:
             self.A[:, : self.space.n_theta] = theta_A
 
     def _replay(self, detail: Detail | None) -> Generator[Ask, Array, None]:
-        self.predicted = (yield Ask([self.space.point(self.p)], detail))[0]
+        self.predicted = (yield Ask(self.problem.evidence, [self.space.point(self.p)], detail))[0]
         self.z = self.problem.white(self.predicted)
 
     def renew_own(self) -> Generator[Ask, Array, None]:
@@ -329,7 +347,7 @@ class _Fit:
             step = solve_box(damped, g, self.lo - p, self.hi - p)
             if not np.any(np.abs(step) > 1e-7):
                 break
-            trial = (yield Ask([space.point(p + step)], self.detail))[0]
+            trial = (yield Ask(problem.evidence, [space.point(p + step)], self.detail))[0]
             z = problem.white(trial)
             value = objective(problem, space, p + step, z, heat)
             if self.follow and teaches(problem, step, trial, self.detail):
@@ -387,16 +405,16 @@ def teaches(problem: Problem, step: Array, trial: Array, detail: Detail | None) 
     return telling and not problem.evidence.fails(trial, detail)
 
 
-def drive(evidence: Evidence, fits: Sequence[FitSteps]) -> list[Fitted]:
+def drive(fits: Sequence[FitSteps]) -> list[Fitted]:
     """Runs fits in step and returns their ends, in order."""
     done: list[Fitted | None] = [None] * len(fits)
     asks: dict[int, Ask] = {i: next(fit) for i, fit in enumerate(fits)}
     while asks:
         following = {}
-        for detail in sorted({a.detail for a in asks.values()}, key=str):
-            order = [i for i in sorted(asks) if asks[i].detail is detail]
+        for order in _together(asks):
+            first = asks[order[0]]
             points = [point for i in order for point in asks[i].points]
-            values = evidence.predict(points, detail=detail)
+            values = first.evidence.predict(points, detail=first.detail)
             at = 0
             for i in order:
                 mine = values[at : at + len(asks[i].points)]
@@ -407,3 +425,11 @@ def drive(evidence: Evidence, fits: Sequence[FitSteps]) -> list[Fitted]:
                     done[i] = end.value
         asks = following
     return [fit for fit in done if fit is not None]
+
+
+def _together(asks: Mapping[int, Ask]) -> list[list[int]]:
+    """Which fits ask the same evidence for replays of the same detail, in a fixed order."""
+    groups: dict[tuple[str, int], list[int]] = {}
+    for i in sorted(asks):
+        groups.setdefault((str(asks[i].detail), id(asks[i].evidence)), []).append(i)
+    return sorted(groups.values(), key=lambda order: (str(asks[order[0]].detail), order))

@@ -26,12 +26,12 @@ def refit(
     `fixed` are effects that belong to the model, `squares` asks for plain least squares, `tie`
     holds the parameters near the centre (see `Space`).
 
-    Afterwards the evidence is calibrated for its coarse step, and the fit is finished with that.
+    The fit is finished with the coarse step calibrated near where it ends.
     """
     space = Space(tuple(parameters), (), centre, fixed or {}, tie)
     iterations = problem.evidence.settings.refit_iterations
     begin = space.start()
-    problem.evidence.calibrate(space.point(begin))
+    problem = problem.calibrated(space.point(begin))
     steps = fitting(
         problem,
         space,
@@ -42,11 +42,10 @@ def refit(
         squares=squares,
         rough=True,
     )
-    fit = drive(problem.evidence, [steps])[0]
-    problem.evidence.calibrate(fit.point)
+    fit = drive([steps])[0].recalibrated()
     if not squares:
         return polished(fit, tolerance=_TOLERANCE)
     again = fitting(
-        problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=_TOLERANCE, squares=True
+        fit.problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=_TOLERANCE, squares=True
     )
-    return drive(problem.evidence, [again])[0]
+    return drive([again])[0]

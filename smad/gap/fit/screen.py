@@ -115,8 +115,7 @@ def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
     base = fit.point
     everything = [p for e in effects for p in probes_of(e, base.effects.get(e.name))]
     points = [ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything]
-    ev = fit.problem.evidence
-    ev.match_rough(base, fit.predicted)
+    ev = fit.problem.evidence.matching(base, fit.predicted)
     S = np.zeros((ev.n, len(points)), dtype=np.float32)
     for a, b in pairwise([*range(0, len(points), _BATCH), len(points)]):
         values = ev.predict(points[a:b], detail=Detail.ROUGH)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from smad.gap.data.replay import Detail, Evidence, Segment
 from smad.gap.data.views import local_views, open_views, shared_views
 from smad.gap.errors import RunRefused
 from smad.gap.fit.baseline import as_fixed, learn_baseline, unbound, with_laws
+from smad.gap.fit.coarse import coarse_replays_serve
 from smad.gap.fit.discrepancy import Background, fed_noise, learn_background
 from smad.gap.fit.judge import Judged, excess_of, judge, predict_by_run
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
@@ -27,6 +28,7 @@ from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 
 _NULL_DRAWS = 60
+_TOLD_ROWS = 400
 
 
 @dataclass(frozen=True)
@@ -65,11 +67,6 @@ class Prepared:
         held = () if self.hold is None else self.hold.evidence.segments
         return {s.key: s for s in (*held, *self.problem.evidence.segments)}
 
-    def recalibrate(self) -> None:
-        """Makes the evidence what it was when the parameters had been tied."""
-        if self.tied is not None:
-            self.problem.evidence.calibrate(self.tied.point)
-
     def null(self, probes: Probes) -> Array:
         """Largest gain of the screening on data without any effect."""
         if self.background is None:
@@ -100,17 +97,20 @@ def prepare(
         )
     progress("noise floor")
     floors = estimate_floors([*runs, *hold_out, *good], plant, settings)
+    first = _beginning(runs[0], settings)
+    fast = coarse_replays_serve(Evidence(plant, [first], views, settings, executor), floors)
+    if not fast:
+        progress("replaying at the plant's own step")
 
     def evidence(chosen: Sequence[GapRun]) -> Evidence:
-        return Evidence(plant, chosen, views, settings, executor)
+        return Evidence(plant, chosen, views, settings, executor, fast=fast)
 
     background = None
     if good:
         progress(f"fitting {len(good)} known-good runs")
         background = _background_of(evidence(good), floors, progress)
-    ev = evidence(runs)
-    lost = _keys(local_views(plant)) - _keys(views)
-    ev.missing += [f"{key}: not every group of runs can be judged by it" for key in sorted(lost)]
+    lost = sorted(_keys(local_views(plant)) - _keys(views))
+    ev = Evidence(plant, runs, views, settings, executor, fast=fast, not_shared=lost)
     hold = evidence(hold_out) if hold_out else None
     refitting = f"refitting {len(plant.parameters)} parameters"
     if background is None:
@@ -167,7 +167,7 @@ def _from_nominal(
     held = None if hold is None else _weighed(hold, noise, None)
     start = nominal_point(ev.plant)
     fit = refit(problem, ev.plant.parameters, start.theta)
-    return _Refitted(start, problem, held, fit, None, judge([fit], held)[0])
+    return _Refitted(start, fit.problem, held, fit, None, judge([fit], held)[0])
 
 
 def _from_good(ev: Evidence, hold: Evidence | None, background: Background) -> _Refitted:
@@ -177,8 +177,10 @@ def _from_good(ev: Evidence, hold: Evidence | None, background: Background) -> _
     start = background.fit.point
     tie = _tie(background, ev.settings)
     tied = refit(problem, ev.plant.parameters, start.theta, start.effects, tie=tie)
-    fit, free = _unbound(tied, held)
-    return _Refitted(start, problem, held, fit, tied, free)
+    fit = unbound(tied)
+    free = judge([fit], held)[0]
+    tied = tied.recalibrated()
+    return _Refitted(start, tied.problem, held, as_fixed(fit), tied, free)
 
 
 def _weighed(
@@ -200,6 +202,11 @@ def known_good(
     return _background_of(ev, floors, lambda text: None)
 
 
+def _beginning(run: GapRun, settings: Settings) -> GapRun:
+    """As much of a run as tells whether coarser replays serve."""
+    return run.part(0, int(np.searchsorted(run.t_s - run.t_s[0], _TOLD_ROWS * settings.period_s)))
+
+
 def _keys(views: Sequence[View]) -> set[str]:
     return {o.key for v in views for o in v.outputs}
 
@@ -219,7 +226,7 @@ def _background_of(
     plain = Problem(ev, Whitening(ev, base), np.zeros(ev.n))
     rough = with_laws(plain, parameters, effects)
     noise = learn_background(rough, base, templates=False).noise
-    weighed = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
+    weighed = replace(rough.problem, whitening=Whitening(ev, noise))
     steps = fitting(
         weighed,
         rough.space,
@@ -228,20 +235,9 @@ def _background_of(
         refresh_theta=True,
         steady=True,
     )
-    fit = drive(ev, [steps])[0]
+    fit = drive([steps])[0]
     fit = learn_baseline(fit, effects, progress)
     return learn_background(fit, base)
-
-
-def _unbound(tied: Fitted, hold: Problem | None) -> tuple[Fitted, Judged]:
-    """The refit with parameters and laws free, and its judgement.
-
-    It is calibrated and judged where it ends; afterwards the evidence is as the tied fit left it.
-    """
-    fit = unbound(tied)
-    judged = judge([fit], hold)[0]
-    tied.problem.evidence.calibrate(tied.point)
-    return as_fixed(fit), judged
 
 
 def _tie(background: Background, settings: Settings) -> Array:
@@ -260,7 +256,7 @@ def _plain(fit: Fitted) -> Fitted:
     """The refit by plain least squares, every cell at its full weight."""
     problem = _Plain(fit.problem.evidence, fit.problem.whitening, fit.problem.background)
     steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3, tolerance=2.0)
-    end = drive(fit.problem.evidence, [steps])[0]
+    end = drive([steps])[0]
     return Fitted(
         fit.problem,
         end.space,

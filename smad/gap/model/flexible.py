@@ -17,8 +17,10 @@ from smad.gap.data.replay import Evidence
 from smad.gap.plant import Array
 
 _KNOTS = (0.05, 0.25, 0.5, 0.75, 0.95)
-_MEMORY_S = (1.5, 6.0)
+_MEMORY = (15, 60)
+"""Rows over which a feature is remembered: a fifth of its correlation time, and nearly all."""
 _RIDGES = (3.0, 30.0, 300.0, 3000.0)
+_STRETCHES = 5
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,9 @@ def _columns(evidence: Evidence, run: int, side: str) -> dict[str, Array]:
     for name, column in evidence.plant.features(evidence.runs[run], side).items():
         binned = grid.mean(np.nan_to_num(column))
         out[name] = binned
-        for memory in _MEMORY_S:
-            keep = float(np.exp(-evidence.settings.period_s / memory))
-            out[f"{name}~{memory:g}s"] = lfilter(
+        for memory in _MEMORY:
+            keep = float(np.exp(-1.0 / memory))
+            out[f"{name}~{memory}"] = lfilter(
                 [1 - keep], [1.0, -keep], binned, zi=np.array([keep * binned[0]])
             )[0]
     return out
@@ -87,7 +89,7 @@ def _columns(evidence: Evidence, run: int, side: str) -> dict[str, Array]:
 @dataclass(frozen=True)
 class Correction:
     """A correction of one output. `explained` is the share of the residual power it explains in
-    runs left out, before the ridge of the best of several is refitted to all."""
+    folds left out, before the ridge of the best of several is refitted to all."""
 
     basis: Basis
     side: str
@@ -144,23 +146,23 @@ class Designs:
 def fit_correction(
     made: Designs, residual: Array, scale: Array, key: str
 ) -> tuple[Correction, Array]:
-    """Correction of one output, and its prediction for each run with that run left out (rows).
+    """Correction of one output, and its prediction of each fold without that fold (rows).
 
-    `residual` and `scale` are rows of the runs that `made` is of. With a single run nothing can be
-    left out and the prediction is 0.
+    `residual` and `scale` are rows of the runs that `made` is of. A fold is a run; where there is
+    one run only, one of five stretches of it.
     """
     evidence = made.evidence
     segments = evidence.rows_of(key)
     side = segments[0].side
-    basis = made.bases[side]
-    designs = [made.matrices[s.run, side] for s in segments]
-    normals = [
-        _normal(d, residual[s.rows], evidence.valid[s.rows] / np.square(scale[s.rows]))
-        for d, s in zip(designs, segments, strict=True)
+    folds = [
+        (slice(s.start + a, s.start + b), made.matrices[s.run, side][a:b])
+        for s in segments
+        for a, b in _stretches(s.stop - s.start, alone=len(segments) == 1)
     ]
-    out = np.zeros(evidence.n)
-    if len(segments) < 2:
-        return Correction(basis, side, _solve(normals, _RIDGES[-1]), 0.0), out
+    normals = [
+        _normal(design, residual[rows], evidence.valid[rows] / np.square(scale[rows]))
+        for rows, design in folds
+    ]
     power = sum(n.power for n in normals)
     best_ridge, best_loss = _RIDGES[-1], np.inf
     for ridge in _RIDGES:
@@ -170,8 +172,14 @@ def fit_correction(
             loss += own.power - 2 * float(w @ own.moment) + float(w @ own.gram @ w)
         if loss < best_loss:
             best_ridge, best_loss = ridge, loss
-    for i, (seg, design) in enumerate(zip(segments, designs, strict=True)):
+    out = np.zeros(evidence.n)
+    for i, (rows, design) in enumerate(folds):
         w = _solve([n for j, n in enumerate(normals) if j != i], best_ridge)
-        out[seg.rows] = design @ w
+        out[rows] = design @ w
     explained = 1.0 - best_loss / power if power > 0 else 0.0
-    return Correction(basis, side, _solve(normals, best_ridge), explained), out
+    return Correction(made.bases[side], side, _solve(normals, best_ridge), explained), out
+
+
+def _stretches(length: int, *, alone: bool) -> list[tuple[int, int]]:
+    edges = np.linspace(0, length, _STRETCHES + 1 if alone else 2).astype(int).tolist()
+    return list(pairwise(edges))

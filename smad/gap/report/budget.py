@@ -17,10 +17,6 @@ from smad.gap.plant import Array, ModelPoint, units
 from smad.gap.records import Budget, BudgetRow, RunGap
 from smad.gap.report.summary import waterfall
 
-_CLEAR = 2.0
-"""Standard errors by which parameters must improve a held-out score to be needed."""
-_DOMINATES = 0.5
-
 
 @dataclass(frozen=True)
 class Way:
@@ -54,7 +50,8 @@ def way(prepared: Prepared, chain: Sequence[Candidate], refit: Judged) -> Way:
     held = own[:, :0] if hold is None else hold.evidence.predict(points, detail=Detail.FINE)
     plain = Judged(problem, hold, own[-1], held[-1])
     gain, error = cluster_gain(problem, hold, last.judged.scores() - plain.scores())
-    if gain > _CLEAR * error and plain.excess() > prepared.threshold:
+    clear = prepared.settings.free_standard_errors * error
+    if gain > clear and plain.excess() > prepared.threshold:
         steps = [c.judged.predicted for c in chain]
         return Way(causes, True, [prepared.raw.predicted, refit.predicted, *steps])
     steps = list(own if hold is None else held)
@@ -82,7 +79,7 @@ def budget_of(prepared: Prepared, way: Way, refit: Judged, *, named: bool) -> Bu
     carried = np.array([r.refit**2 for r in runs])
     share = float(carried.max() / carried.sum()) if carried.sum() > 0.0 else 0.0
     # Of two runs one always has half.
-    dominates = len(runs) > 1 and share > max(_DOMINATES, 1.8 / len(runs))
+    dominates = len(runs) > 1 and share > max(prepared.settings.dominating_share, 1.8 / len(runs))
     return Budget(
         causes=list(way.causes),
         named=named,

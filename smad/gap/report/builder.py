@@ -20,6 +20,7 @@ from smad.gap.compare.tracks import Track
 from smad.gap.compare.verdict import Evidenced, decide, stands_out
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.admission import Admission, Finding
+from smad.gap.data.replay import Detail
 from smad.gap.fit.candidate import Candidate, differing
 from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
 from smad.gap.fit.judge import excess_by_key, predict_by_run
@@ -64,6 +65,11 @@ LIMITS = (
     "have been calibrated on simulated plants, not on a bench; without, on nothing.",
     "A refit can imitate an effect: the masked share of each candidate says how much of it these "
     "runs cannot show.",
+)
+
+_OWN_STEP = (
+    "longer steps change what the plant's parameters and effects do: every replay was made at its "
+    "own step, which takes longer"
 )
 
 SINGLE = (
@@ -120,10 +126,17 @@ class Shell:
             verdict=verdict,
             runs=run_records(self.roles),
             findings=[FindingRecord(f.run, f.kind, f.text, f.refuses) for f in self.findings],
-            limits=list(LIMITS if self.unseen else (*LIMITS, SINGLE)),
+            limits=self._limits(),
             seconds=time.perf_counter() - self.began,
             **(empty | {"model": {}} | parts),  # type: ignore[arg-type]
         )
+
+    def _limits(self) -> list[str]:
+        times = (
+            f"Samples were averaged over {self.settings.period_s:g} s, and runs judged in blocks "
+            f"of {self.settings.block_s:g} s: what is quicker than the former is not seen."
+        )
+        return [*LIMITS, times, *([] if self.unseen else [SINGLE])]
 
     def refused(self, what: str, admission: Admission) -> Diagnosis:
         """No run of those `what` could be used: the verdict names why, and nothing else."""
@@ -200,6 +213,9 @@ class Closing:
         shell = self.shell
         if text := disagreement(best.fit):
             finding = Finding("all runs", "runs disagree", text, refuses=False)
+            shell = dataclasses.replace(shell, findings=[*shell.findings, finding])
+        if prepared.problem.evidence.detail is Detail.FINE:
+            finding = Finding("all runs", "own step", _OWN_STEP, refuses=False)
             shell = dataclasses.replace(shell, findings=[*shell.findings, finding])
         numbers = weigh(prepared, self.track)
         outcome, p = decide(numbers, settings)
@@ -287,8 +303,8 @@ class Closing:
             return self.selection.base
         best = self.selection.best
         # What coarser replays cost was learnt where the effect was not.
-        best.fit.problem.evidence.calibrate(best.fit.point)
-        return dataclasses.replace(best, joint=JointFit(polished(best.fit), best.joint.rivals))
+        end = polished(best.fit.recalibrated())
+        return dataclasses.replace(best, joint=JointFit(end, best.joint.rivals))
 
     def _model(self, outcome: Outcome, final: Candidate, took: Way) -> tuple[ModelPoint, str]:
         """The model to apply, and a sentence that says all it holds.

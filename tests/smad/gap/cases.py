@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from typing import Any
 
 from smad.gap import Diagnosis, Settings, diagnose
 from smad.gap.plant import Effect
@@ -43,11 +44,23 @@ def without(*names: str) -> HeaterPlant:
     return HeaterPlant(tuple(e for e in EFFECTS if e.name not in names))
 
 
-def ask_alike(more: Sequence[GapRun] = ()) -> Diagnosis:
+class WithoutExperiments:
+    """The tiny plant, as somebody may bring one who has no catalogue."""
+
+    def __init__(self) -> None:
+        whole = HeaterPlant()
+        for member in (
+            "name", "version", "inputs", "channels", "parameters", "effects", "views", "simulate",
+            "regimes", "features",
+        ):  # fmt: skip
+            setattr(self, member, getattr(whole, member))
+
+
+def ask_alike(more: Sequence[GapRun] = (), plant: Any = None) -> Diagnosis:
     """A dial with play, in slow ramps that turn once: there a late one looks the same."""
     slow = [recorded("still", s, OTHER, ALIKE, duration_s=24.0) for s in (1, 2, 3)]
     names = ["backlash", "dial_delay"]
-    return diagnose([*slow, *more], plant=HeaterPlant(), settings=QUICK, candidates=names)
+    return diagnose([*slow, *more], plant=plant or HeaterPlant(), settings=QUICK, candidates=names)
 
 
 def ask(

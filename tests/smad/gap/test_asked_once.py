@@ -59,7 +59,6 @@ def test_two_causes_are_found_alike_by_one_that_forgets(monkeypatch: pytest.Monk
     monkeypatch.setattr(select, "joint_fits", refits)
 
     def answer(kind: type[Selector]) -> Selection:
-        prepared.recalibrate()
         return kind(refit, None, EFFECTS, prepared.null, is_new=is_new).run()
 
     remembered = answer(Selector)

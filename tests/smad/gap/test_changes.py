@@ -181,7 +181,7 @@ def test_a_tie_holds_parameters_that_the_runs_alone_would_move() -> None:
 
     def moved(tie: np.ndarray | None) -> float:
         space = Space(theta, (), NOMINAL, {}, tie)
-        fit = drive(problem.evidence, [fitting(problem, space, space.start(), iterations=6)])[0]
+        fit = drive([fitting(problem, space, space.start(), iterations=6)])[0]
         return float(np.max(np.abs(fit.p)))
 
     assert moved(None) > 0.5

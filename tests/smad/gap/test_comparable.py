@@ -54,7 +54,7 @@ def test_what_the_parameters_had_left_undone_is_no_effects_gain(
     ended = quiet.tied
     aside = ended.p + np.where(np.arange(ended.space.size) < 3, 0.6, 0.0)
     half = fitting(quiet.problem, ended.space, aside, theta_A=ended.A, iterations=-3)
-    refit = drive(quiet.problem.evidence, [half])[0]
+    refit = drive([half])[0]
     assert refit.objective > ended.objective + 50.0
 
     def answer() -> Selection:
@@ -73,7 +73,7 @@ def _bench_fit() -> Fitted:
     noise = {k: OutputNoise(0.05) for k in ev.keys}
     problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
     space = Space(tuple(plant.parameters[:2]))
-    return drive(ev, [fitting(problem, space, space.start(), iterations=1)])[0]
+    return drive([fitting(problem, space, space.start(), iterations=1)])[0]
 
 
 def test_what_a_coarse_step_costs_a_model_is_learnt_at_that_model() -> None:
@@ -112,11 +112,8 @@ def test_a_descent_from_far_comes_to_where_a_fit_from_near_comes(prepared: Prepa
     problem = prepared.problem
     space = Space(tuple(HeaterPlant().parameters))
     far = other_starts(space, space.start(), 1, seed=3)[0]
-    near = drive(
-        problem.evidence,
-        [fitting(problem, space, space.start(), refresh_theta=True, squares=True)],
-    )[0]
-    (end,) = drive(problem.evidence, [descent(problem, space, far, rounds=6)])
+    near = drive([fitting(problem, space, space.start(), refresh_theta=True, squares=True)])[0]
+    (end,) = drive([descent(problem, space, far, rounds=6)])
     assert problem.misfit(end.z) <= 1.02 * problem.misfit(near.z)
     lo, hi = space.bounds()
     assert np.all(end.p >= lo)

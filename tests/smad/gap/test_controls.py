@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smad.gap.data.admission import admit
 from smad.gap.records import Outcome
 from smad.gap.runs import GapRun
-from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
+from tests.smad.gap.cases import OTHER, QUICK, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import HeaterPlant, recorded
 
 
@@ -50,6 +51,19 @@ def test_shuffled_inputs_are_named_as_not_driving_the_outputs() -> None:
     diagnosis = ask(runs)
     assert diagnosis.verdict.outcome is Outcome.REFUSED
     assert "inputs do not drive the outputs" in kinds(diagnosis)
+
+
+def test_a_run_of_which_some_channels_follow_the_inputs_is_admitted_with_a_warning() -> None:
+    """Something that the model lacks may drive the others, and may be the very cause."""
+    other = recorded("random", 2, OTHER)
+    odd = {k: other.outputs[k] for k in ("temp_l_degC", "temp_r_degC", "rod_um")}
+    runs = [recorded("random", seed, OTHER).with_columns(outputs=odd) for seed in (1, 3)]
+    for run in runs:
+        kept = admit([run], HeaterPlant(), QUICK)
+        assert kept.refused == []
+        (text,) = [f.text for f in kept.findings if f.kind == "channels do not follow"]
+        assert text.startswith("temp_l_degC, temp_r_degC, rod_um move otherwise")
+        assert "while power_l_W, power_r_W follow" in text
 
 
 def test_a_constant_channel_is_named_and_taken_out() -> None:

@@ -51,6 +51,12 @@ def test_beside_tied_parameters_a_cause_takes_most_of_a_large_gap(
     assert p_unknown(named(worth(8.0, 0.7), tied=False), SETTINGS) == 0.0
 
 
+def test_a_cause_that_helps_on_its_own_signals_only_while_the_whole_gap_stays_is_unknown() -> None:
+    own = replace(named(worth(8.0, 0.9), tied=False), whole=worth(8.0, 0.08))
+    assert p_unknown(own, SETTINGS) == 1.0
+    assert p_unknown(replace(own, whole=worth(8.0, 0.15)), SETTINGS) == 0.0
+
+
 @pytest.mark.parametrize(("taken", "poor"), [(0.2, 1.0), (0.5, 0.0)])
 def test_a_cause_that_makes_good_much_of_what_the_runs_score_worse_is_known(
     taken: float, poor: float

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from smad.gap.data.guards import same_recording
+from smad.gap.data.guards import goes_further, same_recording
+from smad.gap.plant import ModelPoint
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.runs import GapRun
-from tests.smad.gap.cases import OTHER, ask
-from tests.smad.gap.heater_plant import recorded
+from tests.smad.gap.cases import OTHER, QUICK, ask
+from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, make_inputs, recorded, simulated
 
 
 def runs_of(*seeds: int) -> list[GapRun]:
@@ -73,3 +74,25 @@ def test_runs_of_two_benches_are_said_to_disagree() -> None:
     (text,) = said(ask([*here, *others]), "runs disagree")
     assert "two benches" in text
     assert said(ask(here), "runs disagree") == []
+
+
+def gently(seed: int) -> GapRun:
+    """A known-good run with a third of the usual power."""
+    plant, inputs = HeaterPlant(), make_inputs("random", 40.0, seed)
+    point = ModelPoint(NOMINAL, {})
+    return simulated(plant, f"gentle {seed}", {k: v / 3 for k, v in inputs.items()}, point)
+
+
+def test_runs_that_drive_the_bench_further_than_the_known_good_ones_are_told_so() -> None:
+    roles = {"fit": runs_of(1, 2), "hold-out": [], "good": [gently(3), gently(4)]}
+    (finding,) = goes_further(roles, HeaterPlant(), QUICK)
+    assert "power_l_W" in finding.text
+    assert "give known-good runs that go as far" in finding.text
+    assert goes_further({**roles, "good": runs_of(1, 2)}, HeaterPlant(), QUICK) == []
+    assert goes_further({**roles, "good": []}, HeaterPlant(), QUICK) == []
+
+
+def test_an_effect_does_not_count_as_excitation() -> None:
+    strong = [recorded("random", 1, OTHER, {"driver_gain": {"g": 0.2}}, duration_s=20.0)]
+    good = [recorded("random", 1, OTHER, duration_s=20.0)]
+    assert goes_further({"fit": strong, "hold-out": [], "good": good}, HeaterPlant(), QUICK) == []

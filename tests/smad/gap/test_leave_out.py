@@ -32,7 +32,7 @@ def problem_of(runs: list[GapRun], settings: Settings | None = None) -> Problem:
 def fitted(problem: Problem) -> Fitted:
     start = SPACE.start()
     steps = fitting(problem, SPACE, start, iterations=12, refresh_theta=True, tolerance=1e-3)
-    return drive(problem.evidence, [steps])[0]
+    return drive([steps])[0]
 
 
 @pytest.fixture(scope="module")

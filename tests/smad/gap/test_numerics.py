@@ -41,7 +41,7 @@ def test_a_fit_ends_where_scipys_least_squares_ends() -> None:
     noise = {k: OutputNoise(0.5) for k in ev.keys}
     problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
     space = Space(PARAMETERS)
-    ours = drive(ev, [fitting(problem, space, space.start(), iterations=12, refresh_theta=True)])[0]
+    ours = drive([fitting(problem, space, space.start(), iterations=12, refresh_theta=True)])[0]
 
     def residual(p):  # type: ignore[no-untyped-def]
         return np.r_[problem.white(ev.predict([space.point(p)])[0]), p]
@@ -160,6 +160,18 @@ def test_a_flexible_correction_predicts_runs_it_was_not_fitted_to() -> None:
     rows = np.concatenate([np.arange(s.start, s.stop) for s in ev.rows_of(key)])
     warm = np.maximum(ev.measured[rows] - 22.0, 0.0)
     residual[rows] += 0.02 * warm**1.3
+    correction, left_out = fit_correction(made, residual, scale, key)
+    assert correction.explained > 0.8
+    assert np.std(residual[rows] - left_out[rows]) < 0.4 * np.std(residual[rows])
+
+
+def test_a_flexible_correction_of_one_run_predicts_stretches_that_it_was_not_fitted_to() -> None:
+    ev = Evidence(HeaterPlant(), [recorded("sines", 1, duration_s=200.0)],
+                  local_views(HeaterPlant()), Settings())  # fmt: skip
+    residual, key = ev.residual(ev.predict([ModelPoint(NOMINAL)])[0]), "thermal:l"
+    made, scale, (rows,) = Designs.of(ev), np.ones(ev.n), [s.rows for s in ev.rows_of(key)]
+    assert fit_correction(made, residual, scale, key)[0].explained < 0.05
+    residual[rows] += 0.02 * np.maximum(ev.measured[rows] - 22.0, 0.0) ** 1.3
     correction, left_out = fit_correction(made, residual, scale, key)
     assert correction.explained > 0.8
     assert np.std(residual[rows] - left_out[rows]) < 0.4 * np.std(residual[rows])

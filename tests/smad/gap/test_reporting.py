@@ -14,13 +14,13 @@ from sim_device.plant import load_parameters
 from smad.gap.apply import apply, model_point
 from smad.gap.compare.assess import counted_share
 from smad.gap.compare.nextexp import Trial, enough, propose
-from smad.gap.errors import PlantMismatch, RunRefused
+from smad.gap.errors import GapError, PlantMismatch, RunRefused
 from smad.gap.fit.candidate import Candidate
 from smad.gap.fit.joint import JointFit
 from smad.gap.fit.judge import Judged
 from smad.gap.fit.lsq import Fitted
 from smad.gap.model.space import Space
-from smad.gap.plant import Array, ModelPoint
+from smad.gap.plant import Array, ModelPoint, performed
 from smad.gap.records import Diagnosis, ExperimentRecord, Outcome
 from smad.gap.report import page_of, summary_lines
 from smad.gap.report.words import next_sentence
@@ -28,7 +28,7 @@ from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from smad.gap.verify import verified
 from smad.report.page import render
-from tests.smad.gap.cases import ALIKE, OTHER, ask, ask_alike, bank
+from tests.smad.gap.cases import ALIKE, OTHER, WithoutExperiments, ask, ask_alike, bank
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
 
 EFFECT = {"coupling": {"g_W_K": 0.12}}
@@ -264,3 +264,11 @@ def test_a_model_of_another_parameter_file_is_not_loaded(tmp_path: Path) -> None
     assert plant.load_model(tmp_path / "model.toml").theta
     with pytest.raises(PlantMismatch, match="work_share differs"):
         SmaPlant().load_model(tmp_path / "model.toml")
+
+
+def test_a_plant_without_experiments_is_diagnosed_and_none_is_proposed() -> None:
+    found = ask_alike(plant=WithoutExperiments())
+    assert found.verdict.outcome is Outcome.AMBIGUOUS
+    assert found.experiments == []
+    with pytest.raises(GapError, match="performs no experiments"):
+        performed(WithoutExperiments(), "one side", ModelPoint({}), 0)  # type: ignore[arg-type]

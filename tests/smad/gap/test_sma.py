@@ -159,14 +159,13 @@ def test_each_effect_is_recovered_from_runs_made_with_it(name: str) -> None:
     floors = estimate_floors(runs, plant, settings)
     ev = Evidence(plant, runs, local_views(plant), settings)
     nominal = ModelPoint({p.name: p.nominal for p in plant.parameters})
-    ev.calibrate(nominal)
+    ev = ev.calibrated(nominal)
     noise = fed_noise(ev, floors, nominal, 0)
     problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
     space = Space((), (effect,))
     start = space.start({name: effect.at(0.25)})
-    end = drive(ev, [fitting(problem, space, start, iterations=12)])[0]
-    ev.calibrate(end.point)
-    end = drive(ev, [fitting(problem, space, end.p, iterations=6)])[0]
+    end = drive([fitting(problem, space, start, iterations=12)])[0]
+    end = drive([fitting(end.recalibrated().problem, space, end.p, iterations=6)])[0]
     truth = effect.at(0.7)
     reached = {
         q.name: abs(end.point.effects[name][q.name] - truth[q.name]) / abs(q.typical)
@@ -191,10 +190,10 @@ def test_the_share_of_each_side_is_found(name: str) -> None:
     floors = estimate_floors(runs, PLANT, settings)
     ev = Evidence(PLANT, runs, local_views(PLANT), settings)
     nominal = ModelPoint({p.name: p.nominal for p in PLANT.parameters})
-    ev.calibrate(nominal)
+    ev = ev.calibrated(nominal)
     problem = Problem(ev, Whitening(ev, fed_noise(ev, floors, nominal, 0)), np.zeros(ev.n))
     space = Space((), (effect,))
-    end = drive(ev, [fitting(problem, space, space.start({name: effect.at(0.5)}), iterations=12)])
+    end = drive([fitting(problem, space, space.start({name: effect.at(0.5)}), iterations=12)])
     found = end[0].point.effects[name]
     assert found["y_share"] == pytest.approx(0.75, abs=0.1)
     for q in effect.parameters:

@@ -8,7 +8,7 @@ from smad.gap import diagnose
 from smad.gap.errors import PlantMismatch
 from smad.gap.records import NAMED, Diagnosis, Outcome
 from tests.smad.gap.cases import FAR_OFF, OTHER, QUICK, SHOWN, ask, bank, without
-from tests.smad.gap.heater_plant import HeaterPlant
+from tests.smad.gap.heater_plant import HeaterPlant, recorded
 
 
 def test_the_simulator_against_itself_has_no_gap() -> None:
@@ -142,6 +142,13 @@ def test_a_single_run_is_said_to_be_judged_where_it_was_fitted() -> None:
     assert found.judged_on == "the run it was fitted to"
     assert "On the run it was fitted to, the gap falls" in found.verdict.text
     assert any("single run" in limit for limit in found.limits)
+
+
+def test_a_single_run_shows_a_rest_that_no_entry_takes_and_names_no_entry_for_it() -> None:
+    wax = recorded("sines", 1, OTHER, {"melt": {"J_K": 140.0}}, duration_s=200.0)
+    verdict = ask([wax]).verdict
+    assert verdict.outcome is Outcome.UNKNOWN, verdict.text
+    assert verdict.ceiling > 0.1
 
 
 @pytest.mark.parametrize("role", ["good", "hold_out"])

@@ -1,0 +1,91 @@
+"""What is replayed depends on the points and the evidence asked, not on what was asked before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smad.gap import Settings
+from smad.gap.data.replay import Detail, Evidence
+from smad.gap.data.views import local_views
+from smad.gap.fit.lsq import Problem, drive, fitting
+from smad.gap.model.space import Space
+from smad.gap.model.whiten import OutputNoise, Whitening
+from smad.gap.plant import Array, ModelPoint
+from smad.gap.runs import GapRun
+from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
+from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
+
+HERE, THERE = ModelPoint(NOMINAL), ModelPoint({**NOMINAL, **OTHER})
+
+
+class Coarse(HeaterPlant):
+    """A plant whose quick replays are off by an amount that depends on where they are made."""
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        exact = super().simulate(point, run, views, fast=fast)
+        return {k: v + 0.1 * point.theta["c_J_K"] * fast for k, v in exact.items()}
+
+
+@pytest.fixture(scope="module")
+def evidence() -> Evidence:
+    plant = Coarse()
+    runs = [recorded("random", seed, OTHER, duration_s=20.0) for seed in (1, 2)]
+    return Evidence(plant, runs, local_views(plant), Settings())
+
+
+def test_calibrated_evidence_replays_its_own_point_as_in_full_detail(evidence: Evidence) -> None:
+    fine = evidence.predict([HERE], detail=Detail.FINE)
+    assert not np.allclose(evidence.predict([HERE]), fine)
+    there = evidence.calibrated(HERE)
+    assert np.allclose(there.predict([HERE]), fine)
+    assert np.allclose(there.predict([HERE], detail=Detail.ROUGH), fine)
+
+
+def test_making_evidence_with_another_correction_changes_nothing_of_the_first(
+    evidence: Evidence,
+) -> None:
+    points = [HERE, THERE]
+    before = evidence.predict(points)
+    one = evidence.calibrated(HERE)
+    first = one.predict(points)
+    other = one.calibrated(THERE).matching(HERE, first[0] + 1.0)
+    assert not np.allclose(other.predict(points), first)
+    assert np.array_equal(one.predict(points), first)
+    assert np.array_equal(evidence.predict(points), before)
+
+
+def test_fits_with_corrections_of_their_own_may_go_side_by_side(evidence: Evidence) -> None:
+    noise = {k: OutputNoise(0.1) for k in evidence.keys}
+    plain = Problem(evidence, Whitening(evidence, noise), np.zeros(evidence.n))
+    problems = [plain.calibrated(HERE), plain.calibrated(THERE)]
+    space = Space(tuple(HeaterPlant().parameters))
+    alone = [drive([fitting(p, space, space.start(), iterations=2)])[0] for p in problems]
+    together = drive([fitting(p, space, space.start(), iterations=2) for p in problems])
+    for a, b in zip(alone, together, strict=True):
+        assert np.array_equal(a.p, b.p)
+        assert a.problem is b.problem
+    assert not np.array_equal(alone[0].p, alone[1].p)
+
+
+class OnlyFine(HeaterPlant):
+    """A plant whose quick replays know no play in the dial, as long steps may not."""
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        effects = {k: v for k, v in point.effects.items() if not fast or k != "backlash"}
+        return super().simulate(replace(point, effects=effects), run, views, fast=fast)
+
+
+def test_a_plant_that_is_right_at_its_own_step_only_is_replayed_at_it_and_that_is_said() -> None:
+    runs = bank(OTHER, {"backlash": SHOWN["backlash"]})
+    found = ask(runs, OnlyFine())
+    assert found.verdict.effects == ["backlash"]
+    assert [f.kind for f in found.findings if f.run == "all runs"] == ["own step"]
+    assert not any(f.kind == "own step" for f in ask(runs).findings)
