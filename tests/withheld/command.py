@@ -119,6 +119,19 @@ def _calibrate(options: argparse.Namespace) -> None:
     calibrate(Path(options.bank), Path(options.key), out, benches)
 
 
+def _tables(options: argparse.Namespace) -> None:
+    from tests.withheld.tables import make
+
+    make(Path(options.bank), Path(options.out), cases=_cases(options), compare=not options.alone)
+
+
+def _calibrate_rule(options: argparse.Namespace) -> None:
+    from tests.withheld.rule import calibrate
+
+    out = Path(options.out) if options.out else None
+    calibrate(Path(options.tables), Path(options.key), out, cases=options.cases)
+
+
 def _curves(options: argparse.Namespace) -> None:
     from tests.withheld.curves import report
 
@@ -194,6 +207,18 @@ def _arguments() -> argparse.ArgumentParser:
     fitted.add_argument("--out", help="write them to this TOML")
     fitted.add_argument("--benches", default="", help="only these, separated by commas")
     fitted.set_defaults(run=_calibrate)
+    tables = commands.add_parser("tables", help="score tables of a development bank")
+    tables.add_argument("bank", help="a development bank of `make`")
+    tables.add_argument("--out", required=True, help="folder for a file of each case")
+    tables.add_argument("--cases", default="", help="only these, as case-001,case-007")
+    tables.add_argument("--alone", action="store_true", help="without the rule in force beside it")
+    tables.set_defaults(run=_tables)
+    ruled = commands.add_parser("calibrate-rule", help="constants of the rule from score tables")
+    ruled.add_argument("tables", help="what `tables` wrote")
+    ruled.add_argument("key", help="the folder of the bank's key")
+    ruled.add_argument("--out", help="write them to this TOML")
+    ruled.add_argument("--cases", action="store_true", help="tell what is said of every case")
+    ruled.set_defaults(run=_calibrate_rule)
     curves = commands.add_parser("curves", help="scores of check-ups over strength")
     curves.add_argument("verdicts", help="what `check-up` wrote")
     curves.add_argument("key", help="the folder of the bank's key")

@@ -50,20 +50,31 @@ class Flexible:
 
     def rows(self, judged: Judged) -> Array:
         """Residual of `judged.bench` after a correction of every output, judged held out."""
-        problem, bench = judged.problem, judged.bench
+        return self.residuals(judged)[-1]
+
+    def residuals(self, judged: Judged) -> list[Array]:
+        """Residuals after a correction of every output, none fitted to the run that it corrects.
+
+        Of the runs to fit, and of those held out if there are any.
+        """
+        problem, hold = judged.problem, judged.hold
         ev = problem.evidence
         residual = ev.residual(judged.left_out + problem.background)
-        rows = bench.evidence.residual(judged.predicted + bench.background)
+        own = residual.copy()
+        rest = None if hold is None else hold.evidence.residual(judged.held + hold.background)
         for key in ev.keys:
             correction, left_out = fit_correction(self.made, residual, problem.whitening.s, key)
             if correction.explained <= 0.0:
                 continue
-            if judged.hold is None:
-                rows = rows - left_out
+            own -= left_out
+            if hold is None or rest is None:
                 continue
-            for seg in bench.evidence.rows_of(key):
-                rows[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
-        return np.where(bench.evidence.valid, rows, 0.0)
+            for seg in hold.evidence.rows_of(key):
+                rest[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
+        own = np.where(ev.valid, own, 0.0)
+        if hold is None or rest is None:
+            return [own]
+        return [own, np.where(hold.evidence.valid, rest, 0.0)]
 
 
 def excess_draws(problem: Problem, squares: Array, keys: Sequence[str], weights: Array) -> Array:

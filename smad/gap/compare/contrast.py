@@ -19,12 +19,9 @@ def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: flo
     lacks, and what counts is what its value of today gains over theirs: more than `errors` standard
     errors of the held-out score.
     """
-    effect = candidate.fit.space.effects[-1]
-    known = _fitted_to(good, effect, candidate)
-    settings = good.problem.evidence.settings
-    if good.objective - known.objective < settings.asked_gain:
+    as_before = as_in_good_runs(good, candidate.fit)
+    if as_before is None:
         return True
-    as_before = _with_values(candidate.fit, effect, known)
     judged = judge([as_before], hold)[0]
     gain, error = cluster_gain(
         candidate.fit.problem, hold, candidate.judged.scores() - judged.scores()
@@ -32,9 +29,18 @@ def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: flo
     return gain > errors * error
 
 
-def _fitted_to(good: Fitted, effect: Effect, candidate: Candidate) -> Fitted:
+def as_in_good_runs(good: Fitted, fit: Fitted) -> Fitted | None:
+    """`fit` with its last effect as the good runs ask for it; None where they do not."""
+    effect = fit.space.effects[-1]
+    known = _fitted_to(good, effect, fit)
+    if good.objective - known.objective < good.problem.evidence.settings.asked_gain:
+        return None
+    return _with_values(fit, effect, known)
+
+
+def _fitted_to(good: Fitted, effect: Effect, fit: Fitted) -> Fitted:
     """The good runs' fit with the effect free and all else as it was."""
-    values = {effect.name: candidate.fit.point.effects[effect.name]}
+    values = {effect.name: fit.point.effects[effect.name]}
     space, p = good.beside((effect,), values)
     n = space.n_theta
     pinned = {i: float(p[i]) for i in range(n)}

@@ -113,7 +113,7 @@ class Selector:
             self._null = self._null_of(self._probes)
         ranked = screen(reprobe(self._probes, current.fit)) if self.effects else []
         count = self.settings.survivors if first_level else max(3, self.settings.survivors - 3)
-        survivors = _short_list(ranked, count, self.unscreened)
+        survivors = short_list(ranked, count, self.unscreened)
         self.progress(f"fitting {len(survivors)} candidates")
         starts = []
         for s in survivors:
@@ -258,7 +258,7 @@ def _best_first(c: Candidate) -> tuple[float, tuple[str, ...]]:
     return -c.gain, c.names
 
 
-def _short_list(
+def short_list(
     ranked: Sequence[Screened], count: int, unscreened: Collection[str] = ()
 ) -> list[Screened]:
     """The best overall, the best of every sub-model that gains anything, and the `unscreened`."""

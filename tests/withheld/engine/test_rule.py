@@ -1,0 +1,127 @@
+"""The one rule on score tables whose every number is made up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.withheld.engine.rule import Constants, decide, is_steady
+from tests.withheld.engine.table import Kind, Row, ScoreTable
+
+RULE = Constants(0.5, 0.1, 0.2, 0.2, temper=2.0, form=0.2, odds=3.0, significance=0.05)
+RUNS, BLOCKS, OUTPUTS, SIZE, DOF = 4, 10, 3, 50, 10.0
+CELLS = RUNS * BLOCKS * OUTPUTS
+
+
+def row(
+    kind: Kind, names: str = "", misfit: float = 1.0, parent: int = 0, changes: float = 0.0
+) -> Row:
+    """A hypothesis that leaves `misfit` floors in every cell; `names` apart by spaces."""
+    q = np.full(CELLS, SIZE * misfit**2)
+    return Row(kind, tuple(names.split()), q, np.full(CELLS, changes**2), parent)
+
+
+def table(*rows: Row) -> ScoreTable:
+    """Hypotheses of one bench; the first is the model as it was."""
+    run, block, output = (a.ravel() for a in np.indices((RUNS, BLOCKS, OUTPUTS)))
+    keys = tuple(f"output {k}" for k in output.tolist())
+    return ScoreTable(rows, np.full(CELLS, float(SIZE)), run, block, keys, DOF)
+
+
+QUIET = row(Kind.NOTHING, parent=-1)
+WRONG = row(Kind.NOTHING, misfit=3.0, parent=-1)
+
+
+def test_a_model_that_nothing_betters_has_no_gap() -> None:
+    said = decide(table(QUIET, row(Kind.PARAMETERS), row(Kind.KNOWN, "x"), row(Kind.UNKNOWN)), RULE)
+    assert said.kind is Kind.NOTHING
+    assert said.names == ()
+    assert said.probability > 0.4
+
+
+def test_the_entry_that_takes_the_gap_is_named() -> None:
+    rivals = [row(Kind.PARAMETERS, misfit=2.5), row(Kind.UNKNOWN, misfit=2.0)]
+    said = decide(table(WRONG, *rivals, row(Kind.KNOWN, "x"), row(Kind.KNOWN, "y", 2.5)), RULE)
+    assert (said.kind, said.names, said.group, said.rest) == (Kind.KNOWN, ("x",), (), False)
+    assert said.probability > 0.8
+
+
+@pytest.mark.parametrize("kind", [Kind.PARAMETERS, Kind.UNKNOWN])
+def test_what_takes_the_gap_alone_is_the_answer(kind: Kind) -> None:
+    said = decide(table(WRONG, row(kind), row(Kind.KNOWN, "x", 2.6)), RULE)
+    assert said.kind is kind
+    assert said.names == ()
+
+
+def test_two_entries_that_do_as_well_are_a_group_and_so_are_parameters() -> None:
+    two = [row(Kind.KNOWN, "x"), row(Kind.KNOWN, "y", 1.02)]
+    assert decide(table(WRONG, row(Kind.UNKNOWN, misfit=2.9), *two), RULE).group == ("y",)
+    said = decide(table(WRONG, row(Kind.PARAMETERS, misfit=1.02), two[0]), RULE)
+    assert (said.names, said.group) == (("x",), ("parameters",))
+
+
+def further(misfit: float, changes: float) -> ScoreTable:
+    first = row(Kind.KNOWN, "x", 1.5, changes=changes)
+    return table(WRONG, first, row(Kind.KNOWN, "x y", misfit, parent=1))
+
+
+def test_a_further_entry_must_gain_where_the_first_is_not_uncertain() -> None:
+    assert decide(further(0.3, changes=0.0), RULE).names == ("x", "y")
+    assert decide(further(0.3, changes=40.0), RULE).names == ("x",)
+
+
+def test_a_further_entry_that_gains_a_little_of_much_is_not_named() -> None:
+    assert decide(further(1.45, changes=0.0), RULE).names == ("x",)
+
+
+def test_what_a_flexible_correction_takes_beside_a_name_is_a_rest_and_not_another_name() -> None:
+    first = row(Kind.KNOWN, "x", 2.0)
+    alone = row(Kind.UNKNOWN, misfit=2.9)
+    said = decide(table(WRONG, alone, first, row(Kind.UNKNOWN, "x", 0.3, parent=2)), RULE)
+    assert (said.names, said.rest) == (("x",), True)
+
+
+def test_an_entry_that_gains_in_one_run_and_loses_in_the_others_is_not_named() -> None:
+    one = row(Kind.KNOWN, "x", 1.3)
+    one.q[: CELLS // RUNS] = SIZE * 0.1
+    quiet = table(QUIET, one)
+    assert decide(quiet, RULE).kind is Kind.NOTHING
+
+
+def test_an_entry_as_it_was_in_known_good_runs_is_nothing_new() -> None:
+    before = row(Kind.NOTHING, "x", parent=-1)
+    said = decide(table(WRONG, row(Kind.KNOWN, "x"), before), RULE)
+    assert said.kind is Kind.NOTHING
+
+
+def test_cells_without_a_sample_count_for_nothing() -> None:
+    full = table(WRONG, row(Kind.KNOWN, "x"))
+    size = full.size.copy()
+    size[::3] = 0.0
+    part = ScoreTable(full.rows, size, full.run, full.block, full.output, full.dof)
+    assert np.all(part.scores(0.0)[:, ::3] == 0.0)
+    assert decide(part, RULE).names == ("x",)
+
+
+def test_the_same_table_gets_the_same_answer() -> None:
+    one = table(WRONG, row(Kind.KNOWN, "x"), row(Kind.KNOWN, "y", 1.1))
+    assert decide(one, RULE) == decide(one, RULE)
+
+
+def test_cells_of_twice_the_length_hold_the_same_residuals() -> None:
+    one = table(WRONG, row(Kind.KNOWN, "x", 1.2, changes=2.0))
+    two = one.doubled()
+    assert two.cells == one.cells // 2
+    assert np.all(two.size == 2 * SIZE)
+    assert sorted(set(two.output)) == sorted(set(one.output))
+    for before, after in zip(one.rows, two.rows, strict=True):
+        assert after.q.sum() == pytest.approx(before.q.sum())
+        assert after.unsure.max() == pytest.approx(before.unsure.max())
+
+
+def test_a_verdict_that_hangs_on_the_length_of_cells_is_told_from_one_that_does_not() -> None:
+    assert is_steady(table(WRONG, row(Kind.KNOWN, "x")), RULE)
+    every_other = row(Kind.KNOWN, "x", 3.0)
+    every_other.q[:] = np.where(np.indices((RUNS, BLOCKS, OUTPUTS))[1].ravel() % 2, 0.001, 1.0)
+    every_other.q[:] *= SIZE * 60.0
+    assert not is_steady(table(WRONG, every_other), RULE)
