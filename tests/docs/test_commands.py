@@ -21,6 +21,7 @@ REASONS = {
     "sets up this very environment": "it is what made the environment the tests run in",
     "needs root": "changes the machine: systemd, udev, priorities of the kernel",
     "takes long": "a campaign with a command of its own; a small one runs in its own tests",
+    "two programs side by side": "tests/hil/test_real_port.py starts both",
     "another program": "PlotJuggler, MATLAB and the like are not here",
     "runs until ctrl-C": "it is started, used and ended in tests/smad/view",
     "needs runs of a bench": "the same questions are asked of made runs in tests/smad/gap",

@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from tests.smad.gap.test_rule import QUIET, WRONG, row, table
 from tests.withheld import rule, tables
 from tests.withheld.engine.rule import Weighed
 from tests.withheld.engine.table import Kind, Row
+from tests.withheld.engine.test_rule import QUIET, WRONG, row, table
 from tests.withheld.rule import FIRST, Known, fitted, left_out, mark, reliability_lines
 
 TOLD = {
