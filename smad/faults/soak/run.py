@@ -47,6 +47,7 @@ SPEED = 50.0
 """Board time over wall time at most; the daemon's answers usually take longer."""
 
 BAUD = 921_600
+_AWAY = ("disconnected", "sync")
 _TURN_S = 0.002
 _IN_FLIGHT = 200
 _COMMAND_EVERY_S = 0.7
@@ -243,6 +244,8 @@ class Soak:
             self.found.telemetry_read += 1
 
     def _look(self) -> None:
+        # What is held while the port is away is no measure of growth.
+        self._wait(lambda status: status["link"]["state"] not in _AWAY)
         self.found.usage.append(usage_of(self._places.daemon.process.pid, self.found.board_s))
         self._say(f"{self._stage.name}: {self.found.board_s:.0f} s")
 
