@@ -144,15 +144,7 @@ class DisplacementMode:
         if hold.quiet:
             if not was_quiet:
                 self._pi.preset(self._u_A, followed_m)
-            if not hold.drifted:
-                self._pi.integral *= math.exp(-dt_s / self._ease_s)
-            if hold.gave_way:
-                self._gave_way_A = self._u_A
-            if hold.came_back:
-                # Too much now, too little then: what holds lies between.
-                excess_A = self._u_A - self._gave_way_A
-                if excess_A * self._direction.sign > 0.0:
-                    self._pi.integral -= 0.5 * excess_A
+            self._find_what_holds(dt_s)
         push_A = 0.0
         forced = self._direction.sign if hold.locked else 0
         if self._anticipate:
@@ -166,6 +158,19 @@ class DisplacementMode:
         direction = self._direction.step(u_A, dt_s, forced)
         hold.pulls(direction)
         return self._split(u_A, direction, dt_s, forced != 0)
+
+    def _find_what_holds(self, dt_s: float) -> None:
+        """Lead the integral of a quiet hold to the current between too little and too much."""
+        hold, pi = self._hold, self._pi
+        if not hold.drifted:
+            pi.integral *= math.exp(-dt_s / self._ease_s)
+        if hold.gave_way:
+            self._gave_way_A = self._u_A
+        if hold.came_back:
+            # Too much now, too little then: what holds lies between.
+            excess_A = self._u_A - self._gave_way_A
+            if excess_A * self._direction.sign > 0.0:
+                pi.integral -= 0.5 * excess_A
 
     def _split(self, u_A: float, direction: int, dt_s: float, sudden: bool) -> Demand:
         """Current for the spring that pulls, water for the other."""
