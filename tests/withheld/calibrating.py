@@ -91,6 +91,11 @@ def _toml(constants: Constants, bank: str, cases: int) -> str:
         "# Written by `python -m tests.withheld calibrate`"
         f" from {cases} check-ups of the bank {bank}.\n"
     )
+    return toml_of(head, constants)
+
+
+def toml_of(head: str, constants: msgspec.Struct) -> str:
+    """Constants as a TOML below a comment."""
     values = ((n, getattr(constants, n)) for n in constants.__struct_fields__)
     return head + "".join(f"{name} = {float(value)}\n" for name, value in values)
 

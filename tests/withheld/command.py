@@ -1,14 +1,20 @@
 """The command line of the withheld check; every error ends in one sentence, not a traceback."""
 
+from __future__ import annotations
+
 import argparse
 import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tests.withheld import bank, playing, quiz
 from tests.withheld.errors import WithheldError
 from tests.withheld.follow import follow
+
+if TYPE_CHECKING:
+    _Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def _make(options: argparse.Namespace) -> None:
@@ -151,6 +157,12 @@ def _reveal(options: argparse.Namespace) -> None:
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.withheld", description=__doc__)
     commands = parser.add_subparsers(required=True)
+    for add in (_any_runs, _check_ups, _rule_on_trial, _mysteries):
+        add(commands)
+    return parser
+
+
+def _any_runs(commands: _Commands) -> None:
     make = commands.add_parser("make", help="make a bank of recorded runs with a sealed key")
     make.add_argument("bank", choices=("dev", "sealed", "mini"))
     make.add_argument("--cases", type=int, help="about so many cases, in the same mixture")
@@ -192,6 +204,9 @@ def _arguments() -> argparse.ArgumentParser:
     again.add_argument("case")
     again.add_argument("program", help="CSV of what to do, see docs/withheld.md")
     again.set_defaults(run=_follow)
+
+
+def _check_ups(commands: _Commands) -> None:
     play = commands.add_parser("play", help="a bank of check-ups: a programme, good and now")
     play.add_argument("bank", help="the folder to make; its key goes beside it")
     play.add_argument("--programme", required=True, help="folder of the programme's files")
@@ -207,18 +222,6 @@ def _arguments() -> argparse.ArgumentParser:
     fitted.add_argument("--out", help="write them to this TOML")
     fitted.add_argument("--benches", default="", help="only these, separated by commas")
     fitted.set_defaults(run=_calibrate)
-    tables = commands.add_parser("tables", help="score tables of a development bank")
-    tables.add_argument("bank", help="a development bank of `make`")
-    tables.add_argument("--out", required=True, help="folder for a file of each case")
-    tables.add_argument("--cases", default="", help="only these, as case-001,case-007")
-    tables.add_argument("--alone", action="store_true", help="without the rule in force beside it")
-    tables.set_defaults(run=_tables)
-    ruled = commands.add_parser("calibrate-rule", help="constants of the rule from score tables")
-    ruled.add_argument("tables", help="what `tables` wrote")
-    ruled.add_argument("key", help="the folder of the bank's key")
-    ruled.add_argument("--out", help="write them to this TOML")
-    ruled.add_argument("--cases", action="store_true", help="tell what is said of every case")
-    ruled.set_defaults(run=_calibrate_rule)
     curves = commands.add_parser("curves", help="scores of check-ups over strength")
     curves.add_argument("verdicts", help="what `check-up` wrote")
     curves.add_argument("key", help="the folder of the bank's key")
@@ -231,6 +234,24 @@ def _arguments() -> argparse.ArgumentParser:
     judged.add_argument("--benches", default="", help="only these, as bench-1,bench-4")
     judged.add_argument("--repeats", type=int, help="only so many of the good repeats")
     judged.set_defaults(run=_check_up)
+
+
+def _rule_on_trial(commands: _Commands) -> None:
+    tables = commands.add_parser("tables", help="score tables of a development bank")
+    tables.add_argument("bank", help="a development bank of `make`")
+    tables.add_argument("--out", required=True, help="folder for a file of each case")
+    tables.add_argument("--cases", default="", help="only these, as case-001,case-007")
+    tables.add_argument("--alone", action="store_true", help="without the rule in force beside it")
+    tables.set_defaults(run=_tables)
+    ruled = commands.add_parser("calibrate-rule", help="constants of the rule from score tables")
+    ruled.add_argument("tables", help="what `tables` wrote")
+    ruled.add_argument("key", help="the folder of the bank's key")
+    ruled.add_argument("--out", help="write them to this TOML")
+    ruled.add_argument("--cases", action="store_true", help="tell what is said of every case")
+    ruled.set_defaults(run=_calibrate_rule)
+
+
+def _mysteries(commands: _Commands) -> None:
     mystery = commands.add_parser("mystery", help="a bench on a pty with a hidden effect")
     mystery.add_argument("seed", type=int)
     mystery.add_argument("--good", action="store_true", help="the same bench before the trouble")
@@ -240,7 +261,6 @@ def _arguments() -> argparse.ArgumentParser:
     reveal = commands.add_parser("reveal", help="open the answer of the last mystery")
     reveal.add_argument("--note", default=str(quiz.NOTE))
     reveal.set_defaults(run=_reveal)
-    return parser
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -4,7 +4,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,9 @@ import msgspec
 import numpy as np
 
 from smad.gap.check.names import canonical
+from smad.gap.paired.calibrate import LEAST_PROBABILITY, measured, reliability_table
 from smad.gap.sma import SmaPlant
+from tests.withheld.calibrating import toml_of
 from tests.withheld.engine.rule import Constants, Ruling, Weighed, ruled, shares_of
 from tests.withheld.engine.table import Kind
 from tests.withheld.tables import read
@@ -26,9 +28,7 @@ SHARES = tuple(
     for n, p, k in product((0.3, 0.5, 0.7, 0.85), (0.02, 0.05, 0.1, 0.2), (0.05, 0.1, 0.2, 0.3))
     if 1.0 - n - p - k > 0.01
 )
-LEAST = 1e-3
 FIRST = Constants(0.5, 0.1, 0.2, 0.2, temper=2.0, form=0.2, odds=3.0, significance=0.05)
-_BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
 _QUIET = {"none": Kind.NOTHING, "parameters": Kind.PARAMETERS, "unknown": Kind.UNKNOWN}
 
 
@@ -118,12 +118,11 @@ def mark(
         return "right"
     if said is Kind.UNKNOWN:
         return "unknown" if kind is Kind.KNOWN else "false alarm"
-    quiet = (Kind.NOTHING, Kind.PARAMETERS)
-    return "right" if kind in quiet and kind is said else "silent"
+    return "silent"
 
 
 def _log(p: float) -> float:
-    return float(np.log(max(p, LEAST)))
+    return float(np.log(max(p, LEAST_PROBABILITY)))
 
 
 def left_out(cases: Sequence[Known], folds: int = 6) -> list[tuple[Known, Constants]]:
@@ -146,22 +145,7 @@ def reliability_lines(title: str, judged: Sequence[tuple[Known, Constants]]) -> 
         for answer, p in shares.items():
             given.append(p)
             right.append(float(answer == (case.kind, case.names)))
-    p, r = np.array(given), np.array(right)
-    lines, error, said = [], 0.0, 0
-    for low, high in pairwise(_BINS):
-        inside = (p >= low) & ((p < high) | (high == 1.0))
-        if not inside.any():
-            continue
-        mean, share, count = float(p[inside].mean()), float(r[inside].mean()), int(inside.sum())
-        lines.append(f"  {low:.2f} to {high:.2f}  {count:>7}  {mean:.2f}  {share:.2f}")
-        if low >= _BINS[1]:
-            error, said = error + count * abs(mean - share), said + count
-    log_score = float(np.mean([_log(t) for t in truths]))
-    head = (
-        f"{title}: mean probability of the truth {np.mean(truths):.2f}, mean logarithm of it "
-        f"{log_score:.2f}, calibration error {error / max(said, 1):.2f}"
-    )
-    return [head, "  probability    answers  mean  right", *lines]
+    return reliability_table(f"{title}: ", measured(given, right, truths))
 
 
 def _before(case: Known) -> tuple[Kind, list[str], list[str]]:
@@ -223,11 +207,6 @@ def calibrate(tables: Path, key: Path, out: Path | None, *, cases: bool = False)
     for name in after.__struct_fields__:
         print(f"  {name:<14} {getattr(FIRST, name):>7g} -> {getattr(after, name):g}")
     if out is not None:
-        out.write_text(_toml(after, len(known)))
+        head = f"# Written by `python -m tests.withheld calibrate-rule` from {len(known)} cases.\n"
+        out.write_text(toml_of(head, after))
     return after
-
-
-def _toml(constants: Constants, cases: int) -> str:
-    head = f"# Written by `python -m tests.withheld calibrate-rule` from {cases} cases.\n"
-    values = ((n, getattr(constants, n)) for n in constants.__struct_fields__)
-    return head + "".join(f"{name} = {value:g}\n" for name, value in values)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.withheld import rule, tables
+from tests.withheld.calibrating import toml_of
 from tests.withheld.engine.rule import Weighed
 from tests.withheld.engine.table import Kind, Row
 from tests.withheld.engine.test_rule import QUIET, WRONG, row, table
@@ -91,5 +92,5 @@ def test_a_table_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 
 def test_the_file_of_constants_is_read_as_they_are() -> None:
-    text = rule._toml(FIRST, 3)
+    text = toml_of("# of three cases\n", FIRST)
     assert msgspec.toml.decode(text, type=rule.Constants) == FIRST

@@ -29,7 +29,7 @@ FORMS = (0.25, 0.4, 0.7)
 TEMPERS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 SHARES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.45)
 LEFT = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
-_LEAST_PROBABILITY = 1e-3
+LEAST_PROBABILITY = 1e-3
 _BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
 
 Say = Callable[[str], None]
@@ -165,7 +165,7 @@ def _log_probability(j: Judged, constants: Constants) -> float:
     if is_quiet(j.findings, constants):
         return float("nan")
     given = j.truth.probability(hypotheses(j.findings, constants))
-    return float(np.log(max(given, _LEAST_PROBABILITY)))
+    return float(np.log(max(given, LEAST_PROBABILITY)))
 
 
 def left_out(
@@ -195,6 +195,16 @@ def reliability_of(judged: Sequence[tuple[Judged, Constants]]) -> Reliability:
         truths.append(j.truth.probability(likely))
         given += [x.probability for x in likely]
         right += [float(j.truth.probability([_sure(x)]) > 0.0) for x in likely]
+    return measured(given, right, truths)
+
+
+def measured(
+    given: Sequence[float], right: Sequence[float], truths: Sequence[float]
+) -> Reliability:
+    """How well probabilities fit: those `given` to answers, each 1 in `right` if it was, else 0.
+
+    `truths` are what the truth was given, one for each question.
+    """
     p, r = np.array(given), np.array(right)
     rows = []
     for low, high in pairwise(_BINS):
@@ -206,7 +216,7 @@ def reliability_of(judged: Sequence[tuple[Judged, Constants]]) -> Reliability:
     said = [row for row in rows if row[0] >= _BINS[1]]
     weight = sum(row[2] for row in said)
     error = sum(row[2] * abs(row[3] - row[4]) for row in said) / max(weight, 1)
-    log_score = float(np.mean(np.log(np.maximum(shares, _LEAST_PROBABILITY))))
+    log_score = float(np.mean(np.log(np.maximum(shares, LEAST_PROBABILITY))))
     return Reliability(len(truths), log_score, float(shares.mean()), error, tuple(rows))
 
 
@@ -215,11 +225,15 @@ def _sure(x: Likely) -> Likely:
 
 
 def reliability_lines(title: str, found: Reliability) -> list[str]:
-    """A reliability as a table."""
+    """The reliability of check-ups as a table."""
+    return reliability_table(f"{title}: {found.count} called changed, ", found)
+
+
+def reliability_table(head: str, found: Reliability) -> list[str]:
+    """A reliability as a table; `head` begins its first line."""
     return [
-        f"{title}: {found.count} called changed, mean probability of the truth "
-        f"{found.on_truth:.2f}, mean logarithm of it {found.log_score:.2f}, calibration error "
-        f"{found.error:.2f}",
+        f"{head}mean probability of the truth {found.on_truth:.2f}, mean logarithm of it "
+        f"{found.log_score:.2f}, calibration error {found.error:.2f}",
         "  probability    answers  mean  right",
         *(
             f"  {low:.2f} to {high:.2f}  {count:>7}  {mean:.2f}  {share:.2f}"
