@@ -1,4 +1,4 @@
-"""What is generated in docs: methods of the clients, list of decisions, thresholds, scores.
+"""What is generated in docs: methods, configuration, channels, decisions, thresholds, scores.
 
 The reference is made from the types. `python -m smad.docs` writes what stands between
 `<!-- generated: NAME -->` and `<!-- end -->`; with `--check` it only says whether that is stale,
@@ -18,14 +18,18 @@ from msgspec import Struct
 from msgspec import inspect as types
 
 from smad import api
+from smad.config.template import markdown_tables
 from smad.control import commands
 from smad.gap.settings import shipped
+from smad.runlog.schema import markdown_table
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
 _SCORES = _DOCS / "withheld-results.md"
 PAGES = (
     _DOCS / "guide/clients.md",
+    _DOCS / "guide/configuration.md",
+    _DOCS / "guide/run-logs.md",
     _DECISIONS / "README.md",
     _DOCS / "diagnosis.md",
     _DOCS.parent / "README.md",
@@ -121,6 +125,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "replies": replies,
     "telemetry": telemetry,
     "reasons": reasons,
+    "configuration": markdown_tables,
+    "channels": markdown_table,
     "decisions": decisions,
     "trust": trust,
     "settings": settings,

@@ -1,7 +1,6 @@
 """The table of channels, and what is made from it."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -9,12 +8,10 @@ import pytest
 
 from smad.runlog.header import RunHeader, installed_versions
 from smad.runlog.pack import RecordPacker
-from smad.runlog.schema import CHANNELS, TOPICS, Event, LinkSample, Row, json_schema, markdown_table
+from smad.runlog.schema import CHANNELS, TOPICS, Event, LinkSample, Row, json_schema
 from smad.runlog.units import UNITS
 
 from .helpers import HEADER
-
-DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
 @pytest.mark.parametrize("channel", CHANNELS.values(), ids=lambda c: c.name)
@@ -24,10 +21,6 @@ def test_every_channel_has_a_description_a_source_and_its_unit_in_its_name(chann
     if channel.kind == "float" and channel.unit != "1":
         assert channel.unit in UNITS
         assert channel.name.endswith(f"_{channel.unit}")
-
-
-def test_the_guide_lists_the_channels_as_they_are() -> None:
-    assert markdown_table() in (DOCS / "guide/run-logs.md").read_text()
 
 
 PLAIN = {"boolean", "string", "number", "integer"}
