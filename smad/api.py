@@ -447,6 +447,11 @@ class Method(Struct, frozen=True):
         """First line of the documentation of the parameters."""
         return (self.params.__doc__ or "").strip().splitlines()[0]
 
+    @property
+    def logged(self) -> bool:
+        """Whether the run log has it: all but what only looks."""
+        return self.access != "watch" or self.params in (AddNote, TakeControl, ReleaseControl)
+
 
 METHODS: tuple[Method, ...] = (
     Method("status", GetStatus, Status, "watch"),

@@ -43,9 +43,6 @@ from smad.daemon.errors import Refusal
 from smad.daemon.means import Means
 from smad.daemon.telemetry.recorder import Recorder
 
-_LOGGED_BESIDES = (api.AddNote, api.TakeControl, api.ReleaseControl)
-"""Open to those who only watch, and yet worth a line in the run log."""
-
 _BEGIN_A_LOG = (api.Arm, api.StartRecording)
 """Told to the run log once it is open, which may be this command's doing."""
 
@@ -151,8 +148,7 @@ class Service:
             asked_in = self._stops.generation - 1 if before else generation
             self._stops.require(self._stops.generation if asked_in is None else asked_in)
         answer = self.methods[type(params)](params, caller)
-        logged = method.access != "watch" or type(params) in _LOGGED_BESIDES
-        if logged and type(params) not in _BEGIN_A_LOG:
+        if method.logged and type(params) not in _BEGIN_A_LOG:
             self._say("command", method.name, api.logged_details(params))
         return answer
 

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from smad.api import METHODS
 from smad.faults.caller import Acknowledged
 
 Rate = Literal[100, 500]
 Logged = tuple[str, dict[str, Any]]
 
-LOOKING = frozenset({"status", "motion", "config", "timing.reset", "params.list", "params.get"})
+LOOKING = frozenset(method.name for method in METHODS if not method.logged)
 """Methods that change nothing of the bench or its log."""
 
 
