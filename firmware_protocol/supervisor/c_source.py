@@ -245,6 +245,11 @@ def _stored_limits() -> list[tuple[str, object]]:
 
 
 def _record(name: str, members: Sequence[tuple[str, object]], spans: Mapping[str, Range]) -> str:
+    for member, _ in members:
+        if member not in spans:
+            raise TranslationError(
+                f"{member} of {name} has no range; add it to {name.upper()} in ranges.py"
+            )
     lines = []
     # The widest first, so that no chip leaves holes between them.
     order = ("int64_t", "int32_t", "uint32_t", "int16_t", "uint16_t", "int8_t", "uint8_t")

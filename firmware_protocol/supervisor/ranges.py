@@ -131,7 +131,7 @@ SATURATED: dict[str, str] = {
     "bad_samples": "compared with three at most",
     "off_fcC": "between the rail and the last reading that was believed",
     "low_fcC": "no spring is colder than absolute zero, and the loss goes to zero before",
-    "high_fcC": "as low_uK",
+    "high_fcC": "as low_fcC",
     "filter_share": _SHARE,
     "band_share": _SHARE,
     "lag_share": _SHARE,

@@ -12,8 +12,10 @@ from firmware_protocol.supervisor import (
     FAULT_TEXTS,
     LIMIT_ROWS,
     LimitError,
+    c_source,
     compiled_limits,
     explain,
+    ranges,
     soft_range,
     tighten,
 )
@@ -137,7 +139,6 @@ def test_a_damaged_marker_in_the_document_is_refused() -> None:
 
 
 def test_the_core_cannot_grow_out_of_what_c_can_do() -> None:
-    from firmware_protocol.supervisor import c_source
     from firmware_protocol.supervisor.translate import Translator
 
     from . import untranslatable
@@ -146,6 +147,12 @@ def test_the_core_cannot_grow_out_of_what_c_can_do() -> None:
     for function in untranslatable.FUNCTIONS:
         with pytest.raises(TranslationError, match="untranslatable, line"):
             translator.definition(function, public=False)
+
+
+def test_a_field_without_a_range_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(ranges.MEMORY, "started")
+    with pytest.raises(TranslationError, match="started of memory has no range"):
+        c_source.header()
 
 
 @pytest.mark.parametrize(
