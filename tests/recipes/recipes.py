@@ -263,6 +263,74 @@ TRAJECTORY = Recipe(
     ("tests/smad/control/test_trajectories.py", "tests/smad/cli/test_move.py"),
 )
 
+COMMAND = Recipe(
+    "command",
+    (
+        Insert(
+            "its parameters",
+            "smad/api.py",
+            '''class Greet(Params, frozen=True, kw_only=True):
+    """Nothing but an answer."""
+
+
+''',
+            before="class ResetTiming(",
+        ),
+        Insert(
+            "its row in METHODS",
+            "smad/api.py",
+            '    Method("greet", Greet, Motion, "watch"),\n',
+            before='    Method("timing.reset", ResetTiming',
+        ),
+        Insert(
+            "its row in the service",
+            "smad/daemon/command/service.py",
+            "            api.Greet: self.greet,\n",
+            before="            api.ResetTiming: self.reset_timing,\n",
+        ),
+        Insert(
+            "what the service does",
+            "smad/daemon/command/service.py",
+            '''    def greet(self, params: api.Greet, caller: Caller) -> api.Motion:
+        """Nothing but an answer."""
+        return self._status.motion()
+
+''',
+            before="    def reset_timing(self, params",
+        ),
+        Insert(
+            "the clients' method",
+            "smad/client/asynchronous.py",
+            '''    async def greet(self) -> api.Motion:
+        """Nothing but an answer."""
+        return await self._call(api.Greet(), api.Motion)
+
+''',
+            before="    async def reset_timing",
+        ),
+        Insert(
+            "its call in the clients' test",
+            "tests/smad/test_client.py",
+            "        client.greet,\n",
+            before="        lambda: client.move(Step(displacement_mm=1.0, duration_s=1.0)),\n",
+        ),
+        Insert(
+            "how often a soak draws it",
+            "smad/faults/soak/draws.py",
+            '    "greet": Drawn(0.2, lambda rng: api.Greet()),\n',
+            before='    "timing.reset": Drawn',
+        ),
+        Generate(),
+    ),
+    (
+        "tests/smad/daemon/test_service.py::"
+        "test_every_method_of_the_api_is_carried_out_by_the_service",
+        "tests/smad/test_client.py::test_there_is_a_client_method_for_every_method_of_the_api",
+        "tests/smad/faults/test_soak.py::"
+        "test_every_method_can_be_drawn_and_what_is_no_command_is_named",
+    ),
+)
+
 EXPERIMENT = Recipe(
     "experiment",
     (
@@ -394,4 +462,4 @@ EFFECT = Recipe(
     shows=("tests.recipes.effect_shows", "force_curve", "force_N"),
 )
 
-RECIPES = (REQUEST, NEWS, CHECK, TRAJECTORY, EXPERIMENT, EFFECT)
+RECIPES = (REQUEST, NEWS, CHECK, TRAJECTORY, COMMAND, EXPERIMENT, EFFECT)
