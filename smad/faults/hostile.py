@@ -225,6 +225,8 @@ def run_attacks(scale: Scale, say: Callable[[str], None]) -> list[Held]:
     Raises SmadError when it does not come up, or does not answer its rightful client any more.
     """
     with fort_of(scale) as fort:
+        # A log that arming begins would end by itself, soon after the last disarm.
+        fort.client.start_recording("hostile clients")
         fort.move()
         held = []
         for attack in ATTACKS:
