@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smad.gap.compare.places import Place, posterior
-from smad.gap.fit.candidate import Candidate, acceptable, asked_gain, cluster_gain, touched_outputs
+from smad.gap.fit.candidate import (
+    Candidate,
+    acceptable,
+    asked_gain,
+    cluster_gain,
+    ending_at_bound,
+    touched_outputs,
+)
 from smad.gap.fit.joint import JointFit, Start, joint_fits
 from smad.gap.fit.judge import Judged, judge, regime_gains, shrink
 from smad.gap.fit.lsq import Fitted, Problem
@@ -178,6 +185,10 @@ class Selector:
 
     def _enters(self, c: Candidate) -> bool:
         if not acceptable(c, self.settings, tied=self.tied):
+            return False
+        # What would have to be stronger than it can be is no further cause, and must not put an
+        # earlier one in doubt. Alone it is: its neighbours would be named for it.
+        if len(c.names) > 1 and c.names[-1] in ending_at_bound(c.fit):
             return False
         # However its gain is reckoned, its fit is judged as it was.
         known = self._news.get(id(c.fit))

@@ -19,6 +19,8 @@ from smad.gap.settings import Settings
 
 _MIN_REST_ROWS = 30
 _MIN_REST_RUN = 12
+_BANDS = 8
+"""Equal parts of a channel's spectrum."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,13 +70,39 @@ def rest_residuals(
 
 
 def _difference_sigma(runs: Sequence[GapRun], grids: Sequence[Grid], name: str) -> float:
+    """Noise of one channel where nothing rests: what is left of it that no motion explains."""
+    courses = [
+        g.mean(r.outputs[name])[max(_stretches(g.valid), key=lambda s: s.stop - s.start)]
+        for r, g in zip(runs, grids, strict=True)
+        if name in r.outputs and g.valid.any()
+    ]
+    sigma, (quiet, bins) = _third_differences(courses), _quietest_band(courses)
+    # What moves within a few rows is no smooth course. Noise is at most what the spectrum has
+    # where it has least; that this is less by chance is left out by four standard errors.
+    return quiet if quiet * np.sqrt(1.0 + 4.0 / np.sqrt(bins)) < sigma else sigma
+
+
+def _quietest_band(courses: Sequence[Array]) -> tuple[float, float]:
+    """Standard deviation of white noise as strong as the quietest band, and the band's bins."""
+    powers, bins = np.zeros(_BANDS), np.zeros(_BANDS)
+    for y in (y for y in courses if len(y) > 2 * _BANDS):
+        window = np.hanning(len(y))
+        level = y - np.linspace(y[0], y[-1], len(y))
+        power = np.square(np.abs(np.fft.rfft(window * level)[1:])) / np.sum(window**2)
+        for i, band in enumerate(np.array_split(power, _BANDS)):
+            powers[i] += float(np.sum(band))
+            bins[i] += len(band)
+    if not bins.any():
+        return float("inf"), 1.0
+    means = powers / bins
+    least = int(np.argmin(means))
+    return float(np.sqrt(means[least])), float(bins[least])
+
+
+def _third_differences(courses: Sequence[Array]) -> float:
     # Third differences remove any smooth course; their variance is 20 σ². The lower quartile of
     # |d| keeps the edges of the excitation out.
-    d = [
-        np.diff(g.mean(r.outputs[name]), 3)
-        for r, g in zip(runs, grids, strict=True)
-        if name in r.outputs
-    ]
+    d = [np.diff(y, 3) for y in courses]
     joined = np.abs(np.concatenate(d)) if d else np.zeros(1)
     return float(np.quantile(joined, 0.25) / 0.3186 / np.sqrt(20.0)) if len(joined) else 0.0
 

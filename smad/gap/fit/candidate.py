@@ -87,6 +87,20 @@ def held_cells(problem: Problem, hold: Problem | None) -> tuple[Index, Index]:
     return np.r_[a.cell_run, b.cell_run + len(a.runs)], np.r_[a.cell_block, b.cell_block]
 
 
+def ending_at_bound(fit: Fitted) -> list[str]:
+    """Effects whose strength ends at the upper bound of its range, or lower, if that is not 0.
+
+    A share of 1 is no bound of a range: there is no more than all.
+    """
+    flat = [(e, q) for e in fit.space.effects for q in e.parameters]
+    found = []
+    for i, (effect, q) in enumerate(flat, fit.space.n_theta):
+        all_of_it = q.unit == "1" and q.high == 1.0 and fit.space.value(i, fit.p[i]) > 0.5
+        if q.strength and fit.at_bound[i] and not all_of_it:
+            found.append(effect.name)
+    return list(dict.fromkeys(found))
+
+
 def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
     """Outputs that carry a good part of what an effect changes, in floors."""
     ev = after.bench.evidence

@@ -23,12 +23,14 @@ def suited(settings: Settings, runs: Sequence[GapRun], plant: PlantModel) -> Set
 
     The times are in the proportion that `settings` has them in. A row is a 70th of the usual
     correlation time of what is measured, rounded to 1 or 3 times a power of ten, so that it does
-    not change from one handful of runs to the next. Without a channel that moves nothing changes.
+    not change from one handful of runs to the next, and at least a sample. Without a channel that
+    moves nothing changes.
     """
     usual = correlation_time_s(runs, plant)
     if usual is None:
         return settings
-    factor = _rounded(usual / _ROWS) / settings.period_s
+    sample_s = float(np.median([r.dt_s for r in runs]))
+    factor = max(_rounded(usual / _ROWS), sample_s) / settings.period_s
     return replace(
         settings,
         period_s=settings.period_s * factor,

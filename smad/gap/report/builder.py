@@ -21,7 +21,7 @@ from smad.gap.compare.verdict import Evidenced, decide, stands_out
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.admission import Admission, Finding
 from smad.gap.data.replay import Detail
-from smad.gap.fit.candidate import Candidate, differing
+from smad.gap.fit.candidate import Candidate, differing, ending_at_bound
 from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
 from smad.gap.fit.judge import excess_by_key, predict_by_run
 from smad.gap.fit.stages import Prepared, open_loop
@@ -159,22 +159,6 @@ def _blank_verdict(outcome: Outcome, text: str) -> Verdict:
     )  # fmt: skip
 
 
-def _bounded(values: Sequence[ValueRecord], plant: PlantModel) -> list[str]:
-    """Effects whose strength ends at the upper bound of its range, or lower, if that is not 0.
-
-    A share of 1 is no bound of a range: there is no more than all.
-    """
-    strengths = {(e.name, q.name): q for e in plant.effects for q in e.parameters if q.strength}
-    found = []
-    for v in values:
-        q = strengths.get((v.effect, v.name))
-        all_of_it = q is not None and q.unit == "1" and q.high == 1.0 and v.value > 0.5
-        if q is None or not v.at_bound or all_of_it:
-            continue
-        found.append(v.effect)
-    return list(dict.fromkeys(found))
-
-
 @dataclasses.dataclass(frozen=True)
 class Place:
     """Where a gap lies, and the heat map of the refit that shows it."""
@@ -223,7 +207,7 @@ class Closing:
         self.progress("intervals")
         final = self._final(outcome in NAMED)
         values = self._values(final) if outcome in NAMED else []
-        bounded = _bounded(values, prepared.plant)
+        bounded = ending_at_bound(final.fit) if outcome in NAMED else []
         if bounded:
             outcome, p = Outcome.UNKNOWN, settings.unknown_right
             final, values = self._final(False), []

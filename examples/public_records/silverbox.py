@@ -1,0 +1,123 @@
+"""The Silverbox as a linear resonator, and eleven things that it may do beside.
+
+Published (Wigren and Schoukens, ECC 2013, equations 13 and 14): m·y″ + d·y′ + (a + b·y²)·y = u.
+The model given here has b = 0. In its units, x = y, w = y′/ω₀ and f = gain·u, all in volts:
+x′ = ω₀·w, w′ = ω₀·(f − x − 2ζ·w), to which each effect adds a term.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from smad.gap.plant import Channel, Effect, EffectParameter, Output, Parameter, Signal, View
+
+RATE_HZ = 1e7 / 2**14
+"""Samples a second (equation 12)."""
+_FINER = 8
+"""Input samples to a recorded one: two to a step of the solver, four steps to a sample."""
+
+
+def _effect(name: str, title: str, unit: str, typical: float, low: float, high: float) -> Effect:
+    return Effect(
+        name, title, "circuit", (EffectParameter("size", unit, typical, low, high),), ("output_V",)
+    )
+
+
+_EFFECTS = (
+    _effect("cubic_spring", "stiffness that grows with y²", "1/V²", 3.0, -20.0, 20.0),
+    _effect("quadratic_spring", "stiffness that grows with y", "1/V", 0.3, -3.0, 3.0),
+    _effect("fifth_order_spring", "stiffness that grows with y⁴", "1/V⁴", 50.0, -400.0, 400.0),
+    _effect("spring_play", "play before the spring acts", "V", 0.01, 0.0, 0.1),
+    _effect("soft_stop", "second spring from 0.1 V on", "1", 0.5, 0.0, 4.0),
+    _effect("coulomb_friction", "friction of constant size", "V", 0.005, 0.0, 0.05),
+    _effect("quadratic_damping", "damping with the square of the rate", "1/V", 0.5, 0.0, 5.0),
+    _effect("swing_damping", "damping that grows with y²", "1/V²", 1.0, -20.0, 20.0),
+    _effect("input_compression", "gain of the input that falls with u²", "1/V²", 5.0, -40.0, 40.0),
+    _effect("output_compression", "gain of the output that falls with y²", "1/V²", 1.0, -5.0, 5.0),
+    _effect("sensor_lag", "output measured late", "s", 3e-4, 0.0, 3e-3),
+)
+
+
+@dataclass(frozen=True)
+class Silverbox:
+    """Input and output in volts, sampled at 610.35 Hz, from rest to rest."""
+
+    name: str = "Silverbox"
+    version: str = "1"
+    inputs = (Signal("input_V", "V", -0.2, 0.2),)
+    channels = (Channel("output_V", "V", 1e-5, -0.5, 0.5, "circuit", 1e-3),)
+    parameters = (
+        Parameter("resonance_Hz", "Hz", 70.0, 50.0, 90.0, 5.0, "circuit"),
+        Parameter("damping_ratio", "1", 0.05, 0.01, 0.2, 0.02, "circuit"),
+        Parameter("gain", "V/V", 1.0, 0.3, 3.0, 0.3, "circuit"),
+        Parameter("input_zero_V", "V", 0.0, -0.02, 0.02, 5e-3, "circuit"),
+        Parameter("output_zero_V", "V", 0.0, -0.02, 0.02, 5e-3, "circuit"),
+    )
+    effects = _EFFECTS
+    views = (
+        View("open", "all", (Output("open:y", "output_V"),), open_loop=True),
+        View("circuit", "circuit", (Output("circuit:y", "output_V"),)),
+    )
+
+    def simulate(self, point, run, views, *, fast=False):
+        theta = np.array([point.theta.get(p.name, p.nominal) for p in self.parameters])
+        sizes = [point.effects.get(e.name, {}).get("size", 0.0) for e in self.effects]
+        # Nothing above a third of the rate was played, so that the input between its samples is
+        # known; runs begin and end at rest, which a Fourier series takes for granted.
+        spectrum = np.fft.rfft(run.inputs["input_V"])
+        finer = np.fft.irfft(spectrum, _FINER * len(run.t_s)) * _FINER
+        course = _replay(finer, 2.0 / (_FINER * RATE_HZ), theta, np.array(sizes))
+        return {f"{view}:y": course for view in views}
+
+    def regimes(self, run, side):
+        square = np.convolve(run.outputs["output_V"] ** 2, np.full(16, 1 / 16), "same")
+        large = square > 0.05**2
+        return {"rest": np.zeros(len(large), dtype=bool), "small": ~large, "large": large}
+
+    def features(self, run, side):
+        y = run.outputs["output_V"]
+        return {"input": run.inputs["input_V"], "output": y, "rate": np.gradient(y) * RATE_HZ}
+
+
+@numba.njit(nogil=True)
+def _rates(x, w, u, theta, sizes):
+    resonance, damping, gain, input_zero, _ = theta
+    cubic, quadratic, fifth, play, stop, friction, drag, swing, compression, _, _ = sizes
+    u -= input_zero
+    force = gain * u * (1.0 - compression * u * u)
+    spring = x if play == 0.0 else x - min(max(x, -play), play)
+    force -= spring * (1.0 + quadratic * x + cubic * x * x + fifth * x**4)
+    if abs(x) > 0.1:
+        force -= stop * (x - 0.1 * np.sign(x))
+    force -= w * (2.0 * damping + drag * abs(w) + swing * x * x)
+    if friction != 0.0:
+        force -= friction * np.tanh(w / 0.002)
+    omega = 2.0 * np.pi * resonance
+    return omega * w, omega * force
+
+
+@numba.njit(nogil=True)
+def _replay(finer, step_s, theta, sizes):
+    n = len(finer) // _FINER
+    course = np.empty(n)
+    x = w = shown = 0.0
+    lag_s, bend = sizes[-1], sizes[-2]
+    keep = 0.0 if lag_s == 0.0 else np.exp(-step_s / lag_s)
+    for k in range(n):
+        course[k] = shown * (1.0 - bend * shown * shown) + theta[4]
+        for i in range(k * _FINER, (k + 1) * _FINER, 2):
+            before, middle, after = finer[i], finer[i + 1], finer[(i + 2) % len(finer)]
+            a, b = _rates(x, w, before, theta, sizes)
+            half = step_s / 2
+            c, d = _rates(x + half * a, w + half * b, middle, theta, sizes)
+            e, f = _rates(x + half * c, w + half * d, middle, theta, sizes)
+            g, h = _rates(x + step_s * e, w + step_s * f, after, theta, sizes)
+            x += step_s / 6 * (a + 2 * c + 2 * e + g)
+            w += step_s / 6 * (b + 2 * d + 2 * f + h)
+            # A model that runs away must lose, and must not stop the fit.
+            x, w = min(max(x, -5.0), 5.0), min(max(w, -5.0), 5.0)
+            shown = keep * shown + (1.0 - keep) * x
+    return course

@@ -1,0 +1,125 @@
+"""Two cascaded tanks with free outlets, and twelve things that they may do beside.
+
+Published (Schoukens and Noël, IFAC 2017): x₁′ = −k₁·√x₁ + k₄·u, x₂′ = k₂·√x₁ − k₃·√x₂, y = x₂, and
+above its rim the upper tank spills, in part into the lower one. The model given has no rims.
+Levels are in volts of the sensor, which is not calibrated, and which ends at 10 V. The upper level
+is not measured; k₂ = k₁ sets its unit: what leaves the upper tank arrives in the lower.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from smad.gap.plant import Channel, Effect, EffectParameter, Output, Parameter, Signal, View
+
+STEP_S = 4.0
+END_V = 10.0
+_FINER = 8
+
+
+def _effect(name: str, title: str, unit: str, typical: float, high: float, *shapes) -> Effect:
+    size = EffectParameter("size", unit, typical, -high if "or" in title else 0.0, high)
+    return Effect(name, title, "tanks", (size, *shapes), ("level_V",))
+
+
+def _shape(name: str, unit: str, typical: float, low: float, high: float) -> EffectParameter:
+    return EffectParameter(name, unit, typical, low, high, strength=False)
+
+
+_EFFECTS = (
+    _effect("upper_overflow", "the upper tank spills over its rim", "1", 0.5, 1.0,
+            _shape("rim_V", "V", 15.0, 2.0, 40.0), _shape("to_lower", "1", 0.5, 0.0, 1.0)),
+    _effect("lower_overflow", "the lower tank spills over its rim", "1", 0.5, 1.0,
+            _shape("rim_V", "V", 10.0, 5.0, 20.0)),
+    _effect("upper_leak", "the upper tank leaks in proportion to its level", "1/s", 1e-3, 0.02),
+    _effect("lower_leak", "the lower tank leaks in proportion to its level", "1/s", 1e-3, 0.02),
+    _effect("upper_viscous", "outflow above with a higher or lower power than ½", "1", 0.1, 0.45),
+    _effect("lower_viscous", "outflow below with a higher or lower power than ½", "1", 0.1, 0.45),
+    _effect("pump_compression", "pump flow bends down or up with the voltage", "1/V", 0.03, 0.12),
+    _effect("pump_dead_zone", "no flow below a voltage", "V", 0.3, 2.0),
+    _effect("pump_lag", "the pump follows late", "s", 10.0, 120.0),
+    _effect("sensor_lag", "the level is shown late", "s", 10.0, 120.0),
+    _effect("sensor_bend", "the sensor's gain falls or rises with the level", "1/V", 0.02, 0.05),
+    _effect("splash", "a share of the inflow goes straight to the lower tank", "1", 0.1, 0.9),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Tanks:
+    """Pump voltage and the shown level of the lower tank, one sample every 4 s."""
+
+    name: str = "cascaded tanks"
+    version: str = "1"
+    inputs = (Signal("pump_V", "V", 0.0, 10.0),)
+    channels = (Channel("level_V", "V", 0.01, 0.0, 10.01, "tanks", 0.02),)
+    parameters = (
+        Parameter("upper_outlet", "√V/s", 0.05, 0.01, 0.2, 0.02, "tanks"),
+        Parameter("lower_outlet", "√V/s", 0.05, 0.01, 0.2, 0.02, "tanks"),
+        Parameter("pump", "1/s", 0.05, 0.01, 0.2, 0.02, "tanks"),
+        Parameter("upper_start_V", "V", 5.0, 0.5, 35.0, 5.0, "tanks"),
+        Parameter("lower_start_V", "V", 5.0, 3.0, 7.0, 0.5, "tanks"),
+        Parameter("sensor_zero_V", "V", 0.0, -3.0, 3.0, 1.0, "tanks"),
+    )
+    effects = _EFFECTS
+    views = (
+        View("open", "all", (Output("open:y", "level_V"),), open_loop=True),
+        View("tanks", "tanks", (Output("tanks:y", "level_V"),)),
+    )
+
+    def simulate(self, point, run, views, *, fast=False):
+        theta = np.array([point.theta.get(p.name, p.nominal) for p in self.parameters])
+        values = [
+            point.effects.get(e.name, {}).get(p.name, 0.0 if p.strength else p.typical)
+            for e in self.effects
+            for p in e.parameters
+        ]
+        course = _replay(run.inputs["pump_V"], STEP_S / _FINER, theta, np.array(values))
+        return {f"{view}:y": course for view in views}
+
+    def regimes(self, run, side):
+        level, flow = run.outputs["level_V"], run.inputs["pump_V"]
+        rising = np.gradient(level) > 0
+        return {
+            "rest": np.zeros(len(level), dtype=bool),
+            "rising": rising,
+            "falling": ~rising,
+            "much water": flow > 3.0,
+        }
+
+    def features(self, run, side):
+        return {"pump": run.inputs["pump_V"], "level": run.outputs["level_V"]}
+
+
+@numba.njit(nogil=True)
+def _replay(pump, step_s, theta, values):
+    k_upper, k_lower, k_pump, upper, lower, zero = theta
+    upper_spill, upper_rim, to_lower, lower_spill, lower_rim = values[:5]
+    upper_leak, lower_leak, upper_power, lower_power = values[5:9]
+    compression, dead_zone, pump_lag, sensor_lag, bend, splash = values[9:]
+    course = np.empty(len(pump))
+    lower -= zero
+    shown, turning = lower, pump[0]
+    for k in range(len(pump)):
+        seen = shown * (1.0 - bend * shown) + zero
+        course[k] = min(seen, END_V)
+        for _ in range(_FINER):
+            turning += (pump[k] - turning) * (
+                1.0 if pump_lag == 0.0 else 1.0 - np.exp(-step_s / pump_lag)
+            )
+            driving = max(turning - dead_zone, 0.0)
+            inflow = k_pump * driving * (1.0 - compression * driving)
+            down = k_upper * upper ** (0.5 + upper_power)
+            out = k_lower * lower ** (0.5 + lower_power)
+            out += lower_leak * lower
+            upper += step_s * ((1.0 - splash) * inflow - down - upper_leak * upper)
+            over = upper_spill * max(upper - upper_rim, 0.0)
+            lower += step_s * (down + splash * inflow - out) + to_lower * over
+            upper, lower = max(upper - over, 0.0), max(lower, 0.0)
+            lower -= lower_spill * max(lower - lower_rim, 0.0)
+            shown += (lower - shown) * (
+                1.0 if sensor_lag == 0.0 else 1.0 - np.exp(-step_s / sensor_lag)
+            )
+    return course
