@@ -20,24 +20,23 @@ _FINER = 8
 """Input samples to a recorded one: two to a step of the solver, four steps to a sample."""
 
 
-def _effect(name: str, title: str, unit: str, typical: float, low: float, high: float) -> Effect:
-    return Effect(
-        name, title, "circuit", (EffectParameter("size", unit, typical, low, high),), ("output_V",)
-    )
+def _effect(name: str, title: str, unit: str, high: float, *, low: float = 0.0) -> Effect:
+    size = EffectParameter("size", unit, high / 10, low, high)
+    return Effect(name, title, "circuit", (size,), ("output_V",))
 
 
 _EFFECTS = (
-    _effect("cubic_spring", "stiffness that grows with y²", "1/V²", 3.0, -20.0, 20.0),
-    _effect("quadratic_spring", "stiffness that grows with y", "1/V", 0.3, -3.0, 3.0),
-    _effect("fifth_order_spring", "stiffness that grows with y⁴", "1/V⁴", 50.0, -400.0, 400.0),
-    _effect("spring_play", "play before the spring acts", "V", 0.01, 0.0, 0.1),
-    _effect("soft_stop", "second spring from 0.1 V on", "1", 0.5, 0.0, 4.0),
-    _effect("coulomb_friction", "friction of constant size", "V", 0.005, 0.0, 0.05),
-    _effect("quadratic_damping", "damping with the square of the rate", "1/V", 0.5, 0.0, 5.0),
-    _effect("swing_damping", "damping that grows with y²", "1/V²", 1.0, -20.0, 20.0),
-    _effect("input_compression", "gain of the input that falls with u²", "1/V²", 5.0, -40.0, 40.0),
-    _effect("output_compression", "gain of the output that falls with y²", "1/V²", 1.0, -5.0, 5.0),
-    _effect("sensor_lag", "output measured late", "s", 3e-4, 0.0, 3e-3),
+    _effect("cubic_spring", "stiffness that grows with y²", "1/V²", 20.0, low=-20.0),
+    _effect("quadratic_spring", "stiffness that grows with y", "1/V", 3.0, low=-3.0),
+    _effect("fifth_order_spring", "stiffness that grows with y⁴", "1/V⁴", 400.0, low=-400.0),
+    _effect("spring_play", "play before the spring acts", "V", 0.1),
+    _effect("soft_stop", "a second spring from 0.1 V on", "V/V", 4.0),
+    _effect("coulomb_friction", "friction of constant size", "V", 0.05),
+    _effect("quadratic_damping", "damping with the square of the rate", "1/V", 5.0),
+    _effect("swing_damping", "damping that grows with y²", "1/V²", 20.0, low=-20.0),
+    _effect("input_bend", "an input gain that changes with u²", "1/V²", 40.0, low=-40.0),
+    _effect("output_bend", "an output gain that changes with y²", "1/V²", 5.0, low=-5.0),
+    _effect("sensor_lag", "an output that is measured late", "s", 3e-3),
 )
 
 
@@ -85,9 +84,9 @@ class Silverbox:
 @numba.njit(nogil=True)
 def _rates(x, w, u, theta, sizes):
     resonance, damping, gain, input_zero, _ = theta
-    cubic, quadratic, fifth, play, stop, friction, drag, swing, compression, _, _ = sizes
+    cubic, quadratic, fifth, play, stop, friction, drag, swing, input_bend, _, _ = sizes
     u -= input_zero
-    force = gain * u * (1.0 - compression * u * u)
+    force = gain * u * (1.0 - input_bend * u * u)
     spring = x if play == 0.0 else x - min(max(x, -play), play)
     force -= spring * (1.0 + quadratic * x + cubic * x * x + fifth * x**4)
     if abs(x) > 0.1:
@@ -104,10 +103,10 @@ def _replay(finer, step_s, theta, sizes):
     n = len(finer) // _FINER
     course = np.empty(n)
     x = w = shown = 0.0
-    lag_s, bend = sizes[-1], sizes[-2]
+    output_bend, lag_s = sizes[-2:]
     keep = 0.0 if lag_s == 0.0 else np.exp(-step_s / lag_s)
     for k in range(n):
-        course[k] = shown * (1.0 - bend * shown * shown) + theta[4]
+        course[k] = shown * (1.0 - output_bend * shown * shown) + theta[4]
         for i in range(k * _FINER, (k + 1) * _FINER, 2):
             before, middle, after = finer[i], finer[i + 1], finer[(i + 2) % len(finer)]
             a, b = _rates(x, w, before, theta, sizes)

@@ -20,30 +20,30 @@ END_V = 10.0
 _FINER = 8
 
 
-def _effect(name: str, title: str, unit: str, typical: float, high: float, *shapes) -> Effect:
-    size = EffectParameter("size", unit, typical, -high if "or" in title else 0.0, high)
-    return Effect(name, title, "tanks", (size, *shapes), ("level_V",))
-
-
 def _shape(name: str, unit: str, typical: float, low: float, high: float) -> EffectParameter:
     return EffectParameter(name, unit, typical, low, high, strength=False)
 
 
+def _effect(name: str, title: str, unit: str, high: float, *shapes, low: float = 0.0) -> Effect:
+    size = EffectParameter("size", unit, high / 4, low, high)
+    return Effect(name, title, "tanks", (size, *shapes), ("level_V",))
+
+
 _EFFECTS = (
-    _effect("upper_overflow", "the upper tank spills over its rim", "1", 0.5, 1.0,
+    _effect("upper_overflow", "the upper tank spills over its rim", "1", 1.0,
             _shape("rim_V", "V", 15.0, 2.0, 40.0), _shape("to_lower", "1", 0.5, 0.0, 1.0)),
-    _effect("lower_overflow", "the lower tank spills over its rim", "1", 0.5, 1.0,
+    _effect("lower_overflow", "the lower tank spills over its rim", "1", 1.0,
             _shape("rim_V", "V", 10.0, 5.0, 20.0)),
-    _effect("upper_leak", "the upper tank leaks in proportion to its level", "1/s", 1e-3, 0.02),
-    _effect("lower_leak", "the lower tank leaks in proportion to its level", "1/s", 1e-3, 0.02),
-    _effect("upper_viscous", "outflow above with a higher or lower power than ½", "1", 0.1, 0.45),
-    _effect("lower_viscous", "outflow below with a higher or lower power than ½", "1", 0.1, 0.45),
-    _effect("pump_compression", "pump flow bends down or up with the voltage", "1/V", 0.03, 0.12),
-    _effect("pump_dead_zone", "no flow below a voltage", "V", 0.3, 2.0),
-    _effect("pump_lag", "the pump follows late", "s", 10.0, 120.0),
-    _effect("sensor_lag", "the level is shown late", "s", 10.0, 120.0),
-    _effect("sensor_bend", "the sensor's gain falls or rises with the level", "1/V", 0.02, 0.05),
-    _effect("splash", "a share of the inflow goes straight to the lower tank", "1", 0.1, 0.9),
+    _effect("upper_leak", "the upper tank leaks in proportion to its level", "1/s", 0.02),
+    _effect("lower_leak", "the lower tank leaks in proportion to its level", "1/s", 0.02),
+    _effect("upper_power", "outflow above with another power than ½", "1", 0.45, low=-0.45),
+    _effect("lower_power", "outflow below with another power than ½", "1", 0.45, low=-0.45),
+    _effect("pump_bend", "the pump's gain changes with its voltage", "1/V", 0.12, low=-0.12),
+    _effect("pump_dead_zone", "no flow below a voltage", "V", 2.0),
+    _effect("pump_lag", "the pump follows late", "s", 120.0),
+    _effect("sensor_lag", "the level is shown late", "s", 120.0),
+    _effect("sensor_bend", "the sensor's gain changes with the level", "1/V", 0.05, low=-0.05),
+    _effect("splash", "a share of the inflow goes straight to the lower tank", "1", 0.9),
 )  # fmt: skip
 
 
@@ -98,7 +98,7 @@ def _replay(pump, step_s, theta, values):
     k_upper, k_lower, k_pump, upper, lower, zero = theta
     upper_spill, upper_rim, to_lower, lower_spill, lower_rim = values[:5]
     upper_leak, lower_leak, upper_power, lower_power = values[5:9]
-    compression, dead_zone, pump_lag, sensor_lag, bend, splash = values[9:]
+    pump_bend, dead_zone, pump_lag, sensor_lag, bend, splash = values[9:]
     course = np.empty(len(pump))
     lower -= zero
     shown, turning = lower, pump[0]
@@ -110,7 +110,7 @@ def _replay(pump, step_s, theta, values):
                 1.0 if pump_lag == 0.0 else 1.0 - np.exp(-step_s / pump_lag)
             )
             driving = max(turning - dead_zone, 0.0)
-            inflow = k_pump * driving * (1.0 - compression * driving)
+            inflow = k_pump * driving * (1.0 - pump_bend * driving)
             down = k_upper * upper ** (0.5 + upper_power)
             out = k_lower * lower ** (0.5 + lower_power)
             out += lower_leak * lower

@@ -23,8 +23,14 @@ class Step:
     command: str = ""
 
 
-def advice(d: Diagnosis, asked: Asked) -> list[Step]:
-    """The next steps, the most useful first."""
+def advice(d: Diagnosis, asked: Asked | None) -> list[Step]:
+    """The next steps, the most useful first.
+
+    Without `asked`, no command asked: the plant may be any, and only its own experiments have one.
+    """
+    if asked is None:
+        own = {x.command for x in d.experiments}
+        return [s if s.command in own else Step(s.why) for s in advice(d, Asked())]
     v = d.verdict
     if v.outcome is Outcome.REFUSED:
         return [Step("mend what the runs were refused for, and ask again",

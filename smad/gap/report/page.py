@@ -29,7 +29,7 @@ def page_of(d: Diagnosis, asked: Asked | None = None) -> Page:
     """
     sections = [
         Section("Answer", [Text(d.verdict.plain, "note" if _quiet(d) else "warning")], "answer"),
-        Section("What to do next", _next(d, asked or Asked()), "next"),
+        Section("What to do next", _next(d, asked), "next"),
         Section("The numbers", _verdict(d), "numbers"),
     ]
     if d.waterfall:
@@ -59,7 +59,7 @@ def _quiet(d: Diagnosis) -> bool:
     return d.verdict.outcome in (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.EFFECT)
 
 
-def _next(d: Diagnosis, asked: Asked) -> list[Block]:
+def _next(d: Diagnosis, asked: Asked | None) -> list[Block]:
     steps = advice(d, asked)
     if not steps:
         return [Text("Nothing needs to be done.")]
@@ -389,7 +389,7 @@ def summary_lines(d: Diagnosis, asked: Asked | None = None) -> Sequence[str]:
     v = d.verdict
     lines = [_TITLES[v.outcome], v.plain]
     lines += [f"{f.run}: {f.kind}: {f.text}" for f in d.findings if f.kind != "channel missing"]
-    steps = advice(d, asked or Asked())
+    steps = advice(d, asked)
     if steps:
         lines += ["", "Next:"]
     for step in steps:

@@ -1,0 +1,41 @@
+"""What the diagnosis says of public records of other systems: python -m examples.public_records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from examples.public_records.records import RECORDS, RecordError
+from smad.gap import diagnose
+from smad.gap.report.page import page_of, summary_lines
+from smad.report.page import write_page
+
+
+@click.command()
+@click.argument("name", type=click.Choice(list(RECORDS)))
+@click.option("--folder", type=click.Path(path_type=Path), default=Path("public-records"),
+              help="Where the file is, or is put when it has been fetched.")  # fmt: skip
+@click.option("--html", type=click.Path(path_type=Path), help="Write the report there.")
+@click.option("--leave-out", is_flag=True, help="Ask again without the first cause.")
+def main(name: str, folder: Path, html: Path | None, leave_out: bool) -> None:
+    """Diagnose a public record whose cause is published, and print the verdict."""
+    record = RECORDS[name]
+    try:
+        asked = record.asked(folder)
+    except RecordError as error:
+        raise click.ClickException(str(error)) from error
+    diagnosis = diagnose(
+        asked.fit, plant=record.plant, hold_out=asked.hold_out, leave_out=leave_out
+    )
+    click.echo("\n".join(summary_lines(diagnosis)))
+    for less in diagnosis.left_out:
+        answer = ", ".join(less.names) or less.outcome
+        click.echo(f"Without {less.effect}: {answer} ({less.probability:.2f})")
+    click.echo(f"{diagnosis.seconds:.0f} s")
+    if html is not None:
+        write_page(page_of(diagnosis), html)
+
+
+if __name__ == "__main__":
+    main()
