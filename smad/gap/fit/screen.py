@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from smad.gap.plant import Array, Effect, ModelPoint
 _REWEIGHTINGS = 4
 _BATCH = 16
 _LEVELS = (0.25, 1.0)
+_WAYS: dict[float, Sequence[float]] = {0.2: (1.0,), 0.6: _LEVELS}
+"""Of the way from a shape's typical value to its bounds, and the levels that are probed there. What
+acts beyond a threshold has hardly a slope where the threshold is far off: hence the near ones."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ class Screened:
 
 
 def probes_of(effect: Effect, now: Mapping[str, float] | None = None) -> list[Probe]:
-    """Probes of an effect: each strength alone at two levels, each shape also low and high.
+    """Probes of an effect: each strength alone at two levels, each shape also lower and higher.
 
     `now` are the effect's values in the model, when it is part of it already: the probes are then
     changes of it, its shapes as they are.
@@ -90,23 +93,22 @@ def probes_of(effect: Effect, now: Mapping[str, float] | None = None) -> list[Pr
     strengths = [p for p in effect.parameters if p.strength]
     shapes = [p for p in effect.parameters if not p.strength]
     base = dict(now) if now is not None else effect.at(0.0)
-    settings: list[dict[str, float]] = [{q.name: base[q.name] for q in shapes}]
+    usual = {q.name: base[q.name] for q in shapes}
+    settings: list[tuple[dict[str, float], Sequence[float]]] = [(usual, _LEVELS)]
     for q in shapes if now is None else []:
-        for edge in (q.low, q.high):
-            other = dict(settings[0])
-            other[q.name] = q.typical + 0.6 * (edge - q.typical)
-            settings.append(other)
+        for edge, (share, levels) in product((q.low, q.high), _WAYS.items()):
+            other = {**usual, q.name: q.typical + share * (edge - q.typical)}
+            settings.append((other, levels))
     out = []
     for p in strengths:
-        for shape in settings:
-            for level in _LEVELS:
-                value = float(np.clip(base[p.name] + level * p.typical, p.low, p.high))
-                way = value - base[p.name]
-                if way == 0.0:
-                    continue
-                low, high = sorted(((p.low - base[p.name]) / way, (p.high - base[p.name]) / way))
-                values = {q.name: base[q.name] for q in strengths} | shape | {p.name: value}
-                out.append(Probe(effect, base, values, low, high))
+        for shape, level in ((shape, level) for shape, levels in settings for level in levels):
+            value = float(np.clip(base[p.name] + level * p.typical, p.low, p.high))
+            way = value - base[p.name]
+            if way == 0.0:
+                continue
+            low, high = sorted(((p.low - base[p.name]) / way, (p.high - base[p.name]) / way))
+            values = {q.name: base[q.name] for q in strengths} | shape | {p.name: value}
+            out.append(Probe(effect, base, values, low, high))
     return out
 
 

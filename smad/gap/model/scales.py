@@ -29,7 +29,8 @@ def suited(settings: Settings, runs: Sequence[GapRun], plant: PlantModel) -> Set
     usual = correlation_time_s(runs, plant)
     if usual is None:
         return settings
-    sample_s = float(np.median([r.dt_s for r in runs]))
+    # A hair less, so that rounding of the time axis puts no two samples into one row.
+    sample_s = float(np.median([r.dt_s for r in runs])) * (1.0 - 1e-6)
     factor = max(_rounded(usual / _ROWS), sample_s) / settings.period_s
     return replace(
         settings,

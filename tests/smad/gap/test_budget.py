@@ -10,6 +10,7 @@ from smad.gap import diagnose
 from smad.gap.plant import Effect
 from smad.gap.records import Budget, Diagnosis, Outcome
 from smad.gap.report import summary_lines
+from smad.gap.report.advice import Asked
 from tests.smad.gap.cases import FAR_OFF, OTHER, QUICK, SHOWN, ask, bank, without
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 
@@ -96,8 +97,14 @@ def test_the_run_that_carries_most_of_the_gap_is_named_beside_the_median() -> No
 
 
 def test_the_answer_comes_first_then_what_to_do_then_the_numbers(coupled: Diagnosis) -> None:
-    headline, answer, *rest = summary_lines(coupled)
+    headline, answer, *rest = summary_lines(coupled, Asked())
     assert headline == "Cause found"
     assert answer == coupled.verdict.plain
     assert rest.index("Next:") < rest.index(coupled.verdict.text)
     assert any(line.startswith("  smad gap verify --model better.toml") for line in rest)
+
+
+def test_where_no_command_asked_none_is_shown(coupled: Diagnosis) -> None:
+    lines = summary_lines(coupled)
+    assert "  # try it on runs that are new to it" in lines
+    assert not any(line.startswith("  smad gap") for line in lines)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from smad.gap import Settings, diagnose
+from smad.gap.data.replay import Grid
 from smad.gap.model.scales import correlation_time_s, suited
 from smad.gap.records import Outcome
 from smad.gap.runs import GapRun
@@ -36,6 +37,20 @@ def test_rows_cells_and_the_least_length_go_with_the_time_scale(
     assert found.min_duration_s / found.period_s == pytest.approx(80.0)
     others = {"period_s": 0.1, "block_s": 5.0, "min_duration_s": 8.0}
     assert replace(found, **others) == usual
+
+
+def test_a_row_is_no_shorter_than_a_sample() -> None:
+    run = recorded("random", 1, duration_s=60.0)
+    few = replace(
+        run.part(0, 0),
+        t_s=run.t_s[::20],
+        inputs={k: v[::20] for k, v in run.inputs.items()},
+        outputs={k: v[::20] for k, v in run.outputs.items()},
+    )
+    found = suited(Settings(), [few], HeaterPlant())
+    assert found.period_s == pytest.approx(20 * run.dt_s, rel=1e-5)
+    assert found.block_s == pytest.approx(50 * found.period_s)
+    assert len(Grid.of(few, found.period_s).t_s) == len(few.t_s)
 
 
 def test_noise_and_channels_that_stand_still_say_nothing_of_a_time_scale() -> None:

@@ -1,0 +1,175 @@
+"""Public records: read from files as they were published, and diagnosed; without any network."""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from examples.public_records.records import RECORDS, Asked, Record, RecordError
+from examples.public_records.silverbox import RATE_HZ, Silverbox
+from examples.public_records.tanks import STEP_S, Tanks
+from smad.gap import diagnose
+from smad.gap.plant import Array, ModelPoint, PlantModel
+from smad.gap.runs import GapRun
+
+TANKS, SILVERBOX = RECORDS["tanks"], RECORDS["silverbox"]
+PART = 1500
+"""Samples of each Silverbox run that a test plays."""
+
+
+def multisine(n: int, lines: int, seed: int) -> Array:
+    """A sum of `lines` cosines of random phases, its largest value 1."""
+    rng = np.random.default_rng(seed)
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    spectrum[1 : lines + 1] = np.exp(2j * np.pi * rng.random(lines))
+    u = np.fft.irfft(spectrum, n)
+    return np.asarray(u / np.max(np.abs(u)))
+
+
+def answered(plant: PlantModel, point: ModelPoint, given: GapRun, noise: float, seed: int) -> Array:
+    channel = plant.channels[0]
+    bare = replace(given, outputs={channel.name: np.zeros(len(given.t_s))})
+    clean = next(iter(plant.simulate(point, bare, ["open"]).values()))
+    return np.asarray(clean + noise * np.random.default_rng(seed).standard_normal(len(clean)))
+
+
+def written(path: Path, columns: Mapping[str, Array]) -> None:
+    """A file as they are published: names in quotes, a comma at each end, an empty last line."""
+    head = ",".join(f'"{name}"' for name in columns)
+    rows = np.column_stack(list(columns.values()))
+    lines = (",".join(f"{v:.6g}" for v in row) for row in rows)
+    path.write_text(f"{head},\n" + "".join(f"{line},\n" for line in lines) + "\n")
+
+
+def as_published(record: Record, path: Path) -> Record:
+    """The record, as if what is in `path` were the one that was published."""
+    return replace(record, sha256=hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def tanks_file(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Record:
+    point = ModelPoint(
+        {"upper_outlet": 0.045, "lower_outlet": 0.055, "upper_start_V": 8.0, "sensor_zero_V": -1.0},
+        effects,
+    )
+    columns = {}
+    for i, which in enumerate(("Est", "Val")):
+        pump = 2.8 + 2.2 * multisine(1024, 24, seed=i)
+        given = GapRun(which, np.arange(1024) * STEP_S, {"pump_V": pump}, {})
+        columns[f"u{which}"] = pump
+        columns[f"y{which}"] = answered(Tanks(), point, given, 0.015, seed=i)
+    ordered = {name: columns[name] for name in ("uEst", "uVal", "yEst", "yVal")}
+    path = folder / TANKS.file
+    written(path, {**ordered, "Ts": np.full(1024, STEP_S)})
+    return as_published(TANKS, path)
+
+
+def silverbox_file(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Record:
+    point = ModelPoint({"resonance_Hz": 68.0, "gain": 1.1, "input_zero_V": 0.006}, effects)
+    columns = {"V1": np.zeros(131072), "V2": np.zeros(131072)}
+    path = folder / SILVERBOX.file
+    for seed, start in enumerate((0, 40577, 49271, 110110)):
+        # Played in the first part of each run, and not up to its end, so that it ends at rest.
+        u = 0.1 * np.r_[multisine(PART - 300, 390, seed=seed), np.zeros(300)]
+        given = GapRun("", np.arange(PART) / RATE_HZ, {"input_V": u}, {})
+        columns["V1"][start : start + PART] = u
+        columns["V2"][start : start + PART] = answered(Silverbox(), point, given, 3e-4, seed)
+    written(path, columns)
+    return as_published(SILVERBOX, path)
+
+
+def parts(asked: Asked) -> Asked:
+    return Asked(*([r.part(0, PART) for r in runs] for runs in (asked.fit, asked.hold_out)))
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [("upper_overflow", {"size": 0.6, "rim_V": 12.0, "to_lower": 0.6}), ("pump_lag", {"size": 30})],
+)
+def test_the_cause_put_into_the_tanks_is_the_one_found(
+    tmp_path: Path, effect: str, values: dict[str, float]
+) -> None:
+    asked = tanks_file(tmp_path, {effect: values}).asked(tmp_path)
+    found = diagnose(asked.fit, plant=Tanks(), hold_out=asked.hold_out)
+    assert found.verdict.effects == [effect]
+    assert found.verdict.shrink > 0.8
+
+
+@pytest.mark.parametrize(
+    ("effect", "size"), [("cubic_spring", 4.0), ("coulomb_friction", 0.005)]
+)
+def test_the_cause_put_into_the_silverbox_is_the_one_found(
+    tmp_path: Path, effect: str, size: float
+) -> None:
+    asked = parts(silverbox_file(tmp_path, {effect: {"size": size}}).asked(tmp_path))
+    found = diagnose(asked.fit, plant=Silverbox(), hold_out=asked.hold_out)
+    assert found.verdict.effects == [effect]
+    assert found.values[0].value == pytest.approx(size, rel=0.1)
+
+
+@pytest.mark.parametrize("plant", [Tanks(), Silverbox()], ids=lambda p: p.name)
+def test_an_effect_of_no_size_changes_nothing_and_each_of_usual_size_does(
+    plant: PlantModel,
+) -> None:
+    played = {
+        "pump_V": 4.0 + 3.0 * multisine(400, 4, seed=1),
+        "input_V": 0.1 * multisine(400, 60, seed=1),
+    }
+    name = plant.inputs[0].name
+    given = GapRun("", np.arange(400.0), {name: played[name]}, {})
+    bare = answered(plant, ModelPoint({}), given, 0.0, 0)
+    assert len(plant.effects) >= 6
+    for effect in plant.effects:
+        at = [
+            answered(plant, ModelPoint({}, {effect.name: effect.at(level)}), given, 0.0, 0)
+            for level in (0.0, 1.0)
+        ]
+        assert np.array_equal(at[0], bare)
+        assert np.ptp(at[1] - bare) > 0.0, effect.name
+
+
+def test_the_silverbox_runs_lie_where_the_record_rests_and_leave_out_how_they_begin(
+    tmp_path: Path,
+) -> None:
+    asked = silverbox_file(tmp_path, {}).asked(tmp_path)
+    assert [len(r.t_s) for r in (*asked.fit, *asked.hold_out)] == [8694, 8692, 8691, 40577]
+    for run in (*asked.fit, *asked.hold_out):
+        assert run.inputs["input_V"][-1] == 0.0
+        assert np.sum(~run.good) == 100
+        assert run.dt_s == pytest.approx(1 / 610.35, rel=1e-5)
+
+
+def test_a_file_with_other_content_is_refused_and_one_with_other_line_ends_is_not(
+    tmp_path: Path,
+) -> None:
+    record = tanks_file(tmp_path, {})
+    path = tmp_path / record.file
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert len(record.asked(tmp_path).fit[0].t_s) == 1024
+    path.write_text(path.read_text().replace("3", "4", 1))
+    with pytest.raises(RecordError, match=r"not the record that was published.*SHA-256"):
+        record.asked(tmp_path)
+
+
+def test_a_record_is_fetched_once_out_of_its_archive(tmp_path: Path) -> None:
+    record = tanks_file(tmp_path, {})
+    made = tmp_path / record.file
+    with zipfile.ZipFile(tmp_path / "made.zip", "w") as archive:
+        archive.write(made, f"CascadedTanksFiles/{record.file}")
+    there = replace(record, archive=(tmp_path / "made.zip").as_uri())
+    folder = tmp_path / "fetched"
+    there.asked(folder)
+    assert (folder / record.file).read_bytes() == made.read_bytes()
+    (tmp_path / "made.zip").unlink()
+    assert len(there.asked(folder).hold_out) == 1
+
+
+def test_a_record_that_cannot_be_fetched_says_where_to_put_it_by_hand(tmp_path: Path) -> None:
+    record = replace(TANKS, archive=(tmp_path / "none.zip").as_uri())
+    with pytest.raises(RecordError, match=r"put dataBenchmark\.csv .*cascaded-tanks into"):
+        record.asked(tmp_path / "folder")
