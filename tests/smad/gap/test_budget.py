@@ -79,6 +79,14 @@ def test_a_cause_whose_strength_ends_at_its_bound_is_not_found() -> None:
     assert d.model["effects"] == {}
 
 
+def test_a_further_cause_that_ends_at_its_bound_puts_no_doubt_in_the_first() -> None:
+    weak = tuple(_weaker(e) if e.name == "coupling" else e for e in EFFECTS)
+    both = {"sensor_lag": {"tau_s": 2.5}, **COUPLED}
+    d = diagnose(bank(OTHER, both), plant=HeaterPlant(weak), settings=QUICK)
+    assert d.verdict.effects == ["sensor_lag"]
+    assert d.verdict.bounded == []
+
+
 def _weaker(effect: Effect) -> Effect:
     """The effect with a range that ends at half of what the bench has."""
     half = SHOWN["coupling"]["g_W_K"] / 2

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
@@ -18,7 +21,8 @@ from smad.gap.fit.significance import benjamini_hochberg, tail_p
 from smad.gap.model.flexible import Designs, fit_correction
 from smad.gap.model.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening, arma_innovations
-from smad.gap.plant import ModelPoint
+from smad.gap.plant import Channel, ModelPoint, Signal
+from smad.gap.runs import GapRun
 from tests.smad.gap.cases import OTHER, bank
 from tests.smad.gap.heater_plant import NOMINAL, PARAMETERS, HeaterPlant, recorded
 
@@ -128,6 +132,22 @@ def test_the_floor_at_rest_is_the_sensors_noise_after_averaging() -> None:
             np.hypot(c.noise, c.quantum / 12**0.5), rel=0.2
         )
         assert floors[c.name].source == "rest"
+
+
+@pytest.mark.parametrize("rows_a_turn", [5.0, 400.0], ids=["a few rows a turn", "smooth"])
+def test_where_nothing_rests_motion_within_a_few_rows_is_no_noise(rows_a_turn: float) -> None:
+    t = np.arange(4000) * 0.1
+    noise = 0.02 * np.random.default_rng(3).standard_normal(len(t))
+    y = np.sin(2 * np.pi * np.arange(len(t)) / rows_a_turn) + noise
+    run = GapRun("turning", t, {"u": np.sin(t)}, {"y": y})
+    plant: Any = SimpleNamespace(
+        channels=(Channel("y", "1", 1e-4, -2.0, 2.0, "all", 0.1),),
+        inputs=(Signal("u", "1", -1.0, 1.0),),
+        regimes=lambda run, side: {"rest": np.zeros(len(run.t_s), dtype=bool)},
+    )
+    floor = estimate_floors([run], plant, Settings(period_s=0.1))["y"]
+    assert floor.source == "differences"
+    assert floor.sigma == pytest.approx(0.02, rel=0.15)
 
 
 def test_repeats_show_the_spread_from_run_to_run() -> None:
