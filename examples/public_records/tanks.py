@@ -1,7 +1,8 @@
 """Two cascaded tanks with free outlets, and twelve things that they may do beside.
 
-Published (Schoukens and Noël, IFAC 2017): x₁′ = −k₁·√x₁ + k₄·u, x₂′ = k₂·√x₁ − k₃·√x₂, y = x₂, and
-above its rim the upper tank spills, in part into the lower one. The model given has no rims.
+Published (Wigren and Schoukens, ECC 2013, equation 7): x₁′ = −k₁·√x₁ + k₄·u, x₂′ = k₂·√x₁ − k₃·√x₂,
+and of this record (doi 10.4121/12960104): above its rim the upper tank spills, in part into the
+lower one. The model given here has no rims.
 Levels are in volts of the sensor, which is not calibrated, and which ends at 10 V. The upper level
 is not measured; k₂ = k₁ sets its unit: what leaves the upper tank arrives in the lower.
 """
