@@ -19,16 +19,16 @@ from smad.report.page import write_page
               help="Where the file is, or is put when it has been fetched.")  # fmt: skip
 @click.option("--html", type=click.Path(path_type=Path), help="Write the report there.")
 @click.option("--leave-out", is_flag=True, help="Ask again without the first cause.")
-def main(name: str, folder: Path, html: Path | None, leave_out: bool) -> None:
+@click.option("--exchange", is_flag=True, help="Fit the runs to judge on, and the other way round.")
+def main(name: str, folder: Path, html: Path | None, leave_out: bool, exchange: bool) -> None:
     """Diagnose a public record whose cause is published, and print the verdict."""
     record = RECORDS[name]
     try:
         asked = record.asked(folder)
     except RecordError as error:
         raise click.ClickException(str(error)) from error
-    diagnosis = diagnose(
-        asked.fit, plant=record.plant, hold_out=asked.hold_out, leave_out=leave_out
-    )
+    fit, held = (asked.hold_out, asked.fit) if exchange else (asked.fit, asked.hold_out)
+    diagnosis = diagnose(fit, plant=record.plant, hold_out=held, leave_out=leave_out)
     click.echo("\n".join(summary_lines(diagnosis)))
     for less in diagnosis.left_out:
         answer = ", ".join(less.names) or less.outcome
