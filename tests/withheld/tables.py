@@ -63,7 +63,10 @@ def make(bank: Path, out: Path, *, cases: Sequence[str] = (), compare: bool = Tr
 
 def write(path: Path, table: ScoreTable, told: dict[str, Any]) -> None:
     """Keeps a table and what is told of its case."""
-    rows = [{"kind": r.kind.value, "names": r.names, "parent": r.parent} for r in table.rows]
+    rows = [
+        {"kind": r.kind.value, "names": r.names, "parent": r.parent, "moved": r.moved}
+        for r in table.rows
+    ]
     partial = path.with_suffix(".part.npz")
     np.savez_compressed(
         partial,
@@ -74,6 +77,7 @@ def write(path: Path, table: ScoreTable, told: dict[str, Any]) -> None:
         run=table.run,
         block=table.block,
         output=np.array(table.output),
+        usual=np.zeros(0) if table.usual is None else table.usual,
     )
     partial.replace(path)
 
@@ -83,11 +87,13 @@ def read(path: Path) -> tuple[ScoreTable, dict[str, Any]]:
     with np.load(path) as kept:
         told = json.loads(str(kept["told"]))
         rows = [
-            Row(Kind(r["kind"]), tuple(r["names"]), q.astype(float), u.astype(float), r["parent"])
+            Row(Kind(r["kind"]), tuple(r["names"]), *(a.astype(float) for a in (q, u)),
+                r["parent"], r["moved"])
             for r, q, u in zip(told["rows"], kept["q"], kept["unsure"], strict=True)
         ]
         empty = ScoreTable(
             (), kept["size"], kept["run"], kept["block"],
             tuple(str(k) for k in kept["output"]), told["dof"],
+            kept["usual"] if len(kept["usual"]) else None,
         )  # fmt: skip
     return replace(empty, rows=tuple(rows)), told

@@ -37,7 +37,9 @@ class Row:
 
     `names` are the entries in it, in the order in which they came. `parent` is the row that it has
     one entry more than, -1 where there is none. `q` is the sum of squared white residuals of each
-    cell, held out; `unsure` the mean square of what its entries change there, white as well.
+    cell, held out; `unsure` the mean square of what its entries change there, white as well. `moved`
+    is how far its parameters are from those of the known-good runs: half the squared distance in
+    the precision with which those are known, nats.
     """
 
     kind: Kind
@@ -45,6 +47,7 @@ class Row:
     q: Array
     unsure: Array
     parent: int = -1
+    moved: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,9 @@ class ScoreTable:
     """Hypotheses against cells. The first row is the model as it was.
 
     `size` counts the rows of each cell, `block` numbers its block of time within its run `run`, and
-    `output` is what it is of. `dof` is the prior weight of a cell's scale being the floor's.
+    `output` is what it is of. `dof` is the prior weight of a cell's scale being the floor's. `usual`
+    is the score that known-good runs have there, each predicted by the others, nats; none where
+    there are no such runs.
     """
 
     rows: tuple[Row, ...]
@@ -61,6 +66,7 @@ class ScoreTable:
     block: Index
     output: tuple[str, ...]
     dof: float
+    usual: Array | None = None
 
     def likelihood(self, q: Array, unsure: Array | float = 0.0) -> Array:
         """Student-t log-likelihood of each cell up to a constant, its scale integrated out.

@@ -46,13 +46,15 @@ class Tabulation:
         self.parts = [p for p in (self.problem, self.hold) if p is not None]
         run, block = held_cells(self.problem, self.hold)
         evidences = [p.evidence for p in self.parts]
+        output = tuple(str(k) for ev in evidences for k in ev.cell_key)
         self.table = ScoreTable(
             (),
             joined([ev.cell_size for ev in evidences]),
             run,
             block,
-            tuple(str(k) for ev in evidences for k in ev.cell_key),
+            output,
             prepared.settings.cell_dof,
+            _usual(prepared, output),
         )
 
     def add(
@@ -68,8 +70,9 @@ class Tabulation:
         q = joined(
             [p.cell_q(p.whitening.white(r)) for p, r in zip(self.parts, residuals, strict=True)]
         )
-        unsure = np.zeros_like(q) if fit is None else self._unsure(fit)
-        row = Row(kind, tuple(names), q, unsure, parent)
+        unsure = self._unsure(fit) if fit is not None and fit.space.effects else np.zeros_like(q)
+        moved = 0.0 if fit is None else _moved(self.prepared, fit)
+        row = Row(kind, tuple(names), q, unsure, parent, moved)
         self.table = replace(self.table, rows=(*self.table.rows, row))
         return len(self.table.rows) - 1
 
@@ -77,8 +80,7 @@ class Tabulation:
         self, kind: Kind, joint: JointFit, judged: Judged, names: Sequence[str], parent: int
     ) -> Entrant:
         """A row from a fit that was judged."""
-        fit = joint.fit if names else None
-        row = self.add(kind, names, self.left(judged), fit=fit, parent=parent)
+        row = self.add(kind, names, self.left(judged), fit=joint.fit, parent=parent)
         return Entrant(row, joint, judged)
 
     def left(self, judged: Judged) -> list[Array]:
@@ -114,6 +116,22 @@ class Tabulation:
                            return_inverse=True)[1].ravel()  # fmt: skip
         sums = np.bincount(blocks, weights=rise)
         return float(sums.sum()), float(np.std(sums) * np.sqrt(len(sums)))
+
+
+def _usual(prepared: Prepared, output: Sequence[str]) -> Array | None:
+    """The score that known-good runs have in cells of these outputs, each by the others."""
+    usual = None if prepared.background is None else prepared.background.usual
+    if usual is None:
+        return None
+    return np.array([usual.by_output.get(key, np.nan) for key in output])
+
+
+def _moved(prepared: Prepared, fit: Fitted) -> float:
+    """Half the squared distance of a fit's parameters from those of the known-good runs."""
+    own = (fit if prepared.tied is None else prepared.tied).space
+    mean, precision = own.prior()
+    off = fit.p[: own.n_theta] - mean[: own.n_theta]
+    return float(0.5 * off @ precision[: own.n_theta, : own.n_theta] @ off)
 
 
 def tabulate(
