@@ -87,8 +87,13 @@ def read(path: Path) -> tuple[ScoreTable, dict[str, Any]]:
     with np.load(path) as kept:
         told = json.loads(str(kept["told"]))
         rows = [
-            Row(Kind(r["kind"]), tuple(r["names"]), *(a.astype(float) for a in (q, u)),
-                r["parent"], r["moved"])
+            Row(
+                Kind(r["kind"]),
+                tuple(r["names"]),
+                *(a.astype(float) for a in (q, u)),
+                r["parent"],
+                r["moved"],
+            )
             for r, q, u in zip(told["rows"], kept["q"], kept["unsure"], strict=True)
         ]
         empty = ScoreTable(

@@ -17,6 +17,8 @@ from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 
 FIT, HOLD_OUT, GOOD = "fit", "hold-out", "good"
+FURTHER = "further than good"
+"""Kind of the finding that runs in question go where no known-good run was."""
 _ROUNDING = 1e-5
 _WHY_NOT_TWICE = {
     FIT: "it would only count twice",
@@ -126,7 +128,7 @@ def goes_further(
         f"by their inputs they should drive {'; '.join(further)}: what the model gets wrong out "
         "there counts as a change; give known-good runs that go as far"
     )
-    return [Finding("the runs in question", "further than good", text, refuses=False)]
+    return [Finding("the runs in question", FURTHER, text, refuses=False)]
 
 
 def _ranges(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, tuple[float, float]]:

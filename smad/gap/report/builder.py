@@ -20,6 +20,7 @@ from smad.gap.compare.tracks import Track
 from smad.gap.compare.verdict import Evidenced, decide, stands_out
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.admission import Admission, Finding
+from smad.gap.data.guards import FURTHER
 from smad.gap.data.replay import Detail
 from smad.gap.fit.candidate import Candidate, differing, ending_at_bound
 from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
@@ -237,6 +238,7 @@ class Closing:
             budget=budget,
             bounded=bounded,
             since_good=shell.since_good,
+            further=any(f.kind == FURTHER for f in shell.findings),
         )
         verdict = msgspec.structs.replace(verdict, open_loop=opened, plain=answer, bounded=bounded)
         bench = best.judged.bench

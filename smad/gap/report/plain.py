@@ -10,6 +10,9 @@ _QUIET = {
     Outcome.NO_EXCITATION: "These runs move the bench too little to answer.",
     Outcome.NO_GAP: "Model and bench agree within the noise.",
 }
+_NOT_NEW = (
+    "Whether it is new cannot be told: these runs drive the bench where no known-good run was."
+)
 _QUIET_SINCE = "Nothing that stands out has changed since the known-good runs."
 
 
@@ -23,18 +26,21 @@ def plain(
     budget: Budget,
     bounded: Sequence[str] = (),
     since_good: bool = False,
+    further: bool = False,
 ) -> str:
     """What the diagnosis says, and how much of the gap goes with it.
 
     `titles` are those of the library's effects, `effects` those named, `group` what the first of
-    them cannot be told from, `bounded` those that ran into the bound of their range.
+    them cannot be told from, `bounded` those that ran into the bound of their range, `further`
+    whether the runs go where no known-good run was.
     """
     if outcome is Outcome.NO_GAP and since_good:
         return _QUIET_SINCE
     if outcome in _QUIET:
         return _QUIET[outcome]
-    return " ".join([_said(outcome, titles, effects, group, values, bounded=bounded),
-                     *_goes(outcome, titles, budget)])  # fmt: skip
+    said = [_said(outcome, titles, effects, group, values, bounded=bounded)]
+    said += [_NOT_NEW] if since_good and further else []
+    return " ".join([*said, *_goes(outcome, titles, budget)])
 
 
 def _said(

@@ -96,3 +96,15 @@ def test_an_effect_does_not_count_as_excitation() -> None:
     strong = [recorded("random", 1, OTHER, {"driver_gain": {"g": 0.2}}, duration_s=20.0)]
     good = [recorded("random", 1, OTHER, duration_s=20.0)]
     assert goes_further({"fit": strong, "hold-out": [], "good": good}, HeaterPlant(), QUICK) == []
+
+
+def test_a_cause_is_not_called_new_where_no_known_good_run_went() -> None:
+    slow = [
+        recorded("random", s, NOMINAL, {"sensor_lag": {"tau_s": 1.5}}, duration_s=40.0)
+        for s in (1, 2)
+    ]
+    as_far = [recorded("random", s, NOMINAL, duration_s=40.0) for s in (1, 2)]
+    beyond, within = ask(slow, good=[gently(3), gently(4)]), ask(slow, good=as_far)
+    assert beyond.verdict.effects == within.verdict.effects == ["sensor_lag"]
+    assert "Whether it is new cannot be told" in beyond.verdict.plain
+    assert "Whether it is new cannot be told" not in within.verdict.plain
