@@ -37,9 +37,9 @@ class Row:
 
     `names` are the entries in it, in the order in which they came. `parent` is the row that it has
     one entry more than, -1 where there is none. `q` is the sum of squared white residuals of each
-    cell, held out; `unsure` the mean square of what its entries change there, white as well. `moved`
-    is how far its parameters are from those of the known-good runs: half the squared distance in
-    the precision with which those are known, nats.
+    cell, held out; `unsure` the mean square of what its entries change there, white as well.
+    `moved` is how far its parameters are from those of the known-good runs: half the squared
+    distance in the precision with which those are known, nats.
     """
 
     kind: Kind
@@ -55,9 +55,9 @@ class ScoreTable:
     """Hypotheses against cells. The first row is the model as it was.
 
     `size` counts the rows of each cell, `block` numbers its block of time within its run `run`, and
-    `output` is what it is of. `dof` is the prior weight of a cell's scale being the floor's. `usual`
-    is the score that known-good runs have there, each predicted by the others, nats; none where
-    there are no such runs.
+    `output` is what it is of. `dof` is the prior weight of a cell's scale being the floor's.
+    `usual` is the score that known-good runs have there, each predicted by the others, nats; none
+    where there are no such runs.
     """
 
     rows: tuple[Row, ...]
