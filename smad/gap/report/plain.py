@@ -114,4 +114,4 @@ def _percent(share: float) -> str:
         return "less than 1 %"
     if 0.995 <= share < 1.0:
         return "more than 99 %"
-    return f"{share:.0%}".replace("%", " %")
+    return f"{round(100 * share)} %"
