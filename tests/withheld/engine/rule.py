@@ -1,13 +1,16 @@
 """One rule: from a score table to what is the matter, with its probability.
 
-Every hypothesis h has a prior share π and a held-out score S, the mean over the cells in nats:
+Every hypothesis h has a prior share π, a held-out score S, the mean over the cells in nats, and
+parameters that have moved by M from those of the known-good runs:
 
-    log P(h) = log π(h) + (S(h) − S(0)) / (1/τ + κ G) + const,    G = max S − S(0)
+    log P(h) = log π(h) + (S(h) − S(0)) / (1/τ + κ G) − s log(1 + (M(h)/m)²),   G = max S − S(0)
 
 Means, since where the model's form is wrong more runs do not make an answer surer. τ tempers small
 differences; what differs by less than the share κ of all that can be gained is not told apart,
-since no entry has just the form of the bench's law. Runs and blocks of time are resampled and the
-posterior is averaged over that, so that one run does not decide against the others.
+since no entry has just the form of the bench's law. A bench that is quiet, or to whose model the
+right entry was added, has its parameters where they were, up to about m. Runs and blocks of time
+are resampled and the posterior is averaged over that, so that one run does not decide against the
+others.
 """
 
 from __future__ import annotations
@@ -22,25 +25,26 @@ from smad.gap.fit.significance import resample_weights
 from smad.gap.plant import Array
 from tests.withheld.engine.table import Kind, Row, ScoreTable
 
+_EVEN = 0.5
+
 
 class Constants(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the rule takes from benches whose truth is known.
 
-    `nothing`, `parameters`, `known` and `unknown` are prior shares; `known` is that of one entry,
-    and again of each further one, and `unknown` that of a rest beside entries, too. `temper` is
-    τ, `form` is κ, by which entries may be wrong: a further entry must also gain where so much of
-    what the others change is uncertain. Two names are not told apart below `odds`. Whatever is not
-    better than less of it in all but `significance` of the resamples is not said.
+    `parameters`, `known` and `unknown` are prior odds against nothing; `known` is that of one
+    entry, and again of each further one. `temper` is τ, `form` is κ, by which entries may be wrong:
+    a further entry must also gain where so much of what the others change is uncertain. `moved` is
+    m in nats, `steep` is s. Two answers within `odds` are not told apart.
     """
 
-    nothing: float
     parameters: float
     known: float
     unknown: float
     temper: float
     form: float
+    moved: float
+    steep: float
     odds: float
-    significance: float
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ class Ruling:
     `names` are the entries, in the order in which they came, `group` what stands within the odds of
     the last of them that is in doubt ("parameters" for other values of those), `rest` whether
     something beside the names is needed. `probability` is that of the kind, or of the names and
-    their group together; `shares` are those of every set of names by kind.
+    what else of the library could stand there; `shares` are those of every set of names by kind.
     """
 
     kind: Kind
@@ -76,34 +80,38 @@ class Weighed:
         weights = resample_weights(table.run[counted], table.block[counted], draws, rng)
         return cls(table, weights @ table.scores(form)[:, counted].T / max(table.cells, 1))
 
-    def posterior(self, constants: Constants) -> Array:
-        """Probability of every row; sums to 1. Shape (rows,)."""
+    def told(self, constants: Constants) -> Array:
+        """By how much every row is better than the first, in units that are told apart."""
         gains = self.means - self.means[:, :1]
         most = gains.max(axis=1, keepdims=True)
-        told = gains / (1.0 / constants.temper + constants.form * most)
-        logs = np.log(priors(self.table.rows, constants)) + told
+        return np.asarray(gains / (1.0 / constants.temper + constants.form * most))
+
+    def posterior(self, constants: Constants) -> Array:
+        """Probability of every row; sums to 1. Shape (rows,)."""
+        moved = np.array([row.moved for row in self.table.rows])
+        logs = self.told(constants) + np.log(priors(self.table.rows, constants))
+        logs -= constants.steep * np.log1p(np.square(moved / constants.moved))
         logs -= logs.max(axis=1, keepdims=True)
         shares = np.exp(logs)
         return np.asarray((shares / shares.sum(axis=1, keepdims=True)).mean(axis=0))
 
-    def sure(self, row: int, beside: int, constants: Constants) -> bool:
-        """Whether a row is better than another in all but `significance` of the resamples."""
-        worse = self.means[:, row] <= self.means[:, beside]
-        return bool(np.mean(worse) <= constants.significance)
-
 
 def priors(rows: Iterable[Row], constants: Constants) -> Array:
-    """Prior share of every row: that of its kind, divided among the rows of one kind and size."""
+    """Prior odds of every row: those of its kind, divided among the rows of one kind and size."""
     given = list(rows)
-    alike = [(r.kind, len(r.names)) for r in given]
-    own = []
-    for row in given:
-        base: float = getattr(constants, row.kind.value)
-        # An entry as it was in good runs is nothing new, whatever its name.
-        names = 0 if row.kind is Kind.NOTHING else len(row.names)
-        further = names - 1 if row.kind is Kind.KNOWN else names
-        own.append(base * constants.known**further)
-    return np.array([p / alike.count(a) for p, a in zip(own, alike, strict=True)])
+    # An entry as it was in good runs is nothing new, whatever its name.
+    alike = [(r.kind, 0 if r.kind is Kind.NOTHING else len(r.names)) for r in given]
+    own = {
+        Kind.NOTHING: 1.0,
+        Kind.PARAMETERS: constants.parameters,
+        Kind.UNKNOWN: constants.unknown,
+    }
+    return np.array(
+        [
+            own.get(kind, constants.known**names) / alike.count((kind, names))
+            for kind, names in alike
+        ]
+    )
 
 
 def decide(table: ScoreTable, constants: Constants) -> Ruling:
@@ -119,50 +127,38 @@ def is_steady(table: ScoreTable, constants: Constants) -> bool:
 
 def ruled(weighed: Weighed, constants: Constants) -> Ruling:
     """What weighed scores say."""
-    table, posterior = weighed.table, weighed.posterior(constants)
-    shares = shares_of(table, posterior)
-    by_kind = {k: sum(p for (kind, _), p in shares.items() if kind is k) for k in Kind}
-    kind = max(Kind, key=lambda k: by_kind[k])
-    if kind is not Kind.NOTHING and not _clear(weighed, kind, constants):
-        kind = Kind.NOTHING
-    if kind is not Kind.KNOWN:
-        return Ruling(kind, (), (), False, by_kind[kind], shares)
-    best = _best(weighed, posterior, constants)
-    names, own = table.rows[best].names, shares[Kind.KNOWN, frozenset(table.rows[best].names)]
-    group = _group(shares, frozenset(names), own, constants.odds)
-    rest = any(
-        r.kind is Kind.UNKNOWN and r.names == names and posterior[i] > posterior[best]
-        for i, r in enumerate(table.rows)
-    )
-    together = own + sum(p for p, _ in group)
-    return Ruling(kind, names, tuple(n for _, n in group), rest, min(1.0, together), shares)
+    rows, posterior = weighed.table.rows, weighed.posterior(constants)
+    shares = shares_of(rows, posterior)
+    known = weighed.table.where(Kind.KNOWN)
+    best = max(known, key=lambda i: (shares[Kind.KNOWN, frozenset(rows[i].names)], -i), default=-1)
+    if best >= 0:
+        names = rows[best].names
+        own = shares[Kind.KNOWN, frozenset(names)]
+        group = _group(shares, frozenset(names), own, constants.odds)
+        together = own + sum(p for p, name in group if name != Kind.PARAMETERS.value)
+        # A name that is as likely wrong as right is worth no more than none.
+        if together > _EVEN:
+            rest = _leaves_a_rest(weighed, best, constants)
+            return Ruling(Kind.KNOWN, names, tuple(n for _, n in group), rest, together, shares)
+    quiet = {k: shares.get((k, frozenset()), 0.0) for k in Kind if k is not Kind.KNOWN}
+    kind = max(quiet, key=lambda k: quiet[k])
+    return Ruling(kind, (), (), False, quiet[kind], shares)
 
 
-def shares_of(table: ScoreTable, posterior: Array) -> dict[tuple[Kind, frozenset[str]], float]:
-    """Posterior of every kind and set of names; names with a rest beside them count as names."""
+def shares_of(rows: Iterable[Row], posterior: Array) -> dict[tuple[Kind, frozenset[str]], float]:
+    """Posterior of every kind and set of names."""
     out: dict[tuple[Kind, frozenset[str]], float] = {}
-    for row, p in zip(table.rows, posterior.tolist(), strict=True):
-        with_rest = row.kind is Kind.UNKNOWN and row.names
-        kind = Kind.KNOWN if with_rest else row.kind
-        key = (kind, frozenset() if kind is Kind.NOTHING else frozenset(row.names))
+    for row, p in zip(rows, posterior.tolist(), strict=True):
+        key = (row.kind, frozenset(row.names) if row.kind is Kind.KNOWN else frozenset())
         out[key] = out.get(key, 0.0) + p
     return out
 
 
-def _clear(weighed: Weighed, kind: Kind, constants: Constants) -> bool:
-    """Whether some row of a kind is better than the model as it was beyond chance."""
-    return any(weighed.sure(i, 0, constants) for i in weighed.table.where(kind))
-
-
-def _best(weighed: Weighed, posterior: Array, constants: Constants) -> int:
-    """The most probable row of entries, less the entries whose gain is not beyond chance."""
-    rows = weighed.table.rows
-    shares = shares_of(weighed.table, posterior)
-    known = weighed.table.where(Kind.KNOWN)
-    best = max(known, key=lambda i: (shares[Kind.KNOWN, frozenset(rows[i].names)], -i))
-    while len(rows[best].names) > 1 and not weighed.sure(best, rows[best].parent, constants):
-        best = rows[best].parent
-    return best
+def _leaves_a_rest(weighed: Weighed, best: int, constants: Constants) -> bool:
+    """Whether a flexible model is better than a row by more than its entries may be wrong by."""
+    told = weighed.told(constants).mean(axis=0)
+    flexible = [told[i] for i in weighed.table.where(Kind.UNKNOWN)]
+    return bool(max(flexible, default=-np.inf) - told[best] > np.log(constants.odds))
 
 
 def _group(

@@ -22,7 +22,7 @@ class Kind(StrEnum):
     """What a hypothesis says of the runs.
 
     `NOTHING`: the model as it was. `PARAMETERS`: other values of them. `KNOWN`: entries of the
-    library. `UNKNOWN`: something that only a flexible correction follows.
+    library. `UNKNOWN`: something that only a flexible model follows.
     """
 
     NOTHING = "nothing"
@@ -39,7 +39,7 @@ class Row:
     one entry more than, -1 where there is none. `q` is the sum of squared white residuals of each
     cell, held out; `unsure` the mean square of what its entries change there, white as well.
     `moved` is how far its parameters are from those of the known-good runs: half the squared
-    distance in the precision with which those are known, nats.
+    distance in the precision with which those are known, nats; 0 where a hypothesis lets them move.
     """
 
     kind: Kind

@@ -22,6 +22,8 @@ from tests.withheld.engine.table import Kind, Row, ScoreTable, joined
 
 _FURTHER = 3
 """How many fewer candidates come to a joint fit beside an entry than alone."""
+_HELD = (Kind.NOTHING, Kind.KNOWN)
+"""Kinds in which the parameters should be where they were."""
 _WORTH = 0.1
 """Nats a cell that an entry must gain for a further one to be looked for beside it."""
 
@@ -71,7 +73,7 @@ class Tabulation:
             [p.cell_q(p.whitening.white(r)) for p, r in zip(self.parts, residuals, strict=True)]
         )
         unsure = self._unsure(fit) if fit is not None and fit.space.effects else np.zeros_like(q)
-        moved = 0.0 if fit is None else _moved(self.prepared, fit)
+        moved = 0.0 if fit is None or kind not in _HELD else _moved(self.prepared, fit)
         row = Row(kind, tuple(names), q, unsure, parent, moved)
         self.table = replace(self.table, rows=(*self.table.rows, row))
         return len(self.table.rows) - 1
@@ -90,12 +92,6 @@ class Tabulation:
             p.evidence.residual(y + p.background)
             for p, y in zip(self.parts, predicted, strict=False)
         ]
-
-    def flexible(self, entrant: Entrant) -> int:
-        """A row for what a flexible correction leaves beside a hypothesis."""
-        corrected = Flexible(entrant.judged).residuals(entrant.judged)
-        names = self.table.rows[entrant.row].names
-        return self.add(Kind.UNKNOWN, names, corrected, parent=entrant.row)
 
     def _unsure(self, fit: Fitted) -> Array:
         """Mean square of what the entries of a fit change in each cell, white as residuals are."""
@@ -143,10 +139,9 @@ def tabulate(
     """The score table of a question.
 
     The model as it was, other values of its parameters, every entry that the screening leaves,
-    sets of up to three by forward steps, and a flexible correction beside the model as it was,
-    beside other values of the parameters, and beside the best set of each size. An entry that
-    known-good runs ask for as well is there twice: as it is now, and, as a form of *nothing*, as it
-    was. `form` is the share by which entries are uncertain when a further one is sought.
+    sets of up to three by forward steps, and a flexible model. An entry that known-good runs ask
+    for as well is there twice: as it is now, and, as a form of *nothing*, as it was. `form` is the
+    share by which entries are uncertain when a further one is sought.
     """
     out = Tabulation(prepared, form, progress)
     base = _references(prepared, out)
@@ -160,7 +155,6 @@ def tabulate(
             break
         gains = {e.row: out.gain(e.row) for e in entrants}
         best = max(entrants, key=lambda e: gains[e.row][0])
-        out.flexible(best)
         if size == 1:
             _as_before(prepared, out, [e for e in entrants if gains[e.row][0] > 0.0])
         gain, error = gains[best.row]
@@ -171,17 +165,25 @@ def tabulate(
 
 
 def _references(prepared: Prepared, out: Tabulation) -> Entrant:
-    """The rows without an entry; returns the one that entries are sought beside."""
+    """The rows without an entry; returns the one that entries are sought beside.
+
+    Known-good runs tie the parameters: one fit stands for the model as it was and for other values
+    of them, by how far they have moved. Where parameters and laws are free they follow, dozens of
+    them, whatever a bench does: that is the flexible model. Without such runs it is a correction
+    that depends on state.
+    """
     free = JointFit(prepared.fit, ())
     if prepared.tied is None:
         out.add(Kind.NOTHING, (), out.left(prepared.raw))
         refit = out.judged(Kind.PARAMETERS, free, prepared.free, (), 0)
-        out.flexible(refit)
+        out.add(
+            Kind.UNKNOWN, (), Flexible(prepared.free).residuals(prepared.free), parent=refit.row
+        )
         return refit
     tied = judge([prepared.tied], prepared.hold)[0]
     base = out.judged(Kind.NOTHING, JointFit(prepared.tied, ()), tied, (), -1)
-    for entrant in (base, out.judged(Kind.PARAMETERS, free, prepared.free, (), base.row)):
-        out.flexible(entrant)
+    out.judged(Kind.PARAMETERS, base.joint, tied, (), base.row)
+    out.judged(Kind.UNKNOWN, free, prepared.free, (), base.row)
     return base
 
 

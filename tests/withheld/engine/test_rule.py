@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
 from tests.withheld.engine.rule import Constants, decide, is_steady
 from tests.withheld.engine.table import Kind, Row, ScoreTable
 
-RULE = Constants(0.5, 0.1, 0.2, 0.2, temper=2.0, form=0.2, odds=3.0, significance=0.05)
+RULE = Constants(0.2, 0.4, 0.2, temper=2.0, form=0.2, moved=1000.0, steep=2.0, odds=3.0)
 RUNS, BLOCKS, OUTPUTS, SIZE, DOF = 4, 10, 3, 50, 10.0
 CELLS = RUNS * BLOCKS * OUTPUTS
 
 
 def row(
-    kind: Kind, names: str = "", misfit: float = 1.0, parent: int = 0, changes: float = 0.0
+    kind: Kind,
+    names: str = "",
+    misfit: float = 1.0,
+    parent: int = 0,
+    *,
+    changes: float = 0.0,
+    moved: float = 0.0,
 ) -> Row:
     """A hypothesis that leaves `misfit` floors in every cell; `names` apart by spaces."""
     q = np.full(CELLS, SIZE * misfit**2)
-    return Row(kind, tuple(names.split()), q, np.full(CELLS, changes**2), parent)
+    return Row(kind, tuple(names.split()), q, np.full(CELLS, changes**2), parent, moved)
 
 
 def table(*rows: Row) -> ScoreTable:
@@ -74,11 +81,30 @@ def test_a_further_entry_that_gains_a_little_of_much_is_not_named() -> None:
     assert decide(further(1.45, changes=0.0), RULE).names == ("x",)
 
 
-def test_what_a_flexible_correction_takes_beside_a_name_is_a_rest_and_not_another_name() -> None:
-    first = row(Kind.KNOWN, "x", 2.0)
-    alone = row(Kind.UNKNOWN, misfit=2.9)
-    said = decide(table(WRONG, alone, first, row(Kind.UNKNOWN, "x", 0.3, parent=2)), RULE)
-    assert (said.names, said.rest) == (("x",), True)
+def test_what_a_flexible_model_takes_beyond_a_name_is_a_rest_and_not_another_name() -> None:
+    first = row(Kind.KNOWN, "x", 1.5)
+    assert decide(table(WRONG, row(Kind.UNKNOWN, misfit=1.5), first), RULE).rest is False
+    leaning = msgspec.structs.replace(RULE, unknown=0.001)
+    said = decide(table(WRONG, row(Kind.UNKNOWN, misfit=0.3), first), leaning)
+    assert (said.kind, said.names, said.rest) == (Kind.KNOWN, ("x",), True)
+
+
+def test_parameters_that_have_moved_far_have_changed() -> None:
+    def asked(moved: float) -> Kind:
+        still = row(Kind.NOTHING, parent=-1, moved=moved)
+        return decide(
+            table(still, row(Kind.PARAMETERS), row(Kind.KNOWN, "x", moved=moved)), RULE
+        ).kind
+
+    assert asked(100.0) is Kind.NOTHING
+    assert asked(20_000.0) is Kind.PARAMETERS
+
+
+def test_the_entry_beside_which_the_parameters_stay_is_named() -> None:
+    still = row(Kind.NOTHING, misfit=2.0, parent=-1, moved=9000.0)
+    rows = [row(Kind.KNOWN, "x", moved=300.0), row(Kind.KNOWN, "y", moved=9000.0)]
+    said = decide(table(still, row(Kind.PARAMETERS, misfit=2.0), *rows), RULE)
+    assert (said.names, said.group) == (("x",), ())
 
 
 def test_an_entry_that_gains_in_one_run_and_loses_in_the_others_is_not_named() -> None:
