@@ -15,7 +15,7 @@ others.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -51,10 +51,10 @@ class Constants(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Ruling:
     """What is the matter.
 
-    `names` are the entries, in the order in which they came, `group` what stands within the odds of
-    the last of them that is in doubt ("parameters" for other values of those), `rest` whether
-    something beside the names is needed. `probability` is that of the kind, or of the names and
-    what else of the library could stand there; `shares` are those of every set of names by kind.
+    `names` are the entries, the most probable first, `group` what stands within the odds of the
+    last of them, where that is in doubt, `rest` whether something beside the names is needed.
+    `probability` is that of the kind, or that the last name or one of its group is there;
+    `shares` are those of every set of names by kind.
     """
 
     kind: Kind
@@ -126,23 +126,28 @@ def is_steady(table: ScoreTable, constants: Constants) -> bool:
 
 
 def ruled(weighed: Weighed, constants: Constants) -> Ruling:
-    """What weighed scores say."""
-    rows, posterior = weighed.table.rows, weighed.posterior(constants)
-    shares = shares_of(rows, posterior)
-    known = weighed.table.where(Kind.KNOWN)
-    best = max(known, key=lambda i: (shares[Kind.KNOWN, frozenset(rows[i].names)], -i), default=-1)
-    if best >= 0:
-        names = rows[best].names
-        own = shares[Kind.KNOWN, frozenset(names)]
-        group = _group(shares, frozenset(names), own, constants.odds)
-        together = own + sum(p for p, name in group if name != Kind.PARAMETERS.value)
-        # A name that is as likely wrong as right is worth no more than none.
-        if together > _EVEN:
-            rest = _leaves_a_rest(weighed, best, constants)
-            return Ruling(Kind.KNOWN, names, tuple(n for _, n in group), rest, together, shares)
+    """What weighed scores say: every entry that is rather there than not, or the likeliest else."""
+    shares = shares_of(weighed.table.rows, weighed.posterior(constants))
+    present = presence(shares)
+    names = tuple(e for e, p in present.items() if p > _EVEN) or tuple(present)[:1]
+    group = _group(present, names, constants.odds)
+    known = {key: p for key, p in shares.items() if key[0] is Kind.KNOWN}
+    p = sum(p for (_, told), p in known.items() if told & {names[-1], *group}) if names else 0.0
+    if p > _EVEN:
+        rest = _leaves_a_rest(weighed, names, constants)
+        return Ruling(Kind.KNOWN, names, group, rest, p, shares)
     quiet = {k: shares.get((k, frozenset()), 0.0) for k in Kind if k is not Kind.KNOWN}
     kind = max(quiet, key=lambda k: quiet[k])
     return Ruling(kind, (), (), False, quiet[kind], shares)
+
+
+def presence(shares: Mapping[tuple[Kind, frozenset[str]], float]) -> dict[str, float]:
+    """Probability that each entry is there, alone or beside others; the most probable first."""
+    found: dict[str, float] = {}
+    for (_, names), p in shares.items():
+        for name in names:
+            found[name] = found.get(name, 0.0) + p
+    return dict(sorted(found.items(), key=lambda pair: (-pair[1], pair[0])))
 
 
 def shares_of(rows: Iterable[Row], posterior: Array) -> dict[tuple[Kind, frozenset[str]], float]:
@@ -154,22 +159,19 @@ def shares_of(rows: Iterable[Row], posterior: Array) -> dict[tuple[Kind, frozens
     return out
 
 
-def _leaves_a_rest(weighed: Weighed, best: int, constants: Constants) -> bool:
-    """Whether a flexible model is better than a row by more than its entries may be wrong by."""
-    told = weighed.told(constants).mean(axis=0)
+def _leaves_a_rest(weighed: Weighed, names: Sequence[str], constants: Constants) -> bool:
+    """Whether a flexible model is better than names by more than entries may be wrong by."""
+    told, rows = weighed.told(constants).mean(axis=0), weighed.table.rows
     flexible = [told[i] for i in weighed.table.where(Kind.UNKNOWN)]
-    return bool(max(flexible, default=-np.inf) - told[best] > np.log(constants.odds))
+    named = [told[i] for i in weighed.table.where(Kind.KNOWN) if set(rows[i].names) <= set(names)]
+    if not flexible or not named:
+        return bool(flexible)
+    return bool(max(flexible) - max(named) > np.log(constants.odds))
 
 
-def _group(
-    shares: dict[tuple[Kind, frozenset[str]], float], names: frozenset[str], own: float, odds: float
-) -> list[tuple[float, str]]:
-    """What could stand in the place of one of the names, most probable first."""
-    found = []
-    for (kind, others), p in shares.items():
-        near = own < odds * p
-        if kind is Kind.PARAMETERS and near:
-            found.append((p, Kind.PARAMETERS.value))
-        elif kind is Kind.KNOWN and near and len(others - names) == 1 == len(names - others):
-            found.append((p, next(iter(others - names))))
-    return sorted(found, key=lambda pair: (-pair[0], pair[1]))
+def _group(present: Mapping[str, float], names: Sequence[str], odds: float) -> tuple[str, ...]:
+    """What could stand in the place of the last name, if that is in doubt; most probable first."""
+    if not names or present[names[-1]] > odds / (1.0 + odds):
+        return ()
+    last = present[names[-1]]
+    return tuple(e for e, p in present.items() if e not in names and last < odds * p)

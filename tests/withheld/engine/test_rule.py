@@ -60,11 +60,16 @@ def test_what_takes_the_gap_alone_is_the_answer(kind: Kind) -> None:
     assert said.names == ()
 
 
-def test_two_entries_that_do_as_well_are_a_group_and_so_are_parameters() -> None:
+def test_two_entries_that_do_as_well_are_a_group() -> None:
     two = [row(Kind.KNOWN, "x"), row(Kind.KNOWN, "y", 1.02)]
-    assert decide(table(WRONG, row(Kind.UNKNOWN, misfit=2.9), *two), RULE).group == ("y",)
-    said = decide(table(WRONG, row(Kind.PARAMETERS, misfit=1.02), two[0]), RULE)
-    assert (said.names, said.group) == (("x",), ("parameters",))
+    said = decide(table(WRONG, row(Kind.UNKNOWN, misfit=2.9), *two), RULE)
+    assert (said.names, said.group) == (("x",), ("y",))
+
+
+def test_an_entry_that_is_in_every_set_is_named_though_none_of_the_sets_is_likely() -> None:
+    sets = [row(Kind.KNOWN, f"x {other}", 0.99, parent=1) for other in "abcd"]
+    said = decide(table(WRONG, row(Kind.KNOWN, "x"), *sets), RULE)
+    assert (said.names, said.group) == (("x",), ())
 
 
 def further(misfit: float, changes: float) -> ScoreTable:
