@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from smad.gap.records import Budget, Outcome, ValueRecord
+from smad.gap.records import Budget, BudgetRow, Outcome, ValueRecord
 
+_TOLD = 0.005
+"""A share smaller than this is not told as a number."""
 _QUIET = {
     Outcome.NO_EXCITATION: "These runs move the bench too little to answer.",
     Outcome.NO_GAP: "Model and bench agree within the noise.",
@@ -85,23 +87,33 @@ def _goes(outcome: Outcome, titles: Mapping[str, str], budget: Budget) -> list[s
     if outcome is Outcome.PARAMETERS:
         return [f"They take {_percent(total.parameters)} of the gap; {_rest(total.rest)}"]
     if not budget.named:
-        best = "".join(
-            f", {_percent(share)} with the best entry of the library ({titles[n]})"
-            for n, share in taken
-            if share > 0.005
-        )
-        return [
-            f"{_percent(total.parameters)} of the gap goes with other values of the parameters"
-            f"{best}; {_rest(total.rest)}"
-        ]
+        return [f"{_without_a_name(total, titles, taken)}; {_rest(total.rest)}"]
     if len(taken) == 1:
         parts = [f"{_percent(taken[0][1])} of the gap goes with that"]
     else:
         parts = [f"{_percent(share)} of the gap goes with {n}" for n, share in taken]
-    if budget.parameters:
+    if budget.parameters and total.parameters > -_TOLD:
         parts.append(f"{_percent(total.parameters)} with other values of the parameters")
+    elif budget.parameters:
+        parts.append(f"of which other values of the parameters add {_percent(-total.parameters)}")
     said = ", ".join(parts)
     return [f"{said[:1].upper() + said[1:]}; {_rest(total.rest)}"]
+
+
+def _without_a_name(
+    total: BudgetRow, titles: Mapping[str, str], taken: Sequence[tuple[str, float]]
+) -> str:
+    best = [
+        f"{_percent(share)} with the best entry of the library ({titles[n]})"
+        for n, share in taken
+        if share > _TOLD
+    ]
+    if total.parameters > -_TOLD:
+        first = f"{_percent(total.parameters)} of the gap goes with other values of the parameters"
+        return ", ".join([first, *best])
+    more = _percent(-total.parameters)
+    first = f"Other values of the parameters, fitted to some runs, add {more} to the gap of others"
+    return "; ".join([first, *(f"{b.replace(' with', ' of it goes with', 1)}" for b in best)])
 
 
 def _rest(share: float) -> str:
@@ -110,8 +122,8 @@ def _rest(share: float) -> str:
 
 def _percent(share: float) -> str:
     """A share as whole per cent; what rounds to nothing or to all is said so only if it is."""
-    if 0.0 < share < 0.005:
+    if 0.0 < share < _TOLD:
         return "less than 1 %"
-    if 0.995 <= share < 1.0:
+    if 1.0 - _TOLD <= share < 1.0:
         return "more than 99 %"
     return f"{round(100 * share)} %"

@@ -8,9 +8,10 @@ import pytest
 
 from smad.gap import diagnose
 from smad.gap.plant import Effect
-from smad.gap.records import Budget, Diagnosis, Outcome
+from smad.gap.records import Budget, BudgetRow, Diagnosis, Outcome
 from smad.gap.report import summary_lines
 from smad.gap.report.advice import Asked
+from smad.gap.report.plain import plain
 from tests.smad.gap.cases import FAR_OFF, OTHER, QUICK, SHOWN, ask, bank, without
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 
@@ -116,3 +117,18 @@ def test_where_no_command_asked_none_is_shown(coupled: Diagnosis) -> None:
     lines = summary_lines(coupled)
     assert "  # try it on runs that are new to it" in lines
     assert not any(line.startswith("  smad gap") for line in lines)
+
+
+def test_parameters_that_make_other_runs_worse_are_said_to_add_to_the_gap() -> None:
+    def told(*, named: bool) -> str:
+        row = BudgetRow("", 1.0, "", 100.0, -0.2, [1.18], 0.02, 2.0)
+        made = Budget(["coupling"], named, True, 0.0, [row], [], None, "", 0.0)
+        return plain(
+            Outcome.EFFECT if named else Outcome.UNKNOWN,
+            titles={"coupling": "heat flow"}, effects=["coupling"] if named else [], group=[],
+            values=[], budget=made,
+        )  # fmt: skip
+
+    assert "of which other values of the parameters add 20 %; 2 % is left." in told(named=True)
+    assert "fitted to some runs, add 20 % to the gap of others" in told(named=False)
+    assert "118 % of it goes with the best entry of the library (heat flow)" in told(named=False)
