@@ -2,9 +2,8 @@
 
 The chip keeps its own time: its timer says when a sample is taken, bytes take theirs on the line,
 and an answer may come after the next STATE. So events arrive when the chip is done with a sample,
-the Python board samples at the chip's ticks, and answers are compared in their order, each with
-its like. What a clock of microseconds decides is blanked: how old a setpoint was, when a
-request was carried out, how long a loop took.
+the Python board samples at the chip's ticks and gets each frame at the time at which the chip's
+core looked at its clock for it, and answers are compared in their order, each with its like.
 """
 
 from __future__ import annotations
@@ -15,13 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
-
 from firmware.twin import Build, Ear, Fed, Twins
 from firmware_protocol import messages as wire
-from firmware_protocol.enums import Fault, ResetCause
+from firmware_protocol.enums import ResetCause
 from firmware_protocol.supervisor import Measurements, Memory
-from sim_device.board import AGE_UNKNOWN, Board
+from sim_device.board import Board
 from sim_device.errors import BenchError
 from sim_device.firmware.board import FirmwareBoard
 from sim_device.firmware.build import OUTPUT, PROTOCOL, SOURCES
@@ -48,11 +45,6 @@ MOST_COUNTS = 100
 """A sample, of the encoder: 10 mm/s. A driver that is shorted moves the spring faster than edges
 can be put on the pins between two samples."""
 BOOT_MOST_us = 200_000
-BLANKED = {
-    wire.Done: ("t_us",),
-    wire.TimeReply: ("t2_us", "t3_us"),
-    wire.LinkStats: ("longest_loop_us", "overruns"),
-}
 LATE_MOST = 4
 """So many messages of a kind may still be on the line."""
 
@@ -80,10 +72,11 @@ class ChipTwins(Twins):
     fed: Seen
 
     def __init__(self, program: Sequence[str], folder: Path, seed: int) -> None:
-        sample = _symbols(OUTPUT / "smad-mega.elf")["now"][0] & 0xFFFF
-        self._born_us = _first_word([*program, "--watch", hex(sample)], folder / "first")
-        speeds = sample + _offset_of_speeds(folder)
-        super().__init__([*program, "--watch", hex(speeds)], folder, seed)
+        symbols = _symbols(OUTPUT / "smad-mega.elf")
+        speeds = symbols["now"][0] + _offset_of_speeds(folder)
+        words = (symbols["last_time_us"][0], speeds, speeds + 4)
+        watches = [word for at in words for word in ("--watch", hex(at & 0xFFFF))]
+        super().__init__([*program, *watches], folder, seed)
 
     def power_up(self) -> None:
         """Cycle the power of both boards, up to the chip's first sample."""
@@ -99,9 +92,10 @@ class ChipTwins(Twins):
         self.c = FirmwareBoard(
             self._program, self._path, hardware=Hardware(), cause=ResetCause.POWER_ON
         )
-        sampled_us = 0
+        born_us = sampled_us = 0
         while self.c.line.state is None:
             self.c.step(ANSWER_STEP_us, codes=codes)
+            born_us = born_us or self.c.watched[0]
             if self.c.clock_us < PERIOD_us:
                 self.c.sample_cycles = 0  # the pins' first level is no sample
             elif self.c.sample_cycles and not sampled_us:
@@ -117,10 +111,9 @@ class ChipTwins(Twins):
             boot_count=self._boots,
             image=self._image,
             hardware=self.fed,  # type: ignore[arg-type]
-            now_us=self._born_us,
+            now_us=born_us,
         )
-        self.fed.pump_rpm = self.c.watched
-        self.python.sample(self.plant.read(), self.now_us)
+        self._sample_python()
         self._run_to(DONE_AFTER_us)
         self._listen()
 
@@ -129,13 +122,15 @@ class ChipTwins(Twins):
 
         Not at `at_us`, but when the chip is done with what it is doing.
         """
+        while self.saving:
+            self.sample()  # what the core did with its clock last would be a write, not the frame
         sizes = (len(build(ear.session, ear.token)) for ear in self.ears)
         if self._chip_us() + max(sizes) * BYTE_us + HANDLED_us > self.now_us + LAST_us:
             self.sample()
         one, two = (build(ear.session, ear.token) for ear in self.ears)
         self.c.step(0, two)
         self.c.step(len(two) * BYTE_us + HANDLED_us)
-        self.python.receive(one, self._chip_us())
+        self.python.receive(one, self.c.watched[0])
         self._listen()
         self._await_keys()
 
@@ -154,12 +149,15 @@ class ChipTwins(Twins):
             self.c.stall_us = self._until(HANG_PAST_us)
         self.c.step(self._until(-SHOWN_BEFORE_us), codes=self.fed.codes)
         self._run_to(DONE_AFTER_us + (HANG_PAST_us if missed else 0))
-        self.fed.pump_rpm = self.c.watched
-        self.python.sample(self.plant.read(), self.now_us)
+        self._sample_python()
         self._listen()
         # It moves now, in time for the next sample: edges crowded before the tick would be lost.
         self._move_encoder(MOST_COUNTS)
         self.c.step(0, codes=replace(self.fed.codes, encoder=self._encoder))
+
+    def _sample_python(self) -> None:
+        self.fed.pump_rpm = (self.c.watched[1], self.c.watched[2])
+        self.python.sample(self.plant.read(), self.now_us)
 
     def _move_encoder(self, most: int) -> None:
         behind = self._codes.encoder - self._origin - self._encoder
@@ -169,8 +167,7 @@ class ChipTwins(Twins):
         """Return what the boards said or do differently since the last call, one line each."""
         for waiting, ear in zip(self._waiting, self.ears, strict=True):
             for message in ear.take():
-                if not _rationed(message):
-                    waiting[type(message)].append(_untimed(message))
+                waiting[type(message)].append(message)
         one, two = self._waiting
         found: list[str] = []
         for kind in {**one, **two}:
@@ -185,6 +182,15 @@ class ChipTwins(Twins):
                 if len(waiting[kind]) > LATE_MOST:
                     found.append(f"{kind.__name__}: {LATE_MOST + 1} that only {who} sent")
         return found + self._pins()
+
+    def last_differences(self) -> list[str]:
+        """Return what is still different when nothing more happens."""
+        for _ in range(LATE_MOST):
+            self.sample()
+        found = self.differences()
+        for who, waiting in zip(("Python", "C"), self._waiting, strict=True):
+            found += [f"{kind.__name__}: only {who} sent it" for kind in waiting if waiting[kind]]
+        return found
 
     def _await_keys(self) -> None:
         """Run the chip until it has given a session and a token as often as the Python board."""
@@ -205,18 +211,6 @@ class ChipTwins(Twins):
 
     def _run_to(self, after_us: int) -> None:
         self.c.step(self._until(after_us))
-
-
-def _first_word(program: Sequence[str], store: Path) -> int:
-    """Return what the watched memory first has: there, the time at which the core starts."""
-    board = FirmwareBoard(program, store, hardware=Hardware())
-    try:
-        while not board.watched[0]:
-            board.step(ANSWER_STEP_us)
-            _give_up(board)
-        return board.watched[0]
-    finally:
-        board.close()
 
 
 def _give_up(board: FirmwareBoard) -> None:
@@ -242,24 +236,3 @@ def _symbols(path: Path) -> dict[str, tuple[int, int]]:
     done = subprocess.run(["avr-nm", "-S", str(path)], check=True, capture_output=True, text=True)
     rows = (line.split() for line in done.stdout.splitlines())
     return {row[3]: (int(row[0], 16), int(row[1], 16)) for row in rows if len(row) == 4}
-
-
-def _rationed(message: wire.Message) -> bool:
-    # Ten a second by a clock of microseconds: which of many refusals are told may differ.
-    numbers = (wire.Setpoint.info.number, wire.TimeRequest.info.number)
-    return isinstance(message, wire.Error) and message.request_type in numbers
-
-
-def _untimed(message: wire.Message) -> wire.Message:
-    if isinstance(message, wire.State):
-        known = message.sp_age_us != AGE_UNKNOWN
-        return msgspec.structs.replace(message, sp_age_us=0 if known else AGE_UNKNOWN)
-    if isinstance(message, wire.FaultReport):
-        clocked = message.fault is Fault.SETPOINT_LOST
-        return msgspec.structs.replace(
-            message,
-            snapshot=_untimed(message.snapshot),
-            measured=0 if clocked else message.measured,
-        )
-    names = BLANKED.get(type(message), ())
-    return msgspec.structs.replace(message, **dict.fromkeys(names, 0))

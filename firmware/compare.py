@@ -3,8 +3,8 @@
 The same random events (setpoints, commands, broken parts, damaged bytes, hangs, power cycles) and
 the same readings go into both. After each sample everything they said and what their pins do must
 be equal: every field of STATE, FAULT_REPORT and every answer, gate, currents and pumps. Left out
-are what each makes up for itself (arming token, chip number, name) and how long a write to the
-parameter memory takes.
+are what each makes up for itself (arming token, chip number, name, speed of its port) and how long
+a write to the parameter memory takes.
 """
 
 from __future__ import annotations
@@ -74,6 +74,7 @@ def compare(port: str, events: int, seed: int) -> Verdict:
                 found = twins.differences()
                 if found:
                     verdict.differences = [*found, "before that:", *latest]
+            verdict.differences = verdict.differences or twins.last_differences()
         finally:
             twins.close()
     return verdict

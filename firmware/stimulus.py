@@ -11,11 +11,12 @@ from firmware.twin import Build, Twins
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import BoardState, Fault
-from firmware_protocol.parameters import PARAMETERS
+from firmware_protocol.parameters import BY_NAME, PARAMETERS
 from firmware_protocol.schema import own_crc
 
 CALM_TICKS = 40
 """Between disturbances, so that armed states last."""
+STATE_RATE = BY_NAME["state_rate_hz"].number
 RTD_MODES = ("open", "short", "invalid", "stuck", "detached", "offset", "spikes")
 DRIVER_MODES = ("short", "open", "cut", "gain")
 PUMP_MODES = ("dry", "stalled", "stuck_on", "blocked")
@@ -124,16 +125,17 @@ class Stimulus:
 
     def _ask(self) -> None:
         rng = self.rng
-        row = rng.choice(PARAMETERS[0 if self.twins.rates else 1 :])
+        least = 0 if self.twins.rates else STATE_RATE + 1
+        row = rng.choice([row for row in PARAMETERS if row.number >= least])
         value = rng.choice(
             (row.default, row.minimum, row.maximum, rng.randrange(row.minimum, row.maximum + 1))
         )
         value += rng.choice((0, 0, 0, 1, -1))
-        number = row.number if rng.random() < 0.95 else rng.randrange(0, 70)
+        number = row.number if rng.random() < 0.95 else rng.randrange(least, 70)
         axis = int(rng.random() < 0.02)
         choices: list[tuple[str, wire.Message, float]] = [
             ("param get", wire.ParamGet(axis, number), 3),
-            ("param set", wire.ParamSet(axis, number, value), 2 if row.number != 1 else 0.2),
+            ("param set", wire.ParamSet(axis, number, value), 0.2 if number == STATE_RATE else 2),
             ("param save", wire.ParamSave(), 0.3),
             ("fault get", wire.FaultGet(axis, rng.randrange(0, 4)), 2),
             ("describe", wire.Describe(rng.randrange(0, 3000)), 1),

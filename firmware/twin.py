@@ -96,7 +96,7 @@ class Twins:
     most_junk = 300
     """Bytes of rubbish at once."""
     rates = True
-    """Whether other rates of samples are asked for."""
+    """Whether other rates are asked for: the Mega refuses some that the Python board takes."""
 
     def __init__(self, program: Sequence[str], folder: Path, seed: int) -> None:
         self._program = tuple(program)
@@ -182,6 +182,11 @@ class Twins:
             names = ([type(message).__name__ for message in said] for said in (python, c))
             found.append("messages: Python {}, C {}".format(*names))
         return found + self._pins()
+
+    def last_differences(self) -> list[str]:
+        """Return what is still different when nothing more happens."""
+        self.sample()
+        return self.differences()
 
     def _pins(self) -> list[str]:
         s, out = self.python.outputs, self.c.outputs

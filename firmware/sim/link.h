@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #define LINK_BYTES 4096u
+#define LINK_WATCHED 4u
 
 struct link_in {
     uint32_t dt_us;
@@ -34,7 +35,7 @@ struct link_out {
     uint16_t resets; /* of the watchdog, since power-up */
     uint16_t size;
     uint32_t sample_cycles; /* of an emulated chip: the longest sample that ended in this step */
-    uint32_t watched[2];    /* of an emulated chip: its memory where --watch says */
+    uint32_t watched[LINK_WATCHED]; /* of an emulated chip: its memory where --watch says */
 };
 
 #endif

@@ -1,6 +1,6 @@
 /* An Arduino Mega with the parts of the wiring page around it, on libsimavr, behind sim/link.h.
  *
- *   smad-simavr --elf FILE --link FD --store FILE [--cause N] [--watch ADDRESS]
+ *   smad-simavr --elf FILE --link FD --store FILE [--cause N] [--watch ADDRESS] ...
  *
  * This program is linked with libsimavr, which is under the GNU General Public License, version 3;
  * so is this program as a whole. It is a tool of the tests and the simulated bench. Nothing of it
@@ -55,7 +55,8 @@ static bool hung;
 static avr_flashaddr_t hung_at;
 static uint8_t hung_word[2];
 static uint16_t resets;
-static uint16_t watch_at;
+static uint16_t watch_at[LINK_WATCHED];
+static uint8_t watches;
 static int store_fd;
 static uint8_t stored[STORE_SIZE];
 
@@ -148,8 +149,10 @@ static avr_io_t watcher = {.kind = "smad", .reset = on_reset};
 
 static avr_cycle_count_t on_end(avr_t *chip, avr_cycle_count_t when, void *unused)
 {
-    (void)chip, (void)when, (void)unused;
-    return 0;
+    (void)chip, (void)unused;
+    /* It stays until the loop looks: a chip that goes to sleep in the last cycle of a step would
+     * else sleep on to the next timer there is. */
+    return when + 1u;
 }
 
 /* The loop hangs: where the program is, outside of interrupts, it jumps to itself for a while. */
@@ -236,7 +239,9 @@ static void answer(int link)
     out.head.gate = driven >> GATE & 1u;
     out.head.drain = (uint8_t)((driven >> DRAIN_X & 1u) | (driven >> DRAIN_Y & 1u) << 1);
     out.head.resets = resets;
-    memcpy(out.head.watched, avr->data + watch_at, sizeof out.head.watched);
+    for (uint8_t k = 0; k < watches; k++) {
+        memcpy(&out.head.watched[k], avr->data + watch_at[k], sizeof out.head.watched[k]);
+    }
     save_store();
     if (send(link, &out, sizeof out.head + out.head.size, 0) < 0) {
         exit(errno == EPIPE ? 0 : 1);
@@ -320,8 +325,8 @@ int main(int count, char **arguments)
             link = atoi(arguments[i + 1]);
         } else if (strcmp(arguments[i], "--cause") == 0) {
             cause = atoi(arguments[i + 1]);
-        } else if (strcmp(arguments[i], "--watch") == 0) {
-            watch_at = (uint16_t)strtoul(arguments[i + 1], NULL, 0);
+        } else if (strcmp(arguments[i], "--watch") == 0 && watches < LINK_WATCHED) {
+            watch_at[watches++] = (uint16_t)strtoul(arguments[i + 1], NULL, 0);
         }
     }
     if (elf == NULL || store == NULL || link < 0) {

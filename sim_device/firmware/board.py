@@ -99,8 +99,8 @@ class FirmwareBoard:
         """The chip's time at the end of the last step."""
         self.sample_cycles = 0
         """Cycles that an emulated chip took for its last sample."""
-        self.watched = (0, 0)
-        """Two long words of an emulated chip's memory, where `--watch` of its program says."""
+        self.watched: tuple[int, ...] = ()
+        """Long words of an emulated chip's memory, where each `--watch` of its program says."""
         self._path = path
         self._to_send = bytearray()
         self._codes = encode(self.measurements, hardware)

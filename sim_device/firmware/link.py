@@ -12,7 +12,7 @@ from sim_device.firmware.frontend import Codes
 MOST_BYTES = 4096
 PATIENCE_S = 60.0
 _IN = struct.Struct("<II8H4Hii2IBBH")
-_OUT = struct.Struct("<Q2H2BBBHHI2I")
+_OUT = struct.Struct("<Q2H2BBBHHI4I")
 
 
 class LinkError(BenchError):
@@ -29,7 +29,7 @@ class Outputs(NamedTuple):
     drain: int
     resets: int
     sample_cycles: int
-    watched: tuple[int, int]
+    watched: tuple[int, ...]
     data: bytes
 
 
@@ -56,5 +56,5 @@ def exchange(
     )
     return Outputs(
         t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles,
-        (watched[0], watched[1]), message[_OUT.size :][:size],
+        tuple(watched), message[_OUT.size :][:size],
     )  # fmt: skip
