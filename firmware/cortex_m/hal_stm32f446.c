@@ -415,7 +415,9 @@ int main(void)
     nucleo_start_pins();
     nucleo_start_clock();
     nucleo_start_timers();
-    ADC1_SMPR2 = 0x3FFFFFFFu; /* the longest sampling time: the dividers are slow */
+    ADC_CCR = 1u << 16; /* 21 MHz: undivided it would be 42, and 36 is the most */
+    ADC1_SMPR1 = 0x07FFFFFFu; /* the longest sampling time: the dividers are slow */
+    ADC1_SMPR2 = 0x3FFFFFFFu;
     ADC1_CR2 = BIT(0) | BIT(10);
     SYSCFG_EXTICR3 = 1u | 1u << 4;
     EXTI_FTSR |= BIT(8) | BIT(9);

@@ -5,7 +5,9 @@
 
 #include <stdint.h>
 
+#ifndef REG
 #define REG(address) (*(volatile uint32_t *)(address))
+#endif
 #define BIT(n) (1uL << (n))
 
 #define RCC 0x40023800uL
@@ -54,9 +56,11 @@
 #define ADC1 0x40012000uL
 #define ADC1_SR REG(ADC1 + 0x00)
 #define ADC1_CR2 REG(ADC1 + 0x08)
+#define ADC1_SMPR1 REG(ADC1 + 0x0C)
 #define ADC1_SMPR2 REG(ADC1 + 0x10)
 #define ADC1_SQR3 REG(ADC1 + 0x34)
 #define ADC1_DR REG(ADC1 + 0x4C)
+#define ADC_CCR REG(ADC1 + 0x304)
 
 #define SYSCFG_EXTICR3 REG(0x40013810uL)
 #define EXTI_IMR REG(0x40013C00uL)

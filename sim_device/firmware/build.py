@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sim_device.errors import BenchError
@@ -48,6 +48,8 @@ class Port:
     packages: str
     steps: tuple[Step, ...]
     program: tuple[str, ...] = ()
+    emulator: str = ""
+    """A program of the computer that runs the image, before `program`."""
 
 
 _CORE = (SOURCES / "core", PROTOCOL)
@@ -84,9 +86,25 @@ _M4 = Step(
     "smad-nucleo.elf",
     libraries=("-lgcc",),
 )  # fmt: skip
+_WRAPPED = (
+    "main", "hal_analog", "hal_rtd", "hal_bridge", "hal_tacho_us", "hal_gate", "hal_current",
+    "hal_drain", "hal_sample_timer", "hal_store_read", "hal_store_write", "hal_mark",
+)  # fmt: skip
+_QEMU = replace(
+    _M4,
+    flags=(
+        *_M4.flags, "-Wl,--defsym=flash_at=0", *(f"-Wl,--wrap={name}" for name in _WRAPPED),
+        "-DREG(address)=(*(volatile uint32_t *)(0x20100000u + ((address) & 0x3FFFFu)))",
+    ),
+    sources=(*_M4.sources, SOURCES / "qemu"),
+    output="smad-qemu.elf",
+)  # fmt: skip
 PORTS: dict[str, Port] = {
     "host": Port("gcc libc6-dev", (_HOST,), ("smad-firmware-host",)),
     "cortex-m": Port("gcc-arm-none-eabi", (_M4,)),
+    "qemu": Port(
+        "gcc-arm-none-eabi qemu-system-arm", (_QEMU,), ("smad-qemu.elf",), "qemu-system-arm"
+    ),
     "mega": Port("gcc-avr binutils-avr avr-libc", (_MEGA,)),
     "avr": Port(
         "gcc libc6-dev gcc-avr binutils-avr avr-libc libsimavr-dev libelf-dev",
@@ -98,9 +116,11 @@ PORTS: dict[str, Port] = {
 
 def missing(port: str) -> str:
     """Return what to install before `port` can be built, as a command; empty if nothing is."""
+    emulator = PORTS[port].emulator
     for step in PORTS[port].steps:
         there = step.header is None or step.header.exists()
-        if shutil.which(step.compiler) is None or not there:
+        tools = [step.compiler, *([emulator] if emulator else [])]
+        if None in map(shutil.which, tools) or not there:
             return f"apt-get install --no-install-recommends {PORTS[port].packages}"
     return ""
 
@@ -133,8 +153,9 @@ def build(port: str) -> tuple[str, ...]:
     OUTPUT.mkdir(parents=True, exist_ok=True)
     for step in PORTS[port].steps:
         _run(step)
-    words = PORTS[port].program
-    return tuple(word if word.startswith("--") else str(OUTPUT / word) for word in words)
+    words = [word if word.startswith("--") else str(OUTPUT / word) for word in PORTS[port].program]
+    emulator = PORTS[port].emulator
+    return (emulator, *words) if emulator else tuple(words)
 
 
 def _run(step: Step) -> None:

@@ -33,6 +33,28 @@ class Outputs(NamedTuple):
     data: bytes
 
 
+def pack(codes: Codes, dt_us: int, data: bytes = b"", stall_us: int = 0) -> bytes:
+    """Return the message that lets the firmware run for `dt_us`."""
+    head = _IN.pack(
+        dt_us, stall_us, *codes.analog, 0, 0, 0, *codes.rtd, codes.bridge, codes.encoder,
+        *codes.tacho_us, codes.inputs, 0, len(data),
+    )  # fmt: skip
+    return head + data
+
+
+def unpack(message: bytes) -> tuple[Outputs, bytes]:
+    """Return the answer at the beginning of some bytes, and the bytes after it."""
+    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles, *watched = _OUT.unpack_from(
+        message
+    )
+    end = _OUT.size + size
+    out = Outputs(
+        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles, tuple(watched),
+        message[_OUT.size : end],
+    )  # fmt: skip
+    return out, message[end:]
+
+
 def exchange(
     end: socket.socket, codes: Codes, dt_us: int, data: bytes = b"", stall_us: int = 0
 ) -> Outputs:
@@ -40,21 +62,11 @@ def exchange(
 
     Raises LinkError.
     """
-    head = _IN.pack(
-        dt_us, stall_us, *codes.analog, 0, 0, 0, *codes.rtd, codes.bridge, codes.encoder,
-        *codes.tacho_us, codes.inputs, 0, len(data),
-    )  # fmt: skip
     try:
-        end.send(head + data)
+        end.send(pack(codes, dt_us, data, stall_us))
         message = end.recv(_OUT.size + MOST_BYTES)
     except OSError as error:
         raise LinkError(f"the firmware does not answer ({error}); start it again") from error
     if len(message) < _OUT.size:
         raise LinkError("the firmware's process ended; its last words are on standard error")
-    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles, *watched = _OUT.unpack_from(
-        message
-    )
-    return Outputs(
-        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles,
-        tuple(watched), message[_OUT.size :][:size],
-    )  # fmt: skip
+    return unpack(message)[0]
