@@ -185,8 +185,9 @@ class ChipTwins(Twins):
 
     def last_differences(self) -> list[str]:
         """Return what is still different when nothing more happens."""
-        for _ in range(LATE_MOST):
-            self.sample()
+        self.sample()
+        self._run_to(PERIOD_us - SHOWN_BEFORE_us)
+        self._listen()
         found = self.differences()
         for who, waiting in zip(("Python", "C"), self._waiting, strict=True):
             found += [f"{kind.__name__}: only {who} sent it" for kind in waiting if waiting[kind]]

@@ -67,7 +67,9 @@ ISR(TIMER3_COMPA_vect)
 {
     /* The first reading is taken at the tick itself, however late the loop comes. */
     mega_first_conversion();
-    tick_us += tick_period_us;
+    do {
+        tick_us += tick_period_us; /* more than once when interrupts were kept from running */
+    } while (mega_time_us() - tick_us >= tick_period_us);
     tick_waits = true;
 }
 

@@ -22,7 +22,7 @@ struct link_in {
     int32_t encoder;
     uint32_t tacho_us[2];
     uint8_t inputs;
-    uint8_t reserved;
+    uint8_t deaf; /* interrupts do not run meanwhile either */
     uint16_t size;
 };
 

@@ -52,6 +52,7 @@ static avr_cycle_count_t reset_cycle;
 static const uint8_t JUMP_TO_ITSELF[2] = {0xFF, 0xCF};
 static avr_cycle_count_t stall_end;
 static bool hung;
+static bool deaf;
 static avr_flashaddr_t hung_at;
 static uint8_t hung_word[2];
 static uint16_t resets;
@@ -163,9 +164,16 @@ static void hang(void)
         hung_at = avr->pc;
         memcpy(hung_word, avr->flash + hung_at, sizeof hung_word);
         memcpy(avr->flash + hung_at, JUMP_TO_ITSELF, sizeof hung_word);
+        if (deaf) {
+            avr->sreg[S_I] = 0;
+            avr->state = cpu_Running;
+        }
     } else if (hung && avr->cycle >= stall_end) {
         hung = false;
         memcpy(avr->flash + hung_at, hung_word, sizeof hung_word);
+        if (deaf) {
+            avr->sreg[S_I] = 1;
+        }
     }
 }
 
@@ -264,6 +272,7 @@ static void serve(int link)
         feed();
         if (in.head.stall_us > 0) {
             stall_end = avr->cycle + (avr_cycle_count_t)in.head.stall_us * MHZ;
+            deaf = in.head.deaf != 0;
         }
         run_until(end);
         answer(link);

@@ -94,6 +94,8 @@ class FirmwareBoard:
         self.stage_m = 0.0
         self.stall_us = 0
         """The loop hangs for so long, from the next step on."""
+        self.deaf = False
+        """While it hangs an emulated chip's interrupts do not run either."""
         self.resets = 0
         self.clock_us = start_us
         """The chip's time at the end of the last step."""
@@ -194,7 +196,7 @@ class FirmwareBoard:
         """Run for so long; bytes (at most `MOST_BYTES`) arrive, and new codes show."""
         stall_us, self.stall_us = self.stall_us, 0
         self._codes = codes or self._codes
-        self._take(exchange(self._end, self._codes, max(dt_us, 0), data, stall_us))
+        self._take(exchange(self._end, self._codes, max(dt_us, 0), data, stall_us, deaf=self.deaf))
 
     def data_to_send(self) -> bytes:
         """Return all bytes to write now; a second call returns none."""

@@ -33,11 +33,13 @@ class Outputs(NamedTuple):
     data: bytes
 
 
-def pack(codes: Codes, dt_us: int, data: bytes = b"", stall_us: int = 0) -> bytes:
+def pack(
+    codes: Codes, dt_us: int, data: bytes = b"", stall_us: int = 0, *, deaf: bool = False
+) -> bytes:
     """Return the message that lets the firmware run for `dt_us`."""
     head = _IN.pack(
         dt_us, stall_us, *codes.analog, 0, 0, 0, *codes.rtd, codes.bridge, codes.encoder,
-        *codes.tacho_us, codes.inputs, 0, len(data),
+        *codes.tacho_us, codes.inputs, deaf, len(data),
     )  # fmt: skip
     return head + data
 
@@ -56,14 +58,21 @@ def unpack(message: bytes) -> tuple[Outputs, bytes]:
 
 
 def exchange(
-    end: socket.socket, codes: Codes, dt_us: int, data: bytes = b"", stall_us: int = 0
+    end: socket.socket,
+    codes: Codes,
+    dt_us: int,
+    data: bytes = b"",
+    stall_us: int = 0,
+    *,
+    deaf: bool = False,
 ) -> Outputs:
     """Let the firmware run for `dt_us`; `data` (at most `MOST_BYTES`) arrives at the end of it.
 
+    Its loop hangs for `stall_us` first; with `deaf` an emulated chip's interrupts do, too.
     Raises LinkError.
     """
     try:
-        end.send(pack(codes, dt_us, data, stall_us))
+        end.send(pack(codes, dt_us, data, stall_us, deaf=deaf))
         message = end.recv(_OUT.size + MOST_BYTES)
     except OSError as error:
         raise LinkError(f"the firmware does not answer ({error}); start it again") from error

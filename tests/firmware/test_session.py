@@ -14,8 +14,8 @@ from firmware_protocol.generate.vectors import random_message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
 from sim_device.faults import injection
-from sim_device.firmware.bench import ChipBench
-from tests.firmware.conftest import Make
+from sim_device.firmware.bench import ChipBench, firmware_bench
+from tests.firmware.conftest import Make, needs
 from tests.sim_device.loop import Loop, hold
 
 LIMIT = 20
@@ -280,6 +280,21 @@ def test_a_loop_that_hangs_is_ended_by_the_watchdog_with_the_gate_off(make: Make
     loop.until(lambda: loop.mode is BoardState.SAFE)
     assert identity(loop).reset_cause is ResetCause.WATCHDOG
     assert loop.host.state is not HostState.RUNNING
+
+
+def test_ticks_stay_where_they_were_when_interrupts_were_held_off_for_longer_than_one() -> None:
+    needs("avr")
+    bench = firmware_bench("avr")
+    loop = Loop(bench).connected()
+    before_us = bench.board.clock_us - bench.board.now_us
+    bench.board.deaf = True
+    bench.hang(0.035)
+    loop.step(10)
+    assert bench.board.resets == 0
+    assert bench.board.clock_us - bench.board.now_us == pytest.approx(before_us, abs=1500)
+    times = [state.t_us for state in loop.states]
+    assert max(b - a for a, b in itertools.pairwise(times)) in (30_000, 40_000)
+    bench.close()
 
 
 def test_a_short_hang_is_a_fault_and_no_restart(make: Make) -> None:
