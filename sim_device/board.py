@@ -30,6 +30,7 @@ from firmware_protocol.supervisor import (
     SelfTest,
     Supervisor,
 )
+from firmware_protocol.supervisor.observers import is_believed
 from firmware_protocol.supervisor.supervisor import Event
 from sim_device.commands import Commands
 from sim_device.hardware import Hardware
@@ -311,8 +312,8 @@ class Board:
         """Return the valid bits when some part may be broken."""
         m, limits = self.measurements, self.supervisor.limits
         valid = ALL_VALID
-        for bit, value in zip(_RTD_BITS, m.rtd_cC, strict=True):
-            if not limits.rail_low_cC < value < limits.rail_high_cC:
+        for j, bit in enumerate(_RTD_BITS):
+            if not is_believed(m, limits, j):
                 valid &= ~bit
         if m.encoder_invalid:
             valid &= ~ValidBit.ENCODER

@@ -625,16 +625,15 @@ static void smad_sv_observe_surroundings(struct smad_sv_memory *s, const struct 
 {
     int16_t inlet_cC;
     int16_t ambient_cC;
-    (void)lim;
     inlet_cC = m->rtd_cC[2];
     ambient_cC = m->rtd_cC[3];
-    if (!((SMAD_SV_LIMIT_RAIL_LOW_CC < inlet_cC) && (inlet_cC < SMAD_SV_LIMIT_RAIL_HIGH_CC))) {
+    if (!(smad_sv_is_believed(m, lim, 2))) {
         inlet_cC = ambient_cC;
     }
-    if (!((SMAD_SV_LIMIT_RAIL_LOW_CC < ambient_cC) && (ambient_cC < SMAD_SV_LIMIT_RAIL_HIGH_CC))) {
+    if (!(smad_sv_is_believed(m, lim, 3))) {
         ambient_cC = inlet_cC;
     }
-    if ((SMAD_SV_LIMIT_RAIL_LOW_CC < inlet_cC) && (inlet_cC < SMAD_SV_LIMIT_RAIL_HIGH_CC)) {
+    if ((smad_sv_is_believed(m, lim, 2)) || (smad_sv_is_believed(m, lim, 3))) {
         s->coldest_cC = smad_sv_min16(inlet_cC, ambient_cC);
         s->warmest_cC = smad_sv_max16(inlet_cC, ambient_cC);
     }
@@ -1540,7 +1539,7 @@ static uint8_t smad_sv_arming_obstacle(struct smad_sv_memory *s, const struct sm
         return smad_sv_refuse(s, SMAD_ERROR_CODE_CLOCK_UNLOCKED, SMAD_CHANNEL_BOARD, 0, 0);
     }
     for (j = 0; j < 4; j++) {
-        if ((m->rtd_cC[j] <= SMAD_SV_LIMIT_RAIL_LOW_CC) || (m->rtd_cC[j] >= SMAD_SV_LIMIT_RAIL_HIGH_CC)) {
+        if (!(smad_sv_is_believed(m, lim, j))) {
             return smad_sv_refuse(s, SMAD_ERROR_CODE_SENSOR_INVALID, j, m->rtd_cC[j], SMAD_SV_LIMIT_RAIL_HIGH_CC);
         }
     }

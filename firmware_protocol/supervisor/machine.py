@@ -23,6 +23,7 @@ from firmware_protocol.supervisor.observers import (
     DUTY_FULL,
     FCC_PER_CC,
     forget_jumps,
+    is_believed,
     observe_jumps,
     observe_spring,
     observe_surroundings,
@@ -247,7 +248,7 @@ def arming_obstacle(s: Memory, m: Measurements, lim: Limits, link: int) -> int:
     if not link & LINK_CLOCK:
         return refuse(s, ErrorCode.CLOCK_UNLOCKED, Channel.BOARD, 0, 0)
     for j in range(4):
-        if m.rtd_cC[j] <= lim.rail_low_cC or m.rtd_cC[j] >= lim.rail_high_cC:
+        if not is_believed(m, lim, j):
             return refuse(s, ErrorCode.SENSOR_INVALID, j, m.rtd_cC[j], lim.rail_high_cC)
     if m.encoder_invalid:
         return refuse(s, ErrorCode.SENSOR_INVALID, Channel.ENCODER, m.encoder_invalid, 0)

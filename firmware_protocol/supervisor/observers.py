@@ -68,17 +68,17 @@ def observe_surroundings(s: Memory, m: Measurements, lim: Limits) -> None:
     """Keep the coldest and the warmest that surrounds a spring: water inlet and room."""
     inlet_cC = m.rtd_cC[2]
     ambient_cC = m.rtd_cC[3]
-    if not lim.rail_low_cC < inlet_cC < lim.rail_high_cC:
+    if not is_believed(m, lim, 2):
         inlet_cC = ambient_cC
-    if not lim.rail_low_cC < ambient_cC < lim.rail_high_cC:
+    if not is_believed(m, lim, 3):
         ambient_cC = inlet_cC
-    if lim.rail_low_cC < inlet_cC < lim.rail_high_cC:
+    if is_believed(m, lim, 2) or is_believed(m, lim, 3):
         s.coldest_cC = min(inlet_cC, ambient_cC)
         s.warmest_cC = max(inlet_cC, ambient_cC)
 
 
 def is_believed(m: Measurements, lim: Limits, k: int) -> bool:
-    """Return whether the reading of spring k is one that a sensor in order can show."""
+    """Return whether the reading of RTD k is one that a sensor in order can show."""
     return lim.rail_low_cC < m.rtd_cC[k] < lim.rail_high_cC
 
 
