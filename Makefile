@@ -14,7 +14,7 @@ help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
 
 demo: $(VENV)/.installed  ## the main job on a simulated bench: arm, steps, sinusoid, table, run log, page
-	@$(BIN)/smad demo --firmware $(FIRMWARE)
+	@$(BIN)/smad demo $(FIRMWARE:%=--firmware %)
 
 firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flash is build/firmware/smad-mega.hex
 	@$(PY) -m sim_device.firmware.build

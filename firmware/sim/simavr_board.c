@@ -50,6 +50,7 @@ static avr_cycle_count_t byte_cycles;
 static avr_run_t usual_run;
 static avr_cycle_count_t reset_cycle;
 static const uint8_t JUMP_TO_ITSELF[2] = {0xFF, 0xCF};
+static const uint8_t SLEEP[2] = {0x88, 0x95};
 static avr_cycle_count_t stall_end;
 static bool hung;
 static bool deaf;
@@ -156,10 +157,12 @@ static avr_cycle_count_t on_end(avr_t *chip, avr_cycle_count_t when, void *unuse
     return when + 1u;
 }
 
-/* The loop hangs: where the program is, outside of interrupts, it jumps to itself for a while. */
+/* The loop hangs: where the program is, outside of interrupts, it jumps to itself for a while. Not
+ * between sei and sleep: there a chip has no place for an interrupt, and would oversleep it. */
 static void hang(void)
 {
-    if (!hung && avr->cycle < stall_end && avr->sreg[S_I]) {
+    bool asleep_next = memcmp(avr->flash + avr->pc, SLEEP, sizeof SLEEP) == 0;
+    if (!hung && avr->cycle < stall_end && avr->sreg[S_I] && !asleep_next) {
         hung = true;
         hung_at = avr->pc;
         memcpy(hung_word, avr->flash + hung_at, sizeof hung_word);

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli.output import Progress
+
+if TYPE_CHECKING:
+    from smad.demo.figures import Rows
+    from smad.runlog.reader import Run
 
 SPEED = 40
 REAL_TIME_S = 10.0
@@ -24,23 +29,42 @@ REAL_TIME_S = 10.0
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option(
     "--firmware",
+    "boards",
     type=click.Choice(["python", "host", "avr"]),
-    default="python",
+    default=["python"],
     show_default=True,
-    help="The board, see smad sim --help.",
+    multiple=True,
+    help="The board, see smad sim --help; give it again for another one beside it.",
 )
-def demo(folder: Path, seed: int, firmware: str) -> None:
+def demo(folder: Path, seed: int, boards: tuple[str, ...]) -> None:
     """Run steps and a sinusoid on a simulated bench; show numbers.
 
     The same seed gives the same bench. The table's last digits still differ from run to run: the
     noise that a motion meets depends on when the bench was armed.
     """
+    from smad.demo import figures
+    from smad.report.page import text_table
+
+    line = Progress()
+    tables, places = {}, []
+    for board in boards:
+        run, tables[board] = _run(folder, seed, board, line)
+        line.say("reading the run log and drawing")
+        page = run.path.with_suffix(".html")
+        figures.write(page, run, tables[board])
+        places.append(f"run log  {run.path}\npage     {page}")
+    line.done()
+    click.echo("\n".join([text_table(figures.beside(tables)), *places]))
+
+
+def _run(folder: Path, seed: int, board: str, line: Progress) -> tuple[Run, Rows]:
+    """Do the demo's job on one board; return its run and its table."""
     from smad.client import Client
     from smad.config import Config, RecorderConfig, TelemetryConfig, config_to_toml
+    from smad.demo import figures
     from smad.demo.job import run_cycle, run_in_real_time
     from smad.processes.daemon import running_daemon
 
-    line = Progress()
     with tempfile.TemporaryDirectory(prefix="smad-demo-") as place:
         sockets = Path(place)
         config = Config(
@@ -49,23 +73,15 @@ def demo(folder: Path, seed: int, firmware: str) -> None:
         )
         (sockets / "demo.toml").write_text(config_to_toml(config))
         common = ["--sim", "--config", str(sockets / "demo.toml"), "--seed", str(seed)]
-        common += ["--firmware", firmware]
+        common += ["--firmware", board]
 
         def starting() -> None:
-            line.say("starting the simulated bench and the daemon")
+            line.say(f"starting the simulated bench ({board}) and the daemon")
 
         fast = [*common, "--speed", str(SPEED), "--paced-by-host"]
         with running_daemon(fast, sockets, waiting=starting), Client(folder=sockets) as client:
             done = run_cycle(client, line.say)
         with running_daemon(common, sockets, waiting=starting), Client(folder=sockets) as client:
             real = run_in_real_time(client, REAL_TIME_S, line.say)
-        line.say("reading the run log and drawing")
-        from smad.demo import figures
-
-        run = figures.load(done.path)
-        rows = figures.table(run, done.status, real)
-        page = Path(done.path).with_suffix(".html")
-        figures.write(page, run, rows)
-        line.done()
-    click.echo(figures.text_table(rows))
-    click.echo(f"\nrun log  {done.path}\npage     {page}")
+    run = figures.load(done.path)
+    return run, figures.table(run, done.status, real)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,16 +87,18 @@ def table(run: Run, paced: Status, real: Status) -> Rows:
         (f"settling time (5 %), +{STEP_MM:g} → −{STEP_MM:g} mm", _seconds(down.settling_time_s)),
         ("peak temperature of a spring", f"{degrees:.1f} °C"),
         ("peak current, measured", f"{amperes:.2f} A"),
-        ("setpoint age at the board, in real time", _spread(real.timing.setpoint_age)),
-        ("the daemon's share, in real time", _spread(real.timing.own_share)),
+        ("setpoint age at the board: p50, p99, p99.9", _spread(real.timing.setpoint_age)),
+        ("the daemon's share: p50, p99, p99.9", _spread(real.timing.own_share)),
         ("missed samples", f"{missed} of {samples}"),
     ]
 
 
-def text_table(rows: Rows) -> str:
-    """Return the table for a terminal."""
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+def beside(tables: Mapping[str, Rows]) -> Table:
+    """Return the tables of several boards, by the board's name, as one."""
+    first, *_ = tables.values()
+    values = zip(*([value for _, value in rows] for rows in tables.values()), strict=True)
+    rows = [(name, *row) for (name, _), row in zip(first, values, strict=True)]
+    return Table(("quantity", *tables), rows)
 
 
 def write(path: Path, run: Run, rows: Rows) -> None:
@@ -135,7 +138,7 @@ def _seconds(value: float) -> str:
 
 
 def _spread(part: Percentiles) -> str:
-    return f"p50 {part.p50_us:.0f}, p99 {part.p99_us:.0f}, p99.9 {part.p999_us:.0f} µs"
+    return ", ".join(f"{us / 1e3:.2f}" for us in (part.p50_us, part.p99_us, part.p999_us)) + " ms"
 
 
 def load(path: str) -> Run:

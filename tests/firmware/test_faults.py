@@ -4,7 +4,7 @@ import pytest
 
 from firmware_protocol.enums import BoardState
 from sim_device.faults import FAULT_KINDS, injection
-from tests.firmware.conftest import Make
+from tests.firmware.conftest import MakeFirmware
 from tests.sim_device.loop import Loop
 from tests.sim_device.test_faults import AT_S, CASES
 
@@ -14,10 +14,12 @@ HOT = (BoardState.ARMED, BoardState.HOLD)
 
 
 @pytest.mark.parametrize("name", [name for name in READ if name not in HARMLESS])
-def test_a_fault_is_named_and_the_heat_stays_within_its_budget(make: Make, name: str) -> None:
+def test_a_fault_is_named_and_the_heat_stays_within_its_budget(
+    make_firmware: MakeFirmware, name: str
+) -> None:
     parameters, answer = CASES[name]
     fault = injection(name, AT_S, **parameters)
-    bench = make(seed=1, faults=[fault])
+    bench = make_firmware(seed=1, faults=[fault])
     loop = Loop(bench).armed()
     loop.answer = answer  # type: ignore[assignment]
     while bench.now_us < 60e6 and loop.mode in HOT:

@@ -1,4 +1,4 @@
-"""The firmware at the other end of a session: greeted, asked, refused, flooded, restarted."""
+"""A board at the other end of a session: greeted, asked, refused, flooded, restarted."""
 
 import itertools
 import random
@@ -15,7 +15,7 @@ from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
 from sim_device.faults import injection
 from sim_device.firmware.bench import ChipBench, firmware_bench
-from tests.firmware.conftest import Make, needs
+from tests.firmware.conftest import Make, MakeFirmware, needs
 from tests.sim_device.loop import Loop, hold
 
 LIMIT = 20
@@ -203,8 +203,10 @@ def test_a_save_that_meets_the_save_of_an_earlier_session_is_carried_out_after_i
     assert value.value == 800
 
 
-def test_a_disarm_does_not_wait_for_a_save_and_the_save_is_answered_after_it(make: Make) -> None:
-    loop = Loop(make()).connected()
+def test_a_disarm_does_not_wait_for_a_save_and_the_save_is_answered_after_it(
+    make_firmware: MakeFirmware,
+) -> None:
+    loop = Loop(make_firmware()).connected()
     loop.request(wire.ParamSet(0, LIMIT, 900))
     save = loop.host.request(wire.ParamSave(), loop.bench.now_us)
     loop.bench.receive(loop.host.data_to_send())
@@ -225,9 +227,9 @@ def test_a_disarm_does_not_wait_for_a_save_and_the_save_is_answered_after_it(mak
 
 @pytest.mark.parametrize("after_ms", range(0, 60, 7))
 def test_a_power_cut_in_the_middle_of_a_write_leaves_the_old_or_the_new(
-    make: Make, after_ms: int
+    make_firmware: MakeFirmware, after_ms: int
 ) -> None:
-    loop = Loop(make()).connected()
+    loop = Loop(make_firmware()).connected()
     loop.request(wire.ParamSet(0, LIMIT, 900))
     loop.request(wire.ParamSave())
     loop.request(wire.ParamSet(0, LIMIT, 700))
@@ -269,8 +271,10 @@ def test_garbage_and_floods_cost_nothing_but_time(make: Make) -> None:
     assert loop.host.stats.missed_states <= 20
 
 
-def test_a_loop_that_hangs_is_ended_by_the_watchdog_with_the_gate_off(make: Make) -> None:
-    loop = Loop(make()).armed()
+def test_a_loop_that_hangs_is_ended_by_the_watchdog_with_the_gate_off(
+    make_firmware: MakeFirmware,
+) -> None:
+    loop = Loop(make_firmware()).armed()
     loop.answer = hold(2000)
     loop.step(20)
     loop.bench.hang(0.3)
@@ -317,10 +321,12 @@ def test_the_same_seed_gives_the_same_bytes(make: Make) -> None:
     assert streams[0] == streams[1]
 
 
-def test_a_store_of_its_own_keeps_the_count_of_starts(make: Make, tmp_path: Path) -> None:
+def test_a_store_of_its_own_keeps_the_count_of_starts(
+    make_firmware: MakeFirmware, tmp_path: Path
+) -> None:
     counts = []
     for _ in range(3):
-        bench = make(store_path=tmp_path / "store")
+        bench = make_firmware(store_path=tmp_path / "store")
         counts.append(identity(Loop(bench).connected()).boot_count)
         bench.close()
     assert counts == [1, 2, 3]
