@@ -11,33 +11,28 @@ import zmq
 from smad.api import AddNote, GetStatus
 from smad.client import Client
 from smad.client.wire import Conversation, connect, new_identity, subscribe
-from smad.control.commands import Sine, Step
+from smad.control.commands import Step
 from smad.control.metrics import tracking_r2
+from smad.demo import figures
+from smad.demo.job import run_cycle
+from smad.report.page import text_table
 from smad.runlog.reader import read_run
 from tests.hil.conftest import EVERY_DEVICE, PATIENCE_S, Hil, arm
 
 
 @EVERY_DEVICE
-def test_steps_and_a_sinusoid_are_followed_recorded_and_ended(hil: Hil) -> None:
+def test_the_demos_cycle_is_followed_recorded_and_ended(hil: Hil) -> None:
     daemon = hil.ready_daemon(hil.device().port)
-    client = hil.client()
-    arm(client)
-    with client.record("hil") as recorder:
-        client.move(Step(displacement_mm=5.0, duration_s=15.0))
-        client.move(Sine(amplitude_mm=2.0, period_s=7.0, cycles=2, offset_mm=5.0), queue=True)
-        motion = client.wait_until_done()
-    assert motion.done
-    assert motion.displacement_mm == pytest.approx(5.0, abs=1.0)
-    status = client.status()
-    assert (status.counts.missed, status.counts.setpoints_dropped) == (0, 0)
-    client.disarm()
+    done = run_cycle(hil.client(), print)
     assert daemon.end() == 0
-    run = read_run(Path(recorder.path))
+    run = read_run(Path(done.path))
+    rows = figures.table(run, done.status, done.status)
+    print(text_table(figures.beside({hil.kind: rows})))
     assert not run.cut_short
-    assert len(run) > 2900
-    moving = run.columns["t_s"] > run.columns["t_s"][-1] - 2 * 7.0
-    reference = run.columns["reference_mm"][moving]
-    assert tracking_r2(reference, run.columns["displacement_mm"][moving]) > 0.5
+    assert (done.status.counts.missed, done.status.counts.setpoints_dropped) == (0, 0)
+    assert [name for name, value in rows if value == "never"] == [], "a step that did not settle"
+    _, reference, displacement = figures.sinusoid(run)
+    assert tracking_r2(reference, displacement) > 0.5
 
 
 def test_a_paced_run_gives_the_same_samples_every_time(hil: Hil) -> None:
