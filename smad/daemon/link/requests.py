@@ -63,8 +63,8 @@ REFUSALS: dict[ErrorCode, tuple[str, str]] = {
     ErrorCode.UNKNOWN_PARAMETER: ("the board has no such parameter", "see smad params list"),
     ErrorCode.NO_SUCH_REPORT: ("the board has no such fault report", "see smad status"),
     ErrorCode.RATE_TOO_HIGH: (
-        "the rate does not fit the baud rate",
-        "lower link.rate_hz or raise link.baud",
+        "the line, or the board's own time, does not carry this rate",
+        "lower link.rate_hz to the limit",
     ),
     ErrorCode.SAVE_FAILED: ("the board could not store its parameters", "try again"),
 }
