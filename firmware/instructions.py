@@ -77,7 +77,7 @@ def replay(program: Sequence[str], board: RecordedBoard) -> list[Counted]:
         )
         if done.returncode != 0:
             raise BenchError(f"{emulator} ended with {done.returncode}: {done.stderr.strip()}")
-        data = (Path(folder) / "answers").read_bytes()
+        data = memoryview((Path(folder) / "answers").read_bytes())
     answers = []
     while data:
         out, data = unpack(data)

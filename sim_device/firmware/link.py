@@ -44,7 +44,7 @@ def pack(
     return head + data
 
 
-def unpack(message: bytes) -> tuple[Outputs, bytes]:
+def unpack(message: memoryview) -> tuple[Outputs, memoryview]:
     """Return the answer at the beginning of some bytes, and the bytes after it."""
     t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles, *watched = _OUT.unpack_from(
         message
@@ -52,7 +52,7 @@ def unpack(message: bytes) -> tuple[Outputs, bytes]:
     end = _OUT.size + size
     out = Outputs(
         t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles, tuple(watched),
-        message[_OUT.size : end],
+        bytes(message[_OUT.size : end]),
     )  # fmt: skip
     return out, message[end:]
 
@@ -78,4 +78,4 @@ def exchange(
         raise LinkError(f"the firmware does not answer ({error}); start it again") from error
     if len(message) < _OUT.size:
         raise LinkError("the firmware's process ended; its last words are on standard error")
-    return unpack(message)[0]
+    return unpack(memoryview(message))[0]
