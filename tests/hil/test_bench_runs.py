@@ -5,9 +5,11 @@ import socket
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 import zmq
 
+from firmware_protocol.enums import BoardState
 from smad.api import AddNote, GetStatus
 from smad.client import Client
 from smad.client.wire import Conversation, connect, new_identity, subscribe
@@ -29,7 +31,10 @@ def test_the_demos_cycle_is_followed_recorded_and_ended(hil: Hil) -> None:
     rows = figures.table(run, done.status, done.status)
     print(text_table(figures.beside({hil.kind: rows})))
     assert not run.cut_short
-    assert (done.status.counts.missed, done.status.counts.setpoints_dropped) == (0, 0)
+    assert done.status.counts.setpoints_dropped == 0
+    # A board that is not armed does not wait for its host, which a busy machine may hold up.
+    armed = run.columns["mode"] == BoardState.ARMED
+    assert np.diff(run.columns["t_s"][armed]) == pytest.approx(0.01, abs=1e-6)
     assert [name for name, value in rows if value == "never"] == [], "a step that did not settle"
     _, reference, displacement = figures.sinusoid(run)
     assert tracking_r2(reference, displacement) > 0.5
