@@ -9,7 +9,10 @@ from tests.withheld.excitation import FOR_FITTING, FOR_HOLDING_OUT, RUN_s
 from tests.withheld.plant.effects import BY_NAME, SIGNED, Active, names
 from tests.withheld.strength import Plan
 
-Kind = Literal["single", "none", "parameters", "unknown", "pair", "triple", "differs"]
+Kind = Literal[
+    "single", "none", "parameters", "unknown", "pair", "triple", "differs",
+    "room", "preload", "drift",
+]  # fmt: skip
 
 STRENGTHS = (1.0, 3.0, 10.0)
 DEFAULT = {"single": 60, "none": 15, "parameters": 15, "unknown": 36, "pair": 18, "triple": 6}
@@ -17,6 +20,9 @@ FULL = {"single": 186, "none": 45, "parameters": 45, "unknown": 100, "pair": 48,
 MINI = {"single": 1, "none": 1, "parameters": 1, "unknown": 1, "pair": 1, "triple": 0}
 
 DIFFERS = 4
+
+WITHOUT: tuple[Kind, ...] = ("none", "parameters", "room", "preload", "drift")
+"""Kinds of cases without an effect."""
 
 APART = {
     frozenset(("tube_friction", "viscous_drag")),
@@ -89,6 +95,7 @@ def scaled(counts: dict[str, int], total: int) -> dict[str, int]:
 def draw(bank: str, seed: int, counts: dict[str, int], differs: int) -> list[Case]:
     """All cases of a bank in shuffled order; `bank` decides which unknown effects it may hold."""
     rng = np.random.default_rng((seed, 1))
+    counts = {"single": 0, "unknown": 0, "pair": 0, "triple": 0, **counts}
     unknown = names("sealed" if bank == "sealed" else "dev")
     known = names("known")
     drawn: list[tuple[Kind, tuple[tuple[Active, ...], ...], float]] = []
@@ -101,13 +108,9 @@ def draw(bank: str, seed: int, counts: dict[str, int], differs: int) -> list[Cas
         for i in range(counts[kind]):
             choices = tuple(_together(rng, size) for _ in range(4))
             drawn.append((kind, choices, (3.0, 10.0)[i % 2]))
-    without: tuple[tuple[Kind, int], ...] = (
-        ("none", counts["none"]),
-        ("parameters", counts["parameters"]),
-        ("differs", differs),
-    )
-    for kind, count in without:
-        drawn += [(kind, ((),), 0.0)] * count
+    for kind in WITHOUT:
+        drawn += [(kind, ((),), 0.0)] * counts.get(kind, 0)
+    drawn += [("differs", ((),), 0.0)] * differs
     order = rng.permutation(len(drawn))
     seeds = rng.integers(2**31, size=len(drawn))
     return [

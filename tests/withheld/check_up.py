@@ -4,15 +4,23 @@ A bench is commissioned once, from its good repeats; each of its cases is then j
 """
 
 import json
+import random
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from smad.gap.paired.commission import checked, commissioned
+import numpy as np
+
+from smad.gap.check.names import canonical
+from smad.gap.paired.commission import commissioned
+from smad.gap.paired.constants import shipped_constants
+from smad.gap.paired.difference import Paired, paired
 from smad.gap.paired.files import read_file
+from smad.gap.paired.judge import Findings, examine
 from smad.gap.paired.reference import Reference
-from smad.gap.paired.verdict import Verdict
+from smad.gap.paired.spring_pair import TRAITS
+from smad.gap.paired.verdict import CAUSE, GROUP, QUIET, Verdict, decide
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from tests.withheld.errors import BankError
@@ -66,27 +74,107 @@ def _runs_of(bank: Path, case: str) -> Recordings:
 
 
 def run(
-    bank: Path, out: Path, *, benches: Sequence[str] = (), repeats: int | None = None
+    bank: Path,
+    out: Path,
+    *,
+    benches: Sequence[str] = (),
+    repeats: int | None = None,
+    key: Path | None = None,
 ) -> dict[str, Any]:
-    """Verdicts of all cases (of some benches), written to `out` after each bench."""
+    """Verdicts of all cases (of some benches), written to `out` after each bench.
+
+    With the key's folder single effects are judged once more without their entry.
+    """
     manifest = manifest_of(bank)
     plant = SmaPlant()
+    entries = _single_entries(key, plant) if key is not None else {}
     verdicts: dict[str, Any] = {}
-    document = {
+    document: dict[str, Any] = {
         "format": "smad-verdicts-1",
         "bank": manifest["bank"],
         "key_sha256": manifest["key_sha256"],
         "tool": {"version": "check-up", "commit": ""},
+        "floors": {},
         "verdicts": verdicts,
     }
+    constants = shipped_constants()
     for bench, reference, cases in benches_of(bank, manifest, plant, only=benches, repeats=repeats):
         for case, runs in cases:
             began = time.process_time()
-            found = checked(plant, reference, runs)
-            verdicts[case] = _verdict(found, time.process_time() - began)
+            pairs = paired(plant, TRAITS, reference, runs)
+            document["floors"].setdefault(bench, _floors(pairs))
+            findings = examine(pairs, constants)
+            found = decide(pairs, findings, constants)
+            told = _verdict(found, time.process_time() - began)
+            told["baselines"] = baselines(pairs, findings, case)
+            if case in entries and found.outcome != QUIET:
+                less = examine(pairs, constants, exclude=[entries[case]])
+                told["left_out"] = {entries[case]: _short(decide(pairs, less, constants))}
+            verdicts[case] = told
             print(f"{case} {bench} {found.ratio:.2f} {found.left:.2f} {found.headline}", flush=True)
         out.write_text(json.dumps(document, indent=1))
     return document
+
+
+def _floors(pairs: Paired) -> dict[str, float]:
+    """The repeat floor of each signal over the whole programme, RMS in its unit."""
+    sd = np.concatenate([p.rows.sd for p in pairs.pairs])
+    rms = np.sqrt(np.mean(sd**2, axis=0))
+    return {c.name: float(f"{x:.4g}") for c, x in zip(pairs.plant.channels, rms, strict=True)}
+
+
+def _single_entries(key: Path, plant: SmaPlant) -> dict[str, str]:
+    """Cases with one listed effect, and the entry of the library for it."""
+    library = {canonical(e.name): e.name for e in plant.effects}
+    entries = json.loads((key / "KEY.json").read_text())["cases"]
+    return {
+        case: library[canonical(entry["effects"][0]["name"])]
+        for case, entry in entries.items()
+        if entry["kind"] == "single"
+    }
+
+
+def baselines(pairs: Paired, findings: Findings, case: str) -> dict[str, Any]:
+    """What simpler rules say: `match`, `bic` and `random`. None of them knows unknown.
+
+    `match` is the signature most like the difference in floors, days, correlation and form left
+    in. `bic` takes the entry with the best Bayesian information criterion, nothing among them.
+    """
+    floors = np.concatenate(
+        [np.where(p.rows.valid, p.difference / p.rows.sd, 0.0).ravel() for p in pairs.pairs]
+    )
+    like: dict[str, float] = {}
+    for i, atom in enumerate(pairs.reference.atoms):
+        rows = np.concatenate(
+            [
+                np.where(p.rows.valid, p.reference.signatures[i] / p.rows.sd, 0.0).ravel()
+                for p in pairs.pairs
+            ]
+        )
+        size = float(rows @ rows)
+        match = max(float(rows @ floors), 0.0) ** 2 / size if size > 0.0 else 0.0
+        like[atom.entry] = max(like.get(atom.entry, 0.0), match)
+    penalty = np.log(findings.count)
+    bic = {s.names[0]: s.gain - penalty * len(s.coordinates) for s in findings.singles}
+    names = sorted(like)
+    chance = random.Random(case).choice(names)
+    best = max(bic, key=lambda n: bic[n], default="")
+    return {
+        "match": {"outcome": "effect", "names": [max(like, key=lambda n: like[n])]},
+        "bic": (
+            {"outcome": "effect", "names": [best]}
+            if best and bic[best] > 0.0
+            else {"outcome": "no_gap", "names": []}
+        ),
+        "random": {"outcome": "effect", "names": [chance]},
+    }
+
+
+def _short(found: Verdict) -> dict[str, Any]:
+    names = found.group if found.outcome == GROUP else []
+    if found.outcome == CAUSE:
+        names = found.likely[0].names
+    return {"outcome": OUTCOMES[found.outcome], "names": names}
 
 
 def _verdict(found: Verdict, seconds: float) -> dict[str, Any]:

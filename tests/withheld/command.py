@@ -103,6 +103,7 @@ def _play(options: argparse.Namespace) -> None:
         benches=options.benches,
         repeats=options.repeats,
         seed=options.seed,
+        mixture=options.mixture,
     )
     sha256 = playing.make(order, jobs=options.jobs)
     print(f"bank  {order.folder}")
@@ -114,7 +115,8 @@ def _check_up(options: argparse.Namespace) -> None:
     from tests.withheld.check_up import run
 
     benches = [b for b in options.benches.split(",") if b]
-    run(Path(options.bank), Path(options.out), benches=benches, repeats=options.repeats)
+    key = Path(options.leave_out) if options.leave_out else None
+    run(Path(options.bank), Path(options.out), benches=benches, repeats=options.repeats, key=key)
 
 
 def _calibrate(options: argparse.Namespace) -> None:
@@ -122,7 +124,8 @@ def _calibrate(options: argparse.Namespace) -> None:
 
     benches = [b for b in options.benches.split(",") if b]
     out = Path(options.out) if options.out else None
-    calibrate(Path(options.bank), Path(options.key), out, benches)
+    banks = [Path(b) for b in options.banks]
+    calibrate(banks, Path(options.kept), out, benches, with_limits=options.limits)
 
 
 def _tables(options: argparse.Namespace) -> None:
@@ -142,12 +145,30 @@ def _curves(options: argparse.Namespace) -> None:
     from tests.withheld.curves import report
 
     page = Path(options.page) if options.page else None
-    report(Path(options.verdicts), Path(options.key), page, options.note)
+    report(Path(options.verdicts), Path(options.key), page, options.note, options.mark)
+
+
+def _beside(options: argparse.Namespace) -> None:
+    from tests.withheld.curves import beside, put_into
+
+    files = {label: Path(name) for label, name in (pair.split("=", 1) for pair in options.verdicts)}
+    text = beside(files, Path(options.key), options.title)
+    print(text)
+    if options.page:
+        put_into(Path(options.page), f"{options.note}\n\n{text}", options.mark)
 
 
 def _mystery(options: argparse.Namespace) -> None:
     link = Path(options.link) if options.link else None
     quiz.run(options.seed, good=options.good, link=link, note=Path(options.note))
+
+
+def _inquiries(options: argparse.Namespace) -> None:
+    from tests.withheld import inquiries
+
+    out = Path(options.out)
+    inquiries.run(options.seeds, Path(options.programme), out, minutes=options.minutes)
+    inquiries.report(out, Path(options.page) if options.page else None, options.note)
 
 
 def _reveal(options: argparse.Namespace) -> None:
@@ -214,11 +235,15 @@ def _check_ups(commands: _Commands) -> None:
     play.add_argument("--benches", type=int, default=6)
     play.add_argument("--repeats", type=int, default=2, help="good repeats of each bench")
     play.add_argument("--seed", type=int, default=28)
+    play.add_argument("--mixture", choices=tuple(playing.MIXTURES), default="scores")
     play.add_argument("--jobs", type=int, default=2)
     play.set_defaults(run=_play)
-    fitted = commands.add_parser("calibrate", help="constants of the check-up from a bank")
-    fitted.add_argument("bank", help="a development bank of `play`")
-    fitted.add_argument("key", help="the folder of its key")
+    fitted = commands.add_parser("calibrate", help="constants of the check-up from banks")
+    fitted.add_argument("banks", nargs="+", help="development banks of `play`, keys beside them")
+    fitted.add_argument(
+        "--limits", action="store_true", help="those of a quiet bench as well: wants many benches"
+    )
+    fitted.add_argument("--kept", required=True, help="folder for what the check-ups found")
     fitted.add_argument("--out", help="write them to this TOML")
     fitted.add_argument("--benches", default="", help="only these, separated by commas")
     fitted.set_defaults(run=_calibrate)
@@ -227,12 +252,25 @@ def _check_ups(commands: _Commands) -> None:
     curves.add_argument("key", help="the folder of the bank's key")
     curves.add_argument("--page", help="put the tables between the marks of this page")
     curves.add_argument("--note", default="", help="a line above them, with --page")
+    curves.add_argument("--mark", default="scores", help="which marks of the page")
     curves.set_defaults(run=_curves)
+    several = commands.add_parser("beside", help="verdict files of one bank, a row each")
+    several.add_argument("key", help="the folder of the bank's key")
+    several.add_argument("verdicts", nargs="+", metavar="LABEL=FILE")
+    several.add_argument("--title", default="verdicts", help="head of the first column")
+    several.add_argument("--page", help="put the table between the marks of this page")
+    several.add_argument("--mark", default="repeats", help="which marks of the page")
+    several.add_argument("--note", default="", help="a line above it, with --page")
+    several.set_defaults(run=_beside)
     judged = commands.add_parser("check-up", help="judge a bank of `play` with the product")
     judged.add_argument("bank")
     judged.add_argument("--out", required=True, help="the verdicts, for `smad gap score`")
     judged.add_argument("--benches", default="", help="only these, as bench-1,bench-4")
     judged.add_argument("--repeats", type=int, help="only so many of the good repeats")
+    judged.add_argument(
+        "--leave-out", metavar="KEY",
+        help="judge single effects once more, the right entry out of the library; the key's folder",
+    )  # fmt: skip
     judged.set_defaults(run=_check_up)
 
 
@@ -258,6 +296,14 @@ def _mysteries(commands: _Commands) -> None:
     mystery.add_argument("--link", help="make a symbolic link to the pty here")
     mystery.add_argument("--note", default=str(quiz.NOTE), help="where the sealed note goes")
     mystery.set_defaults(run=_mystery)
+    asked = commands.add_parser("inquiries", help="`investigate` on mystery benches, scored")
+    asked.add_argument("seeds", type=int, nargs="*", help="of the benches; none: the table only")
+    asked.add_argument("--programme", default="smad/gap/paired/data/spring-pair")
+    asked.add_argument("--minutes", type=float, default=20.0, help="bench time for each")
+    asked.add_argument("--out", required=True, help="what became of each, as JSON; is added to")
+    asked.add_argument("--page", help="put the table between the marks of this page")
+    asked.add_argument("--note", default="", help="a line above it, with --page")
+    asked.set_defaults(run=_inquiries)
     reveal = commands.add_parser("reveal", help="open the answer of the last mystery")
     reveal.add_argument("--note", default=str(quiz.NOTE))
     reveal.set_defaults(run=_reveal)

@@ -6,7 +6,7 @@ The tables are put into a page by this command only, between `<!-- scores -->` a
 import json
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -20,12 +20,33 @@ from tests.withheld.errors import BankError
 EDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Strengths: what an effect changes of the signal that shows it most, in repeat floors."""
 _FIRST = 3
-_MARKED = re.compile(r"(<!-- scores -->\n).*?(<!-- end -->)", re.DOTALL)
+_OTHER_DAYS = {
+    "room": "the room 4 K warmer",
+    "preload": "another preload",
+    "drift": "a bench that drifts within the check-up",
+}
+_SIMPLER = {
+    "match": "largest signature match, days and form left in",
+    "bic": "best Bayesian information criterion",
+    "random": "random",
+}
+_SAID = {
+    "unknown": "unknown",
+    "effect": "another name",
+    "ambiguous": "a group of names",
+    "parameters_only": "other parameters",
+    "no_gap": "no change",
+}
+_FLOORS = ("displacement_mm", "rtd_x_degC")
 
 
 @dataclass(frozen=True)
 class Scored:
-    """A case beside its verdict; `ranked` are the sets of names with probabilities, best first."""
+    """A case beside its verdict; `ranked` are the sets of names with probabilities, best first.
+
+    `simpler` has what each simpler rule names, `without` what was said with the right entry out of
+    the library.
+    """
 
     kind: str
     strength: float
@@ -35,6 +56,8 @@ class Scored:
     group: frozenset[str]
     left: float
     seconds: float
+    simpler: Mapping[str, frozenset[str]]
+    without: tuple[str, ...] = ()
 
     @property
     def detected(self) -> bool:
@@ -88,6 +111,11 @@ def scored(verdicts: Path, key: Path) -> list[Scored]:
                 group=frozenset(canonical(n) for n in v["group"]),
                 left=1.0 - v["shrink"],
                 seconds=v["seconds"],
+                simpler={
+                    rule: frozenset(canonical(n) for n in said["names"])
+                    for rule, said in v.get("baselines", {}).items()
+                },
+                without=tuple(said["outcome"] for said in v.get("left_out", {}).values()),
             )
         )
     return out
@@ -95,11 +123,14 @@ def scored(verdicts: Path, key: Path) -> list[Scored]:
 
 def tables(cases: Sequence[Scored]) -> str:
     """Everything as Markdown."""
-    return "\n".join((_by_strength(cases), "", _others(cases), "", _seconds(cases), ""))
+    parts = (_by_strength(cases), _others(cases), _simpler(cases), _without(cases), _seconds(cases))
+    return "\n\n".join(p for p in parts if p) + "\n"
 
 
 def _by_strength(cases: Sequence[Scored]) -> str:
     single = [c for c in cases if c.kind == "single"]
+    if not single:
+        return ""
     lines = [
         "| one effect of the library, floors | cases | detected | of these right first | alone "
         "| among the first three | probability of the truth |",
@@ -139,12 +170,92 @@ def _others(cases: Sequence[Scored]) -> str:
         ("the same, detected", "at least one named, none wrong", pairs,
          lambda c: bool(c.named) and c.named <= c.names),
     ]  # fmt: skip
+    for kind, matter in _OTHER_DAYS.items():
+        rows += [
+            (matter, "called changed", of(kind), lambda c: c.detected),
+            (matter, "a name that is not there", of(kind), lambda c: bool(c.named)),
+        ]
     lines = ["| what was the matter | what it said | cases | share |", "|---|---|---:|---:|"]
     lines += [
         f"| {matter} | {said} | {len(inside)} | {_share(inside, right)} |"
         for matter, said, inside, right in rows
+        if inside
     ]
     return "\n".join(lines)
+
+
+def _simpler(cases: Sequence[Scored]) -> str:
+    """Simpler rules on the same check-ups. They name something always, or nothing."""
+    seen = [c for c in cases if c.kind == "single" and c.detected]
+    quiet = [c for c in cases if c.kind == "none"]
+    if not seen or not seen[0].simpler:
+        return ""
+    lines = [
+        "| rule | right first, of the effects that the check-up noticed | a name where nothing "
+        "is the matter |",
+        "|---|---:|---:|",
+        f"| check-up | {_share(seen, lambda c: c.right_first)} | "
+        f"{_share(quiet, lambda c: bool(c.named))} |",
+    ]
+    for rule, title in _SIMPLER.items():
+        right, alarm = _by_rule(rule)
+        lines.append(f"| {title} | {_share(seen, right)} | {_share(quiet, alarm)} |")
+    return "\n".join(lines)
+
+
+def _by_rule(rule: str) -> tuple[Callable[[Scored], bool], Callable[[Scored], bool]]:
+    return lambda c: c.simpler[rule] == c.names, lambda c: bool(c.simpler[rule])
+
+
+def _without(cases: Sequence[Scored]) -> str:
+    """What was said with the right entry out of the library."""
+    said = [o for c in cases for o in c.without]
+    if not said:
+        return ""
+    counts = "; ".join(
+        f"{title} {said.count(outcome)}" for outcome, title in _SAID.items() if outcome in said
+    )
+    low, high = wilson(said.count("unknown"), len(said))
+    share = said.count("unknown") / len(said)
+    return (
+        f"With the right entry out of the library, {len(said)} noticed single effects: {counts}. "
+        f"*Unknown* is right: {share:.2f} ({low:.2f}–{high:.2f})."
+    )
+
+
+def beside(files: Mapping[str, Path], key: Path, title: str) -> str:
+    """Several verdict files over one key, a row each."""
+    lines = [
+        f"| {title} | floor of displacement, mm | of an RTD, K | false alarms | noticed below 1 "
+        "floor | 1 to 3 | above 3 | right first, of the noticed | mean probability of the truth "
+        "| new effects called by a name |",
+        "|---|" + "---:|" * 9,
+    ]
+    for label, path in files.items():
+        cases = scored(path, key)
+        single = [c for c in cases if c.kind == "single"]
+        seen = [c for c in single if c.detected]
+        new = [c for c in cases if c.kind == "unknown" and c.detected]
+        quiet = [c for c in cases if c.kind == "none"]
+        parts = [
+            [c for c in single if low <= c.strength < high]
+            for low, high in ((0.0, 1.0), (1.0, 3.0), (3.0, math.inf))
+        ]
+        cells = [
+            *(f"{median(f[s] for f in floors_of(path)):.3g}" for s in _FLOORS),
+            _share(quiet, lambda c: c.detected),
+            *(_share(part, lambda c: c.detected) for part in parts),
+            _share(seen, lambda c: c.right_first),
+            _mean(seen),
+            _share(new, lambda c: bool(c.named)),
+        ]
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def floors_of(verdicts: Path) -> list[dict[str, float]]:
+    """The repeat floor of each bench of a verdict file, by signal."""
+    return list(json.loads(verdicts.read_text())["floors"].values())
 
 
 def _seconds(cases: Sequence[Scored]) -> str:
@@ -174,20 +285,23 @@ def _mean(cases: Sequence[Scored]) -> str:
     return f"{sum(c.on_truth for c in cases) / len(cases):.2f}" if cases else "–"
 
 
-def put_into(page: Path, text: str) -> None:
+def put_into(page: Path, text: str, mark: str = "scores") -> None:
     """Replace what stands between the marks of a page. Raises BankError where there are none."""
+    marked = re.compile(rf"(<!-- {mark} -->\n).*?(<!-- end -->)", re.DOTALL)
     before = page.read_text()
-    after, count = _MARKED.subn(lambda m: f"{m[1]}{text}{m[2]}", before)
+    after, count = marked.subn(lambda m: f"{m[1]}{text}{m[2]}", before)
     if count != 1:
-        raise BankError(f"{page} has {count} places for scores: mark one with <!-- scores -->")
+        raise BankError(f"{page} has {count} places for {mark}: mark one with <!-- {mark} -->")
     page.write_text(after)
 
 
-def report(verdicts: Path, key: Path, page: Path | None, note: str) -> dict[str, Any]:
+def report(
+    verdicts: Path, key: Path, page: Path | None, note: str, mark: str = "scores"
+) -> dict[str, Any]:
     """Print the tables; with `page` put them there, below a line that says what they are of."""
     cases = scored(verdicts, key)
     text = tables(cases)
     print(text)
     if page is not None:
-        put_into(page, f"{note}\n\n{text}")
+        put_into(page, f"{note}\n\n{text}", mark)
     return {"cases": len(cases)}

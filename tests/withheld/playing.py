@@ -10,6 +10,7 @@ Cases of one bench share its good runs, so that a diagnosis commissions a bench 
 
 import shutil
 import tomllib
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -24,7 +25,13 @@ from tests.withheld.cases import Case, draw, scaled
 from tests.withheld.errors import BankError
 from tests.withheld.excitation import TICK_s
 from tests.withheld.plant.effects import BY_NAME, Active
-from tests.withheld.plant.parameters import Bench, another_bench, changed_parameters
+from tests.withheld.plant.parameters import (
+    Bench,
+    another_bench,
+    changed_parameters,
+    drifting,
+    mounted_anew,
+)
 from tests.withheld.recorder import Run, record_program
 
 Array = NDArray[np.float64]
@@ -32,6 +39,10 @@ Array = NDArray[np.float64]
 COLUMNS = ("t_s", "i_x_A", "i_y_A", "duty_x", "duty_y")
 FORMAT = "smad-checkup-1"
 MIXTURE = {"single": 60, "none": 24, "parameters": 12, "unknown": 24, "pair": 12, "triple": 0}
+OTHER_DAYS = {"none": 12, "room": 12, "preload": 12, "parameters": 12, "drift": 12}
+"""Benches without an effect on days unlike those they were commissioned on."""
+MIXTURES = {"scores": MIXTURE, "other-days": OTHER_DAYS}
+ROOM_K = 4.0
 STRENGTHS = (0.3, 30.0)
 """Weakest and strongest effect, in repeat floors of the signal that shows it most."""
 _LEAST_GAP = 0.01
@@ -77,6 +88,7 @@ class Order:
     benches: int
     repeats: int
     seed: int
+    mixture: str = "scores"
 
     @property
     def key_folder(self) -> Path:
@@ -88,12 +100,32 @@ def bench_of(order: Order, number: int) -> Bench:
     return another_bench(np.random.default_rng((order.seed, 28, number)))
 
 
-def play(bench: Bench, active: tuple[Active, ...], programme: list[Played], seed: int) -> list[Run]:
-    """The whole programme, each run on a day of its own."""
+def play(
+    bench: Bench | Sequence[Bench],
+    active: tuple[Active, ...],
+    programme: list[Played],
+    seed: int,
+    room_K: float = 0.0,
+) -> list[Run]:
+    """The whole programme, each run on a day of its own; `bench` may be one for each run."""
+    benches = [bench] * len(programme) if isinstance(bench, Bench) else bench
     return [
-        record_program(bench, active, p.program, seed + 17 * i, family=p.name, number=i)
+        record_program(
+            benches[i], active, p.program, seed + 17 * i, family=p.name, number=i, room_K=room_K
+        )
         for i, p in enumerate(programme)
     ]
+
+
+def _on_its_day(
+    kind: str, rng: np.random.Generator, bench: Bench, count: int
+) -> Bench | list[Bench]:
+    """The bench as a case of this kind finds it, without its effect."""
+    if kind == "parameters":
+        return changed_parameters(rng, bench)
+    if kind == "preload":
+        return mounted_anew(rng, bench)
+    return drifting(rng, bench, count) if kind == "drift" else bench
 
 
 def _write(folder: Path, runs: list[Run]) -> None:
@@ -150,7 +182,8 @@ def _make(order: Order, case: Case, floor: Array) -> tuple[dict[str, Any], dict[
     number = case.number % order.benches
     bench = bench_of(order, number)
     rng = np.random.default_rng((case.seed, 2))
-    tested = changed_parameters(rng, bench) if case.kind == "parameters" else bench
+    tested = _on_its_day(case.kind, rng, bench, len(programme))
+    room_K = ROOM_K if case.kind == "room" else 0.0
     seed = int(rng.integers(2**31))
     target = float(np.exp(rng.uniform(*np.log(STRENGTHS))))
     active = case.choices[0]
@@ -159,7 +192,8 @@ def _make(order: Order, case: Case, floor: Array) -> tuple[dict[str, Any], dict[
     if active:
         tried = _difference(play(bench, active, programme, seed), without) / floor
         active = _scaled(active, target / max(float(tried.max()), _LEAST_GAP))
-    now = play(tested, active, programme, seed) if active or tested is not bench else without
+    other = active or room_K or tested is not bench
+    now = play(tested, active, programme, seed, room_K) if other else without
     gap = _difference(now, without) / floor
     _write(order.folder / "cases" / case.name, now)
     entry = {
@@ -189,7 +223,7 @@ def make(order: Order, jobs: int = 2) -> str:
     if order.folder.exists() or order.key_folder.exists():
         raise BankError(f"{order.folder} or its key exists: give another folder, or remove both")
     shutil.copytree(order.programme, order.folder / "programme")
-    counts = scaled(MIXTURE, order.cases)
+    counts = scaled(MIXTURES[order.mixture], order.cases)
     cases = draw("dev", order.seed, counts, 0)
     with ProcessPoolExecutor(jobs) as pool:
         floors = list(pool.map(_good, [order] * order.benches, range(order.benches)))

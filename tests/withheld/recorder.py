@@ -71,12 +71,13 @@ def _noise(rng: np.random.Generator, n: int) -> Array:
     return out
 
 
-def _surroundings(rng: np.random.Generator, n: int) -> Array:
+def _surroundings(rng: np.random.Generator, n: int, room_K: float) -> Array:
     inputs = np.zeros((n, len(INPUTS)))
     t = np.linspace(0.0, 1.0, n)
     for column, spread in ((INLET, 0.5), (AMBIENT, 1.0)):
         bend = rng.normal(0.0, 0.15) * np.sin(np.pi * t * rng.uniform(0.5, 2.0))
         inputs[:, column] = 26.85 + rng.normal(0.0, spread) + bend
+    inputs[:, AMBIENT] += room_K
     inputs[:, LUCK_X:] = rng.uniform(size=(n, 2))
     return inputs
 
@@ -112,11 +113,15 @@ def record_program(
     *,
     family: str = "given",
     number: int = 1,
+    room_K: float = 0.0,
 ) -> Run:
-    """Record one run of a program (see `excitation`); noise and day follow from `seed`."""
+    """Record one run of a program (see `excitation`); noise and day follow from `seed`.
+
+    The room is warmer than usual by `room_K`.
+    """
     rng = np.random.default_rng((seed, 71))
     n = len(program)
-    inputs = _surroundings(rng, n)
+    inputs = _surroundings(rng, n, room_K)
     noise = _noise(rng, n)
     bench = today(rng, bench)
     effects = magnitudes(active)

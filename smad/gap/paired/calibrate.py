@@ -7,8 +7,8 @@ leaving out one bench after the other.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from statistics import NormalDist
 
@@ -24,15 +24,13 @@ from smad.gap.plant import Array
 FALSE_ALARMS = 1.0 / 60.0
 """Of quiet benches, one in so many may be called changed, over all three limits together."""
 _LIMITS = 3
-_EXCESS_SHARE = 0.1
-FORMS = (0.25, 0.4, 0.7)
+FORMS = (1.0, 2.0)
+FURTHER = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
 TEMPERS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 SHARES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.45)
 LEFT = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 LEAST_PROBABILITY = 1e-3
 _BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
-
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,6 @@ def quiet_limits(judged: Sequence[Judged], constants: Constants) -> Constants:
         quiet_gain=_rounded(_beyond(np.maximum(gains, 1.0), each)),
         quiet_ratio=_rounded(_beyond(np.array([f.ratio for f in found]), each)),
         channel_ratio=_rounded(_beyond(channels.max(axis=1), each)),
-        quiet_excess=_rounded(_beyond(channels.ravel(), _EXCESS_SHARE)),
     )
 
 
@@ -109,23 +106,24 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def examined(cases: Sequence[Known], constants: Constants, say: Say) -> list[Judged]:
-    """All check-ups under these constants."""
-    out = []
-    for k, c in enumerate(cases, start=1):
-        say(f"{k} of {len(cases)}")
-        out.append(Judged(c.bench, c.truth, examine(c.paired, constants)))
+def examined(case: Known, constants: Constants) -> dict[float, Judged]:
+    """A check-up under each of `FORMS`, without the rows that no rule reads."""
+    found = examine(case.paired, constants)
+    out = {}
+    for form in FORMS:
+        own = msgspec.structs.replace(constants, further_form=form)
+        again = stepped(case.paired, found, own)
+        out[form] = Judged(case.bench, case.truth, _bare(again))
     return out
 
 
-def examined_again(
-    cases: Sequence[Known], judged: Sequence[Judged], constants: Constants
-) -> list[Judged]:
-    """The same check-ups with the sets that other constants accept."""
-    return [
-        Judged(c.bench, c.truth, stepped(c.paired, j.findings, constants))
-        for c, j in zip(cases, judged, strict=True)
-    ]
+def _bare(found: Findings) -> Findings:
+    none = np.zeros(0)
+    bare = {
+        name: tuple(replace(fit, change=none, slopes=none) for fit in getattr(found, name))
+        for name in ("singles", "steps")
+    }
+    return replace(found, screened=(), **bare)
 
 
 @dataclass(frozen=True)
@@ -157,8 +155,10 @@ def tried(by_form: Sequence[tuple[Constants, Sequence[Judged]]]) -> Trials:
 
 
 def _grid(constants: Constants) -> Iterator[Constants]:
-    for temper, share, left in product(TEMPERS, SHARES, LEFT):
-        yield msgspec.structs.replace(constants, temper=temper, form_share=share, unknown_left=left)
+    for temper, share, left, gain in product(TEMPERS, SHARES, LEFT, FURTHER):
+        yield msgspec.structs.replace(
+            constants, temper=temper, form_share=share, unknown_left=left, further_gain=gain
+        )
 
 
 def _log_probability(j: Judged, constants: Constants) -> float:

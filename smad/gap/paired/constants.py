@@ -15,18 +15,17 @@ class Constants(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     the mean square of all rows exceeds `quiet_ratio`, or that of one channel `channel_ratio`.
     Scores are tempered by `temper`, and by `form_share` squared of what the best takes, since an
     entry's law has another form than the bench's. Two names stay while their odds are below `odds`.
-    The mean square of a channel beyond `quiet_excess` is excess.
-    A further name must take more than `quiet_gain` where `further_form` of what the names before
-    change is added to the floor. The cause is
-    unknown when more than `unknown_left` of the excess is left.
+    A further name must take more than `further_gain` where `further_form` of what the names before
+    change is added to the floor. The cause is unknown when more than `unknown_left` is left of what
+    a flexible correction takes.
     """
 
     quiet_gain: float
     quiet_ratio: float
     channel_ratio: float
-    quiet_excess: float
     form_share: float
     further_form: float
+    further_gain: float
     temper: float
     odds: float
     unknown_left: float

@@ -126,7 +126,7 @@ class Inquiry:
         number = len(report.records) + 1
         self.say(f"{number}: {run.name}, {run.duration_s:.0f} s, for {why}")
         recorded = self.play(run, self.originals / f"{run.name}.mcap")
-        file = f"{number:02d}-{run.name}.mcap"
+        file = f"{number:02d}-{run.name}{recorded.path.suffix}"
         keep(recorded.path, self.folder / file)
         record = Record(file, run.name, why, held_out, recorded.took_s or run.duration_s,
                         recorded.ended)  # fmt: skip

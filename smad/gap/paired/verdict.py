@@ -14,7 +14,7 @@ from smad.gap.paired.refine import Refined
 from smad.gap.plant import Array, EffectValues, Mask
 
 QUIET, PARAMETERS, CAUSE, GROUP, UNKNOWN = "quiet", "parameters", "cause", "group", "unknown"
-_LEFT_WIDTH = 0.07
+_STEEP = 2.0
 _PARAMETER_COST = 2.0
 
 
@@ -41,9 +41,9 @@ class Likely(msgspec.Struct, frozen=True):
 class Verdict(msgspec.Struct, frozen=True):
     """What a check-up says.
 
-    `outcome` is quiet, parameters, cause, group or unknown. `left` is the share of the excess that
-    the named entries leave; `ratio` the mean square over the floor's; `budget` by signal, `whole`
-    over all signals in floors. `notes` say what a reader must know of the runs.
+    `outcome` is quiet, parameters, cause, group or unknown. `left` is what the named entries leave
+    of what a flexible correction takes; `ratio` the mean square over the floor's; `budget` by
+    signal, `whole` over all signals in floors. `notes` say what a reader must know of the runs.
     """
 
     outcome: str
@@ -62,12 +62,12 @@ class Verdict(msgspec.Struct, frozen=True):
 def decide(paired: Paired, findings: Findings, constants: Constants) -> Verdict:
     """The verdict, by the rule that `Constants` explains."""
     f = findings
-    final = f.steps[-1] if f.steps else None
+    step = f.set_by(constants)
     outcome, likely, group = _outcome(f, constants)
-    named = final if outcome in (CAUSE, GROUP) else None
+    named = _fit_of(f, likely[0].names) if outcome in (CAUSE, GROUP) else None
     budget, whole = budget_of(paired, {} if named is None else named.values)
     worst = int(np.argmax(f.by_run)) if len(f.by_run) else 0
-    left = f.left
+    left = f.left_by(step)
     return Verdict(
         outcome=outcome,
         headline=_headline(outcome, likely, group, left, constants),
@@ -78,7 +78,7 @@ def decide(paired: Paired, findings: Findings, constants: Constants) -> Verdict:
         worst_run=paired.pairs[worst].now,
         budget=budget,
         whole=whole,
-        notes=_notes(paired, final if outcome in (CAUSE, GROUP) else None),
+        notes=_notes(paired, named),
         repeats=paired.reference.repeats,
     )
 
@@ -110,39 +110,63 @@ def _outcome(f: Findings, constants: Constants) -> tuple[str, list[Likely], list
     near = [
         x.names[0]
         for x in likely[1:]
-        if x.names != [UNKNOWN] and x.probability * constants.odds > top.probability
+        if x.names[0] not in (UNKNOWN, top.names[0])
+        and x.probability * constants.odds > top.probability
     ]
     return (GROUP, likely, [top.names[0], *near]) if near else (CAUSE, likely, [])
 
 
+def _fit_of(f: Findings, names: Sequence[str]) -> Refined:
+    return next(s for s in (*f.steps, *f.singles) if list(s.names) == list(names))
+
+
 def hypotheses(f: Findings, constants: Constants) -> list[Likely]:
-    """What may be the matter with a bench that has changed, with probabilities, likeliest first."""
+    """What may be the matter with a bench that has changed, with probabilities, likeliest first.
+
+    What the best entry has is shared among the sets that grow from it.
+    """
     if not f.singles:
         return [Likely([UNKNOWN], 1.0)]
-    final = f.steps[-1]
-    best = max(score(s) for s in f.singles)
+    step = f.set_by(constants)
+    best = score(f.singles[0])
     width = tempering(f.best_gain, constants)
-    weights = {s.names: float(np.exp((score(s) - best) / width)) for s in f.singles}
+    weights = [float(np.exp((score(s) - best) / width)) for s in f.singles]
     free = f.parameters - _PARAMETER_COST * f.parameter_odds
     of_parameters = float(np.exp(min((free - best) / width, 30.0)))
-    if len(final.names) > 1:
-        of_parameters *= float(np.exp(min((best - score(final)) / width, 0.0)))
-    unknown = _logistic((f.left - constants.unknown_left) / _LEFT_WIDTH)
-    total = sum(weights.values()) + of_parameters
-    rest = 1.0 - unknown
-    singles = {s.names: s for s in f.singles}
-    first = max(weights, key=lambda n: weights[n])
-    likely = []
-    for names, w in weights.items():
-        fit = final if names == first else singles[names]
-        likely.append(Likely(list(fit.names), rest * w / total, fit.values))
-    likely.append(Likely([PARAMETERS], rest * of_parameters / total))
+    if step:
+        of_parameters *= float(np.exp(min((best - score(f.steps[step])) / width, 0.0)))
+    unknown = _above(_odds(f.left_by(step)), _odds(constants.unknown_left))
+    share = (1.0 - unknown) / (sum(weights) + of_parameters)
+    likely = [
+        Likely(list(fit.names), share * weights[0] * w, fit.values)
+        for fit, w in zip(f.steps, _shares(f.beyond, constants.further_gain), strict=True)
+    ]
+    likely += [
+        Likely(list(s.names), share * w, s.values)
+        for s, w in zip(f.singles[1:], weights[1:], strict=True)
+    ]
+    likely.append(Likely([PARAMETERS], share * of_parameters))
     likely.append(Likely([UNKNOWN], unknown))
     return sorted(likely, key=lambda x: -x.probability)
 
 
-def _logistic(x: float) -> float:
-    return float(1.0 / (1.0 + np.exp(-np.clip(x, -40.0, 40.0))))
+def _shares(beyond: Sequence[float], needed: float) -> list[float]:
+    """How probable it is that growth ends at each step."""
+    out, going = [], 1.0
+    for taken in beyond:
+        further = _above(taken, needed)
+        out.append(going * (1.0 - further))
+        going *= further
+    return [*out, going]
+
+
+def _odds(share: float) -> float:
+    return share / max(1.0 - share, 1e-9)
+
+
+def _above(value: float, limit: float) -> float:
+    """How probable it is that a positive value that is known roughly is beyond a limit."""
+    return float(1.0 / (1.0 + (limit / max(value, 1e-9)) ** _STEEP))
 
 
 def _headline(

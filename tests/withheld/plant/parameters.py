@@ -132,6 +132,21 @@ def changed_parameters(rng: np.random.Generator, bench: Bench, count: int = 4) -
     return replace(bench, **changes)
 
 
+def mounted_anew(rng: np.random.Generator, bench: Bench) -> Bench:
+    """The same bench with another preload: the springs are mounted 0.2–0.5 mm further or less."""
+    return replace(bench, span_m=bench.span_m + _either_side(rng, 2e-4, 5e-4))
+
+
+def drifting(rng: np.random.Generator, bench: Bench, count: int) -> list[Bench]:
+    """The bench in `count` runs on end, while loss, film and flow drift by 3–6 % in all."""
+    names = ("loss_W_K", "film_static_W_K", "film_forced_W_K", "flow_W_K")
+    whole = {n: _either_side(rng, 0.03, 0.06) for n in names}
+    return [
+        replace(bench, **{n: getattr(bench, n) * (1.0 + x * at) for n, x in whole.items()})
+        for at in np.linspace(0.0, 1.0, count)
+    ]
+
+
 REFITTED: dict[str, float] = {
     "span_m": 0.01,
     "k_mart_N_m": 0.12,

@@ -1,5 +1,7 @@
 """Constants from benches whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from smad.gap.paired.calibrate import (
 from smad.gap.paired.constants import shipped_constants
 from smad.gap.paired.judge import Findings
 from smad.gap.paired.refine import Refined
-from smad.gap.paired.verdict import is_quiet
+from smad.gap.paired.verdict import hypotheses, is_quiet
 from smad.gap.plant import Effect
 
 from .short import PLANT
@@ -33,9 +35,9 @@ def found(gains: dict[str, float], *, ratio: float = 5.0, left: float = 0.1) -> 
     """What a check-up with these gains would have found."""
     singles = tuple(sorted((fit(BY_NAME[n], g) for n, g in gains.items()), key=lambda s: -s.gain))
     return Findings(
-        count=1000, ratio=ratio, by_channel=np.full(3, ratio), by_run=np.ones(1), excess=10.0,
+        count=1000, ratio=ratio, by_channel=np.full(3, ratio), by_run=np.ones(1),
         parameters=0.0, parameter_odds=0.0, screened=(), singles=singles, steps=singles[:1],
-        left=left,
+        beyond=(), flexible=(singles[0].gain / (1.0 - left),),
     )  # fmt: skip
 
 
@@ -90,3 +92,29 @@ def test_a_reliability_is_told_as_a_table() -> None:
     assert head.startswith("before: 24 called changed")
     assert "right" in titles
     assert sum(int(row.split()[3]) for row in rows) == 4 * 24
+
+
+def grown(taken: float) -> Findings:
+    """What a check-up found whose best entry grew by one that takes so much."""
+    one = found({"rtd_lag": 2000.0})
+    both = (BY_NAME["rtd_lag"], BY_NAME["driver_gain"])
+    pair = replace(one.singles[0], effects=both, gain=2000.0 + taken)
+    return replace(
+        one, steps=(*one.singles, pair), beyond=(taken,), flexible=(*one.flexible, pair.gain)
+    )
+
+
+def test_a_further_name_is_said_where_it_takes_more_than_it_must() -> None:
+    needed = BEFORE.further_gain
+    for taken, names in ((0.3 * needed, ["rtd_lag"]), (3.0 * needed, ["rtd_lag", "driver_gain"])):
+        told = hypotheses(grown(taken), BEFORE)
+        assert told[0].names == names
+        shared = [x.probability for x in told if x.names[0] == "rtd_lag"]
+        assert len(shared) == 2
+        assert sum(x.probability for x in told) == pytest.approx(1.0)
+
+
+def test_what_a_flexible_correction_takes_far_more_of_is_unknown() -> None:
+    limit = BEFORE.unknown_left
+    for left, first in ((0.5 * limit, "rtd_lag"), (0.5 + 0.5 * limit, "unknown")):
+        assert hypotheses(found({"rtd_lag": 2000.0}, left=left), BEFORE)[0].names == [first]

@@ -1,0 +1,173 @@
+"""`investigate` on mystery benches, unattended: commission, look for the trouble, open the answer.
+
+The plant plays the runs that the investigation asks for, each on a day of its own, without the wire
+and the daemon: what is scored is what it asks for and what it concludes.
+"""
+
+import itertools
+import json
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from smad.gap.check.intervals import wilson
+from smad.gap.check.names import canonical
+from smad.gap.paired.commission import commissioned
+from smad.gap.paired.files import read_file
+from smad.gap.paired.inquiry import REST_S, Inquiry, Report
+from smad.gap.paired.programme import Programme, ProgrammeRun, shipped
+from smad.gap.paired.series import Recorded
+from smad.gap.paired.verdict import CAUSE, GROUP, UNKNOWN
+from smad.gap.sma import SmaPlant
+from tests.withheld import files
+from tests.withheld.curves import put_into
+from tests.withheld.playing import Played, read_programme
+from tests.withheld.quiz import Riddle, riddle
+from tests.withheld.recorder import record_program
+
+REPEATS = 2
+MARK = "inquiries"
+
+
+@dataclass
+class Player:
+    """Plays runs of the programme on a mystery bench; every run is a day of its own."""
+
+    riddle: Riddle
+    programme: dict[str, Played]
+    folder: Path
+    numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+
+    def good(self, name: str) -> Path:
+        """Record a run on the bench before the trouble."""
+        return self._record(name, ())
+
+    def __call__(self, run: ProgrammeRun, original: Path | None) -> Recorded:
+        """Record a run on the bench as it is; with the rest that a bench takes before it."""
+        return Recorded(self._record(run.name, self.riddle.active), "", run.duration_s + REST_S)
+
+    def _record(self, name: str, active: tuple[Any, ...]) -> Path:
+        number = next(self.numbers)
+        seed = 1000 * self.riddle.seed + number
+        run = record_program(
+            self.riddle.bench, active, self.programme[name].program, seed, family=name,
+            number=number,
+        )  # fmt: skip
+        path = self.folder / f"{number}" / f"{name}.parquet"
+        path.parent.mkdir(parents=True)
+        files.write_run(path, run.log)
+        return path
+
+
+def investigate(seed: int, programme: Path, minutes: float, folder: Path) -> dict[str, Any]:
+    """One mystery bench: what the investigation concluded, beside the answer."""
+    drawn = riddle(seed)
+    plant, told = SmaPlant(), shipped()
+    played = {p.name: p for p in read_programme(programme)}
+    player = Player(drawn, played, folder / "runs")
+    groups = [[read_file(player.good(name)) for _ in range(REPEATS)] for name in played]
+    inquiry = Inquiry(
+        plant=plant,
+        reference=commissioned(plant, groups),
+        programme=told,
+        originals=folder,
+        folder=folder / "investigation",
+        play=player,
+        say=_silent,
+        seconds=60.0 * minutes,
+    )
+    report = inquiry.carry_out(_silent)
+    return _told(drawn, report, inquiry.spent_s(report), told)
+
+
+def _told(drawn: Riddle, report: Report, spent_s: float, programme: Programme) -> dict[str, Any]:
+    assert report.verdict is not None
+    answer = drawn.answer()
+    verdict = report.verdict
+    names = list(verdict.group) if verdict.outcome == GROUP else []
+    if verdict.outcome == CAUSE:
+        names = list(verdict.likely[0].names)
+    return {
+        "seed": drawn.seed,
+        "sealed_sha256": drawn.sealed,
+        "effects": [canonical(e["name"]) for e in answer["effects"]],
+        "listed": all(e["listed"] for e in answer["effects"]),
+        "outcome": verdict.outcome,
+        "names": sorted(canonical(n) for n in names),
+        "why_over": report.why_over,
+        "further_runs": sum(not r.held_out for r in report.records)
+        - sum(run.quick for run in programme.runs),
+        "minutes": round(spent_s / 60.0, 1),
+    }
+
+
+def mark(case: dict[str, Any]) -> str:
+    """How an investigation ended, one of `_ENDS`; an effect of no list is rightly unknown."""
+    if case["outcome"] == GROUP:
+        return "not settled"
+    if case["outcome"] == UNKNOWN:
+        return "said to be unknown" if case["listed"] else "rightly"
+    if case["outcome"] != CAUSE or not case["listed"]:
+        return "wrongly"
+    truth, said = set(case["effects"]), set(case["names"])
+    return "rightly" if said == truth else "with a wrong name" if truth & said else "wrongly"
+
+
+def run(
+    seeds: Sequence[int], programme: Path, out: Path, *, minutes: float = 20.0
+) -> list[dict[str, Any]]:
+    """All seeds, each added to `out` when it is over; seeds that are there are not done again."""
+    done: list[dict[str, Any]] = json.loads(out.read_text()) if out.exists() else []
+    there = {c["seed"] for c in done}
+    for seed in seeds:
+        if seed in there:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            done.append(investigate(seed, programme, minutes, Path(folder)))
+        out.write_text(json.dumps(done, indent=1))
+        c = done[-1]
+        print(f"{seed} {mark(c)}: {c['effects']} {c['outcome']} {c['names']} {c['minutes']} min; "
+              f"{c['why_over']}", flush=True)  # fmt: skip
+    return done
+
+
+_ENDS = ("rightly", "with a wrong name", "wrongly", "said to be unknown", "not settled")
+
+
+def table(cases: Sequence[dict[str, Any]]) -> str:
+    """How they ended, as Markdown."""
+    lines = [
+        "| the trouble | benches | settled rightly | right name and a wrong one | settled wrongly "
+        "| called unknown | not settled | minutes of bench time, median (most) |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    listed = [c for c in cases if c["listed"]]
+    other = [c for c in cases if not c["listed"]]
+    for title, own in (("in the library", listed), ("not in it", other), ("all", cases)):
+        if not own:
+            continue
+        ends = [mark(c) for c in own]
+        shares = " | ".join(_share(ends.count(e), len(own)) for e in _ENDS)
+        took = [c["minutes"] for c in own]
+        lines.append(f"| {title} | {len(own)} | {shares} | {median(took):.1f} ({max(took):.1f}) |")
+    return "\n".join(lines) + "\n"
+
+
+def _share(hits: int, count: int) -> str:
+    low, high = wilson(hits, count)
+    return f"{hits / count:.2f} ({low:.2f}–{high:.2f})"
+
+
+def report(out: Path, page: Path | None, note: str) -> None:
+    """Print the table; with `page` put it there."""
+    text = table(json.loads(out.read_text()))
+    print(text)
+    if page is not None:
+        put_into(page, f"{note}\n\n{text}", MARK)
+
+
+def _silent(text: str) -> None:
+    pass
