@@ -166,8 +166,12 @@ def _mystery(options: argparse.Namespace) -> None:
 def _inquiries(options: argparse.Namespace) -> None:
     from tests.withheld import inquiries
 
-    out = Path(options.out)
-    inquiries.run(options.seeds, Path(options.programme), out, minutes=options.minutes)
+    out, programme = Path(options.out), Path(options.programme)
+
+    def begin(seed: int, folder: Path) -> quiz.PlayedMystery:
+        return quiz.PlayedMystery(seed, programme, folder)
+
+    inquiries.run(options.seeds, out, begin=begin, minutes=options.minutes)
     inquiries.report(out, Path(options.page) if options.page else None, options.note)
 
 

@@ -4,14 +4,12 @@ The plant plays the runs that the investigation asks for, each on a day of its o
 and the daemon: what is scored is what it asks for and what it concludes.
 """
 
-import itertools
 import json
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, Protocol
 
 from smad.gap.check.intervals import wilson
 from smad.gap.check.names import canonical
@@ -22,77 +20,59 @@ from smad.gap.paired.programme import Programme, ProgrammeRun, shipped
 from smad.gap.paired.series import Recorded
 from smad.gap.paired.verdict import CAUSE, GROUP, UNKNOWN
 from smad.gap.sma import SmaPlant
-from tests.withheld import files
 from tests.withheld.curves import put_into
-from tests.withheld.playing import Played, read_programme
-from tests.withheld.quiz import Riddle, riddle
-from tests.withheld.recorder import record_program
 
 REPEATS = 2
 MARK = "inquiries"
 
 
-@dataclass
-class Player:
-    """Plays runs of the programme on a mystery bench; every run is a day of its own."""
+class Mystery(Protocol):
+    """A bench with a hidden effect, which plays runs of the programme."""
 
-    riddle: Riddle
-    programme: dict[str, Played]
-    folder: Path
-    numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+    def record(self, name: str, *, good: bool) -> Path:
+        """Record a run, before the trouble or now; a day of its own each time."""
 
-    def good(self, name: str) -> Path:
-        """Record a run on the bench before the trouble."""
-        return self._record(name, ())
-
-    def __call__(self, run: ProgrammeRun, original: Path | None) -> Recorded:
-        """Record a run on the bench as it is; with the rest that a bench takes before it."""
-        return Recorded(self._record(run.name, self.riddle.active), "", run.duration_s + REST_S)
-
-    def _record(self, name: str, active: tuple[Any, ...]) -> Path:
-        number = next(self.numbers)
-        seed = 1000 * self.riddle.seed + number
-        run = record_program(
-            self.riddle.bench, active, self.programme[name].program, seed, family=name,
-            number=number,
-        )  # fmt: skip
-        path = self.folder / f"{number}" / f"{name}.parquet"
-        path.parent.mkdir(parents=True)
-        files.write_run(path, run.log)
-        return path
+    def answer(self) -> dict[str, Any]:
+        """What the trouble is; asked once it is over."""
 
 
-def investigate(seed: int, programme: Path, minutes: float, folder: Path) -> dict[str, Any]:
+def investigate(
+    mystery: Mystery, minutes: float, folder: Path, programme: Programme
+) -> dict[str, Any]:
     """One mystery bench: what the investigation concluded, beside the answer."""
-    drawn = riddle(seed)
-    plant, told = SmaPlant(), shipped()
-    played = {p.name: p for p in read_programme(programme)}
-    player = Player(drawn, played, folder / "runs")
-    groups = [[read_file(player.good(name)) for _ in range(REPEATS)] for name in played]
+    plant = SmaPlant()
+    groups = [
+        [read_file(mystery.record(run.name, good=True)) for _ in range(REPEATS)]
+        for run in programme.runs
+    ]
+
+    def play(run: ProgrammeRun, original: Path | None) -> Recorded:
+        return Recorded(mystery.record(run.name, good=False), "", run.duration_s + REST_S)
+
     inquiry = Inquiry(
         plant=plant,
         reference=commissioned(plant, groups),
-        programme=told,
+        programme=programme,
         originals=folder,
         folder=folder / "investigation",
-        play=player,
+        play=play,
         say=_silent,
         seconds=60.0 * minutes,
     )
     report = inquiry.carry_out(_silent)
-    return _told(drawn, report, inquiry.spent_s(report), told)
+    return _told(mystery.answer(), report, inquiry.spent_s(report), programme)
 
 
-def _told(drawn: Riddle, report: Report, spent_s: float, programme: Programme) -> dict[str, Any]:
+def _told(
+    answer: dict[str, Any], report: Report, spent_s: float, programme: Programme
+) -> dict[str, Any]:
     assert report.verdict is not None
-    answer = drawn.answer()
     verdict = report.verdict
     names = list(verdict.group) if verdict.outcome == GROUP else []
     if verdict.outcome == CAUSE:
         names = list(verdict.likely[0].names)
     return {
-        "seed": drawn.seed,
-        "sealed_sha256": drawn.sealed,
+        "seed": answer["seed"],
         "effects": [canonical(e["name"]) for e in answer["effects"]],
         "listed": all(e["listed"] for e in answer["effects"]),
         "outcome": verdict.outcome,
@@ -117,7 +97,11 @@ def mark(case: dict[str, Any]) -> str:
 
 
 def run(
-    seeds: Sequence[int], programme: Path, out: Path, *, minutes: float = 20.0
+    seeds: Sequence[int],
+    out: Path,
+    *,
+    begin: Callable[[int, Path], Mystery],
+    minutes: float = 20.0,
 ) -> list[dict[str, Any]]:
     """All seeds, each added to `out` when it is over; seeds that are there are not done again."""
     done: list[dict[str, Any]] = json.loads(out.read_text()) if out.exists() else []
@@ -125,8 +109,9 @@ def run(
     for seed in seeds:
         if seed in there:
             continue
-        with tempfile.TemporaryDirectory() as folder:
-            done.append(investigate(seed, programme, minutes, Path(folder)))
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            done.append(investigate(begin(seed, folder / "runs"), minutes, folder, shipped()))
         out.write_text(json.dumps(done, indent=1))
         c = done[-1]
         print(f"{seed} {mark(c)}: {c['effects']} {c['outcome']} {c['names']} {c['minutes']} min; "

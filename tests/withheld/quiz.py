@@ -21,6 +21,8 @@ from tests.withheld import files
 from tests.withheld.errors import QuizError
 from tests.withheld.plant.effects import BY_NAME, SIGNED, Active, names
 from tests.withheld.plant.parameters import Bench, another_bench
+from tests.withheld.playing import read_programme
+from tests.withheld.recorder import record_program
 
 SHARE_UNKNOWN = 0.3
 NOTE = Path("mystery.json")
@@ -83,6 +85,34 @@ def riddle(seed: int) -> Riddle:
     sign = -1.0 if name in SIGNED and rng.integers(2) else 1.0
     active = Active(name, sign * size, float(rng.uniform(0.6, 1.0)), float(rng.uniform()))
     return Riddle(seed, bench, (active,))
+
+
+class PlayedMystery:
+    """The bench of a number without the wire: it plays runs of a programme, open loop."""
+
+    def __init__(self, seed: int, programme: Path, folder: Path) -> None:
+        self._riddle = riddle(seed)
+        self._played = {p.name: p for p in read_programme(programme)}
+        self._folder = folder
+        self._count = 0
+
+    def record(self, name: str, *, good: bool) -> Path:
+        """Record a run of the programme, before the trouble or now; a day of its own each time."""
+        self._count += 1
+        seed = 1000 * self._riddle.seed + self._count
+        active = () if good else self._riddle.active
+        program = self._played[name].program
+        run = record_program(
+            self._riddle.bench, active, program, seed, family=name, number=self._count
+        )
+        path = self._folder / str(self._count) / f"{name}.parquet"
+        path.parent.mkdir(parents=True)
+        files.write_run(path, run.log)
+        return path
+
+    def answer(self) -> dict[str, Any]:
+        """What `reveal` would tell."""
+        return self._riddle.answer()
 
 
 def begin(seed: int, note: Path = NOTE) -> Riddle:

@@ -20,6 +20,7 @@ SECOND_PASS = (
     "check_up.py",
     "calibrating.py",
     "curves.py",
+    "inquiries.py",
     "rule.py",
     "tables.py",
     "engine/__init__.py",

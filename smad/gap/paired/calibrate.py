@@ -18,6 +18,7 @@ import numpy as np
 from smad.gap.paired.constants import Constants
 from smad.gap.paired.difference import Paired
 from smad.gap.paired.judge import Findings, examine, score, stepped
+from smad.gap.paired.refine import Refined
 from smad.gap.paired.verdict import Likely, hypotheses, is_quiet
 from smad.gap.plant import Array
 
@@ -118,12 +119,16 @@ def examined(case: Known, constants: Constants) -> dict[float, Judged]:
 
 
 def _bare(found: Findings) -> Findings:
-    none = np.zeros(0)
-    bare = {
-        name: tuple(replace(fit, change=none, slopes=none) for fit in getattr(found, name))
-        for name in ("singles", "steps")
-    }
-    return replace(found, screened=(), **bare)
+    return replace(
+        found,
+        screened=(),
+        singles=tuple(_without_rows(fit) for fit in found.singles),
+        steps=tuple(_without_rows(fit) for fit in found.steps),
+    )
+
+
+def _without_rows(fit: Refined) -> Refined:
+    return replace(fit, change=np.zeros(0), slopes=np.zeros((0, 0)))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from smad.gap.paired.refine import Refined, refine
 from smad.gap.plant import Array, EffectValues, Mask
 
 _REFINED = 6
-_REFINED_FURTHER = 3
+_REFINED_FURTHER = 2
 MOST_CAUSES = 3
 _PER_PARAMETER = 6.0
 _WORTH_TRYING = 50.0
@@ -179,9 +179,12 @@ def _parameters(paired: Paired) -> tuple[float, float]:
 def _forward(
     paired: Paired, constants: Constants, singles: Sequence[Refined]
 ) -> tuple[list[Refined], list[float]]:
-    """Sets that grow from the best single one, and what each further entry takes."""
+    """Sets that grow from the best single one, and what each further entry takes.
+
+    Beside an entry that is not worth a name itself none is sought.
+    """
     steps, beyond = list(singles[:1]), []
-    while steps and len(steps) < MOST_CAUSES:
+    while steps and score(steps[0]) > constants.quiet_gain and len(steps) < MOST_CAUSES:
         found = _further(paired, constants, steps[-1])
         if found is None:
             break
@@ -230,7 +233,7 @@ def _further(paired: Paired, constants: Constants, now: Refined) -> tuple[Refine
         if s.gain < 0.5 * _WORTH_TRYING:
             break
         start = {**now.values, s.effect.name: s.values}
-        found = refine([*now.effects, s.effect], start, weight * z, weighted, rounds=3)
+        found = refine([*now.effects, s.effect], start, weight * z, weighted, rounds=2)
         if found is not None and (best is None or score(found) > score(best)):
             best = found
     if best is None:

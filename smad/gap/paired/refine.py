@@ -15,6 +15,7 @@ WhiteEffect = Callable[[Mapping[str, Mapping[str, float]]], Array | None]
 
 _DAMPING = (0.0, 0.05, 0.5, 5.0)
 _SMALL = 0.5
+_SMALL_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def refine(
             if new < now:
                 gained, p, change, now, better = now - new, q, moved, new, True
                 break
-        if not better or gained < _SMALL:
+        if not better or gained < max(_SMALL, _SMALL_SHARE * (float(z @ z) - now)):
             break
     values = {name: dict(v) for name, v in space.point(p).effects.items()}
     flat = [(e.name, q) for e in effects for q in e.parameters]
