@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tests.withheld.calibrating import truth_of
-from tests.withheld.curves import put_into, scored, tables
+from tests.withheld.curves import beside, put_into, scored, tables
 from tests.withheld.errors import BankError
 
 
@@ -80,3 +80,32 @@ def test_the_truth_of_a_key_is_in_the_librarys_names() -> None:
     assert truth_of(one, library).names == {"driver_saturation"}
     assert truth_of({"kind": "unknown", "effects": [{"name": "x"}]}, library).kind == "unknown"
     assert truth_of({"kind": "none", "effects": []}, library).kind == "quiet"
+
+
+def test_simpler_rules_and_left_out_entries_are_told_where_they_were_asked(
+    bank: tuple[Path, Path],
+) -> None:
+    verdicts, key = bank
+    assert "random" not in tables(scored(verdicts, key))
+    told = json.loads(verdicts.read_text())
+    for v in told["verdicts"].values():
+        v["baselines"] = {
+            rule: {"outcome": "effect", "names": ["rtd_lag"]} for rule in ("match", "bic", "random")
+        }
+    told["verdicts"]["case-0"]["left_out"] = {"rtd_lag": {"outcome": "unknown", "names": []}}
+    told["verdicts"]["case-1"]["left_out"] = {"rtd_lag": {"outcome": "effect", "names": ["x"]}}
+    verdicts.write_text(json.dumps(told))
+    text = tables(scored(verdicts, key))
+    assert "| random | 1.00" in text
+    assert "unknown 1; another name 1" in text
+
+
+def test_verdict_files_of_one_bank_stand_beside_each_other(bank: tuple[Path, Path]) -> None:
+    verdicts, key = bank
+    told = json.loads(verdicts.read_text())
+    told["floors"] = {"bench-1": {"displacement_mm": 0.02, "rtd_x_degC": 0.3}}
+    verdicts.write_text(json.dumps(told))
+    head, _, *rows = beside({"1": verdicts, "2": verdicts}, key, "repeats").splitlines()
+    assert head.startswith("| repeats | floor")
+    assert [row.split("|")[1].strip() for row in rows] == ["1", "2"]
+    assert rows[0].split("|")[2].strip() == "0.02"

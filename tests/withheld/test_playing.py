@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.withheld.errors import BankError
+from tests.withheld.files import read_run
 from tests.withheld.playing import Order, make, read_programme
 
 PROGRAMME = """format = "smad-programme-1"
@@ -55,3 +56,24 @@ def test_a_bank_keeps_its_key_apart_and_benches_on_days_of_their_own(tmp_path: P
     assert days[0] != days[1]
     with pytest.raises(BankError, match="exists"):
         make(order, jobs=1)
+
+
+def test_other_days_have_no_effect_and_are_unlike_the_good_ones(tmp_path: Path) -> None:
+    order = Order(
+        tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=2, seed=3,
+        mixture="other-days",
+    )  # fmt: skip
+    make(order, jobs=1)
+    key = json.loads((order.key_folder / "KEY.json").read_text())["cases"]
+    by_kind = {entry["kind"]: (case, entry) for case, entry in key.items()}
+    assert set(by_kind) == {"none", "room", "preload", "parameters", "drift"}
+    assert not any(entry["effects"] for _, entry in by_kind.values())
+    assert by_kind["none"][1]["gap_worst"] == 0.0
+    assert by_kind["preload"][1]["gap_worst"] > 0.0
+
+    def room_degC(run: Path) -> float:
+        return float(np.nanmean(read_run(run)["rtd_ambient_degC"]))
+
+    case = order.folder / "cases" / by_kind["room"][0] / "run-1.parquet"
+    good = order.folder / "benches" / "bench-1" / "good-1" / "run-1.parquet"
+    assert room_degC(case) > room_degC(good) + 1.0
