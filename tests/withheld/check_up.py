@@ -7,6 +7,7 @@ import json
 import random
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -80,14 +81,13 @@ def run(
     benches: Sequence[str] = (),
     repeats: int | None = None,
     key: Path | None = None,
+    jobs: int = 1,
 ) -> dict[str, Any]:
     """Verdicts of all cases (of some benches), written to `out` after each bench.
 
     With the key's folder single effects are judged once more without their entry.
     """
     manifest = manifest_of(bank)
-    plant = SmaPlant()
-    entries = _single_entries(key, plant) if key is not None else {}
     verdicts: dict[str, Any] = {}
     document: dict[str, Any] = {
         "format": "smad-verdicts-1",
@@ -97,12 +97,32 @@ def run(
         "floors": {},
         "verdicts": verdicts,
     }
-    constants = shipped_constants()
-    for bench, reference, cases in benches_of(bank, manifest, plant, only=benches, repeats=repeats):
+    wanted = list(benches) or sorted({c["bench"] for c in manifest["cases"]})
+    with ProcessPoolExecutor(jobs) as pool:
+        tasks = [pool.submit(_judged_bench, bank, b, repeats, key) for b in wanted]
+        for task in as_completed(tasks):
+            bench, floors, told = task.result()
+            document["floors"][bench] = floors
+            verdicts.update(told)
+            out.write_text(json.dumps(document, indent=1))
+    return document
+
+
+def _judged_bench(
+    bank: Path, bench: str, repeats: int | None, key: Path | None
+) -> tuple[str, dict[str, float], dict[str, Any]]:
+    """The floors of a bench, and the verdicts of its cases."""
+    plant, constants = SmaPlant(), shipped_constants()
+    entries = _single_entries(key, plant) if key is not None else {}
+    manifest = manifest_of(bank)
+    floors: dict[str, float] = {}
+    verdicts: dict[str, Any] = {}
+    of_bench = benches_of(bank, manifest, plant, only=[bench], repeats=repeats)
+    for _, reference, cases in of_bench:
         for case, runs in cases:
             began = time.process_time()
             pairs = paired(plant, TRAITS, reference, runs)
-            document["floors"].setdefault(bench, _floors(pairs))
+            floors = floors or _floors(pairs)
             findings = examine(pairs, constants)
             found = decide(pairs, findings, constants)
             told = _verdict(found, time.process_time() - began)
@@ -112,8 +132,7 @@ def run(
                 told["left_out"] = {entries[case]: _short(decide(pairs, less, constants))}
             verdicts[case] = told
             print(f"{case} {bench} {found.ratio:.2f} {found.left:.2f} {found.headline}", flush=True)
-        out.write_text(json.dumps(document, indent=1))
-    return document
+    return bench, floors, verdicts
 
 
 def _floors(pairs: Paired) -> dict[str, float]:

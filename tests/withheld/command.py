@@ -116,7 +116,14 @@ def _check_up(options: argparse.Namespace) -> None:
 
     benches = [b for b in options.benches.split(",") if b]
     key = Path(options.leave_out) if options.leave_out else None
-    run(Path(options.bank), Path(options.out), benches=benches, repeats=options.repeats, key=key)
+    run(
+        Path(options.bank),
+        Path(options.out),
+        benches=benches,
+        repeats=options.repeats,
+        key=key,
+        jobs=options.jobs,
+    )
 
 
 def _calibrate(options: argparse.Namespace) -> None:
@@ -271,6 +278,7 @@ def _check_ups(commands: _Commands) -> None:
     judged.add_argument("--out", required=True, help="the verdicts, for `smad gap score`")
     judged.add_argument("--benches", default="", help="only these, as bench-1,bench-4")
     judged.add_argument("--repeats", type=int, help="only so many of the good repeats")
+    judged.add_argument("--jobs", type=int, default=1, help="benches at a time")
     judged.add_argument(
         "--leave-out", metavar="KEY",
         help="judge single effects once more, the right entry out of the library; the key's folder",

@@ -26,6 +26,7 @@ from smad.gap.paired.verdict import (
     UNKNOWN,
     Likely,
     Verdict,
+    first_names,
     tempering,
 )
 from smad.gap.paired.white import RunRows, Shrink
@@ -111,7 +112,7 @@ def propose(
     """
     if verdict.outcome != GROUP:
         return Proposal(None, f"settled: {_SETTLED[verdict.outcome]}")
-    staying = [x for x in verdict.likely if x.names[0] in verdict.group]
+    staying = _staying(verdict)
     names = tuple(label(x) for x in staying)
     both = " and ".join(names)
     now = _odds(paired, staying, constants)
@@ -148,6 +149,10 @@ def propose(
     )
 
 
+def _staying(verdict: Verdict) -> list[Likely]:
+    return [x for x in first_names(verdict.likely) if x.names[0] in verdict.group]
+
+
 def _odds(paired: Paired, staying: Sequence[Likely], constants: Constants) -> _Odds:
     first, second = staying[0], staying[1]
     change = paired.white_change(first.values) if first.values else None
@@ -180,7 +185,7 @@ def unpaired_offers(paired: Paired, verdict: Verdict, programme: Programme) -> l
 
     Without a good recording the model's own form error stays in, so this is more than they bring.
     """
-    staying = [x for x in verdict.likely if x.names[0] in verdict.group]
+    staying = _staying(verdict)
     known = {r.name for r in paired.reference.runs}
     theta = _parameters(paired)
     floor = paired.reference.floor

@@ -102,18 +102,27 @@ def _outcome(f: Findings, constants: Constants) -> tuple[str, list[Likely], list
     if is_quiet(f, constants):
         return QUIET, [], []
     likely = hypotheses(f, constants)
-    top = likely[0]
+    top, *others = first_names(likely)
     if top.names == [UNKNOWN]:
         return UNKNOWN, likely, []
     if top.names == [PARAMETERS]:
         return PARAMETERS, likely, []
     near = [
         x.names[0]
-        for x in likely[1:]
-        if x.names[0] not in (UNKNOWN, top.names[0])
-        and x.probability * constants.odds > top.probability
+        for x in others
+        if x.names != [UNKNOWN] and x.probability * constants.odds > top.probability
     ]
     return (GROUP, likely, [top.names[0], *near]) if near else (CAUSE, likely, [])
+
+
+def first_names(likely: Sequence[Likely]) -> list[Likely]:
+    """The likeliest hypothesis for each first name, with the probability of all that begin so."""
+    total: dict[str, float] = {}
+    for x in likely:
+        total[x.names[0]] = total.get(x.names[0], 0.0) + x.probability
+    best = {x.names[0]: x for x in reversed(likely)}
+    found = [msgspec.structs.replace(best[name], probability=p) for name, p in total.items()]
+    return sorted(found, key=lambda x: -x.probability)
 
 
 def _fit_of(f: Findings, names: Sequence[str]) -> Refined:
@@ -121,9 +130,10 @@ def _fit_of(f: Findings, names: Sequence[str]) -> Refined:
 
 
 def hypotheses(f: Findings, constants: Constants) -> list[Likely]:
-    """What may be the matter with a bench that has changed, with probabilities, likeliest first.
+    """What may be the matter with a bench that has changed, with probabilities.
 
-    What the best entry has is shared among the sets that grow from it.
+    What the best entry has is shared among the sets that grow from it. First come those that begin
+    with the likeliest first name, and the likeliest of them before the others.
     """
     if not f.singles:
         return [Likely([UNKNOWN], 1.0)]
@@ -147,7 +157,9 @@ def hypotheses(f: Findings, constants: Constants) -> list[Likely]:
     ]
     likely.append(Likely([PARAMETERS], share * of_parameters))
     likely.append(Likely([UNKNOWN], unknown))
-    return sorted(likely, key=lambda x: -x.probability)
+    likely.sort(key=lambda x: -x.probability)
+    order = [x.names[0] for x in first_names(likely)]
+    return sorted(likely, key=lambda x: order.index(x.names[0]))
 
 
 def _shares(beyond: Sequence[float], needed: float) -> list[float]:

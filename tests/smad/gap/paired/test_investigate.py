@@ -96,7 +96,8 @@ def test_hypotheses_that_predict_the_same_are_not_played_for(
     lagging: tuple[Paired, Verdict],
 ) -> None:
     pairs, verdict = lagging
-    found = propose(pairs, undecided(verdict, LAG, LAG), CONSTANTS, COSTS, 600.0)
+    still = {"force_offset": {"offset_N": 0.0}, **LAG}
+    found = propose(pairs, undecided(verdict, LAG, still), CONSTANTS, COSTS, 600.0)
     assert found.run is None
     assert not found.settled
     assert "no run on offer separates" in found.why
