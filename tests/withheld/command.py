@@ -312,7 +312,7 @@ def _mysteries(commands: _Commands) -> None:
     asked.add_argument("seeds", type=int, nargs="*", help="of the benches; none: the table only")
     asked.add_argument("--programme", default="smad/gap/paired/data/spring-pair")
     asked.add_argument("--minutes", type=float, default=20.0, help="bench time for each")
-    asked.add_argument("--out", required=True, help="what became of each, as JSON; is added to")
+    asked.add_argument("--out", required=True, help="folder for what became of each")
     asked.add_argument("--page", help="put the table between the marks of this page")
     asked.add_argument("--note", default="", help="a line above it, with --page")
     asked.set_defaults(run=_inquiries)

@@ -102,21 +102,19 @@ def run(
     *,
     begin: Callable[[int, Path], Mystery],
     minutes: float = 20.0,
-) -> list[dict[str, Any]]:
-    """All seeds, each added to `out` when it is over; seeds that are there are not done again."""
-    done: list[dict[str, Any]] = json.loads(out.read_text()) if out.exists() else []
-    there = {c["seed"] for c in done}
+) -> None:
+    """All seeds, a file each in `out`; those that have one are not done again."""
+    out.mkdir(parents=True, exist_ok=True)
     for seed in seeds:
-        if seed in there:
+        place = out / f"{seed}.json"
+        if place.exists():
             continue
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            done.append(investigate(begin(seed, folder / "runs"), minutes, folder, shipped()))
-        out.write_text(json.dumps(done, indent=1))
-        c = done[-1]
+            c = investigate(begin(seed, folder / "runs"), minutes, folder, shipped())
+        place.write_text(json.dumps(c, indent=1))
         print(f"{seed} {mark(c)}: {c['effects']} {c['outcome']} {c['names']} {c['minutes']} min; "
               f"{c['why_over']}", flush=True)  # fmt: skip
-    return done
 
 
 _ENDS = ("rightly", "with a wrong name", "wrongly", "said to be unknown", "not settled")
@@ -148,7 +146,7 @@ def _share(hits: int, count: int) -> str:
 
 def report(out: Path, page: Path | None, note: str) -> None:
     """Print the table; with `page` put it there."""
-    text = table(json.loads(out.read_text()))
+    text = table([json.loads(path.read_text()) for path in sorted(out.glob("*.json"))])
     print(text)
     if page is not None:
         put_into(page, f"{note}\n\n{text}", MARK)
