@@ -38,11 +38,11 @@ def test_a_bench_without_a_change_is_quiet(reference: Reference) -> None:
 
 
 def test_a_lagging_sensor_is_named_with_its_value(reference: Reference) -> None:
-    now = played(11, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
+    now = played(11, {"rtd_lag": {"tau_s": 0.3, "y_share": 1.0}})
     verdict = checked(PLANT, reference, [(now, "short")])
     assert verdict.outcome == "cause"
     assert verdict.likely[0].names == ["rtd_lag"]
-    assert verdict.likely[0].values["rtd_lag"]["tau_s"] == pytest.approx(0.1, rel=0.1)
+    assert verdict.likely[0].values["rtd_lag"]["tau_s"] == pytest.approx(0.3, rel=0.1)
 
 
 def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
