@@ -14,6 +14,7 @@ from smad.gap.paired.calibrate import (
     Judged,
     Known,
     Truth,
+    apart,
     examined,
     left_out,
     quiet_limits,
@@ -25,6 +26,7 @@ from smad.gap.paired.calibrate import (
 from smad.gap.paired.constants import Constants, shipped_constants
 from smad.gap.paired.difference import paired
 from smad.gap.paired.spring_pair import TRAITS
+from smad.gap.paired.verdict import is_quiet
 from smad.gap.sma import SmaPlant
 from tests.withheld.check_up import benches_of, manifest_of
 from tests.withheld.errors import BankError
@@ -92,6 +94,10 @@ def calibrate(
     by_own_form = {form: [case[form] for case in cases] for form in FORMS}
     now = by_own_form[before.further_form]
     print(f"{len(now)} check-ups, {sum(j.truth.kind == 'quiet' for j in now)} of them quiet")
+    changed = [j for j in now if not is_quiet(j.findings, before)]
+    print(
+        f"a right first entry leaves less than a wrong one in {apart(changed):.2f} of the couples"
+    )
     limits = quiet_limits(now, before) if with_limits else before
     for line in reliability_lines("before", reliability(now, before)):
         print(line, flush=True)

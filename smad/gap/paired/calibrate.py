@@ -225,6 +225,24 @@ def measured(
     return Reliability(len(truths), log_score, float(shares.mean()), error, tuple(rows))
 
 
+def apart(judged: Sequence[Judged]) -> float:
+    """How often a right first entry leaves less of a flexible correction than a wrong one does.
+
+    Over all couples of a check-up with a right and one with a wrong first entry; NaN without any.
+    """
+    asked = [j for j in judged if j.findings.steps]
+    right = [j.findings.steps[0].names[0] in j.truth.names for j in asked]
+    left = [j.findings.left_by(0) for j in asked]
+    couples = [
+        (a < b) + 0.5 * (a == b)
+        for a, good in zip(left, right, strict=True)
+        if good
+        for b, other in zip(left, right, strict=True)
+        if not other
+    ]
+    return float(np.mean(couples)) if couples else float("nan")
+
+
 def _sure(x: Likely) -> Likely:
     return Likely(x.names, 1.0)
 

@@ -8,6 +8,7 @@ import pytest
 from smad.gap.paired.calibrate import (
     Judged,
     Truth,
+    apart,
     left_out,
     quiet_limits,
     reliability,
@@ -92,6 +93,15 @@ def test_a_reliability_is_told_as_a_table() -> None:
     assert head.startswith("before: 24 called changed")
     assert "right" in titles
     assert sum(int(row.split()[3]) for row in rows) == 4 * 24
+
+
+def test_right_and_wrong_entries_are_apart_by_what_they_leave() -> None:
+    def leaving(right: str, left: float) -> Judged:
+        truth = Truth("effects", frozenset((right,)))
+        return Judged("bench-1", truth, found({"rtd_lag": 2000.0}, left=left))
+
+    cases = [leaving("rtd_lag", 0.1), leaving("rtd_lag", 0.5), leaving("driver_gain", 0.4)]
+    assert apart(cases) == pytest.approx(0.5)
 
 
 def grown(taken: float) -> Findings:
