@@ -6,7 +6,7 @@ The tables are put into a page by this command only, between `<!-- scores -->` a
 import json
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -89,14 +89,15 @@ class Scored:
         return sum(p for names, p in self.ranked if names == wanted)
 
 
-def scored(verdicts: Path, key: Path) -> list[Scored]:
-    """All cases of a verdict file. Raises BankError when the key is not of the same bank."""
+def scored(verdicts: Path, key: Path, only: Iterable[str] | None = None) -> list[Scored]:
+    """All cases of a verdict file, or some. Raises BankError when the key is of another bank."""
     told = json.loads(verdicts.read_text())
     known = json.loads((key / "KEY.json").read_text())
     if known["bank"] != told["bank"]:
         raise BankError(f"{verdicts} is of bank {told['bank']}, the key of {known['bank']}")
     out = []
-    for name, v in told["verdicts"].items():
+    for name in sorted(told["verdicts"] if only is None else only):
+        v = told["verdicts"][name]
         entry = known["cases"][name]
         ranked = tuple(
             (frozenset(canonical(n) for n in c["names"]), c["probability"]) for c in v["causes"]
@@ -224,7 +225,10 @@ def _without(cases: Sequence[Scored]) -> str:
 
 
 def beside(files: Mapping[str, Path], key: Path, title: str) -> str:
-    """Several verdict files over one key, a row each."""
+    """Several verdict files over one key, a row each, over the cases that all of them have."""
+    told = {label: json.loads(path.read_text()) for label, path in files.items()}
+    common = set.intersection(*(set(t["verdicts"]) for t in told.values()))
+    benches = set.intersection(*(set(t["floors"]) for t in told.values()))
     lines = [
         f"| {title} | floor of displacement, mm | of an RTD, K | false alarms | noticed below 1 "
         "floor | 1 to 3 | above 3 | right first, of the noticed | mean probability of the truth "
@@ -232,7 +236,7 @@ def beside(files: Mapping[str, Path], key: Path, title: str) -> str:
         "|---|" + "---:|" * 9,
     ]
     for label, path in files.items():
-        cases = scored(path, key)
+        cases = scored(path, key, common)
         single = [c for c in cases if c.kind == "single"]
         seen = [c for c in single if c.detected]
         new = [c for c in cases if c.kind == "unknown" and c.detected]
@@ -242,7 +246,7 @@ def beside(files: Mapping[str, Path], key: Path, title: str) -> str:
             for low, high in ((0.0, 1.0), (1.0, 3.0), (3.0, math.inf))
         ]
         cells = [
-            *(f"{median(f[s] for f in floors_of(path)):.3g}" for s in _FLOORS),
+            *(f"{median(told[label]['floors'][b][s] for b in benches):.3g}" for s in _FLOORS),
             _share(quiet, lambda c: c.detected),
             *(_share(part, lambda c: c.detected) for part in parts),
             _share(seen, lambda c: c.right_first),
@@ -251,11 +255,6 @@ def beside(files: Mapping[str, Path], key: Path, title: str) -> str:
         ]
         lines.append(f"| {label} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
-
-
-def floors_of(verdicts: Path) -> list[dict[str, float]]:
-    """The repeat floor of each bench of a verdict file, by signal."""
-    return list(json.loads(verdicts.read_text())["floors"].values())
 
 
 def _seconds(cases: Sequence[Scored]) -> str:

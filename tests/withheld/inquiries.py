@@ -18,7 +18,7 @@ from smad.gap.paired.files import read_file
 from smad.gap.paired.inquiry import REST_S, Inquiry, Report
 from smad.gap.paired.programme import Programme, ProgrammeRun, shipped
 from smad.gap.paired.series import Recorded
-from smad.gap.paired.verdict import CAUSE, GROUP, UNKNOWN
+from smad.gap.paired.verdict import CAUSE, GROUP, QUIET, UNKNOWN
 from smad.gap.sma import SmaPlant
 from tests.withheld.curves import put_into
 
@@ -90,6 +90,8 @@ def mark(case: dict[str, Any]) -> str:
         return "not settled"
     if case["outcome"] == UNKNOWN:
         return "said to be unknown" if case["listed"] else "rightly"
+    if case["outcome"] == QUIET:
+        return "not noticed"
     if case["outcome"] != CAUSE or not case["listed"]:
         return "wrongly"
     truth, said = set(case["effects"]), set(case["names"])
@@ -117,15 +119,17 @@ def run(
               f"{c['why_over']}", flush=True)  # fmt: skip
 
 
-_ENDS = ("rightly", "with a wrong name", "wrongly", "said to be unknown", "not settled")
+_ENDS = (
+    "rightly", "with a wrong name", "wrongly", "not noticed", "said to be unknown", "not settled",
+)  # fmt: skip
 
 
 def table(cases: Sequence[dict[str, Any]]) -> str:
     """How they ended, as Markdown."""
     lines = [
         "| the trouble | benches | settled rightly | right name and a wrong one | settled wrongly "
-        "| called unknown | not settled | minutes of bench time, median (most) |",
-        "|---|---:|---:|---:|---:|---:|---:|---:|",
+        "| not noticed | called unknown | not settled | minutes of bench time, median (most) |",
+        "|---|" + "---:|" * 8,
     ]
     listed = [c for c in cases if c["listed"]]
     other = [c for c in cases if not c["listed"]]

@@ -24,7 +24,7 @@ def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True
         (ended("cause", "rtd_lag"), "rightly"),
         (ended("cause", "rtd_lag", "force_gain"), "with a wrong name"),
         (ended("cause", "force_gain"), "wrongly"),
-        (ended("quiet"), "wrongly"),
+        (ended("quiet"), "not noticed"),
         (ended("parameters"), "wrongly"),
         (ended("unknown"), "said to be unknown"),
         (ended("group", "rtd_lag", "force_gain"), "not settled"),
