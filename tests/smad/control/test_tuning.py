@@ -21,8 +21,8 @@ CURRENT_A = np.where((T_S % 0.8) < 0.4, 3.0, 2.0)
 
 def test_the_rule_is_the_published_one_until_noise_forbids_it() -> None:
     model = Lag(2.0, 0.8, 0.01, 2.5, 1.0)
-    assert gains_for(model, 0.0) == Gains(25.0, 31.0)
-    assert gains_for(model, 0.02) == Gains(10.0, 12.0)
+    assert gains_for(model, 0.0, 0.2) == Gains(25.0, 31.0)
+    assert gains_for(model, 0.02, 0.2) == Gains(10.0, 12.0)
 
 
 def test_the_margins_are_those_of_an_integrator_with_delay() -> None:
