@@ -117,10 +117,10 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     damping_A_per_K: Annotated[
         float,
         Meta(ge=0.0, le=100.0, description="in the quiet, current against a change of temperature"),
-    ] = 1.0
+    ] = 0.5
     ease_s: Annotated[
         float, Meta(ge=0.1, le=600.0, description="in the quiet the integral fades so")
-    ] = 20.0
+    ] = 10.0
     reversal_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="demand on the other spring that turns to it")
     ] = 0.3

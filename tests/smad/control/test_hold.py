@@ -189,12 +189,11 @@ def hold_of(
 def test_no_bench_of_these_holds_with_a_limit_cycle(
     seed: int, level_mm: float, noise: float
 ) -> None:
-    # The places where the campaign found up to 145 starts a minute and 579 mA.
+    # Where earlier laws had up to 145 starts a minute, 606 mA and a turn every other second.
     held = hold_of(bench_of(seed), level_mm, ControlConfig(), noise=noise)
     assert sum(held.pump_starts) == 0
-    # The slow turns that remain where both springs are warm stay below this.
-    assert held.ripple_A < 0.35
-    assert held.error_rms < 0.03
+    assert held.ripple_A < 0.25
+    assert held.error_rms < 0.022
 
 
 @pytest.mark.parametrize("seed", [0, 1, 4])
