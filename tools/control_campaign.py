@@ -21,7 +21,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -43,8 +43,6 @@ from tests.sim_device.harsh import bench_of
 
 DEVELOPMENT = range(2, 21)
 """The benches on which constants are chosen. They score nothing."""
-SETS = ("set A", "set B")
-"""What the first benches are."""
 HELD = ("starts", "turns", "ripple_mA", "error_um")
 """What each hold has a value of."""
 WRITTEN = Path(over_benches.__file__).parent / over_benches.DATA
@@ -137,10 +135,11 @@ def constants(file: Path) -> None:
     done = [json.loads(line) for line in file.open()] if file.exists() else []
     shipped = msgspec.to_builtins(HoldConfig())
 
-    def score(change: dict[str, float], out: TextIO) -> str:
+    def scores(change: dict[str, float], out: TextIO) -> dict[int, float]:
+        """Of each bench the largest of starts, ripple and error, each over its goal."""
         chosen = shipped | change
         config = msgspec.structs.replace(ControlConfig(), hold=HoldConfig(**chosen))
-        holds = []
+        by_bench = {}
         for seed in DEVELOPMENT:
             case = {**chosen, "bench": seed}
             found = next((c for c in done if case.items() <= c.items()), None)
@@ -148,20 +147,24 @@ def constants(file: Path) -> None:
                 found = case | held(bench(seed, 3.0), config, 0.0, seed, 100)
                 out.write(json.dumps(found) + "\n")
                 out.flush()
-            holds.append(found)
-        reached = [c for c in holds if c["reached"]]
-        mean = np.mean([max(c[key] / goal for key, goal in GOALS.items()) for c in reached])
-        missed = sum(any(c[key] > goal for key, goal in GOALS.items()) for c in reached)
-        return f"{mean:.2f} ({missed} of {len(reached)})"
+            if found["reached"]:
+                by_bench[seed] = max(found[key] / goal for key, goal in GOALS.items())
+        return by_bench
 
     with file.open("a") as out:
-        kept = score({}, out)
-        print("| constant | less | shipped | more |\n|---|---:|---:|---:|", flush=True)
-        for name, (less, more) in CHOICES.items():
-            cells = [f"{v:g}: {score({name: v}, out)}" for v in (less, more)]
-            print(f"| `{name}` | {cells[0]} | {shipped[name]:g}: {kept} | {cells[1]} |", flush=True)
-    print(f"\nbenches {DEVELOPMENT[0]} to {DEVELOPMENT[-1]}; mean over the holds of the largest "
-          "of starts, ripple and error, each over its goal (holds that miss one)")  # fmt: skip
+        kept = scores({}, out)
+        print(f"score {np.mean(list(kept.values())):.2f}, mean over benches {DEVELOPMENT[0]} to "
+              f"{DEVELOPMENT[-1]} of the largest of starts, ripple and error, each over its goal; "
+              "change of it ± standard error:\n")  # fmt: skip
+        print("| constant | shipped | less | more |\n|---|---:|---:|---:|", flush=True)
+        for name, choices in CHOICES.items():
+            cells = []
+            for value in choices:
+                other = scores({name: value}, out)
+                change = np.array([other[seed] - kept[seed] for seed in kept.keys() & other.keys()])
+                error = change.std(ddof=1) / math.sqrt(change.size)
+                cells.append(f"{value:g}: {change.mean():+.2f} ± {error:.2f}")
+            print(f"| `{name}` | {shipped[name]:g} | {cells[0]} | {cells[1]} |", flush=True)
 
 
 def cases(first: int, last: int, rate_hz: int) -> Iterator[dict[str, Any]]:
@@ -212,30 +215,45 @@ def values(results: list[dict[str, Any]], key: str) -> list[float | None]:
 
 
 def grouped(files: list[Path]) -> list[dict[str, Any]]:
-    """What was measured, in the form of smad.experiments.over_benches."""
+    """What was measured, in the form of smad.experiments.over_benches.
+
+    Drawn benches stand in one group for the shipped gains, all of them, and in one more for both
+    gains: those that were tuned, or refused to be.
+    """
     found = [json.loads(line) for file in files for line in file.open()]
-    found = [c for c in found if c["bench"] not in DEVELOPMENT]
-    kinds = sorted({(min(c["bench"], len(SETS)), c["rate"], c["noise"]) for c in found})
+    found = [c for c in found if c["bench"] not in DEVELOPMENT and c["shipped"]]
     groups = []
-    for kind, rate_Hz, noise in kinds:
-        part = [
-            c for c in found
-            if (min(c["bench"], len(SETS)), c["rate"], c["noise"]) == (kind, rate_Hz, noise)
-            and c["shipped"]
-        ]  # fmt: skip
-        # Who is refused keeps the gains that there are.
-        tuned = [c["tuned"] or c["shipped"] for c in part if c["tuned"] or c["refused"]]
-        by_gains = {"shipped": [c["shipped"] for c in part]} | ({"tuned": tuned} if tuned else {})
-        groups.append({
-            "kind": (*SETS, "drawn")[kind], "rate_Hz": rate_Hz, "noise": noise,
-            "benches": len(part),
-            "refused": sum(bool(c["refused"]) for c in part),
-            "values": {
-                name: {key: values(results, key) for key in QUANTITIES}
-                for name, results in by_gains.items()
-            },
-        })  # fmt: skip
+    for kind, belongs in KINDS.items():
+        conditions = sorted({(c["rate"], c["noise"]) for c in found if belongs(c)})
+        for rate_Hz, noise in conditions:
+            part = [c for c in found if belongs(c) and (c["rate"], c["noise"]) == (rate_Hz, noise)]
+            by_gains = {"shipped": [c["shipped"] for c in part]}
+            if all(was_tuned(c) for c in part):
+                # Who is refused keeps the gains that there are.
+                by_gains["tuned"] = [c["tuned"] or c["shipped"] for c in part]
+            groups.append({
+                "kind": kind, "rate_Hz": rate_Hz, "noise": noise, "benches": len(part),
+                "refused": sum(bool(c["refused"]) for c in part) if "tuned" in by_gains else 0,
+                "values": {
+                    name: {key: values(results, key) for key in QUANTITIES}
+                    for name, results in by_gains.items()
+                },
+            })  # fmt: skip
     return groups
+
+
+def was_tuned(case: dict[str, Any]) -> bool:
+    """Whether tuning was tried on this bench."""
+    return bool(case["tuned"] or case["refused"])
+
+
+KINDS: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "set A": lambda case: case["bench"] == 0,
+    "set B": lambda case: case["bench"] == 1,
+    "drawn": lambda case: case["bench"] > DEVELOPMENT[-1],
+    "drawn and tuned": lambda case: case["bench"] > DEVELOPMENT[-1] and was_tuned(case),
+}
+"""Group: which cases belong to it."""
 
 
 def worst(files: list[Path]) -> None:

@@ -1,10 +1,10 @@
 """A quiet hold: what the displacement loop does once it is where it should be.
 
 The pair stands by itself while the temperature of the spring that pulls stays within its
-hysteresis, some kelvin wide. At either end of it the displacement moves at once, by some tenth of a
-millimetre for each kelvin. An integral that heats a spring through its hysteresis comes out on the
-other side far too fast; then it does the same with the other spring. That is the limit cycle of a
-hold.
+hysteresis, some kelvin wide. At either end of it the displacement moves at once, by some tenths of
+a millimetre for each kelvin. An integral that heats a spring through its hysteresis comes out on
+the other side far too fast; then it does the same with the other spring. That is the limit cycle of
+a hold.
 
 So once the reference rests and the error is small, the loop gets a second feedback: the current
 falls while the spring that it heats becomes warmer, and rises while that becomes colder. It has

@@ -129,10 +129,10 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
 def _benches_figure() -> str:
     figure, (axes,) = new_figure(height_in=3.0)
     for group in groups():
-        if group.benches == 1:
+        if group.benches == 1 or "tuned" not in group.values:
             continue
         for name, colour in (("shipped", "reference"), ("tuned", "actual")):
-            r2 = group.values.get(name, {}).get("r2", ())
+            r2 = group.values[name]["r2"]
             share = np.arange(1, len(r2) + 1) / max(1, len(r2))
             axes.step(
                 np.clip(r2, 0.0, 1.0), share, "-" if group.noise == 1 else "--", where="post",
