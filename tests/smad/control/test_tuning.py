@@ -11,7 +11,7 @@ from sim_device.plant import ParameterSet, load_parameters
 from smad.config import Config, ControlConfig
 from smad.control.tuning.errors import TuningError
 from smad.control.tuning.identify import cooled, pulled, stillness
-from smad.control.tuning.rules import Gains, Lag, band_mm, gains_for, margins_of
+from smad.control.tuning.rules import NOISE_A, Gains, Lag, band_mm, gains_for, margins_of
 from smad.experiments.tuning import Session, tune_displacement, tune_temperature
 from smad.experiments.virtual import VirtualDriver
 
@@ -136,4 +136,5 @@ def test_the_temperature_loop_is_tuned_likewise() -> None:
     before, after = session.trials
     assert after.settling_s < before.settling_s
     assert after.overshoot_K < 0.5
+    assert after.ripple_mA < 1.2e3 * NOISE_A["temperature"]
     assert "[control.temperature]" in session.tuned.toml()
