@@ -214,14 +214,19 @@ def values(results: list[dict[str, Any]], key: str) -> list[float | None]:
     )
 
 
+def measured_in(files: list[Path]) -> list[dict[str, Any]]:
+    """The cases of the files, each once, but for those whose run failed."""
+    found = [json.loads(line) for file in files for line in file.open()]
+    return list({(c["bench"], c["noise"], c["rate"]): c for c in found if c["shipped"]}.values())
+
+
 def grouped(files: list[Path]) -> list[dict[str, Any]]:
     """What was measured, in the form of smad.experiments.over_benches.
 
     Drawn benches stand in one group for the shipped gains, all of them, and in one more for both
     gains: those that were tuned, or refused to be.
     """
-    found = [json.loads(line) for file in files for line in file.open()]
-    found = [c for c in found if c["bench"] not in DEVELOPMENT and c["shipped"]]
+    found = [c for c in measured_in(files) if c["bench"] not in DEVELOPMENT]
     groups = []
     for kind, belongs in KINDS.items():
         conditions = sorted({(c["rate"], c["noise"]) for c in found if belongs(c)})
@@ -258,8 +263,7 @@ KINDS: dict[str, Callable[[dict[str, Any]], bool]] = {
 
 def worst(files: list[Path]) -> None:
     """Count the holds that meet each goal, and name the worst benches; with the shipped gains."""
-    found = [json.loads(line) for file in files for line in file.open()]
-    found = [c for c in found if c["shipped"] and c["bench"] > DEVELOPMENT[-1]]
+    found = [c for c in measured_in(files) if c["bench"] > DEVELOPMENT[-1]]
     holds = [c["shipped"][f"hold {level:g}"] for c in found for level in LEVELS_MM]
     holds = [h for h in holds if h["reached"]]
     for key, goal in GOALS.items():
