@@ -1,14 +1,17 @@
 """The displacement loop over many benches, with the shipped gains and after tuning.
 
     python tools/control_campaign.py run FILE [--first 0] [--last 100] [--rate 100] [--minutes 30]
-    python tools/control_campaign.py table FILE [FILE …] [--figure TO]
-    python tools/control_campaign.py constants FILE [--first 1] [--last 21]
+    python tools/control_campaign.py table FILE [FILE …] [--write]
+    python tools/control_campaign.py worst FILE [FILE …]
+    python tools/control_campaign.py constants FILE
 
 `run` appends a line of JSON for each case to FILE and goes on where FILE ends. Benches 0 and 1 are
 sets A and B; from 2 on every parameter is drawn evenly within its range, as in the harsh campaign
 (tests/sim_device/harsh.py), with the sensor noise of set A, once and three times. With `--shipped`
-no bench is tuned. `constants` holds the development benches with each constant of the quiet hold
-changed alone, and prints how far each choice is from the goals.
+no bench is tuned. `table` prints median, bad 5 % and worst; with `--write` it also writes
+smad/experiments/data/benches.json, from which `make generate` makes the table of the guide.
+`worst` names benches. `constants` holds the development benches, which no table counts, with each
+constant of the quiet hold changed alone.
 """
 
 from __future__ import annotations
@@ -18,9 +21,9 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import control_runs as runs
 import msgspec
@@ -30,12 +33,19 @@ from sim_device.plant import ParameterSet, load_parameters
 from smad.config import Config, ControlConfig, HoldConfig, LinkConfig
 from smad.control.commands import Step
 from smad.errors import SmadError
+from smad.experiments import over_benches
+from smad.experiments.over_benches import QUANTITIES, Group, table, with_nan
 from smad.experiments.tuning import tune_displacement
 from smad.experiments.virtual import VirtualDriver
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from tests.sim_device.harsh import bench_of
 
+DEVELOPMENT = range(2, 21)
+"""The benches on which constants are chosen. They score nothing."""
+HELD = ("starts", "turns", "ripple_mA", "error_um")
+"""What each hold has a value of."""
+WRITTEN = Path(over_benches.__file__).parent / over_benches.DATA
 LEVELS_MM = (0.0, 5.0, -10.0)
 REACHED_MM = 0.05
 """A level whose hold errs more, on average, is out of the bench's reach."""
@@ -98,7 +108,8 @@ def held(
     part = trace.between(to_s - runs.HOLD_S, to_s)
     off_mm = abs(float(np.mean(part.reference_mm - part.true_mm)))
     return {
-        "starts": sum(quality.pump_starts), "ripple_mA": 1e3 * quality.ripple_A,
+        "starts": sum(quality.pump_starts), "turns": runs.turns(part),
+        "ripple_mA": 1e3 * quality.ripple_A,
         "error_um": 1e3 * quality.error_rms, "reached": off_mm < REACHED_MM,
         "true_um": runs.true_error_um(trace, to_s - runs.HOLD_S, to_s),
     }  # fmt: skip
@@ -107,42 +118,53 @@ def held(
 GOALS = {"starts": 2.0, "ripple_mA": 50.0, "error_um": 20.0}
 """What a hold of a minute should not exceed."""
 CHOICES = {
-    "stand_s": (5.0, 10.0, 20.0),
-    "ease_s": (2.5, 5.0, 10.0),
+    "ease_s": (5.0, 20.0),
+    "damping_A_per_K": (0.25, 1.0),
+    "reversal_A": (0.15, 0.6),
+    "smooth_s": (0.05, 0.2),
+    "near_bands": (3.0, 10.0),
+    "settled_s": (0.0, 1.0),
+    "band_mm": (0.005, 0.02),
+    "reversal_smooth_s": (0.01, 0.1),
 }
-"""Constants of the hold that are chosen by their score; the middle ones ship."""
+"""Every constant of the quiet hold, with what it is compared with."""
 
 
-def constants(file: Path, first: int, last: int) -> None:
-    """Hold benches `first` to `last` - 1 with each choice, noise ×3, at 0 mm after 5 mm."""
+def constants(file: Path) -> None:
+    """Hold the development benches with each choice, noise ×3, at 0 mm after 5 mm."""
     done = [json.loads(line) for line in file.open()] if file.exists() else []
-    shipped = {name: values[1] for name, values in CHOICES.items()}
-    sets = [shipped] + [
-        shipped | {name: value} for name, values in CHOICES.items() for value in values[::2]
-    ]
-    with file.open("a") as out:
-        for chosen in sets:
-            config = msgspec.structs.replace(ControlConfig(), hold=HoldConfig(**chosen))
-            for seed in range(first, last):
-                case = {**chosen, "bench": seed}
-                if any(case.items() <= found.items() for found in done):
-                    continue
-                case |= held(bench(seed, 3.0), config, 0.0, seed, 100)
-                done.append(case)
-                out.write(json.dumps(case) + "\n")
+    shipped = msgspec.to_builtins(HoldConfig())
+
+    def scores(change: dict[str, float], out: TextIO) -> dict[int, float]:
+        """Of each bench the largest of starts, ripple and error, each over its goal."""
+        chosen = shipped | change
+        config = msgspec.structs.replace(ControlConfig(), hold=HoldConfig(**chosen))
+        by_bench = {}
+        for seed in DEVELOPMENT:
+            case = {**chosen, "bench": seed}
+            found = next((c for c in done if case.items() <= c.items()), None)
+            if found is None:
+                found = case | held(bench(seed, 3.0), config, 0.0, seed, 100)
+                out.write(json.dumps(found) + "\n")
                 out.flush()
-    print("| constant | value | mean score | 5 % | starts > 2 | ripple > 50 mA | error > 20 µm |")
-    print("|---|---:|---:|---:|---:|---:|---:|")
-    for chosen in sets:
-        part = [c for c in done if chosen.items() <= c.items() and c["reached"]]
-        scores = sorted(max(c[key] / goal for key, goal in GOALS.items()) for c in part)
-        changed = [name for name in chosen if chosen[name] != shipped[name]] or ["shipped"]
-        value = f"{chosen[changed[0]]:g}" if changed[0] in chosen else ""
-        missed = " | ".join(str(sum(c[key] > goal for c in part)) for key, goal in GOALS.items())
-        print(f"| {changed[0]} | {value} | {np.mean(scores):.2f} | "
-              f"{scores[round(0.95 * (len(scores) - 1))]:.1f} | {missed} |")  # fmt: skip
-    print(f"\n{len(part)} holds of benches {first} to {last - 1}; score: the largest of starts, "
-          "ripple and error, each over its goal")  # fmt: skip
+            if found["reached"]:
+                by_bench[seed] = max(found[key] / goal for key, goal in GOALS.items())
+        return by_bench
+
+    with file.open("a") as out:
+        kept = scores({}, out)
+        print(f"score {np.mean(list(kept.values())):.2f}, mean over benches {DEVELOPMENT[0]} to "
+              f"{DEVELOPMENT[-1]} of the largest of starts, ripple and error, each over its goal; "
+              "change of it ± standard error:\n")  # fmt: skip
+        print("| constant | shipped | less | more |\n|---|---:|---:|---:|", flush=True)
+        for name, choices in CHOICES.items():
+            cells = []
+            for value in choices:
+                other = scores({name: value}, out)
+                change = np.array([other[seed] - kept[seed] for seed in kept.keys() & other.keys()])
+                error = change.std(ddof=1) / math.sqrt(change.size)
+                cells.append(f"{value:g}: {change.mean():+.2f} ± {error:.2f}")
+            print(f"| `{name}` | {shipped[name]:g} | {cells[0]} | {cells[1]} |", flush=True)
 
 
 def cases(first: int, last: int, rate_hz: int) -> Iterator[dict[str, Any]]:
@@ -178,97 +200,108 @@ def run(file: Path, first: int, last: int, rate_hz: int, minutes: float, *, ship
             out.flush()
 
 
-QUANTITIES = {
-    "R² of 2 mm, 7 s": ("r2", False, "{:.4f}"),
-    "settling of 2 mm to 2 %, s": ("settling_s", True, "{:.2f}"),
-    "overshoot of 2 mm, %": ("overshoot", True, "{:.2f}"),
-    "pump starts a cycle": ("cycle_starts", True, "{:.1f}"),
-    "energy a cycle, J": ("energy_J", True, "{:.0f}"),
-    "pump starts in a hold of 60 s": ("starts", True, "{:.0f}"),
-    "ripple in a hold, mA": ("ripple_mA", True, "{:.0f}"),
-    "error of a hold, µm": ("error_um", True, "{:.1f}"),
-}
-"""Quantity: its key, whether large is bad, and how it is printed."""
-
-
-def values(results: list[dict[str, Any]], key: str) -> list[float]:
+def values(results: list[dict[str, Any]], key: str) -> list[float | None]:
     """The values of a quantity; of a hold the worst of the levels that were reached."""
-    if key in ("starts", "ripple_mA", "error_um"):
+    if key in HELD:
         holds = [[r[f"hold {level:g}"] for level in LEVELS_MM] for r in results]
-        reached = [[h[key] for h in level if h["reached"]] for level in holds]
-        return [max(found) for found in reached if found]
-    scale = 100.0 if key == "overshoot" else 1.0
-    return [math.inf if math.isnan(r[key]) else scale * r[key] for r in results]
+        reached = [[h[key] for h in levels if h["reached"]] for levels in holds]
+        found = [max(levels) for levels in reached if levels]
+    else:
+        found = [(100.0 if key == "overshoot" else 1.0) * r[key] for r in results]
+    return sorted(
+        (None if math.isnan(v) else float(f"{v:.4g}") for v in found),
+        key=lambda v: math.inf if v is None else v,
+    )
 
 
-def table(files: list[Path]) -> None:
-    """Print median, bad 5 % and worst of each quantity, by rate, noise and gains."""
+def measured_in(files: list[Path]) -> list[dict[str, Any]]:
+    """The cases of the files, each once, but for those whose run failed."""
     found = [json.loads(line) for file in files for line in file.open()]
-    for rate in sorted({c["rate"] for c in found}):
-        for noise in sorted({c["noise"] for c in found}):
-            part = [c for c in found if c["rate"] == rate and c["noise"] == noise]
-            if not part:
-                continue
-            refused = sum(bool(c["refused"]) for c in part)
-            both = [c for c in part if c["shipped"] and c["tuned"]]
-            print(f"\n{rate} Hz, noise ×{noise:g}: {len(part)} benches, tuning refused {refused}, "
-                  f"not comparable {len(part) - len(both)}; shipped: of all\n")  # fmt: skip
-            print("| | shipped: median | 5 % | worst | tuned: median | 5 % | worst |")
-            print("|---|---:|---:|---:|---:|---:|---:|")
-            for name, (key, large_is_bad, form) in QUANTITIES.items():
-                cells = []
-                for which in ("shipped", "tuned"):
-                    v = np.sort(values([c[which] for c in part if c[which]], key))
-                    if v.size == 0:
-                        cells += ["–"] * 3
-                        continue
-                    bad = 0.95 if large_is_bad else 0.05
-                    worst = v[-1] if large_is_bad else v[0]
-                    at = v[min(v.size - 1, round(bad * (v.size - 1)))]
-                    cells += [form.format(x) for x in (v[v.size // 2], at, worst)]
-                print(f"| {name} | " + " | ".join(cells) + " |")
-            ran = [c for c in part if c["shipped"]]
-            worst = sorted(ran, key=lambda c: max(values([c["shipped"]], "starts") or [0.0]))[-3:]
-            print("\nmost pump starts in a hold, shipped gains: " + ", ".join(
-                f"bench {c['bench']} ({max(values([c['shipped']], 'starts') or [0.0]):.0f})"
-                for c in reversed(worst)))  # fmt: skip
+    return list({(c["bench"], c["noise"], c["rate"]): c for c in found if c["shipped"]}.values())
 
 
-def figure_data(files: list[Path], to: Path) -> None:
-    """Write what the figure on the page of `smad run fig11-tracking` is drawn from."""
-    found = [json.loads(line) for file in files for line in file.open()]
+def grouped(files: list[Path]) -> list[dict[str, Any]]:
+    """What was measured, in the form of smad.experiments.over_benches.
+
+    Drawn benches stand in one group for the shipped gains, all of them, and in one more for both
+    gains: those that were tuned, or refused to be.
+    """
+    found = [c for c in measured_in(files) if c["bench"] not in DEVELOPMENT]
     groups = []
-    for rate, noise in sorted({(c["rate"], c["noise"]) for c in found}):
-        part = [c for c in found if (c["rate"], c["noise"]) == (rate, noise)]
-        both = [c for c in part if c["shipped"] and c["tuned"]]
-        groups.append(
-            {
-                "rate_Hz": rate, "noise": noise, "refused": len(part) - len(both),
-                "shipped": sorted(round(c["shipped"]["r2"], 4) for c in both),
-                "tuned": sorted(round(c["tuned"]["r2"], 4) for c in both),
-            }
+    for kind, belongs in KINDS.items():
+        conditions = sorted({(c["rate"], c["noise"]) for c in found if belongs(c)})
+        for rate_Hz, noise in conditions:
+            part = [c for c in found if belongs(c) and (c["rate"], c["noise"]) == (rate_Hz, noise)]
+            by_gains = {"shipped": [c["shipped"] for c in part]}
+            if all(was_tuned(c) for c in part):
+                # Who is refused keeps the gains that there are.
+                by_gains["tuned"] = [c["tuned"] or c["shipped"] for c in part]
+            groups.append({
+                "kind": kind, "rate_Hz": rate_Hz, "noise": noise, "benches": len(part),
+                "refused": sum(bool(c["refused"]) for c in part) if "tuned" in by_gains else 0,
+                "values": {
+                    name: {key: values(results, key) for key in QUANTITIES}
+                    for name, results in by_gains.items()
+                },
+            })  # fmt: skip
+    return groups
+
+
+def was_tuned(case: dict[str, Any]) -> bool:
+    """Whether tuning was tried on this bench."""
+    return bool(case["tuned"] or case["refused"])
+
+
+KINDS: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "set A": lambda case: case["bench"] == 0,
+    "set B": lambda case: case["bench"] == 1,
+    "drawn": lambda case: case["bench"] > DEVELOPMENT[-1],
+    "drawn and tuned": lambda case: case["bench"] > DEVELOPMENT[-1] and was_tuned(case),
+}
+"""Group: which cases belong to it."""
+
+
+def worst(files: list[Path]) -> None:
+    """Count the holds that meet each goal, and name the worst benches; with the shipped gains."""
+    found = [c for c in measured_in(files) if c["bench"] > DEVELOPMENT[-1]]
+    holds = [c["shipped"][f"hold {level:g}"] for c in found for level in LEVELS_MM]
+    holds = [h for h in holds if h["reached"]]
+    for key, goal in GOALS.items():
+        print(f"{key}: {sum(h[key] <= goal for h in holds)} of {len(holds)} holds meet {goal:g}")
+    for key, quantity in QUANTITIES.items():
+        by_case = [(values([c["shipped"]], key), c) for c in found]
+        ordered = sorted(
+            ((math.inf if v[0] is None else v[0], c) for v, c in by_case if v),
+            key=lambda pair: pair[0], reverse=quantity.much_is_bad,
         )  # fmt: skip
-    to.write_text(json.dumps(groups, indent=1) + "\n")
+        named = (f"{c['bench']} ×{c['noise']:g} {c['rate']} Hz ({v:g})" for v, c in ordered[:8])
+        print(f"{quantity.words}: bench " + ", ".join(named))
+    for case in found:
+        if case["refused"]:
+            print(f"bench {case['bench']} ×{case['noise']:g} refused: {case['refused']}")
 
 
 def main() -> None:
     """Run or print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["run", "table", "constants"])
+    parser.add_argument("what", choices=["run", "table", "worst", "constants"])
     parser.add_argument("files", nargs="+", type=Path)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--last", type=int, default=100)
     parser.add_argument("--rate", type=int, default=100)
     parser.add_argument("--shipped", action="store_true")
     parser.add_argument("--minutes", type=float, default=30.0)
-    parser.add_argument("--figure", type=Path)
+    parser.add_argument("--write", action="store_true")
     chosen = parser.parse_args()
     if chosen.what == "table":
-        table(chosen.files)
-        if chosen.figure is not None:
-            figure_data(chosen.files, chosen.figure)
+        groups = grouped(chosen.files)
+        if chosen.write:
+            WRITTEN.write_text(json.dumps(groups) + "\n")
+        print(table([Group(**entry) for entry in map(with_nan, groups)]))
+    elif chosen.what == "worst":
+        worst(chosen.files)
     elif chosen.what == "constants":
-        constants(chosen.files[0], chosen.first, chosen.last)
+        constants(chosen.files[0])
     else:
         run(
             chosen.files[0], chosen.first, chosen.last, chosen.rate, chosen.minutes,

@@ -126,6 +126,13 @@ def true_error_um(trace: Trace, from_s: float, to_s: float) -> float:
     return 1e3 * math.sqrt(float(np.mean((part.reference_mm - part.true_mm) ** 2)))
 
 
+def turns(trace: Trace) -> int:
+    """How often the other spring began to be heated."""
+    signed_A = trace.i_x_A - trace.i_y_A
+    heated = np.sign(signed_A[np.abs(signed_A) > 0.0])
+    return int(np.count_nonzero(heated[1:] != heated[:-1]))
+
+
 @dataclass(frozen=True)
 class SineScore:
     """How a sinusoid was followed. `energy_J` and `starts` are means over the later cycles."""

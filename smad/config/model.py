@@ -101,21 +101,25 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     """A quiet hold: once the reference rests and is reached, nothing is switched."""
 
     band_mm: Annotated[
-        float, Meta(ge=0.0, le=1.0, description="errors within it change no direction")
+        float, Meta(ge=0.0, le=1.0, description="full width about the reference: no error within")
     ] = 0.01
-    smooth_s: Annotated[
-        float, Meta(ge=0.0, le=10.0, description="time constant that smooths the error")
-    ] = 0.1
-    settled_s: Annotated[
-        float, Meta(ge=0.0, le=60.0, description="quiet after so long within five bands")
-    ] = 0.3
-    ease_s: Annotated[
+    near_bands: Annotated[
         float,
-        Meta(ge=0.1, le=600.0, description="in the quiet the current falls so, until it acts"),
+        Meta(ge=0.5, le=1000.0, description="quiet within so many bands, until twice as far off"),
     ] = 5.0
-    stand_s: Annotated[
+    settled_s: Annotated[
+        float, Meta(ge=0.0, le=60.0, description="quiet after so long within them")
+    ] = 0.3
+    smooth_s: Annotated[
         float,
-        Meta(ge=0.1, le=600.0, description="what has stood for about so long is no drift"),
+        Meta(ge=0.0, le=10.0, description="time constant that smooths error and temperatures"),
+    ] = 0.1
+    damping_A_per_K: Annotated[
+        float,
+        Meta(ge=0.0, le=100.0, description="in the quiet, current against a change of temperature"),
+    ] = 0.5
+    ease_s: Annotated[
+        float, Meta(ge=0.1, le=600.0, description="in the quiet the integral fades so")
     ] = 10.0
     reversal_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="demand on the other spring that turns to it")

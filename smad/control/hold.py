@@ -1,15 +1,16 @@
 """A quiet hold: what the displacement loop does once it is where it should be.
 
 The pair stands by itself while the temperature of the spring that pulls stays within its
-hysteresis, some kelvin wide. An integral does not know that: it goes on while the spring is heated
-through the hysteresis and nothing moves, drives it out on the other side far too fast, and then
-does the same with the other spring. That is the limit cycle of a hold.
+hysteresis, some kelvin wide. At either end of it the displacement moves at once, by some tenths of
+a millimetre for each kelvin. An integral that heats a spring through its hysteresis comes out on
+the other side far too fast; then it does the same with the other spring. That is the limit cycle of
+a hold.
 
-So once the reference rests and the error is within some bands, the current follows how far the
-displacement has *drifted*, not where it stands: the error beyond half the band and beyond where it
-has stood for a while. It eases off until the displacement begins to give way, rises until that
-stops, and is kept. What of it brings the displacement back was too much, and is let go. An error
-beyond `LASTING` bands that stands is worked off slowly. No water flows.
+So once the reference rests and the error is small, the loop gets a second feedback: the current
+falls while the spring that it heats becomes warmer, and rises while that becomes colder. It has
+authority within the hysteresis, where the displacement has none. The integral fades slowly, so that
+a spring stays at the lower end, where less heat lets the displacement go at once. An error within
+the band is none, and no water flows.
 """
 
 from __future__ import annotations
@@ -18,107 +19,61 @@ import math
 
 from smad.config import HoldConfig
 
-NEAR = 5.0
-"""Within so many bands a hold becomes quiet."""
-
-FAR = 10.0
-"""An error of so many bands ends the quiet at once."""
-
-MARGIN = 0.25
-"""In bands: so far from where the displacement has stood it has drifted, and not just trembled."""
-
-LASTING = 1.5
-"""In bands: a larger error is worked off although it stands."""
-
-SLOWLY = 0.4
-"""In bands: the error that is followed then."""
-
 
 class QuietHold:
-    """Says whether the hold is quiet, and which error the current is to follow then."""
+    """Says whether the hold is quiet, and what the current is to follow then."""
 
-    __slots__ = (
-        "_config", "_inside_s", "_most_m", "_pull", "_reference_m", "_smooth_m", "_stood_m",
-        "_watching", "band_m", "came_back", "drifted", "gave_way", "locked", "near", "quiet",
-    )  # fmt: skip
+    __slots__ = ("_config", "_inside_s", "_reference_m", "_smooth_m", "_warm_degC", "band_m",
+                 "near", "quiet")  # fmt: skip
 
     def __init__(self, config: HoldConfig) -> None:
         self._config = config
         self.band_m = config.band_mm * 1e-3
-        self._pull = 0
         self.reset()
 
     def reset(self) -> None:
         """Begin as after a move."""
         self.quiet = False
-        """Whether what is followed is the drift."""
+        """Whether the error has been small for long enough."""
         self.near = False
         """Whether the reference rests and the error is within some bands: no case for water."""
-        self.drifted = False
-        """Whether the displacement has given way in this quiet: the current is now one that holds.
-        """
-        self.came_back = False
-        """Whether the pull has just brought the displacement back by another band."""
-        self.gave_way = False
-        """Whether the displacement has just begun to drift."""
-        self._watching = True
-        self.locked = False
-        """Whether the direction must stay: the hold is quiet and there is nothing to follow."""
         self._reference_m = math.nan
         self._smooth_m = 0.0
-        self._stood_m = 0.0
-        self._most_m = 0.0
         self._inside_s = 0.0
-
-    def pulls(self, direction: int) -> None:
-        """Note which spring pulls now: +1 for X, -1 for Y."""
-        if direction != self._pull:
-            self._pull = direction
-            self._most_m = direction * self._smooth_m
-            self._watching = True
+        self._warm_degC = [math.nan, math.nan]
 
     def step(self, reference_m: float, error_m: float, dt_s: float) -> float:
-        """The error to follow, m: all of it, or in the quiet the drift."""
-        config, band_m = self._config, self.band_m
+        """The error to follow, m: all of it, or in the quiet what lies beyond the band."""
+        config = self._config
         if reference_m != self._reference_m:
             self.reset()
             self._reference_m = reference_m
             self._smooth_m = error_m
             return error_m
-        self._smooth_m += (error_m - self._smooth_m) * dt_s / (config.smooth_s + dt_s)
-        self.near = abs(self._smooth_m) < (FAR if self.quiet else NEAR) * band_m
+        smooth_m = self._smooth_m = self._smooth_m + (error_m - self._smooth_m) * dt_s / (
+            config.smooth_s + dt_s
+        )
+        within = config.near_bands * (2.0 if self.quiet else 1.0)
+        self.near = abs(smooth_m) < within * self.band_m
         self._inside_s = self._inside_s + dt_s if self.near else 0.0
         self.quiet = self._inside_s >= config.settled_s
-        self.locked = self.came_back = self.gave_way = False
         if not self.quiet:
-            self.drifted = False
-            self._watching = True
-            self._stood_m = self._smooth_m
-            self._most_m = self._pull * self._smooth_m
             return error_m
-        drift_m = self._drift(dt_s)
-        if drift_m != 0.0:
-            # Otherwise it was brought too far: the current eases off again.
-            self.drifted = drift_m * self._pull > 0.0
-            self.gave_way = self._watching and self.drifted
-            self._watching &= not self.gave_way
-        elif min(abs(self._smooth_m), abs(self._stood_m)) > LASTING * band_m:
-            drift_m = math.copysign(SLOWLY * band_m, self._smooth_m)
-        self.locked = drift_m == 0.0
-        left_m = self._pull * self._smooth_m
-        self._most_m = max(self._most_m, left_m)
-        self.came_back = self._most_m - left_m > band_m
-        if self.came_back:
-            self._most_m = left_m
-            self._watching = True
-        return drift_m
+        half_m = 0.5 * self.band_m
+        return smooth_m - min(half_m, max(-half_m, smooth_m))
 
-    def _drift(self, dt_s: float) -> float:
-        error_m, band_m = self._smooth_m, self.band_m
-        self._stood_m += (error_m - self._stood_m) * dt_s / (self._config.stand_s + dt_s)
-        high_m = max(0.5 * band_m, self._stood_m + MARGIN * band_m)
-        low_m = min(-0.5 * band_m, self._stood_m - MARGIN * band_m)
-        return error_m - min(high_m, max(low_m, error_m))
+    def resistance_A(self, spring: int, warm_degC: float, dt_s: float) -> float:
+        """Current against the change of temperature of a spring (0 for x, 1 for y), A.
+
+        To be asked for both springs with every sample. Without a reading it is 0.
+        """
+        config, before_degC = self._config, self._warm_degC[spring]
+        if math.isnan(warm_degC) or math.isnan(before_degC):
+            self._warm_degC[spring] = warm_degC
+            return 0.0
+        change_K = (warm_degC - before_degC) * dt_s / (config.smooth_s + dt_s)
+        self._warm_degC[spring] += change_K
+        return -config.damping_A_per_K * change_K
 
 
 class Direction:

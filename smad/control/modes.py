@@ -78,7 +78,6 @@ class DisplacementMode:
             config.hold.reversal_A, config.hold.reversal_smooth_s, config.cooling.urgent_A
         )
         self._ease_s = config.hold.ease_s
-        self._gave_way_A = 0.0
         self._urgent_A = config.cooling.urgent_A
         self._u_A = 0.0
         self._queue = ReferenceQueue(limits, config.handover_rate_mm_per_s)
@@ -141,36 +140,37 @@ class DisplacementMode:
         dt_s = min(dt_s, LONGEST_STEP_S)
         was_quiet = hold.quiet
         followed_m = hold.step(queue.reference_m, error_m, dt_s)
-        if hold.quiet:
-            if not was_quiet:
-                self._pi.preset(self._u_A, followed_m)
-            self._find_what_holds(dt_s)
-        push_A = 0.0
-        forced = self._direction.sign if hold.locked else 0
+        push_A, forced = 0.0, 0
         if self._anticipate:
             advice = self._anticipation.step(queue.peek, sample, self._drained, dt_s)
             if not hold.near:
                 forced = advice.direction
                 followed_m = queue.peek(advice.lead_s) - sample.displacement_m
                 push_A = forced * self._limit_A if advice.push else 0.0
-        self._bound(forced)
-        u_A = self._u_A = self._pi.step(followed_m, dt_s, push_A)
-        direction = self._direction.step(u_A, dt_s, forced)
-        hold.pulls(direction)
+        if hold.quiet:
+            if not was_quiet:
+                self._pi.preset(self._u_A, followed_m)
+            direction = self._keep_quiet(followed_m, sample, dt_s)
+            self._bound(direction)
+            u_A = self._pi.step(followed_m, dt_s)
+        else:
+            self._bound(forced)
+            u_A = self._pi.step(followed_m, dt_s, push_A)
+            direction = self._direction.step(u_A, dt_s, forced)
+        self._u_A = u_A
         return self._split(u_A, direction, dt_s, forced != 0)
 
-    def _find_what_holds(self, dt_s: float) -> None:
-        """Lead the integral of a quiet hold to the current between too little and too much."""
-        hold, pi = self._hold, self._pi
-        if not hold.drifted:
-            pi.integral *= math.exp(-dt_s / self._ease_s)
-        if hold.gave_way:
-            self._gave_way_A = self._u_A
-        if hold.came_back:
-            # Too much now, too little then: what holds lies between.
-            excess_A = self._u_A - self._gave_way_A
-            if excess_A * self._direction.sign > 0.0:
-                pi.integral -= 0.5 * excess_A
+    def _keep_quiet(self, followed_m: float, sample: Sample, dt_s: float) -> int:
+        """Lead the integral of a quiet hold, and say which spring may be heated."""
+        pi, hold, before = self._pi, self._hold, self._direction.sign
+        against_A = [hold.resistance_A(k, sample.rtd_degC[k], dt_s) for k in (0, 1)]
+        # The error alone decides: what flows in the spring that is to be let go would delay it.
+        direction = self._direction.step(pi.kp * followed_m, dt_s)
+        if direction != before:
+            pi.integral = 0.0
+        pi.integral *= math.exp(-dt_s / self._ease_s)
+        pi.integral += against_A[0] if direction > 0 else -against_A[1]
+        return direction
 
     def _split(self, u_A: float, direction: int, dt_s: float, sudden: bool) -> Demand:
         """Current for the spring that pulls, water for the other."""

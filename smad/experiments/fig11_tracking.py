@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from importlib import resources
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -14,6 +12,7 @@ from sim_device.plant.parameters import ParameterSet
 from smad.control.metrics import tracking_r2
 from smad.experiments.base import Comparison, Findings, Options
 from smad.experiments.driver import Driver
+from smad.experiments.over_benches import groups
 from smad.experiments.recording import Recording
 from smad.experiments.tracking import (
     CONTROLS,
@@ -26,8 +25,6 @@ from smad.report.page import Picture, Table, Text
 from smad.report.panels import Panels, followed
 from smad.report.plots import COLOURS, label, new_figure, svg_of
 
-BENCHES = "data/benches.json"
-"""Written by tools/control_campaign.py table … --figure."""
 LOST = 0.9
 """A period with a smaller R² is not followed any more."""
 
@@ -130,17 +127,17 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
 
 
 def _benches_figure() -> str:
-    groups = json.loads(resources.files("smad.experiments").joinpath(BENCHES).read_text())
     figure, (axes,) = new_figure(height_in=3.0)
-    for group in groups:
-        style = "-" if group["noise"] == 1 else "--"
+    for group in groups():
+        if group.benches == 1 or "tuned" not in group.values:
+            continue
         for name, colour in (("shipped", "reference"), ("tuned", "actual")):
-            r2 = group[name]
+            r2 = group.values[name]["r2"]
             share = np.arange(1, len(r2) + 1) / max(1, len(r2))
             axes.step(
-                np.clip(r2, 0.0, 1.0), share, style, where="post", color=COLOURS[colour],
-                linewidth=1.0 if group["rate_Hz"] == 100 else 0.5,
-                label=f"{name}, {group['rate_Hz']} Hz, noise ×{group['noise']:g}, {len(r2)}",
+                np.clip(r2, 0.0, 1.0), share, "-" if group.noise == 1 else "--", where="post",
+                color=COLOURS[colour], linewidth=1.0 if group.rate_Hz == 100 else 0.5,
+                label=f"{name}, {group.rate_Hz} Hz, noise ×{group.noise:g}, {len(r2)}",
             )  # fmt: skip
     label(axes, "R² after the first cycle (0: not followed)", "share of benches")
     return svg_of(figure, "R² over drawn benches, before and after tuning")

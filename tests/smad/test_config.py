@@ -28,6 +28,7 @@ UNITS = {"A", "mm", "s", "ms", "ns", "K", "degC", "N", "hz", "MB", "min", "A_per
 WITHOUT_UNIT = {
     "baud", "axis", "switch_duty", "command_port", "stop_port", "command_queue", "queue_rows",
     "every_nth_sample", "high_water_mark", "fifo_priority", "seed", "speed_ratio", "drain_ratio",
+    "near_bands",
 }  # fmt: skip
 
 

@@ -15,8 +15,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-NOISE_A = 0.2
-"""The noise of the sensor may shake the current by so much, RMS, while it moves."""
+NOISE_A = {"displacement": 0.2, "temperature": 0.05}
+"""The noise of the sensor may shake the current by so much, RMS, by loop. A quiet hold has a band
+against it, which leaves the displacement loop more while it moves; a temperature is held without.
+"""
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,13 @@ class Margins:
     phase_deg: float
 
 
-def gains_for(model: Lag, noise: float) -> Gains:
-    """Gains by the rule, no tighter than the noise of the sensor (RMS, in its unit) allows."""
+def gains_for(model: Lag, noise: float, noise_A: float) -> Gains:
+    """Gains by the rule, no tighter than the noise of the sensor (RMS, in its unit) allows.
+
+    It may shake the current by `noise_A`, RMS.
+    """
     tightest = 1.0 / (model.gain * 2.0 * model.delay_s)
-    kp = min(tightest, NOISE_A / noise if noise > 0.0 else math.inf)
+    kp = min(tightest, noise_A / noise if noise > 0.0 else math.inf)
     return Gains(_two_digits(kp), _two_digits(kp / model.lag_s))
 
 

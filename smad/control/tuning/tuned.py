@@ -24,7 +24,15 @@ from smad.control.tuning.identify import (
     stillness,
 )
 from smad.control.tuning.plans import SPRINGS, START_MM, TRIAL_CYCLES, TRIAL_MM, TRIAL_PERIOD_S
-from smad.control.tuning.rules import Gains, Lag, Margins, band_mm, gains_for, margins_of
+from smad.control.tuning.rules import (
+    NOISE_A,
+    Gains,
+    Lag,
+    Margins,
+    band_mm,
+    gains_for,
+    margins_of,
+)
 
 Columns = Mapping[str, ArrayLike]
 Marks = Mapping[str, float]
@@ -153,7 +161,7 @@ def _tuned(
     quick = max(models.values(), key=lambda model: model.gain / model.at_A)
     # The sensor's noise, or what its steps amount to where they are coarser.
     noise = max(still.noise, still.count / math.sqrt(12.0))
-    after = gains_for(quick, noise)
+    after = gains_for(quick, noise, NOISE_A[loop])
     full = quick.scaled_to(config.current_limit_A)
     return Tuned(
         loop, still, models, cooling, before, after,

@@ -40,60 +40,54 @@ def test_a_reference_that_moves_is_followed_with_the_whole_error() -> None:
     assert not hold.quiet
 
 
-def test_within_half_the_band_nothing_is_followed_and_the_direction_stays() -> None:
+def test_within_the_band_nothing_is_followed_and_beyond_it_only_the_rest() -> None:
     hold = QuietHold(HoldConfig())
     assert held_for(hold, 0.4 * BAND_M, 2.0) == 0.0
-    assert hold.locked
+    assert hold.quiet
+    assert held_for(hold, -2.0 * BAND_M, 2.0) == pytest.approx(-1.5 * BAND_M)
 
 
-def test_a_displacement_that_drifts_is_followed_until_it_has_stood() -> None:
+def test_the_quiet_ends_only_at_twice_the_error_at_which_it_began() -> None:
     config = HoldConfig()
     hold = QuietHold(config)
-    held_for(hold, 0.0, 2.0)
-    hold.pulls(-1)
-    assert held_for(hold, -1.4 * BAND_M, 0.5) < -0.5 * BAND_M
-    assert (hold.drifted, hold.locked) == (True, False)
-    assert held_for(hold, -1.4 * BAND_M, 5.0 * config.stand_s) == 0.0
-    assert hold.locked
-
-
-def test_a_large_error_that_stands_is_worked_off_slowly() -> None:
-    hold = QuietHold(HoldConfig())
-    held_for(hold, 0.0, 2.0)
-    assert held_for(hold, 3.0 * BAND_M, 60.0) == pytest.approx(0.4 * BAND_M)
-
-
-def test_giving_way_and_coming_back_are_told_once_each() -> None:
-    hold = QuietHold(HoldConfig())
-    held_for(hold, 0.0, 2.0)
-    hold.pulls(1)
-    gave = []
-    for _ in range(200):
-        hold.step(0.0, 3.0 * BAND_M, DT_S)
-        gave.append(hold.gave_way)
-    assert sum(gave) == 1
-    back = []
-    for k in range(300):
-        hold.step(0.0, (3.0 - 0.01 * k) * BAND_M, DT_S)
-        back.append(hold.came_back)
-    assert sum(back) == 2
-
-
-def test_a_displacement_brought_too_far_lets_the_current_ease_off_again() -> None:
-    hold = QuietHold(HoldConfig())
-    held_for(hold, 0.0, 2.0)
-    hold.pulls(1)
-    held_for(hold, BAND_M, 1.0)
-    assert hold.drifted
-    held_for(hold, -BAND_M, 1.0)
-    assert (hold.drifted, hold.gave_way) == (False, False)
-
-
-def test_an_error_far_beyond_the_band_ends_the_quiet() -> None:
-    hold = QuietHold(HoldConfig())
-    held_for(hold, 0.0, 2.0)
-    assert held_for(hold, 20.0 * BAND_M, 0.2) == 20.0 * BAND_M
+    at_m = 1.5 * config.near_bands * BAND_M
+    assert held_for(hold, at_m, 2.0) == at_m
     assert not hold.quiet
+    held_for(hold, 0.0, 2.0)
+    held_for(hold, at_m, 2.0)
+    assert hold.quiet
+    assert held_for(hold, 2.0 * at_m, 2.0) == 2.0 * at_m
+    assert not hold.quiet
+
+
+def test_the_current_works_against_a_change_of_temperature() -> None:
+    config = HoldConfig()
+    hold = QuietHold(config)
+    rising = sum(hold.resistance_A(0, min(30.0 + 0.01 * k, 31.0), DT_S) for k in range(500))
+    assert rising == pytest.approx(-config.damping_A_per_K, rel=1e-3)
+    assert hold.resistance_A(1, 40.0, DT_S) == 0.0
+
+
+def test_a_temperature_that_is_not_read_resists_nothing() -> None:
+    hold = QuietHold(HoldConfig())
+    degC = (30.0, math.nan, 50.0)
+    assert [hold.resistance_A(0, t, DT_S) for t in degC] == [0.0, 0.0, 0.0]
+
+
+def test_in_the_quiet_a_turn_starts_the_other_spring_from_nothing() -> None:
+    config = ControlConfig()
+    controller = Controller(config)
+    controller.step(sample(0))
+    controller.command(Follow(trajectories=(Step(displacement_mm=0.02, duration_s=9.0),)))
+    # Within the hold's reach, and long enough for an integral of some tenths of an ampere.
+    outputs = [controller.step(sample(k, displacement_m=0.0)) for k in range(1, 300)]
+    assert outputs[-1].i_A[0] > 0.5
+    turned = [controller.step(sample(k, displacement_m=0.06e-3)) for k in range(300, 340)]
+    at = next(k for k, out in enumerate(turned) if out.i_A[1] > 0.0)
+    assert turned[at].i_A[0] == 0.0
+    beyond_mm = 0.04 - 0.5 * config.hold.band_mm
+    assert turned[at].i_A[1] <= config.kp_A_per_mm * beyond_mm + 0.05
+    assert {out.pump_duty for out in (*outputs[40:], *turned)} == {(0.0, 0.0)}
 
 
 def test_noise_about_zero_turns_no_direction_and_a_large_demand_turns_it_at_once() -> None:
@@ -190,17 +184,16 @@ def hold_of(
 @pytest.mark.parametrize("noise", [1.0, 3.0])
 @pytest.mark.parametrize(
     ("seed", "level_mm"),
-    [(28, -10.0), (55, 0.0), (42, -10.0), (23, 0.0), (9, 0.0), (11, 0.0), (12, -10.0), (16, 0.0)],
+    [(9, 0.0), (11, 0.0), (12, -10.0), (16, 0.0), (19, 0.0), (48, 0.0), (82, 0.0)],
 )
 def test_no_bench_of_these_holds_with_a_limit_cycle(
     seed: int, level_mm: float, noise: float
 ) -> None:
-    # The places where the campaign found up to 145 starts a minute and 579 mA.
+    # Where earlier laws had up to 145 starts a minute, 606 mA and a turn every other second.
     held = hold_of(bench_of(seed), level_mm, ControlConfig(), noise=noise)
     assert sum(held.pump_starts) == 0
-    # The slow turns that remain where both springs are warm stay below this.
-    assert held.ripple_A < 0.35
-    assert held.error_rms < 0.03
+    assert held.ripple_A < 0.25
+    assert held.error_rms < 0.022
 
 
 @pytest.mark.parametrize("seed", [0, 1, 4])

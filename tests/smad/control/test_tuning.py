@@ -11,7 +11,7 @@ from sim_device.plant import ParameterSet, load_parameters
 from smad.config import Config, ControlConfig
 from smad.control.tuning.errors import TuningError
 from smad.control.tuning.identify import cooled, pulled, stillness
-from smad.control.tuning.rules import Gains, Lag, band_mm, gains_for, margins_of
+from smad.control.tuning.rules import NOISE_A, Gains, Lag, band_mm, gains_for, margins_of
 from smad.experiments.tuning import Session, tune_displacement, tune_temperature
 from smad.experiments.virtual import VirtualDriver
 
@@ -21,8 +21,8 @@ CURRENT_A = np.where((T_S % 0.8) < 0.4, 3.0, 2.0)
 
 def test_the_rule_is_the_published_one_until_noise_forbids_it() -> None:
     model = Lag(2.0, 0.8, 0.01, 2.5, 1.0)
-    assert gains_for(model, 0.0) == Gains(25.0, 31.0)
-    assert gains_for(model, 0.02) == Gains(10.0, 12.0)
+    assert gains_for(model, 0.0, 0.2) == Gains(25.0, 31.0)
+    assert gains_for(model, 0.02, 0.2) == Gains(10.0, 12.0)
 
 
 def test_the_margins_are_those_of_an_integrator_with_delay() -> None:
@@ -136,4 +136,5 @@ def test_the_temperature_loop_is_tuned_likewise() -> None:
     before, after = session.trials
     assert after.settling_s < before.settling_s
     assert after.overshoot_K < 0.5
+    assert after.ripple_mA < 1.2e3 * NOISE_A["temperature"]
     assert "[control.temperature]" in session.tuned.toml()
