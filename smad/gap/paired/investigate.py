@@ -55,7 +55,8 @@ class Offer:
 class Proposal:
     """What to do after a verdict: play `run`, or nothing more where it is None; `why` in words.
 
-    `staying` names the hypotheses between which nothing is decided, `offers` all runs, best first.
+    `staying` names the hypotheses between which nothing is decided, `offers` the runs that might
+    part them, best first.
     """
 
     run: str | None
@@ -90,6 +91,7 @@ class _Odds:
         return max(self.after(offer, n) for n in range(1, times + 1))
 
 
+_WITHOUT_A_NAME = (QUIET, PARAMETERS, UNKNOWN)
 _SETTLED = {
     QUIET: "nothing has changed beyond the repeat floor",
     PARAMETERS: "other values of the parameters explain it",
@@ -109,7 +111,11 @@ def propose(
 
     `costs_s` is what playing each run takes, `left_s` the time that is left. A run is of use when
     playing it, several times if need be, should bring the odds to where the verdict names one.
+    Where no entry is named, every run of the baseline is played once before that is the answer.
     """
+    if verdict.outcome in _WITHOUT_A_NAME and (run := _next_new(paired, costs_s, left_s)):
+        so_far = _SETTLED[verdict.outcome]
+        return Proposal(run, f"{run}, for the first time now: so far {so_far}")
     if verdict.outcome != GROUP:
         return Proposal(None, f"settled: {_SETTLED[verdict.outcome]}")
     staying = _staying(verdict)
@@ -147,6 +153,13 @@ def propose(
         names,
         tuple(offers),
     )
+
+
+def _next_new(paired: Paired, costs_s: Mapping[str, float], left_s: float) -> str | None:
+    """The first run of the baseline that was not repeated yet, and for which there is time."""
+    done = {pair.reference.name for pair in paired.pairs}
+    names = [r.name for r in paired.reference.runs if r.name not in done]
+    return next((name for name in names if costs_s[name] <= left_s), None)
 
 
 def _staying(verdict: Verdict) -> list[Likely]:

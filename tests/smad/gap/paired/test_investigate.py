@@ -83,11 +83,26 @@ def test_a_run_is_chosen_by_what_it_separates_for_its_time(
     assert propose(pairs, open_question, CONSTANTS, costs, 1e6).run == "still"
 
 
+@pytest.mark.parametrize("outcome", ["quiet", "unknown", "parameters"])
+def test_nothing_is_settled_without_a_name_before_every_run_was_played(
+    lagging: tuple[Paired, Verdict], outcome: str
+) -> None:
+    pairs, verdict = lagging
+    unnamed = msgspec.structs.replace(verdict, outcome=outcome)
+    found = propose(pairs, unnamed, CONSTANTS, COSTS, 600.0)
+    assert found.run == "short"
+    assert not found.settled
+    assert "for the first time now" in found.why
+    no_time = propose(pairs, unnamed, CONSTANTS, COSTS, 30.0)
+    assert no_time.settled
+
+
 def test_what_is_settled_proposes_nothing(lagging: tuple[Paired, Verdict]) -> None:
     pairs, verdict = lagging
+    whole = replace(pairs, reference=replace(pairs.reference, runs=pairs.reference.runs[1:]))
     for outcome in ("quiet", "cause", "unknown", "parameters"):
         settled = msgspec.structs.replace(verdict, outcome=outcome)
-        found = propose(pairs, settled, CONSTANTS, COSTS, 600.0)
+        found = propose(whole, settled, CONSTANTS, COSTS, 600.0)
         assert found.settled
         assert found.why.startswith("settled")
 
@@ -184,4 +199,4 @@ def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
 def test_a_quiet_bench_needs_no_proof(reference: Reference, tmp_path: Path) -> None:
     report = inquiry(reference, tmp_path / "investigation-1", {}).carry_out(lambda text: None)
     assert report.why_over == "settled: nothing has changed beyond the repeat floor"
-    assert (len(report.records), report.proof, report.model) == (1, [], "")
+    assert (len(report.records), report.proof, report.model) == (2, [], "")
