@@ -146,7 +146,7 @@ def _pair(
     )
     difference = difference - moved
     valid = now.valid & then.valid & now.covered[:, None]
-    rows = rows_of(plant, traits, reference, then, valid)
+    rows = rows_of(plant, traits, reference, then, valid).carried(moved)
     return Pair(run.name, then, difference, rows, now.share, other, around)
 
 

@@ -8,7 +8,7 @@ are shrunk by their spread. Missing rows are 0 in everything.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -73,6 +73,20 @@ class RunRows:
         out = scaled.copy()
         out[:, 1:] = np.where(both, step, scaled[:, 1:])
         return out.reshape(len(values), self.sd.size)
+
+    def carried(self, moved: Array) -> RunRows:
+        """The same beside what the model carried over, as a day direction of its own.
+
+        What it makes of a warmer room is wrong in size and form as its slopes of days are.
+        `moved` is (bins, channels).
+        """
+        one = np.ones(1)
+        return replace(
+            self,
+            sd=with_day_form(self.sd, moved[None], one),
+            day=np.concatenate([self.day, moved[None]]),
+            day_sd=np.append(self.day_sd, _DAY_FORM * one),
+        )
 
     @cached_property
     def days(self) -> Array:
