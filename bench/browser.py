@@ -29,6 +29,13 @@ _QUIET = (
     "--disable-sync",
     "--no-first-run",
 )
+COUNT_FRAMES = """window.drawn = 0;
+const send = WebSocket.prototype.send;
+WebSocket.prototype.send = function (text) {
+  if (text.includes('"drawn"')) window.drawn += 1;
+  return send.call(this, text);
+};"""
+"""The page tells the server of each frame that it has drawn."""
 
 
 def what_is_missing() -> str:

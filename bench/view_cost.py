@@ -25,7 +25,14 @@ import psutil
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from bench.browser import LivePage, browser, live_page, running_daemon, what_is_missing
+from bench.browser import (
+    COUNT_FRAMES,
+    LivePage,
+    browser,
+    live_page,
+    running_daemon,
+    what_is_missing,
+)
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table, text_table
@@ -37,21 +44,12 @@ _MOTION = Sine(amplitude_mm=2.0, period_s=7.0, cycles=1000)
 FIGURES = ("p50_us", "p99_us", "p999_us")
 
 
-_COUNT_FRAMES = """window.drawn = 0;
-const send = WebSocket.prototype.send;
-WebSocket.prototype.send = function (text) {
-  if (text.includes('"drawn"')) window.drawn += 1;
-  return send.call(this, text);
-};"""
-"""The page tells the server of each frame that it has drawn."""
-
-
 class Browser:
     """Chromium with the page, drawing; counts its frames and the memory of its objects."""
 
     def __init__(self, driver: Any, page: LivePage) -> None:
         self._driver = driver
-        driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": _COUNT_FRAMES})
+        driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": COUNT_FRAMES})
         driver.get(page.command)
 
     @property

@@ -72,21 +72,24 @@ def with_nan(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def table(found: Sequence[Group]) -> str:
-    """Markdown: for each group and quantity median, bad 5 % and worst with both gains."""
-    return "\n".join(line for group in found for line in _rows(group))
+    """Markdown: a line for each group and gains, a column for each quantity.
+
+    Single benches in one table; of many benches median, bad 5 % and worst in another.
+    """
+    one, many = ([g for g in found if (g.benches == 1) is alone] for alone in (True, False))
+    return "\n".join([*_lines(one, "bench"), "", *_lines(many, "median, bad 5 %, worst of"), ""])
 
 
-def _rows(group: Group) -> Iterator[str]:
-    gains = [name for name in GAINS if name in group.values]
-    one = group.benches == 1
-    heads = [f"{name} gains" + ("" if one else ": median, 5 %, worst") for name in gains]
-    refused = f", {group.refused} refused by tuning" if group.refused else ""
-    yield f"| {group.title}{refused} | " + " | ".join(heads) + " |"
-    yield "|---|" + "---:|" * len(gains)
-    for key, quantity in QUANTITIES.items():
-        cells = [_cell(group.values[name][key], quantity, one=one) for name in gains]
-        yield f"| {quantity.words} | " + " | ".join(cells) + " |"
-    yield ""
+def _lines(found: Sequence[Group], head: str) -> Iterator[str]:
+    heads = [quantity.words for quantity in QUANTITIES.values()]
+    yield f"| {head} | gains | " + " | ".join(heads) + " |"
+    yield "|---|---|" + "---:|" * len(heads)
+    for group in found:
+        refused = f", {group.refused} refused by tuning" if group.refused else ""
+        for gains in (name for name in GAINS if name in group.values):
+            values = group.values[gains]
+            cells = [_cell(values[key], q, one=group.benches == 1) for key, q in QUANTITIES.items()]
+            yield f"| {group.title}{refused} | {gains} | " + " | ".join(cells) + " |"
 
 
 def _cell(values: Sequence[float], quantity: Quantity, *, one: bool) -> str:

@@ -6,6 +6,7 @@ the schema's number, the programme's hash and the plant's version: of another on
 
 from __future__ import annotations
 
+import hashlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +70,12 @@ class Baseline:
 
 def identity(plant: PlantModel) -> str:
     """What signatures depend on beside the inputs: the model and its library."""
-    return f"{plant.name}, {plant.version}"
+    library = sorted(
+        (e.name, [(q.name, q.unit, q.typical, q.low, q.high, q.strength) for q in e.parameters])
+        for e in plant.effects
+    )
+    digest = hashlib.sha256(repr(library).encode()).hexdigest()
+    return f"{plant.name}, {plant.version}, library {digest[:8]}"
 
 
 def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
@@ -112,7 +118,8 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
             f"the baseline {folder} was computed with another model or library",
             value=about.plant,
             limit=identity(plant),
-            action="commission again, or give the parameter file of the baseline with --params",
+            action="give the parameter file of the baseline with --params, or commission again; "
+            "its runs can be judged with --good",
         )
     try:
         with np.load(folder / _ARRAYS, allow_pickle=False) as file:
