@@ -29,7 +29,7 @@ _QUIET = (
     "--disable-sync",
     "--no-first-run",
 )
-COUNT_FRAMES = """window.drawn = 0;
+_COUNT_FRAMES = """window.drawn = 0;
 const send = WebSocket.prototype.send;
 WebSocket.prototype.send = function (text) {
   if (text.includes('"drawn"')) window.drawn += 1;
@@ -120,6 +120,22 @@ def browser(folder: Path, width: int = 1200, height: int = 1000) -> Iterator[Any
         yield driver
     finally:
         driver.quit()
+
+
+def open_counting(driver: Any, page: LivePage) -> None:
+    """Open the page; `frames_drawn` says from then on how many frames it has drawn."""
+    driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": _COUNT_FRAMES})
+    driver.get(page.command)
+
+
+def frames_drawn(driver: Any) -> float:
+    """Frames drawn since `open_counting`."""
+    return float(driver.execute_script("return window.drawn"))
+
+
+def heap_MiB(driver: Any) -> float:
+    """Memory of the page's objects."""
+    return float(driver.execute_script("return performance.memory.usedJSHeapSize")) / 2**20
 
 
 def resize(driver: Any, width: int, height: int) -> None:

@@ -26,10 +26,12 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from bench.browser import (
-    COUNT_FRAMES,
     LivePage,
     browser,
+    frames_drawn,
+    heap_MiB,
     live_page,
+    open_counting,
     running_daemon,
     what_is_missing,
 )
@@ -49,20 +51,17 @@ class Browser:
 
     def __init__(self, driver: Any, page: LivePage) -> None:
         self._driver = driver
-        driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": COUNT_FRAMES})
-        driver.get(page.command)
+        open_counting(driver, page)
 
     @property
     def frames(self) -> float:
         """Frames drawn so far."""
-        return float(self._driver.execute_script("return window.drawn"))
+        return frames_drawn(self._driver)
 
     @property
     def heap_MiB(self) -> float:
         """Memory of the page's objects."""
-        return (
-            float(self._driver.execute_script("return performance.memory.usedJSHeapSize")) / 2**20
-        )
+        return heap_MiB(self._driver)
 
 
 class PlainReader:

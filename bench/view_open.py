@@ -16,7 +16,15 @@ from typing import Any
 import click
 import psutil
 
-from bench.browser import COUNT_FRAMES, browser, live_page, running_daemon, what_is_missing
+from bench.browser import (
+    browser,
+    frames_drawn,
+    heap_MiB,
+    live_page,
+    open_counting,
+    running_daemon,
+    what_is_missing,
+)
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table, text_table
@@ -28,14 +36,11 @@ _HEAD = ("board time, h", "frames drawn", "smad view, MiB", "page's objects, MiB
 def row(driver: Any, server: psutil.Process, board_s: float) -> tuple[str, ...]:
     """What the page and its server hold now."""
     driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {})
-    heap, drawn, elements = driver.execute_script(
-        "return [performance.memory.usedJSHeapSize, window.drawn,"
-        " document.getElementsByTagName('*').length]"
-    )
+    elements = driver.execute_script("return document.getElementsByTagName('*').length")
     held = server.memory_info().rss
     return (
-        f"{board_s / 3600:.2f}", f"{drawn}", f"{held / 2**20:.1f}", f"{heap / 2**20:.1f}",
-        f"{elements}",
+        f"{board_s / 3600:.2f}", f"{frames_drawn(driver):.0f}", f"{held / 2**20:.1f}",
+        f"{heap_MiB(driver):.1f}", f"{elements}",
     )  # fmt: skip
 
 
@@ -57,10 +62,7 @@ def main(minutes: float, speed: float, rows: int) -> None:
             live_page(folder) as page,
             browser(folder / "profile") as driver,
         ):
-            driver.execute_cdp_cmd(
-                "Page.addScriptToEvaluateOnNewDocument", {"source": COUNT_FRAMES}
-            )
-            driver.get(page.command)
+            open_counting(driver, page)
             client.arm()
             client.move(_MOTION)
             server = psutil.Process(page.process.pid)

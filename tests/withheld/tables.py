@@ -77,7 +77,6 @@ def write(path: Path, table: ScoreTable, told: dict[str, Any]) -> None:
         run=table.run,
         block=table.block,
         output=np.array(table.output),
-        usual=np.zeros(0) if table.usual is None else table.usual,
     )
     partial.replace(path)
 
@@ -90,7 +89,8 @@ def read(path: Path) -> tuple[ScoreTable, dict[str, Any]]:
             Row(
                 Kind(r["kind"]),
                 tuple(r["names"]),
-                *(a.astype(float) for a in (q, u)),
+                q.astype(float),
+                u.astype(float),
                 r["parent"],
                 r["moved"],
             )
@@ -99,6 +99,5 @@ def read(path: Path) -> tuple[ScoreTable, dict[str, Any]]:
         empty = ScoreTable(
             (), kept["size"], kept["run"], kept["block"],
             tuple(str(k) for k in kept["output"]), told["dof"],
-            kept["usual"] if len(kept["usual"]) else None,
         )  # fmt: skip
     return replace(empty, rows=tuple(rows)), told

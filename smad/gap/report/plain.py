@@ -104,16 +104,16 @@ def _without_a_name(
     total: BudgetRow, titles: Mapping[str, str], taken: Sequence[tuple[str, float]]
 ) -> str:
     best = [
-        f"{_percent(share)} with the best entry of the library ({titles[n]})"
+        (_percent(share), f"with the best entry of the library ({titles[n]})")
         for n, share in taken
         if share > _TOLD
     ]
     if total.parameters > -_TOLD:
         first = f"{_percent(total.parameters)} of the gap goes with other values of the parameters"
-        return ", ".join([first, *best])
+        return ", ".join([first, *(f"{part} {what}" for part, what in best)])
     more = _percent(-total.parameters)
     first = f"Other values of the parameters, fitted to some runs, add {more} to the gap of others"
-    return "; ".join([first, *(f"{b.replace(' with', ' of it goes with', 1)}" for b in best)])
+    return "; ".join([first, *(f"{part} of it goes {what}" for part, what in best)])
 
 
 def _rest(share: float) -> str:

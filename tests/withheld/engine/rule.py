@@ -131,8 +131,8 @@ def ruled(weighed: Weighed, constants: Constants) -> Ruling:
     present = presence(shares)
     names = tuple(e for e, p in present.items() if p > _EVEN) or tuple(present)[:1]
     group = _group(present, names, constants.odds)
-    known = {key: p for key, p in shares.items() if key[0] is Kind.KNOWN}
-    p = sum(p for (_, told), p in known.items() if told & {names[-1], *group}) if names else 0.0
+    # Only sets of entries have names.
+    p = sum(p for (_, told), p in shares.items() if told & {*names[-1:], *group})
     if p > _EVEN:
         rest = _leaves_a_rest(weighed, names, constants)
         return Ruling(Kind.KNOWN, names, group, rest, p, shares)

@@ -56,8 +56,6 @@ class ScoreTable:
 
     `size` counts the rows of each cell, `block` numbers its block of time within its run `run`, and
     `output` is what it is of. `dof` is the prior weight of a cell's scale being the floor's.
-    `usual` is the score that known-good runs have there, each predicted by the others, nats; none
-    where there are no such runs.
     """
 
     rows: tuple[Row, ...]
@@ -66,7 +64,6 @@ class ScoreTable:
     block: Index
     output: tuple[str, ...]
     dof: float
-    usual: Array | None = None
 
     def likelihood(self, q: Array, unsure: Array | float = 0.0) -> Array:
         """Student-t log-likelihood of each cell up to a constant, its scale integrated out.

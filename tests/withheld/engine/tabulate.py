@@ -48,15 +48,13 @@ class Tabulation:
         self.parts = [p for p in (self.problem, self.hold) if p is not None]
         run, block = held_cells(self.problem, self.hold)
         evidences = [p.evidence for p in self.parts]
-        output = tuple(str(k) for ev in evidences for k in ev.cell_key)
         self.table = ScoreTable(
             (),
             joined([ev.cell_size for ev in evidences]),
             run,
             block,
-            output,
+            tuple(str(k) for ev in evidences for k in ev.cell_key),
             prepared.settings.cell_dof,
-            _usual(prepared, output),
         )
 
     def add(
@@ -112,14 +110,6 @@ class Tabulation:
                            return_inverse=True)[1].ravel()  # fmt: skip
         sums = np.bincount(blocks, weights=rise)
         return float(sums.sum()), float(np.std(sums) * np.sqrt(len(sums)))
-
-
-def _usual(prepared: Prepared, output: Sequence[str]) -> Array | None:
-    """The score that known-good runs have in cells of these outputs, each by the others."""
-    usual = None if prepared.background is None else prepared.background.usual
-    if usual is None:
-        return None
-    return np.array([usual.by_output.get(key, np.nan) for key in output])
 
 
 def _moved(prepared: Prepared, fit: Fitted) -> float:
