@@ -278,19 +278,27 @@ def _diagnosed(
     hold_out: Sequence[Path],
     seed: int,
 ) -> Diagnosis:
+    import msgspec
+
     from smad.gap import Settings, diagnose
+    from smad.gap.paired.everyday import repeated
+    from smad.gap.paired.files import Found
 
     with progress() as line:
         say: Callable[[str], None] = line.say
         say("reading")
-        return diagnose(
-            _read(runs),
+        asked, known, held = _read(runs), _read(good), _read(hold_out)
+        found = diagnose(
+            asked,
             plant=plant,
-            good=_read(good),
-            hold_out=_read(hold_out),
+            good=known,
+            hold_out=held,
             settings=Settings(seed=seed),
             progress=say,
         )
+        now = [Found.of(*x) for x in zip((*runs, *hold_out), (*asked, *held), strict=True)]
+        then = [Found.of(*x) for x in zip(good, known, strict=True)]
+        return msgspec.structs.replace(found, repeated=repeated(plant, then, now, say))
 
 
 def _asked(

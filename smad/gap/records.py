@@ -303,13 +303,29 @@ class Verdict(msgspec.Struct, frozen=True):
     bounded: list[str] = []
 
 
+class RepeatedRecord(msgspec.Struct, frozen=True):
+    """What runs say that repeat the inputs of known-good ones, compared without the model's form.
+
+    `pairs` say in words which run repeats which, `repeats` how often each was recorded good. With
+    less than two there is no answer: `outcome` and `headline` are those of a check-up, and
+    `probabilities` go by names joined with " + ".
+    """
+
+    pairs: list[str]
+    repeats: int
+    outcome: str = ""
+    headline: str = ""
+    probabilities: dict[str, float] = {}
+
+
 class Diagnosis(msgspec.Struct, frozen=True):
     """Everything a diagnosis found.
 
     `fitted` are all models that were fitted jointly, the refit first. `places` holds for each
     effect of the best model the probability of every effect in its place, "" being none; with no
     effect in the best model it has one place "", and none at all where nothing was tried or the
-    free refit answers. `left_out` is filled when it was asked for.
+    free refit answers. `left_out` is filled when it was asked for, `repeated` where runs repeat
+    known-good ones.
     """
 
     plant: str
@@ -342,6 +358,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
     left_out: list[LeftOutRecord] = []
     laws: list[LawRecord] = []
     budget: Budget | None = None
+    repeated: RepeatedRecord | None = None
 
     def _repr_html_(self) -> str:
         values = [

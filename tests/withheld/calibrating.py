@@ -3,6 +3,7 @@
 import json
 import pickle
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,10 @@ import msgspec
 
 from smad.gap.check.names import canonical
 from smad.gap.paired.calibrate import (
-    FORMS,
     Judged,
-    Known,
     Truth,
     apart,
-    examined,
+    bare,
     left_out,
     quiet_limits,
     reliability,
@@ -25,51 +24,63 @@ from smad.gap.paired.calibrate import (
 )
 from smad.gap.paired.constants import Constants, shipped_constants
 from smad.gap.paired.difference import paired
+from smad.gap.paired.judge import examine
 from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import is_quiet
 from smad.gap.sma import SmaPlant
 from tests.withheld.check_up import benches_of, manifest_of
 from tests.withheld.errors import BankError
 
-_KINDS = {"none": "quiet", "parameters": "parameters", "unknown": "unknown"}
+_KINDS = {
+    "none": "quiet",
+    "room": "quiet",
+    "preload": "quiet",
+    "drift": "quiet",
+    "parameters": "parameters",
+    "unknown": "unknown",
+}
 
 
-def truth_of(entry: dict[str, Any], library: dict[str, str]) -> Truth:
-    """The truth of a key's entry in the library's names; an effect it lacks is unknown."""
+def truth_of(entry: dict[str, Any]) -> Truth:
+    """The truth of a key's entry; an effect that the library lacks is unknown."""
     kind = _KINDS.get(entry["kind"], "effects")
     if kind != "effects":
         return Truth(kind)
-    names = frozenset(library[canonical(e["name"])] for e in entry["effects"])
-    return Truth(kind, names)
+    return Truth(kind, frozenset(canonical(e["name"]) for e in entry["effects"]))
 
 
 def kept_findings(
-    bank: Path, key: Path, kept: Path, only: Sequence[str] = ()
-) -> list[dict[float, Judged]]:
-    """What the check-ups of a bank found, by `FORMS`; each bench is kept once it is examined."""
+    bank: Path, key: Path, kept: Path, only: Sequence[str] = (), jobs: int = 1
+) -> list[Judged]:
+    """What the check-ups of a bank found; each bench is kept once it is examined."""
     manifest = manifest_of(bank)
-    entries = json.loads((key / "KEY.json").read_text())["cases"]
     if "sealed" in str(manifest["bank"]):
         raise BankError(f"{bank} is sealed: constants come from development banks")
-    plant = SmaPlant()
-    library = {canonical(e.name): e.name for e in plant.effects}
     kept.mkdir(parents=True, exist_ok=True)
-
-    def place(bench: str) -> Path:
-        return kept / f"{bank.name}-{bench}.pickle"
-
     wanted = only or sorted({c["bench"] for c in manifest["cases"]})
-    missing = [b for b in wanted if not place(b).exists()]
-    if missing:
-        for bench, reference, cases in benches_of(bank, manifest, plant, only=missing):
-            found = []
-            for case, runs in cases:
-                pairs = paired(plant, TRAITS, reference, runs)
-                known = Known(f"{bank.name} {bench}", truth_of(entries[case], library), pairs)
-                found.append(examined(known, shipped_constants()))
-            place(bench).write_bytes(pickle.dumps(found))
-            print(f"{bank.name} {bench}: {len(found)} check-ups", flush=True)
-    return [case for b in wanted for case in pickle.loads(place(b).read_bytes())]
+    places = {bench: kept / f"{bank.name}-{bench}.pickle" for bench in wanted}
+    missing = [bench for bench in wanted if not places[bench].exists()]
+    with ProcessPoolExecutor(jobs) as pool:
+        tasks = [pool.submit(_examine_bench, bank, key, b, places[b]) for b in missing]
+        for done in as_completed(tasks):
+            print(done.result(), flush=True)
+    return [case for b in wanted for case in pickle.loads(places[b].read_bytes())]
+
+
+def _examine_bench(bank: Path, key: Path, bench: str, place: Path) -> str:
+    """Keeps what the check-ups of one bench found at `place`."""
+    plant, constants = SmaPlant(), shipped_constants()
+    entries = json.loads((key / "KEY.json").read_text())["cases"]
+    ((_, reference, cases),) = benches_of(bank, manifest_of(bank), plant, only=[bench])
+    found = [
+        Judged(
+            f"{bank.name} {bench}",
+            truth_of(entries[case]),
+            bare(examine(paired(plant, TRAITS, reference, runs), constants)),
+        )
+        for case, runs in cases
+    ]
+    place.write_bytes(pickle.dumps(found))
+    return f"{bank.name} {bench}: {len(found)} check-ups"
 
 
 def calibrate(
@@ -79,6 +90,7 @@ def calibrate(
     benches: Sequence[str] = (),
     *,
     with_limits: bool = False,
+    jobs: int = 1,
 ) -> Constants:
     """The constants of banks, with the reliability before, after, and of benches left out.
 
@@ -89,30 +101,23 @@ def calibrate(
     cases = [
         found
         for bank in banks
-        for found in kept_findings(bank, bank.with_name(f"{bank.name}-key"), kept, benches)
+        for found in kept_findings(bank, bank.with_name(f"{bank.name}-key"), kept, benches, jobs)
     ]
-    by_own_form = {form: [case[form] for case in cases] for form in FORMS}
-    now = by_own_form[before.further_form]
-    print(f"{len(now)} check-ups, {sum(j.truth.kind == 'quiet' for j in now)} of them quiet")
-    changed = [j for j in now if not is_quiet(j.findings, before)]
+    print(f"{len(cases)} check-ups, {sum(j.truth.kind == 'quiet' for j in cases)} of them quiet")
     print(
-        f"a right first entry leaves less than a wrong one in {apart(changed):.2f} of the couples"
+        "a right best entry leaves less than a wrong one in "
+        f"{apart(cases, before):.2f} of the couples"
     )
-    limits = quiet_limits(now, before) if with_limits else before
-    for line in reliability_lines("before", reliability(now, before)):
+    limits = quiet_limits(cases, before) if with_limits else before
+    for line in reliability_lines("before", reliability(cases, before)):
         print(line, flush=True)
-    by_form = [
-        (msgspec.structs.replace(limits, further_form=form), judged)
-        for form, judged in by_own_form.items()
-    ]
-    trials = tried(by_form)
+    trials = tried(cases, limits)
     after = trials.best()
-    held = list(left_out(trials, by_form))
+    held = list(left_out(trials, cases))
     for title, found in (
         ("each bench by constants from the others", reliability_of(held)),
-        ("after, on the benches they come from", reliability(by_own_form[after.further_form],
-                                                             after)),
-    ):  # fmt: skip
+        ("after, on the benches they come from", reliability(cases, after)),
+    ):
         for line in reliability_lines(title, found):
             print(line)
     for name in before.__struct_fields__:

@@ -113,7 +113,7 @@ def _judged_bench(
 ) -> tuple[str, dict[str, float], dict[str, Any]]:
     """The floors of a bench, and the verdicts of its cases."""
     plant, constants = SmaPlant(), shipped_constants()
-    entries = _single_entries(key, plant) if key is not None else {}
+    entries = single_entries(key, plant) if key is not None else {}
     manifest = manifest_of(bank)
     floors: dict[str, float] = {}
     verdicts: dict[str, Any] = {}
@@ -128,8 +128,9 @@ def _judged_bench(
             told = _verdict(found, time.process_time() - began)
             told["baselines"] = baselines(pairs, findings, case)
             if case in entries and found.outcome != QUIET:
-                less = examine(pairs, constants, exclude=[entries[case]])
-                told["left_out"] = {entries[case]: _short(decide(pairs, less, constants))}
+                cause, names = entries[case]
+                less = examine(pairs, constants, exclude=names)
+                told["left_out"] = {cause: _short(decide(pairs, less, constants))}
             verdicts[case] = told
             print(f"{case} {bench} {found.ratio:.2f} {found.left:.2f} {found.headline}", flush=True)
     return bench, floors, verdicts
@@ -142,14 +143,17 @@ def _floors(pairs: Paired) -> dict[str, float]:
     return {c.name: float(f"{x:.4g}") for c, x in zip(pairs.plant.channels, rms, strict=True)}
 
 
-def _single_entries(key: Path, plant: SmaPlant) -> dict[str, str]:
-    """Cases with one listed effect, and the entry of the library for it."""
-    library = {canonical(e.name): e.name for e in plant.effects}
+def single_entries(key: Path, plant: SmaPlant) -> dict[str, tuple[str, list[str]]]:
+    """Cases with one listed effect: its cause, and every entry of the library for that."""
     entries = json.loads((key / "KEY.json").read_text())["cases"]
-    return {
-        case: library[canonical(entry["effects"][0]["name"])]
+    causes = {
+        case: canonical(entry["effects"][0]["name"])
         for case, entry in entries.items()
         if entry["kind"] == "single"
+    }
+    return {
+        case: (cause, [e.name for e in plant.effects if canonical(e.name) == cause])
+        for case, cause in causes.items()
     }
 
 

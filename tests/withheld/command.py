@@ -132,7 +132,8 @@ def _calibrate(options: argparse.Namespace) -> None:
     benches = [b for b in options.benches.split(",") if b]
     out = Path(options.out) if options.out else None
     banks = [Path(b) for b in options.banks]
-    calibrate(banks, Path(options.kept), out, benches, with_limits=options.limits)
+    kept = Path(options.kept)
+    calibrate(banks, kept, out, benches, with_limits=options.limits, jobs=options.jobs)
 
 
 def _tables(options: argparse.Namespace) -> None:
@@ -257,6 +258,7 @@ def _check_ups(commands: _Commands) -> None:
     fitted.add_argument("--kept", required=True, help="folder for what the check-ups found")
     fitted.add_argument("--out", help="write them to this TOML")
     fitted.add_argument("--benches", default="", help="only these, separated by commas")
+    fitted.add_argument("--jobs", type=int, default=1, help="benches at a time")
     fitted.set_defaults(run=_calibrate)
     curves = commands.add_parser("curves", help="scores of check-ups over strength")
     curves.add_argument("verdicts", help="what `check-up` wrote")

@@ -44,6 +44,7 @@ _FLOORS = ("displacement_mm", "rtd_x_degC")
 class Scored:
     """A case beside its verdict; `ranked` are the sets of names with probabilities, best first.
 
+    `first` is the name that the verdict begins with.
     `simpler` has what each simpler rule names, `without` what was said with the right entry out of
     the library.
     """
@@ -53,6 +54,7 @@ class Scored:
     names: frozenset[str]
     outcome: str
     ranked: tuple[tuple[frozenset[str], float], ...]
+    first: str
     group: frozenset[str]
     left: float
     seconds: float
@@ -73,8 +75,13 @@ class Scored:
 
     @property
     def right_first(self) -> bool:
-        """Whether the truth is named, alone or first in a group."""
-        return bool(self.named) and self.ranked[0][0] == self.names
+        """Whether the verdict begins with a name that is there."""
+        return bool(self.named) and self.first in self.names
+
+    @property
+    def exact(self) -> bool:
+        """Whether the truth is named, and nothing else."""
+        return self.outcome == "effect" and self.named == self.names
 
     @property
     def in_first(self) -> bool:
@@ -109,6 +116,7 @@ def scored(verdicts: Path, key: Path, only: Iterable[str] | None = None) -> list
                 names=frozenset(canonical(e["name"]) for e in entry["effects"]),
                 outcome=v["outcome"],
                 ranked=ranked,
+                first=canonical(v["causes"][0]["names"][0]) if v["causes"] else "",
                 group=frozenset(canonical(n) for n in v["group"]),
                 left=1.0 - v["shrink"],
                 seconds=v["seconds"],
@@ -146,7 +154,7 @@ def _by_strength(cases: Sequence[Scored]) -> str:
         lines.append(
             f"| {_span(low, high)} | {len(inside)} | {_share(inside, lambda c: c.detected)} | "
             f"{_share(seen, lambda c: c.right_first)} | "
-            f"{_share(seen, lambda c: c.right_first and c.outcome == 'effect')} | "
+            f"{_share(seen, lambda c: c.exact)} | "
             f"{_share(seen, lambda c: c.in_first)} | {_mean(seen)} |"
         )
     return "\n".join(lines)
@@ -167,7 +175,7 @@ def _others(cases: Sequence[Scored]) -> str:
         ("the same, detected", "called by a name of the library", unknown,
          lambda c: bool(c.named)),
         ("two effects", "detected", of("pair"), lambda c: c.detected),
-        ("the same, detected", "both named, and nothing else", pairs, lambda c: c.right_first),
+        ("the same, detected", "both named, and nothing else", pairs, lambda c: c.exact),
         ("the same, detected", "at least one named, none wrong", pairs,
          lambda c: bool(c.named) and c.named <= c.names),
     ]  # fmt: skip

@@ -6,7 +6,10 @@ from typing import Any
 
 import pytest
 
+from smad.gap.paired.verdict import Likely
+from smad.gap.sma import SmaPlant
 from tests.withheld.calibrating import truth_of
+from tests.withheld.check_up import single_entries
 from tests.withheld.curves import beside, put_into, scored, tables
 from tests.withheld.errors import BankError
 
@@ -74,12 +77,21 @@ def test_tables_go_between_the_marks_of_a_page_and_nowhere_else(tmp_path: Path) 
         put_into(page, "new\n")
 
 
-def test_the_truth_of_a_key_is_in_the_librarys_names() -> None:
-    library = {"saturation": "driver_saturation"}
-    one = {"kind": "single", "effects": [{"name": "saturation"}]}
-    assert truth_of(one, library).names == {"driver_saturation"}
-    assert truth_of({"kind": "unknown", "effects": [{"name": "x"}]}, library).kind == "unknown"
-    assert truth_of({"kind": "none", "effects": []}, library).kind == "quiet"
+def test_every_entry_of_the_library_for_a_cause_is_its_right_name(tmp_path: Path) -> None:
+    one = {"kind": "single", "effects": [{"name": "valve_leak"}]}
+    truth = truth_of(one)
+    assert truth.probability([Likely(["thermal_crosstalk"], 0.4), Likely(["valve_leak"], 0.5)]) == (
+        pytest.approx(0.9)
+    )
+    assert truth.probability([Likely(["valve_leak", "rtd_lag"], 1.0)]) == 0.0
+    (tmp_path / "KEY.json").write_text(json.dumps({"cases": {"case-0": one}}))
+    cause, names = single_entries(tmp_path, SmaPlant())["case-0"]
+    assert (cause, set(names)) == ("valve_leak", {"thermal_crosstalk", "valve_leak"})
+
+
+def test_an_effect_that_the_library_lacks_is_unknown() -> None:
+    assert truth_of({"kind": "unknown", "effects": [{"name": "x"}]}).kind == "unknown"
+    assert truth_of({"kind": "none", "effects": []}).kind == "quiet"
 
 
 def test_simpler_rules_and_left_out_entries_are_told_where_they_were_asked(

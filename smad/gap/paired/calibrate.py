@@ -15,28 +15,34 @@ from statistics import NormalDist
 import msgspec
 import numpy as np
 
+from smad.gap.check.names import canonical
 from smad.gap.paired.constants import Constants
-from smad.gap.paired.difference import Paired
-from smad.gap.paired.judge import Findings, examine, score, stepped
+from smad.gap.paired.evidence import evidence
+from smad.gap.paired.judge import Findings, score
 from smad.gap.paired.refine import Refined
-from smad.gap.paired.verdict import Likely, hypotheses, is_quiet
+from smad.gap.paired.verdict import Likely, hypotheses, is_quiet, sizes_of, weighed
 from smad.gap.plant import Array
 
 FALSE_ALARMS = 1.0 / 60.0
 """Of quiet benches, one in so many may be called changed, over all three limits together."""
 _LIMITS = 3
-FORMS = (1.0, 2.0)
-FURTHER = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
-TEMPERS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-SHARES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.45)
-LEFT = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+TEMPERS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+SHARES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
+FREE = (0.1, 0.15, 0.25, 0.4)
+ODDS = tuple(
+    product((1.0, 10.0, 30.0, 100.0, 300.0), (0.3, 0.1, 0.03, 0.01), (0.3, 0.4, 0.5, 0.6, 0.7, 0.8))
+)
+"""Candidates of `parameter_odds`, `further_odds` and `unknown_left`."""
 LEAST_PROBABILITY = 1e-3
 _BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What was the matter: `quiet`, `parameters`, `unknown`, or the entries at work as `names`."""
+    """What was the matter: `quiet`, `parameters`, `unknown`, or the causes at work as `names`.
+
+    Names are canonical: several entries of a library may be the same answer.
+    """
 
     kind: str
     names: frozenset[str] = frozenset()
@@ -44,16 +50,7 @@ class Truth:
     def probability(self, likely: Sequence[Likely]) -> float:
         """What a check-up gave to the truth; a set counts when it is named whole."""
         right = self.names or {self.kind}
-        return sum(x.probability for x in likely if frozenset(x.names) == right)
-
-
-@dataclass(frozen=True)
-class Known:
-    """A check-up of a bench whose truth is known."""
-
-    bench: str
-    truth: Truth
-    paired: Paired
+        return sum(x.probability for x in likely if set(map(canonical, x.names)) == right)
 
 
 @dataclass(frozen=True)
@@ -107,23 +104,12 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def examined(case: Known, constants: Constants) -> dict[float, Judged]:
-    """A check-up under each of `FORMS`, without the rows that no rule reads."""
-    found = examine(case.paired, constants)
-    out = {}
-    for form in FORMS:
-        own = msgspec.structs.replace(constants, further_form=form)
-        again = stepped(case.paired, found, own)
-        out[form] = Judged(case.bench, case.truth, _bare(again))
-    return out
-
-
-def _bare(found: Findings) -> Findings:
+def bare(found: Findings) -> Findings:
+    """Findings without the rows that no rule reads."""
     return replace(
         found,
-        screened=(),
         singles=tuple(_without_rows(fit) for fit in found.singles),
-        steps=tuple(_without_rows(fit) for fit in found.steps),
+        sets=tuple(_without_rows(fit) for fit in found.sets),
     )
 
 
@@ -149,38 +135,49 @@ class Trials:
         return self.constants[int(np.argmax(means))]
 
 
-def tried(by_form: Sequence[tuple[Constants, Sequence[Judged]]]) -> Trials:
-    """Every candidate over all check-ups, which were examined once for each `further_form`."""
-    constants, scores = [], []
-    for own, judged in by_form:
-        for candidate in _grid(own):
-            constants.append(candidate)
-            scores.append([_log_probability(j, candidate) for j in judged])
-    return Trials(tuple(constants), np.array(scores), tuple(j.bench for j in by_form[0][1]))
+def tried(judged: Sequence[Judged], constants: Constants) -> Trials:
+    """Every candidate over all check-ups; limits of a quiet bench are those of `constants`."""
+    asked = np.array([_asked(j, constants) for j in judged])
+    changed = [j for j, own in zip(judged, asked, strict=True) if own]
+    sizes, right = [sizes_of(j.findings) for j in changed], [_right(j) for j in changed]
+    candidates, scores = [], []
+    for temper, form, free in product(TEMPERS, SHARES, FREE):
+        own = msgspec.structs.replace(constants, temper=temper, form_share=form, free_share=free)
+        found = [evidence(j.findings.products, own) for j in changed]
+        for parameters, further, left in ODDS:
+            candidates.append(
+                msgspec.structs.replace(
+                    own, parameter_odds=parameters, further_odds=further, unknown_left=left
+                )
+            )
+            scores.append(
+                [
+                    weighed(e, n, candidates[-1]) @ r
+                    for e, n, r in zip(found, sizes, right, strict=True)
+                ]
+            )
+    logs = np.full((len(candidates), len(judged)), np.nan)
+    logs[:, asked] = np.log(np.maximum(np.array(scores), LEAST_PROBABILITY))
+    return Trials(tuple(candidates), logs, tuple(j.bench for j in judged))
 
 
-def _grid(constants: Constants) -> Iterator[Constants]:
-    for temper, share, left, gain in product(TEMPERS, SHARES, LEFT, FURTHER):
-        yield msgspec.structs.replace(
-            constants, temper=temper, form_share=share, unknown_left=left, further_gain=gain
-        )
+def _asked(j: Judged, constants: Constants) -> bool:
+    """Whether a check-up says that something has changed, and has an entry for it."""
+    return bool(j.findings.singles) and not is_quiet(j.findings, constants)
 
 
-def _log_probability(j: Judged, constants: Constants) -> float:
-    if is_quiet(j.findings, constants):
-        return float("nan")
-    given = j.truth.probability(hypotheses(j.findings, constants))
-    return float(np.log(max(given, LEAST_PROBABILITY)))
+def _right(j: Judged) -> Array:
+    """1 for what is the truth among the fits, parameters and unknown, else 0."""
+    named = [set(map(canonical, fit.names)) == j.truth.names for fit in j.findings.fits]
+    kinds = [j.truth.kind == "parameters", j.truth.kind == "unknown"]
+    return np.array([*named, *kinds], float)
 
 
-def left_out(
-    trials: Trials, by_form: Sequence[tuple[Constants, Sequence[Judged]]]
-) -> Iterator[tuple[Judged, Constants]]:
+def left_out(trials: Trials, judged: Sequence[Judged]) -> Iterator[tuple[Judged, Constants]]:
     """Each check-up with the constants from all benches but its own."""
-    form_of = {c.further_form: judged for c, judged in by_form}
     for bench in sorted(set(trials.benches)):
         constants = trials.best(without=bench)
-        for j in form_of[constants.further_form]:
+        for j in judged:
             if j.bench == bench:
                 yield j, constants
 
@@ -194,7 +191,7 @@ def reliability_of(judged: Sequence[tuple[Judged, Constants]]) -> Reliability:
     """The same, each check-up by constants of its own; quiet ones that are called quiet are out."""
     given, right, truths = [], [], []
     for j, constants in judged:
-        if is_quiet(j.findings, constants) or not j.findings.singles:
+        if not _asked(j, constants):
             continue
         likely = hypotheses(j.findings, constants)
         truths.append(j.truth.probability(likely))
@@ -225,14 +222,14 @@ def measured(
     return Reliability(len(truths), log_score, float(shares.mean()), error, tuple(rows))
 
 
-def apart(judged: Sequence[Judged]) -> float:
-    """How often a right first entry leaves less of a flexible correction than a wrong one does.
+def apart(judged: Sequence[Judged], constants: Constants) -> float:
+    """How often a right best entry leaves less of a flexible correction than a wrong one does.
 
-    Over all couples of a check-up with a right and one with a wrong first entry; NaN without any.
+    Over all couples of a check-up with a right and one with a wrong best entry; NaN without any.
     """
-    asked = [j for j in judged if j.findings.steps]
-    right = [j.findings.steps[0].names[0] in j.truth.names for j in asked]
-    left = [j.findings.left_by(0) for j in asked]
+    asked = [j for j in judged if _asked(j, constants)]
+    right = [canonical(j.findings.singles[0].names[0]) in j.truth.names for j in asked]
+    left = [evidence(j.findings.products, constants).left_by(0) for j in asked]
     couples = [
         (a < b) + 0.5 * (a == b)
         for a, good in zip(left, right, strict=True)

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 from smad.gap.paired.constants import Constants, shipped_constants
 from smad.gap.paired.difference import Paired, paired
-from smad.gap.paired.files import Found, Matched, match
+from smad.gap.paired.errors import PairingError
+from smad.gap.paired.files import Found, Matched, match, require_other_recordings
 from smad.gap.paired.judge import examine
 from smad.gap.paired.reference import Reference, reference_from
 from smad.gap.paired.spring_pair import TRAITS
@@ -59,7 +60,17 @@ def checked_files(
     now: Sequence[Found],
     progress: Callable[[str], None] = _silent,
 ) -> tuple[Paired, Verdict, Matched]:
-    """The verdict over files of a good day and of now, and what was paired with what."""
+    """The verdict over files of a good day and of now, and what was paired with what.
+
+    Raises PairingError when nothing is paired, and when a run of now is one of the good ones.
+    """
+    require_other_recordings(good, now)
     matched = match(plant, good, now)
+    if not matched.now:
+        raise PairingError(
+            "no run of now has the inputs of a good one",
+            value=f"{len(good)} good, {len(now)} now",
+            action="play the same programme on both days; docs/guide/check-up.md says how",
+        )
     reference = commissioned(plant, matched.groups, progress=progress)
     return *judged(plant, reference, matched.now, progress=progress), matched

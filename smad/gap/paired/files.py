@@ -30,6 +30,11 @@ class Found:
     path: Path
     run: GapRun
 
+    @classmethod
+    def of(cls, path: Path, run: GapRun) -> Found:
+        """A run that was read already."""
+        return cls(_stem(path), str(path.parent), path, run)
+
 
 def read_folder(folder: Path) -> list[Found]:
     """All runs of a folder and its subfolders, by path. Raises PairingError when there is none."""
@@ -144,11 +149,7 @@ class Matched:
 
 
 def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Matched:
-    """Pairs files by name where names repeat over folders and inputs agree, else by inputs.
-
-    Raises PairingError when nothing is paired, and when a run of now is one of the good ones.
-    """
-    _refuse_same(good, now)
+    """Pairs files by name where names repeat over folders and inputs agree, else by inputs."""
     groups: list[list[Found]] = []
     for found in good:
         mine = next((g for g in groups if _repeats(plant, found, g[0])), None)
@@ -165,12 +166,6 @@ def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Mat
             pairs.append((found, fits[0]))
         else:
             alone.append(str(found.path))
-    if not pairs:
-        raise PairingError(
-            "no run of now has the inputs of a good one",
-            value=f"{len(good)} good, {len(now)} now",
-            action="play the same programme on both days; docs/guide/check-up.md says how",
-        )
     used = [g for g in groups if any(g is own for _, own in pairs)]
     named = {id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used)
              else str(g[0].path) for g in used}  # fmt: skip
@@ -193,7 +188,8 @@ def _renamed(run: GapRun, name: str) -> GapRun:
     return replace(run, name=name)
 
 
-def _refuse_same(good: Sequence[Found], now: Sequence[Found]) -> None:
+def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> None:
+    """Raises PairingError when a run of now is one of the good ones."""
     known = {f.run.digest: f.path for f in good}
     for found in now:
         if found.run.digest in known:

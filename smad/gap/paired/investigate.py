@@ -15,6 +15,7 @@ import numpy as np
 
 from smad.gap.paired.constants import Constants
 from smad.gap.paired.difference import SHARE, Paired, rows_of
+from smad.gap.paired.evidence import variance
 from smad.gap.paired.model import Played, predictions
 from smad.gap.paired.programme import Programme
 from smad.gap.paired.reference import RunReference
@@ -27,7 +28,6 @@ from smad.gap.paired.verdict import (
     Likely,
     Verdict,
     first_names,
-    tempering,
 )
 from smad.gap.paired.white import RunRows, Shrink
 from smad.gap.plant import Array, ModelPoint
@@ -84,7 +84,8 @@ class _Odds:
     def after(self, offer: Offer, times: int) -> float:
         """What they should be once a run has been played so many times more."""
         lead = self.lead + times * offer.separation
-        return lead / tempering(self.gain + times * offer.taken, self.constants)
+        gain = self.gain + times * offer.taken
+        return 0.5 * lead / variance(gain, self.constants)
 
     def most(self, offer: Offer, times: int) -> float:
         """The best that up to so many times would bring."""
@@ -172,7 +173,7 @@ def _odds(paired: Paired, staying: Sequence[Likely], constants: Constants) -> _O
     z = paired.z
     gain = 0.0 if change is None else float(z @ z - (z - change) @ (z - change))
     ratio = max(first.probability, 1e-12) / max(second.probability, 1e-12)
-    return _Odds(float(np.log(ratio)) * tempering(gain, constants), gain, constants)
+    return _Odds(2.0 * float(np.log(ratio)) * variance(gain, constants), gain, constants)
 
 
 def label(x: Likely) -> str:

@@ -9,13 +9,12 @@ import numpy as np
 
 from smad.gap.paired.constants import Constants
 from smad.gap.paired.difference import SHARE, Paired
+from smad.gap.paired.evidence import Evidence, evidence
 from smad.gap.paired.judge import Findings, score
 from smad.gap.paired.refine import Refined
 from smad.gap.plant import Array, EffectValues, Mask
 
 QUIET, PARAMETERS, CAUSE, GROUP, UNKNOWN = "quiet", "parameters", "cause", "group", "unknown"
-_STEEP = 2.0
-_PARAMETER_COST = 2.0
 
 
 class Share(msgspec.Struct, frozen=True):
@@ -62,18 +61,18 @@ class Verdict(msgspec.Struct, frozen=True):
 def decide(paired: Paired, findings: Findings, constants: Constants) -> Verdict:
     """The verdict, by the rule that `Constants` explains."""
     f = findings
-    step = f.set_by(constants)
     outcome, likely, group = _outcome(f, constants)
-    named = _fit_of(f, likely[0].names) if outcome in (CAUSE, GROUP) else None
+    names = likely[0].names if outcome in (CAUSE, GROUP) else []
+    named = f.fits[_index_of(f, names)] if names else None
+    left = _left(f, names, constants) if outcome != QUIET else 0.0
     budget, whole = budget_of(paired, {} if named is None else named.values)
     worst = int(np.argmax(f.by_run)) if len(f.by_run) else 0
-    left = f.left_by(step)
     return Verdict(
         outcome=outcome,
         headline=_headline(outcome, likely, group, left, constants),
         likely=likely,
         group=group,
-        left=left if outcome != QUIET else 0.0,
+        left=left,
         ratio=f.ratio,
         worst_run=paired.pairs[worst].now,
         budget=budget,
@@ -91,11 +90,6 @@ def is_quiet(f: Findings, constants: Constants) -> bool:
         and f.ratio < constants.quiet_ratio
         and f.by_channel.max() < constants.channel_ratio
     )
-
-
-def tempering(gain: float, constants: Constants) -> float:
-    """How much better a score has to be for odds of e to 1, where the best takes `gain`."""
-    return 2.0 * (constants.temper + constants.form_share**2 * max(gain, 0.0))
 
 
 def _outcome(f: Findings, constants: Constants) -> tuple[str, list[Likely], list[str]]:
@@ -125,60 +119,61 @@ def first_names(likely: Sequence[Likely]) -> list[Likely]:
     return sorted(found, key=lambda x: -x.probability)
 
 
-def _fit_of(f: Findings, names: Sequence[str]) -> Refined:
-    return next(s for s in (*f.steps, *f.singles) if list(s.names) == list(names))
+def _index_of(f: Findings, names: Sequence[str]) -> int:
+    return [list(fit.names) for fit in f.fits].index(list(names))
+
+
+def _left(f: Findings, names: Sequence[str], constants: Constants) -> float:
+    """Share that the named entries leave of what a flexible correction takes; else the best's."""
+    if not f.singles:
+        return 1.0
+    found = evidence(f.products, constants)
+    return found.left_by(_index_of(f, names) if names else _best(found))
+
+
+def _best(found: Evidence) -> int:
+    """The hypothesis with the most evidence; −1 for parameters."""
+    best = int(np.argmax(found.sets))
+    return best if found.sets[best] > found.parameters else -1
 
 
 def hypotheses(f: Findings, constants: Constants) -> list[Likely]:
     """What may be the matter with a bench that has changed, with probabilities.
 
-    What the best entry has is shared among the sets that grow from it. First come those that begin
-    with the likeliest first name, and the likeliest of them before the others.
+    Unknown is the likelier the more the best of the others leaves of what a flexible correction
+    takes; the rest is shared by evidence. First come those that begin with the likeliest first
+    name, and the likeliest of them before the others.
     """
     if not f.singles:
         return [Likely([UNKNOWN], 1.0)]
-    step = f.set_by(constants)
-    best = score(f.singles[0])
-    width = tempering(f.best_gain, constants)
-    weights = [float(np.exp((score(s) - best) / width)) for s in f.singles]
-    free = f.parameters - _PARAMETER_COST * f.parameter_odds
-    of_parameters = float(np.exp(min((free - best) / width, 30.0)))
-    if step:
-        of_parameters *= float(np.exp(min((best - score(f.steps[step])) / width, 0.0)))
-    unknown = _above(_odds(f.left_by(step)), _odds(constants.unknown_left))
-    share = (1.0 - unknown) / (sum(weights) + of_parameters)
+    told = [Likely(list(fit.names), 0.0, fit.values) for fit in f.fits]
+    told += [Likely([PARAMETERS], 0.0), Likely([UNKNOWN], 0.0)]
+    shares = weighed(evidence(f.products, constants), sizes_of(f), constants)
     likely = [
-        Likely(list(fit.names), share * weights[0] * w, fit.values)
-        for fit, w in zip(f.steps, _shares(f.beyond, constants.further_gain), strict=True)
+        msgspec.structs.replace(x, probability=float(p)) for x, p in zip(told, shares, strict=True)
     ]
-    likely += [
-        Likely(list(s.names), share * w, s.values)
-        for s, w in zip(f.singles[1:], weights[1:], strict=True)
-    ]
-    likely.append(Likely([PARAMETERS], share * of_parameters))
-    likely.append(Likely([UNKNOWN], unknown))
     likely.sort(key=lambda x: -x.probability)
     order = [x.names[0] for x in first_names(likely)]
     return sorted(likely, key=lambda x: order.index(x.names[0]))
 
 
-def _shares(beyond: Sequence[float], needed: float) -> list[float]:
-    """How probable it is that growth ends at each step."""
-    out, going = [], 1.0
-    for taken in beyond:
-        further = _above(taken, needed)
-        out.append(going * (1.0 - further))
-        going *= further
-    return [*out, going]
+def sizes_of(f: Findings) -> Array:
+    """How many entries each fit has."""
+    return np.array([len(fit.names) for fit in f.fits])
+
+
+def weighed(found: Evidence, sizes: Array, constants: Constants) -> Array:
+    """Probability of each fit, whose `sizes` these are, of parameters, and of unknown."""
+    further = np.log(constants.further_odds) * (sizes - 1)
+    logs = np.append(found.sets + further, found.parameters + np.log(constants.parameter_odds))
+    shares = np.exp(logs - logs.max())
+    left = _odds(found.left_by(_best(found)))
+    unknown = left / (left + _odds(constants.unknown_left))
+    return np.append((1.0 - unknown) * shares / shares.sum(), unknown)
 
 
 def _odds(share: float) -> float:
     return share / max(1.0 - share, 1e-9)
-
-
-def _above(value: float, limit: float) -> float:
-    """How probable it is that a positive value that is known roughly is beyond a limit."""
-    return float(1.0 / (1.0 + (limit / max(value, 1e-9)) ** _STEEP))
 
 
 def _headline(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from smad.gap.records import Budget, Diagnosis, Outcome
 from smad.gap.report import figures
 from smad.gap.report.advice import Asked, advice
+from smad.gap.report.plain import repeated_lines
 from smad.gap.report.terms import TERMS, budget_remarks, budget_table
 from smad.report.page import Block, Code, Page, Picture, Section, Table, Text, text_table
 
@@ -28,7 +29,14 @@ def page_of(d: Diagnosis, asked: Asked | None = None) -> Page:
     `asked` says how the diagnosis was asked for, so that commands can be copied.
     """
     sections = [
-        Section("Answer", [Text(d.verdict.plain, "note" if _quiet(d) else "warning")], "answer"),
+        Section(
+            "Answer",
+            [
+                Text(d.verdict.plain, "note" if _quiet(d) else "warning"),
+                *map(Text, repeated_lines(d)),
+            ],
+            "answer",
+        ),
         Section("What to do next", _next(d, asked), "next"),
         Section("The numbers", _verdict(d), "numbers"),
     ]
@@ -387,7 +395,7 @@ def summary_lines(d: Diagnosis, asked: Asked | None = None) -> Sequence[str]:
     Lines that begin with two spaces keep their form; the others may be wrapped.
     """
     v = d.verdict
-    lines = [_TITLES[v.outcome], v.plain]
+    lines = [_TITLES[v.outcome], v.plain, *repeated_lines(d)]
     lines += [f"{f.run}: {f.kind}: {f.text}" for f in d.findings if f.kind != "channel missing"]
     steps = advice(d, asked)
     if steps:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from smad.gap.records import Budget, BudgetRow, Outcome, ValueRecord
+from smad.gap.records import Budget, BudgetRow, Diagnosis, Outcome, ValueRecord
 
 _TOLD = 0.005
 """A share smaller than this is not told as a number."""
@@ -127,3 +127,14 @@ def _percent(share: float) -> str:
     if 1.0 - _TOLD <= share < 1.0:
         return "more than 99 %"
     return f"{round(100 * share)} %"
+
+
+def repeated_lines(d: Diagnosis) -> list[str]:
+    """What the runs say that repeat known-good ones; nothing where none does."""
+    if d.repeated is None:
+        return []
+    if d.repeated.headline:
+        return [f"Compared with the good runs that they repeat, without the model's form: "
+                f"{d.repeated.headline}.", *d.repeated.pairs]  # fmt: skip
+    return ["Runs repeat a known-good one. Record the good ones once more with the same inputs, "
+            "and they are compared without the model's form.", *d.repeated.pairs]  # fmt: skip

@@ -16,6 +16,7 @@ from smad.gap.paired.calibrate import (
     tried,
 )
 from smad.gap.paired.constants import shipped_constants
+from smad.gap.paired.evidence import Products, evidence
 from smad.gap.paired.judge import Findings
 from smad.gap.paired.refine import Refined
 from smad.gap.paired.verdict import hypotheses, is_quiet
@@ -32,13 +33,23 @@ def fit(effect: Effect, gain: float) -> Refined:
     return Refined((effect,), {effect.name: {}}, gain, none, none[None], none, ())
 
 
+def nested(gains: list[float], *, singles: int, left: float) -> Products:
+    """Products of fits, each weaker one a part of the stronger, none along a parameter."""
+    taken = np.array([0.0, *gains])
+    rows = np.minimum.outer(taken, taken)
+    rows[0, :] = rows[:, 0] = taken
+    beyond = max(gains[:singles]) * left / (1.0 - left)
+    none = np.zeros((0, len(taken)))
+    return Products(rows, none, np.zeros(0), np.zeros(len(gains)), singles, beyond)
+
+
 def found(gains: dict[str, float], *, ratio: float = 5.0, left: float = 0.1) -> Findings:
     """What a check-up with these gains would have found."""
     singles = tuple(sorted((fit(BY_NAME[n], g) for n, g in gains.items()), key=lambda s: -s.gain))
+    own = nested([s.gain for s in singles], singles=len(singles), left=left)
     return Findings(
         count=1000, ratio=ratio, by_channel=np.full(3, ratio), by_run=np.ones(1),
-        parameters=0.0, parameter_odds=0.0, screened=(), singles=singles, steps=singles[:1],
-        beyond=(), flexible=(singles[0].gain / (1.0 - left),),
+        singles=singles, sets=(), products=own,
     )  # fmt: skip
 
 
@@ -72,7 +83,7 @@ def test_one_quiet_bench_in_sixty_is_called_changed() -> None:
 @pytest.mark.parametrize("swap", [0.0, 0.4])
 def test_probabilities_become_as_sure_as_the_names_are_right(swap: float) -> None:
     cases = judged(7, swap=swap)
-    after = tried([(BEFORE, cases)]).best()
+    after = tried(cases, BEFORE).best()
     told = reliability(cases, after)
     assert told.on_truth == pytest.approx(1.0 - swap if swap else 1.0, abs=0.15)
     assert told.log_score >= reliability(cases, BEFORE).log_score
@@ -81,9 +92,8 @@ def test_probabilities_become_as_sure_as_the_names_are_right(swap: float) -> Non
 
 def test_a_bench_that_is_left_out_is_told_with_the_constants_of_the_others() -> None:
     cases = judged(9, swap=0.3)
-    by_form = [(BEFORE, cases)]
-    trials = tried(by_form)
-    told = list(left_out(trials, by_form))
+    trials = tried(cases, BEFORE)
+    told = list(left_out(trials, cases))
     assert sorted(j.bench for j, _ in told) == sorted(j.bench for j in cases)
     assert all(c == trials.best(without=j.bench) for j, c in told)
 
@@ -101,7 +111,7 @@ def test_right_and_wrong_entries_are_apart_by_what_they_leave() -> None:
         return Judged("bench-1", truth, found({"rtd_lag": 2000.0}, left=left))
 
     cases = [leaving("rtd_lag", 0.1), leaving("rtd_lag", 0.5), leaving("driver_gain", 0.4)]
-    assert apart(cases) == pytest.approx(0.5)
+    assert apart(cases, BEFORE) == pytest.approx(0.5)
 
 
 def grown(taken: float) -> Findings:
@@ -109,19 +119,38 @@ def grown(taken: float) -> Findings:
     one = found({"rtd_lag": 2000.0})
     both = (BY_NAME["rtd_lag"], BY_NAME["driver_gain"])
     pair = replace(one.singles[0], effects=both, gain=2000.0 + taken)
-    return replace(
-        one, steps=(*one.singles, pair), beyond=(taken,), flexible=(*one.flexible, pair.gain)
-    )
+    own = nested([2000.0, pair.gain], singles=1, left=0.1)
+    return replace(one, sets=(pair,), products=own)
 
 
-def test_a_further_name_is_said_where_it_takes_more_than_it_must() -> None:
-    needed = BEFORE.further_gain
-    for taken, names in ((0.3 * needed, ["rtd_lag"]), (3.0 * needed, ["rtd_lag", "driver_gain"])):
+def test_a_further_name_is_said_where_its_evidence_outweighs_its_prior() -> None:
+    variance = BEFORE.temper + BEFORE.form_share**2 * 2000.0
+    needed = -2.0 * variance * np.log(BEFORE.further_odds)
+    for taken, names in ((0.5 * needed, ["rtd_lag"]), (2.0 * needed, ["rtd_lag", "driver_gain"])):
         told = hypotheses(grown(taken), BEFORE)
         assert told[0].names == names
         shared = [x.probability for x in told if x.names[0] == "rtd_lag"]
         assert len(shared) == 2
         assert sum(x.probability for x in told) == pytest.approx(1.0)
+
+
+def test_parameters_win_where_the_difference_lies_along_them() -> None:
+    """The same rows, across the directions of parameters and along one of them."""
+    rows, none = np.array([[2000.0, 800.0], [800.0, 320.0]]), np.zeros((0, 2))
+    across = Products(rows, none, np.zeros(0), np.zeros(1), singles=1, beyond=0.0)
+    along = replace(across, along=np.sqrt([[2000.0, 320.0]]), squares=np.array([1e6]))
+    one = found({"rtd_lag": 1280.0})
+    for own, first in ((across, "rtd_lag"), (along, "parameters")):
+        assert hypotheses(replace(one, products=own), BEFORE)[0].names == [first]
+
+
+def test_evidence_of_the_form_of_a_law_does_not_grow_without_end() -> None:
+    """A neighbour that takes nine tenths stays as likely, however strong the effect is."""
+    odds = []
+    for gain in (1e4, 1e6):
+        sets = evidence(nested([gain, 0.9 * gain], singles=2, left=0.0), BEFORE).sets
+        odds.append(sets[0] - sets[1])
+    assert odds[1] == pytest.approx(odds[0], rel=0.02)
 
 
 def test_what_a_flexible_correction_takes_far_more_of_is_unknown() -> None:

@@ -8,7 +8,8 @@ import pytest
 
 from smad.gap.paired.commission import checked, checked_files, commissioned, judged
 from smad.gap.paired.errors import BaselineError, PairingError, ProgrammeError
-from smad.gap.paired.files import read_file, read_folder
+from smad.gap.paired.everyday import repeated
+from smad.gap.paired.files import Found, read_file, read_folder
 from smad.gap.paired.page import checkup_page
 from smad.gap.paired.programme import (
     Programme,
@@ -18,6 +19,7 @@ from smad.gap.paired.programme import (
     write_programme,
 )
 from smad.gap.paired.reference import Reference
+from smad.gap.paired.segments import run_of
 from smad.gap.paired.store import Baseline, load, save
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
@@ -203,3 +205,32 @@ def test_what_was_recorded_after_an_early_end_does_not_count(reference: Referenc
     ended = cut.with_columns(inputs=idle, outputs={"rtd_x_degC": warm})
     verdict = checked(PLANT, reference, [(ended, "short")])
     assert verdict.outcome == "quiet"
+
+
+def as_found(names: str, *runs: GapRun) -> list[Found]:
+    """Runs as if they had been read from files of these names."""
+    return [Found.of(Path(f"{n}.mcap"), r) for n, r in zip(names.split(), runs, strict=True)]
+
+
+def test_everyday_runs_that_repeat_good_ones_are_compared_with_them() -> None:
+    good = as_found("monday tuesday", played(1), played(2))
+    lagging = played(11, {"rtd_lag": {"tau_s": 0.3, "y_share": 1.0}})
+    said = repeated(PLANT, good, as_found("friday", lagging))
+    assert said is not None
+    assert (said.repeats, said.outcome) == (2, "cause")
+    assert max(said.probabilities, key=lambda n: said.probabilities[n]) == "rtd_lag"
+    assert said.pairs == ["friday.mcap repeats 2 good runs: monday.mcap, tuesday.mcap"]
+
+
+def test_without_a_second_good_recording_there_is_no_answer_but_the_pair() -> None:
+    said = repeated(PLANT, as_found("monday", played(1)), as_found("friday", played(11)))
+    assert said is not None
+    assert (said.repeats, said.outcome, said.headline) == (1, "", "")
+    assert said.pairs == ["friday.mcap repeats 1 good run: monday.mcap"]
+
+
+def test_runs_with_inputs_of_their_own_repeat_nothing() -> None:
+    good = as_found("monday tuesday", played(1), played(2))
+    other = run_of("other", "one pulse", [(5.0, 0, 0, 0, 0), (10.0, 0, 1.0, 0, 0)])
+    assert repeated(PLANT, good, as_found("friday", played(3, what=other))) is None
+    assert repeated(PLANT, good, good[:1]) is None
