@@ -26,14 +26,18 @@ from smad.gap.plant import Array
 FALSE_ALARMS = 1.0 / 60.0
 """Of quiet benches, one in so many may be called changed, over all three limits together."""
 _LIMITS = 3
-TEMPERS = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)
+TEMPERS = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 SHARES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 FREE = (0.1, 0.15, 0.25, 0.4)
 ODDS = tuple(
-    product((1.0, 10.0, 100.0, 1000.0, 10000.0), (0.3, 0.1, 0.03, 0.01), (0.3, 0.4, 0.5, 0.6, 0.7, 0.8))
+    product(
+        (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0),
+        (0.3, 0.1, 0.03, 0.01),
+        (0.3, 0.4, 0.5, 0.6, 0.7, 0.8),
+    )
 )
 """Candidates of `parameter_odds`, `further_odds` and `unknown_left`."""
-LEAST_PROBABILITY = 1e-3
+LEAST_PROBABILITY = 1e-2
 _BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
 
 

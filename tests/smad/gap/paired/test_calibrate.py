@@ -15,7 +15,7 @@ from smad.gap.paired.calibrate import (
     reliability_lines,
     tried,
 )
-from smad.gap.paired.constants import shipped_constants
+from smad.gap.paired.constants import Constants
 from smad.gap.paired.evidence import Products, evidence
 from smad.gap.paired.judge import Findings
 from smad.gap.paired.refine import Refined
@@ -24,7 +24,10 @@ from smad.gap.plant import Effect
 
 from .short import PLANT
 
-BEFORE = shipped_constants()
+BEFORE = Constants(
+    quiet_gain=100.0, quiet_ratio=1.6, channel_ratio=3.0, temper=5.0, form_share=0.35,
+    free_share=0.25, parameter_odds=10.0, further_odds=0.01, unknown_left=0.6, odds=3.0,
+)  # fmt: skip
 BY_NAME = {e.name: e for e in PLANT.effects}
 
 
