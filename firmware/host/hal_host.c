@@ -55,11 +55,8 @@ static uint64_t last_tick_us;
 static bool tick_waits;
 static bool linked;
 
-static struct realtime_in in;
-static struct {
-    struct link_out head;
-    uint8_t bytes[LINK_BYTES];
-} out;
+static struct link_to_board in;
+static struct link_from_board out;
 static bool arrived;
 static uint8_t received[2u * LINK_BYTES];
 static uint16_t received_size;

@@ -105,7 +105,7 @@ static void warm(const struct link_out *out, double dt_s, struct link_in *in)
     in->analog[HAL_VBUS] = SUPPLY_CODE;
 }
 
-void realtime_step(const struct link_out *out, const uint8_t *sent, struct realtime_in *in,
+void realtime_step(const struct link_out *out, const uint8_t *sent, struct link_to_board *in,
                    uint64_t wait_us)
 {
     struct pollfd port = {.fd = master, .events = POLLIN};

@@ -5,17 +5,12 @@
 
 #include "link.h"
 
-struct realtime_in {
-    struct link_in head;
-    uint8_t bytes[LINK_BYTES];
-};
-
 /* Opens a pseudo-terminal, gives it the lasting name `symlink`, and prints "ready" and its path. */
 void realtime_open(const char *symlink);
 
 /* Writes what the board sent, waits for bytes or for `wait_us` to pass, and fills in how long that
  * was, the bytes, and what the converters show. */
-void realtime_step(const struct link_out *out, const uint8_t *sent, struct realtime_in *in,
+void realtime_step(const struct link_out *out, const uint8_t *sent, struct link_to_board *in,
                    uint64_t wait_us);
 
 #endif

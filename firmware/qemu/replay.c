@@ -38,14 +38,8 @@ void __real_hal_current(uint8_t driver, uint16_t i_mA);
 void __real_hal_drain(uint8_t valves);
 void __real_hal_sample_timer(uint32_t period_us);
 
-static struct {
-    struct link_in head;
-    uint8_t bytes[LINK_BYTES];
-} in;
-static struct {
-    struct link_out head;
-    uint8_t bytes[LINK_BYTES];
-} out;
+static struct link_to_board in;
+static struct link_from_board out;
 static uint8_t store[HAL_STORE_SIZE];
 static uint64_t now_us;
 static uint64_t tick_us;

@@ -38,4 +38,15 @@ struct link_out {
     uint32_t watched[LINK_WATCHED]; /* of an emulated chip: its memory where --watch says */
 };
 
+/* A whole message each way. */
+struct link_to_board {
+    struct link_in head;
+    uint8_t bytes[LINK_BYTES];
+};
+
+struct link_from_board {
+    struct link_out head;
+    uint8_t bytes[LINK_BYTES];
+};
+
 #endif

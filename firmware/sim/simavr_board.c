@@ -62,14 +62,8 @@ static uint8_t watches;
 static int store_fd;
 static uint8_t stored[STORE_SIZE];
 
-static struct {
-    struct link_in head;
-    uint8_t bytes[LINK_BYTES];
-} in;
-static struct {
-    struct link_out head;
-    uint8_t bytes[LINK_BYTES];
-} out;
+static struct link_to_board in;
+static struct link_from_board out;
 
 /* Bytes on their way to the chip. */
 static uint8_t *queue;
