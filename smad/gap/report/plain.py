@@ -134,7 +134,10 @@ def repeated_lines(d: Diagnosis) -> list[str]:
     if d.repeated is None:
         return []
     if d.repeated.headline:
-        return [f"Compared with the good runs that they repeat, without the model's form: "
-                f"{d.repeated.headline}.", *d.repeated.pairs]  # fmt: skip
-    return ["Runs repeat a known-good one. Record the good ones once more with the same inputs, "
-            "and they are compared without the model's form.", *d.repeated.pairs]  # fmt: skip
+        said = f"Runs that repeat good ones, compared with these directly: {d.repeated.headline}."
+    else:
+        said = (
+            "Runs repeat a known-good one. Record that once more with the same inputs, and they "
+            "are compared directly, without the model's form error."
+        )
+    return [said, *d.repeated.pairs]

@@ -21,7 +21,7 @@ from smad.gap.fit.judge import Judged
 from smad.gap.fit.lsq import Fitted
 from smad.gap.model.space import Space
 from smad.gap.plant import Array, ModelPoint, performed
-from smad.gap.records import Diagnosis, ExperimentRecord, Outcome
+from smad.gap.records import Diagnosis, ExperimentRecord, Outcome, RepeatedRecord
 from smad.gap.report import page_of, summary_lines
 from smad.gap.report.words import next_sentence
 from smad.gap.settings import Settings
@@ -42,6 +42,21 @@ def found() -> Diagnosis:
 def test_the_json_file_holds_the_whole_diagnosis(found: Diagnosis) -> None:
     assert Diagnosis.from_json(found.to_json()) == found
     assert "NaN" not in found.to_json().decode()
+
+
+@pytest.mark.parametrize(
+    ("headline", "said"),
+    [("changed: rtd_lag", "compared with these directly: changed: rtd_lag"),
+     ("", "Record that once more with the same inputs")],
+)  # fmt: skip
+def test_runs_that_repeat_good_ones_are_told_on_the_terminal_and_the_page(
+    found: Diagnosis, headline: str, said: str
+) -> None:
+    both = replace(found, repeated=RepeatedRecord(["now repeats then"], 2, headline=headline))
+    assert Diagnosis.from_json(both.to_json()) == both
+    for text in ("\n".join(summary_lines(both)), render(page_of(both))):
+        assert said in text
+        assert "now repeats then" in text
 
 
 def test_the_page_shows_what_the_json_holds(found: Diagnosis) -> None:
