@@ -27,7 +27,6 @@ from smad.gap.plant import Array, Effect, Parameter
 
 _LAW_START = 0.3
 _ASIDE = 0.5
-_AGREED = 1.1
 _TOLERANCE = 2.0
 
 
@@ -64,9 +63,8 @@ def with_laws(
     Laws begin at a part of what they typically are, since a slope at nothing says little, and
     parameters at their nominal values: fitted alone, they would stand for the laws. A law without
     a strength replaces another; the fit goes on with it or without, whichever comes further. So
-    many coordinates have more than one minimum: other starts about the first are followed some
-    way, one by one, until two of all come down to the same misfit; the best goes on to
-    its end.
+    many coordinates have more than one minimum: other starts about the first are followed as far,
+    and only the best goes on. What follows refits it with its proper weights.
     """
     laws = laws_of(effects)
     if not laws:
@@ -76,25 +74,19 @@ def with_laws(
     def begin(space: Space) -> Array:
         return space.start({e.name: e.at(_LAW_START) for e in space.effects})
 
-    def go(space: Space, start: Array, rounds: int) -> Fitted:
-        return drive([descent(problem, space, start, rounds=rounds)])[0]
+    def go(space: Space, start: Array) -> Fitted:
+        return drive([descent(problem, space, start, rounds=settings.law_rounds)])[0]
 
     def misfit(end: Fitted) -> float:
         # A descent ends calibrated where it is, so that ends compare as if in full detail.
         return problem.misfit(end.z)
 
-    ends = []
-    for chosen in choices(laws):
-        space = Space(tuple(parameters), chosen)
-        ends.append(go(space, begin(space), settings.law_rounds))
-    best = min(ends, key=misfit)
-    space, ends = best.space, [best]
+    spaces = [Space(tuple(parameters), chosen) for chosen in choices(laws)]
+    first = min((go(space, begin(space)) for space in spaces), key=misfit)
+    space = first.space
     others = other_starts(space, begin(space), settings.law_starts, settings.seed)
-    while others and not _two_agree([misfit(end) for end in ends]):
-        start, *others = others
-        ends.append(go(space, start, settings.law_rounds))
-    best = min(ends, key=misfit)
-    return go(space, best.p, settings.law_rounds_last)
+    best = min([first, *(go(space, start) for start in others)], key=misfit)
+    return drive([descent(best.problem, space, best.p, rounds=settings.law_rounds_last)])[0]
 
 
 def laws_of(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -106,11 +98,6 @@ def choices(laws: Sequence[Effect]) -> list[tuple[Effect, ...]]:
     """The laws with those that replace another, and, if there are such, without them."""
     added = tuple(e for e in laws if any(q.strength for q in e.parameters))
     return [tuple(laws), added] if 0 < len(added) < len(laws) else [tuple(laws)]
-
-
-def _two_agree(misfits: Sequence[float]) -> bool:
-    best, *rest = sorted(misfits)
-    return bool(rest) and rest[0] <= _AGREED * best
 
 
 def other_starts(space: Space, p: Array, count: int, seed: int) -> list[Array]:
@@ -140,7 +127,6 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
         iterations=settings.fit_iterations,
         refresh_theta=True,
         rough=True,
-        steady=True,
     )
     trial = drive([steps])[0]
     before, after = judge([current, trial], None)
@@ -164,11 +150,11 @@ def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
         problem,
         space,
         start,
+        theta_A=tied.A[:, : space.n_theta],
         iterations=problem.evidence.settings.refit_iterations,
         refresh_theta=True,
         tolerance=_TOLERANCE,
         rough=True,
-        steady=True,
     )
     end = drive([steps])[0].recalibrated()
     return polished(end, tolerance=_TOLERANCE)

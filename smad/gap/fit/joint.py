@@ -14,9 +14,8 @@ from math import hypot
 
 import numpy as np
 
-from smad.gap.fit.lsq import FitSteps, Fitted, Problem, drive, fitting, solve_box
+from smad.gap.fit.lsq import Fitted, Problem, drive, fitting, solve_box
 from smad.gap.fit.significance import resample_weights
-from smad.gap.model.space import Space
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
 from smad.gap.records import HALF_CHI2_95
@@ -87,25 +86,13 @@ def joint_fits(
     settings = problem.evidence.settings
     n_theta = base.space.n_theta
 
-    def go(space: Space, p: Array, *, iterations: int, renew: bool, rough: bool) -> FitSteps:
-        known = None if renew else base.A[:, :n_theta]
-        return fitting(
-            problem,
-            space,
-            p,
-            theta_A=known,
-            iterations=iterations,
-            refresh_theta=renew,
-            rough=rough,
-            steady=renew,
-        )
-
     first = []
     for start in starts:
         space, p = base.beside(start.effects, start.values)
         if start.from_centre:
             p[:n_theta] = 0.0
-        first.append(go(space, p, iterations=settings.short_iterations, renew=False, rough=True))
+        short, known = settings.short_iterations, base.A[:, :n_theta]
+        first.append(fitting(problem, space, p, theta_A=known, iterations=short, rough=True))
     ends: dict[tuple[str, ...], JointFit] = {}
     for i in range(0, len(first), _TOGETHER):
         for fit in drive(first[i : i + _TOGETHER]):
@@ -117,12 +104,15 @@ def joint_fits(
     for renew, count in ((False, len(kept)), (True, finish)):
         order = sorted(kept, key=lambda names: (ends[names].fit.objective, names))
         again = [
-            go(
+            fitting(
+                problem,
                 ends[names].fit.space,
                 ends[names].fit.p,
+                theta_A=None if renew else ends[names].fit.A[:, :n_theta],
                 iterations=settings.fit_iterations,
-                renew=renew,
+                refresh_theta=renew,
                 rough=not renew and names not in trusted,
+                cooled=True,
             )
             for names in order[:count]
         ]
@@ -150,15 +140,16 @@ def _near(best: Fitted, other: Fitted) -> bool:
 
 
 def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
-    """The fit with all sensitivities renewed, and a few more steps."""
+    """A few more steps, with the sensitivities of the effects, and later all, renewed."""
     steps = fitting(
         fit.problem,
         fit.space,
         fit.p,
+        theta_A=fit.A[:, : fit.space.n_theta],
         iterations=3,
         refresh_theta=True,
         tolerance=tolerance,
-        steady=True,
+        cooled=True,
     )
     return drive([steps])[0]
 
