@@ -108,11 +108,10 @@ def joint_fits(
                 problem,
                 ends[names].fit.space,
                 ends[names].fit.p,
-                theta_A=None if renew else ends[names].fit.A[:, :n_theta],
+                theta_A=None if renew else base.A[:, :n_theta],
                 iterations=settings.fit_iterations,
                 refresh_theta=renew,
                 rough=not renew and names not in trusted,
-                cooled=True,
             )
             for names in order[:count]
         ]
@@ -140,16 +139,14 @@ def _near(best: Fitted, other: Fitted) -> bool:
 
 
 def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
-    """A few more steps, with the sensitivities of the effects, and later all, renewed."""
+    """The fit with all sensitivities renewed, and a few more steps."""
     steps = fitting(
         fit.problem,
         fit.space,
         fit.p,
-        theta_A=fit.A[:, : fit.space.n_theta],
         iterations=3,
         refresh_theta=True,
         tolerance=tolerance,
-        cooled=True,
     )
     return drive([steps])[0]
 

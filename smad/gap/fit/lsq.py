@@ -248,7 +248,6 @@ def fitting(
     pinned: Mapping[int, float] | None = None,
     squares: bool = False,
     rough: bool = False,
-    cooled: bool = False,
 ) -> FitSteps:
     """Steps of a fit from `start`; returns a `Fitted`.
 
@@ -256,17 +255,16 @@ def fitting(
     follow by Broyden's rule. `theta_A` are those of the model parameters to begin with; without
     them they are computed, and with `refresh_theta` renewed as those of the effects are. `pinned`
     coordinates stay at the values given (a profile). `squares` keeps the floor as large as the
-    misfit: least squares to the end. A fit that goes on from the end of another one is `cooled`.
+    misfit: least squares to the end.
 
     Sensitivities of the model parameters come from rough replays. With `rough` the whole fit does;
     its end is replayed in detail.
     """
     fit = _Fit(problem, space, Detail.ROUGH if rough else None, pinned or {})
     yield from fit.begin(start, theta_A)
-    ladder = () if cooled else _COOLING
     total, stuck = 0.0, False
-    for iteration in range(iterations + len(ladder)):
-        cooling = ladder[iteration] if iteration < len(ladder) else 0.0
+    for iteration in range(iterations + len(_COOLING)):
+        cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(fit.z))
         fresh = stuck or iteration in _RENEWALS
         if fresh and refresh_theta and iteration > 0:
