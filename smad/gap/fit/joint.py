@@ -1,7 +1,8 @@
 """Joint fits of effects and model parameters, and how certain their values are.
 
 Intervals come from a bootstrap over runs and blocks, from the profile of the likelihood, and from
-the spread over starts, whichever is widest; never from the Jacobian alone. What another form of the
+the spread over starts, whichever is widest; never from the Jacobian alone. The bootstrap goes along
+straight lines: where it ends at a bound, the profile counts, which refits. What another form of the
 same law would change is added in quadrature.
 """
 
@@ -209,8 +210,10 @@ def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Inter
         low, high = (float(v) for v in np.quantile(draws[:, i], (0.025, 0.975)))
         curve = [(v, temper * rise) for v, rise in profiles[i]]
         below, above = _crossing(curve, fit.p[i], -1), _crossing(curve, fit.p[i], +1)
-        low = min(low, below if below is not None else low)
-        high = max(high, above if above is not None else high)
+        if below is not None:
+            low = below if low <= lo[i] else min(low, below)
+        if above is not None:
+            high = above if high >= hi[i] else max(high, above)
         for rival in joint.rivals:
             low, high = min(low, float(rival[i])), max(high, float(rival[i]))
         if below is None and above is None:

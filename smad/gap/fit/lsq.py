@@ -27,7 +27,7 @@ from smad.gap.model.space import Space
 from smad.gap.model.whiten import Whitening
 from smad.gap.plant import Array, Effect, Mask, ModelPoint
 
-_RENEWALS = (0, 2, 5)
+_RENEWALS = (0, 2)
 _TELLING_STEP = 0.1
 _COOLING = (1.0, 0.5, 0.15)
 _FIRST_DAMPING, _DAMPINGS = 1e-3, 4
