@@ -27,7 +27,7 @@ from smad.gap.model.space import Space
 from smad.gap.model.whiten import Whitening
 from smad.gap.plant import Array, Effect, Mask, ModelPoint
 
-_RENEWALS = (0, 2)
+_RENEWALS = (0, 2, 5)
 _TELLING_STEP = 0.1
 _COOLING = (1.0, 0.5, 0.15)
 _FIRST_DAMPING, _DAMPINGS = 1e-3, 4
@@ -251,11 +251,11 @@ def fitting(
 ) -> FitSteps:
     """Steps of a fit from `start`; returns a `Fitted`.
 
-    Sensitivities are renewed after some iterations, and before a fit gives up; in between they
-    follow by Broyden's rule. `theta_A` are those of the model parameters to begin with; without
-    them they are computed, and with `refresh_theta` renewed as those of the effects are. `pinned`
-    coordinates stay at the values given (a profile). `squares` keeps the floor as large as the
-    misfit: least squares to the end.
+    `theta_A` are sensitivities of the model parameters to begin with; without them they are
+    computed. Those of the effects are renewed in each iteration, while these follow by Broyden's
+    rule. With `refresh_theta` all are renewed after some iterations, and before the fit gives up.
+    `pinned` coordinates stay at the values given (a profile). `squares` keeps the floor as large as
+    the misfit: least squares to the end.
 
     Sensitivities of the model parameters come from rough replays. With `rough` the whole fit does;
     its end is replayed in detail.
@@ -266,7 +266,7 @@ def fitting(
     for iteration in range(iterations + len(_COOLING)):
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(fit.z))
-        fresh = stuck or iteration in _RENEWALS
+        fresh = not refresh_theta or stuck or iteration in _RENEWALS
         if fresh and refresh_theta and iteration > 0:
             yield from fit.renew_own()
         if fresh:
