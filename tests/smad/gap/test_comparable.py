@@ -11,6 +11,7 @@ from smad.gap.compare.tracks import follow_tracks
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.replay import Detail, Evidence
 from smad.gap.data.views import local_views
+from smad.gap.fit import joint
 from smad.gap.fit.descent import descent
 from smad.gap.fit.judge import judge
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
@@ -105,3 +106,22 @@ def test_a_descent_from_far_comes_to_where_a_fit_from_near_comes(prepared: Prepa
     assert problem.misfit(end.z) <= 1.02 * problem.misfit(near.z)
     assert np.all(end.p >= lo)
     assert np.all(end.p <= hi)
+
+
+def test_an_interval_ends_where_the_profile_does_if_straight_lines_run_into_a_bound(
+    prepared: Prepared, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert prepared.tied is not None
+    cause = next(e for e in EFFECTS if e.name == "coupling")
+    start = joint.Start((cause,), {cause.name: SHOWN["coupling"]})
+    (found,) = joint.joint_fits(prepared.tied, [start]).values()
+    i = found.fit.space.n_theta
+    bound = found.fit.space.bounds()[0][i]
+    (usual,) = joint.intervals(found, seed=0)
+    draws = joint.bootstrap(found.fit, 50, seed=0)
+    draws[:, i] = np.where(np.arange(50) < 10, bound, draws[:, i])
+    monkeypatch.setattr(joint, "bootstrap", lambda *args: draws)
+    (wild,) = joint.intervals(found, seed=0)
+    assert found.fit.space.value(i, bound) < wild.low <= wild.value
+    assert wild.high >= wild.value
+    assert usual.low > found.fit.space.value(i, bound)
