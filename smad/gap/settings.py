@@ -43,7 +43,6 @@ class Settings:
     fit_iterations: int = _VALUE["fit_iterations"]
     short_iterations: int = _VALUE["short_iterations"]
     longer_fits: int = _VALUE["longer_fits"]
-    law_starts: int = _VALUE["law_starts"]
     law_rounds: int = _VALUE["law_rounds"]
     law_rounds_last: int = _VALUE["law_rounds_last"]
     min_duration_s: float = _VALUE["min_duration_s"]

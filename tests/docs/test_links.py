@@ -108,7 +108,7 @@ def test_a_decision_has_its_number_a_status_and_three_parts(page: Path) -> None:
     if by := re.match(r"Status: superseded by (\d{4})", status):
         assert by[1] in DECISIONS
     else:
-        assert status.startswith("Status: accepted")
+        assert status.startswith(("Status: accepted", "Status: rejected"))
     for part in ("Context", "Decision", "Consequences"):
         assert any(line.startswith(f"**{part}.**") for line in lines), part
 

@@ -136,19 +136,6 @@ def _calibrate(options: argparse.Namespace) -> None:
     calibrate(banks, kept, out, benches, with_limits=options.limits, jobs=options.jobs)
 
 
-def _tables(options: argparse.Namespace) -> None:
-    from tests.withheld.tables import make
-
-    make(Path(options.bank), Path(options.out), cases=_cases(options), compare=not options.alone)
-
-
-def _calibrate_rule(options: argparse.Namespace) -> None:
-    from tests.withheld.rule import calibrate
-
-    out = Path(options.out) if options.out else None
-    calibrate(Path(options.tables), Path(options.key), out, cases=options.cases)
-
-
 def _curves(options: argparse.Namespace) -> None:
     from tests.withheld.curves import report
 
@@ -190,7 +177,7 @@ def _reveal(options: argparse.Namespace) -> None:
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.withheld", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    for add in (_any_runs, _check_ups, _rule_on_trial, _mysteries):
+    for add in (_any_runs, _check_ups, _mysteries):
         add(commands)
     return parser
 
@@ -286,21 +273,6 @@ def _check_ups(commands: _Commands) -> None:
         help="judge single effects once more, the right entry out of the library; the key's folder",
     )  # fmt: skip
     judged.set_defaults(run=_check_up)
-
-
-def _rule_on_trial(commands: _Commands) -> None:
-    tables = commands.add_parser("tables", help="score tables of a development bank")
-    tables.add_argument("bank", help="a development bank of `make`")
-    tables.add_argument("--out", required=True, help="folder for a file of each case")
-    tables.add_argument("--cases", default="", help="only these, as case-001,case-007")
-    tables.add_argument("--alone", action="store_true", help="without the rule in force beside it")
-    tables.set_defaults(run=_tables)
-    ruled = commands.add_parser("calibrate-rule", help="constants of the rule from score tables")
-    ruled.add_argument("tables", help="what `tables` wrote")
-    ruled.add_argument("key", help="the folder of the bank's key")
-    ruled.add_argument("--out", help="write them to this TOML")
-    ruled.add_argument("--cases", action="store_true", help="tell what is said of every case")
-    ruled.set_defaults(run=_calibrate_rule)
 
 
 def _mysteries(commands: _Commands) -> None:

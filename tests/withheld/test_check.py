@@ -50,7 +50,6 @@ QUICK = How(
         longer_fits=2,
         max_effects=1,
         baseline_rounds=0,
-        law_starts=0,
         law_rounds=1,
         law_rounds_last=1,
         fit_iterations=2,

@@ -33,7 +33,7 @@ LONGEST_S = 36.0
 # The laws belong to it: without them the model leaves more of any bench than the effect does.
 LIBRARY = ("rtd_lag", "driver_gain", "flow_shortfall", "cooling_front", "unified_kinetics")
 QUICK = Settings(
-    bootstrap=100, survivors=2, max_effects=1, longer_fits=1, baseline_rounds=0, law_starts=0,
+    bootstrap=100, survivors=2, max_effects=1, longer_fits=1, baseline_rounds=0,
     law_rounds_last=2, starts=1, refit_iterations=4,
 )  # fmt: skip
 

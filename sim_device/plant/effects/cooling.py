@@ -71,7 +71,7 @@ WATER: tuple[Effect, ...] = (
         title="air bubbles cut the cooling by a different share at each start of the pump",
         subsystem="water",
         equation="h → h (1 − s v_n), Q → Q (1 − s v_n), v_n scattered in 0 to 1 with the n-th"
-        " start",
+        " start after 0.2 s or more at rest",
         parameters=(
             EffectParameter(
                 name="share",

@@ -60,7 +60,7 @@ class Spring:
     wetted: float  # share of the wire that flowing water touches
     pump_flow: float  # before leaks, its mean over the substep, m3/s
     pump_end_flow: float  # the same at the end of the substep
-    pump_on: float  # time since the pump was switched on, s
+    pump_on: float  # time since the pump was switched on, or less than 0, off, s
     pump_starts: float  # times it was switched on
     rtd_lagged: float  # what a late RTD shows, K
     rtd_given: float  # what it was last given to follow, K

@@ -33,15 +33,19 @@ def lag_towards(goal: float, start: float, span: float, tau: float) -> tuple[flo
     return start + (goal - start) * gone, goal * span + (start - goal) * tau * gone
 
 
+# In a shorter stop the water flows on. Control that switches at every sample makes dozens of them.
+FLOWS_ON_S = 0.195
+
+
 @inlined
 def run_pump(s: Spring, p: Constants, e: Effects, duty: float, sign: float, dt: float) -> None:
     """Flow of one pump before leaks: linear in the duty, and what effects do to it."""
     if duty > 0.0:
-        if s.pump_on <= 0.0:
+        if s.pump_on <= -FLOWS_ON_S or s.pump_starts == 0.0:
             s.pump_starts += 1.0
-        s.pump_on += dt
+        s.pump_on = max(s.pump_on, 0.0) + dt
     else:
-        s.pump_on = 0.0
+        s.pump_on = min(s.pump_on, 0.0) - dt
     flow = p.flow_max * duty * p.wet
     # A dead time may end within the step.
     late = 1.0 - clip01((s.pump_on - e.pump_dead_time) / dt) if e.pump_dead_time > 0.0 else 0.0

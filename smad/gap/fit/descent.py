@@ -57,14 +57,16 @@ def descent(
     the steps of the next; after two such rounds the fit ends. The objective is that of `lsq` with a
     floor as large as the misfit.
 
-    The evidence is calibrated anew before each round: what coarser replays cost changes over so
-    long a way.
+    What rough replays cost changes over so long a way: it is measured anew before each round, by a
+    quicker replay than in full detail, with which only the end is made.
     """
     way = _Way(problem, space)
     p = np.clip(start, *space.bounds())
     axes, share, total, fruitless = np.diag(space.steps(p)), _SHARE, 0.0, 0
     for _ in range(rounds):
-        way.problem = problem.calibrated(space.point(p))
+        here = space.point(p)
+        predicted = (yield Ask(problem.evidence, [here]))[0]
+        way.problem = problem.matching(here, predicted)
         yield from way.begin(p)
         A = yield from way.slopes(axes)
         gained, around = yield from way.go_by(A)

@@ -1,7 +1,8 @@
 """Joint fits of effects and model parameters, and how certain their values are.
 
 Intervals come from a bootstrap over runs and blocks, from the profile of the likelihood, and from
-the spread over starts, whichever is widest; never from the Jacobian alone. What another form of the
+the spread over starts, whichever is widest; never from the Jacobian alone. The bootstrap goes along
+straight lines: where it ends at a bound, the profile counts, which refits. What another form of the
 same law would change is added in quadrature.
 """
 
@@ -14,9 +15,8 @@ from math import hypot
 
 import numpy as np
 
-from smad.gap.fit.lsq import FitSteps, Fitted, Problem, drive, fitting, solve_box
+from smad.gap.fit.lsq import Fitted, Problem, drive, fitting, solve_box
 from smad.gap.fit.significance import resample_weights
-from smad.gap.model.space import Space
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
 from smad.gap.records import HALF_CHI2_95
@@ -87,25 +87,13 @@ def joint_fits(
     settings = problem.evidence.settings
     n_theta = base.space.n_theta
 
-    def go(space: Space, p: Array, *, iterations: int, renew: bool, rough: bool) -> FitSteps:
-        known = None if renew else base.A[:, :n_theta]
-        return fitting(
-            problem,
-            space,
-            p,
-            theta_A=known,
-            iterations=iterations,
-            refresh_theta=renew,
-            rough=rough,
-            steady=renew,
-        )
-
     first = []
     for start in starts:
         space, p = base.beside(start.effects, start.values)
         if start.from_centre:
             p[:n_theta] = 0.0
-        first.append(go(space, p, iterations=settings.short_iterations, renew=False, rough=True))
+        short, known = settings.short_iterations, base.A[:, :n_theta]
+        first.append(fitting(problem, space, p, theta_A=known, iterations=short, rough=True))
     ends: dict[tuple[str, ...], JointFit] = {}
     for i in range(0, len(first), _TOGETHER):
         for fit in drive(first[i : i + _TOGETHER]):
@@ -117,11 +105,13 @@ def joint_fits(
     for renew, count in ((False, len(kept)), (True, finish)):
         order = sorted(kept, key=lambda names: (ends[names].fit.objective, names))
         again = [
-            go(
+            fitting(
+                problem,
                 ends[names].fit.space,
                 ends[names].fit.p,
+                theta_A=None if renew else base.A[:, :n_theta],
                 iterations=settings.fit_iterations,
-                renew=renew,
+                refresh_theta=renew,
                 rough=not renew and names not in trusted,
             )
             for names in order[:count]
@@ -158,7 +148,6 @@ def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
         iterations=3,
         refresh_theta=True,
         tolerance=tolerance,
-        steady=True,
     )
     return drive([steps])[0]
 
@@ -221,8 +210,10 @@ def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Inter
         low, high = (float(v) for v in np.quantile(draws[:, i], (0.025, 0.975)))
         curve = [(v, temper * rise) for v, rise in profiles[i]]
         below, above = _crossing(curve, fit.p[i], -1), _crossing(curve, fit.p[i], +1)
-        low = min(low, below if below is not None else low)
-        high = max(high, above if above is not None else high)
+        if below is not None:
+            low = below if low <= lo[i] else min(low, below)
+        if above is not None:
+            high = above if high >= hi[i] else max(high, above)
         for rival in joint.rivals:
             low, high = min(low, float(rival[i])), max(high, float(rival[i]))
         if below is None and above is None:

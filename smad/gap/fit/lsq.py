@@ -27,7 +27,7 @@ from smad.gap.model.space import Space
 from smad.gap.model.whiten import Whitening
 from smad.gap.plant import Array, Effect, Mask, ModelPoint
 
-_RENEWALS = (2, 5)
+_RENEWALS = (0, 2, 5)
 _TELLING_STEP = 0.1
 _COOLING = (1.0, 0.5, 0.15)
 _FIRST_DAMPING, _DAMPINGS = 1e-3, 4
@@ -248,35 +248,34 @@ def fitting(
     pinned: Mapping[int, float] | None = None,
     squares: bool = False,
     rough: bool = False,
-    steady: bool = False,
 ) -> FitSteps:
     """Steps of a fit from `start`; returns a `Fitted`.
 
-    `theta_A` are sensitivities of the model parameters to begin with; without them, or with
-    `refresh_theta`, they are computed, and renewed after some iterations. In between they follow by
-    Broyden's rule while those of the effects are renewed. `pinned` coordinates stay at the values
-    given (a profile). `squares` keeps the floor as large as the misfit: least squares to the end.
-    With `steady` the sensitivities of the effects are treated as those of the parameters are.
+    `theta_A` are sensitivities of the model parameters to begin with; without them they are
+    computed. Those of the effects are renewed in each iteration, while these follow by Broyden's
+    rule. With `refresh_theta` all are renewed after some iterations, and before the fit gives up.
+    `pinned` coordinates stay at the values given (a profile). `squares` keeps the floor as large as
+    the misfit: least squares to the end.
 
     Sensitivities of the model parameters come from rough replays. With `rough` the whole fit does;
     its end is replayed in detail.
     """
-    fit = _Fit(problem, space, Detail.ROUGH if rough else None, pinned or {}, steady=steady)
+    fit = _Fit(problem, space, Detail.ROUGH if rough else None, pinned or {})
     yield from fit.begin(start, theta_A)
     total, stuck = 0.0, False
     for iteration in range(iterations + len(_COOLING)):
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(fit.z))
-        fresh = stuck or iteration in _RENEWALS
-        if refresh_theta and fresh:
+        fresh = not refresh_theta or stuck or iteration in _RENEWALS
+        if fresh and refresh_theta and iteration > 0:
             yield from fit.renew_own()
-        if not steady or iteration == 0 or fresh:
+        if fresh:
             yield from fit.renew_extra()
         gained = yield from fit.step(heat)
         total += gained
         stuck = (heat == 1.0 or squares) and gained < max(tolerance, 0.003 * total)
         # Slopes that have grown old are renewed before a fit gives up.
-        if stuck and (fresh or not steady):
+        if stuck and fresh:
             break
     return (yield from fit.end())
 
@@ -290,8 +289,6 @@ class _Fit:
         space: Space,
         detail: Detail | None,
         pinned: Mapping[int, float],
-        *,
-        steady: bool,
     ) -> None:
         self.problem, self.space, self.detail = problem, space, detail
         self.lo, self.hi = space.bounds()
@@ -299,7 +296,6 @@ class _Fit:
             self.lo[i] = self.hi[i] = value
         self.own = list(range(space.n_theta))
         self.extra = [i for i in range(space.n_theta, space.size) if i not in pinned]
-        self.follow = self.own + self.extra if steady else self.own
         self.A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
         self.damping = _FIRST_DAMPING
 
@@ -350,8 +346,8 @@ class _Fit:
             trial = (yield Ask(problem.evidence, [space.point(p + step)], self.detail))[0]
             z = problem.white(trial)
             value = objective(problem, space, p + step, z, heat)
-            if self.follow and teaches(problem, step, trial, self.detail):
-                self.A[:, self.follow] += lesson(self.A, step, self.z - z)[:, self.follow]
+            if teaches(problem, step, trial, self.detail):
+                self.A += lesson(self.A, step, self.z - z)
             if value < best:
                 self.p, self.predicted, self.z = p + step, trial, z
                 self.damping = max(self.damping / 10, 1e-6)

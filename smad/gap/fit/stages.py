@@ -28,6 +28,7 @@ from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 
 _NULL_DRAWS = 60
+_TOLERANCE = 2.0
 _TOLD_ROWS = 400
 
 
@@ -232,8 +233,9 @@ def _background_of(
         rough.space,
         rough.p,
         iterations=ev.settings.refit_iterations,
+        tolerance=_TOLERANCE,
         refresh_theta=True,
-        steady=True,
+        rough=True,
     )
     fit = drive([steps])[0]
     fit = learn_baseline(fit, effects, progress)
@@ -255,7 +257,7 @@ def _tie(background: Background, settings: Settings) -> Array:
 def _plain(fit: Fitted) -> Fitted:
     """The refit by plain least squares, every cell at its full weight."""
     problem = _Plain(fit.problem.evidence, fit.problem.whitening, fit.problem.background)
-    steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3, tolerance=2.0)
+    steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3, tolerance=_TOLERANCE)
     end = drive([steps])[0]
     return Fitted(
         fit.problem,

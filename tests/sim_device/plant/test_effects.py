@@ -217,6 +217,22 @@ def test_a_lagging_rtd_is_a_first_order_filter_of_the_wire(bare):
         assert out["rtd_x_degC"][n] == pytest.approx(z, abs=1e-9)
 
 
+def test_a_stop_of_a_few_samples_is_no_new_start_for_air_pockets():
+    plain = alternating(seconds=14.0)
+    begun = int(np.flatnonzero(plain.pump_duty[:, 0] > 0.0)[0]) + 100
+
+    def pockets(stop):
+        """What they change of the wire after a stop of so many samples."""
+        duty = plain.pump_duty.copy()
+        duty[begun : begun + stop] = 0.0
+        inputs = Inputs(plain.t_s, plain.i_A, duty)
+        ends = [simulate(P, inputs, effects={"air_pockets": {"share": s}}) for s in (0.0, 0.9)]
+        return (ends[1]["rtd_x_degC"] - ends[0]["rtd_x_degC"])[begun + 40 :]
+
+    never, short, long = (pockets(stop) for stop in (0, 10, 25))
+    assert np.max(np.abs(short - never)) < 0.2 * np.max(np.abs(long - never))
+
+
 def test_text_becomes_effects_and_back():
     wanted = parse_effects(["tube_friction:coulomb_N=0.11,proportional=0.06", "rtd_lag"])
     assert wanted["tube_friction"]["coulomb_N"] == 0.11

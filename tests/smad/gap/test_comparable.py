@@ -11,7 +11,7 @@ from smad.gap.compare.tracks import follow_tracks
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.replay import Detail, Evidence
 from smad.gap.data.views import local_views
-from smad.gap.fit.baseline import other_starts
+from smad.gap.fit import joint
 from smad.gap.fit.descent import descent
 from smad.gap.fit.judge import judge
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
@@ -95,26 +95,33 @@ def test_known_good_runs_that_do_not_hold_leave_the_free_refit_without_an_effect
     assert weigh(other, track).effects == ()
 
 
-def test_the_fit_of_the_laws_tries_other_starts_and_repeats() -> None:
-    space = Space(tuple(HeaterPlant().parameters), tuple(EFFECTS[:1]))
-    p = space.start({EFFECTS[0].name: EFFECTS[0].at(0.3)})
-    lo, hi = space.bounds()
-    starts = other_starts(space, p, 3, seed=5)
-    assert len(starts) == 3
-    for start in starts:
-        assert np.all((lo <= start) & (start <= hi))
-        assert np.all(start != p)
-    assert np.array_equal(starts, other_starts(space, p, 3, seed=5))
-    assert not np.array_equal(starts, other_starts(space, p, 3, seed=6))
-
-
 def test_a_descent_from_far_comes_to_where_a_fit_from_near_comes(prepared: Prepared) -> None:
     problem = prepared.problem
     space = Space(tuple(HeaterPlant().parameters))
-    far = other_starts(space, space.start(), 1, seed=3)[0]
+    lo, hi = space.bounds()
+    aside = np.random.default_rng(3).normal(0.0, 0.5, space.size)
+    far = np.clip(space.start() + aside, lo, hi)
     near = drive([fitting(problem, space, space.start(), refresh_theta=True, squares=True)])[0]
     (end,) = drive([descent(problem, space, far, rounds=6)])
     assert problem.misfit(end.z) <= 1.02 * problem.misfit(near.z)
-    lo, hi = space.bounds()
     assert np.all(end.p >= lo)
     assert np.all(end.p <= hi)
+
+
+def test_an_interval_ends_where_the_profile_does_if_straight_lines_run_into_a_bound(
+    prepared: Prepared, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert prepared.tied is not None
+    cause = next(e for e in EFFECTS if e.name == "coupling")
+    start = joint.Start((cause,), {cause.name: SHOWN["coupling"]})
+    (found,) = joint.joint_fits(prepared.tied, [start]).values()
+    i = found.fit.space.n_theta
+    bound = found.fit.space.bounds()[0][i]
+    (usual,) = joint.intervals(found, seed=0)
+    draws = joint.bootstrap(found.fit, 50, seed=0)
+    draws[:, i] = np.where(np.arange(50) < 10, bound, draws[:, i])
+    monkeypatch.setattr(joint, "bootstrap", lambda *args: draws)
+    (wild,) = joint.intervals(found, seed=0)
+    assert found.fit.space.value(i, bound) < wild.low <= wild.value
+    assert wild.high >= wild.value
+    assert usual.low > found.fit.space.value(i, bound)

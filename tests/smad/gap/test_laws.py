@@ -173,7 +173,7 @@ def test_the_model_with_laws_leaves_less_of_a_bench_with_a_cooling_front() -> No
         recorded(f, SmaPlant(), bench, 3 + i, duration_s=20.0)
         for i, f in enumerate(("mixed", "repeats"))
     ]
-    few, settings = ("cooling_front", "rtd_lag"), replace(QUICK, baseline_rounds=0, law_starts=0)
+    few, settings = ("cooling_front", "rtd_lag"), replace(QUICK, baseline_rounds=0)
     (with_laws, unseen) = leftover(good, SmaPlant(only=few), good, settings)
     (without,) = leftover(good, Lawless(only=few), settings=settings)
     assert unseen["rtd_x_degC"] < 1.5 * with_laws["rtd_x_degC"]  # here the runs it was fitted to
