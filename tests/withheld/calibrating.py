@@ -7,8 +7,6 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from smad.gap.check.names import canonical
 from smad.gap.paired.calibrate import (
     Judged,
@@ -135,10 +133,5 @@ def _toml(constants: Constants, banks: str, cases: int) -> str:
         "# Written by `python -m tests.withheld calibrate`"
         f" from {cases} check-ups of {banks}.\n"
     )
-    return toml_of(head, constants)
-
-
-def toml_of(head: str, constants: msgspec.Struct) -> str:
-    """Constants as a TOML below a comment."""
     values = ((n, getattr(constants, n)) for n in constants.__struct_fields__)
     return head + "".join(f"{name} = {float(value)}\n" for name, value in values)

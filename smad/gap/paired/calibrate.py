@@ -201,16 +201,6 @@ def reliability_of(judged: Sequence[tuple[Judged, Constants]]) -> Reliability:
         truths.append(j.truth.probability(likely))
         given += [x.probability for x in likely]
         right += [float(j.truth.probability([_sure(x)]) > 0.0) for x in likely]
-    return measured(given, right, truths)
-
-
-def measured(
-    given: Sequence[float], right: Sequence[float], truths: Sequence[float]
-) -> Reliability:
-    """How well probabilities fit: those `given` to answers, each 1 in `right` if it was, else 0.
-
-    `truths` are what the truth was given, one for each question.
-    """
     p, r = np.array(given), np.array(right)
     rows = []
     for low, high in pairwise(_BINS):
@@ -250,14 +240,10 @@ def _sure(x: Likely) -> Likely:
 
 def reliability_lines(title: str, found: Reliability) -> list[str]:
     """The reliability of check-ups as a table."""
-    return reliability_table(f"{title}: {found.count} called changed, ", found)
-
-
-def reliability_table(head: str, found: Reliability) -> list[str]:
-    """A reliability as a table; `head` begins its first line."""
     return [
-        f"{head}mean probability of the truth {found.on_truth:.2f}, mean logarithm of it "
-        f"{found.log_score:.2f}, calibration error {found.error:.2f}",
+        f"{title}: {found.count} called changed, mean probability of the truth "
+        f"{found.on_truth:.2f}, mean logarithm of it {found.log_score:.2f}, "
+        f"calibration error {found.error:.2f}",
         "  probability    answers  mean  right",
         *(
             f"  {low:.2f} to {high:.2f}  {count:>7}  {mean:.2f}  {share:.2f}"
