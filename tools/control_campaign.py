@@ -279,8 +279,8 @@ def worst(files: list[Path]) -> None:
     for key, goal in GOALS.items():
         print(f"{key}: {sum(h[key] <= goal for h in holds)} of {len(holds)} holds meet {goal:g}")
     restless = [h["turns"] for h in holds if h["ripple_mA"] > GOALS["ripple_mA"]]
-    by_turns = (sum(t == 0 for t in restless), restless.count(1), sum(t > 1 for t in restless))
-    print("of those with more ripple {} do not turn, {} turn once, {} more often".format(*by_turns))
+    for many, words in ((range(1), "not at all"), (range(1, 2), "once"), (range(2, 1000), "more")):
+        print(f"with more ripple: {sum(t in many for t in restless)} turn {words}")
     for key, quantity in QUANTITIES.items():
         by_case = [(values([c["shipped"]], key), c) for c in found]
         ordered = sorted(
