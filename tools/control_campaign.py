@@ -266,7 +266,6 @@ KINDS: dict[str, Callable[[dict[str, Any]], bool]] = {
     "drawn": lambda case: DEVELOPMENT[-1] < case["bench"] < AROUND_B,
     "drawn and tuned": lambda case: DEVELOPMENT[-1] < case["bench"] < AROUND_B and was_tuned(case),
     "drawn around set B": lambda case: case["bench"] >= AROUND_B,
-    "drawn around set B and tuned": lambda case: case["bench"] >= AROUND_B and was_tuned(case),
 }
 """Group: which cases belong to it."""
 
