@@ -7,11 +7,12 @@
 
 `run` appends a line of JSON for each case to FILE and goes on where FILE ends. Benches 0 and 1 are
 sets A and B; from 2 on every parameter is drawn evenly within its range, as in the harsh campaign
-(tests/sim_device/harsh.py), with the sensor noise of set A, once and three times. With `--shipped`
-no bench is tuned. `table` prints median, bad 5 % and worst; with `--write` it also writes
-smad/experiments/data/benches.json, from which `make generate` makes the table of the guide.
-`worst` names benches. `constants` holds the development benches, which no table counts, with each
-constant of the quiet hold changed alone.
+(tests/sim_device/harsh.py), with the sensor noise of set A, once and three times. From 200 on what
+sets B apart from A is kept. With `--shipped` no bench is tuned. `table` prints median, bad 5 % and
+worst; with `--write` it also replaces those groups in smad/experiments/data/benches.json, from
+which `make generate` makes the table of the guide. The other groups there stay: after a change of
+the controller run all of them again. `worst` names benches. `constants` holds the development
+benches, which no table counts, with each constant of the quiet hold changed alone.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from smad.experiments.tuning import tune_displacement
 from smad.experiments.virtual import VirtualDriver
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from tests.sim_device.harsh import bench_of
+from tests.sim_device.harsh import AROUND_B, bench_of
 
 DEVELOPMENT = range(2, 21)
 """The benches on which constants are chosen. They score nothing."""
@@ -247,6 +248,13 @@ def grouped(files: list[Path]) -> list[dict[str, Any]]:
     return groups
 
 
+def merged(before: list[dict[str, Any]], now: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The groups that were measured now, and the others as they were; in the order of KINDS."""
+    found = {(g["kind"], g["rate_Hz"], g["noise"]): g for g in (*before, *now)}
+    order = list(KINDS)
+    return [found[key] for key in sorted(found, key=lambda key: (order.index(key[0]), *key[1:]))]
+
+
 def was_tuned(case: dict[str, Any]) -> bool:
     """Whether tuning was tried on this bench."""
     return bool(case["tuned"] or case["refused"])
@@ -255,8 +263,9 @@ def was_tuned(case: dict[str, Any]) -> bool:
 KINDS: dict[str, Callable[[dict[str, Any]], bool]] = {
     "set A": lambda case: case["bench"] == 0,
     "set B": lambda case: case["bench"] == 1,
-    "drawn": lambda case: case["bench"] > DEVELOPMENT[-1],
-    "drawn and tuned": lambda case: case["bench"] > DEVELOPMENT[-1] and was_tuned(case),
+    "drawn": lambda case: DEVELOPMENT[-1] < case["bench"] < AROUND_B,
+    "drawn and tuned": lambda case: DEVELOPMENT[-1] < case["bench"] < AROUND_B and was_tuned(case),
+    "drawn around set B": lambda case: case["bench"] >= AROUND_B,
 }
 """Group: which cases belong to it."""
 
@@ -268,6 +277,9 @@ def worst(files: list[Path]) -> None:
     holds = [h for h in holds if h["reached"]]
     for key, goal in GOALS.items():
         print(f"{key}: {sum(h[key] <= goal for h in holds)} of {len(holds)} holds meet {goal:g}")
+    restless = [h["turns"] for h in holds if h["ripple_mA"] > GOALS["ripple_mA"]]
+    for many, words in ((range(1), "not at all"), (range(1, 2), "once"), (range(2, 1000), "more")):
+        print(f"with more ripple: {sum(t in many for t in restless)} turn {words}")
     for key, quantity in QUANTITIES.items():
         by_case = [(values([c["shipped"]], key), c) for c in found]
         ordered = sorted(
@@ -296,7 +308,7 @@ def main() -> None:
     if chosen.what == "table":
         groups = grouped(chosen.files)
         if chosen.write:
-            WRITTEN.write_text(json.dumps(groups) + "\n")
+            WRITTEN.write_text(json.dumps(merged(json.loads(WRITTEN.read_text()), groups)) + "\n")
         print(table([Group(**entry) for entry in map(with_nan, groups)]))
     elif chosen.what == "worst":
         worst(chosen.files)

@@ -107,16 +107,27 @@ def run(bench: SimulatedBench, script: Script, seconds: float) -> State:
 # is not asked for it.
 FIXED = ("current_max", "supply_voltage", "supply_resistance")
 
+AROUND_B = 200
+"""Benches from this seed on are drawn around set B."""
+
 
 def drawn_parameters(seed: int) -> ParameterSet:
-    """Return a bench with every parameter drawn uniformly within its range."""
+    """Return a bench with every parameter drawn uniformly within its range.
+
+    The ranges are those of both sets. From seed AROUND_B on, what sets B apart from A is kept as
+    it is in B: resistivity, share of the water that warms, loss of the tube.
+    """
     rng = random.Random(seed)
-    base = load_parameters("A")
+    base, other = load_parameters("A"), load_parameters("B")
+    kept = set(FIXED)
+    if seed >= AROUND_B:
+        kept |= {entry.name for entry in base.entries if base[entry.name] != other[entry.name]}
+        base = other
     while True:
         values = {
             entry.name: rng.uniform(entry.low, entry.high)
             for entry in base.entries
-            if entry.name not in FIXED
+            if entry.name not in kept
         }
         try:
             return base.replace(**values)

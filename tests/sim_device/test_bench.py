@@ -221,6 +221,14 @@ def test_benches_drawn_from_the_whole_range_trip_nothing(seed: int) -> None:
         assert state.faults == 0, (name, bench.board.supervisor.first_fault)
 
 
+def test_a_bench_around_set_b_differs_from_it_but_in_what_sets_it_apart() -> None:
+    a, b, drawn = load_parameters("A"), load_parameters("B"), harsh.drawn_parameters(harsh.AROUND_B)
+    for entry in b.entries:
+        if a[entry.name] != b[entry.name]:
+            assert drawn[entry.name] == b[entry.name]
+    assert drawn["film_scale"] != b["film_scale"]
+
+
 def test_four_amperes_stay_below_the_boiling_point_of_water() -> None:
     for name in ("4 A in still water", "4 A in drained tubes"):
         make, _ = harsh.SCRIPTS[name]
