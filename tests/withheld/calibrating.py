@@ -26,7 +26,7 @@ from smad.gap.paired.judge import examine
 from smad.gap.paired.spring_pair import TRAITS
 from smad.gap.sma import SmaPlant
 from tests.withheld.check_up import benches_of, manifest_of
-from tests.withheld.errors import BankError
+from tests.withheld.seals import refuse_sealed
 
 _KINDS = {
     "none": "quiet",
@@ -51,8 +51,7 @@ def kept_findings(
 ) -> list[Judged]:
     """What the check-ups of a bank found; each bench is kept once it is examined."""
     manifest = manifest_of(bank)
-    if "sealed" in str(manifest["bank"]):
-        raise BankError(f"{bank} is sealed: constants come from development banks")
+    refuse_sealed(key)
     kept.mkdir(parents=True, exist_ok=True)
     wanted = only or sorted({c["bench"] for c in manifest["cases"]})
     places = {bench: kept / f"{bank.name}-{bench}.pickle" for bench in wanted}

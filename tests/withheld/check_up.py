@@ -25,6 +25,7 @@ from smad.gap.paired.verdict import CAUSE, GROUP, QUIET, Verdict, decide
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from tests.withheld.errors import BankError
+from tests.withheld.seals import refuse_sealed
 
 OUTCOMES = {
     "quiet": "no_gap",
@@ -85,8 +86,11 @@ def run(
 ) -> dict[str, Any]:
     """Verdicts of all cases (of some benches), written to `out` after each bench.
 
-    With the key's folder single effects are judged once more without their entry.
+    With the key's folder single effects are judged once more without their entry. Raises BankError
+    for a sealed key.
     """
+    if key is not None:
+        refuse_sealed(key)
     manifest = manifest_of(bank)
     verdicts: dict[str, Any] = {}
     document: dict[str, Any] = {

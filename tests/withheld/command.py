@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tests.withheld import bank, playing, quiz
-from tests.withheld.errors import WithheldError
+from tests.withheld.errors import BankError, WithheldError
 from tests.withheld.follow import follow
 
 if TYPE_CHECKING:
@@ -96,14 +96,17 @@ def _follow(options: argparse.Namespace) -> None:
 
 
 def _play(options: argparse.Namespace) -> None:
+    if options.sealed and options.seed is not None:
+        raise BankError("a sealed bank draws its seed in secret: leave --seed out")
     order = playing.Order(
         Path(options.bank),
         Path(options.programme),
         cases=options.cases,
         benches=options.benches,
         repeats=options.repeats,
-        seed=options.seed,
+        seed=28 if options.seed is None else options.seed,
         mixture=options.mixture,
+        sealed=options.sealed,
     )
     sha256 = playing.make(order, jobs=options.jobs)
     print(f"bank  {order.folder}")
@@ -233,7 +236,8 @@ def _check_ups(commands: _Commands) -> None:
     play.add_argument("--cases", type=int, default=66)
     play.add_argument("--benches", type=int, default=6)
     play.add_argument("--repeats", type=int, default=2, help="good repeats of each bench")
-    play.add_argument("--seed", type=int, default=28)
+    play.add_argument("--seed", type=int, help="default: 28; secret for sealed")
+    play.add_argument("--sealed", action="store_true", help="with effects nobody has looked at")
     play.add_argument("--mixture", choices=tuple(playing.MIXTURES), default="scores")
     play.add_argument("--jobs", type=int, default=2)
     play.set_defaults(run=_play)

@@ -14,8 +14,10 @@ from statistics import median
 from typing import Any
 
 from smad.gap.check.intervals import wilson
+from smad.gap.check.key import file_digest
 from smad.gap.check.names import canonical
 from tests.withheld.errors import BankError
+from tests.withheld.seals import require_logged
 
 EDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Strengths: what an effect changes of the signal that shows it most, in repeat floors."""
@@ -97,11 +99,16 @@ class Scored:
 
 
 def scored(verdicts: Path, key: Path, only: Iterable[str] | None = None) -> list[Scored]:
-    """All cases of a verdict file, or some. Raises BankError when the key is of another bank."""
+    """All cases of a verdict file, or some.
+
+    Raises BankError when the key is of another bank, and SmadError when verdicts on the sealed bank
+    were not scored, and logged, before.
+    """
     told = json.loads(verdicts.read_text())
     known = json.loads((key / "KEY.json").read_text())
     if known["bank"] != told["bank"]:
         raise BankError(f"{verdicts} is of bank {told['bank']}, the key of {known['bank']}")
+    require_logged(known["bank"], file_digest(key / "KEY.json"), verdicts)
     out = []
     for name in sorted(told["verdicts"] if only is None else only):
         v = told["verdicts"][name]
@@ -232,9 +239,9 @@ def _without(cases: Sequence[Scored]) -> str:
     )
 
 
-def beside(files: Mapping[str, Path], key: Path, title: str) -> str:
+def beside(given: Mapping[str, Path], key: Path, title: str) -> str:
     """Several verdict files over one key, a row each, over the cases that all of them have."""
-    told = {label: json.loads(path.read_text()) for label, path in files.items()}
+    told = {label: json.loads(path.read_text()) for label, path in given.items()}
     common = set.intersection(*(set(t["verdicts"]) for t in told.values()))
     benches = set.intersection(*(set(t["floors"]) for t in told.values()))
     lines = [
@@ -243,7 +250,7 @@ def beside(files: Mapping[str, Path], key: Path, title: str) -> str:
         "| new effects called by a name |",
         "|---|" + "---:|" * 9,
     ]
-    for label, path in files.items():
+    for label, path in given.items():
         cases = scored(path, key, common)
         single = [c for c in cases if c.kind == "single"]
         seen = [c for c in single if c.detected]

@@ -8,6 +8,7 @@
 Cases of one bench share its good runs, so that a diagnosis commissions a bench once.
 """
 
+import secrets
 import shutil
 import tomllib
 from collections.abc import Sequence
@@ -38,6 +39,7 @@ Array = NDArray[np.float64]
 
 COLUMNS = ("t_s", "i_x_A", "i_y_A", "duty_x", "duty_y")
 FORMAT = "smad-checkup-1"
+SEALED = "sealed"
 MIXTURE = {"single": 60, "none": 24, "parameters": 12, "unknown": 24, "pair": 12, "triple": 0}
 OTHER_DAYS = {"none": 12, "room": 12, "preload": 12, "parameters": 12, "drift": 12}
 """Benches without an effect on days unlike those they were commissioned on."""
@@ -80,7 +82,10 @@ def _read_run(folder: Path, name: str, duration_s: float) -> Played:
 
 @dataclass(frozen=True)
 class Order:
-    """A bank to make: how many cases on how many benches, how many good repeats."""
+    """A bank to make: how many cases on how many benches, how many good repeats.
+
+    `sealed`: effects of no list come from the sealed ones, and the seed is drawn in secret.
+    """
 
     folder: Path
     programme: Path
@@ -89,6 +94,12 @@ class Order:
     repeats: int
     seed: int
     mixture: str = "scores"
+    sealed: bool = False
+
+    @property
+    def name(self) -> str:
+        """What manifest and key call the bank."""
+        return SEALED if self.sealed else self.folder.name
 
     @property
     def key_folder(self) -> Path:
@@ -219,12 +230,17 @@ def _make(order: Order, case: Case, floor: Array) -> tuple[dict[str, Any], dict[
 
 
 def make(order: Order, jobs: int = 2) -> str:
-    """Write the bank and its key; the key's SHA-256. A folder that exists is refused."""
+    """Write the bank and its key; the key's SHA-256. A folder that exists is refused.
+
+    The seed of a sealed bank is drawn here and kept nowhere: its good repeats and cases would tell.
+    """
+    if order.sealed:
+        order = replace(order, seed=secrets.randbits(48))
     if order.folder.exists() or order.key_folder.exists():
         raise BankError(f"{order.folder} or its key exists: give another folder, or remove both")
     shutil.copytree(order.programme, order.folder / "programme")
     counts = scaled(MIXTURES[order.mixture], order.cases)
-    cases = draw("dev", order.seed, counts, 0)
+    cases = draw(SEALED if order.sealed else "dev", order.seed, counts, 0)
     with ProcessPoolExecutor(jobs) as pool:
         floors = list(pool.map(_good, [order] * order.benches, range(order.benches)))
         own = [floors[case.number % order.benches] for case in cases]
@@ -232,14 +248,14 @@ def make(order: Order, jobs: int = 2) -> str:
     order.key_folder.mkdir(parents=True)
     key = {
         "format": "smad-key-1",
-        "bank": order.folder.name,
+        "bank": order.name,
         "cases": {m["id"]: entry for m, entry in made},
     }
     files.write_json(order.key_folder / "KEY.json", key)
     sha256 = files.digest(order.key_folder / "KEY.json")
     manifest = {
         "format": FORMAT,
-        "bank": order.folder.name,
+        "bank": order.name,
         "key_sha256": sha256,
         "columns": files.UNITS,
         "repeats": order.repeats,

@@ -20,9 +20,8 @@ from smad.errors import SmadError
 from smad.gap import diagnose
 from smad.gap.check.bank import Bank, open_bank, read_case, require_files
 from smad.gap.check.case import How, Part, Task
-from smad.gap.check.key import file_digest, read_key
+from smad.gap.check.key import read_key
 from smad.gap.check.names import canonical
-from smad.gap.check.openings import SEALED, Ledger, checkout
 from smad.gap.check.running import Order, Progress, check, pool
 from smad.gap.check.score import Pair, matched
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile, read_verdict_file, read_verdicts
@@ -31,6 +30,7 @@ from smad.gap.fit.stages import Prepared
 from smad.gap.records import Diagnosis
 from smad.gap.runs import GapRun
 from tests.withheld.errors import WithheldError
+from tests.withheld.seals import require_logged
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,7 @@ def opened(verdicts: Path, key: Path, folder: Path) -> Frozen:
     """
     file = read_verdict_file(verdicts)
     truth, key_sha256 = read_key(key)
-    if truth.bank == SEALED:
-        ledger = Ledger.of(checkout())
-        ledger.require_sealed(key_sha256)
-        ledger.require_entered(file_digest(verdicts))
+    require_logged(truth.bank, key_sha256, verdicts)
     pairs = matched(read_verdicts(verdicts), truth, key_sha256)
     bank = open_bank(folder)
     if bank.manifest.key_sha256 != key_sha256:

@@ -6,8 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smad.gap.check.errors import KeyMismatchError
+from tests.withheld.calibrating import kept_findings
+from tests.withheld.check_up import run
+from tests.withheld.command import main
+from tests.withheld.curves import scored
 from tests.withheld.errors import BankError
 from tests.withheld.files import read_run
+from tests.withheld.plant.effects import names
 from tests.withheld.playing import Order, make, read_programme
 
 PROGRAMME = """format = "smad-programme-1"
@@ -77,3 +83,41 @@ def test_other_days_have_no_effect_and_are_unlike_the_good_ones(tmp_path: Path) 
     case = order.folder / "cases" / by_kind["room"][0] / "run-1.parquet"
     good = order.folder / "benches" / "bench-1" / "good-1" / "run-1.parquet"
     assert room_degC(case) > room_degC(good) + 1.0
+
+
+def test_a_sealed_bank_draws_a_seed_that_nothing_tells(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    programme = _programme(tmp_path / "p")
+    made = []
+    for n in range(2):
+        order = Order(tmp_path / f"bank-{n}", programme, 5, benches=1, repeats=1, seed=3,
+                      sealed=True)  # fmt: skip
+        made.append(make(order, jobs=1))
+        manifest = json.loads((order.folder / "manifest.json").read_text())
+        key = json.loads((order.key_folder / "KEY.json").read_text())
+        assert manifest["bank"] == key["bank"] == "sealed"
+        hidden = {e["name"] for c in key["cases"].values() for e in c["effects"] if not e["known"]}
+        assert hidden <= set(names("sealed"))
+    assert made[0] != made[1]
+    with pytest.raises(SystemExit):
+        main(
+            ["play", str(tmp_path / "b"), "--programme", str(programme), "--sealed", "--seed", "1"]
+        )
+    assert "draws its seed in secret" in capsys.readouterr().err
+
+
+def test_the_key_of_a_sealed_bank_is_not_read_before_its_verdicts_are_logged(
+    tmp_path: Path,
+) -> None:
+    order = Order(tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=1, seed=3,
+                  sealed=True)  # fmt: skip
+    sha256 = make(order, jobs=1)
+    with pytest.raises(BankError, match="is sealed"):
+        run(order.folder, tmp_path / "v.json", key=order.key_folder)
+    with pytest.raises(BankError, match="is sealed"):
+        kept_findings(order.folder, order.key_folder, tmp_path / "kept")
+    told = {"bank": "sealed", "key_sha256": sha256, "verdicts": {}}
+    (tmp_path / "v.json").write_text(json.dumps(told))
+    with pytest.raises(KeyMismatchError, match="hash of this sealed key"):
+        scored(tmp_path / "v.json", order.key_folder)
