@@ -35,6 +35,7 @@ class Order:
     cases: int | None = None
     full: bool = False
     seed: int | None = None
+    differs: int = DIFFERS
     jobs: int = 2
     suffix: str = ".parquet"
 
@@ -79,6 +80,7 @@ def _draw(order: Order) -> dict[str, Any]:
     return {
         "cases": order.cases,
         "full": order.full and order.bank != "mini",
+        "differs": order.differs,
         "csv": order.suffix != ".parquet",
     }
 
@@ -97,8 +99,7 @@ def planned(order: Order, seed: int) -> tuple[list[Case], Style]:
     counts = FULL if order.full else DEFAULT
     if order.cases:
         counts = scaled(counts, order.cases)
-    differs = DIFFERS if not order.cases else 1
-    return draw(order.bank, seed, counts, differs), Style(75.0, order.suffix)
+    return draw(order.bank, seed, counts, order.differs), Style(75.0, order.suffix)
 
 
 def _end_with_the_parent() -> None:

@@ -110,7 +110,8 @@ def draw(bank: str, seed: int, counts: dict[str, int], differs: int) -> list[Cas
             drawn.append((kind, choices, (3.0, 10.0)[i % 2]))
     for kind in WITHOUT:
         drawn += [(kind, ((),), 0.0)] * counts.get(kind, 0)
-    drawn += [("differs", ((),), 0.0)] * differs
+    for name in (str(n) for n in rng.permutation(np.resize(known, differs))):
+        drawn.append(("differs", _substitutes(rng, known, name), STRENGTHS[-1]))
     order = rng.permutation(len(drawn))
     seeds = rng.integers(2**31, size=len(drawn))
     return [

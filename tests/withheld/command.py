@@ -23,6 +23,7 @@ def _make(options: argparse.Namespace) -> None:
         Path(options.out),
         cases=options.cases,
         full=options.full,
+        differs=options.differs,
         seed=options.seed,
         jobs=options.jobs,
         suffix=".csv.gz" if options.csv else ".parquet",
@@ -190,6 +191,9 @@ def _any_runs(commands: _Commands) -> None:
     make.add_argument("bank", choices=("dev", "sealed", "mini"))
     make.add_argument("--cases", type=int, help="about so many cases, in the same mixture")
     make.add_argument("--full", action="store_true", help="440 cases instead of 150")
+    make.add_argument(
+        "--differs", type=int, default=bank.DIFFERS, help="cases without good runs (default 4)"
+    )
     make.add_argument("--out", default="banks", help="where bank and key go (default ./banks)")
     make.add_argument("--seed", type=int, help="default: fixed for dev, secret for sealed")
     make.add_argument("--jobs", type=int, default=2)

@@ -9,7 +9,7 @@ from smad.gap.check.baselines import baselines
 from smad.gap.check.names import OUTCOMES
 from smad.gap.check.quantities import quantities
 from smad.gap.check.verdicts import CaseVerdict, HeldOut, Hypothesis, NextExperiment, Short
-from smad.gap.records import NAMED, Diagnosis, Outcome, Verdict
+from smad.gap.records import NAMED, Budget, Diagnosis, Outcome, Verdict
 
 _QUIET = {Outcome.NO_GAP: "none", Outcome.PARAMETERS: "parameters"}
 _MOST_CAUSES = 12
@@ -36,6 +36,7 @@ def answer(
         subsystem=verdict.sub_model,
         regime=", ".join(verdict.regimes),
         held_out=held_out(diagnosis),
+        budget=budget_shares(diagnosis.budget),
         shrink=None if verdict.outcome is Outcome.REFUSED else verdict.shrink,
         quantities=quantities(diagnosis.values) if named else {},
         next_experiment=experiment,
@@ -65,6 +66,15 @@ def held_out(diagnosis: Diagnosis) -> dict[str, HeldOut]:
         raw, refit, effect = (row.floor * (1.0 + g * g) ** 0.5 for g in (row.raw, row.refit, after))
         out[row.channel] = HeldOut(raw, refit, effect, row.floor)
     return out
+
+
+def budget_shares(budget: Budget | None) -> dict[str, float]:
+    """Shares of the raw gap of all signals together, in the order in which they are taken."""
+    if budget is None:
+        return {}
+    row = budget.rows[0]
+    causes = dict(zip(budget.causes, row.causes, strict=True))
+    return {"parameters": row.parameters, **causes, "rest": row.rest}
 
 
 def hypotheses(verdict: Verdict, places: Mapping[str, Mapping[str, float]]) -> list[Hypothesis]:

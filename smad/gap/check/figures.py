@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _OURS, _RIGHT, _FAINT = "#0b5cad", "#1f7a4d", "#8b949e"
-_GOALS = {("detected", "3×"): 0.95, ("detected", "10×"): 0.99}
 
 
 def strengths(curves: Mapping[str, Sequence[Row]]) -> str:
@@ -29,9 +28,8 @@ def strengths(curves: Mapping[str, Sequence[Row]]) -> str:
         ax.errorbar(at, values, np.clip([below, above], 0.0, 1.0), fmt="o-", color=_OURS, capsize=3)
         for i, r in have:
             ax.annotate(f"n={r.count}", (i, 0.02), ha="center", fontsize=7, color=_FAINT)
-            goal = _GOALS.get((name, r.name))
-            if goal is not None:
-                ax.plot([i - 0.2, i + 0.2], [goal, goal], color=_RIGHT, linewidth=1.5)
+            if r.bound is not None:
+                ax.plot([i - 0.2, i + 0.2], [r.bound, r.bound], color=_RIGHT, linewidth=1.5)
         ax.set_xticks(range(len(rows)), [r.name for r in rows])
         ax.set_xlim(-0.4, len(rows) - 0.6)
         ax.set_ylim(0.0, 1.04)

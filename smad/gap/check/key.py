@@ -28,13 +28,14 @@ class CaseKey(msgspec.Struct, frozen=True):
     """What is true of one case.
 
     `gap` is that of each channel, in the `floor` of that channel, which is in its unit; `gap_worst`
-    is the largest of them.
+    is the largest of them. A key of check-ups has `gap_paired` instead, over two good days.
     """
 
     kind: Kind
     effects: list[TrueEffect] = []
     gap_worst: float = 0.0
     gap: dict[str, float] = {}
+    gap_paired: dict[str, float] = {}
     floor: dict[str, float] = {}
     shrink_exact_law: float | None = None
 

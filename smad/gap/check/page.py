@@ -196,6 +196,16 @@ def _trusted(scores: Scores) -> list[Block]:
 
 
 def _compared(scores: Scores) -> list[Block]:
-    rows = [(c.case, c.outcome, c.subsystem, c.said) for c in scores.model_against_bench]
-    text = "Cases of the question what differs between model and bench: reported, not counted."
-    return [Text(text), Table(("case", "outcome", "subsystem", "said"), rows)]
+    rows = [
+        (c.case, " + ".join(c.truth) or "none", c.outcome, c.said, _budget(c.budget))
+        for c in scores.model_against_bench
+    ]
+    text = (
+        "Cases of the question what differs between model and bench, without known-good runs. The "
+        "first cause of the budget is the answer. They count in no other row."
+    )
+    return [Text(text), Table(("case", "added", "outcome", "said", "budget"), rows)]
+
+
+def _budget(budget: dict[str, float]) -> str:
+    return ", ".join(f"{name} {part:.0%}" for name, part in budget.items()) or "none"

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import msgspec
 
 from smad.gap.check.errors import KeyMismatchError, VerdictError
+from smad.gap.check.goals import GOALS, Protocol
 from smad.gap.check.intervals import bootstrap, wilson
 from smad.gap.check.key import STRENGTHS, CaseKey, Key
 from smad.gap.check.names import NAMING, SILENT
-from smad.gap.check.verdicts import CaseVerdict, Short, VerdictFile
+from smad.gap.check.verdicts import NO_CAUSES, CaseVerdict, Short, VerdictFile
 
 CALIBRATION_BINS = 10
 ABSENT = CaseVerdict(outcome="not_enough_excitation")
@@ -22,7 +23,7 @@ _LEAST_SHRINK = 0.05
 class Row(msgspec.Struct, frozen=True):
     """One score: value and 95 % interval over `count` cases, all None without a case.
 
-    `met` is None where no goal applies.
+    `goal` is empty and `met` None where no goal applies; `bound` is the goal's.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Row(msgspec.Struct, frozen=True):
     count: int
     goal: str = ""
     met: bool | None = None
+    bound: float | None = None
 
 
 @dataclass(frozen=True)
@@ -134,35 +136,27 @@ def calibration(pairs: Sequence[Pair]) -> tuple[float | None, list[Bin]]:
     return error, out
 
 
-def share(name: str, hits: Sequence[float], goal: str = "", bound: float | None = None,
-          *, at_most: bool = False, wilson_low: float | None = None) -> Row:  # fmt: skip
+def share(name: str, hits: Sequence[float]) -> Row:
     """A row for a share of cases, with Wilson's interval."""
     if not hits:
-        return Row(name, None, None, None, 0, goal)
-    low, high = wilson(sum(hits), len(hits))
-    value = sum(hits) / len(hits)
-    met: bool | None = None
-    if bound is not None:
-        met = value <= bound if at_most else value >= bound
-        if wilson_low is not None:
-            met = met and low >= wilson_low
-    return Row(name, value, low, high, len(hits), goal, met)
+        return Row(name, None, None, None, 0)
+    return Row(name, sum(hits) / len(hits), *wilson(sum(hits), len(hits)), len(hits))
 
 
-def _middle(name: str, values: Sequence[float], goal: str = "", bound: float | None = None) -> Row:
+def _over(name: str, values: Sequence[float], of: Callable[[Sequence[float]], float]) -> Row:
+    """A row for a mean or a median, with its bootstrap interval."""
     if not values:
-        return Row(name, None, None, None, 0, goal)
-    low, high = bootstrap(values, statistics.median)
-    value = statistics.median(values)
-    return Row(name, value, low, high, len(values), goal, None if bound is None else value >= bound)
+        return Row(name, None, None, None, 0)
+    return Row(name, of(values), *bootstrap(values, of), len(values))
 
 
-def _mean(name: str, values: Sequence[float], goal: str, bound: float) -> Row:
-    if not values:
-        return Row(name, None, None, None, 0, goal)
-    low, high = bootstrap(values, statistics.fmean)
-    value = statistics.fmean(values)
-    return Row(name, value, low, high, len(values), goal, value >= bound)
+def with_goal(row: Row, protocol: Protocol, name: str = "") -> Row:
+    """The row with the goal that `name` (the row's own by default) has under the protocol."""
+    goal = GOALS.get(name or row.name, {}).get(protocol)
+    if goal is None:
+        return row
+    met = None if row.value is None or row.low is None else goal.met(row.value, row.low)
+    return msgspec.structs.replace(row, goal=str(goal), met=met, bound=goal.bound)
 
 
 def _naming_rows(pairs: Sequence[Pair]) -> list[Row]:
@@ -170,18 +164,16 @@ def _naming_rows(pairs: Sequence[Pair]) -> list[Row]:
     unknown = of_kind(pairs, "unknown")
     seen = [p for p in unknown if detected(p.said)]
     return [
-        share("right name first, of the detected", [name_credit(p) for p in found],
-              "≥ 90 %, Wilson lower bound ≥ 85 %", 0.90, wilson_low=0.85),
+        share("right name first, of the detected", [name_credit(p) for p in found]),
         share("right subsystem, of the detected",
-              [float(p.said.subsystem in p.truth.subsystems) for p in found], "≥ 97 %", 0.97),
-        share("right name in the first three", [float(in_first_three(p)) for p in found],
-              "≥ 98 %", 0.98),
-        _mean("mean probability on the truth", [probability_of_truth(p) for p in found],
-              "≥ 0.85", 0.85),
+              [float(p.said.subsystem in p.truth.subsystems) for p in found]),
+        share("right name in the first three", [float(in_first_three(p)) for p in found]),
+        _over("mean probability on the truth", [probability_of_truth(p) for p in found],
+              statistics.fmean),
         share("unknown effects rejected, of the detected",
-              [float(p.said.outcome == "unknown") for p in seen], "≥ 90 %", 0.90),
+              [float(p.said.outcome == "unknown") for p in seen]),
         share("unknown effects named as a known one",
-              [float(p.said.outcome in NAMING) for p in unknown], "≤ 5 %", 0.05, at_most=True),
+              [float(p.said.outcome in NAMING) for p in unknown]),
         share("unknown effects: right subsystem, of the detected",
               [float(p.said.subsystem in p.truth.subsystems) for p in seen]),
     ]  # fmt: skip
@@ -205,10 +197,10 @@ def _several_rows(pairs: Sequence[Pair]) -> list[Row]:
         and (after := p.said.next_experiment.names_after) is not None
     ]
     return [
-        share("leave one effect out: rejected", left_out, "≥ 85 %", 0.85),
-        share("pairs: exact", exact("pair"), "≥ 75 %", 0.75),
+        share("leave one effect out: rejected", left_out),
+        share("pairs: exact", exact("pair")),
         share("triples: exact", exact("triple")),
-        share("recommended experiment resolves", followed, "≥ 80 % in one", 0.80),
+        share("recommended experiment resolves", followed),
     ]
 
 
@@ -225,40 +217,50 @@ def _shrink_rows(pairs: Sequence[Pair]) -> list[Row]:
             q = p.said.quantities.get(e.name)
             if q is not None and e.quantity is not None:
                 covered.append(float(q.low <= e.quantity <= q.high))
-    row = share("95 % intervals cover", covered, "90–98 %")
-    met = None if row.value is None else 0.90 <= row.value <= 0.98
     return [
-        _middle("median held-out shrink, tool ÷ O2", best_entry, "≥ 0.90", 0.90),
-        _middle("median held-out shrink, tool ÷ O1", exact_law),
-        msgspec.structs.replace(row, met=met),
+        _over("median held-out shrink, tool ÷ O2", best_entry, statistics.median),
+        _over("median held-out shrink, tool ÷ O1", exact_law, statistics.median),
+        share("95 % intervals cover", covered),
     ]
+
+
+def _differs_row(pairs: Sequence[Pair]) -> Row:
+    """Without known-good runs the first cause of the budget is the answer, beside its rest."""
+    asked = [p for p in of_kind(pairs, "differs") if p.truth.effects]
+    first = [next((n for n in p.said.budget if n not in NO_CAUSES), "") for p in asked]
+    hits = [float(n in p.truth.names) for n, p in zip(first, asked, strict=True)]
+    return share("differs: right entry first in the budget", hits)
 
 
 def _calibration_row(pairs: Sequence[Pair]) -> Row:
     counted = [p for p in pairs if p.said.causes and p.truth.kind != "differs"]
     error, bins = calibration(counted)
     if error is None:
-        return Row("calibration error", None, None, None, 0, "≤ 0.05")
+        return Row("calibration error", None, None, None, 0)
     low, high = bootstrap(counted, lambda some: calibration(some)[0] or 0.0)
     count = sum(b.count for b in bins)
-    return Row("calibration error", error, low, high, count, "≤ 0.05", error <= 0.05)
+    return Row("calibration error", error, low, high, count)
+
+
+def protocol_of(pairs: Sequence[Pair]) -> Protocol:
+    """How the bank was recorded: a check-up's key tells what differs over paired repeats."""
+    return "check-up" if any(p.truth.gap_paired for p in pairs) else "any runs"
 
 
 def table(pairs: Sequence[Pair]) -> list[Row]:
-    """Every row of the published table, and a few beside it."""
+    """Every row of the published table, and a few beside it, with the goals of the protocol."""
     quiet = of_kind(pairs, "none", "parameters")
     with_gap = of_kind(pairs, "single", "unknown")
-    goals = {1.0: ("", None), 3.0: ("≥ 95 %", 0.95), 10.0: ("≥ 99 %", 0.99)}
-    rows = [
-        share("false alarms on none", [float(detected(p.said)) for p in quiet],
-              "≤ 1 in 60", 1 / 60, at_most=True),
-    ]  # fmt: skip
+    rows = [share("false alarms on none", [float(detected(p.said)) for p in quiet])]
     for strength in STRENGTHS:
         hits = [float(detected(p.said)) for p in with_gap if p.truth.strength == strength]
-        rows.append(share(f"detected at {strength:.0f}× the floor", hits, *goals[strength]))
+        rows.append(share(f"detected at {strength:.0f}× the floor", hits))
     rows += _naming_rows(pairs)
     rows.append(_calibration_row(pairs))
-    return rows + _several_rows(pairs) + _shrink_rows(pairs)
+    rows += _several_rows(pairs) + _shrink_rows(pairs)
+    rows.append(_differs_row(pairs))
+    protocol = protocol_of(pairs)
+    return [with_goal(row, protocol) for row in rows]
 
 
 def by_strength(pairs: Sequence[Pair]) -> dict[str, list[Row]]:
@@ -269,7 +271,9 @@ def by_strength(pairs: Sequence[Pair]) -> dict[str, list[Row]]:
         single, unknown = of_kind(here, "single"), of_kind(here, "unknown")
         label = f"{strength:.0f}×"
         seen = [float(detected(p.said)) for p in single + unknown]
-        out["detected"].append(share(label, seen))
+        row = share(label, seen)
+        goal = f"detected at {label} the floor"
+        out["detected"].append(with_goal(row, protocol_of(pairs), goal))
         named = [name_credit(p) for p in single if detected(p.said)]
         out["right name first"].append(share(label, named))
         rejected = [float(p.said.outcome == "unknown") for p in unknown if detected(p.said)]

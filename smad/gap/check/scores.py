@@ -41,12 +41,13 @@ class Mistake(msgspec.Struct, frozen=True):
 
 
 class Compared(msgspec.Struct, frozen=True):
-    """A case of the question what differs between model and bench, which has no right answer."""
+    """A case of the question what differs between model and bench; `truth` is what was added."""
 
     case: str
+    truth: list[str]
     outcome: str
-    subsystem: str
     said: str
+    budget: dict[str, float]
 
 
 class Trusted(msgspec.Struct, frozen=True):
@@ -212,7 +213,7 @@ def scores(pairs: Sequence[Pair], bank: str) -> Scores:
         baselines=baselines(pairs),
         mistakes=mistakes(pairs),
         model_against_bench=[
-            Compared(p.case, p.said.outcome, p.said.subsystem, said(p.said))
+            Compared(p.case, sorted(p.truth.names), p.said.outcome, said(p.said), p.said.budget)
             for p in of_kind(pairs, "differs")
         ],
         trusted=trusted(pairs),

@@ -13,6 +13,8 @@ from smad.gap.check.names import OUTCOMES, canonical, canonical_subsystem, plain
 
 FORMAT = "smad-verdicts-1"
 NOT_CAUSES = frozenset(("none", "parameters", "unknown"))
+NO_CAUSES = ("parameters", "rest")
+"""What a budget holds besides causes."""
 
 
 class Hypothesis(msgspec.Struct, frozen=True):
@@ -58,7 +60,11 @@ class Short(msgspec.Struct, frozen=True):
 
 
 class CaseVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """All that is said about one case."""
+    """All that is said about one case.
+
+    `budget` is the share of the raw gap on the held-out runs, all signals together, that goes to
+    the parameters, to each cause in turn and to the rest.
+    """
 
     outcome: str
     causes: list[Hypothesis] = []
@@ -66,6 +72,7 @@ class CaseVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     subsystem: str = ""
     regime: str = ""
     held_out: dict[str, HeldOut] = {}
+    budget: dict[str, float] = {}
     shrink: float | None = None
     shrink_best_entry: float | None = None
     quantities: dict[str, Estimate] = {}
@@ -131,6 +138,14 @@ def _short(short: Short, extra: Mapping[str, str]) -> Short:
     return Short(short.outcome, [canonical(n, extra) for n in short.names])
 
 
+def _budget(budget: Mapping[str, float], extra: Mapping[str, str]) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for name, part in budget.items():
+        named = canonical(name, extra)
+        out[named] = out.get(named, 0.0) + part
+    return out
+
+
 def in_bank_names(verdict: CaseVerdict, extra: Mapping[str, str]) -> CaseVerdict:
     """The verdict in the bank's names; without a subsystem, that of the first cause."""
     causes = _merged(verdict.causes, extra)
@@ -150,6 +165,7 @@ def in_bank_names(verdict: CaseVerdict, extra: Mapping[str, str]) -> CaseVerdict
         causes=causes,
         group=[canonical(n, extra) for n in verdict.group],
         subsystem=subsystem,
+        budget=_budget(verdict.budget, extra),
         quantities={canonical(n, extra): q for n, q in verdict.quantities.items()},
         left_out={canonical(n, extra): _short(s, extra) for n, s in verdict.left_out.items()},
         baselines={n: _short(s, extra) for n, s in verdict.baselines.items()},

@@ -26,6 +26,7 @@ from smad.gap.check.verdicts import (
     NextExperiment,
     Short,
     VerdictFile,
+    in_bank_names,
     read_verdicts,
     write_verdicts,
 )
@@ -119,6 +120,35 @@ def test_false_alarms_are_claims_where_there_is_no_structural_gap() -> None:
     }
     row = _rows(key, verdicts)["false alarms on none"]
     assert (row.value, row.count, row.met) == (0.25, 4, False)
+
+
+def test_a_check_up_has_goals_of_its_own() -> None:
+    runs = {f"{i}": _entry("single", LAG) for i in range(10)}
+    paired = {c: {**e, "gap_paired": {"rtd_x": 3.0}} for c, e in runs.items()}
+    verdicts = {c: _named("rtd_lag" if c != "0" else "rtd_offset") for c in runs}
+    name = "right name first, of the detected"
+    assert _rows(runs, verdicts)[name].met is True
+    assert _rows(paired, verdicts)[name].met is False
+    assert _rows(paired, verdicts)[name].goal == "≥ 0.9, interval from 0.85"
+
+
+def test_without_good_runs_the_first_cause_of_the_budget_is_the_answer() -> None:
+    key = {c: _entry("differs", LAG, gap=10.0) for c in "abc"} | {"d": _entry("differs")}
+    verdicts = {
+        "a": CaseVerdict(
+            outcome="unknown", budget={"parameters": 0.5, "sensor_lag": 0.2, "rest": 0.3}
+        ),
+        "b": _named("rtd_lag", budget={"parameters": 0.1, "rtd_offset": 0.5, "rtd_lag": 0.4}),
+        "c": CaseVerdict(outcome="parameters_only", budget={"parameters": 0.9, "rest": 0.1}),
+        "d": CaseVerdict(outcome="unknown", budget={"parameters": 0.9, "rtd_lag": 0.1}),
+    }
+    file = VerdictFile(
+        format="smad-verdicts-1", bank="x", key_sha256=SHA,
+        verdicts={c: in_bank_names(v, {"sensor_lag": "rtd_lag"}) for c, v in verdicts.items()},
+    )  # fmt: skip
+    rows = {r.name: r for r in score.table(score.matched(file, _key(key), SHA))}
+    row = rows["differs: right entry first in the budget"]
+    assert (row.value, row.count, row.met) == (pytest.approx(1 / 3), 3, False)
 
 
 def test_unknown_effects_must_be_called_unknown() -> None:
@@ -266,7 +296,8 @@ def test_the_bootstrap_holds_the_mean_of_many() -> None:
 
 def test_a_score_without_a_case_says_so_instead_of_a_number() -> None:
     rows = _rows({"a": _entry("none")}, {"a": CaseVerdict(outcome="no_gap")})
-    assert rows["pairs: exact"] == score.Row("pairs: exact", None, None, None, 0, "≥ 75 %", None)
+    row = rows["pairs: exact"]
+    assert (row.value, row.low, row.count, row.goal, row.met) == (None, None, 0, "≥ 0.4", None)
     assert rows["calibration error"].value is None
 
 
