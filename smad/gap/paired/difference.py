@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from smad.gap.paired.errors import PairingError
-from smad.gap.paired.model import Played, predictions
+from smad.gap.paired.model import Played, finite, predictions, scaled_signatures
 from smad.gap.paired.reference import (
     Reference,
     RunReference,
@@ -37,7 +37,9 @@ _LEAST_ROWS = 50
 @dataclass(frozen=True)
 class Pair:
     """A run of now beside its reference. `share` of the programme's run was recorded; `carried`
-    says that inputs differed and the model carried the difference over."""
+    says that inputs differed and the model carried the difference over. `played` is what the model
+    replays to tell what an effect changes, `base` its prediction without one: of the reference's
+    inputs, or of the run's own where it was carried."""
 
     now: str
     reference: RunReference
@@ -46,6 +48,8 @@ class Pair:
     share: float
     carried: bool
     around: Mapping[str, float]
+    played: Played
+    base: Array
 
 
 @dataclass(frozen=True)
@@ -83,18 +87,31 @@ class Paired:
 
     @cached_property
     def signatures(self) -> Array:
-        """White signatures of all atoms beside tied parameters; (atoms, rows)."""
-        return self.tie(self.white([p.reference.signatures for p in self.pairs]))
+        """White signatures of all atoms beside tied parameters; (atoms, rows).
+
+        Those of runs with other inputs are made anew for these.
+        """
+        other = [i for i, p in enumerate(self.pairs) if p.carried]
+        found = [p.reference.signatures for p in self.pairs]
+        own = scaled_signatures(
+            self.plant,
+            self.reference.point,
+            [self.pairs[i].played for i in other],
+            [self.pairs[i].base for i in other],
+            self.reference.atoms,
+        )
+        for i, signature in zip(other, own, strict=True):
+            found[i] = signature
+        return self.tie(self.white(found))
 
     def change(self, effects: EffectValues) -> list[Array] | None:
         """What effects change of each pair; each (bins, channels). None if it cannot be run."""
         point = ModelPoint(self.reference.point.theta, {**self.reference.point.effects, **effects})
-        runs = {p.reference.name: p.reference for p in self.pairs}
-        found = predictions(self.plant, point, [r.played for r in runs.values()])
-        if not all(np.isfinite(f).all() for f in found):
+        runs = {id(p.played): p.played for p in self.pairs}
+        found = dict(zip(runs, predictions(self.plant, point, list(runs.values())), strict=True))
+        if not finite(list(found.values())):
             return None
-        moved = {n: f - r.base for (n, r), f in zip(runs.items(), found, strict=True)}
-        return [moved[p.reference.name] for p in self.pairs]
+        return [found[id(p.played)] - p.base for p in self.pairs]
 
     def white_change(self, effects: EffectValues) -> Array | None:
         """The same in white space beside tied parameters; shape (rows,)."""
@@ -141,13 +158,18 @@ def _pair(
     around = start_values(run, list(traits.environment.values()))
     other = not same_inputs(now, then.inputs, spans)
     difference = now.values - then.mean
-    moved = _replayed(
-        plant, reference, then, run=run if other else None, around=around, start=start
-    )
+    played, base = then.played, then.base
+    again = _again(then, run if other else None, around, start)
+    found = predictions(plant, reference.point, [again])[0]
+    moved = np.where(np.isfinite(found) & now.covered[:, None], found - base, 0.0)
+    if other:
+        played, base = again, base + moved
     difference = difference - moved
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, traits, reference, then, valid).carried(moved)
-    return Pair(run.name, then, difference, rows, now.share, other, around)
+    return Pair(
+        run.name, then, difference, rows, now.share, other, around, played=played, base=base
+    )
 
 
 def rows_of(
@@ -165,23 +187,12 @@ def rows_of(
     )
 
 
-def _replayed(
-    plant: PlantModel,
-    reference: Reference,
-    then: RunReference,
-    *,
-    run: GapRun | None,
-    around: Mapping[str, float],
-    start: float,
-) -> Array:
-    """What the model says of other surroundings, and of other inputs where `run` has them.
-
-    0 after the end of a run that was cut short.
-    """
+def _again(
+    then: RunReference, run: GapRun | None, around: Mapping[str, float], start_s: float
+) -> Played:
+    """The reference's run in other surroundings, with the inputs of `run` where it has others."""
     source = then.played.whole if run is None else run
     shown = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
     again = GapRun(source.name, source.t_s, source.inputs, shown)
-    at = then.played.start_s if run is None else start
-    played = replace(Played.of(again, at), bins=then.played.bins)
-    found = predictions(plant, reference.point, [played])[0]
-    return np.where(np.isfinite(found) & (found != 0.0), found - then.base, 0.0)
+    at = then.played.start_s if run is None else start_s
+    return replace(Played.of(again, at), bins=then.played.bins)

@@ -149,6 +149,8 @@ def test_without_good_runs_the_first_cause_of_the_budget_is_the_answer() -> None
     rows = {r.name: r for r in score.table(score.matched(file, _key(key), SHA))}
     row = rows["differs: right entry first in the budget"]
     assert (row.value, row.count, row.met) == (pytest.approx(1 / 3), 3, False)
+    row = rows["differs: right entry in the budget"]
+    assert (row.value, row.count, row.met) == (pytest.approx(2 / 3), 3, None)
 
 
 def test_unknown_effects_must_be_called_unknown() -> None:

@@ -86,6 +86,28 @@ def test_warmer_water_is_carried_over_and_told(reference: Reference) -> None:
     assert any("rtd_inlet_degC +1.5 K" in note for note in verdict.notes)
 
 
+CUT = run_of(
+    "short",
+    "the same, with current cut off for the last 0.6 s of heating X, as a board does in a fault",
+    [(3.0, 0, 0, 0, 0), (2.4, 3.0, 0, 0, 0), (0.6, 0, 0, 0, 0), (3.0, 0, 0, 0.8, 0),
+     (2.0, 0, 0, 0, 0), (3.0, 0, 2.8, 0, 0), (4.0, 0, 0, 0, 0.6), (2.0, 1.5, 0, 0, 0),
+     (4.0, 0, 0, 1, 1)],
+)  # fmt: skip
+
+
+def test_a_current_that_was_cut_off_is_carried_over(reference: Reference) -> None:
+    pairs, verdict = judged(PLANT, reference, [(played(21, what=CUT), "short")])
+    assert pairs.pairs[0].carried
+    assert verdict.outcome in ("quiet", "parameters")
+
+
+def test_a_cause_is_named_at_the_inputs_that_were_played(reference: Reference) -> None:
+    now = played(22, {"driver_gain": {"gain": 0.05, "y_share": 1.0}}, what=CUT)
+    verdict = checked(PLANT, reference, [(now, "short")])
+    assert verdict.likely[0].names == ["driver_gain"]
+    assert verdict.likely[0].values["driver_gain"]["gain"] == pytest.approx(0.05, rel=0.1)
+
+
 def test_a_run_that_was_cut_short_counts_as_far_as_it_goes(reference: Reference) -> None:
     now = played(16, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
     verdict = checked(PLANT, reference, [(now.part(0, len(now.t_s) // 2), "short")])
