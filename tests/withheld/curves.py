@@ -22,6 +22,7 @@ from tests.withheld.seals import require_logged
 EDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Strengths: what an effect changes of the signal that shows it most, in repeat floors."""
 _FIRST = 3
+_SEVERAL = {"pair": "two effects", "triple": "three effects"}
 _OTHER_DAYS = {
     "room": "the room 4 K warmer",
     "preload": "another preload",
@@ -172,7 +173,6 @@ def _others(cases: Sequence[Scored]) -> str:
         return [c for c in cases if c.kind == kind]
 
     unknown = [c for c in of("unknown") if c.detected]
-    pairs = [c for c in of("pair") if c.detected]
     rows = [
         ("nothing", "false alarms", of("none"), lambda c: c.detected),
         ("other parameter values", "a name that is not there", of("parameters"),
@@ -181,11 +181,15 @@ def _others(cases: Sequence[Scored]) -> str:
         ("the same, detected", "said to be unknown", unknown, lambda c: c.outcome == "unknown"),
         ("the same, detected", "called by a name of the library", unknown,
          lambda c: bool(c.named)),
-        ("two effects", "detected", of("pair"), lambda c: c.detected),
-        ("the same, detected", "both named, and nothing else", pairs, lambda c: c.exact),
-        ("the same, detected", "at least one named, none wrong", pairs,
-         lambda c: bool(c.named) and c.named <= c.names),
     ]  # fmt: skip
+    for kind, matter in _SEVERAL.items():
+        seen = [c for c in of(kind) if c.detected]
+        rows += [
+            (matter, "detected", of(kind), lambda c: c.detected),
+            ("the same, detected", "all named, and nothing else", seen, lambda c: c.exact),
+            ("the same, detected", "at least one named, none wrong", seen,
+             lambda c: bool(c.named) and c.named <= c.names),
+        ]  # fmt: skip
     for kind, matter in _OTHER_DAYS.items():
         rows += [
             (matter, "called changed", of(kind), lambda c: c.detected),

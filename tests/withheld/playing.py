@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 COLUMNS = ("t_s", "i_x_A", "i_y_A", "duty_x", "duty_y")
 FORMAT = "smad-checkup-1"
 SEALED = "sealed"
-MIXTURE = {"single": 60, "none": 24, "parameters": 12, "unknown": 24, "pair": 12, "triple": 0}
+MIXTURE = {"single": 60, "none": 24, "parameters": 12, "unknown": 24, "pair": 12, "triple": 4}
 OTHER_DAYS = {"none": 12, "room": 12, "preload": 12, "parameters": 12, "drift": 12}
 """Benches without an effect on days unlike those they were commissioned on."""
 MIXTURES = {"scores": MIXTURE, "other-days": OTHER_DAYS}

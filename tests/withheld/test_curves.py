@@ -56,7 +56,7 @@ def test_the_tables_count_what_was_detected_and_named(bank: tuple[Path, Path]) -
     assert shown == ["2", "1.00", "0.50", "0.50", "1.00", "0.65"]
     assert "| nothing | false alarms | 2 | 0.50" in text
     assert "| the same, detected | said to be unknown | 1 | 1.00" in text
-    assert "| the same, detected | both named, and nothing else | 2 | 0.50" in text
+    assert "| the same, detected | all named, and nothing else | 2 | 0.50" in text
     assert "| the same, detected | at least one named, none wrong | 2 | 1.00" in text
 
 
