@@ -184,6 +184,9 @@ class Service:
 
     def arm(self, params: api.Arm, caller: Caller) -> Awaitable[api.Motion]:
         """Ask the board for a token, begin the run log, confirm."""
+        return self._arm_alone(params, caller, self._stops.generation)
+
+    async def _arm_alone(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
         if self._arming:
             raise Refusal(
                 Reason.BUSY,
@@ -191,9 +194,6 @@ class Service:
                 action="wait for the reply to that (smad status)",
             )
         self._arming = True
-        return self._arm_alone(params, caller, self._stops.generation)
-
-    async def _arm_alone(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
         try:
             return await self._arm(params, caller, generation)
         finally:

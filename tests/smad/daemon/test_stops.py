@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections.abc import Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,11 @@ from firmware_protocol.enums import BoardState
 from firmware_protocol.events import DisarmRequested
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
+from smad import api
 from smad.client.endpoints import Endpoints
 from smad.client.wire import connect
 from smad.config import LimitsConfig
+from smad.daemon.command.service import Caller
 from smad.daemon.sockets.listener import bytes_unread
 from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
 
@@ -382,10 +385,19 @@ async def test_two_who_arm_at_once_are_one_arming_and_one_refusal(tmp_path: Path
         await rig.run_for(2.0)
         first, second = rig.begin("arm", b"ada"), rig.begin("arm", b"bob")
         with pytest.raises(Refused, match="being armed already"):
-            result_of(second.result())
+            result_of(await rig.run_until(second))
         assert result_of(await rig.run_until(first))["armed"]
         await rig.ask("disarm")
         await rig.run_until(_safe(rig))
+        assert (await rig.ask("arm", client=b"bob"))["armed"]
+
+
+async def test_an_arming_that_is_never_begun_keeps_nobody_out(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        dropped = rig.daemon.service.arm(api.Arm(), Caller(b"ada"))
+        assert isinstance(dropped, Coroutine)
+        dropped.close()
         assert (await rig.ask("arm", client=b"bob"))["armed"]
 
 
