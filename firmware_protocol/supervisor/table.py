@@ -203,7 +203,6 @@ CHECK_FUNCTION: tuple[CheckFunction, ...] = tuple(line.check.function for line i
 CHECK_CHANNEL: tuple[int, ...] = tuple(int(line.channel) for line in LINES)
 CHECK_FAULT: tuple[int, ...] = tuple(int(line.check.fault) for line in LINES)
 LINE_COUNT = len(LINES)
-STATE_COUNT = len(BoardState)
 
 
 def _active(state: BoardState) -> tuple[int, ...]:

@@ -42,11 +42,6 @@ class Entry:
     file_unit: str
     meaning: str
 
-    @property
-    def prior_sigma(self) -> float:
-        """Standard deviation of the prior, SI: a quarter of the range, so that ±2σ spans it."""
-        return (self.high - self.low) / 4.0
-
     def shown(self, value: float | None = None) -> str:
         """The value (or another one, SI) in the file's unit, with the unit."""
         return _shown(self.value if value is None else value, self.file_unit)

@@ -59,7 +59,6 @@ for _side in ("x", "y"):
         f"heat_to_air_{_side}_J": (f"{_side}.heat_to_air", 0.0),
         f"work_on_{_side}_J": (f"{_side}.work_on", 0.0),
     }
-MEASURED: tuple[str, ...] = tuple(OUTPUTS)[:10]
 FEEDS: dict[str, int] = {
     "i_A": 2, "temperature_K": 2, "force_N": 1, "displacement_m": 1, "surroundings_K": 2,
 }  # fmt: skip

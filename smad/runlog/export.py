@@ -171,4 +171,3 @@ _FORMATS: Mapping[str, Callable[[Run, Path], None]] = {
     ".parquet": _write_parquet,
     ".mat": _write_mat,
 }
-EXPORT_SUFFIXES = tuple(_FORMATS)

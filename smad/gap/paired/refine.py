@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.gap.model.space import Space
-from smad.gap.plant import Array, Effect, ModelPoint
+from smad.gap.plant import Array, Effect
 
 WhiteEffect = Callable[[Mapping[str, Mapping[str, float]]], Array | None]
 """White rows of what effects change of the reference model; None if it cannot be simulated."""
@@ -97,8 +97,3 @@ def _slopes(space: Space, p: Array, change: Array, white: WhiteEffect, high: Arr
         if moved is not None:
             out[i] = (moved - change) / step
     return out
-
-
-def point_with(reference: ModelPoint, effects: Mapping[str, Mapping[str, float]]) -> ModelPoint:
-    """The reference model with these effects, in place of its own of the same name."""
-    return ModelPoint(reference.theta, {**reference.effects, **effects})
