@@ -1,18 +1,18 @@
 """The displacement loop over many benches, with the shipped gains and after tuning.
 
-    python tools/control_campaign.py run FILE [--first 0] [--last 100] [--rate 100] [--minutes 30]
-    python tools/control_campaign.py table FILE [FILE …] [--write]
-    python tools/control_campaign.py worst FILE [FILE …]
-    python tools/control_campaign.py constants FILE
+    python tools/control_campaign.py run [--first 0] [--last 100] [--rate 100] [--minutes 30]
+    python tools/control_campaign.py table
+    python tools/control_campaign.py worst
+    python tools/control_campaign.py constants --file FILE
 
-`run` appends a line of JSON for each case to FILE and goes on where FILE ends. Benches 0 and 1 are
-sets A and B; from 2 on every parameter is drawn evenly within its range, as in the harsh campaign
+`run` appends a line of JSON for each case to smad/experiments/data/benches.jsonl (or to `--file`)
+and leaves out those that it has: after a change of the controller remove them. Benches 0 and 1 are
+sets A and B; from 21 on every parameter is drawn evenly within its range, as in the harsh campaign
 (tests/sim_device/harsh.py), with the sensor noise of set A, once and three times. From 200 on what
 sets B apart from A is kept. With `--shipped` no bench is tuned. `table` prints median, bad 5 % and
-worst; with `--write` it also replaces those groups in smad/experiments/data/benches.json, from
-which `make generate` makes the table of the guide. The other groups there stay: after a change of
-the controller run all of them again. `worst` names benches. `constants` holds the development
-benches, which no table counts, with each constant of the quiet hold changed alone.
+worst, as `make generate` puts them into the guide; `worst` names benches. `constants` holds the
+development benches 2 to 20, which no table counts, with each constant of the quiet hold changed
+alone.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -35,7 +35,7 @@ from smad.config import Config, ControlConfig, HoldConfig, LinkConfig
 from smad.control.commands import Step
 from smad.errors import SmadError
 from smad.experiments import over_benches
-from smad.experiments.over_benches import QUANTITIES, Group, table, with_nan
+from smad.experiments.over_benches import LEVELS_MM, QUANTITIES, values
 from smad.experiments.tuning import tune_displacement
 from smad.experiments.virtual import VirtualDriver
 
@@ -44,10 +44,7 @@ from tests.sim_device.harsh import AROUND_B, bench_of
 
 DEVELOPMENT = range(2, 21)
 """The benches on which constants are chosen. They score nothing."""
-HELD = ("starts", "turns", "ripple_mA", "error_um")
-"""What each hold has a value of."""
-WRITTEN = Path(over_benches.__file__).parent / over_benches.DATA
-LEVELS_MM = (0.0, 5.0, -10.0)
+SHIPPED = Path(over_benches.__file__).parent / over_benches.DATA
 REACHED_MM = 0.05
 """A level whose hold errs more, on average, is out of the bench's reach."""
 
@@ -90,7 +87,7 @@ def measured(
     score = runs.sine_score(trace, 7.0)
     out |= {"r2": score.r2, "energy_J": score.energy_J, "cycle_starts": score.pump_starts}
     step = runs.step_score(parameters, config, 0.0, 2.0, seed=seed, rate_hz=rate_hz)
-    out |= {"settling_s": step.settling_time_s, "overshoot": step.overshoot_fraction}
+    out |= {"settling_s": step.settling_time_s, "overshoot": 100.0 * step.overshoot_fraction}
     for level in LEVELS_MM:
         out[f"hold {level:g}"] = held(parameters, config, level, seed, rate_hz)
     return out
@@ -112,7 +109,6 @@ def held(
         "starts": sum(quality.pump_starts), "turns": runs.turns(part),
         "ripple_mA": 1e3 * quality.ripple_A,
         "error_um": 1e3 * quality.error_rms, "reached": off_mm < REACHED_MM,
-        "true_um": runs.true_error_um(trace, to_s - runs.HOLD_S, to_s),
     }  # fmt: skip
 
 
@@ -168,22 +164,36 @@ def constants(file: Path) -> None:
             print(f"| `{name}` | {shipped[name]:g} | {cells[0]} | {cells[1]} |", flush=True)
 
 
+def kind_of(seed: int) -> str:
+    """What a bench is called in the table."""
+    if seed < DEVELOPMENT[0]:
+        return over_benches.KINDS[seed]
+    return over_benches.KINDS[3 if seed >= AROUND_B else 2]
+
+
 def cases(first: int, last: int, rate_hz: int) -> Iterator[dict[str, Any]]:
     """Which cases there are, in the order in which they are run."""
-    for seed in range(first, last):
+    for seed in (n for n in range(first, last) if n not in DEVELOPMENT):
         for noise in (1.0, 3.0):
-            yield {"bench": seed, "noise": noise, "rate": rate_hz}
+            yield {"bench": seed, "kind": kind_of(seed), "rate_Hz": rate_hz, "noise": noise}
+
+
+def rounded(found: Any) -> Any:
+    """Four digits of every number; null for nan, which JSON lacks."""
+    if isinstance(found, dict):
+        return {key: rounded(value) for key, value in found.items()}
+    if isinstance(found, float):
+        return None if math.isnan(found) else float(f"{found:.4g}")
+    return found
 
 
 def run(file: Path, first: int, last: int, rate_hz: int, minutes: float, *, shipped: bool) -> None:
     """Carry out the cases that FILE does not hold yet."""
-    done = set()
-    if file.exists():
-        done = {(c["bench"], c["noise"], c["rate"]) for c in map(json.loads, file.open())}
+    done = {(c["bench"], c["noise"], c["rate_Hz"]) for c in cases_of(file)}
     until_s = time.monotonic() + 60.0 * minutes
     with file.open("a") as out:
         for case in cases(first, last, rate_hz):
-            if (case["bench"], case["noise"], case["rate"]) in done:
+            if (case["bench"], case["noise"], case["rate_Hz"]) in done:
                 continue
             if time.monotonic() > until_s:
                 return
@@ -197,82 +207,18 @@ def run(file: Path, first: int, last: int, rate_hz: int, minutes: float, *, ship
                     case[name] = chosen and measured(parameters, chosen, seed, rate_hz)
                 except SmadError as error:
                     case[name], case[f"{name} failed"] = None, str(error)
-            out.write(json.dumps(case) + "\n")
+            out.write(json.dumps(rounded(case)) + "\n")
             out.flush()
 
 
-def values(results: list[dict[str, Any]], key: str) -> list[float | None]:
-    """The values of a quantity; of a hold the worst of the levels that were reached."""
-    if key in HELD:
-        holds = [[r[f"hold {level:g}"] for level in LEVELS_MM] for r in results]
-        reached = [[h[key] for h in levels if h["reached"]] for levels in holds]
-        found = [max(levels) for levels in reached if levels]
-    else:
-        found = [(100.0 if key == "overshoot" else 1.0) * r[key] for r in results]
-    return sorted(
-        (None if math.isnan(v) else float(f"{v:.4g}") for v in found),
-        key=lambda v: math.inf if v is None else v,
-    )
+def cases_of(file: Path) -> list[dict[str, Any]]:
+    """The cases that a file has so far."""
+    return over_benches.read_cases(file.read_text()) if file.exists() else []
 
 
-def measured_in(files: list[Path]) -> list[dict[str, Any]]:
-    """The cases of the files, each once, but for those whose run failed."""
-    found = [json.loads(line) for file in files for line in file.open()]
-    return list({(c["bench"], c["noise"], c["rate"]): c for c in found if c["shipped"]}.values())
-
-
-def grouped(files: list[Path]) -> list[dict[str, Any]]:
-    """What was measured, in the form of smad.experiments.over_benches.
-
-    Drawn benches stand in one group for the shipped gains, all of them, and in one more for both
-    gains: those that were tuned, or refused to be.
-    """
-    found = [c for c in measured_in(files) if c["bench"] not in DEVELOPMENT]
-    groups = []
-    for kind, belongs in KINDS.items():
-        conditions = sorted({(c["rate"], c["noise"]) for c in found if belongs(c)})
-        for rate_Hz, noise in conditions:
-            part = [c for c in found if belongs(c) and (c["rate"], c["noise"]) == (rate_Hz, noise)]
-            by_gains = {"shipped": [c["shipped"] for c in part]}
-            if all(was_tuned(c) for c in part):
-                # Who is refused keeps the gains that there are.
-                by_gains["tuned"] = [c["tuned"] or c["shipped"] for c in part]
-            groups.append({
-                "kind": kind, "rate_Hz": rate_Hz, "noise": noise, "benches": len(part),
-                "refused": sum(bool(c["refused"]) for c in part) if "tuned" in by_gains else 0,
-                "values": {
-                    name: {key: values(results, key) for key in QUANTITIES}
-                    for name, results in by_gains.items()
-                },
-            })  # fmt: skip
-    return groups
-
-
-def merged(before: list[dict[str, Any]], now: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The groups that were measured now, and the others as they were; in the order of KINDS."""
-    found = {(g["kind"], g["rate_Hz"], g["noise"]): g for g in (*before, *now)}
-    order = list(KINDS)
-    return [found[key] for key in sorted(found, key=lambda key: (order.index(key[0]), *key[1:]))]
-
-
-def was_tuned(case: dict[str, Any]) -> bool:
-    """Whether tuning was tried on this bench."""
-    return bool(case["tuned"] or case["refused"])
-
-
-KINDS: dict[str, Callable[[dict[str, Any]], bool]] = {
-    "set A": lambda case: case["bench"] == 0,
-    "set B": lambda case: case["bench"] == 1,
-    "drawn": lambda case: DEVELOPMENT[-1] < case["bench"] < AROUND_B,
-    "drawn and tuned": lambda case: DEVELOPMENT[-1] < case["bench"] < AROUND_B and was_tuned(case),
-    "drawn around set B": lambda case: case["bench"] >= AROUND_B,
-}
-"""Group: which cases belong to it."""
-
-
-def worst(files: list[Path]) -> None:
+def worst(found: list[dict[str, Any]]) -> None:
     """Count the holds that meet each goal, and name the worst benches; with the shipped gains."""
-    found = [c for c in measured_in(files) if c["bench"] > DEVELOPMENT[-1]]
+    found = [c for c in found if c["kind"].startswith("drawn")]
     holds = [c["shipped"][f"hold {level:g}"] for c in found for level in LEVELS_MM]
     holds = [h for h in holds if h["reached"]]
     for key, goal in GOALS.items():
@@ -283,10 +229,10 @@ def worst(files: list[Path]) -> None:
     for key, quantity in QUANTITIES.items():
         by_case = [(values([c["shipped"]], key), c) for c in found]
         ordered = sorted(
-            ((math.inf if v[0] is None else v[0], c) for v, c in by_case if v),
+            ((math.inf if math.isnan(v[0]) else v[0], c) for v, c in by_case if v),
             key=lambda pair: pair[0], reverse=quantity.much_is_bad,
         )  # fmt: skip
-        named = (f"{c['bench']} ×{c['noise']:g} {c['rate']} Hz ({v:g})" for v, c in ordered[:8])
+        named = (f"{c['bench']} ×{c['noise']:g} {c['rate_Hz']} Hz ({v:g})" for v, c in ordered[:8])
         print(f"{quantity.words}: bench " + ", ".join(named))
     for case in found:
         if case["refused"]:
@@ -297,26 +243,24 @@ def main() -> None:
     """Run or print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=["run", "table", "worst", "constants"])
-    parser.add_argument("files", nargs="+", type=Path)
+    parser.add_argument("--file", type=Path, default=SHIPPED)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--last", type=int, default=100)
     parser.add_argument("--rate", type=int, default=100)
     parser.add_argument("--shipped", action="store_true")
     parser.add_argument("--minutes", type=float, default=30.0)
-    parser.add_argument("--write", action="store_true")
     chosen = parser.parse_args()
     if chosen.what == "table":
-        groups = grouped(chosen.files)
-        if chosen.write:
-            WRITTEN.write_text(json.dumps(merged(json.loads(WRITTEN.read_text()), groups)) + "\n")
-        print(table([Group(**entry) for entry in map(with_nan, groups)]))
+        print(over_benches.table(over_benches.groups(cases_of(chosen.file))))
     elif chosen.what == "worst":
-        worst(chosen.files)
+        worst(cases_of(chosen.file))
     elif chosen.what == "constants":
-        constants(chosen.files[0])
+        if chosen.file == SHIPPED:
+            parser.error("constants keeps what it measured in a file of its own: give --file")
+        constants(chosen.file)
     else:
         run(
-            chosen.files[0], chosen.first, chosen.last, chosen.rate, chosen.minutes,
+            chosen.file, chosen.first, chosen.last, chosen.rate, chosen.minutes,
             shipped=chosen.shipped,
         )  # fmt: skip
 

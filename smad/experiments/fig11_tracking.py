@@ -129,7 +129,7 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
 def _benches_figure() -> str:
     figure, (axes,) = new_figure(height_in=3.0)
     for group in groups():
-        if group.kind != "drawn and tuned":
+        if group.kind != "drawn" or "tuned" not in group.values:
             continue
         for name, colour in (("shipped", "reference"), ("tuned", "actual")):
             r2 = group.values[name]["r2"]

@@ -1,4 +1,9 @@
-"""The displacement loop over many simulated benches: what tools/control_campaign.py measured."""
+"""The displacement loop over many simulated benches: what tools/control_campaign.py measured.
+
+The shipped file has a line of JSON for each case: a bench (`bench`, `kind`) at a sample rate and a
+factor of the sensors' noise (`rate_Hz`, `noise`), with what was measured with the `shipped` gains
+and after tuning (`tuned`, null where it was not tried or was `refused`).
+"""
 
 from __future__ import annotations
 
@@ -9,8 +14,13 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-DATA = "data/benches.json"
+DATA = "data/benches.jsonl"
 GAINS = ("shipped", "tuned")
+LEVELS_MM = (0.0, 5.0, -10.0)
+KINDS = ("set A", "set B", "drawn", "drawn around set B")
+"""What a bench may be: one of the two published sets, or drawn."""
+HELD = ("starts", "turns", "ripple_mA", "error_um")
+"""What each hold has a value of."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +45,13 @@ QUANTITIES = {
 }
 
 
+Case = Mapping[str, Any]
+"""A line of the shipped file."""
+
+
 @dataclass(frozen=True)
 class Group:
-    """Benches measured under the same conditions; `values` by gains and quantity, sorted.
+    """Benches measured under the same conditions; `values` by gains and quantity.
 
     A bench that tuning refused counts with the shipped gains there too. nan: it never got there.
     """
@@ -56,19 +70,50 @@ class Group:
         return f"{self.kind}{many}, {self.rate_Hz} Hz, noise ×{self.noise:g}"
 
 
-def groups() -> list[Group]:
-    """The groups of the shipped file."""
-    text = resources.files("smad.experiments").joinpath(DATA).read_text()
-    return [Group(**with_nan(entry)) for entry in json.loads(text)]
+def was_tuned(case: Case) -> bool:
+    """Whether tuning was tried on this bench."""
+    return bool(case["tuned"] or case["refused"])
 
 
-def with_nan(entry: dict[str, Any]) -> dict[str, Any]:
-    """JSON has no nan; null stands for it."""
-    values = {
-        gains: {key: [math.nan if v is None else v for v in found] for key, found in keys.items()}
-        for gains, keys in entry["values"].items()
+def read_cases(text: str) -> list[dict[str, Any]]:
+    """The cases of a file, but for those whose run failed."""
+    found: list[dict[str, Any]] = [json.loads(line) for line in text.splitlines()]
+    return [case for case in found if case["shipped"]]
+
+
+def groups(cases: Sequence[Case] | None = None) -> list[Group]:
+    """The cases by kind, rate and noise; those of the shipped file by default."""
+    if cases is None:
+        cases = read_cases(resources.files("smad.experiments").joinpath(DATA).read_text())
+    alike: dict[tuple[str, int, float], list[Case]] = {}
+    for c in sorted(cases, key=lambda c: (KINDS.index(c["kind"]), c["rate_Hz"], c["noise"])):
+        alike.setdefault((c["kind"], c["rate_Hz"], c["noise"]), []).append(c)
+    return [_group(*key, part) for key, part in alike.items()]
+
+
+def _group(kind: str, rate_Hz: int, noise: float, part: Sequence[Case]) -> Group:
+    by_gains = {"shipped": [c["shipped"] for c in part]}
+    tuned = all(was_tuned(c) for c in part)
+    if tuned:
+        # Who is refused keeps the gains that there are.
+        by_gains["tuned"] = [c["tuned"] or c["shipped"] for c in part]
+    refused = sum(bool(c["refused"]) for c in part) if tuned else 0
+    of_gains = {
+        name: {key: values(results, key) for key in QUANTITIES}
+        for name, results in by_gains.items()
     }
-    return entry | {"values": values}
+    return Group(kind, rate_Hz, noise, len(part), refused, of_gains)
+
+
+def values(results: Sequence[Mapping[str, Any]], key: str) -> list[float]:
+    """The values of a quantity, sorted; of a hold the worst of the levels that were reached."""
+    if key in HELD:
+        levels = [[r[f"hold {level:g}"] for level in LEVELS_MM] for r in results]
+        reached = [[h[key] for h in holds if h["reached"]] for holds in levels]
+        found = [max(holds) for holds in reached if holds]
+    else:
+        found = [math.nan if r[key] is None else r[key] for r in results]
+    return sorted(found, key=lambda v: math.inf if math.isnan(v) else v)
 
 
 def table(found: Sequence[Group]) -> str:
