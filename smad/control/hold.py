@@ -58,6 +58,7 @@ class QuietHold:
         self._inside_s = self._inside_s + dt_s if self.near else 0.0
         self.quiet = self._inside_s >= config.settled_s
         if not self.quiet:
+            self._warm_degC = [math.nan, math.nan]
             return error_m
         half_m = 0.5 * self.band_m
         return smooth_m - min(half_m, max(-half_m, smooth_m))
@@ -65,7 +66,8 @@ class QuietHold:
     def resistance_A(self, spring: int, warm_degC: float, dt_s: float) -> float:
         """Current against the change of temperature of a spring (0 for x, 1 for y), A.
 
-        To be asked for both springs with every sample. Without a reading it is 0.
+        To be asked for both springs with every sample of the quiet. It is 0 without a reading, and
+        where the quiet begins.
         """
         config, before_degC = self._config, self._warm_degC[spring]
         if math.isnan(warm_degC) or math.isnan(before_degC):

@@ -74,6 +74,16 @@ def test_a_temperature_that_is_not_read_resists_nothing() -> None:
     assert [hold.resistance_A(0, t, DT_S) for t in degC] == [0.0, 0.0, 0.0]
 
 
+def test_a_quiet_that_begins_again_resists_no_change_from_before_it() -> None:
+    hold = QuietHold(HoldConfig())
+    held_for(hold, 0.0, 2.0)
+    hold.resistance_A(0, 30.0, DT_S)
+    held_for(hold, 1e-3, 2.0)
+    assert not hold.quiet
+    held_for(hold, 0.0, 2.0)
+    assert hold.resistance_A(0, 45.0, DT_S) == 0.0
+
+
 def test_in_the_quiet_a_turn_starts_the_other_spring_from_nothing() -> None:
     config = ControlConfig()
     controller = Controller(config)
@@ -154,10 +164,13 @@ def assert_apart(out: Output) -> None:
     assert not (out.i_A[1] > 0.0 and out.pump_duty[1] > 0.0)
 
 
-def hold_of(
-    parameters: ParameterSet, level_mm: float, config: ControlConfig, *, noise: float = 3.0
-) -> HoldQuality:
-    """The last half minute of a hold, with the displacement's noise of set A times `noise`."""
+def rows_of(
+    parameters: ParameterSet, level_mm: float, config: ControlConfig, noise: float = 3.0
+) -> np.ndarray:
+    """The last half minute of a hold: time, error in mm, both currents, both pumps; (6, samples).
+
+    The displacement's noise is that of set A times `noise`.
+    """
     bench = SimulatedBench(
         parameters=parameters.replace(
             noise_displacement=noise * 2e-6, noise_temperature=noise * 0.02
@@ -177,7 +190,14 @@ def hold_of(
             (s.t_us * 1e-6, 1e3 * (reference_m - s.displacement_m), *s.i_applied_A, *s.pump_duty)
         ),
     )
-    t, error, i_x, i_y, d_x, d_y = np.array(rows[-3000:]).T
+    return np.array(rows[-3000:]).T
+
+
+def hold_of(
+    parameters: ParameterSet, level_mm: float, config: ControlConfig, noise: float = 3.0
+) -> HoldQuality:
+    """How quiet that half minute is."""
+    t, error, i_x, i_y, d_x, d_y = rows_of(parameters, level_mm, config, noise)
     return hold_quality(t, error, (i_x, i_y), (d_x, d_y))
 
 
@@ -194,6 +214,16 @@ def test_no_bench_of_these_holds_with_a_limit_cycle(
     assert sum(held.pump_starts) == 0
     assert held.ripple_A < 0.25
     assert held.error_rms < 0.022
+
+
+@pytest.mark.parametrize("seed", [2, 6, 8, 10, 11, 12, 20])
+def test_on_most_benches_the_pull_turns_at_most_once_in_half_a_minute(seed: int) -> None:
+    # In a cycle of ±20 µm, which about one bench of ten has, it turns every 10 s.
+    _, error, i_x, i_y, d_x, d_y = rows_of(bench_of(seed), 0.0, ControlConfig())
+    pull = np.sign(i_x - i_y)
+    assert np.count_nonzero(np.diff(pull[pull != 0.0])) <= 1
+    assert np.sqrt(np.mean(error**2)) < 0.02
+    assert not np.any((d_x > 0.0) | (d_y > 0.0))
 
 
 @pytest.mark.parametrize("seed", [0, 1, 4])
