@@ -238,7 +238,7 @@ def _propose(baseline: Path) -> None:
     from smad.cli.gap_investigate import proposal
 
     found = proposal(baseline, None)
-    click.echo(found.why)
+    click.echo(f"{found.run} {found.why}" if found.run else found.why)
     for offer in found.offers:
         click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")
     if found.run is not None:

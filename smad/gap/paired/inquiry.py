@@ -27,7 +27,7 @@ from smad.gap.plant import ModelPoint, PlantModel
 
 REST_S = 60.0
 """What the rest before a run takes at least, until one has been measured."""
-_HELD_OUT = "proof"
+_HELD_OUT = "for proof"
 Say = Callable[[str], None]
 
 
@@ -87,13 +87,13 @@ class Inquiry:
         quick = [run for run in self.programme.runs if run.quick and run.name in known]
         quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
         for run in quick[sum(not r.held_out for r in report.records) :]:
-            report = self._played(report, run, "the check-up", held_out=False)
+            report = self._played(report, run, "for the check-up", held_out=False)
         while True:
             verdict, proposal = self._judged(report, quick, progress)
             self.say(f"verdict: {verdict.headline}")
-            self.say(proposal.why)
             ended = next((r.ended for r in report.records if r.ended), "")
             if ended or proposal.run is None:
+                self.say(proposal.why)
                 break
             report = self._played(
                 report, self.programme.run(proposal.run), proposal.why, held_out=False
@@ -124,7 +124,7 @@ class Inquiry:
 
     def _played(self, report: Report, run: ProgrammeRun, why: str, *, held_out: bool) -> Report:
         number = len(report.records) + 1
-        self.say(f"{number}: {run.name}, {run.duration_s:.0f} s, for {why}")
+        self.say(f"{number}: {run.name}, {run.duration_s:.0f} s, {why}")
         recorded = self.play(run, self.originals / f"{run.name}.mcap")
         file = f"{number:02d}-{run.name}{recorded.path.suffix}"
         keep(recorded.path, self.folder / file)

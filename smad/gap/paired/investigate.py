@@ -96,7 +96,7 @@ _WITHOUT_A_NAME = (QUIET, PARAMETERS, UNKNOWN)
 _SETTLED = {
     QUIET: "nothing has changed beyond the repeat floor",
     PARAMETERS: "other values of the parameters explain it",
-    UNKNOWN: "nothing of the library explains it, so that no run of the programme would",
+    UNKNOWN: "nothing of the library explains it",
     CAUSE: "no other cause is within the odds",
 }
 
@@ -115,8 +115,7 @@ def propose(
     Where no entry is named, every run of the baseline is played once before that is the answer.
     """
     if verdict.outcome in _WITHOUT_A_NAME and (run := _next_new(paired, costs_s, left_s)):
-        so_far = _SETTLED[verdict.outcome]
-        return Proposal(run, f"{run}, for the first time now: so far {so_far}")
+        return Proposal(run, f"for the first time now: so far {_SETTLED[verdict.outcome]}")
     if verdict.outcome != GROUP:
         return Proposal(None, f"settled: {_SETTLED[verdict.outcome]}")
     staying = _staying(verdict)
@@ -149,7 +148,7 @@ def propose(
     best = max(affordable, key=lambda o: (now.after(o, 1) - now.after(o, 0)) / costs_s[o.run])
     return Proposal(
         best.run,
-        f"{best.run} again: it separates {both} best, by d² = {best.separation:.0f}, and should "
+        f"again: it separates {both} best, by d² = {best.separation:.0f}, and should "
         f"bring odds of {np.exp(min(now.after(best, 1), 30.0)):.3g} to 1",
         names,
         tuple(offers),

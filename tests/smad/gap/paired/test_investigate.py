@@ -70,7 +70,7 @@ def test_the_run_that_separates_what_stays_is_proposed_with_the_reason(
     assert found.run == "short"
     assert found.staying == ("rtd_lag", "driver_gain")
     assert [o.run for o in found.offers] == ["short", "still"]
-    assert "short again: it separates rtd_lag and driver_gain best" in found.why
+    assert "again: it separates rtd_lag and driver_gain best" in found.why
 
 
 def test_a_run_is_chosen_by_what_it_separates_for_its_time(
