@@ -205,11 +205,10 @@ def _short(found: Verdict) -> dict[str, Any]:
 
 
 def _verdict(found: Verdict, seconds: float) -> dict[str, Any]:
+    ranked = sorted(found.likely, key=lambda x: -x.probability)
     return {
         "outcome": OUTCOMES[found.outcome],
-        "causes": [
-            {"names": x.names, "probability": round(x.probability, 6)} for x in found.likely
-        ],
+        "causes": [{"names": x.names, "probability": round(x.probability, 9)} for x in ranked],
         "group": found.group,
         "held_out": {},
         "shrink": round(1.0 - found.left, 4) if found.outcome != "quiet" else 0.0,
