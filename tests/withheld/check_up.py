@@ -129,7 +129,7 @@ def _judged_bench(
             floors = floors or _floors(pairs)
             findings = examine(pairs, constants)
             found = decide(pairs, findings, constants)
-            told = _verdict(found, time.process_time() - began)
+            told = as_told(found, time.process_time() - began)
             told["baselines"] = baselines(pairs, findings, case)
             if case in entries and found.outcome != QUIET:
                 cause, names = entries[case]
@@ -204,7 +204,8 @@ def _short(found: Verdict) -> dict[str, Any]:
     return {"outcome": OUTCOMES[found.outcome], "names": names}
 
 
-def _verdict(found: Verdict, seconds: float) -> dict[str, Any]:
+def as_told(found: Verdict, seconds: float) -> dict[str, Any]:
+    """A verdict in the form that is scored, the likeliest first."""
     ranked = sorted(found.likely, key=lambda x: -x.probability)
     return {
         "outcome": OUTCOMES[found.outcome],

@@ -16,6 +16,7 @@ from typing import Any
 from smad.gap.check.intervals import wilson
 from smad.gap.check.key import file_digest
 from smad.gap.check.names import canonical
+from smad.gap.check.verdicts import NOT_CAUSES
 from tests.withheld.errors import BankError
 from tests.withheld.seals import require_logged
 
@@ -47,7 +48,7 @@ _FLOORS = ("displacement_mm", "rtd_x_degC")
 class Scored:
     """A case beside its verdict; `ranked` are the sets of names with probabilities, best first.
 
-    `first` is the name that the verdict begins with.
+    `first` is the likeliest name.
     `simpler` has what each simpler rule names, `without` what was said with the right entry out of
     the library.
     """
@@ -74,7 +75,9 @@ class Scored:
         """The names that the verdict gives, none for unknown and parameters."""
         if self.outcome == "ambiguous":
             return self.group
-        return self.ranked[0][0] if self.outcome == "effect" else frozenset()
+        if self.outcome != "effect":
+            return frozenset()
+        return next(names for names, _ in self.ranked if not names & NOT_CAUSES)
 
     @property
     def right_first(self) -> bool:
@@ -124,7 +127,7 @@ def scored(verdicts: Path, key: Path, only: Iterable[str] | None = None) -> list
                 names=frozenset(canonical(e["name"]) for e in entry["effects"]),
                 outcome=v["outcome"],
                 ranked=ranked,
-                first=canonical(v["causes"][0]["names"][0]) if v["causes"] else "",
+                first=_first_name(v["causes"]),
                 group=frozenset(canonical(n) for n in v["group"]),
                 left=1.0 - v["shrink"],
                 seconds=v["seconds"],
@@ -136,6 +139,12 @@ def scored(verdicts: Path, key: Path, only: Iterable[str] | None = None) -> list
             )
         )
     return out
+
+
+def _first_name(causes: Sequence[Mapping[str, Any]]) -> str:
+    """The name that the likeliest hypothesis with a name begins with."""
+    names = (canonical(c["names"][0]) for c in causes)
+    return next((n for n in names if n not in NOT_CAUSES), "")
 
 
 def tables(cases: Sequence[Scored]) -> str:

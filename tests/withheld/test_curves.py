@@ -6,10 +6,11 @@ from typing import Any
 
 import pytest
 
-from smad.gap.paired.verdict import Likely
+from smad.gap.check.verdicts import read_verdicts
+from smad.gap.paired.verdict import Likely, Share, Verdict
 from smad.gap.sma import SmaPlant
 from tests.withheld.calibrating import truth_of
-from tests.withheld.check_up import single_entries
+from tests.withheld.check_up import as_told, single_entries
 from tests.withheld.curves import beside, put_into, scored, tables
 from tests.withheld.errors import BankError
 
@@ -58,6 +59,25 @@ def test_the_tables_count_what_was_detected_and_named(bank: tuple[Path, Path]) -
     assert "| the same, detected | said to be unknown | 1 | 1.00" in text
     assert "| the same, detected | all named, and nothing else | 2 | 0.50" in text
     assert "| the same, detected | at least one named, none wrong | 2 | 1.00" in text
+
+
+def test_a_verdict_of_a_check_up_is_in_the_form_that_is_scored(tmp_path: Path) -> None:
+    # A set stands behind its first member, whose probability is less than that of "unknown".
+    weights = {"rtd_lag": 0.3, "rtd_lag+slip": 0.1, "unknown": 0.4, "friction": 0.2 / 3.0}
+    rest = 1.0 - sum(weights.values())
+    likely = [Likely(n.split("+"), p) for n, p in (weights | {"parameters": rest}).items()]
+    nothing = Share("all", "floors", 1.0, 1.0, 1.0, 1.0)
+    found = Verdict(
+        outcome="cause", headline="", likely=likely, group=[], left=0.2, ratio=9.0,
+        worst_run="run-1", budget=[], whole=nothing, notes=[], repeats=2,
+    )  # fmt: skip
+    told = {
+        "format": "smad-verdicts-1", "bank": "b", "key_sha256": "",
+        "verdicts": {"case-1": as_told(found, 1.0)},
+    }  # fmt: skip
+    (tmp_path / "verdicts.json").write_text(json.dumps(told))
+    verdict = read_verdicts(tmp_path / "verdicts.json").verdicts["case-1"]
+    assert [h.names for h in verdict.causes[:2]] == [["unknown"], ["rtd_lag"]]
 
 
 def test_a_key_of_another_bank_is_refused(bank: tuple[Path, Path]) -> None:
