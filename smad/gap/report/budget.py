@@ -52,10 +52,29 @@ def way(prepared: Prepared, chain: Sequence[Candidate], refit: Judged) -> Way:
     gain, error = cluster_gain(problem, hold, last.judged.scores() - plain.scores())
     clear = prepared.settings.free_standard_errors * error
     if gain > clear and plain.excess() > prepared.threshold:
-        steps = [c.judged.predicted for c in chain]
+        steps = _one_by_one(prepared, chain, causes)
         return Way(causes, True, [prepared.raw.predicted, refit.predicted, *steps])
     steps = list(own if hold is None else held)
     return Way(causes, False, [prepared.raw.predicted, prepared.raw.predicted, *steps])
+
+
+def _one_by_one(
+    prepared: Prepared, chain: Sequence[Candidate], causes: Sequence[str]
+) -> list[Array]:
+    """A prediction for each cause. Those that entered together are put in one after the other."""
+    judged_on = prepared.problem if prepared.hold is None else prepared.hold
+    steps: list[Array] = []
+    told: list[str] = []
+    for c in chain:
+        entered = [name for name in causes if name in c.names and name not in told]
+        for name in entered[:-1]:
+            told.append(name)
+            point = ModelPoint(c.fit.point.theta, {**prepared.fixed, **_only(c, told)})
+            steps.append(judged_on.evidence.predict([point], detail=Detail.FINE)[0])
+        if entered:
+            told.append(entered[-1])
+            steps.append(c.judged.predicted)
+    return steps
 
 
 def _in_order(chain: Sequence[Candidate], last: Candidate) -> list[str]:

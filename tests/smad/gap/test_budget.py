@@ -7,10 +7,13 @@ from dataclasses import replace
 import pytest
 
 from smad.gap import diagnose
+from smad.gap.compare.tracks import follow_tracks
+from smad.gap.diagnose import ready
 from smad.gap.plant import Effect
 from smad.gap.records import Budget, BudgetRow, Diagnosis, Outcome
 from smad.gap.report import summary_lines
 from smad.gap.report.advice import Asked
+from smad.gap.report.budget import budget_of, way
 from smad.gap.report.plain import plain
 from tests.smad.gap.cases import FAR_OFF, OTHER, QUICK, SHOWN, ask, bank, without
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
@@ -132,3 +135,19 @@ def test_parameters_that_make_other_runs_worse_are_said_to_add_to_the_gap() -> N
     assert "of which other values of the parameters add 20 %; 2 % is left." in told(named=True)
     assert "fitted to some runs, add 20 % to the gap of others" in told(named=False)
     assert "118 % of it goes with the best entry of the library (heat flow)" in told(named=False)
+
+
+def test_causes_that_entered_together_have_a_share_each() -> None:
+    both = {"sensor_lag": {"tau_s": 2.5}, **COUPLED}
+    prepared = ready(bank(OTHER, both), plant=HeaterPlant(), settings=QUICK)
+    selection = follow_tracks(prepared, EFFECTS).selection
+    assert sorted(selection.best.names) == ["coupling", "sensor_lag"]
+    refit = selection.base.judged
+    took = way(prepared, [selection.best], refit)
+    told = budget_of(prepared, took, refit, named=True)
+    assert took.parameters
+    assert sorted(told.causes) == ["coupling", "sensor_lag"]
+    for row in told.rows:
+        assert len(row.causes) == 2
+        if row.raw > 0.0:
+            assert row.parameters + sum(row.causes) + row.rest == pytest.approx(1.0)
