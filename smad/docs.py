@@ -87,7 +87,7 @@ def decisions() -> str:
 
 
 _TRUST = {
-    "false alarms on none": "a cause named where nothing was wrong",
+    "false alarms on none": "something claimed where nothing was wrong",
     "detected at 10× the floor": "one effect of ten floors noticed",
     "detected at 3× the floor": "one effect of three floors noticed",
     "detected at 1× the floor": "one effect of one floor noticed",
