@@ -106,7 +106,7 @@ def held(
     part = trace.between(to_s - runs.HOLD_S, to_s)
     off_mm = abs(float(np.mean(part.reference_mm - part.true_mm)))
     return {
-        "starts": sum(quality.pump_starts), "turns": runs.turns(part),
+        "starts": sum(quality.pump_starts), "swings": runs.swings(part, HoldConfig().band_mm),
         "ripple_mA": 1e3 * quality.ripple_A,
         "error_um": 1e3 * quality.error_rms, "reached": off_mm < REACHED_MM,
     }  # fmt: skip
@@ -115,8 +115,12 @@ def held(
 GOALS = {"starts": 2.0, "ripple_mA": 50.0, "error_um": 20.0}
 """What a hold of a minute should not exceed."""
 CHOICES = {
-    "ease_s": (5.0, 20.0),
-    "damping_A_per_K": (0.25, 1.0),
+    "ease_s": (2.5, 10.0),
+    "arrive_s": (2.5, 10.0),
+    "kept_A_per_K": (0.25, 1.0),
+    "kept_A_per_K_s": (0.05, 0.2),
+    "kept_K_per_mm": (15.0, 60.0),
+    "kept_K_per_mm_s": (5.0, 20.0),
     "reversal_A": (0.15, 0.6),
     "smooth_s": (0.05, 0.2),
     "near_bands": (3.0, 10.0),
@@ -223,9 +227,8 @@ def worst(found: list[dict[str, Any]]) -> None:
     holds = [h for h in holds if h["reached"]]
     for key, goal in GOALS.items():
         print(f"{key}: {sum(h[key] <= goal for h in holds)} of {len(holds)} holds meet {goal:g}")
-    restless = [h["turns"] for h in holds if h["ripple_mA"] > GOALS["ripple_mA"]]
-    for many, words in ((range(1), "not at all"), (range(1, 2), "once"), (range(2, 1000), "more")):
-        print(f"with more ripple: {sum(t in many for t in restless)} turn {words}")
+    for limit in (1, 2):
+        print(f"swings: {sum(h['swings'] <= limit for h in holds)} of {len(holds)} at most {limit}")
     for key, quantity in QUANTITIES.items():
         by_case = [(values([c["shipped"]], key), c) for c in found]
         ordered = sorted(

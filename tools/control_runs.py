@@ -126,11 +126,11 @@ def true_error_um(trace: Trace, from_s: float, to_s: float) -> float:
     return 1e3 * math.sqrt(float(np.mean((part.reference_mm - part.true_mm) ** 2)))
 
 
-def turns(trace: Trace) -> int:
-    """How often the other spring began to be heated."""
-    signed_A = trace.i_x_A - trace.i_y_A
-    heated = np.sign(signed_A[np.abs(signed_A) > 0.0])
-    return int(np.count_nonzero(heated[1:] != heated[:-1]))
+def swings(trace: Trace, band_mm: float) -> int:
+    """How often the true displacement went from beyond the band on one side to the other side."""
+    error_mm = trace.reference_mm - trace.true_mm
+    sides = np.sign(error_mm[np.abs(error_mm) > band_mm])
+    return int(np.count_nonzero(sides[1:] != sides[:-1]))
 
 
 @dataclass(frozen=True)

@@ -114,12 +114,24 @@ class HoldConfig(Section, frozen=True, kw_only=True):
         float,
         Meta(ge=0.0, le=10.0, description="time constant that smooths error and temperatures"),
     ] = 0.1
-    damping_A_per_K: Annotated[
-        float,
-        Meta(ge=0.0, le=100.0, description="in the quiet, current against a change of temperature"),
-    ] = 0.5
     ease_s: Annotated[
-        float, Meta(ge=0.1, le=600.0, description="in the quiet the integral fades so")
+        float, Meta(ge=0.1, le=600.0, description="on arrival the integral fades so")
+    ] = 5.0
+    arrive_s: Annotated[
+        float,
+        Meta(ge=0.0, le=600.0, description="so long after, both springs are kept as warm as then"),
+    ] = 5.0
+    kept_A_per_K: Annotated[
+        float, Meta(ge=0.0, le=100.0, description="proportional gain on a kept temperature")
+    ] = 0.5
+    kept_A_per_K_s: Annotated[
+        float, Meta(ge=0.0, le=100.0, description="integral gain on a kept temperature")
+    ] = 0.1
+    kept_K_per_mm: Annotated[
+        float, Meta(ge=0.0, le=1000.0, description="kept temperatures move apart by the error")
+    ] = 30.0
+    kept_K_per_mm_s: Annotated[
+        float, Meta(ge=0.0, le=1000.0, description="and by its integral")
     ] = 10.0
     reversal_A: Annotated[
         float, Meta(ge=0.0, le=4.0, description="demand on the other spring that turns to it")

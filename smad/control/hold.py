@@ -1,16 +1,16 @@
 """A quiet hold: what the displacement loop does once it is where it should be.
 
-The pair stands by itself while the temperature of the spring that pulls stays within its
-hysteresis, some kelvin wide. At either end of it the displacement moves at once, by some tenths of
-a millimetre for each kelvin. An integral that heats a spring through its hysteresis comes out on
-the other side far too fast; then it does the same with the other spring. That is the limit cycle of
-a hold.
+The pair stands by itself while the temperatures of both springs stay within their hysteresis, some
+kelvin wide. At either end of it the displacement moves at once, by some tenths of a millimetre for
+each kelvin. A loop that heats one spring at a time lets the other cool through its hysteresis
+meanwhile, and turns to it when it gives way; then the first one cools. That is the limit cycle of a
+hold.
 
-So once the reference rests and the error is small, the loop gets a second feedback: the current
-falls while the spring that it heats becomes warmer, and rises while that becomes colder. It has
-authority within the hysteresis, where the displacement has none. The integral fades slowly, so that
-a spring stays at the lower end, where less heat lets the displacement go at once. An error within
-the band is none, and no water flows.
+So once the reference rests and the error is small, no water flows, an error within the band is
+none, and the hold has two parts. On arrival the spring that pulls is heated as before, with an
+integral that fades, so that a warm spring comes down to where it just holds. After that, or when
+the other spring is needed, both are kept at the temperatures that they have then (`KeptPair`):
+temperature is under control also where the displacement says nothing.
 """
 
 from __future__ import annotations
@@ -18,13 +18,17 @@ from __future__ import annotations
 import math
 
 from smad.config import HoldConfig
+from smad.control.pi import PI
+
+KEPT_REACH_K = 1.0
+"""A kept temperature is at most so far from the spring's own: a spring without current cannot be
+cooled further, and is not to wait for a temperature that ran ahead of it."""
 
 
 class QuietHold:
-    """Says whether the hold is quiet, and what the current is to follow then."""
+    """Says whether the hold is quiet, and which error is to be followed then."""
 
-    __slots__ = ("_config", "_inside_s", "_reference_m", "_smooth_m", "_warm_degC", "band_m",
-                 "near", "quiet")  # fmt: skip
+    __slots__ = ("_config", "_inside_s", "_reference_m", "_smooth_m", "band_m", "near", "quiet")
 
     def __init__(self, config: HoldConfig) -> None:
         self._config = config
@@ -40,7 +44,11 @@ class QuietHold:
         self._reference_m = math.nan
         self._smooth_m = 0.0
         self._inside_s = 0.0
-        self._warm_degC = [math.nan, math.nan]
+
+    @property
+    def arrived(self) -> bool:
+        """Whether it has been quiet for so long that the springs are to stay as they are."""
+        return self._inside_s >= self._config.settled_s + self._config.arrive_s
 
     def step(self, reference_m: float, error_m: float, dt_s: float) -> float:
         """The error to follow, m: all of it, or in the quiet what lies beyond the band."""
@@ -58,24 +66,57 @@ class QuietHold:
         self._inside_s = self._inside_s + dt_s if self.near else 0.0
         self.quiet = self._inside_s >= config.settled_s
         if not self.quiet:
-            self._warm_degC = [math.nan, math.nan]
             return error_m
         half_m = 0.5 * self.band_m
         return smooth_m - min(half_m, max(-half_m, smooth_m))
 
-    def resistance_A(self, spring: int, warm_degC: float, dt_s: float) -> float:
-        """Current against the change of temperature of a spring (0 for x, 1 for y), A.
 
-        To be asked for both springs with every sample of the quiet. It is 0 without a reading, and
-        where the quiet begins.
-        """
-        config, before_degC = self._config, self._warm_degC[spring]
-        if math.isnan(warm_degC) or math.isnan(before_degC):
-            self._warm_degC[spring] = warm_degC
-            return 0.0
-        change_K = (warm_degC - before_degC) * dt_s / (config.smooth_s + dt_s)
-        self._warm_degC[spring] += change_K
-        return -config.damping_A_per_K * change_K
+class KeptPair:
+    """Both springs at temperatures, which the error moves apart: PI on each, without water.
+
+    Begins with the temperatures and the signed current `now_A` of the moment, bumpless at the error
+    `error_m`. Temperatures in °C and currents in A are pairs (x, y).
+    """
+
+    __slots__ = ("_config", "_kept_degC", "_loops", "_warm_degC")
+
+    def __init__(
+        self,
+        config: HoldConfig,
+        limit_A: float,
+        anti_windup_time_s: float,
+        *,
+        warm_degC: tuple[float, float],
+        now_A: float,
+        error_m: float,
+    ) -> None:
+        self._config = config
+        self._warm_degC = list(warm_degC)
+        self._kept_degC = list(warm_degC)
+        self._loops = [
+            PI(config.kept_A_per_K, config.kept_A_per_K_s, 0.0, limit_A, anti_windup_time_s)
+            for _ in warm_degC
+        ]
+        for loop, sign in zip(self._loops, (1.0, -1.0), strict=True):
+            loop.preset(max(0.0, sign * now_A), sign * config.kept_K_per_mm * 1e3 * error_m)
+
+    def step(
+        self, error_m: float, warm_degC: tuple[float, float], dt_s: float
+    ) -> tuple[float, float]:
+        """The currents `dt_s` seconds later, for the error to follow and measured temperatures."""
+        config = self._config
+        apart_K = config.kept_K_per_mm * 1e3 * error_m
+        change_K = config.kept_K_per_mm_s * 1e3 * error_m * dt_s
+        i_A = [0.0, 0.0]
+        for k, sign in ((0, 1.0), (1, -1.0)):
+            smooth_degC = self._warm_degC[k]
+            smooth_degC += (warm_degC[k] - smooth_degC) * dt_s / (config.smooth_s + dt_s)
+            self._warm_degC[k] = smooth_degC
+            kept_degC = self._kept_degC[k] + sign * change_K
+            kept_degC = min(smooth_degC + KEPT_REACH_K, max(smooth_degC - KEPT_REACH_K, kept_degC))
+            self._kept_degC[k] = kept_degC
+            i_A[k] = self._loops[k].step(kept_degC + sign * apart_K - smooth_degC, dt_s)
+        return i_A[0], i_A[1]
 
 
 class Direction:

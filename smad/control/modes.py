@@ -10,7 +10,7 @@ from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
 from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Tune
 from smad.control.cooling import Pump, Switch
 from smad.control.feedforward import Anticipation
-from smad.control.hold import Direction, QuietHold
+from smad.control.hold import Direction, KeptPair, QuietHold
 from smad.control.pi import PI
 from smad.control.sample import Sample
 from smad.control.trajectories import ReferenceQueue
@@ -77,7 +77,8 @@ class DisplacementMode:
         self._direction = Direction(
             config.hold.reversal_A, config.hold.reversal_smooth_s, config.cooling.urgent_A
         )
-        self._ease_s = config.hold.ease_s
+        self._config = config
+        self._kept: KeptPair | None = None
         self._urgent_A = config.cooling.urgent_A
         self._u_A = 0.0
         self._queue = ReferenceQueue(limits, config.handover_rate_mm_per_s)
@@ -149,48 +150,71 @@ class DisplacementMode:
                 push_A = forced * self._limit_A if advice.push else 0.0
         if hold.quiet:
             if not was_quiet:
+                self._kept = None
                 self._pi.preset(self._u_A, followed_m)
-            direction = self._keep_quiet(followed_m, sample, dt_s)
-            self._bound(direction)
-            u_A = self._pi.step(followed_m, dt_s)
-        else:
-            self._bound(forced)
-            u_A = self._pi.step(followed_m, dt_s, push_A)
-            direction = self._direction.step(u_A, dt_s, forced)
-        self._u_A = u_A
-        return self._split(u_A, direction, dt_s, forced != 0)
+            return self._hold_still(followed_m, sample, dt_s)
+        self._bound(forced)
+        self._u_A = self._pi.step(followed_m, dt_s, push_A)
+        direction = self._direction.step(self._u_A, dt_s, forced)
+        return self._split(direction, dt_s, sudden=forced != 0)
 
-    def _keep_quiet(self, followed_m: float, sample: Sample, dt_s: float) -> int:
-        """Lead the integral of a quiet hold, and say which spring may be heated."""
-        pi, hold, before = self._pi, self._hold, self._direction.sign
-        against_A = [hold.resistance_A(k, sample.rtd_degC[k], dt_s) for k in (0, 1)]
-        # The error alone decides: what flows in the spring that is to be let go would delay it.
-        direction = self._direction.step(pi.kp * followed_m, dt_s)
+    def _hold_still(self, followed_m: float, sample: Sample, dt_s: float) -> Demand:
+        """The two parts of a quiet hold: arrive with one spring, then keep both as they are."""
+        pi, config, before = self._pi, self._config, self._direction.sign
+        warm_degC = (sample.rtd_degC[0], sample.rtd_degC[1])
+        blind = math.isnan(sum(warm_degC))
+        if blind:
+            self._kept = None
+        if self._kept is None:
+            # The error alone decides: what flows in the spring to be let go would delay it.
+            direction = self._direction.step(pi.kp * followed_m, dt_s)
+            if blind or not (self._hold.arrived or direction != before):
+                return self._arrive(followed_m, direction, before, dt_s)
+            self._kept = KeptPair(
+                config.hold, self._limit_A, config.anti_windup_time_s,
+                warm_degC=warm_degC, now_A=self._u_A, error_m=followed_m,
+            )  # fmt: skip
+        i_A = self._kept.step(followed_m, warm_degC, dt_s)
+        # What goes on when the quiet ends.
+        self._u_A = i_A[0] - i_A[1]
+        pi.preset(self._u_A, followed_m)
+        self._direction.reset(self._u_A)
+        return self._applied([*i_A], [0.0, 0.0], dt_s)
+
+    def _arrive(self, followed_m: float, direction: int, before: int, dt_s: float) -> Demand:
+        """One spring pulls, with less and less current."""
+        pi = self._pi
         if direction != before:
             pi.integral = 0.0
-        pi.integral *= math.exp(-dt_s / self._ease_s)
-        pi.integral += against_A[0] if direction > 0 else -against_A[1]
-        return direction
+        pi.integral *= math.exp(-dt_s / self._config.hold.ease_s)
+        self._bound(direction)
+        self._u_A = pi.step(followed_m, dt_s)
+        return self._split(direction, dt_s)
 
-    def _split(self, u_A: float, direction: int, dt_s: float, sudden: bool) -> Demand:
+    def _split(self, direction: int, dt_s: float, *, sudden: bool = False) -> Demand:
         """Current for the spring that pulls, water for the other."""
         pulling = 0 if direction > 0 else 1
-        current_A = max(0.0, u_A * direction)
-        smooth_A = current_A
-        if current_A < self._urgent_A:
-            smooth_A = min(smooth_A, self._direction.demand_A * direction)
-        if self._hold.near:
-            smooth_A = 0.0
-        duty = [0.0, 0.0]
-        duty[1 - pulling] = self._pumps[1 - pulling].step(smooth_A, 0.0, dt_s, sudden=sudden)
-        own = self._pumps[pulling]
-        duty[pulling] = own.step(0.0, current_A, dt_s, sudden=sudden)
-        if own.running:
-            current_A = 0.0
-        i_A = [0.0, 0.0]
-        i_A[pulling] = current_A
-        heats = (i_A[0] > 0.0, i_A[1] > 0.0)
+        i_A, water_A = [0.0, 0.0], [0.0, 0.0]
+        i_A[pulling] = current_A = max(0.0, self._u_A * direction)
+        if not self._hold.near:
+            smooth_A = self._direction.demand_A * direction
+            urgent = current_A >= self._urgent_A
+            water_A[1 - pulling] = current_A if urgent else min(current_A, smooth_A)
+        demand = self._applied(i_A, water_A, dt_s, sudden=sudden)
+        heats = (demand.i_x_A > 0.0, demand.i_y_A > 0.0)
         self._drained = (self._drain and heats[0], self._drain and heats[1])
+        demand.drain_x, demand.drain_y = self._drained
+        return demand
+
+    def _applied(
+        self, i_A: list[float], water_A: list[float], dt_s: float, *, sudden: bool = False
+    ) -> Demand:
+        """Currents, and water for what is asked of the other spring; where it runs heat waits."""
+        duty = [0.0, 0.0]
+        for k, pump in enumerate(self._pumps):
+            duty[k] = pump.step(water_A[k], i_A[k], dt_s, sudden=sudden)
+            if pump.running:
+                i_A[k] = 0.0
         return Demand(i_A[0], i_A[1], duty[0], duty[1], *self._drained)
 
     def _still(self) -> None:

@@ -19,7 +19,7 @@ GAINS = ("shipped", "tuned")
 LEVELS_MM = (0.0, 5.0, -10.0)
 KINDS = ("set A", "set B", "drawn", "drawn around set B")
 """What a bench may be: one of the two published sets, or drawn."""
-HELD = ("starts", "turns", "ripple_mA", "error_um")
+HELD = ("starts", "swings", "ripple_mA", "error_um")
 """What each hold has a value of."""
 
 
@@ -39,7 +39,7 @@ QUANTITIES = {
     "energy_J": Quantity("energy a cycle, J", True, "{:.0f}"),
     "cycle_starts": Quantity("pump starts a cycle", True, "{:.1f}"),
     "starts": Quantity("pump starts in a hold of 60 s", True, "{:.0f}"),
-    "turns": Quantity("changes of direction in a hold", True, "{:.0f}"),
+    "swings": Quantity("swings of more than ±10 µm in a hold", True, "{:.0f}"),
     "ripple_mA": Quantity("ripple in a hold, mA", True, "{:.0f}"),
     "error_um": Quantity("error of a hold, µm", True, "{:.1f}"),
 }
