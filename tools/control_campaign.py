@@ -122,7 +122,7 @@ CHOICES = {
     "arrive_s": (2.5, 10.0),
     "kept_A_per_K": (0.25, 1.0),
     "kept_A_per_K_s": (0.05, 0.2),
-    "kept_K_per_mm": (15.0, 60.0),
+    "kept_K_per_mm": (7.5, 30.0),
     "kept_K_per_mm_s": (5.0, 20.0),
     "reversal_A": (0.15, 0.6),
     "smooth_s": (0.05, 0.2),

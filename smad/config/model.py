@@ -129,7 +129,7 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     ] = 0.1
     kept_K_per_mm: Annotated[
         float, Meta(ge=0.0, le=1000.0, description="kept temperatures move apart by the error")
-    ] = 30.0
+    ] = 15.0
     kept_K_per_mm_s: Annotated[
         float, Meta(ge=0.0, le=1000.0, description="and by its integral")
     ] = 10.0
