@@ -113,7 +113,7 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     smooth_s: Annotated[
         float,
         Meta(ge=0.0, le=10.0, description="time constant that smooths error and temperatures"),
-    ] = 0.1
+    ] = 0.2
     ease_s: Annotated[
         float, Meta(ge=0.1, le=600.0, description="on arrival the integral fades so")
     ] = 5.0
@@ -129,7 +129,7 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     ] = 0.1
     kept_K_per_mm: Annotated[
         float, Meta(ge=0.0, le=1000.0, description="kept temperatures move apart by the error")
-    ] = 15.0
+    ] = 30.0
     kept_K_per_mm_s: Annotated[
         float, Meta(ge=0.0, le=1000.0, description="and by its integral")
     ] = 10.0
