@@ -159,8 +159,8 @@ def constants(file: Path) -> None:
     with file.open("a") as out:
         kept = scores({}, out)
         print(f"score {np.mean(list(kept.values())):.2f}, mean over benches {DEVELOPMENT[0]} to "
-              f"{DEVELOPMENT[-1]} of the largest of starts, swings, ripple and error, each over its "
-              "goal; change of it ± standard error:\n")  # fmt: skip
+              f"{DEVELOPMENT[-1]} of the largest of starts, swings, ripple and error, each over "
+              "its goal; change of it ± standard error:\n")  # fmt: skip
         print("| constant | shipped | less | more |\n|---|---:|---:|---:|", flush=True)
         for name, choices in CHOICES.items():
             cells = []
