@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from statistics import NormalDist
 
 import msgspec
 import numpy as np
@@ -84,10 +83,10 @@ class Reliability:
 
 
 def quiet_limits(judged: Sequence[Judged], constants: Constants) -> Constants:
-    """The limits of a quiet bench: quantiles of what quiet benches show, logarithms taken as normal.
+    """The limits of a quiet bench: quantiles of what quiet benches show.
 
-    The tails are not normal, and benches differ more than days of one do. So the quantile is moved
-    outward until benches by limits from the others are called changed as seldom as they should be.
+    Benches differ more than days of one do. So the quantile is moved outward until benches by
+    limits from the others are called changed as seldom as they should be.
     """
     found = [j for j in judged if j.truth.kind == "quiet"]
     benches = sorted({j.bench for j in found})
@@ -108,21 +107,25 @@ def _limits(found: Sequence[Findings], share: float, constants: Constants) -> Co
     """Limits each of which this share of quiet benches exceeds."""
     channels = np.array([f.by_channel for f in found])
     channels = channels[:, (channels > 0.0).all(axis=0)]
-    gains = [max((score(s) for s in f.singles), default=0.0) for f in found]
+    gains = np.array([max((score(s) for s in f.singles), default=0.0) for f in found])
+    ratios = np.array([f.ratio for f in found])
     return msgspec.structs.replace(
         constants,
-        # A gain is what a fit takes of many rows that are nearly 1: its size follows from theirs.
-        quiet_gain=_rounded(_beyond(np.maximum(gains, 1.0), share)),
-        quiet_ratio=_rounded(_beyond(np.array([f.ratio for f in found]), share)),
+        quiet_gain=_rounded(_beyond(gains, share)),
+        quiet_ratio=_rounded(_beyond(ratios, share)),
         channel_ratio=_rounded(_beyond(channels.max(axis=1), share)),
     )
 
 
 def _beyond(values: Array, share: float) -> float:
-    """What a share of such values exceeds."""
-    logs = np.log(np.asarray(values, float))
-    spread = float(np.std(logs, ddof=1)) if len(logs) > 1 else 0.5
-    return float(np.exp(np.mean(logs) + NormalDist().inv_cdf(1.0 - share) * spread))
+    """What a share of such values exceeds, where what exceeds their median falls off exponentially.
+
+    The tail decides, and the lower half says nothing of it: "peaks over threshold" with the
+    exponential of the generalised Pareto family (Pickands 1975).
+    """
+    middle = float(np.median(values))
+    mean_excess = float(np.mean(values[values > middle] - middle)) if len(values) > 1 else middle
+    return middle + mean_excess * float(np.log(0.5 / share))
 
 
 def _rounded(value: float) -> float:
