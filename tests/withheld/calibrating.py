@@ -86,13 +86,11 @@ def calibrate(
     out: Path | None,
     benches: Sequence[str] = (),
     *,
-    with_limits: bool = False,
     jobs: int = 1,
 ) -> Constants:
     """The constants of banks, with the reliability before, after, and of benches left out.
 
-    The key of a bank is in the folder of its name with `-key` beside it. The limits of a quiet
-    bench stay as they are unless asked for `with_limits`, which want many quiet benches.
+    The key of a bank is in the folder of its name with `-key` beside it.
     """
     before = shipped_constants()
     cases = [
@@ -105,7 +103,7 @@ def calibrate(
         "a right best entry leaves less than a wrong one in "
         f"{apart(cases, before):.2f} of the couples"
     )
-    limits = quiet_limits(cases, before) if with_limits else before
+    limits = quiet_limits(cases, before)
     for line in reliability_lines("before", reliability(cases, before)):
         print(line, flush=True)
     trials = tried(cases, limits)

@@ -137,7 +137,7 @@ def _calibrate(options: argparse.Namespace) -> None:
     out = Path(options.out) if options.out else None
     banks = [Path(b) for b in options.banks]
     kept = Path(options.kept)
-    calibrate(banks, kept, out, benches, with_limits=options.limits, jobs=options.jobs)
+    calibrate(banks, kept, out, benches, jobs=options.jobs)
 
 
 def _curves(options: argparse.Namespace) -> None:
@@ -263,9 +263,6 @@ def _check_ups(commands: _Commands) -> None:
     play.set_defaults(run=_play)
     fitted = commands.add_parser("calibrate", help="constants of the check-up from banks")
     fitted.add_argument("banks", nargs="+", help="development banks of `play`, keys beside them")
-    fitted.add_argument(
-        "--limits", action="store_true", help="those of a quiet bench as well: wants many benches"
-    )
     fitted.add_argument("--kept", required=True, help="folder for what the check-ups found")
     fitted.add_argument("--out", help="write them to this TOML")
     fitted.add_argument("--benches", default="", help="only these, separated by commas")

@@ -1,6 +1,7 @@
 """The constants of a check-up's decision from benches whose truth is known.
 
-Limits of a quiet bench are quantiles of what quiet benches show. What turns scores into
+Limits of a quiet bench are quantiles of what quiet benches show, moved outward until benches left
+out keep them. What turns scores into
 probabilities is chosen by the mean log probability of the truth. How good that is, is told by
 leaving out one bench after the other.
 """
@@ -26,6 +27,7 @@ from smad.gap.plant import Array
 FALSE_ALARMS = 1.0 / 60.0
 """Of quiet benches, one in so many may be called changed, over all three limits together."""
 _LIMITS = 3
+_LEAST_SHARE = 1e-9
 TEMPERS = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 SHARES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 FREE = (0.1, 0.15, 0.25, 0.4)
@@ -82,18 +84,37 @@ class Reliability:
 
 
 def quiet_limits(judged: Sequence[Judged], constants: Constants) -> Constants:
-    """The limits of a quiet bench, from those that are; a logarithm is taken to be normal."""
-    found = [j.findings for j in judged if j.truth.kind == "quiet"]
-    each = FALSE_ALARMS / _LIMITS
+    """The limits of a quiet bench: quantiles of what quiet benches show, logarithms taken as normal.
+
+    The tails are not normal, and benches differ more than days of one do. So the quantile is moved
+    outward until benches by limits from the others are called changed as seldom as they should be.
+    """
+    found = [j for j in judged if j.truth.kind == "quiet"]
+    benches = sorted({j.bench for j in found})
+    share = FALSE_ALARMS / _LIMITS
+    while share > _LEAST_SHARE:
+        alarms = 0
+        for bench in benches:
+            others = [j.findings for j in found if j.bench != bench]
+            limits = _limits(others, share, constants)
+            alarms += sum(not is_quiet(j.findings, limits) for j in found if j.bench == bench)
+        if alarms <= FALSE_ALARMS * len(found):
+            break
+        share /= 2.0
+    return _limits([j.findings for j in found], share, constants)
+
+
+def _limits(found: Sequence[Findings], share: float, constants: Constants) -> Constants:
+    """Limits each of which this share of quiet benches exceeds."""
     channels = np.array([f.by_channel for f in found])
     channels = channels[:, (channels > 0.0).all(axis=0)]
     gains = [max((score(s) for s in f.singles), default=0.0) for f in found]
     return msgspec.structs.replace(
         constants,
         # A gain is what a fit takes of many rows that are nearly 1: its size follows from theirs.
-        quiet_gain=_rounded(_beyond(np.maximum(gains, 1.0), each)),
-        quiet_ratio=_rounded(_beyond(np.array([f.ratio for f in found]), each)),
-        channel_ratio=_rounded(_beyond(channels.max(axis=1), each)),
+        quiet_gain=_rounded(_beyond(np.maximum(gains, 1.0), share)),
+        quiet_ratio=_rounded(_beyond(np.array([f.ratio for f in found]), share)),
+        channel_ratio=_rounded(_beyond(channels.max(axis=1), share)),
     )
 
 
