@@ -165,7 +165,9 @@ def checkup(
         )
     print_verdict(verdict)
     if json_path is not None:
-        json_path.write_bytes(msgspec.json.format(msgspec.json.encode(verdict), indent=1))
+        from smad.gap.paired.series import write_whole
+
+        write_whole(json_path, msgspec.json.format(msgspec.json.encode(verdict), indent=1))
         click.echo(f"written: {json_path}", err=True)
     if page_path is not None:
         from smad.gap.paired.page import checkup_page

@@ -21,6 +21,7 @@ from smad.gap.paired.floor import Floor
 from smad.gap.paired.model import Atom, Played
 from smad.gap.paired.reference import Reference, RunReference
 from smad.gap.paired.rows import Binned
+from smad.gap.paired.series import unlink_quietly
 from smad.gap.plant import ModelPoint, PlantModel
 from smad.gap.runs import GapRun
 
@@ -99,17 +100,18 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
+    partial, text = folder / f"{_ARRAYS}.part", folder / f"{_ABOUT}.part"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        partial = folder / f"{_ARRAYS}.part"
         with partial.open("wb") as file:
             np.savez_compressed(file, **arrays)
         about = msgspec.structs.replace(about, arrays=_digest(partial))
-        text = folder / f"{_ABOUT}.part"
         text.write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=1))
         os.replace(partial, folder / _ARRAYS)
         os.replace(text, folder / _ABOUT)
     except OSError as error:
+        for left in (partial, text):
+            unlink_quietly(left)
         raise BaselineError(
             f"cannot write the baseline {folder}: {error.strerror}",
             action="make room; the runs are kept, and the same command goes on",
