@@ -23,7 +23,7 @@ from smad.client.endpoints import FOLDER_VARIABLE
 from smad.client.signals import ended_by_signals
 from smad.errors import DaemonError
 from smad.gap.paired.errors import BaselineError
-from smad.gap.paired.inquiry import Report
+from smad.gap.paired.inquiry import Report, read_report
 from smad.gap.paired.programme import shipped
 from smad.gap.paired.store import read_about
 from smad.processes.daemon import running_daemon
@@ -101,7 +101,7 @@ def _repeats(baseline: Path) -> int:
 
 def _report(baseline: Path) -> Report | None:
     path = baseline / "investigation-1" / "investigation.json"
-    return msgspec.json.decode(path.read_bytes(), type=Report) if path.exists() else None
+    return read_report(path) if path.exists() else None
 
 
 def asked(
