@@ -1,6 +1,7 @@
 """The figures of the displacement loop on the shipped plants, on virtual time.
 
-    python tools/control_figures.py [hold sine step frequency demo] [--parameters A|B] [--rate HZ]
+    python tools/control_figures.py [hold sine step frequency demo tune]
+                                    [--parameters A|B] [--rate HZ]
 
 Without a name: all of them but `frequency`, which takes minutes.
 """
@@ -169,8 +170,21 @@ def frequency(bench: Bench) -> None:
         print(f"{name:26} " + "  ".join(f"{f:.4f}" for f in found), flush=True)
 
 
+def tune(bench: Bench) -> None:
+    """What `smad tune` says on a bench whose resistivity and flow are 30 % less."""
+    from smad.cli.tune import lines
+    from smad.config import Config, LinkConfig
+    from smad.experiments.tuning import tune_displacement
+    from smad.experiments.virtual import VirtualDriver
+
+    changed = {name: 0.7 * bench.parameters[name] for name in ("resistivity", "flow_max")}
+    config = Config(link=LinkConfig(rate_hz=bench.rate_hz), control=bench.config)
+    driver = VirtualDriver(bench.parameters.replace(**changed), config=config, seed=1)
+    print("\n".join(lines(tune_displacement(driver, config.control))))
+
+
 TABLES: dict[str, Callable[[Bench], None]] = {
-    "hold": hold, "sine": sine, "step": step, "demo": demo, "frequency": frequency,
+    "hold": hold, "sine": sine, "step": step, "demo": demo, "frequency": frequency, "tune": tune,
 }  # fmt: skip
 
 

@@ -113,7 +113,7 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     smooth_s: Annotated[
         float,
         Meta(ge=0.0, le=10.0, description="time constant that smooths error and temperatures"),
-    ] = 0.1
+    ] = 0.2
     ease_s: Annotated[
         float, Meta(ge=0.1, le=600.0, description="on arrival the integral fades so")
     ] = 5.0

@@ -8,9 +8,9 @@ hold.
 
 So once the reference rests and the error is small, no water flows, an error within the band is
 none, and the hold has two parts. On arrival the spring that pulls is heated as before, with an
-integral that fades, so that a warm spring comes down to where it just holds. After that, or when
-the other spring is needed, both are kept at the temperatures that they have then (`KeptPair`):
-temperature is under control also where the displacement says nothing.
+integral that fades, so that a warm spring comes down to where it just holds. After that, or once
+the other spring was needed, both are kept at the temperatures that they have when the error is
+small (`KeptPair`): temperature is under control also where the displacement says nothing.
 """
 
 from __future__ import annotations

@@ -79,6 +79,7 @@ class DisplacementMode:
         )
         self._config = config
         self._kept: KeptPair | None = None
+        self._turned = False
         self._urgent_A = config.cooling.urgent_A
         self._u_A = 0.0
         self._queue = ReferenceQueue(limits, config.handover_rate_mm_per_s)
@@ -151,6 +152,7 @@ class DisplacementMode:
         if hold.quiet:
             if not was_quiet:
                 self._kept = None
+                self._turned = False
                 self._pi.preset(self._u_A, followed_m)
             return self._hold_still(followed_m, sample, dt_s)
         self._bound(forced)
@@ -168,7 +170,11 @@ class DisplacementMode:
         if self._kept is None:
             # The error alone decides: what flows in the spring to be let go would delay it.
             direction = self._direction.step(pi.kp * followed_m, dt_s)
-            if blind or not (self._hold.arrived or direction != before):
+            self._turned = self._turned or direction != before
+            # Not before the error is small: an error that is kept stays for as long as a
+            # temperature takes through its hysteresis.
+            there = abs(followed_m) <= 0.5 * self._hold.band_m
+            if blind or not (there and (self._hold.arrived or self._turned)):
                 return self._arrive(followed_m, direction, before, dt_s)
             self._kept = KeptPair(
                 config.hold, self._limit_A, config.anti_windup_time_s,

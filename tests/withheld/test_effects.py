@@ -58,7 +58,7 @@ def test_the_lists_are_long_enough_and_apart() -> None:
     assert len(known) >= 20
     assert len(dev) >= 12
     assert len(sealed) >= 12
-    assert len(spent) >= 60
+    assert len(spent) >= 72
     assert len({*known, *dev, *sealed, *spent}) == len(EFFECTS)
     assert {e.subsystem for e in EFFECTS} == {
         "electrical", "sensors", "thermal", "phase", "mechanics"

@@ -96,32 +96,35 @@ def test_a_hold_that_begins_to_keep_its_temperatures_does_not_jump() -> None:
     assert pair.step(-1e-5, (40.0, 30.0), DT_S) == pytest.approx((0.0, 1.0), abs=0.01)
 
 
-def quiet_outputs(
-    samples: int, x_degC: float = 50.0, y_degC: float = 45.0, moved_m: float = 0.0
-) -> list[Output]:
-    """A hold just below its reference, and after 3 s so much higher."""
+def quiet_outputs(y_degC: float = 45.0) -> list[Output]:
+    """A hold just below its reference, from 3 s on above it, from 3.4 s on at it, then cooler."""
     controller = Controller(ControlConfig())
     controller.step(sample(0))
     controller.command(Follow(trajectories=(Step(displacement_mm=0.02, duration_s=60.0),)))
-    warm = (x_degC, y_degC, 26.85, 26.85)
+    at_mm = [0.0] * 300 + [0.06] * 40 + [0.02] * 160
+    cooler_K = [0.0] * 400 + [2.0] * 100
     return [
-        controller.step(sample(k, displacement_m=0.0 if k < 300 else moved_m, rtd_degC=warm))
-        for k in range(1, samples)
-    ]
+        controller.step(
+            sample(k, displacement_m=1e-3 * at_mm[k],
+                   rtd_degC=(50.0 - cooler_K[k], y_degC - cooler_K[k], 26.85, 26.85))
+        )
+        for k in range(1, 500)
+    ]  # fmt: skip
 
 
 def test_a_spring_that_has_to_let_go_is_not_left_to_cool() -> None:
-    outputs = quiet_outputs(800, moved_m=0.06e-3)
-    assert outputs[298].i_A[0] > 0.5
-    assert outputs[298].i_A[1] == 0.0
-    after = outputs[320:]
-    assert min(out.i_A[1] for out in after) > 0.0
-    assert all(0.0 < out.i_A[0] < outputs[298].i_A[0] for out in after[:20])
+    outputs = quiet_outputs()
+    pulling, turned, kept = outputs[280:298], outputs[320:338], outputs[440:]
+    assert all(out.i_A[0] > 0.5 and out.i_A[1] == 0.0 for out in pulling)
+    # An error that asks for the other spring is answered by it alone, as in a move.
+    assert all(out.i_A[0] == 0.0 and out.i_A[1] > 0.5 for out in turned)
+    # Once it is small both are kept as warm as they were.
+    assert all(out.i_A[0] > 0.5 and out.i_A[1] > 0.5 for out in kept)
     assert {out.pump_duty for out in outputs[40:]} == {(0.0, 0.0)}
 
 
 def test_a_spring_whose_temperature_is_not_read_is_never_heated_beside_the_other() -> None:
-    for out in quiet_outputs(800, y_degC=math.nan, moved_m=0.06e-3):
+    for out in quiet_outputs(y_degC=math.nan):
         assert_apart(out)
 
 

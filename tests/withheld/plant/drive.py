@@ -13,6 +13,7 @@ from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     AMPERE,
     CELLS,
+    CHIP,
     DAMP,
     FLOW,
     GLANCE,
@@ -20,6 +21,7 @@ from tests.withheld.plant.layout import (
     JUNCTION,
     KEPT,
     KICK,
+    KINKED,
     LAG_A,
     LAG_B,
     LAG_C,
@@ -34,6 +36,7 @@ from tests.withheld.plant.layout import (
     ROLLER,
     RUN_DOWN,
     SILT,
+    SPEED,
     SPIN,
     SPIN_RATE,
     STARTED,
@@ -41,8 +44,10 @@ from tests.withheld.plant.layout import (
     TIME,
     WOUND,
     W,
+    X,
 )
 from tests.withheld.plant.parameters import index
+from tests.withheld.plant.phase import falling
 
 Array = NDArray[np.float64]
 
@@ -74,11 +79,15 @@ WINDUP = slot("idle_windup")
 KICKS = slot("rail_kick")
 PULSES = slot("roller_pulses")
 REFRESH = slot("gate_refresh")
+LEAKAGE = slot("bridge_leakage")
+KINK = slot("tube_kink")
+BREATHING = slot("breathing_tube")
 
 CURRENT_LIMIT_A = 4.0
 IDLE_A = 0.05  # command below which the current loop counts as idle
 SELF_FILLING_A = 0.8  # current up to which the bridge switches enough to keep its gates supplied
 REFILL_S = 0.25
+OPENS_mm = 2.0  # way back from where a tube has folded until it is open again
 
 
 @compiled
@@ -143,6 +152,14 @@ def refilling(s: int, i: float, side: Array, dt: float) -> float:
 
 
 @compiled
+def leaking(s: int, side: Array, dt: float) -> float:
+    """What the bridge leaks, as a multiple of its leakage: it doubles with each step of heat."""
+    relative = side[s, LAG_C] / CURRENT_LIMIT_A
+    side[s, CHIP] = approach(side[s, CHIP], relative * relative, dt, 14.0)
+    return float(2.0 ** (4.0 * side[s, CHIP]) - 1.0)
+
+
+@compiled
 def current(
     s: int, command: float, p: Array, e: Array, side: Array, time: float, dt: float
 ) -> float:
@@ -168,6 +185,9 @@ def current(
         i *= 1.0 - min(0.8, e[s, DROOP] * drawn(side) * 0.25 * i)
     if e[s, REFRESH] > 0.0:
         i *= 1.0 - e[s, REFRESH] * refilling(s, i, side, dt)
+    if e[s, LEAKAGE] > 0.0:
+        off = max(0.0, 1.0 - i / CURRENT_LIMIT_A)
+        i += e[s, LEAKAGE] * leaking(s, side, dt) * off
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -231,6 +251,16 @@ def spun(s: int, share: float, needed: float, side: Array, dt: float) -> float:
 
 
 @compiled
+def kinked(s: int, shape: float, side: Array, pair: Array) -> float:
+    """How far the tube of a spring is folded (0…1); once folded it opens later."""
+    past_mm = 1e3 * (pair[X] if s == 0 else -pair[X]) - 3.0 - 1.5 * shape
+    folds = 1.0 - falling(past_mm / 1.2)
+    stays = 1.0 - falling((past_mm + OPENS_mm) / 1.2)
+    side[s, KINKED] = min(max(side[s, KINKED], folds), stays)
+    return float(side[s, KINKED])
+
+
+@compiled
 def flow(
     s: int,
     p: Array,
@@ -256,6 +286,8 @@ def flow(
         hertz = 0.15 + 0.2 * e[2, PULSES]
         side[s, ROLLER] += dt * hertz * share
         share *= 1.0 + e[s, PULSES] * math.sin(2.0 * math.pi * side[s, ROLLER])
+    if e[s, KINK] > 0.0:
+        share *= 1.0 - e[s, KINK] * kinked(s, e[2, KINK], side, pair)
     running = share > 0.05
     side[s, PUMP_ON] = side[s, PUMP_ON] + dt if running else 0.0
     if e[s, CAVITATION] > 0.0:
@@ -269,6 +301,8 @@ def flow(
         share *= math.exp(e[s, VISCOSITY] * (warm - 27.0) / (20.0 + abs(warm - 27.0)))
     if e[s, THERMOSIPHON] > 0.0:
         share += e[s, THERMOSIPHON] * max(0.0, warm - inlet) / 20.0 * max(0.0, 1.0 - 5.0 * share)
+    if e[s, BREATHING] > 0.0:
+        share += e[s, BREATHING] * min(abs(pair[SPEED]) / 5e-3, 3.0)
     if e[s, REVERSE] > 0.0:
         if running:
             side[s, RETURN] = approach(side[s, RETURN], share, dt, 0.8)

@@ -32,6 +32,7 @@ from tests.withheld.plant.layout import (
     OHM,
     OUTLET,
     PAIR_WIDTH,
+    PLATE,
     PLAY,
     RELAXING,
     RING_DUTY_X,
@@ -110,6 +111,7 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_B] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     side[:, OUTLET] = water_degC
+    side[:, PLATE] = ambient_degC
     side[:, RELAXING] = 0.5 * bench.span_m
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
     quiet = np.zeros(8)

@@ -79,8 +79,15 @@ CELL_WIDTH = PLAY + PLAYS
     HIGH_RANGE,
     CLUNG,
     SPILT,
+    CHIP,
+    KNEE,
+    SOAKED,
+    KINKED,
+    PLATE,
+    BUCKLING,
+    BUCKLED,
     SIDE_WIDTH,
-) = range(51)
+) = range(58)
 
 (
     TIME,
@@ -109,8 +116,11 @@ CELL_WIDTH = PLAY + PLAYS
     TIPPING,
     DECODED,
     DECODED_RATE,
+    COUNTED,
+    AVERAGED,
+    PULLED,
     PAIR_WIDTH,
-) = range(27)
+) = range(30)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from tests.withheld.plant.compiled import compiled
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
+    BUCKLED,
+    BUCKLING,
     CELLS,
     CLUNG,
     COMPLIANT,
@@ -28,6 +30,7 @@ from tests.withheld.plant.layout import (
     FREE_STRAIN,
     FRICTION,
     MOST_TURNED,
+    PULLED,
     R_PHASE,
     RELAXING,
     SEAT,
@@ -76,12 +79,15 @@ TAPER = slot("tapered_drum")
 ROCKING = slot("rocking_anchor")
 PRESSURE = slot("pressure_stiffening")
 CLINGING = slot("clinging_coils")
+KNOT = slot("knot_tightening")
+BUCKLES = slot("tube_buckling")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
 SHAFT_TURN_m = 0.013
 TAPER_m = 0.010
+PUSHES_m = 0.0225  # deflection under which a tube is pressed
 
 
 @compiled
@@ -191,6 +197,36 @@ def cling(s: int, length: float, e: Array, side: Array) -> None:
 
 
 @compiled
+def pressed_tube(s: int, length: float, e: Array, side: Array) -> tuple[float, float]:
+    """Force (N) by which a tube pressed short takes from the tendon, and its slope (N/m)."""
+    if length >= PUSHES_m:
+        return 0.0, 0.0
+    on = math.tanh((PUSHES_m - length) / 2e-3)
+    holds = e[s, BUCKLES] * (1.0 - 0.7 * side[s, BUCKLED])
+    return holds * on, holds * (1.0 - on * on) / 2e-3
+
+
+@compiled
+def buckle(s: int, length: float, e: Array, side: Array, dt: float) -> None:
+    """Let a tube that is pressed too short buckle, and straighten once it is drawn out again."""
+    if e[s, BUCKLES] <= 0.0:
+        return
+    at = 0.0205 - 2e-3 * e[2, BUCKLES]
+    if length < at:
+        side[s, BUCKLING] = 1.0
+    elif length > at + 1.3e-3:
+        side[s, BUCKLING] = 0.0
+    side[s, BUCKLED] += (side[s, BUCKLING] - side[s, BUCKLED]) * (1.0 - math.exp(-dt / 0.1))
+
+
+@compiled
+def tighten(e: Array, pair: Array) -> None:
+    """Remember the largest load (N) that has drawn at the tendon's knot."""
+    if e[0, KNOT] > 0.0:
+        pair[PULLED] = max(pair[PULLED], pair[FORCE_Y] - 1.32 - 0.1 * e[2, KNOT])
+
+
+@compiled
 def pull(
     s: int, length: float, guess: float, p: Array, e: Array, cells: Array, side: Array
 ) -> tuple[float, float]:
@@ -234,6 +270,10 @@ def pull(
         slope += rate
     if e[s, CLINGING] > 0.0:
         force += e[s, CLINGING] * side[s, CLUNG]
+    if e[s, BUCKLES] > 0.0:
+        push, rate = pressed_tube(s, length, e, side)
+        force -= push
+        slope += rate
     if e[s, RELAXATION] > 0.0:
         force += e[s, RELAXATION] * (length - side[s, RELAXING]) / 0.005
         slope += e[s, RELAXATION] / 0.005
@@ -265,6 +305,7 @@ def longer_tendon(force: float, x: float, e: Array, pair: Array) -> tuple[float,
         slope += scale
     stretch += e[0, WETTING] * 1e-3 * pair[DAMP]
     stretch += e[0, ROCKING] * 1e-3 * pair[SEAT]
+    stretch += e[0, KNOT] * 1e-3 * math.tanh(pair[PULLED] / 0.3)
     if e[0, TWIST] > 0.0:
         turns = x / 0.005 + 0.8 * (e[2, TWIST] - 0.5)
         slack = 1.0 + turns * turns
@@ -352,6 +393,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
     rock(p, e, pair, dt)
+    tighten(e, pair)
     for s in range(2):
         wire = wire_stress(s, p, e, cells, side, pair)
         turned = turned_by(wire + side[s, EASED], p)
@@ -360,6 +402,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         side[s, MOST_TURNED] = max(side[s, MOST_TURNED], turned)
         length = stretched(s, x, p, e)
         cling(s, length, e, side)
+        buckle(s, length, e, side, dt)
         side[s, RELAXING] += (length - side[s, RELAXING]) * (1.0 - math.exp(-dt / 6.0))
 
 
@@ -376,6 +419,9 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
         beside += pressed(s, p, e, side) * off
     if e[s, CLINGING] > 0.0:
         beside += e[s, CLINGING] * side[s, CLUNG]
+    if e[s, BUCKLES] > 0.0:
+        push, _ = pressed_tube(s, length, e, side)
+        beside -= push
     if e[s, RELAXATION] > 0.0:
         beside += e[s, RELAXATION] * (length - side[s, RELAXING]) / 0.005
     if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:

@@ -13,10 +13,12 @@ from tests.withheld.plant.drive import approach, drawn, late
 from tests.withheld.plant.effects import slot
 from tests.withheld.plant.layout import (
     AMPERE,
+    AVERAGED,
     BATHED,
     CELLS,
     CONTACT,
     CORE,
+    COUNTED,
     CREEP_FAST,
     CREEP_SLOW,
     DECODED,
@@ -31,6 +33,7 @@ from tests.withheld.plant.layout import (
     FRAME,
     GLANCE,
     HIGH_RANGE,
+    KNEE,
     LOAD_MEAN,
     MISCOUNTS,
     OHM,
@@ -44,6 +47,7 @@ from tests.withheld.plant.layout import (
     RTD_B,
     SHUNT,
     SLIPPED,
+    SOAKED,
     SPOT,
     STEM,
     STRAYED,
@@ -105,12 +109,27 @@ GROUND_LIFT = slot("pump_ground_lift")
 WANDERING = slot("rtd_wandering")
 DECODER = slot("tracking_decoder")
 RANGES = slot("range_switching")
+ZENER = slot("soft_zener")
+COUNTS = slot("pwm_counts")
+SEEPAGE = slot("rtd_seepage")
+AVERAGING = slot("adaptive_filter")
 
 TURN_mm = 13.0
 AXIS_OFF = 0.2  # rad between the tendon and the load cell's axis at rest
 TURN_SEEN_mm = 0.1  # way back from which a reversal counts as one
 UP_A, DOWN_A = 1.2, 0.6  # where an ammeter of two ranges changes them
+NOISY_A = 1.5  # current from which the heaters' edges pass for the encoder's
 TARE_TICKS = 100.0  # the settling before a run, in which the indicator was tared
+
+
+@compiled
+def soaked(s: int, reading: float, side: Array, dt: float) -> float:
+    """How wet the glue under an RTD is (0…1): the pump presses water in, warmth drives it out."""
+    creeps = max(side[s, FLOW], 0.0) / 0.5 / 5.0
+    dries = (1.0 + max(reading - 30.0, 0.0) / 6.0) / 50.0
+    rate = creeps + dries
+    side[s, SOAKED] = approach(side[s, SOAKED], creeps / rate, dt, 1.0 / rate)
+    return float(side[s, SOAKED])
 
 
 @compiled
@@ -144,6 +163,8 @@ def rtd(
     if e[s, RTD_STRAIN] != 0.0:
         off = pair[X] if s == 1 else -pair[X]
         reading += e[s, RTD_STRAIN] * (off / 0.01 + 0.3 * (off / 0.01) ** 2)
+    if e[s, SEEPAGE] > 0.0:
+        reading -= e[s, SEEPAGE] * soaked(s, reading, side, dt)
     if e[s, CARRY] != 0.0:
         code = 33.0 + 8.0 * e[2, CARRY]
         reading += e[s, CARRY] * 0.5 * (1.0 + math.tanh((reading - code) / 0.15))
@@ -184,7 +205,7 @@ def decoded(reading: float, lag: float, dt: float, pair: Array) -> float:
 
 
 @compiled
-def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
+def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     """Encoder reading (mm) for the tendon's travel (mm)."""
     width = e[0, BACKLASH]
     before = pair[ENCODER]
@@ -208,6 +229,10 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     reading += e[0, SPOOL] * (reading / 10.0) ** 2
     if e[0, MISCOUNT] > 0.0:
         reading += e[0, MISCOUNT] * reversals(pair[ENCODER], pair)
+    if e[0, COUNTS] != 0.0:
+        for s in range(2):
+            pair[COUNTED] += e[0, COUNTS] * dt * max(side[s, AMPERE] - NOISY_A, 0.0)
+        reading += pair[COUNTED]
     if e[0, DECODER] > 0.0:
         reading = decoded(reading, e[0, DECODER], dt, pair)
     return float(reading)
@@ -226,6 +251,17 @@ def tracked(reading: float, strength: float, dt: float, pair: Array) -> float:
     trust = math.exp(-((off / 0.3) ** 2)) / (1.0 + (rate / 0.03) ** 2)
     pair[TRACKED] += off * trust * (1.0 - math.exp(-strength * dt))
     return float(reading - pair[TRACKED])
+
+
+@compiled
+def averaged(reading: float, longest: float, shape: float, dt: float, pair: Array) -> float:
+    """What an indicator shows (N) whose average is the shorter, the further the load is off."""
+    if pair[GLANCE] <= TARE_TICKS:
+        pair[AVERAGED] = reading
+        return reading
+    off = (reading - pair[AVERAGED]) / (0.06 + 0.06 * shape)
+    pair[AVERAGED] = approach(pair[AVERAGED], reading, dt, longest * math.exp(-off * off))
+    return float(pair[AVERAGED])
 
 
 @compiled
@@ -258,6 +294,8 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         reading += e[0, VIBRATION] * (side[0, PUMP] + side[1, PUMP]) * hum
     if e[0, TRACKING] > 0.0:
         reading = tracked(reading, e[0, TRACKING], dt, pair)
+    if e[0, AVERAGING] > 0.0:
+        reading = averaged(reading, e[0, AVERAGING], e[2, AVERAGING], dt, pair)
     return float(reading)
 
 
@@ -269,6 +307,15 @@ def low_range(s: int, side: Array) -> float:
     elif side[s, AMPERE] < DOWN_A:
         side[s, HIGH_RANGE] = 0.0
     return float(1.0 - side[s, HIGH_RANGE])
+
+
+@compiled
+def clamped(s: int, volts: float, shape: float, side: Array, dt: float) -> float:
+    """By how much (V) a voltage passes the knee of the sense lines' Zener, and its own warmth."""
+    past = volts - 1.2 - 0.5 * shape + 0.5 * side[s, KNEE]
+    over = 0.5 * (past + math.sqrt(past * past + 0.01))
+    side[s, KNEE] = approach(side[s, KNEE], over, dt, 5.0)
+    return float(over)
 
 
 @compiled
@@ -306,6 +353,8 @@ def read(
         out[2 + s] += e[s, RETURN_WIRE] * (side[0, AMPERE] + side[1, AMPERE])
         if e[s, GROUND_LIFT] != 0.0:
             out[2 + s] += e[s, GROUND_LIFT] * drawn(side)
+        if e[s, ZENER] > 0.0:
+            out[2 + s] -= e[s, ZENER] * clamped(s, out[2 + s], e[2, ZENER], side, dt)
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
@@ -317,7 +366,7 @@ def read(
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks = e[0, DELAY] * wander / dt
-    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, pair)
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     beat = 0.0

@@ -21,6 +21,7 @@ from tests.withheld.plant.layout import (
     PEAK,
     QUENCH,
     RATE,
+    TURNED,
     WORK_DONE,
     T,
 )
@@ -43,6 +44,7 @@ FRONTS = slot("phase_fronts")
 QUENCHED = slot("quenched_martensite")
 PINNING = slot("pinned_fronts")
 GRAINS = slot("grain_slopes")
+DEFORMED = slot("deformed_martensite")
 
 ARREST_K = 2.0  # width of what is remembered
 
@@ -104,4 +106,6 @@ def shifts(
         wider = e[s, GRAINS] * (0.5 - cells[s, i, FRACTION]) * (stress - 57.0)
         heat += wider / p[HEAT_SLOPE]
         cool += wider / p[COOL_SLOPE]
+    if e[s, DEFORMED] > 0.0:
+        heat += e[s, DEFORMED] * cells[s, i, TURNED] / 0.1
     return heat, cool

@@ -73,6 +73,7 @@ from tests.withheld.plant.water import (
     evaporate,
     melt,
     pockets,
+    touch,
     warm_wall,
     wet_shares,
 )
@@ -117,8 +118,10 @@ BINDING = slot("rtd_binding")
 OVERTURNING = slot("overturning_water")
 QUENCHED = slot("quenched_martensite")
 SHORTS = slot("shorted_turns")
+VARIANTS = slot("variant_creep")
 
 BRIDGING_A = 0.5  # current that breaks the oxide between turns that touch
+VARIANTS_S = 2.0
 QUICK_PER_S = 0.3  # rate of forming at which half of what haste can do is done
 
 
@@ -258,6 +261,10 @@ def remember(
         if e[s, RECOVERY] > 0.0:
             excess = max(cell[TURNED] - turned_new, 0.0)
             cell[TURNED] -= excess * min(0.5, e[s, RECOVERY] * dt * math.sqrt(excess / 0.1))
+        if e[s, VARIANTS] > 0.0 and turned_new > 0.0:
+            ahead = max(cell[TURNED] - turned_new, 0.0) / e[s, VARIANTS]
+            rate = e[s, VARIANTS] / VARIANTS_S * math.exp(-ahead) * turned_new / (turned_new + 0.01)
+            cell[TURNED] = min(cell[TURNED] + dt * rate, 1.0)
         if moved < -1e-6 and cell[HEATING] < 0.5:
             cell[HEATING] = 1.0
             cell[HEATED_FROM] = cell[FRACTION]
@@ -312,6 +319,7 @@ def tube(
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)
     evaporate(s, e, cells, side, rows, dt)
     melt(s, e, cells, rows, dt)
+    touch(s, ambient, e, cells, side, pair, rows, dt)
     if e[s, BINDING] > 0.0:
         side[s, BATHED] = rows[int(p[RTD_PLACE] * CELLS), FILM]
     left = int(side[s, QUIET]) if calm else 0

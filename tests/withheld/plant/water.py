@@ -18,6 +18,7 @@ from tests.withheld.plant.layout import (
     FILL,
     FLOW,
     MOLTEN,
+    PLATE,
     POCKET,
     RESERVOIR,
     SPILT,
@@ -26,7 +27,9 @@ from tests.withheld.plant.layout import (
     WET,
     T,
     W,
+    X,
 )
+from tests.withheld.plant.phase import falling
 from tests.withheld.plant.thermal import HEAT_WATER, HEAT_WIRE
 
 Array = NDArray[np.float64]
@@ -38,6 +41,7 @@ SLUG = slot("hose_slug")
 COATING = slot("gas_coat")
 SPILL = slot("evaporating_spill")
 WAX = slot("wax_melting")
+TOUCH = slot("frame_touch")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -46,6 +50,8 @@ WALL_S = 12.0
 DEW = 14.0  # °C
 WAX_MELTS, WAX_SETS = 39.0, 34.5  # °C; it sets at the former once it has begun to
 WAX_W_K = 0.5  # between the whole wire and its wax
+PLATE_J_K = 12.0  # heat capacity of the part of the frame that a tube touches
+PLATE_S = 40.0
 HOSE_J_K = 1.0  # heat capacity of the water that stands in the supply hose
 
 
@@ -124,6 +130,23 @@ def melt(s: int, e: Array, cells: Array, rows: Array, dt: float) -> None:
             after = min(max(molten + WAX_W_K / e[s, WAX] * over * dt, 0.0), 1.0)
             rows[i, HEAT_WIRE] -= e[s, WAX] / CELLS * (after - molten) / dt
             cells[s, i, MOLTEN] = after
+
+
+@compiled
+def touch(
+    s: int, air: float, e: Array, cells: Array, side: Array, pair: Array, rows: Array, dt: float
+) -> None:
+    """Let the tube of a shortened spring give heat to the frame, and take it back."""
+    if e[s, TOUCH] <= 0.0:
+        return
+    contracted_mm = 1e3 * (pair[X] if s == 0 else -pair[X])
+    conducts = e[s, TOUCH] * (1.0 - falling((contracted_mm - 3.5) / 2.0)) / CELLS
+    given = 0.0
+    for i in range(CELLS):
+        watts = conducts * (cells[s, i, W] - side[s, PLATE])
+        rows[i, HEAT_WATER] -= watts
+        given += watts
+    side[s, PLATE] += dt * (given / PLATE_J_K - (side[s, PLATE] - air) / PLATE_S)
 
 
 @compiled
