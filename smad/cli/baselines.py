@@ -38,8 +38,18 @@ def require_same(
             f"the baseline {folder} is of another programme",
             value=digest[:12],
             limit=programme.digest[:12],
-            action="give with --programme the one it was recorded with, or commission again",
+            action=other_part(digest)
+            or "give with --programme the one it was recorded with, or commission again",
         )
+
+
+def other_part(digest: str) -> str:
+    """What to do with runs of a part of the shipped programme; empty for those of another one."""
+    from smad.gap.paired.programme import shipped
+
+    if digest == shipped().quick().digest:
+        return "add --quick: it holds the quick part only"
+    return "leave --quick out: it holds the whole programme" if digest == shipped().digest else ""
 
 
 def new_plant() -> SmaPlant:

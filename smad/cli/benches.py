@@ -99,7 +99,7 @@ class _LivePlayer:
 
     def __call__(self, run: ProgrammeRun, original: Path | None) -> Recorded:
         from smad.cli.leased import LeasedDriver
-        from smad.experiments.errors import EndedEarlyError
+        from smad.experiments.errors import EndedEarlyError, TrippedError
         from smad.experiments.replayer import Replayer
         from smad.gap.paired.series import Recorded
 
@@ -120,6 +120,12 @@ class _LivePlayer:
                 leased.run(plan)
             except EndedEarlyError as error:
                 ended = error.cause
+            except TrippedError as error:
+                # A bench with a trouble may trip where it did not when it was good: that counts as
+                # far as it goes. Without a recording to repeat it is no good run.
+                if repeat is None or driver.log is None:
+                    raise
+                ended = f"{error.cause} ({error.value})"
             assert driver.log is not None
             return Recorded(driver.log, ended, self._client.motion().board_time_s - began_s)
 

@@ -13,6 +13,7 @@ import click
 from smad.cli.baselines import (
     chosen_programme,
     new_plant,
+    other_part,
     player,
     print_verdict,
     require_same,
@@ -22,9 +23,12 @@ from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
     from smad.gap.paired.difference import Paired
+    from smad.gap.paired.files import Found
     from smad.gap.paired.programme import Programme
+    from smad.gap.paired.store import Baseline
     from smad.gap.paired.verdict import Verdict
     from smad.gap.runs import GapRun
+    from smad.gap.sma import SmaPlant
 
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
@@ -62,26 +66,27 @@ def commission(
     """Record what a good bench makes of the programme, and compute a baseline from it.
 
     Runs are kept in FOLDER/good-1, good-2 …; interrupted, the same command goes on after the last
-    run that was finished. Arms the bench and heats it.
+    run that was finished. A baseline that cannot be read, or is of another version of smad, is
+    computed anew from its runs. Arms the bench and heats it.
     """
     from smad.gap.paired.commission import commissioned
     from smad.gap.paired.errors import BaselineError
     from smad.gap.paired.series import finished, folder_for, play_series
-    from smad.gap.paired.store import Baseline, load, read_about, save
+    from smad.gap.paired.store import Baseline, save
 
     plant = new_plant()
     programme = chosen_programme(programme_folder, quick)
     whose = "simulated" if sim else bench
-    known = (folder / "baseline.json").exists()
-    if known and not again:
+    known = _known(folder, plant)
+    if known is not None and not again:
         raise BaselineError(
             f"{folder} is a baseline already",
             action="add repeats to it with --again, or give another folder",
         )
-    if known:
-        require_same(folder, read_about(folder).bench, whose, load(folder, plant).programme,
-                      programme)  # fmt: skip
-    before = len(finished(_good(folder), programme)) if known else 0
+    if known is not None:
+        require_same(folder, known.bench, whose, known.programme, programme)
+    _require_its_runs(folder, programme)
+    before = 0 if known is None else known.reference.repeats
     while (have := len(finished(_good(folder), programme))) < before + repeats:
         place = folder_for(folder, "good", programme, time.time)
         originals = None if place.name == "good-1" else folder / "good-1"
@@ -160,7 +165,9 @@ def checkup(
         )
     print_verdict(verdict)
     if json_path is not None:
-        json_path.write_bytes(msgspec.json.format(msgspec.json.encode(verdict), indent=1))
+        from smad.gap.paired.series import write_whole
+
+        write_whole(json_path, msgspec.json.format(msgspec.json.encode(verdict), indent=1))
         click.echo(f"written: {json_path}", err=True)
     if page_path is not None:
         from smad.gap.paired.page import checkup_page
@@ -208,6 +215,7 @@ def _of_baseline(
     plant = new_plant()
     baseline = load(folder, plant)
     known = {r.name for r in baseline.reference.runs}
+    played = now is None
     if now is None:
         require_same(folder, baseline.bench, "simulated" if sim else bench, baseline.programme,
                       programme, part=True)  # fmt: skip
@@ -220,7 +228,10 @@ def _of_baseline(
     state = read_state(now)
     if state is not None and state.ended:
         click.echo(f"not all of it was played: {state.ended}", err=True)
-    runs = [(f.run, f.name) for f in read_folder(now) if f.name in known]
+    found = [f for f in read_folder(now) if f.name in known]
+    if not played:
+        _require_other_runs(folder, found)
+    runs = [(f.run, f.name) for f in found]
     if not runs:
         raise BaselineError(
             f"{now} holds no run of the baseline {folder}",
@@ -231,14 +242,58 @@ def _of_baseline(
         return judged(plant, baseline.reference, runs, progress=line.say)
 
 
+def _require_other_runs(folder: Path, now: Sequence[Found]) -> None:
+    """Raises PairingError when runs of now are good ones of the baseline, or of another bench."""
+    from smad.gap.paired.files import (
+        read_folder,
+        require_one_bench,
+        require_other_recordings,
+    )
+
+    for place in _good(folder):
+        good = [f for f in read_folder(place) if f.name in {n.name for n in now}]
+        require_one_bench([*good, *now])
+        require_other_recordings(good, now)
+
+
+def _known(folder: Path, plant: SmaPlant) -> Baseline | None:
+    """The baseline of a folder; None where there is none, or none that this version can read."""
+    from smad.gap.paired.errors import BaselineError
+    from smad.gap.paired.store import load
+
+    if not (folder / "baseline.json").exists():
+        return None
+    try:
+        return load(folder, plant)
+    except BaselineError as error:
+        say(f"{error.cause}; computed anew from the runs in {folder}")
+        return None
+
+
+def _require_its_runs(folder: Path, programme: Programme) -> None:
+    """Raises BaselineError when the good runs that are there are of another programme."""
+    from smad.gap.paired.errors import BaselineError
+    from smad.gap.paired.series import read_state
+
+    for place in _good(folder):
+        state = read_state(place)
+        if state is not None and state.programme != programme.digest:
+            raise BaselineError(
+                f"{place} holds runs of another programme",
+                value=state.programme[:12],
+                limit=programme.digest[:12],
+                action=other_part(state.programme) or "give another folder",
+            )
+
+
 def _good(folder: Path) -> list[Path]:
-    return sorted(folder.glob("good-*"))
+    found = (p for p in folder.glob("good-*") if p.name.removeprefix("good-").isdecimal())
+    return sorted(found, key=lambda p: int(p.name.removeprefix("good-")))
 
 
 def _read_repeats(places: Sequence[Path], programme: Programme) -> list[list[GapRun]]:
-    from smad.gap.paired.files import read_file
+    from smad.gap.paired.files import read_folder, require_one_bench
 
-    return [
-        [replace(read_file(p / f"{run.name}.mcap"), name=run.name) for p in places]
-        for run in programme.runs
-    ]
+    found = [{f.name: f for f in read_folder(p)} for p in places]
+    require_one_bench([f for own in found for f in own.values()])
+    return [[replace(own[run.name].run, name=run.name) for own in found] for run in programme.runs]

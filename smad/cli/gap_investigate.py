@@ -78,11 +78,9 @@ def investigate(
 
 def _over(path: Path) -> bool:
     """Whether an investigation has come to its end."""
-    import msgspec
+    from smad.gap.paired.inquiry import read_report
 
-    from smad.gap.paired.inquiry import Report
-
-    return bool(msgspec.json.decode(path.read_bytes(), type=Report).why_over)
+    return bool(read_report(path).why_over)
 
 
 def _print(report: Report, folder: Path, spent_s: float) -> None:

@@ -71,13 +71,21 @@ def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
     from sim_device.plant import load_parameters
     from smad.config import Config
     from smad.experiments.driver import log_path
+    from smad.experiments.errors import ExperimentError
     from smad.experiments.virtual import VirtualDriver
 
     found.require_fit(Config())
     plan = found.plan(name)
+    path = log_path(folder, plan)
+    if path.exists():
+        raise ExperimentError(
+            "a run log of that name is there already",
+            value=str(path),
+            action="give another folder with --save-logs, or move it away",
+        )
     with progress() as line:
         VirtualDriver(load_parameters("A"), seed=seed, folder=folder, progress=line.say).run(plan)
-    return log_path(folder, plan)
+    return path
 
 
 def _live(

@@ -17,5 +17,9 @@ class EndedEarlyError(ExperimentError):
     """A reading left the recorded one, and the repeated inputs were ended; the log is kept."""
 
 
+class TrippedError(ExperimentError):
+    """Board or host stopped the bench by a fault during a run; what was recorded is kept."""
+
+
 class DataFileError(ExperimentError):
     """A data file (such as a calorimeter's) is not in the documented form."""

@@ -23,7 +23,12 @@ from smad.control.commands import (
 from smad.control.inforce import tune_of
 from smad.control.plan import Cooling, Do, Fixture, Mark, Pause, Plan, UntilDone
 from smad.experiments.driver import PARTS, Mounting, Progress, log_name
-from smad.experiments.errors import BenchLacksError, EndedEarlyError, ExperimentError
+from smad.experiments.errors import (
+    BenchLacksError,
+    EndedEarlyError,
+    ExperimentError,
+    TrippedError,
+)
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
@@ -187,7 +192,8 @@ class LiveDriver:
         while not over(motion):
             if not motion.armed:
                 fault = "no fault" if motion.fault is None else motion.fault.name
-                raise ExperimentError(
+                kind = ExperimentError if motion.fault is None else TrippedError
+                raise kind(
                     f"run {plan.name}: the board left ARMED",
                     value=f"{motion.mode}, {fault}",
                     action="see `smad status` and `smad faults explain`",

@@ -159,7 +159,13 @@ def _beside(options: argparse.Namespace) -> None:
 
 def _mystery(options: argparse.Namespace) -> None:
     link = Path(options.link) if options.link else None
-    quiz.run(options.seed, good=options.good, link=link, note=Path(options.note))
+    sitting = quiz.Sitting(
+        good=options.good,
+        day=options.day,
+        pace=quiz.Pace(by_host=options.paced_by_host),
+        with_parent=options.with_parent,
+    )
+    quiz.run(options.seed, sitting, link=link, note=Path(options.note))
 
 
 def _inquiries(options: argparse.Namespace) -> None:
@@ -170,8 +176,18 @@ def _inquiries(options: argparse.Namespace) -> None:
     def begin(seed: int, folder: Path) -> quiz.PlayedMystery:
         return quiz.PlayedMystery(seed, programme, folder)
 
-    inquiries.run(options.seeds, out, begin=begin, minutes=options.minutes)
+    inquiries.run(options.seeds, out, inquiries.asked(begin, options.minutes))
     inquiries.report(out, Path(options.page) if options.page else None, options.note)
+
+
+def _over_the_wire(options: argparse.Namespace) -> None:
+    from tests.withheld import inquiries, mysteries
+
+    out = Path(options.out)
+    order = mysteries.Order(options.minutes, options.quick, options.days)
+    inquiries.run(options.seeds, out, mysteries.asked(out, order, quiz.reveal))
+    page = Path(options.page) if options.page else None
+    inquiries.report(out, page, options.note, mysteries.MARK)
 
 
 def _reveal(options: argparse.Namespace) -> None:
@@ -284,6 +300,15 @@ def _mysteries(commands: _Commands) -> None:
     mystery = commands.add_parser("mystery", help="a bench on a pty with a hidden effect")
     mystery.add_argument("seed", type=int)
     mystery.add_argument("--good", action="store_true", help="the same bench before the trouble")
+    mystery.add_argument("--day", type=int, default=0, help="another day of the same bench")
+    mystery.add_argument(
+        "--paced-by-host",
+        action="store_true",
+        help="armed, wait for each setpoint, and else hurry: as fast as the machine goes",
+    )
+    mystery.add_argument(
+        "--with-parent", action="store_true", help="end with the process that started it"
+    )
     mystery.add_argument("--link", help="make a symbolic link to the pty here")
     mystery.add_argument("--note", default=str(quiz.NOTE), help="where the sealed note goes")
     mystery.set_defaults(run=_mystery)
@@ -295,6 +320,17 @@ def _mysteries(commands: _Commands) -> None:
     asked.add_argument("--page", help="put the table between the marks of this page")
     asked.add_argument("--note", default="", help="a line above it, with --page")
     asked.set_defaults(run=_inquiries)
+    live = commands.add_parser("mysteries", help="the same over the wire, with the daemon")
+    live.add_argument("seeds", type=int, nargs="*", help="of the benches; none: the table only")
+    live.add_argument("--minutes", type=float, default=20.0, help="bench time for each")
+    live.add_argument("--quick", action="store_true", help="commission the quick part only")
+    live.add_argument(
+        "--days", type=int, choices=(1, 2), default=2, help="days of the two good repeats"
+    )
+    live.add_argument("--out", required=True, help="folder for what became of each")
+    live.add_argument("--page", help="put the table between the marks of this page")
+    live.add_argument("--note", default="", help="a line above it, with --page")
+    live.set_defaults(run=_over_the_wire)
     reveal = commands.add_parser("reveal", help="open the answer of the last mystery")
     reveal.add_argument("--note", default=str(quiz.NOTE))
     reveal.set_defaults(run=_reveal)

@@ -21,6 +21,7 @@ from smad.gap.paired.series import Recorded
 from smad.gap.paired.verdict import CAUSE, GROUP, QUIET, UNKNOWN
 from smad.gap.sma import SmaPlant
 from tests.withheld.curves import put_into
+from tests.withheld.errors import QuizError
 
 REPEATS = 2
 MARK = "inquiries"
@@ -60,12 +61,13 @@ def investigate(
         seconds=60.0 * minutes,
     )
     report = inquiry.carry_out(_silent)
-    return _told(mystery.answer(), report, inquiry.spent_s(report), programme)
+    return told(mystery.answer(), report, inquiry.spent_s(report), programme)
 
 
-def _told(
+def told(
     answer: dict[str, Any], report: Report, spent_s: float, programme: Programme
 ) -> dict[str, Any]:
+    """What an investigation concluded, beside the answer."""
     assert report.verdict is not None
     verdict = report.verdict
     names = list(verdict.group) if verdict.outcome == GROUP else []
@@ -98,25 +100,39 @@ def mark(case: dict[str, Any]) -> str:
     return "rightly" if said == truth else "with a wrong name" if truth & said else "wrongly"
 
 
-def run(
-    seeds: Sequence[int],
-    out: Path,
-    *,
-    begin: Callable[[int, Path], Mystery],
-    minutes: float = 20.0,
-) -> None:
-    """All seeds, a file each in `out`; those that have one are not done again."""
+def asked(begin: Callable[[int, Path], Mystery], minutes: float) -> Callable[[int], dict[str, Any]]:
+    """What investigates the bench of a number, in a folder that goes away with it."""
+
+    def one(seed: int) -> dict[str, Any]:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            return investigate(begin(seed, folder / "runs"), minutes, folder, shipped())
+
+    return one
+
+
+def run(seeds: Sequence[int], out: Path, investigated: Callable[[int], dict[str, Any]]) -> None:
+    """All seeds, a file each in `out`; those that have one are not done again.
+
+    A bench that fails does not keep the others waiting. Raises QuizError at the end, then.
+    """
     out.mkdir(parents=True, exist_ok=True)
+    failed = []
     for seed in seeds:
         place = out / f"{seed}.json"
         if place.exists():
             continue
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            c = investigate(begin(seed, folder / "runs"), minutes, folder, shipped())
+        try:
+            c = investigated(seed)
+        except QuizError as error:
+            print(f"{seed} failed: {error}", flush=True)
+            failed.append(str(seed))
+            continue
         place.write_text(json.dumps(c, indent=1))
         print(f"{seed} {mark(c)}: {c['effects']} {c['outcome']} {c['names']} {c['minutes']} min; "
               f"{c['why_over']}", flush=True)  # fmt: skip
+    if failed:
+        raise QuizError(f"not finished: {', '.join(failed)}; the same command tries them again")
 
 
 _ENDS = (
@@ -148,12 +164,12 @@ def _share(hits: int, count: int) -> str:
     return f"{hits / count:.2f} ({low:.2f}–{high:.2f})"
 
 
-def report(out: Path, page: Path | None, note: str) -> None:
+def report(out: Path, page: Path | None, note: str, mark: str = MARK) -> None:
     """Print the table; with `page` put it there."""
     text = table([json.loads(path.read_text()) for path in sorted(out.glob("*.json"))])
     print(text)
     if page is not None:
-        put_into(page, f"{note}\n\n{text}", MARK)
+        put_into(page, f"{note}\n\n{text}", mark)
 
 
 def _silent(text: str) -> None:

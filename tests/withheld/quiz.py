@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import select
+import signal
 import sys
 import time
 import tty
@@ -26,6 +27,8 @@ from tests.withheld.recorder import record_program
 
 SHARE_UNKNOWN = 0.3
 NOTE = Path("mystery.json")
+DAY = 1_000_003
+"""Between the seeds of a bench's days."""
 
 
 class Board(Protocol):
@@ -40,6 +43,18 @@ class Board(Protocol):
 
     def step(self) -> bytes:
         """One sample; what the board sends."""
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether the last sample went out armed, and its setpoint has not come."""
+
+    @property
+    def setpoints(self) -> int:
+        """How many setpoints have come."""
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing happens on the bench before somebody arms it."""
 
 
 @dataclass(frozen=True)
@@ -152,6 +167,24 @@ def _wait(descriptor: int, seconds: float) -> bool:
 WALL = Clock(time.monotonic, _wait)
 
 
+@dataclass(frozen=True)
+class Pace:
+    """How fast board time goes.
+
+    As fast as the wall's; with `by_host` an armed board takes its next sample when the setpoint
+    that answers the last one has come, one that cools goes at `speed`, and one at rest as fast as
+    the wall. A host that is silent for `patience_s` of wall time is not waited for until it says
+    something: the board goes on by itself, so that it notices and stops.
+    """
+
+    by_host: bool = False
+    speed: float = 20.0
+    patience_s: float = 2.0
+
+
+REAL_TIME = Pace()
+
+
 def open_terminal() -> tuple[int, str, int]:
     """A raw pseudo-terminal: our end, the path for the host, and the descriptor kept open."""
     ours, theirs = os.openpty()
@@ -161,23 +194,45 @@ def open_terminal() -> tuple[int, str, int]:
 
 
 def serve(
-    board: Board, descriptor: int, clock: Clock = WALL, going: Callable[[], bool] = lambda: True
+    board: Board,
+    descriptor: int,
+    clock: Clock = WALL,
+    going: Callable[[], bool] = lambda: True,
+    pace: Pace = REAL_TIME,
 ) -> None:
-    """Pace the board by the clock and pass its bytes, until `going` says no.
+    """Pace the board and pass its bytes, until `going` says no.
 
     A late step is made up for, but never more than a second of them. Bytes that the other side
     does not take are lost, as on a wire.
     """
     due = clock.now_s()
+    given_up_at = -1
     while going():
+        if pace.by_host and board.unanswered and board.setpoints != given_up_at:
+            if not _answered(board, descriptor, clock, pace.patience_s):
+                given_up_at = board.setpoints
+            due = min(due, clock.now_s())
         while clock.wait(descriptor, due - clock.now_s()):
             _send(descriptor, board.receive(_receive(descriptor)))
             if clock.now_s() >= due:
                 break
         if clock.now_s() < due:
             continue
-        due = max(due + board.period_us / 1e6, clock.now_s() - 1.0)
+        fast = pace.speed if pace.by_host and not board.at_rest else 1.0
+        due = max(due + board.period_us / 1e6 / fast, clock.now_s() - 1.0)
         _send(descriptor, board.step())
+
+
+def _answered(board: Board, descriptor: int, clock: Clock, patience_s: float) -> bool:
+    """Wait until the host has answered the last sample; whether it did in time."""
+    until = clock.now_s() + patience_s
+    while board.unanswered:
+        left_s = until - clock.now_s()
+        if left_s <= 0.0:
+            return False
+        if clock.wait(descriptor, left_s):
+            _send(descriptor, board.receive(_receive(descriptor)))
+    return True
 
 
 def _receive(descriptor: int) -> bytes:
@@ -195,23 +250,43 @@ def _send(descriptor: int, data: bytes) -> None:
             return
 
 
-def run(seed: int, *, good: bool, link: Path | None, note: Path, tell: TextIO = sys.stdout) -> None:
-    """Serve the bench of a number on a pseudo-terminal until interrupted.
+@dataclass(frozen=True)
+class Sitting:
+    """What of a bench is served: before the trouble (`good`) or with it, on which of its days.
 
-    With `good` it is the same bench before the trouble, for known-good runs.
+    `with_parent`: only for as long as the process that started it lives.
     """
+
+    good: bool = False
+    day: int = 0
+    pace: Pace = REAL_TIME
+    with_parent: bool = False
+
+    def going(self) -> Callable[[], bool]:
+        """Asked before each sample whether to go on."""
+        parent = os.getppid()
+        return (lambda: os.getppid() == parent) if self.with_parent else (lambda: True)
+
+
+def run(
+    seed: int, sitting: Sitting, *, link: Path | None, note: Path, tell: TextIO = sys.stdout
+) -> None:
+    """Serve the bench of a number on a pseudo-terminal until interrupted."""
     from tests.withheld.wire_board import WireBoard
 
     drawn = begin(seed, note)
-    board = WireBoard(drawn.bench, () if good else drawn.active, seed + good)
+    active = () if sitting.good else drawn.active
+    board = WireBoard(drawn.bench, active, seed + sitting.good + DAY * sitting.day)
     ours, path, theirs = open_terminal()
     if link is not None:
         link.unlink(missing_ok=True)
         link.symlink_to(path)
     print(f"bench on {link or path}", file=tell)
     print(f"sealed answer SHA-256 {drawn.sealed}", file=tell, flush=True)
+    # Ended as ctrl-C does it: a shell's background processes do not hear that.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        serve(board, ours)
+        serve(board, ours, going=sitting.going(), pace=sitting.pace)
     except KeyboardInterrupt:
         print("stopped", file=tell)
     finally:

@@ -21,6 +21,7 @@ SECOND_PASS = (
     "calibrating.py",
     "curves.py",
     "inquiries.py",
+    "mysteries.py",
     "seals.py",
 )
 SOURCES = sorted(HERE.rglob("*.py"))

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 AXIS = 0
 WRAP = 1 << 32
+HEATING = (BoardState.ARMED, BoardState.HOLD)
 ALL_VALID = int(sum(ValidBit) - ValidBit.SETPOINT)
 HAS = (
     Capability.ENCODER
@@ -85,6 +86,9 @@ class WireBoard:
         self._sp_seq = 0
         self._sp_age_us: int | None = None
         self._told: sup.FirstFault | None = None
+        self._told_mode = self.state
+        self._answered_us: int | None = None
+        self.setpoints = 0
         self._out: Array = np.zeros(len(COLUMNS))
         self._session.boot(self.now_us)
 
@@ -97,6 +101,20 @@ class WireBoard:
     def state(self) -> BoardState:
         """State of the board's machine."""
         return self._supervisor.state
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether the last sample went out armed, and its setpoint has not come.
+
+        A board that was disarmed since then is not answered any more.
+        """
+        both = self._told_mode in HEATING and self.state in HEATING
+        return both and self._answered_us != self.now_us % WRAP
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing happens on the bench before somebody arms it."""
+        return self.state == BoardState.SAFE
 
     def receive(self, data: bytes) -> bytes:
         """Act on bytes from the host; what there is to answer at once."""
@@ -122,6 +140,7 @@ class WireBoard:
         self._session.safe = self.state == BoardState.SAFE
         state = self._state(read, applied, duty)
         self._session.send_state(state)
+        self._told_mode = state.mode
         self._tell_fault(state)
         return self._session.data_to_send()
 
@@ -185,6 +204,8 @@ class WireBoard:
 
     def _apply(self, event: e.SetpointReceived) -> None:
         wish = event.setpoint
+        self.setpoints += 1
+        self._answered_us = wish.t_ref_us
         refused = self._supervisor.setpoint(
             wish.i_mA, wish.pump_duty, event.age_us, 1000 * wish.ttl_ms, self.now_us
         )

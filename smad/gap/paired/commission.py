@@ -7,7 +7,13 @@ from collections.abc import Callable, Sequence
 from smad.gap.paired.constants import Constants, shipped_constants
 from smad.gap.paired.difference import Paired, paired
 from smad.gap.paired.errors import PairingError
-from smad.gap.paired.files import Found, Matched, match, require_other_recordings
+from smad.gap.paired.files import (
+    Found,
+    Matched,
+    match,
+    require_one_bench,
+    require_other_recordings,
+)
 from smad.gap.paired.judge import examine
 from smad.gap.paired.reference import Reference, reference_from
 from smad.gap.paired.spring_pair import TRAITS
@@ -62,8 +68,10 @@ def checked_files(
 ) -> tuple[Paired, Verdict, Matched]:
     """The verdict over files of a good day and of now, and what was paired with what.
 
-    Raises PairingError when nothing is paired, and when a run of now is one of the good ones.
+    Raises PairingError when nothing is paired, when a run of now is one of the good ones, when a
+    good one is given twice, and when runs of two benches are mixed.
     """
+    require_one_bench([*good, *now])
     require_other_recordings(good, now)
     matched = match(plant, good, now)
     if not matched.now:

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from smad.errors import LogImportError
+from smad.gap.data.guards import same_recording
 from smad.gap.paired.errors import PairingError
 from smad.gap.paired.reference import input_spans
 from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
 from smad.gap.plant import Array, PlantModel
 from smad.gap.runs import GapRun
-from smad.gap.sma.signals import CHANNELS, INPUTS, read_gap_run, run_from_columns
+from smad.gap.sma.signals import CHANNELS, INPUTS, gap_run_of, run_from_columns
 
 _KINDS = (".mcap", ".parquet", ".csv", ".csv.gz")
 _LIKE = 0.05
@@ -23,12 +24,17 @@ _LIKE = 0.05
 
 @dataclass(frozen=True)
 class Found:
-    """A run of a folder: its name without folder and suffix, and the folder it lies in."""
+    """A run of a folder: its name without folder and suffix, and the folder it lies in.
+
+    `board` is the serial number of the board that it was recorded on, empty where the file does not
+    tell.
+    """
 
     name: str
     group: str
     path: Path
     run: GapRun
+    board: str = ""
 
     @classmethod
     def of(cls, path: Path, run: GapRun) -> Found:
@@ -47,7 +53,7 @@ def read_folder(folder: Path) -> list[Found]:
         raise PairingError(
             f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
         )
-    return [Found(_stem(p), str(p.parent.relative_to(folder)), p, read_file(p)) for p in paths]
+    return [Found(_stem(p), str(p.parent.relative_to(folder)), p, *_read(p)) for p in paths]
 
 
 def _stem(path: Path) -> str:
@@ -57,10 +63,22 @@ def _stem(path: Path) -> str:
 def read_file(path: Path) -> GapRun:
     """A run of a file; columns are told from their names as `smad log import` does.
 
-    Raises LogImportError and PairingError, which name the file and what is wrong with it.
+    Raises RunLogError, LogImportError and PairingError, which name the file and what is wrong.
     """
-    if path.suffix == ".mcap":
-        return _checked(path, read_gap_run(path))
+    return _read(path)[0]
+
+
+def _read(path: Path) -> tuple[GapRun, str]:
+    """A run with the serial number of its board, empty where the file does not tell."""
+    if path.suffix != ".mcap":
+        return _checked(path, _from_table(path)), ""
+    from smad.runlog.reader import read_run
+
+    log = read_run(path)
+    return _checked(path, gap_run_of(log)), log.header.board.get("uid", "")
+
+
+def _from_table(path: Path) -> GapRun:
     table = _table(path)
     from smad.runlog.column_names import assign
     from smad.runlog.schema import CHANNELS as LOGGED
@@ -81,7 +99,7 @@ def read_file(path: Path) -> GapRun:
         use = np.nan_to_num(flags) > 0.5
         measured = {c.name for c in CHANNELS}
         columns = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
-    return _checked(path, _as_run(path, columns))
+    return _as_run(path, columns)
 
 
 def _as_run(path: Path, columns: dict[str, Array]) -> GapRun:
@@ -97,6 +115,10 @@ def _as_run(path: Path, columns: dict[str, Array]) -> GapRun:
 
 
 def _checked(path: Path, run: GapRun) -> GapRun:
+    if not len(run.t_s):
+        raise PairingError(
+            f"{path} holds no sample", action="play the run again, or leave the file out"
+        )
     lacking = [s.name for s in INPUTS if s.name not in run.inputs]
     if lacking or not run.outputs:
         raise PairingError(
@@ -189,14 +211,36 @@ def _renamed(run: GapRun, name: str) -> GapRun:
 
 
 def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> None:
-    """Raises PairingError when a run of now is one of the good ones."""
-    known = {f.run.digest: f.path for f in good}
-    for found in now:
-        if found.run.digest in known:
-            raise PairingError(
-                f"{found.path} is the same recording as {known[found.run.digest]}",
-                action="give runs of now that are not among the good ones",
-            )
+    """Raises PairingError when a run of now is one of the good ones, or a good one is there twice.
+
+    A copy under another name, or written by another exporter, is the same recording.
+    """
+    known: list[Found] = []
+    for role, runs in (("good", good), ("now", now)):
+        for found in runs:
+            same = next((k for k in known if same_recording(k.run, found.run)), None)
+            if same is not None:
+                raise PairingError(
+                    f"{found.path} is the same recording as {same.path}",
+                    action="give runs of now that are not among the good ones"
+                    if role == "now"
+                    else "leave one out: a bench repeats itself less well than a copy does",
+                )
+            known += [found] if role == "good" else []
+
+
+def require_one_bench(found: Sequence[Found]) -> None:
+    """Raises PairingError when runs of several boards are mixed, as far as the files tell."""
+    boards = {f.board: f.path for f in found if f.board}
+    if len(boards) > 1:
+        (one, path), (other, second) = list(boards.items())[:2]
+        raise PairingError(
+            "runs of two benches are mixed",
+            value=f"{path} of board {one}, {second} of board {other}",
+            limit="one bench",
+            action="take those of the other bench out; if only the board was replaced, give CSV "
+            "(smad log export), which names none",
+        )
 
 
 def _repeats(plant: PlantModel, one: Found, other: Found) -> bool:

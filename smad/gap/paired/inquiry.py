@@ -15,6 +15,7 @@ import msgspec
 
 from smad.gap.paired.constants import shipped_constants
 from smad.gap.paired.difference import paired
+from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.files import read_file
 from smad.gap.paired.investigate import Offer, Proposal, propose, unpaired_offers
 from smad.gap.paired.judge import examine
@@ -56,6 +57,17 @@ class Report(msgspec.Struct, frozen=True):
     proof: list[Share] = []
     offers: dict[str, float] = {}
     model: str = ""
+
+
+def read_report(path: Path) -> Report:
+    """The report of an investigation. Raises BaselineError for a file that is none."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Report)
+    except (OSError, msgspec.MsgspecError) as error:
+        raise BaselineError(
+            f"{path} cannot be read: {getattr(error, 'strerror', None) or error}",
+            action=f"move {path.parent} away, and investigate anew",
+        ) from None
 
 
 class Savable(PlantModel, Protocol):
@@ -117,7 +129,7 @@ class Inquiry:
     def _begun(self) -> Report:
         path = self.folder / "investigation.json"
         if path.exists():
-            report = msgspec.json.decode(path.read_bytes(), type=Report)
+            report = read_report(path)
             self.say(f"goes on with {len(report.records)} runs of {self.folder}")
             return report
         return Report([])
@@ -172,7 +184,13 @@ class Inquiry:
         path = self.folder / "model.toml"
         point = self.reference.point
         effects = {**point.effects, **verdict.likely[0].values}
-        self.plant.save_model(ModelPoint(point.theta, effects), path, verdict.headline)
+        try:
+            self.plant.save_model(ModelPoint(point.theta, effects), path, verdict.headline)
+        except OSError as error:
+            raise BaselineError(
+                f"cannot write {path}: {error.strerror}",
+                action="make room; the runs are kept, and the same command goes on",
+            ) from error
         return msgspec.structs.replace(report, model=str(path))
 
     def _with_offers(self, report: Report, verdict: Verdict) -> Report:

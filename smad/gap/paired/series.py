@@ -6,6 +6,7 @@ that was interrupted goes on after the last run that was finished.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import time
@@ -144,7 +145,7 @@ def keep(log: Path, target: Path) -> None:
         shutil.copyfile(log, partial)
         os.replace(partial, target)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        unlink_quietly(partial)
         raise BaselineError(
             f"cannot keep the run {target.stem} in {target.parent}: {error.strerror}",
             value=str(log),
@@ -156,6 +157,12 @@ def _write(folder: Path, state: State) -> None:
     write_whole(folder / _STATE, msgspec.json.encode(state))
 
 
+def unlink_quietly(path: Path) -> None:
+    """Remove what is left of a file that could not be written: it would only take the room."""
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
+
+
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file whole or not at all. Raises BaselineError for a full disk."""
     partial = path.with_name(f"{path.name}.part")
@@ -164,6 +171,7 @@ def write_whole(path: Path, data: bytes) -> None:
         partial.write_bytes(data)
         os.replace(partial, path)
     except OSError as error:
+        unlink_quietly(partial)
         raise BaselineError(
             f"cannot write {path}: {error.strerror}",
             action="make room, or choose another folder; the same command goes on",

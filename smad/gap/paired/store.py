@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
@@ -19,6 +21,7 @@ from smad.gap.paired.floor import Floor
 from smad.gap.paired.model import Atom, Played
 from smad.gap.paired.reference import Reference, RunReference
 from smad.gap.paired.rows import Binned
+from smad.gap.paired.series import unlink_quietly
 from smad.gap.plant import ModelPoint, PlantModel
 from smad.gap.runs import GapRun
 
@@ -26,6 +29,7 @@ SCHEMA = 2
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes", "signatures")
+_ANEW = "commission again in the same folder: it is computed anew from the runs that are there"
 _FIRST = ("values", "valid", "inputs", "covered")
 
 
@@ -57,6 +61,8 @@ class About(msgspec.Struct, frozen=True):
     effects: dict[str, dict[str, float]]
     atoms: list[_AtomFile]
     runs: list[_RunFile]
+    arrays: str = ""
+    """SHA-256 of `reference.npz`; empty in a baseline written before it was kept."""
 
 
 @dataclass(frozen=True)
@@ -94,20 +100,27 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
+    partial, text = folder / f"{_ARRAYS}.part", folder / f"{_ABOUT}.part"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        partial = folder / f"{_ARRAYS}.part"
         with partial.open("wb") as file:
             np.savez_compressed(file, **arrays)
-        text = folder / f"{_ABOUT}.part"
+        about = msgspec.structs.replace(about, arrays=_digest(partial))
         text.write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=1))
         os.replace(partial, folder / _ARRAYS)
         os.replace(text, folder / _ABOUT)
     except OSError as error:
+        for left in (partial, text):
+            unlink_quietly(left)
         raise BaselineError(
             f"cannot write the baseline {folder}: {error.strerror}",
             action="make room; the runs are kept, and the same command goes on",
         ) from error
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file, empty where there is none."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
 
 
 def load(folder: Path, plant: PlantModel) -> Baseline:
@@ -118,8 +131,15 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
             f"the baseline {folder} was computed with another model or library",
             value=about.plant,
             limit=identity(plant),
-            action="give the parameter file of the baseline with --params, or commission again; "
-            "its runs can be judged with --good",
+            action=_ANEW,
+        )
+    found = _digest(folder / _ARRAYS)
+    if about.arrays and found and found != about.arrays:
+        raise BaselineError(
+            f"{folder / _ARRAYS} is not that of {folder / _ABOUT}: two baselines are mixed",
+            value=found[:12],
+            limit=about.arrays[:12],
+            action=_ANEW,
         )
     try:
         with np.load(folder / _ARRAYS, allow_pickle=False) as file:
@@ -127,10 +147,9 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         runs = tuple(_run(k, x, arrays) for k, x in enumerate(about.runs))
         sd, rho, day_sd, gauge = (arrays[f"floor.{n}"] for n in _FLOOR)
         floor = Floor(sd, rho, day_sd, about.degrees, gauge)
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise BaselineError(
-            f"{folder / _ARRAYS} cannot be read: {error}", action="commission again"
-        ) from error
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
+        said = getattr(error, "strerror", None) or error
+        raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
     atoms = tuple(Atom(a.entry, a.strength, a.level, a.variant, a.values) for a in about.atoms)
     point = ModelPoint(about.theta, about.effects)
     reference = Reference(runs, point, floor, atoms, about.repeats)
@@ -147,14 +166,13 @@ def read_about(folder: Path) -> About:
             action="make one with smad gap commission",
         ) from error
     except msgspec.MsgspecError as error:
-        raise BaselineError(f"{folder / _ABOUT} is not valid: {error}",
-                            action="commission again") from None  # fmt: skip
+        raise BaselineError(f"{folder / _ABOUT} is not valid: {error}", action=_ANEW) from None
     if about.schema != SCHEMA:
         raise BaselineError(
             f"the baseline {folder} was written by another version",
             value=f"schema {about.schema}",
             limit=f"schema {SCHEMA}",
-            action="commission again; its runs can be judged with --good",
+            action=_ANEW,
         )
     return about
 

@@ -260,6 +260,8 @@ def _notes(paired: Paired, fit: Refined | None) -> list[str]:
             )
         if p.carried:
             out.append(f"{p.now}: inputs differed from the good run's; the model carried that over")
+    if lost := _lost(paired):
+        out.append(f"recorded then and not now, and left out: {lost}")
     warm = [
         f"{c} {p.around[c] - p.reference.around[c]:+.1f} K in {p.now}"
         for p in paired.pairs
@@ -271,6 +273,17 @@ def _notes(paired: Paired, fit: Refined | None) -> list[str]:
     if fit is not None and fit.at_bound:
         out.append(f"at the end of its range: {', '.join(fit.at_bound)}")
     return out
+
+
+def _lost(paired: Paired) -> str:
+    """Channels of which now most readings are missing that the good runs have, with the runs."""
+    runs: dict[str, list[str]] = {}
+    for p in paired.pairs:
+        had, has = p.reference.valid.sum(axis=0), p.rows.valid.sum(axis=0)
+        for c, then, now in zip(paired.plant.channels, p.share * had, has, strict=True):
+            if now < 0.5 * then:
+                runs.setdefault(c.name, []).append(p.now)
+    return ", ".join(f"{channel} ({', '.join(own)})" for channel, own in runs.items())
 
 
 UNCALIBRATED = (

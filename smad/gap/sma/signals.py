@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from scipy.signal import lfilter
 
 from smad.gap.plant import Array, Channel, Mask, Output, Signal, View
 from smad.gap.runs import GapRun, bridged
+
+if TYPE_CHECKING:
+    from smad.runlog.reader import Run
 
 SIDES = {"X": "x", "Y": "y"}
 
@@ -231,6 +234,10 @@ def read_gap_run(path: Path) -> GapRun:
     """A run log as a run of the diagnosis. Raises RunLogError when it cannot be read at all."""
     from smad.runlog.reader import read_run
 
-    log = read_run(path)
+    return gap_run_of(read_run(path))
+
+
+def gap_run_of(log: Run) -> GapRun:
+    """A run log that was read, as a run of the diagnosis."""
     notes = tuple(log.notes) if not log.cut_short else ()
-    return run_from_columns(path.stem, log.columns, cut_short=log.cut_short, notes=notes)
+    return run_from_columns(log.path.stem, log.columns, cut_short=log.cut_short, notes=notes)

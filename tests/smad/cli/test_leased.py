@@ -76,10 +76,16 @@ def test_a_run_that_breaks_is_disarmed_too() -> None:
 
 
 def test_between_two_runs_it_waits_for_the_springs_and_before_the_first_it_does_not() -> None:
-    bench = Noting(refusals=1)
+    bench = Noting(refusals=2)
     driver = leased(bench)
     with pytest.raises(BoardRefused):
         driver.run(PLAN)
-    bench.refusals = 3
+    bench.refusals = 4
     assert driver.run(PLAN) == "a recording"
     assert sum("waiting until the springs are cold" in line for line in bench.done) == 3
+
+
+def test_an_arming_whose_token_came_too_late_is_asked_for_once_more() -> None:
+    bench = Noting(refusals=1)
+    assert leased(bench).run(PLAN) == "a recording"
+    assert not any("waiting" in line for line in bench.done)

@@ -39,6 +39,7 @@ class _Recorder:
 class _Board:
     def __init__(self, capabilities: tuple[str, ...]) -> None:
         self.capabilities = capabilities
+        self.uid = ""
 
 
 class _Status:
@@ -122,6 +123,7 @@ class FakeClient:
             displacement_mm=self._sample.displacement_m * 1e3,
             board_time_s=self._sample.t_us * 1e-6,
             ended="" if departure is None else departure.in_words(),
+            fault=None if self._sample.armed else api.Fault(number=1, name="sensor_open"),
         )
 
     def status(self) -> _Status:

@@ -19,11 +19,12 @@ from smad.control.commands import (
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.campaign import Bench, run_campaign, run_on
 from smad.experiments.driver import PARTS, Mounting
-from smad.experiments.errors import BenchLacksError, ExperimentError
+from smad.experiments.errors import BenchLacksError, ExperimentError, TrippedError
 from smad.experiments.live import LiveDriver
 from smad.experiments.logs import LogDriver
 from smad.experiments.registry import EXPERIMENTS, make_experiment
 from smad.experiments.virtual import VirtualDriver
+from smad.runlog.reader import read_run
 
 from .fake_client import FakeClient
 from .helpers import NOMINAL, NoDriver, driver, given
@@ -163,6 +164,15 @@ def test_a_fault_on_the_bench_ends_the_run_and_the_recording(tmp_path: Path) -> 
     with pytest.raises(ExperimentError, match="left ARMED"):
         LiveDriver(client, sleep=client.let_pass).run(PLAN)
     assert not client.recording
+
+
+def test_a_trip_during_a_run_is_told_with_its_fault_and_the_log_is_kept(tmp_path: Path) -> None:
+    client = FakeClient(tmp_path, fails_at_s=1.5)
+    live = LiveDriver(client, sleep=client.let_pass)
+    with pytest.raises(TrippedError, match=r"left ARMED; got FAULT, sensor_open"):
+        live.run(PLAN)
+    assert live.log is not None
+    assert read_run(live.log).duration_s > 0.5
 
 
 def test_springs_mounted_in_another_way_are_refused_before_anything_moves(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -24,6 +25,8 @@ from smad.gap.paired.store import Baseline, load, save
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from smad.report.page import render
+from smad.runlog.header import RunHeader
+from smad.runlog.writer import write_run
 
 from .short import PLANT, SHORT, played
 
@@ -146,6 +149,61 @@ def test_a_baseline_of_another_library_or_schema_is_refused(
     (tmp_path / "baseline.json").write_text(about.replace('"schema": 2', '"schema": 1'))
     with pytest.raises(BaselineError, match="another version"):
         load(tmp_path, PLANT)
+
+
+def test_arrays_of_another_baseline_are_refused_and_say_what_to_do(
+    reference: Reference, tmp_path: Path
+) -> None:
+    for name, runs in (("one", reference.runs), ("other", reference.runs[:1])):
+        save(Baseline("bench", name, replace(reference, runs=runs)), PLANT, tmp_path / name)
+    assert load(tmp_path / "one", PLANT).programme == "one"
+    arrays = tmp_path / "one" / "reference.npz"
+    arrays.write_bytes((tmp_path / "other" / "reference.npz").read_bytes() + b" ")
+    with pytest.raises(BaselineError, match=r"two baselines are mixed.*computed anew"):
+        load(tmp_path / "one", PLANT)
+
+
+def test_a_baseline_without_its_digest_that_is_torn_is_refused(
+    reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    about, arrays = tmp_path / "baseline.json", tmp_path / "reference.npz"
+    data = msgspec.json.decode(about.read_bytes()) | {"arrays": ""}
+    about.write_bytes(msgspec.json.encode(data))
+    arrays.write_bytes(arrays.read_bytes()[:5000])
+    with pytest.raises(BaselineError, match="cannot be read"):
+        load(tmp_path, PLANT)
+    arrays.unlink()
+    with pytest.raises(BaselineError, match=r"cannot be read: No such file"):
+        load(tmp_path, PLANT)
+
+
+def test_a_sensor_that_is_missing_now_is_told(reference: Reference) -> None:
+    run = played(41)
+    outputs = {k: v for k, v in run.outputs.items() if k != "force_N"}
+    outputs["displacement_mm"] = np.full(len(run.t_s), np.nan)
+    verdict = checked(PLANT, reference, [(replace(run, outputs=outputs), "short")])
+    assert "recorded then and not now, and left out: displacement_mm (short), force_N (short)" in (
+        verdict.notes
+    )
+
+
+def test_runs_of_two_boards_and_a_recording_given_twice_are_refused(tmp_path: Path) -> None:
+    def found(name: str, seed: int, board: str = "") -> Found:
+        return Found(name, "", tmp_path / name, played(seed), board)
+
+    one, other = found("one", 1, "board-1"), found("other", 2, "board-2")
+    with pytest.raises(PairingError, match=r"two benches are mixed.*one of board board-1"):
+        checked_files(PLANT, [one], [other])
+    with pytest.raises(PairingError, match=r"copy is the same recording as .*leave one out"):
+        checked_files(PLANT, [found("first", 1), found("copy", 1)], [found("now", 2)])
+
+
+def test_a_log_that_was_cut_before_its_first_sample_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "run-1.mcap"
+    write_run(path, RunHeader(source="sim", rate_hz=100.0), [])
+    with pytest.raises(PairingError, match="holds no sample"):
+        read_file(path)
 
 
 def _write(path: Path, run: GapRun) -> None:

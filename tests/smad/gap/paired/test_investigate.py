@@ -10,6 +10,7 @@ import pytest
 from smad.gap.paired.commission import commissioned
 from smad.gap.paired.constants import shipped_constants
 from smad.gap.paired.difference import Paired, paired
+from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.inquiry import Inquiry, Report
 from smad.gap.paired.investigate import propose, unpaired_offers
 from smad.gap.paired.judge import examine
@@ -194,6 +195,16 @@ def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
     report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
     assert [r.file for r in report.records] == ["01-short.mcap", "02-short.mcap"]
     assert report.proof
+
+
+def test_a_report_that_was_torn_is_told_with_what_to_do(
+    reference: Reference, tmp_path: Path
+) -> None:
+    folder = tmp_path / "investigation-1"
+    folder.mkdir()
+    (folder / "investigation.json").write_text('{"records": [')
+    with pytest.raises(BaselineError, match=r"cannot be read.*move .*investigation-1 away"):
+        inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
 
 
 def test_a_quiet_bench_needs_no_proof(reference: Reference, tmp_path: Path) -> None:

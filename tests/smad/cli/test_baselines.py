@@ -1,0 +1,144 @@
+"""`smad gap commission` and `checkup --baseline`, the bench replaced: what is kept and told."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+import smad.cli.gap_checkup as commands
+from smad.cli import execute
+from smad.gap.paired.programme import Programme, ProgrammeRun
+from smad.gap.paired.series import Play, Recorded
+from smad.gap.paired.store import read_about
+from smad.gap.runs import GapRun
+from smad.runlog.header import RunHeader
+from smad.runlog.schema import Row
+from smad.runlog.writer import write_run
+from tests.smad.gap.paired.short import PLANT, SHORT, played
+
+PROGRAMME = Programme("short", "one run", (replace(SHORT, quick=True),))
+OTHER = Programme("short", "another", (replace(SHORT, name="other"),))
+
+
+def write_log(path: Path, run: GapRun, board: str = "") -> None:
+    columns = {"t_s": run.t_s, **run.inputs, **run.outputs}
+    rows = [
+        Row(**dict(zip(columns, values, strict=True)))
+        for values in zip(*(c.tolist() for c in columns.values()), strict=True)
+    ]
+    header = RunHeader(source="sim", rate_hz=100.0, board={"uid": board} if board else {})
+    write_run(path, header, rows)
+
+
+class Bench:
+    """Plays what is asked; the run number `fails_at` does not come to its end."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.number = count(1)
+        self.runs = 0
+        self.fails_at = 0
+
+    @contextlib.contextmanager
+    def player(self, **options: object) -> Iterator[Play]:
+        def play(run: ProgrammeRun, original: Path | None) -> Recorded:
+            self.runs += 1
+            if self.runs == self.fails_at:
+                raise KeyboardInterrupt
+            path = self.folder / f"{next(self.number)}.mcap"
+            write_log(path, played(90 + self.runs, what=run), "board-1")
+            return Recorded(path)
+
+        yield play
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Bench:
+    own = Bench(tmp_path)
+    monkeypatch.setattr(commands, "player", own.player)
+    monkeypatch.setattr(commands, "new_plant", lambda: PLANT)
+    monkeypatch.setattr(commands, "chosen_programme", lambda folder, quick: PROGRAMME)
+    return own
+
+
+def commission(folder: Path, *options: str) -> int:
+    return execute(["gap", "commission", "--sim", "--baseline", str(folder), *options])
+
+
+def test_a_commissioning_that_was_interrupted_goes_on_and_again_adds_what_was_asked(
+    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "baseline"
+    bench.fails_at = 2
+    assert commission(folder) != 0
+    assert commission(folder) == 0
+    assert bench.runs == 3
+    assert commission(folder) != 0
+    assert "is a baseline already; add repeats to it with --again" in capsys.readouterr().err
+    assert commission(folder, "--again", "--repeats", "1") == 0
+    assert read_about(folder).repeats == 3
+    assert bench.runs == 4
+
+
+def test_repeats_that_were_played_and_not_yet_counted_are_not_played_once_more(
+    bench: Bench, tmp_path: Path
+) -> None:
+    folder = tmp_path / "baseline"
+    assert commission(folder) == 0
+    before = [(folder / n, (folder / n).read_bytes()) for n in ("baseline.json", "reference.npz")]
+    assert commission(folder, "--again", "--repeats", "1") == 0
+    for path, data in before:
+        path.write_bytes(data)
+    assert commission(folder, "--again", "--repeats", "1") == 0
+    assert (bench.runs, read_about(folder).repeats) == (3, 3)
+
+
+@pytest.mark.parametrize("broken", ["baseline.json", "reference.npz"])
+def test_a_baseline_that_cannot_be_read_is_computed_anew_and_nothing_is_played(
+    bench: Bench, tmp_path: Path, broken: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "baseline"
+    assert commission(folder) == 0
+    path = folder / broken
+    text = path.read_bytes()
+    path.write_bytes(text.replace(b'"schema": 2', b'"schema": 1') if broken[0] == "b" else b"torn")
+    checkup = ["gap", "checkup", "--sim", "--baseline", str(folder)]
+    assert execute(checkup) != 0
+    assert "commission again in the same folder: it is computed anew" in capsys.readouterr().err
+    assert commission(folder) == 0
+    assert "computed anew from the runs in" in capsys.readouterr().err
+    assert bench.runs == 2
+    assert execute(checkup) == 0
+
+
+def test_good_runs_of_another_programme_are_not_mixed_with_it(
+    bench: Bench,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = tmp_path / "baseline"
+    bench.fails_at = 2
+    assert commission(folder) != 0
+    monkeypatch.setattr(commands, "chosen_programme", lambda folder, quick: OTHER)
+    assert commission(folder) != 0
+    assert "good-1 holds runs of another programme; got " in capsys.readouterr().err
+
+
+def test_good_runs_and_those_of_another_bench_are_no_runs_of_now(
+    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, elsewhere = tmp_path / "baseline", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    write_log(elsewhere / "short.mcap", played(1), "board-2")
+    assert commission(folder) == 0
+    checkup = ["gap", "checkup", "--baseline", str(folder), "--now"]
+    assert execute([*checkup, str(folder / "good-2")]) != 0
+    assert "is the same recording as" in capsys.readouterr().err
+    assert execute([*checkup, str(elsewhere)]) != 0
+    assert "runs of two benches are mixed" in capsys.readouterr().err
