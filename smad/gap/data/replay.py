@@ -32,7 +32,7 @@ class Detail(Enum):
 
     FINE: every sample, the plant's own step. FAST: samples averaged over half a bin, and as long a
     step. ROUGH: averaged over a whole bin, for sensitivities, first rounds, and to look where a fit
-    should begin; never for a judgement.
+    should begin; never for a judgement. Evidence may divide the last two further.
     """
 
     FINE = "fine"
@@ -159,8 +159,8 @@ class Evidence:
     A coarse replay is corrected by what its step costs at one point; `calibrated` and `matching`
     make evidence with the correction of another. `views` are the views that are laid out; a view
     whose feeds or channels a run lacks is left out for that run and named in `missing`, and so are
-    outputs that are `not_shared` with other groups of runs. Without `fast` every replay is made in
-    full detail, whatever is asked for.
+    outputs that are `not_shared` with other groups of runs. The steps of fast and rough replays are
+    divided by `fast`; where that is 0, every replay is made in full detail, whatever is asked for.
     """
 
     def __init__(
@@ -171,18 +171,19 @@ class Evidence:
         settings: Settings,
         executor: Executor | None = None,
         *,
-        fast: bool = True,
+        fast: int = 1,
         not_shared: Iterable[str] = (),
     ) -> None:
         if not runs:
             raise GapError("there is no run to replay", action="give at least one admitted run")
         self.plant, self.runs, self.settings = plant, tuple(runs), settings
         self.views, self.executor = tuple(views), executor
+        self.fast = fast
         self.detail = Detail.FAST if fast else Detail.FINE
         self.grids = [Grid.of(run, settings.period_s) for run in runs]
         whole = list(zip(self.runs, self.grids, strict=True))
         self._replayed = dict.fromkeys(Detail, whole) | {
-            detail: [thinned(run, grid, pieces, settings.period_s) for run, grid in whole]
+            detail: [thinned(run, grid, fast * pieces, settings.period_s) for run, grid in whole]
             for detail, pieces in (_PIECES if fast else {}).items()
         }
         self.missing = [f"{k}: not every group of runs can be judged by it" for k in not_shared]

@@ -16,7 +16,7 @@ from dataclasses import replace
 from smad.gap.fit.candidate import cluster_gain
 from smad.gap.fit.descent import descent
 from smad.gap.fit.joint import polished
-from smad.gap.fit.judge import judge
+from smad.gap.fit.judge import Judged, judge
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
 from smad.gap.fit.refit import refit
 from smad.gap.fit.screen import Screened, probe, reprobe, screen
@@ -37,17 +37,21 @@ def learn_baseline(
     """
     settings = fit.problem.evidence.settings
     current = fit
+    judged: Judged | None = None
     probes = probe(current, sorted(effects, key=lambda e: e.name))
     for _ in range(settings.baseline_rounds):
         probes = reprobe(probes, current)
         asked = [s for s in screen(probes) if s.gain > settings.baseline_gain]
         asked = asked[: settings.baseline_handful]
-        entered = _entered(current, asked) if asked else None
+        if not asked:
+            break
+        judged = judged or judge([current], None)[0]
+        entered = _entered(current, judged, asked)
         if entered is None and len(asked) > 1:
-            entered = _entered(current, asked[:1])
+            entered = _entered(current, judged, asked[:1])
         if entered is None:
             break
-        current = entered
+        current, judged = entered
         progress("baseline: " + ", ".join(e.name for e in current.space.effects))
     return frozen(polished(current.recalibrated()))
 
@@ -92,8 +96,10 @@ def choices(laws: Sequence[Effect]) -> list[tuple[Effect, ...]]:
     return [tuple(laws), added] if 0 < len(added) < len(laws) else [tuple(laws)]
 
 
-def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
-    """The fit with these effects too, if runs left out gain by it."""
+def _entered(
+    current: Fitted, judged: Judged, chosen: Sequence[Screened]
+) -> tuple[Fitted, Judged] | None:
+    """The fit with these effects too, and it judged, if runs left out gain by it."""
     settings = current.problem.evidence.settings
     effects = (*current.space.effects, *(s.effect for s in chosen))
     values = {**current.point.effects, **{s.effect.name: s.start for s in chosen}}
@@ -108,9 +114,9 @@ def _entered(current: Fitted, chosen: Sequence[Screened]) -> Fitted | None:
         rough=True,
     )
     trial = drive([steps])[0]
-    before, after = judge([current, trial], None)
-    gain, se = cluster_gain(current.problem, None, after.scores() - before.scores())
-    return trial if gain > max(settings.baseline_gain, se) else None
+    after = judge([trial], None)[0]
+    gain, se = cluster_gain(current.problem, None, after.scores() - judged.scores())
+    return (trial, after) if gain > max(settings.baseline_gain, se) else None
 
 
 def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:

@@ -85,7 +85,7 @@ def fed_noise(
         evidence.views,
         evidence.settings,
         evidence.executor,
-        fast=evidence.detail is not Detail.FINE,
+        fast=evidence.fast,
     )
     residual = other.residual(other.predict([point])[0])
     return {

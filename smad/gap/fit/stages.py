@@ -14,7 +14,7 @@ from smad.gap.data.replay import Detail, Evidence, Segment
 from smad.gap.data.views import local_views, open_views, shared_views
 from smad.gap.errors import RunRefused
 from smad.gap.fit.baseline import as_fixed, learn_baseline, unbound, with_laws
-from smad.gap.fit.coarse import coarse_replays_serve
+from smad.gap.fit.coarse import serving_replays
 from smad.gap.fit.discrepancy import Background, fed_noise, learn_background
 from smad.gap.fit.judge import Judged, excess_of, judge, predict_by_run
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
@@ -99,9 +99,11 @@ def prepare(
     progress("noise floor")
     floors = estimate_floors([*runs, *hold_out, *good], plant, settings)
     first = _beginning(runs[0], settings)
-    fast = coarse_replays_serve(Evidence(plant, [first], views, settings, executor), floors)
-    if not fast:
-        progress("replaying at the plant's own step")
+    fast = serving_replays(
+        lambda fast: Evidence(plant, [first], views, settings, executor, fast=fast), floors
+    )
+    if fast != 1:
+        progress("replaying in shorter steps")
 
     def evidence(chosen: Sequence[GapRun]) -> Evidence:
         return Evidence(plant, chosen, views, settings, executor, fast=fast)
@@ -310,10 +312,10 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> Problem:
     known = prepared.background
     good_runs = () if known is None else known.fit.problem.evidence.runs
     views = shared_views(open_views(plant), (runs, good_runs))
-    ev = Evidence(plant, runs, views, settings, executor, fast=False)
+    ev = Evidence(plant, runs, views, settings, executor, fast=0)
     noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
     if known is not None:
-        good = Evidence(plant, good_runs, views, settings, executor, fast=False)
+        good = Evidence(plant, good_runs, views, settings, executor, fast=0)
         problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
         residual = good.residual(predict_by_run(problem, known.left_out.points, known.fit.point))
         for key in list(noise):

@@ -16,7 +16,8 @@ from smad.gap.sma import signals
 from smad.gap.sma.given import FedCurrent, GivenPoint, GivenRun, PointReader
 from smad.gap.sma.recent import Recent
 
-_STEP_S = 5e-3
+# Two steps a sample at 100 Hz, jittered ones too. One is too few for a current that chatters.
+_STEP_S = 6e-3
 _FAST_STEP_S = 1e-2
 _MOST_KEPT = 120
 _RETRIES = ((0.0, 1.0), (3e-3, 1.0), (-3e-3, 1.0), (1e-2, 0.5), (0.0, 0.2))

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from smad.gap import Settings
+from smad.gap.data.noise import estimate_floors
 from smad.gap.data.replay import Detail, Evidence
 from smad.gap.data.views import local_views
+from smad.gap.fit.coarse import serving_replays
 from smad.gap.fit.lsq import Problem, drive, fitting
 from smad.gap.model.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
@@ -89,3 +91,23 @@ def test_a_plant_that_is_right_at_its_own_step_only_is_replayed_at_it_and_that_i
     assert found.verdict.effects == ["backlash"]
     assert [f.kind for f in found.findings if f.run == "all runs"] == ["own step"]
     assert not any(f.kind == "own step" for f in ask(runs).findings)
+
+
+class OnlyInShortSteps(OnlyFine):
+    """The same, in steps of more than 0.15 s."""
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        return super().simulate(point, run, views, fast=fast and run.dt_s > 0.15)
+
+
+@pytest.mark.parametrize(
+    ("plant", "divided_by"), [(HeaterPlant(), 1), (OnlyInShortSteps(), 2), (OnlyFine(), 0)]
+)
+def test_steps_are_as_long_as_they_may_be(plant: HeaterPlant, divided_by: int) -> None:
+    run = recorded("random", 1, duration_s=20.0)
+    settings, views = Settings(period_s=0.4), local_views(plant)
+    floors = estimate_floors([run], plant, settings)
+    found = serving_replays(lambda n: Evidence(plant, [run], views, settings, fast=n), floors)
+    assert found == divided_by
