@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable
-from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,8 +25,6 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option("--out", type=_OUT, help="The verdict file  [default: BANK_FOLDER-verdicts.json]")
 @click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True,
               help="Cases at the same time, each in a process of one thread.")  # fmt: skip
-@click.option("--dask", "address",
-              help="Address of a dask scheduler, which gets all cases at once.")  # fmt: skip
 @click.option("--leave-out/--no-leave-out", default=False, show_default=True,
               help="Judge once more without the first cause in the library.")  # fmt: skip
 @click.option("--baselines/--no-baselines", default=True, show_default=True,
@@ -49,7 +44,6 @@ def check(
     only: str,
     out: Path | None,
     jobs: int,
-    address: str | None,
     leave_out: bool,
     baselines: bool,
     keep: Path | None,
@@ -64,7 +58,7 @@ def check(
     """
     from smad.gap.check.bank import chosen, open_bank, require_files
     from smad.gap.check.case import How
-    from smad.gap.check.running import Order, dask_executor, pool
+    from smad.gap.check.running import Order
     from smad.gap.check.running import check as run
     from smad.gap.check.verdicts import write_verdicts
     from smad.gap.settings import Settings
@@ -80,14 +74,9 @@ def check(
     order = Order(opened, taken, how, path.with_name(path.name + ".parts"), keep)
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
-    make: Callable[[], contextlib.AbstractContextManager[Executor]] = (
-        (lambda: pool(jobs)) if address is None else (lambda: dask_executor(address))
-    )
-    # A cluster has its own queue, and gets all of them.
-    width = jobs if address is None else len(taken)
-    _announce(order, f"{jobs} at a time" if address is None else f"on {address}")
+    _announce(order, f"{jobs} at a time")
     try:
-        file = run(order, make, jobs=width, report=_tell)
+        file = run(order, jobs=jobs, report=_tell)
     except KeyboardInterrupt:
         click.echo(f"finished cases are kept in {order.folder}; the same command goes on", err=True)
         raise

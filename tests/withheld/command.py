@@ -92,6 +92,12 @@ def _why(options: argparse.Namespace) -> None:
     )
 
 
+def _ablate(options: argparse.Namespace) -> None:
+    from tests.withheld.ablation import ablate
+
+    ablate(Path(options.bank), Path(options.key), Path(options.out), _cases(options))
+
+
 def _follow(options: argparse.Namespace) -> None:
     print(follow(Path(options.bank), Path(options.key), options.case, Path(options.program)))
 
@@ -225,6 +231,12 @@ def _any_runs(commands: _Commands) -> None:
         "--all", action="store_true", help="rightly named ones too, to compare with"
     )
     later["after-why"].add_argument("--report", required=True, help="what `why` wrote")
+    dropped = commands.add_parser("ablate", help="what each threshold of the verdict changes")
+    dropped.add_argument("bank", help="a development bank")
+    dropped.add_argument("key")
+    dropped.add_argument("--out", required=True, help="folder for the answers of each case")
+    dropped.add_argument("--cases", default="", help="only these, as case-001,case-007")
+    dropped.set_defaults(run=_ablate)
     again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
     again.add_argument("bank")
     again.add_argument("key")

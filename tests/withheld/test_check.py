@@ -17,7 +17,7 @@ from smad.cli import execute
 from smad.gap.check.bank import open_bank
 from smad.gap.check.case import How, Part, Task
 from smad.gap.check.names import ALIASES, CAUSES, subsystem_of
-from smad.gap.check.running import Order, Progress, check, pool
+from smad.gap.check.running import Order, Progress, check
 from smad.gap.check.scores import read_scores
 from smad.gap.check.verdicts import (
     CaseVerdict,
@@ -94,9 +94,9 @@ def test_a_bank_is_judged_interrupted_taken_up_again_and_scored(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        check(order, lambda: pool(1), jobs=1, report=stop)
+        check(order, jobs=1, report=stop)
     told: list[str] = []
-    file = check(order, lambda: pool(1), jobs=1, report=lambda p: told.append(p.part.case))
+    file = check(order, jobs=1, report=lambda p: told.append(p.part.case))
     assert told == ["case-002"]
     assert set(file.verdicts) == {"case-001", "case-002"}
     verdicts, key = tmp_path / "verdicts.json", bank.with_name("small-key") / "KEY.json"

@@ -22,6 +22,7 @@ SECOND_PASS = (
     "curves.py",
     "inquiries.py",
     "seals.py",
+    "ablation.py",
 )
 SOURCES = sorted(HERE.rglob("*.py"))
 MAKERS = [
