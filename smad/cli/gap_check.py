@@ -27,8 +27,6 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
               help="Cases at the same time, each in a process of one thread.")  # fmt: skip
 @click.option("--leave-out/--no-leave-out", default=False, show_default=True,
               help="Judge once more without the first cause in the library.")  # fmt: skip
-@click.option("--baselines/--no-baselines", default=True, show_default=True,
-              help="Also say what simpler rules would have said.")  # fmt: skip
 @click.option("--keep", type=_FOLDER, help="Write each whole diagnosis into this folder.")
 @click.option("--effects", default="", help="Only these of the library, with commas between.")
 @click.option("--params", default="A", show_default=True,
@@ -45,7 +43,6 @@ def check(
     out: Path | None,
     jobs: int,
     leave_out: bool,
-    baselines: bool,
     keep: Path | None,
     effects: str,
     params: str,
@@ -67,9 +64,7 @@ def check(
     taken = chosen(opened, count=cases, only=_listed(only), seed=seed)
     require_files(opened, taken)
     path = out or bank.with_name(f"{bank.resolve().name}-verdicts.json")
-    how = How(
-        params, variant, Settings(seed=seed), leave_out, baselines, tuple(_listed(effects)) or None
-    )
+    how = How(params, variant, Settings(seed=seed), leave_out, tuple(_listed(effects)) or None)
     how.require()
     order = Order(opened, taken, how, path.with_name(path.name + ".parts"), keep)
     if keep is not None:
@@ -141,62 +136,26 @@ def _failed(order: Order, file: VerdictFile) -> int:
 @click.argument("verdicts", type=_FILE)
 @click.argument("key", type=_FILE)
 @click.option("--json", "json_path", type=_OUT, help="Write all scores here.")
-@click.option("--html", "html_path", type=_OUT, help="Write the page here.")
-@click.option(
-    "--readme",
-    "documents",
-    type=_OUT,
-    multiple=True,
-    metavar="FILE",
-    help="Put the tables between the markers of this file; may be given again.",
-)
 @click.option(
     "--answered-only", is_flag=True, help="Leave out cases without a verdict, after --cases."
 )
-def score(
-    *,
-    verdicts: Path,
-    key: Path,
-    json_path: Path | None,
-    html_path: Path | None,
-    documents: tuple[Path, ...],
-    answered_only: bool,
-) -> None:
-    """Compare VERDICTS with the KEY of their bank.
-
-    A sealed key is refused unless its hash was committed before, and its use is entered in
-    docs/withheld-openings.md.
-    """
-    import datetime
-
-    from smad.gap.check import page
-    from smad.gap.check.key import file_digest, read_key
-    from smad.gap.check.openings import SEALED, Ledger, checkout
-    from smad.gap.check.places import into_document
-    from smad.gap.check.running import commit
-    from smad.gap.check.score import matched
-    from smad.gap.check.scores import scores, write_scores
+def score(*, verdicts: Path, key: Path, json_path: Path | None, answered_only: bool) -> None:
+    """Compare VERDICTS with the KEY of their bank."""
+    from smad.gap.check.errors import KeyMismatchError
+    from smad.gap.check.key import SEALED, read_key
+    from smad.gap.check.score import matched, scores, text, write_scores
     from smad.gap.check.verdicts import read_verdicts
-    from smad.report.page import write_page
 
     file = read_verdicts(verdicts)
     truth, key_sha256 = read_key(key)
-    pairs = matched(file, truth, key_sha256, answered_only=answered_only)
-    ledger = Ledger.of(checkout())
     if truth.bank == SEALED:
-        ledger.require_sealed(key_sha256)
-    result = scores(pairs, truth.bank)
-    if truth.bank == SEALED:
-        now = datetime.datetime.now(datetime.UTC)
-        ledger.enter(key_sha256, file_digest(verdicts), result, commit=commit(), now=now)
-    click.echo(page.text(result))
+        raise KeyMismatchError(
+            "this key is sealed, and its use is logged",
+            value=str(key),
+            action="use python -m tests.withheld score, in a checkout",
+        )
+    result = scores(matched(file, truth, key_sha256, answered_only=answered_only), truth.bank)
+    click.echo(text(result))
     if json_path is not None:
         write_scores(json_path, result)
-    if html_path is not None:
-        facts = [(n, str(file.tool[n])) for n in ("version", "commit") if file.tool.get(n)]
-        write_page(page.page(result, facts), html_path)
-    for document in documents:
-        into_document(document, result)
-    for path in (json_path, html_path, *documents):
-        if path is not None:
-            click.echo(f"written: {path}", err=True)
+        click.echo(f"written: {json_path}", err=True)

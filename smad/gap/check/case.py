@@ -36,7 +36,6 @@ class How:
     variant: str = "extended"
     settings: Settings = dataclasses.field(default_factory=Settings)
     leave_out: bool = False
-    baselines: bool = True
     effects: tuple[str, ...] | None = None
 
     def plant(self) -> SmaPlant:
@@ -118,7 +117,7 @@ def source_digest() -> str:
 
 
 _ENGINE = ("data", "model", "fit", "compare", "report", "sma")
-_DECISIVE = ("answer.py", "bank.py", "baselines.py", "case.py", "names.py", "quantities.py")
+_DECISIVE = ("answer.py", "bank.py", "case.py", "names.py", "quantities.py")
 
 
 def judge(task: Task) -> Part:
@@ -136,12 +135,7 @@ def judge(task: Task) -> Part:
     try:
         with ThreadPoolExecutor(max_workers=1) as one:
             found = _diagnosed(task.how, read_case(task.bank, task.case), one)
-        verdict = answer(
-            found,
-            task.case.id,
-            task.how.library(),
-            with_baselines=task.how.baselines,
-        )
+        verdict = answer(found)
     except SmadError as error:
         return Part(task.case.id, time.perf_counter() - began, error=str(error))
     except Exception as error:
