@@ -10,14 +10,14 @@ from dataclasses import replace
 from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide
 from smad.gap.compare.weigh import weigh
-from smad.gap.data.admission import Admission, Finding, admit, in_common
+from smad.gap.data.admission import Admission, admit, in_common
 from smad.gap.data.guards import goes_further, too_few, without_repeats
 from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.fit.stages import Prepared, prepare
 from smad.gap.fit.threads import repeatable
 from smad.gap.model.scales import suited
 from smad.gap.plant import Effect, PlantModel
-from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
+from smad.gap.records import Diagnosis, Finding, LeftOutRecord, Outcome
 from smad.gap.report.builder import Closing, Shell
 from smad.gap.runs import GapRun, distinctly_named
 from smad.gap.settings import Settings
@@ -93,7 +93,7 @@ def _diagnose(
     shell = Shell(plant, settings, findings, roles, bool(given["good"]), began)
     if (refused := _none_left(order, admitted)) is not None:
         return shell.refused(*refused)
-    shell = replace(shell, findings=[*findings, *goes_further(roles, plant, settings)])
+    shell = replace(shell, findings=[*findings, *goes_further(roles, plant)])
     prepared = prepare(
         fit_runs,
         plant,

@@ -35,9 +35,8 @@ from tests.withheld.second_pass import readied
 _NEVER = 1e9
 DROPPED: dict[str, dict[str, float]] = {
     "significance": {"significance": 1.0},
-    "gain_standard_errors": {"gain_standard_errors": 0.0},
     "since_gain": {"since_gain": 0.0},
-    "since_standard_errors": {"since_standard_errors": 0.0},
+    "standard_errors, 0": {"standard_errors": 0.0},
     "further_standard_errors": {"further_standard_errors": 2.0},
     "min_shrink_gain": {"min_shrink_gain": -_NEVER},
     "regime_share": {"regime_share": -_NEVER},
@@ -45,8 +44,7 @@ DROPPED: dict[str, dict[str, float]] = {
     "regime_sure": {"regime_sure": _NEVER},
     "clear_shrink": {"clear_shrink": _NEVER},
     "clear_excess": {"clear_excess": 0.0},
-    "free_standard_errors, 0": {"free_standard_errors": 0.0},
-    "free_standard_errors, never": {"free_standard_errors": _NEVER},
+    "standard_errors, never": {"standard_errors": _NEVER},
     "beside_standard_errors": {"beside_standard_errors": _NEVER},
     "imitated_share": {"imitated_share": _NEVER},
     "imitated_gain": {"imitated_gain": 0.0},
@@ -55,7 +53,6 @@ DROPPED: dict[str, dict[str, float]] = {
     "since_min_excess": {"since_min_excess": 0.35},
     "unknown_shrink": {"unknown_shrink": -_NEVER},
     "unknown_ratio": {"unknown_ratio": -_NEVER},
-    "since_ratio": {"since_ratio": -_NEVER},
     "unknown_left": {"unknown_left": _NEVER},
     "since_clear_shrink": {"since_clear_shrink": _NEVER},
     "since_taken": {"since_taken": _NEVER},

@@ -93,7 +93,7 @@ def diagnosed(task: Task, how: How, more: Sequence[GapRun] = ()) -> Diagnosis:
             plant=how.plant(),
             good=runs.good,
             hold_out=runs.hold_out,
-            settings=how.settings_used(),
+            settings=how.settings,
             candidates=how.effects,
             executor=one,
         )
@@ -109,7 +109,7 @@ def readied(task: Task, how: How) -> Iterator[Prepared]:
             plant=how.plant(),
             good=runs.good,
             hold_out=runs.hold_out,
-            settings=how.settings_used(),
+            settings=how.settings,
             executor=one,
         )
 

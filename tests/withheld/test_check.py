@@ -37,30 +37,22 @@ from tests.withheld.command import main
 from tests.withheld.follow import follow
 from tests.withheld.making import Style, make
 from tests.withheld.plant.effects import BY_NAME, Active, names
+from tests.withheld.quick import quicken
 from tests.withheld.reasons import Report, parting
 from tests.withheld.second_pass import Frozen, entries, opened
 
 RUN_S = 12.0
 LIBRARY = ("rtd_offset", "flow_shortfall")
-QUICK = How(
-    settings=Settings(
-        bootstrap=100,
-        survivors=2,
-        starts=1,
-        longer_fits=2,
-        max_effects=1,
-        baseline_rounds=0,
-        law_rounds=1,
-        law_rounds_last=1,
-        fit_iterations=2,
-        refit_iterations=2,
-    ),
-    effects=LIBRARY,
-)
+QUICK = How(settings=Settings(max_effects=1), effects=LIBRARY)
 CASES = (
     Case(1, "single", ((Active("rtd_offset", BY_NAME["rtd_offset"].usual, 1.0, 0.5),),), 20.0, 41),
     Case(2, "none", ((),), 0.0, 42),
 )
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    quicken(monkeypatch)
 
 
 @pytest.fixture(scope="module")

@@ -27,6 +27,7 @@ SECOND_PASS = (
     "goals.py",
     "openings.py",
     "places.py",
+    "quick.py",
     "score_figures.py",
     "score_page.py",
     "scores.py",

@@ -23,6 +23,7 @@ from smad.gap.check.bank import Bank, Case, used
 from smad.gap.check.case import How, Part, Task, judge, kept_path, source_digest
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile
 
+Work = Callable[[Task], Part]
 _MEMORY = "its worker process ended, as it does when memory runs out: use fewer --jobs"
 
 
@@ -104,7 +105,7 @@ def _digest(path: Path) -> str:
         return "absent"
 
 
-def apart(work: Callable[[Task], Part], task: Task) -> Part:
+def apart(work: Work, task: Task) -> Part:
     """A case in a process of its own, whose end costs this case only.
 
     It is a fresh interpreter, since a fork would copy threads' locks.
@@ -137,19 +138,18 @@ def check(
     jobs: int,
     report: Callable[[Progress], None] = lambda progress: None,
     clock_s: Callable[[], float] = time.monotonic,
-    work: Callable[[Task], Part] = judge,
-    run: Callable[[Callable[[Task], Part], Task], Part] = apart,
+    work: Work = judge,
 ) -> VerdictFile:
     """The verdicts on all cases of the order; cases with a part from an earlier run are not redone.
 
-    `run` carries `work` out on `jobs` cases at a time. A case that fails is named in the notes, and
+    `jobs` cases are worked on at a time, each apart. A case that fails is named in the notes, and
     tried again by the next check. An interruption loses only the cases under way.
     """
     order.folder.mkdir(parents=True, exist_ok=True)
     parts = order.finished()
     todo = [c for c in order.cases if c.id not in parts]
     began_s = clock_s()
-    for finished, part in enumerate(_worked(order, todo, jobs, functools.partial(run, work)), 1):
+    for finished, part in enumerate(_worked(order, todo, jobs, functools.partial(apart, work)), 1):
         parts[part.case] = part
         if part.verdict is not None:
             whole = msgspec.structs.replace(part, runs_sha256=order.runs_sha256[part.case])
@@ -160,9 +160,7 @@ def check(
     return _file(order, [parts[c.id] for c in order.cases])
 
 
-def _worked(
-    order: Order, todo: Sequence[Case], jobs: int, work: Callable[[Task], Part]
-) -> Iterator[Part]:
+def _worked(order: Order, todo: Sequence[Case], jobs: int, work: Work) -> Iterator[Part]:
     """Parts as they come. Whatever ends this early ends the cases under way."""
     before = set(active_children())
     with ThreadPoolExecutor(jobs) as threads:

@@ -12,7 +12,7 @@ from smad.gap.fit.candidate import Candidate, block_sums
 from smad.gap.fit.joint import dispersion, independent_share
 from smad.gap.fit.judge import Judged, excess_of, shrink
 from smad.gap.fit.lsq import Fitted, Problem
-from smad.gap.fit.significance import resample_weights
+from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.model.flexible import Designs, fit_correction
 from smad.gap.plant import Array
 
@@ -147,7 +147,7 @@ class Standing:
         best = min([*self.flexible, final], key=gap)
         ev, settings = bench.evidence, bench.evidence.settings
         rng = np.random.default_rng(settings.seed + 5)
-        weights = resample_weights(ev.cell_run, ev.cell_block, settings.bootstrap, rng)
+        weights = resample_weights(ev.cell_run, ev.cell_block, DRAWS, rng)
         g = [excess_draws(bench, r.squares, keys, weights) for r in (refit, final, best)]
         safe = np.maximum(g[0], 1e-9)
         draws = np.column_stack([1 - g[1] / safe, 1 - g[2] / safe])

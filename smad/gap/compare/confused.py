@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from smad.gap.compare.assess import counted_share
 from smad.gap.compare.nextexp import propose
 from smad.gap.compare.select import Selection
@@ -56,23 +54,10 @@ def _group(s: Selection, groups: Mapping[str, Sequence[str]]) -> Confused:
 def parting_experiments(prepared: Prepared, question: Confused) -> list[ExperimentRecord]:
     """The best experiments of the plant's catalogue for a question, best first."""
     favoured, other, *_ = question.models
-    found = propose(
+    return propose(
         [m.fit for m in question.models],
         question.weights,
         prepared.noise,
         catalogue_of(prepared.plant),
         share=counted_share(favoured, other),
     )
-    together = np.cumsum([q.counted for q in found]).tolist()
-    return [
-        ExperimentRecord(
-            q.experiment.name,
-            q.experiment.title,
-            q.experiment.duration_s,
-            q.separation,
-            q.experiment.command,
-            q.counted,
-            so_far,
-        )
-        for q, so_far in zip(found, together, strict=True)
-    ]

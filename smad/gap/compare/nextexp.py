@@ -9,7 +9,6 @@ counted on is another question, which runs not fitted to answer (`assess.counted
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -19,21 +18,9 @@ from smad.gap.fit.joint import independent_share
 from smad.gap.fit.lsq import Fitted
 from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.plant import Array, Experiment, performed
+from smad.gap.records import ExperimentRecord
 
 _STEP = 0.2
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """An experiment with the separation of the hypotheses that a run of it should bring.
-
-    `separation` is what the models predict, `counted` the share of it that can be counted on. Both
-    are weighted by probability.
-    """
-
-    experiment: Experiment
-    separation: float
-    counted: float
 
 
 def enough(counted: Sequence[float], wanted: float) -> int | None:
@@ -135,19 +122,22 @@ def propose(
     most: int = 4,
     *,
     share: float = 1.0,
-) -> list[Proposal]:
-    """The `most` best experiments of the catalogue, best first.
+) -> list[ExperimentRecord]:
+    """The `most` best experiments of the catalogue, best first, for models of these `weights`.
 
     `share` of what the models predict is counted (`assess.counted_share`).
 
     The slopes are what takes time: an experiment that cannot come among them is not asked for its.
     """
     trials = [Trial(fits, weights, e, noise) for e in catalogue]
-    found: list[Proposal] = []
+    found: list[tuple[float, Experiment]] = []
     for trial in sorted(trials, key=lambda t: (-t.bound, t.experiment.name)):
-        if len(found) == most and trial.bound < found[-1].separation:
+        if len(found) == most and trial.bound < found[-1][0]:
             break
-        predicted = trial.separation()
-        found.append(Proposal(trial.experiment, predicted, share * predicted))
-        found = sorted(found, key=lambda q: (-q.separation, q.experiment.name))[:most]
-    return found
+        found.append((trial.separation(), trial.experiment))
+        found = sorted(found, key=lambda q: (-q[0], q[1].name))[:most]
+    together = np.cumsum([share * d2 for d2, _ in found]).tolist()
+    return [
+        ExperimentRecord(e.name, e.title, e.duration_s, d2, e.command, share * d2, so_far)
+        for (d2, e), so_far in zip(found, together, strict=True)
+    ]

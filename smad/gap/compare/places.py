@@ -8,7 +8,7 @@ import numpy as np
 
 from smad.gap.fit.candidate import Candidate, differing, held_cells
 from smad.gap.fit.lsq import Problem
-from smad.gap.fit.significance import resample_weights
+from smad.gap.fit.significance import DRAWS, resample_weights
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ def posterior(name: str, place: Place, best: Candidate, hold: Problem | None) ->
     settings = best.fit.problem.evidence.settings
     runs, blocks = held_cells(best.fit.problem, hold)
     rng = np.random.default_rng(settings.seed + 17)
-    total = resample_weights(runs, blocks, settings.bootstrap, rng) @ scores.T
+    total = resample_weights(runs, blocks, DRAWS, rng) @ scores.T
     total -= total.max(axis=1, keepdims=True)
     shares = np.exp(total)
     shares /= shares.sum(axis=1, keepdims=True)

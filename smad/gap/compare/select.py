@@ -24,6 +24,9 @@ from smad.gap.fit.significance import tail_p
 from smad.gap.plant import Array, Effect
 from smad.gap.settings import Settings
 
+_SURVIVORS, _STARTS = 7, 2
+"""Candidates that the first screening leaves, and starts of the joint fit of each."""
+
 
 @dataclass(frozen=True)
 class Selection:
@@ -119,7 +122,7 @@ class Selector:
             self._probes = probe(current.fit, self.effects)
             self._null = self._null_of(self._probes)
         ranked = screen(reprobe(self._probes, current.fit)) if self.effects else []
-        count = self.settings.survivors if first_level else max(3, self.settings.survivors - 3)
+        count = _SURVIVORS if first_level else max(3, _SURVIVORS - 3)
         survivors = short_list(ranked, count, self.unscreened)
         self.progress(f"fitting {len(survivors)} candidates")
         starts = []
@@ -128,7 +131,7 @@ class Selector:
             before = dict(current.fit.point.effects)
             starts += [
                 Start(sets, {**before, s.effect.name: values})
-                for values in (s.start, s.second)[: self.settings.starts]
+                for values in (s.start, s.second)[:_STARTS]
                 if values is not None
             ]
             if first_level and not self.tied:

@@ -19,6 +19,8 @@ from smad.gap.settings import Settings
 
 _MIN_REST_ROWS = 30
 _MIN_REST_RUN = 12
+_RESOLUTION = 0.001
+"""Share of a channel's excursion below which no simulator is trusted."""
 _BANDS = 8
 """Equal parts of a channel's spectrum."""
 
@@ -146,7 +148,7 @@ def estimate_floors(
             rho,
             source,
             spread.get(name, float("nan")),
-            settings.resolution * excursion.get(name, 0.0),
+            _RESOLUTION * excursion.get(name, 0.0),
         )
     return floors
 

@@ -156,7 +156,10 @@ def _remark(at_bound: bool, identifiable: bool) -> str:
 
 
 def _waterfall(d: Diagnosis) -> list[Block]:
-    out: list[Block] = [
+    rows = [r for r in d.waterfall if r.view == "open loop"]
+    width = max((len(r.effects) for r in rows), default=0)
+    labels = [f"with {' + '.join(names)}" for names in d.steps]
+    return [
         Text(
             "The gap of a signal is the root of its excess mean square error over the noise floor, "
             f"in floors, on {d.judged_on}. The refit moves the parameters of the "
@@ -166,32 +169,21 @@ def _waterfall(d: Diagnosis) -> list[Block]:
             figures.waterfall(d),
             "All signals together: as configured, after the refit, after each effect.",
         ),
+        Table(
+            ("signal", "floor", "raw", "after refit", *labels[:width]),
+            [
+                (
+                    r.output or "all",
+                    f"{r.floor:.3g} {r.unit}" if r.output else "",
+                    *(f"{gap:.2f}×" for gap in (r.raw, r.refit, *r.effects)),
+                )
+                for r in rows
+            ],
+            "The whole simulator, open loop: recorded inputs only. Each sub-model alone, fed with "
+            "measured neighbours, is what was fitted and judged, and what the numbers above tell",
+            frozenset(range(1, 4 + width)),
+        ),
     ]
-    for view, text in (
-        ("open loop", "The whole simulator, open loop: recorded inputs only"),
-        ("local", "Each sub-model alone, fed with measured neighbours: what was fitted and judged"),
-    ):
-        rows = [r for r in d.waterfall if r.view == view]
-        width = max((len(r.effects) for r in rows), default=0)
-        labels = [f"with {' + '.join(names)}" for names in d.steps]
-        out.append(
-            Table(
-                ("signal", "floor", "raw", "after refit", *labels[:width]),
-                [
-                    (
-                        r.output or "all",
-                        f"{r.floor:.3g} {r.unit}" if r.output else "",
-                        f"{r.raw:.2f}×",
-                        f"{r.refit:.2f}×",
-                        *(f"{e:.2f}×" for e in r.effects),
-                    )
-                    for r in rows
-                ],
-                text,
-                frozenset(range(1, 4 + width)),
-            )
-        )
-    return out
 
 
 def _place(d: Diagnosis) -> list[Block]:
@@ -231,7 +223,7 @@ def _number(x: float | None, form: str) -> str:
 
 
 def _candidates(d: Diagnosis) -> list[Block]:
-    out: list[Block] = [
+    return [
         Text(
             "Gain is a rise in log-likelihood. Masked is the share of an effect's signature that "
             "the refitted parameters can imitate on these runs; visible is what is left of it at "
@@ -261,17 +253,6 @@ def _candidates(d: Diagnosis) -> list[Block]:
             frozenset(range(2, 9)),
         ),
     ]  # fmt: skip
-    if d.pairs:
-        out.append(
-            Picture(
-                figures.ambiguity(d),
-                "Ambiguity: d² between the best model with the row's effect and the one with the "
-                "column's, after that one has refitted all it can. Under "
-                f"{d.settings['ambiguous_d2']:g} they cannot be told "
-                "apart with these runs.",
-            )
-        )
-    return out
 
 
 def _parameters(d: Diagnosis) -> list[Block]:

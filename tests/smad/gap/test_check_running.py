@@ -24,14 +24,15 @@ QUIET = CaseVerdict(outcome="no_gap")
 
 
 @pytest.fixture
-def order(tmp_path: Path) -> Order:
+def order(tmp_path: Path, here: None) -> Order:
     bank = open_bank(make(tmp_path / "bank", 4))
     return Order(bank, bank.manifest.cases, How(), tmp_path / "parts")
 
 
-def here(work: Callable[[Task], Part], task: Task) -> Part:
-    """A case in this process."""
-    return work(task)
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every case is worked on in this process."""
+    monkeypatch.setattr("smad.gap.check.running.apart", lambda work, task: work(task))
 
 
 def counting(seen: list[str], failing: tuple[str, ...] = ()) -> Callable[[Task], Part]:
@@ -53,21 +54,21 @@ def test_an_interrupted_check_goes_on_where_it_stopped(order: Order) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        check(order, run=here, jobs=1, report=interrupt, work=counting(seen))
+        check(order, jobs=1, report=interrupt, work=counting(seen))
     assert (order.folder / f"{seen[0]}.json").exists()
     again: list[str] = []
-    file = check(order, run=here, jobs=1, work=counting(again))
+    file = check(order, jobs=1, work=counting(again))
     assert list(file.verdicts) == ["case-1", "case-2", "case-3", "case-4"]
     assert seen[0] not in again
-    assert check(order, run=here, jobs=1, work=counting(once := [])) == file
+    assert check(order, jobs=1, work=counting(once := [])) == file
     assert once == []
 
 
 def test_half_a_part_is_done_again(order: Order) -> None:
-    check(order, run=here, jobs=1, work=counting([]))
+    check(order, jobs=1, work=counting([]))
     (order.folder / "case-3.json").write_text('{"case": "case-3", "sec')
     again: list[str] = []
-    check(order, run=here, jobs=1, work=counting(again))
+    check(order, jobs=1, work=counting(again))
     assert again == ["case-3"]
 
 
@@ -79,22 +80,22 @@ def test_half_a_part_is_done_again(order: Order) -> None:
 def test_parts_made_in_another_way_are_not_taken_up(
     order: Order, change: dict[str, object]
 ) -> None:
-    check(order, run=here, jobs=1, work=counting([]))
+    check(order, jobs=1, work=counting([]))
     other = dataclasses.replace(order, how=dataclasses.replace(order.how, **change))
     again: list[str] = []
-    check(other, run=here, jobs=1, work=counting(again))
+    check(other, jobs=1, work=counting(again))
     assert len(again) == 4
 
 
 def _parts_again(order: Order) -> list[str]:
     """Cases that the same check asks for again, as another process would."""
     again: list[str] = []
-    check(dataclasses.replace(order), run=here, jobs=1, work=counting(again))
+    check(dataclasses.replace(order), jobs=1, work=counting(again))
     return again
 
 
 def test_parts_of_runs_that_were_recorded_anew_are_not_taken_up(order: Order) -> None:
-    check(order, run=here, jobs=1, work=counting([]))
+    check(order, jobs=1, work=counting([]))
     assert _parts_again(order) == []
     table = columns()
     table["force_N"] = table["force_N"] + 0.01
@@ -112,7 +113,7 @@ def test_parts_made_with_other_parameters_in_a_file_of_one_name_are_not_taken_up
     nominal = (Path(sim_device.plant.__file__).parent / "data" / "set_a.toml").read_text()
     path.write_text(nominal)
     mine = dataclasses.replace(order, how=How(params=str(path)))
-    check(mine, run=here, jobs=1, work=counting([]))
+    check(mine, jobs=1, work=counting([]))
     assert _parts_again(mine) == []
     path.write_text(nominal.replace("value = 0.75", "value = 0.76", 1))
     assert len(_parts_again(mine)) == 4
@@ -134,9 +135,9 @@ def keeping(task: Task) -> Part:
 
 
 def test_whole_diagnoses_that_are_wanted_later_are_made_later(order: Order, tmp_path: Path) -> None:
-    check(order, run=here, jobs=1, work=keeping)
+    check(order, jobs=1, work=keeping)
     kept = dataclasses.replace(order, keep=tmp_path)
-    check(kept, run=here, jobs=1, work=keeping)
+    check(kept, jobs=1, work=keeping)
     assert len(list(tmp_path.glob("case-*.json"))) == 4
     assert _parts_again(kept) == []
     (tmp_path / "case-3.json").unlink()
@@ -145,30 +146,30 @@ def test_whole_diagnoses_that_are_wanted_later_are_made_later(order: Order, tmp_
 
 
 def test_parts_of_another_bank_are_not_taken_up(order: Order) -> None:
-    check(order, run=here, jobs=1, work=counting([]))
+    check(order, jobs=1, work=counting([]))
     other = dataclasses.replace(order, bank=dataclasses.replace(order.bank, digest="other"))
     again: list[str] = []
-    check(other, run=here, jobs=1, work=counting(again))
+    check(other, jobs=1, work=counting(again))
     assert len(again) == 4
 
 
 def test_a_failed_case_is_named_and_only_it_is_tried_again(order: Order, tmp_path: Path) -> None:
-    file = check(order, run=here, jobs=2, work=counting([], ("case-2",)))
+    file = check(order, jobs=2, work=counting([], ("case-2",)))
     assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
     assert file.notes == {"case-2": "the run is made of cheese"}
     path = tmp_path / "verdicts.json"
     write_verdicts(path, file)
     assert read_verdicts(path).notes == file.notes
     again: list[str] = []
-    assert len(check(order, run=here, jobs=2, work=counting(again)).verdicts) == 4
+    assert len(check(order, jobs=2, work=counting(again)).verdicts) == 4
     assert again == ["case-2"]
 
 
 def test_progress_tells_the_time_left_from_the_cases_of_this_run(order: Order) -> None:
-    check(dataclasses.replace(order, cases=order.cases[:1]), run=here, jobs=1, work=counting([]))
+    check(dataclasses.replace(order, cases=order.cases[:1]), jobs=1, work=counting([]))
     told: list[Progress] = []
     ticks = iter([100.0, 110.0, 120.0, 130.0])
-    check(order, run=here, jobs=1, report=told.append, clock_s=lambda: next(ticks),
+    check(order, jobs=1, report=told.append, clock_s=lambda: next(ticks),
           work=counting([]))  # fmt: skip
     assert [(p.done, p.total, p.left_s) for p in told] == [(2, 4, 20.0), (3, 4, 10.0), (4, 4, 0.0)]
 
@@ -180,7 +181,9 @@ def die_on(task: Task, cases: tuple[str, ...]) -> Part:
     return Part(task.case.id, 0.0, QUIET)
 
 
-def test_a_worker_that_dies_costs_its_own_case_only(order: Order) -> None:
+def test_a_worker_that_dies_costs_its_own_case_only(tmp_path: Path) -> None:
+    bank = open_bank(make(tmp_path / "bank", 4))
+    order = Order(bank, bank.manifest.cases, How(), tmp_path / "parts")
     work = functools.partial(die_on, cases=("case-2",))
     file = check(order, jobs=2, work=work)
     assert set(file.verdicts) == {"case-1", "case-3", "case-4"}

@@ -17,7 +17,7 @@ from smad.gap.data.noise import estimate_floors, repeat_spread
 from smad.gap.data.replay import Evidence, Grid
 from smad.gap.data.views import local_views, open_views
 from smad.gap.fit.lsq import Problem, drive, fitting, solve_box
-from smad.gap.fit.significance import benjamini_hochberg, tail_p
+from smad.gap.fit.significance import tail_p
 from smad.gap.model.flexible import Designs, fit_correction
 from smad.gap.model.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening, arma_innovations
@@ -107,13 +107,6 @@ def test_prewhitening_keeps_a_coloured_driver_from_feigning_a_correlation() -> N
     r, p = cross_correlation(driver, delayed)
     assert p < 1e-6
     assert r > 0.5
-
-
-def test_false_discoveries_are_cut_where_benjamini_and_hochberg_cut() -> None:
-    p = {"a": 0.001, "b": 0.011, "c": 0.02, "d": 0.04, "e": 0.9}
-    assert benjamini_hochberg(p, 0.05) == ["a", "b", "c", "d"]
-    assert benjamini_hochberg(p, 0.01) == ["a"]
-    assert benjamini_hochberg({"a": 0.5}, 0.05) == []
 
 
 def test_a_tail_probability_is_monotonous_and_never_zero() -> None:
