@@ -55,7 +55,6 @@ class FloorRecord(msgspec.Struct, frozen=True):
     sigma: float
     rho: float
     source: str
-    spread: float | None
 
 
 class ValueRecord(msgspec.Struct, frozen=True):

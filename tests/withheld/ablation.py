@@ -70,7 +70,6 @@ DROPPED: dict[str, dict[str, float]] = {
     "ambiguous_odds": {"ambiguous_odds": 0.0},
     "ambiguous_d2": {"ambiguous_d2": 0.0},
     "form_share": {"form_share": 0.0},
-    "touched_share": {"touched_share": 0.0},
 }
 """What is dropped → the settings with which it never acts."""
 
@@ -145,9 +144,7 @@ def answers(prepared: Prepared) -> dict[str, Answer]:
     return out
 
 
-_WEIGHED = frozenset(
-    ("since_spreads", "since_run_deficit", "ambiguous_odds", "ambiguous_d2", "touched_share")
-)
+_WEIGHED = frozenset(("since_spreads", "since_run_deficit", "ambiguous_odds", "ambiguous_d2"))
 """Settings that the numbers of a finished selection depend on."""
 
 

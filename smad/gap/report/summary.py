@@ -50,14 +50,7 @@ def floor_records(prepared: Prepared) -> list[FloorRecord]:
     """The noise floor of each channel."""
     unit = units(prepared.plant)
     return [
-        FloorRecord(
-            f.channel,
-            unit[f.channel],
-            f.sigma,
-            f.rho,
-            f.source,
-            f.spread if np.isfinite(f.spread) else None,
-        )
+        FloorRecord(f.channel, unit[f.channel], f.sigma, f.rho, f.source)
         for f in prepared.floors.values()
     ]
 

@@ -13,7 +13,7 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from smad.gap import Settings
 from smad.gap.compare.residual_tests import ar_coefficients, cross_correlation, ljung_box
-from smad.gap.data.noise import estimate_floors, repeat_spread
+from smad.gap.data.noise import estimate_floors
 from smad.gap.data.replay import Evidence, Grid
 from smad.gap.data.views import local_views, open_views
 from smad.gap.fit.lsq import Problem, drive, fitting, solve_box
@@ -141,14 +141,6 @@ def test_where_nothing_rests_motion_within_a_few_rows_is_no_noise(rows_a_turn: f
     floor = estimate_floors([run], plant, Settings(period_s=0.1))["y"]
     assert floor.source == "differences"
     assert floor.sigma == pytest.approx(0.02, rel=0.15)
-
-
-def test_repeats_show_the_spread_from_run_to_run() -> None:
-    a = recorded("random", 1)
-    b = a.with_columns(outputs={k: v + 0.5 for k, v in a.outputs.items()})
-    spread = repeat_spread([a, b], HeaterPlant())
-    assert spread["rod_um"] == pytest.approx(0.5 / 2**0.5)
-    assert repeat_spread([a, recorded("sines", 2)], HeaterPlant()) == {}
 
 
 def test_bins_ignore_lost_samples_and_drop_out_when_most_are_lost() -> None:
