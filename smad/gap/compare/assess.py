@@ -49,32 +49,24 @@ class Flexible:
         self.held = {} if judged.hold is None else self.made.on(judged.hold.evidence)
 
     def rows(self, judged: Judged) -> Array:
-        """Residual of `judged.bench` after a correction of every output, judged held out."""
-        return self.residuals(judged)[-1]
+        """Residual of `judged.bench` after a correction of every output.
 
-    def residuals(self, judged: Judged) -> list[Array]:
-        """Residuals after a correction of every output, none fitted to the run that it corrects.
-
-        Of the runs to fit, and of those held out if there are any.
+        None of it was fitted to the run that it corrects.
         """
         problem, hold = judged.problem, judged.hold
-        ev = problem.evidence
-        residual = ev.residual(judged.left_out + problem.background)
-        own = residual.copy()
-        rest = None if hold is None else hold.evidence.residual(judged.held + hold.background)
-        for key in ev.keys:
+        bench = judged.bench
+        residual = problem.evidence.residual(judged.left_out + problem.background)
+        out = bench.evidence.residual(judged.predicted + bench.background).copy()
+        for key in problem.evidence.keys:
             correction, left_out = fit_correction(self.made, residual, problem.whitening.s, key)
             if correction.explained <= 0.0:
                 continue
-            own -= left_out
-            if hold is None or rest is None:
-                continue
-            for seg in hold.evidence.rows_of(key):
-                rest[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
-        own = np.where(ev.valid, own, 0.0)
-        if hold is None or rest is None:
-            return [own]
-        return [own, np.where(hold.evidence.valid, rest, 0.0)]
+            if hold is None:
+                out -= left_out
+            else:
+                for seg in hold.evidence.rows_of(key):
+                    out[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
+        return np.where(bench.evidence.valid, out, 0.0)
 
 
 def excess_draws(problem: Problem, squares: Array, keys: Sequence[str], weights: Array) -> Array:

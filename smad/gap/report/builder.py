@@ -12,8 +12,8 @@ from importlib.metadata import version
 import numpy as np
 
 from smad.gap.compare.agreement import disagreement
-from smad.gap.compare.confused import confused, parting_experiments
 from smad.gap.compare.localise import HeatMap, localise
+from smad.gap.compare.nextexp import confused, parting_experiments
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import Track
 from smad.gap.compare.verdict import Evidenced, decide, stands_out
