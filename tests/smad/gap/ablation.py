@@ -20,8 +20,8 @@ SMALL = 0.4
 
 
 def questions() -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Every effect, large and small, in the library and out of it; none; parameters; two."""
-    for since in (False, True):
+    """None; parameters; two effects; every effect small, and large and not in the library."""
+    for since in (True, False):
         good = bank(OTHER, seed=40)[:3] if since else []
         word = "changed" if since else "differs"
         asked: dict[str, tuple[Any, HeaterPlant]] = {
@@ -31,9 +31,8 @@ def questions() -> Iterator[tuple[str, Mapping[str, Any]]]:
         }
         for name, values in SHOWN.items():
             small = {name: {k: SMALL * v for k, v in values.items()}}
-            asked[name] = bank(OTHER, {name: values}), HeaterPlant()
-            asked[f"{name}, small"] = bank(OTHER, small), HeaterPlant()
             asked[f"{name}, not in the library"] = bank(OTHER, {name: values}), without(name)
+            asked[f"{name}, small"] = bank(OTHER, small), HeaterPlant()
         for what, (runs, plant) in asked.items():
             yield f"{word}: {what}", {"runs": runs, "plant": plant, "good": good}
 
@@ -42,8 +41,9 @@ def main() -> None:
     """Prints the answers as they are, then what each dropped threshold changes."""
     found = {}
     for name, question in questions():
-        found[name] = {k: str(v) for k, v in answers(ready(**question)).items()}
-        print(f"{name}  →  {found[name]['']}", flush=True)
+        said = found[name] = {k: str(v) for k, v in answers(ready(**question)).items()}
+        changed = [f"{k}: {v}" for k, v in said.items() if v != said[""]]
+        print(f"{name}  →  {said['']}", *changed, sep="\n    ", flush=True)
     print(table(found))
 
 
