@@ -112,12 +112,12 @@ def settings() -> str:
     """Every size and threshold of the diagnosis, a table for each group."""
     lines: list[str] = []
     group = ""
-    for name, entry in shipped().items():
-        if entry["group"] != group:
-            group = entry["group"]
+    for name, (own, value, meaning) in shipped().items():
+        if own != group:
+            group = own
             lines += [*([""] if lines else []), f"*{group}*", "", "| name | value | meaning |",
                       "|---|---|---|"]  # fmt: skip
-        lines.append(f"| `{name}` | {entry['value']} | {entry['meaning']} |")
+        lines.append(f"| `{name}` | {value} | {meaning} |")
     return "\n".join((*lines, ""))
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable
-from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,12 +25,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option("--out", type=_OUT, help="The verdict file  [default: BANK_FOLDER-verdicts.json]")
 @click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True,
               help="Cases at the same time, each in a process of one thread.")  # fmt: skip
-@click.option("--dask", "address",
-              help="Address of a dask scheduler, which gets all cases at once.")  # fmt: skip
 @click.option("--leave-out/--no-leave-out", default=False, show_default=True,
               help="Judge once more without the first cause in the library.")  # fmt: skip
-@click.option("--baselines/--no-baselines", default=True, show_default=True,
-              help="Also say what simpler rules would have said.")  # fmt: skip
 @click.option("--keep", type=_FOLDER, help="Write each whole diagnosis into this folder.")
 @click.option("--effects", default="", help="Only these of the library, with commas between.")
 @click.option("--params", default="A", show_default=True,
@@ -49,9 +42,7 @@ def check(
     only: str,
     out: Path | None,
     jobs: int,
-    address: str | None,
     leave_out: bool,
-    baselines: bool,
     keep: Path | None,
     effects: str,
     params: str,
@@ -64,7 +55,7 @@ def check(
     """
     from smad.gap.check.bank import chosen, open_bank, require_files
     from smad.gap.check.case import How
-    from smad.gap.check.running import Order, dask_executor, pool
+    from smad.gap.check.running import Order
     from smad.gap.check.running import check as run
     from smad.gap.check.verdicts import write_verdicts
     from smad.gap.settings import Settings
@@ -73,21 +64,14 @@ def check(
     taken = chosen(opened, count=cases, only=_listed(only), seed=seed)
     require_files(opened, taken)
     path = out or bank.with_name(f"{bank.resolve().name}-verdicts.json")
-    how = How(
-        params, variant, Settings(seed=seed), leave_out, baselines, tuple(_listed(effects)) or None
-    )
+    how = How(params, variant, Settings(seed=seed), leave_out, tuple(_listed(effects)) or None)
     how.require()
     order = Order(opened, taken, how, path.with_name(path.name + ".parts"), keep)
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
-    make: Callable[[], contextlib.AbstractContextManager[Executor]] = (
-        (lambda: pool(jobs)) if address is None else (lambda: dask_executor(address))
-    )
-    # A cluster has its own queue, and gets all of them.
-    width = jobs if address is None else len(taken)
-    _announce(order, f"{jobs} at a time" if address is None else f"on {address}")
+    _announce(order, f"{jobs} at a time")
     try:
-        file = run(order, make, jobs=width, report=_tell)
+        file = run(order, jobs=jobs, report=_tell)
     except KeyboardInterrupt:
         click.echo(f"finished cases are kept in {order.folder}; the same command goes on", err=True)
         raise
@@ -152,62 +136,26 @@ def _failed(order: Order, file: VerdictFile) -> int:
 @click.argument("verdicts", type=_FILE)
 @click.argument("key", type=_FILE)
 @click.option("--json", "json_path", type=_OUT, help="Write all scores here.")
-@click.option("--html", "html_path", type=_OUT, help="Write the page here.")
-@click.option(
-    "--readme",
-    "documents",
-    type=_OUT,
-    multiple=True,
-    metavar="FILE",
-    help="Put the tables between the markers of this file; may be given again.",
-)
 @click.option(
     "--answered-only", is_flag=True, help="Leave out cases without a verdict, after --cases."
 )
-def score(
-    *,
-    verdicts: Path,
-    key: Path,
-    json_path: Path | None,
-    html_path: Path | None,
-    documents: tuple[Path, ...],
-    answered_only: bool,
-) -> None:
-    """Compare VERDICTS with the KEY of their bank.
-
-    A sealed key is refused unless its hash was committed before, and its use is entered in
-    docs/withheld-openings.md.
-    """
-    import datetime
-
-    from smad.gap.check import page
-    from smad.gap.check.key import file_digest, read_key
-    from smad.gap.check.openings import SEALED, Ledger, checkout
-    from smad.gap.check.places import into_document
-    from smad.gap.check.running import commit
-    from smad.gap.check.score import matched
-    from smad.gap.check.scores import scores, write_scores
+def score(*, verdicts: Path, key: Path, json_path: Path | None, answered_only: bool) -> None:
+    """Compare VERDICTS with the KEY of their bank."""
+    from smad.gap.check.errors import KeyMismatchError
+    from smad.gap.check.key import SEALED, read_key
+    from smad.gap.check.score import matched, scores, text, write_scores
     from smad.gap.check.verdicts import read_verdicts
-    from smad.report.page import write_page
 
     file = read_verdicts(verdicts)
     truth, key_sha256 = read_key(key)
-    pairs = matched(file, truth, key_sha256, answered_only=answered_only)
-    ledger = Ledger.of(checkout())
     if truth.bank == SEALED:
-        ledger.require_sealed(key_sha256)
-    result = scores(pairs, truth.bank)
-    if truth.bank == SEALED:
-        now = datetime.datetime.now(datetime.UTC)
-        ledger.enter(key_sha256, file_digest(verdicts), result, commit=commit(), now=now)
-    click.echo(page.text(result))
+        raise KeyMismatchError(
+            "this key is sealed, and its use is logged",
+            value=str(key),
+            action="use python -m tests.withheld score, in a checkout",
+        )
+    result = scores(matched(file, truth, key_sha256, answered_only=answered_only), truth.bank)
+    click.echo(text(result))
     if json_path is not None:
         write_scores(json_path, result)
-    if html_path is not None:
-        facts = [(n, str(file.tool[n])) for n in ("version", "commit") if file.tool.get(n)]
-        write_page(page.page(result, facts), html_path)
-    for document in documents:
-        into_document(document, result)
-    for path in (json_path, html_path, *documents):
-        if path is not None:
-            click.echo(f"written: {path}", err=True)
+        click.echo(f"written: {json_path}", err=True)

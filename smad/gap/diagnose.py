@@ -5,19 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
 
 from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide
 from smad.gap.compare.weigh import weigh
-from smad.gap.data.admission import Admission, Finding, admit, in_common
+from smad.gap.data.admission import Admission, admit, in_common
 from smad.gap.data.guards import goes_further, too_few, without_repeats
 from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.fit.stages import Prepared, prepare
 from smad.gap.fit.threads import repeatable
 from smad.gap.model.scales import suited
 from smad.gap.plant import Effect, PlantModel
-from smad.gap.records import Diagnosis, LeftOutRecord, Outcome
+from smad.gap.records import Diagnosis, Finding, LeftOutRecord, Outcome
 from smad.gap.report.builder import Closing, Shell
 from smad.gap.runs import GapRun, distinctly_named
 from smad.gap.settings import Settings
@@ -48,64 +49,42 @@ def diagnose(
     """
     settings = settings or suited(Settings(), [*runs, *good, *hold_out], plant)
     began = time.perf_counter()
-    pool = executor or ThreadPoolExecutor(max_workers=2)
-    try:
-        return _diagnose(
-            {"fit": runs, "hold-out": hold_out, "good": good},
-            plant,
-            settings=settings,
-            executor=pool,
-            progress=progress,
-            began=began,
-            candidates=candidates,
-            leave_out=leave_out,
-        )
-    finally:
-        if executor is None:
-            pool.shutdown()
-
-
-def _diagnose(
-    given: Mapping[str, Sequence[GapRun]],
-    plant: PlantModel,
-    *,
-    settings: Settings,
-    executor: Executor,
-    progress: Callable[[str], None],
-    began: float,
-    candidates: Sequence[str] | None,
-    leave_out: bool,
-) -> Diagnosis:
     library = _library(plant, candidates)
     progress("admission")
+    given = {"fit": runs, "hold-out": hold_out, "good": good}
     order, admitted = _admitted(given, plant, settings)
-    fit_runs, hold_runs, good_runs = (a.admitted for a in admitted)
     roles: dict[str, Sequence[GapRun]] = {
-        "fit": fit_runs,
-        "hold-out": hold_runs,
-        "good": good_runs,
+        role: a.admitted for role, a in zip(given, admitted, strict=True)
     }
     findings = [f for a in admitted for f in a.findings]
-    findings += too_few(roles, asked_good=bool(given["good"]))
+    findings += too_few(roles, asked_good=bool(good))
     roles["refused"] = tuple(
         r for group, a in zip(order, admitted, strict=True) for r in group if r.name in a.refused
     )
-    shell = Shell(plant, settings, findings, roles, bool(given["good"]), began)
+    shell = Shell(plant, settings, findings, roles, bool(good), began)
     if (refused := _none_left(order, admitted)) is not None:
         return shell.refused(*refused)
-    shell = replace(shell, findings=[*findings, *goes_further(roles, plant, settings)])
-    prepared = prepare(
-        fit_runs,
-        plant,
-        settings,
-        good=good_runs,
-        hold_out=hold_runs,
-        executor=executor,
-        progress=progress,
+    shell = replace(shell, findings=[*findings, *goes_further(roles, plant)])
+    own = nullcontext(executor) if executor else ThreadPoolExecutor(max_workers=2)
+    with own as pool:
+        prepared = _prepared(admitted, plant, settings, pool, progress)
+        track = follow_tracks(prepared, library, progress)
+        closing = Closing(prepared, track, shell, pool, progress)
+        return closing.diagnosis(_left_out(prepared, track, library, progress) if leave_out else ())
+
+
+def _prepared(
+    admitted: Sequence[Admission],
+    plant: PlantModel,
+    settings: Settings,
+    executor: Executor | None,
+    progress: Callable[[str], None],
+) -> Prepared:
+    """The refitted model, from the runs to fit, held out and known to be good."""
+    fit, held, good = (a.admitted for a in admitted)
+    return prepare(
+        fit, plant, settings, good=good, hold_out=held, executor=executor, progress=progress
     )
-    track = follow_tracks(prepared, library, progress)
-    closing = Closing(prepared, track, shell, executor, progress)
-    return closing.diagnosis(_left_out(prepared, track, library, progress) if leave_out else ())
 
 
 def _library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:
@@ -179,7 +158,6 @@ def ready(
     progress("admission")
     given = {"fit": runs, "hold-out": hold_out, "good": good}
     order, admitted = _admitted(given, plant, settings)
-    fit_runs, hold_runs, good_runs = (a.admitted for a in admitted)
     if (refused := _none_left(order, admitted)) is not None:
         what, admission = refused
         raise RunRefused(
@@ -187,15 +165,7 @@ def ready(
             value="; ".join(f.text for f in admission.findings if f.refuses) or "no runs",
             action="bring runs that the diagnosis admits",
         )
-    return prepare(
-        fit_runs,
-        plant,
-        settings,
-        good=good_runs,
-        hold_out=hold_runs,
-        executor=executor,
-        progress=progress,
-    )
+    return _prepared(admitted, plant, settings, executor, progress)
 
 
 def _left_out(

@@ -31,7 +31,9 @@ NAMED = frozenset((Outcome.EFFECT, Outcome.AMBIGUOUS, Outcome.PLUS_REST))
 """Outcomes that name a cause."""
 
 
-class FindingRecord(msgspec.Struct, frozen=True):
+class Finding(msgspec.Struct, frozen=True):
+    """Something about a run. `kind` is a word to tell it by; `refuses` ends the run."""
+
     run: str
     kind: str
     text: str
@@ -53,7 +55,6 @@ class FloorRecord(msgspec.Struct, frozen=True):
     sigma: float
     rho: float
     source: str
-    spread: float | None
 
 
 class ValueRecord(msgspec.Struct, frozen=True):
@@ -135,7 +136,6 @@ class CandidateRecord(msgspec.Struct, frozen=True):
     masked: float
     visible: float
     p_value: float | None = None
-    discovery: bool = False
     gain: float | None = None
     gain_se: float | None = None
     regime_gain: float | None = None
@@ -169,14 +169,6 @@ class LeftOutRecord(msgspec.Struct, frozen=True):
     outcome: Outcome
     names: list[str]
     probability: float
-
-
-class Pair(msgspec.Struct, frozen=True):
-    """How well two effects can be told apart with these data: d² after the refit of the other."""
-
-    first: str
-    second: str
-    d2: float
 
 
 class ResidualTest(msgspec.Struct, frozen=True):
@@ -281,25 +273,25 @@ class Verdict(msgspec.Struct, frozen=True):
     """
 
     outcome: Outcome
-    effects: list[str]
-    group: list[str]
-    sub_model: str
-    regimes: list[str]
-    probability: float
-    probabilities: dict[str, float]
-    gap_raw: float
-    gap_refit: float
-    gap_final: float
-    shrink: float
-    shrink_low: float
-    shrink_high: float
-    ceiling: float
-    open_loop: list[float]
     text: str
+    plain: str = ""
+    probability: float = 1.0
+    effects: list[str] = []
+    group: list[str] = []
+    sub_model: str = ""
+    regimes: list[str] = []
+    probabilities: dict[str, float] = {}
+    gap_raw: float = 0.0
+    gap_refit: float = 0.0
+    gap_final: float = 0.0
+    shrink: float = 0.0
+    shrink_low: float = 0.0
+    shrink_high: float = 0.0
+    ceiling: float = 0.0
+    open_loop: list[float] = []
     imitated: bool = False
     instead: list[str] = []
     gap_instead: float | None = None
-    plain: str = ""
     bounded: list[str] = []
 
 
@@ -336,23 +328,22 @@ class Diagnosis(msgspec.Struct, frozen=True):
     judged_on: str
     verdict: Verdict
     runs: list[RunRecord]
-    findings: list[FindingRecord]
-    missing: list[str]
-    floors: list[FloorRecord]
-    steps: list[list[str]]
-    waterfall: list[WaterfallRow]
-    heat: list[CellRecord]
-    windows: list[WindowRecord]
-    candidates: list[CandidateRecord]
-    values: list[ValueRecord]
-    parameters: list[ParameterRecord]
-    pairs: list[Pair]
-    residual_tests: list[ResidualTest]
-    experiments: list[ExperimentRecord]
-    traces: list[Trace]
+    findings: list[Finding]
     limits: list[str]
-    model: dict[str, Any]
     seconds: float
+    missing: list[str] = []
+    floors: list[FloorRecord] = []
+    steps: list[list[str]] = []
+    waterfall: list[WaterfallRow] = []
+    heat: list[CellRecord] = []
+    windows: list[WindowRecord] = []
+    candidates: list[CandidateRecord] = []
+    values: list[ValueRecord] = []
+    parameters: list[ParameterRecord] = []
+    residual_tests: list[ResidualTest] = []
+    experiments: list[ExperimentRecord] = []
+    traces: list[Trace] = []
+    model: dict[str, Any] = {}
     fitted: list[FittedRecord] = []
     places: dict[str, dict[str, float]] = {}
     left_out: list[LeftOutRecord] = []

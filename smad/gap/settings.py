@@ -1,106 +1,132 @@
-"""The sizes of the diagnosis and the thresholds of its verdicts, read from `settings.toml`."""
+"""The sizes of a diagnosis and the thresholds of its verdicts."""
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 
-@cache
-def shipped() -> dict[str, dict[str, Any]]:
-    """Value, group and meaning of every setting, by name, in the order of the file."""
-    return tomllib.loads((files("smad.gap") / "settings.toml").read_text(encoding="utf-8"))
+def _of(group: str) -> Any:
+    """A field of this group, by value and meaning."""
+
+    def named(value: float, meaning: str) -> Any:
+        return field(default=value, metadata={"group": group, "meaning": meaning})
+
+    return named
 
 
-_VALUE: dict[str, Any] = {name: entry["value"] for name, entry in shipped().items()}
+_size = _of("Sizes")
+_entering = _of("Entering")
+_free = _of("Cause or parameters")
+_unknown = _of("Unknown")
+_verdict = _of("Verdict")
+_right = _of("Probabilities since known-good runs: shares right on the development bank")
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
     """Frozen before a sealed bank is opened; a report carries the values it was made with.
 
-    What each means stands in `settings.toml` and in docs/diagnosis.md.
+    docs/diagnosis.md lists them.
     """
 
-    period_s: float = _VALUE["period_s"]
-    resolution: float = _VALUE["resolution"]
-    block_s: float = _VALUE["block_s"]
-    cell_dof: float = _VALUE["cell_dof"]
-    seed: int = _VALUE["seed"]
-    bootstrap: int = _VALUE["bootstrap"]
-    starts: int = _VALUE["starts"]
-    survivors: int = _VALUE["survivors"]
-    max_effects: int = _VALUE["max_effects"]
-    day_share: float = _VALUE["day_share"]
-    baseline_rounds: int = _VALUE["baseline_rounds"]
-    baseline_handful: int = _VALUE["baseline_handful"]
-    baseline_gain: float = _VALUE["baseline_gain"]
-    asked_gain: float = _VALUE["asked_gain"]
-    refit_iterations: int = _VALUE["refit_iterations"]
-    fit_iterations: int = _VALUE["fit_iterations"]
-    short_iterations: int = _VALUE["short_iterations"]
-    longer_fits: int = _VALUE["longer_fits"]
-    law_rounds: int = _VALUE["law_rounds"]
-    law_rounds_last: int = _VALUE["law_rounds_last"]
-    min_duration_s: float = _VALUE["min_duration_s"]
-    max_lost_share: float = _VALUE["max_lost_share"]
-    max_saturated_share: float = _VALUE["max_saturated_share"]
-    constant_quanta: float = _VALUE["constant_quanta"]
-    significance: float = _VALUE["significance"]
-    gain_standard_errors: float = _VALUE["gain_standard_errors"]
-    since_gain: float = _VALUE["since_gain"]
-    since_standard_errors: float = _VALUE["since_standard_errors"]
-    further_standard_errors: float = _VALUE["further_standard_errors"]
-    min_shrink_gain: float = _VALUE["min_shrink_gain"]
-    regime_share: float = _VALUE["regime_share"]
-    regime_sure: float = _VALUE["regime_sure"]
-    clear_standard_errors: float = _VALUE["clear_standard_errors"]
-    clear_shrink: float = _VALUE["clear_shrink"]
-    clear_excess: float = _VALUE["clear_excess"]
-    false_discovery: float = _VALUE["false_discovery"]
-    free_standard_errors: float = _VALUE["free_standard_errors"]
-    beside_standard_errors: float = _VALUE["beside_standard_errors"]
-    imitated_share: float = _VALUE["imitated_share"]
-    imitated_gain: float = _VALUE["imitated_gain"]
-    vanished_share: float = _VALUE["vanished_share"]
-    same_excess: float = _VALUE["same_excess"]
-    min_excess: float = _VALUE["min_excess"]
-    since_min_excess: float = _VALUE["since_min_excess"]
-    unknown_shrink: float = _VALUE["unknown_shrink"]
-    unknown_ratio: float = _VALUE["unknown_ratio"]
-    since_ratio: float = _VALUE["since_ratio"]
-    unknown_left: float = _VALUE["unknown_left"]
-    since_clear_shrink: float = _VALUE["since_clear_shrink"]
-    since_taken: float = _VALUE["since_taken"]
-    since_sure: float = _VALUE["since_sure"]
-    blind_excess: float = _VALUE["blind_excess"]
-    blind_ratio: float = _VALUE["blind_ratio"]
-    structural_excess: float = _VALUE["structural_excess"]
-    found_share: float = _VALUE["found_share"]
-    since_deficit: float = _VALUE["since_deficit"]
-    since_spreads: float = _VALUE["since_spreads"]
-    since_run_deficit: float = _VALUE["since_run_deficit"]
-    least_visible: float = _VALUE["least_visible"]
-    visible_floors: float = _VALUE["visible_floors"]
-    rest_margin: float = _VALUE["rest_margin"]
-    ambiguous_odds: float = _VALUE["ambiguous_odds"]
-    ambiguous_d2: float = _VALUE["ambiguous_d2"]
-    form_share: float = _VALUE["form_share"]
-    touched_share: float = _VALUE["touched_share"]
-    least_regime: float = _VALUE["least_regime"]
-    determined_share: float = _VALUE["determined_share"]
-    template_share: float = _VALUE["template_share"]
-    coarse_share: float = _VALUE["coarse_share"]
-    regime_rows: int = _VALUE["regime_rows"]
-    least_spread: float = _VALUE["least_spread"]
-    disagreeing: float = _VALUE["disagreeing"]
-    dominating_share: float = _VALUE["dominating_share"]
-    further_share: float = _VALUE["further_share"]
-    moving_share: float = _VALUE["moving_share"]
-    quiet_right: float = _VALUE["quiet_right"]
-    named_right: float = _VALUE["named_right"]
-    imitated_right: float = _VALUE["imitated_right"]
-    unknown_right: float = _VALUE["unknown_right"]
+    period_s: float = _size(0.1, "the analysis grid in s: samples are averaged over it")
+    block_s: float = _size(5.0, "a cell in s: its scale is judged as a whole")
+    cell_dof: float = _size(
+        10.0,
+        "weight, in samples, of a cell's scale being the floor's: small ones soften a misfit",
+    )
+    seed: int = _size(0, "of everything random")
+    max_effects: int = _size(3, "causes that may be named together")
+    min_duration_s: float = _size(8.0, "least length of a run in s")
+    significance: float = _entering(0.01, "how often chance alone may beat a candidate")
+    since_gain: float = _entering(1.0, "since known-good runs: nats for each judged cell")
+    standard_errors: float = _entering(2.0, "by which a held-out score must be better to count")
+    further_standard_errors: float = _entering(
+        2.5,
+        "since known-good runs: of a further cause, whose first is uncertain by form_share",
+    )
+    min_shrink_gain: float = _entering(
+        0.1,
+        "what a cause adds to the shrink on its signals or in all, and all causes in all",
+    )
+    regime_share: float = _entering(0.1, "share of the gain that must show on regimes left out")
+    regime_sure: float = _entering(2.0, "nats a cell from which any gain there will do")
+    clear_standard_errors: float = _entering(
+        3.0,
+        "that suffice for a cause that takes clear_shrink of at least clear_excess floors",
+    )
+    clear_shrink: float = _entering(0.5, "see above")
+    clear_excess: float = _entering(1.0, "see above")
+    beside_standard_errors: float = _free(
+        4.0, "by which a cause must improve the free refit to stand all the same"
+    )
+    imitated_share: float = _free(
+        0.9, "or the share of the free refit's gain that the cause must bring alone"
+    )
+    imitated_gain: float = _free(
+        1.5,
+        "nats a cell for a name at even odds where the free refit is no worse",
+    )
+    vanished_share: float = _free(
+        0.55, "parameters have changed if the refit leaves less than this share of the gap"
+    )
+    same_excess: float = _free(
+        1.1,
+        "without a cause the tied answer stands up to so many times what the free refit leaves",
+    )
+    min_excess: float = _unknown(0.35, "floors below which a gap is not significant")
+    since_min_excess: float = _unknown(
+        1.5, "the same beside tied parameters: below it a cause is judged by its gain"
+    )
+    unknown_shrink: float = _unknown(0.2, "a cause that takes less of the gap is unknown")
+    unknown_ratio: float = _unknown(
+        0.5, "or less than this share of what a flexible correction takes"
+    )
+    unknown_left: float = _unknown(
+        1.75,
+        "or, since good runs, leaves more floors and takes less than since_clear_shrink",
+    )
+    since_clear_shrink: float = _unknown(0.75, "see above")
+    since_taken: float = _unknown(
+        0.33, "unless it makes good this share of what the runs score worse than good ones"
+    )
+    since_sure: float = _unknown(3.1, "or gains more nats a cell than this")
+    blind_excess: float = _unknown(1.0, "without a cause: floors beyond which it may be unknown")
+    blind_ratio: float = _unknown(2.0, "and the multiple of the threshold")
+    structural_excess: float = _unknown(
+        1.2, "or this multiple, if a flexible correction finds found_share of it"
+    )
+    found_share: float = _unknown(0.3, "see above")
+    since_deficit: float = _unknown(
+        4.5, "nats a cell that the runs must score worse than good ones"
+    )
+    since_spreads: float = _unknown(
+        8.0, "or what one output differs by, in what good runs differ in it"
+    )
+    since_run_deficit: float = _unknown(70.0, "or nats a cell on one output of one run")
+    least_visible: float = _verdict(
+        0.2, "share of the effects that must show, or the runs excite too little"
+    )
+    rest_margin: float = _verdict(
+        0.15,
+        "share of the gap that a flexible correction takes beyond the cause, called a rest",
+    )
+    ambiguous_odds: float = _verdict(
+        10.0, "odds between two causes from which on they are told apart"
+    )
+    ambiguous_d2: float = _verdict(16.0, "separation d² from which on two causes are told apart")
+    form_share: float = _verdict(
+        0.35, "by which a law of another form widens the interval of a strength, in quadrature"
+    )
+    quiet_right: float = _right(0.4, "no gap, parameters only")
+    named_right: float = _right(0.75, "a named cause")
+    unsure_right: float = _right(0.5, "unknown, or a cause that other parameters imitate")
+
+
+def shipped() -> dict[str, tuple[str, float, str]]:
+    """Group, value and meaning of every setting, by name."""
+    return {
+        f.name: (f.metadata["group"], f.default, f.metadata["meaning"])  # type: ignore[misc]
+        for f in fields(Settings)
+    }

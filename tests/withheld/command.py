@@ -92,6 +92,26 @@ def _why(options: argparse.Namespace) -> None:
     )
 
 
+def _score(options: argparse.Namespace) -> None:
+    from tests.withheld.scoring import run
+
+    run(
+        Path(options.verdicts),
+        Path(options.key),
+        kept=Path(options.kept) if options.kept else None,
+        json_path=Path(options.json) if options.json else None,
+        html_path=Path(options.html) if options.html else None,
+        documents=[Path(d) for d in options.readme],
+        answered_only=options.answered_only,
+    )
+
+
+def _ablate(options: argparse.Namespace) -> None:
+    from tests.withheld.ablation import ablate
+
+    ablate(Path(options.bank), Path(options.key), Path(options.out), _cases(options))
+
+
 def _follow(options: argparse.Namespace) -> None:
     print(follow(Path(options.bank), Path(options.key), options.case, Path(options.program)))
 
@@ -215,6 +235,17 @@ def _any_runs(commands: _Commands) -> None:
     make.add_argument("--jobs", type=int, default=2)
     make.add_argument("--csv", action="store_true", help="gzipped CSV instead of Parquet")
     make.set_defaults(run=_make)
+    score = commands.add_parser("score", help="scores as they are published, with their goals")
+    score.add_argument("verdicts")
+    score.add_argument("key")
+    score.add_argument("--kept", help="whole diagnoses of `--keep`: what simpler rules say")
+    score.add_argument("--json", help="write all scores here")
+    score.add_argument("--html", help="write the page here")
+    score.add_argument(
+        "--readme", action="append", default=[], help="put the tables between this file's markers"
+    )
+    score.add_argument("--answered-only", action="store_true", help="leave out the other cases")
+    score.set_defaults(run=_score)
     answer = "the verdicts with the answer added"
     later = {}
     for name, run, told, out in (
@@ -241,6 +272,12 @@ def _any_runs(commands: _Commands) -> None:
         "--all", action="store_true", help="rightly named ones too, to compare with"
     )
     later["after-why"].add_argument("--report", required=True, help="what `why` wrote")
+    dropped = commands.add_parser("ablate", help="what each threshold of the verdict changes")
+    dropped.add_argument("bank", help="a development bank")
+    dropped.add_argument("key")
+    dropped.add_argument("--out", required=True, help="folder for the answers of each case")
+    dropped.add_argument("--cases", default="", help="only these, as case-001,case-007")
+    dropped.set_defaults(run=_ablate)
     again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
     again.add_argument("bank")
     again.add_argument("key")
@@ -285,7 +322,7 @@ def _check_ups(commands: _Commands) -> None:
     several.set_defaults(run=_beside)
     judged = commands.add_parser("check-up", help="judge a bank of `play` with the product")
     judged.add_argument("bank")
-    judged.add_argument("--out", required=True, help="the verdicts, for `smad gap score`")
+    judged.add_argument("--out", required=True, help="the verdicts, for `score`")
     judged.add_argument("--benches", default="", help="only these, as bench-1,bench-4")
     judged.add_argument("--repeats", type=int, help="only so many of the good repeats")
     judged.add_argument("--jobs", type=int, default=1, help="benches at a time")

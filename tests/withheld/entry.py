@@ -186,7 +186,7 @@ def _apart(prepared: Prepared, one: Candidate, other: Candidate) -> list[Apart]:
         catalogue_of(prepared.plant),
         share=counted_share(one, other),
     )
-    return [Apart(q.experiment.name, q.separation, q.counted) for q in found]
+    return [Apart(q.name, q.separation, q.counted or 0.0) for q in found]
 
 
 def _best(selection: Selection, names: Sequence[str]) -> Candidate | None:

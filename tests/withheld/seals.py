@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
-from smad.gap.check.key import file_digest
-from smad.gap.check.openings import SEALED, Ledger, checkout
+from smad.gap.check.key import SEALED, file_digest
 from tests.withheld.errors import BankError
+from tests.withheld.openings import Ledger, checkout
 
 
 def require_logged(bank: str, key_sha256: str, verdicts: Path) -> None:
@@ -19,6 +19,4 @@ def require_logged(bank: str, key_sha256: str, verdicts: Path) -> None:
 def refuse_sealed(key: Path) -> None:
     """Raises BankError for a sealed key: before the verdicts are frozen nothing reads it."""
     if json.loads((key / "KEY.json").read_text())["bank"] == SEALED:
-        raise BankError(
-            f"{key} is sealed: give verdicts without it, and score them with `smad gap score`"
-        )
+        raise BankError(f"{key} is sealed: give verdicts without it, and score them with `score`")

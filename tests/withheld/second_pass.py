@@ -22,7 +22,7 @@ from smad.gap.check.bank import Bank, open_bank, read_case, require_files
 from smad.gap.check.case import How, Part, Task
 from smad.gap.check.key import read_key
 from smad.gap.check.names import canonical
-from smad.gap.check.running import Order, Progress, check, pool
+from smad.gap.check.running import Order, Progress, check
 from smad.gap.check.score import Pair, matched
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile, read_verdict_file, read_verdicts
 from smad.gap.diagnose import ready
@@ -93,7 +93,7 @@ def diagnosed(task: Task, how: How, more: Sequence[GapRun] = ()) -> Diagnosis:
             plant=how.plant(),
             good=runs.good,
             hold_out=runs.hold_out,
-            settings=how.settings_used(),
+            settings=how.settings,
             candidates=how.effects,
             executor=one,
         )
@@ -109,7 +109,7 @@ def readied(task: Task, how: How) -> Iterator[Prepared]:
             plant=how.plant(),
             good=runs.good,
             hold_out=runs.hold_out,
-            settings=how.settings_used(),
+            settings=how.settings,
             executor=one,
         )
 
@@ -131,7 +131,7 @@ def through(
     cases = [c for c in frozen.bank.manifest.cases if c.id in names]
     require_files(frozen.bank, cases)
     order = Order(frozen.bank, cases, frozen.how, parts)
-    done = check(order, lambda: pool(jobs), jobs=jobs, report=_tell, work=work)
+    done = check(order, jobs=jobs, report=_tell, work=work)
     return done.verdicts
 
 

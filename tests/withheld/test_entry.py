@@ -11,7 +11,7 @@ from smad.gap.diagnose import ready
 from smad.gap.errors import RunRefused
 from smad.gap.fit.stages import Prepared
 from smad.gap.records import NAMED, Outcome
-from tests.smad.gap.cases import OTHER, QUICK, SHOWN, bank
+from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, bank
 from tests.smad.gap.heater_plant import HeaterPlant, recorded
 from tests.withheld.entry import EntryRecord, examine
 
@@ -21,7 +21,7 @@ def since_good(effects: Mapping[str, Mapping[str, float]], **moved: float) -> Pr
     runs = bank(OTHER | moved, effects)
     return ready(
         runs[:3], plant=HeaterPlant(), good=bank(OTHER, seed=40)[:3], hold_out=runs[3:],
-        settings=QUICK,
+        settings=SETTINGS,
     )  # fmt: skip
 
 
@@ -124,4 +124,4 @@ def test_a_record_reads_as_it_was_written(coupled: EntryRecord) -> None:
 def test_runs_that_cannot_be_used_have_no_entry() -> None:
     short = [recorded("random", 1, duration_s=3.0)]
     with pytest.raises(RunRefused, match="no run to fit can be used"):
-        ready(short, plant=HeaterPlant(), settings=QUICK)
+        ready(short, plant=HeaterPlant(), settings=SETTINGS)

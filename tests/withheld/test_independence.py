@@ -23,6 +23,16 @@ SECOND_PASS = (
     "inquiries.py",
     "mysteries.py",
     "seals.py",
+    "ablation.py",
+    "baselines.py",
+    "goals.py",
+    "openings.py",
+    "places.py",
+    "quick.py",
+    "score_figures.py",
+    "score_page.py",
+    "scores.py",
+    "scoring.py",
 )
 SOURCES = sorted(HERE.rglob("*.py"))
 MAKERS = [

@@ -26,16 +26,14 @@ from smad.gap.sma.signals import read_gap_run
 from tests.smad.daemon.rig import Rig, rig_in
 from tests.withheld import quiz
 from tests.withheld.command import main
+from tests.withheld.quick import quicken
 from tests.withheld.wire_board import WireBoard
 
 SEED = 5
 LONGEST_S = 36.0
 # The laws belong to it: without them the model leaves more of any bench than the effect does.
 LIBRARY = ("rtd_lag", "driver_gain", "flow_shortfall", "cooling_front", "unified_kinetics")
-QUICK = Settings(
-    bootstrap=100, survivors=2, max_effects=1, longer_fits=1, baseline_rounds=0,
-    law_rounds_last=2, starts=1, refit_iterations=4,
-)  # fmt: skip
+QUICK = Settings(max_effects=1)
 
 
 class Lent:
@@ -107,8 +105,15 @@ def one_thread() -> Iterator[ThreadPoolExecutor]:
 
 
 async def test_a_round_goes_from_the_wire_to_a_verdict_and_then_the_answer_opens(
-    tmp_path: Path, one_thread: ThreadPoolExecutor, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    one_thread: ThreadPoolExecutor,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    quicken(
+        monkeypatch, _LONGER_FITS=1, _LAW_ROUNDS=2, _LAW_ROUNDS_LAST=2, FIT_ITERATIONS=6,
+        REFIT_ITERATIONS=4,
+    )  # fmt: skip
     note = tmp_path / "mystery.json"
     session = Session(quiz.begin(SEED, note), tmp_path)
     sealed = json.loads(note.read_text())["sealed_sha256"]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import product
 
-from smad.gap.check.baselines import baselines
 from smad.gap.check.names import OUTCOMES
 from smad.gap.check.quantities import quantities
 from smad.gap.check.verdicts import CaseVerdict, HeldOut, Hypothesis, NextExperiment, Short
@@ -17,9 +16,7 @@ _LEAST = 1e-4
 _BEHIND = 0.8
 
 
-def answer(
-    diagnosis: Diagnosis, case: str, library: Sequence[str], *, with_baselines: bool = True
-) -> CaseVerdict:
+def answer(diagnosis: Diagnosis) -> CaseVerdict:
     """What the diagnosis says of a case, in names of the library."""
     verdict = diagnosis.verdict
     named = verdict.outcome in NAMED
@@ -41,7 +38,6 @@ def answer(
         quantities=quantities(diagnosis.values) if named else {},
         next_experiment=experiment,
         left_out={r.effect: Short(OUTCOMES[r.outcome], r.names) for r in diagnosis.left_out},
-        baselines=baselines(diagnosis.fitted, library, case) if with_baselines else {},
         seconds=round(diagnosis.seconds, 2),
     )
 

@@ -36,7 +36,6 @@ class How:
     variant: str = "extended"
     settings: Settings = dataclasses.field(default_factory=Settings)
     leave_out: bool = False
-    baselines: bool = True
     effects: tuple[str, ...] | None = None
 
     def plant(self) -> SmaPlant:
@@ -49,13 +48,6 @@ class How:
         """Names of the effects that may be named."""
         known = [e.name for e in self.plant().effects]
         return known if self.effects is None else [n for n in known if n in self.effects]
-
-    def settings_used(self) -> Settings:
-        """The settings, with no more steps than the library has effects."""
-        most = self.settings.max_effects
-        if self.effects is not None:
-            most = min(most, len(self.effects))
-        return dataclasses.replace(self.settings, max_effects=most)
 
     def require(self) -> None:
         """Raises CheckError when an effect is asked for that smad does not have."""
@@ -101,24 +93,16 @@ class Part(msgspec.Struct, frozen=True, omit_defaults=True):
 def source_digest() -> str:
     """SHA-256 over the code that a verdict depends on, and the versions of what it calculates with.
 
-    That is the engine, the check, the plant, and the controller of the simulated experiments.
+    That is the diagnosis, the plant, and the controller of the simulated experiments.
     """
     h = hashlib.sha256()
     for name in ("numpy", "scipy"):
         h.update(f"{name} {version(name)}\0".encode())
-    gap, plant = Path(smad.gap.__file__).parent, Path(sim_device.plant.__file__).parent
-    control = Path(smad.control.__file__).parent
-    files = [*gap.glob("*.py"), *(gap / "check" / n for n in _DECISIVE)]
-    files += [p for room in _ENGINE for p in (gap / room).glob("*.py")]
-    files.append(gap / "settings.toml")
-    files += [*plant.rglob("*.py"), *control.glob("*.py")]
-    for path in sorted([*files, *plant.rglob("*.toml")]):
-        h.update(path.name.encode() + b"\0" + path.read_bytes())
+    for package in (smad.gap, sim_device.plant, smad.control):
+        folder = Path(package.__file__ or "").parent
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.toml")]):
+            h.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
     return h.hexdigest()
-
-
-_ENGINE = ("data", "model", "fit", "compare", "report", "sma")
-_DECISIVE = ("answer.py", "bank.py", "baselines.py", "case.py", "names.py", "quantities.py")
 
 
 def judge(task: Task) -> Part:
@@ -136,12 +120,7 @@ def judge(task: Task) -> Part:
     try:
         with ThreadPoolExecutor(max_workers=1) as one:
             found = _diagnosed(task.how, read_case(task.bank, task.case), one)
-        verdict = answer(
-            found,
-            task.case.id,
-            task.how.library(),
-            with_baselines=task.how.baselines,
-        )
+        verdict = answer(found)
     except SmadError as error:
         return Part(task.case.id, time.perf_counter() - began, error=str(error))
     except Exception as error:
@@ -171,7 +150,7 @@ def _diagnosed(how: How, runs: CaseRuns, executor: ThreadPoolExecutor) -> Diagno
         plant=how.plant(),
         good=runs.good,
         hold_out=runs.hold_out,
-        settings=how.settings_used(),
+        settings=how.settings,
         candidates=how.effects,
         leave_out=how.leave_out,
         executor=executor,

@@ -12,6 +12,9 @@ import msgspec
 from smad.gap.check.errors import KeyMismatchError
 
 FORMAT = "smad-key-1"
+SEALED = "sealed"
+"""Bank whose key the repository guards: see docs/withheld.md."""
+
 STRENGTHS = (1.0, 3.0, 10.0)
 Kind = Literal["none", "parameters", "single", "unknown", "pair", "triple", "differs"]
 

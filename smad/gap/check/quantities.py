@@ -7,39 +7,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from smad.gap.check.verdicts import Estimate
 from smad.gap.records import ValueRecord
 
-
-@dataclass(frozen=True)
-class _Sum:
-    """A weighted sum of an effect's parameters."""
-
-    weights: Mapping[str, float]
-
-
-_QUANTITIES: dict[str, _Sum] = {
-    "driver_gain": _Sum({"gain": 1.0}),
-    "driver_lag": _Sum({"tau_s": 1.0}),
-    "contact_resistance": _Sum({"resistance_Ohm": 1.0}),
-    "rtd_lag": _Sum({"tau_s": 1.0}),
-    "rtd_offset": _Sum({"offset_K": 1.0}),
+_QUANTITIES: dict[str, Mapping[str, float]] = {
+    "driver_gain": {"gain": 1.0},
+    "driver_lag": {"tau_s": 1.0},
+    "contact_resistance": {"resistance_Ohm": 1.0},
+    "rtd_lag": {"tau_s": 1.0},
+    "rtd_offset": {"offset_K": 1.0},
     # Mean delay of encoder and load cell; the delay of the temperatures is another question.
-    "channel_delay": _Sum({"displacement_s": 0.5, "force_s": 0.5}),
-    "encoder_backlash": _Sum({"width_m": 1e3}),
-    "force_offset": _Sum({"offset_N": 1.0}),
-    "force_gain": _Sum({"gain": 1.0}),
+    "channel_delay": {"displacement_s": 0.5, "force_s": 0.5},
+    "encoder_backlash": {"width_m": 1e3},
+    "force_offset": {"offset_N": 1.0},
+    "force_gain": {"gain": 1.0},
     # A first-order spin-up delays a ramp by its time constant.
-    "pump_lag": _Sum({"dead_s": 1.0, "spinup_s": 1.0}),
-    "flow_shortfall": _Sum({"share": 1.0}),
+    "pump_lag": {"dead_s": 1.0, "spinup_s": 1.0},
+    "flow_shortfall": {"share": 1.0},
     # The quantity is the fall after three full cycles, the parameter the rise with each.
-    "transformation_fatigue": _Sum({"shift_K": -3.0}),
+    "transformation_fatigue": {"shift_K": -3.0},
 }
 
 COMPARABLE = tuple(_QUANTITIES)
-"""Effects of the library that have a comparable quantity."""
+"""Effects of the library that have a comparable quantity, a weighted sum of its parameters."""
 
 
 def quantities(values: Sequence[ValueRecord]) -> dict[str, Estimate]:
@@ -49,17 +40,11 @@ def quantities(values: Sequence[ValueRecord]) -> dict[str, Estimate]:
     """
     out = {}
     for effect in dict.fromkeys(v.effect for v in values):
-        wanted = _QUANTITIES.get(effect)
-        if wanted is None:
-            continue
-        own = [(wanted.weights[v.name], v) for v in values if _belongs(v, effect, wanted)]
+        weights = _QUANTITIES.get(effect, {})
+        own = [(weights[v.name], v) for v in values if v.effect == effect and v.name in weights]
         if own:
             out[effect] = _sum(own)
     return out
-
-
-def _belongs(v: ValueRecord, effect: str, wanted: _Sum) -> bool:
-    return v.effect == effect and v.name in wanted.weights
 
 
 def _sum(parts: Sequence[tuple[float, ValueRecord]]) -> Estimate:

@@ -1,8 +1,7 @@
-"""Diagnosing the cases of a bank on an executor: in any order, resumable, past failed cases."""
+"""Diagnosing the cases of a bank in any order, resumable, past failed cases."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -11,9 +10,8 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from concurrent.futures.process import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from importlib.metadata import version
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
@@ -23,11 +21,10 @@ import msgspec
 import smad
 from smad.gap.check.bank import Bank, Case, used
 from smad.gap.check.case import How, Part, Task, judge, kept_path, source_digest
-from smad.gap.check.errors import CheckError
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile
 
-_TRIES = 2
-_MEMORY = "its worker process ended twice, as it does when memory runs out: use fewer --jobs"
+Work = Callable[[Task], Part]
+_MEMORY = "its worker process ended, as it does when memory runs out: use fewer --jobs"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,27 +105,22 @@ def _digest(path: Path) -> str:
         return "absent"
 
 
-@contextlib.contextmanager
-def pool(jobs: int) -> Iterator[Executor]:
-    """Worker processes for `check`: fresh interpreters, since a fork would copy threads' locks.
+def apart(work: Work, task: Task) -> Part:
+    """A case in a process of its own, whose end costs this case only.
 
-    Whatever ends the block early ends them too, so that an interruption need not wait for the
-    cases under way.
+    It is a fresh interpreter, since a fork would copy threads' locks.
     """
-    before = set(active_children())
-    workers = ProcessPoolExecutor(jobs, get_context("spawn"), _leave_interrupts_to_the_parent)
-    try:
-        yield workers
-    except BaseException:
-        for process in set(active_children()) - before:
-            process.terminate()
-        workers.shutdown(wait=False, cancel_futures=True)
-        raise
-    workers.shutdown()
+    with ProcessPoolExecutor(1, get_context("spawn"), initializer=_leave_interrupts) as worker:
+        try:
+            return worker.submit(work, task).result()
+        except BrokenExecutor:
+            return Part(task.case.id, 0.0, error=_MEMORY)
+        except Exception as error:
+            return Part(task.case.id, 0.0, error=f"{type(error).__name__}: {error}")
 
 
-def _leave_interrupts_to_the_parent() -> None:
-    """A worker's first act. A parent that is killed must not leave its workers computing either."""
+def _leave_interrupts() -> None:
+    """A worker's first act: interrupts are the parent's. It ends with a parent that is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def end_with_the_parent() -> None:
@@ -142,24 +134,22 @@ def _leave_interrupts_to_the_parent() -> None:
 
 def check(
     order: Order,
-    executor: Callable[[], contextlib.AbstractContextManager[Executor]],
     *,
     jobs: int,
     report: Callable[[Progress], None] = lambda progress: None,
     clock_s: Callable[[], float] = time.monotonic,
-    work: Callable[[Task], Part] = judge,
+    work: Work = judge,
 ) -> VerdictFile:
     """The verdicts on all cases of the order; cases with a part from an earlier run are not redone.
 
-    `executor` makes the executor, anew if its workers die; `jobs` cases are handed to it at a time.
-    A case that fails is named in the notes, and tried again by the next check. An interruption
-    loses only the cases under way.
+    `jobs` cases are worked on at a time, each apart. A case that fails is named in the notes, and
+    tried again by the next check. An interruption loses only the cases under way.
     """
     order.folder.mkdir(parents=True, exist_ok=True)
     parts = order.finished()
     todo = [c for c in order.cases if c.id not in parts]
     began_s = clock_s()
-    for finished, part in enumerate(_worked(order, todo, executor, jobs, work), start=1):
+    for finished, part in enumerate(_worked(order, todo, jobs, functools.partial(apart, work)), 1):
         parts[part.case] = part
         if part.verdict is not None:
             whole = msgspec.structs.replace(part, runs_sha256=order.runs_sha256[part.case])
@@ -170,58 +160,19 @@ def check(
     return _file(order, [parts[c.id] for c in order.cases])
 
 
-def _worked(
-    order: Order,
-    todo: Sequence[Case],
-    executor: Callable[[], contextlib.AbstractContextManager[Executor]],
-    jobs: int,
-    work: Callable[[Task], Part],
-) -> Iterator[Part]:
-    """Parts as they come.
-
-    When workers die, the cases they had are tried once more, each alone; then the others go on, as
-    many at a time as before.
-    """
-    waiting = [(case, 1) for case in todo]
-    while waiting:
-        suspects: list[tuple[Case, int]] = []
-        with executor() as workers:
-            under_way: dict[Future[Part], tuple[Case, int]] = {}
-            fresh, whole = True, True
-            while whole and (waiting or under_way):
-                while waiting and len(under_way) < _width(jobs, waiting, under_way.values()):
-                    case, attempt = waiting.pop(0)
-                    task = Task(order.bank, case, order.how, source_digest(), order.keep)
-                    try:
-                        under_way[workers.submit(work, task)] = case, attempt
-                    except BrokenExecutor:
-                        whole = False
-                        # It died of a case before this one, unless there was none.
-                        (suspects if fresh else waiting).insert(0, (case, attempt))
-                        break
-                    fresh = False
-                done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-                for future in done:
-                    case, attempt = under_way.pop(future)
-                    try:
-                        yield future.result()
-                    except BrokenExecutor:
-                        whole = False
-                        suspects.append((case, attempt))
-                    except Exception as error:
-                        # Whatever an executor of another kind hands back: one case, not the check.
-                        yield Part(case.id, 0.0, error=f"{type(error).__name__}: {error}")
-            suspects += under_way.values()
-        for case, attempt in suspects:
-            if attempt >= _TRIES:
-                yield Part(case.id, 0.0, error=_MEMORY)
-            else:
-                waiting.insert(0, (case, attempt + 1))
-
-
-def _width(jobs: int, *cases: Iterable[tuple[Case, int]]) -> int:
-    """How many cases may be under way: a second attempt has the machine to itself."""
-    return 1 if any(attempt > 1 for some in cases for _, attempt in some) else jobs
+def _worked(order: Order, todo: Sequence[Case], jobs: int, work: Work) -> Iterator[Part]:
+    """Parts as they come. Whatever ends this early ends the cases under way."""
+    before = set(active_children())
+    with ThreadPoolExecutor(jobs) as threads:
+        tasks = [Task(order.bank, case, order.how, source_digest(), order.keep) for case in todo]
+        try:
+            for future in as_completed([threads.submit(work, task) for task in tasks]):
+                yield future.result()
+        except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
+            for process in set(active_children()) - before:
+                process.terminate()
+            raise
 
 
 def part_path(folder: Path, case: str) -> Path:
@@ -281,29 +232,3 @@ def commit() -> str:
         return ""
     head, changed = (s.stdout.strip() for s in said)
     return head + ("+" if changed else "")
-
-
-@contextlib.contextmanager
-def dask_executor(address: str) -> Iterator[Executor]:
-    """An executor on a dask cluster. Raises CheckError when dask is absent or does not answer.
-
-    Its workers need the same smad, and the bank's folder under the same path.
-    """
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise CheckError(
-            "dask is not installed",
-            value=str(error),
-            action="pip install 'smad[cluster]', or leave --dask out",
-        ) from error
-    try:
-        client = Client(address, timeout="15s")
-    except (OSError, ValueError) as error:
-        raise CheckError(
-            "the dask scheduler cannot be reached",
-            value=f"{address}: {error}",
-            action="check that it runs, and its address",
-        ) from error
-    with client:
-        yield client.get_executor()

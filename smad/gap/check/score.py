@@ -1,39 +1,58 @@
-"""Scores: verdicts against the key, every row of the published table with its interval."""
+"""Scores: verdicts against the key, every row with its interval; what was said of what."""
 
 from __future__ import annotations
 
 import statistics
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
-from smad.gap.check.errors import KeyMismatchError, VerdictError
-from smad.gap.check.goals import GOALS, Protocol
+from smad.gap.check.errors import CheckError, KeyMismatchError, VerdictError
 from smad.gap.check.intervals import bootstrap, wilson
 from smad.gap.check.key import STRENGTHS, CaseKey, Key
 from smad.gap.check.names import NAMING, SILENT
 from smad.gap.check.verdicts import NO_CAUSES, CaseVerdict, Short, VerdictFile
+from smad.report.page import Table, text_table
 
 CALIBRATION_BINS = 10
 ABSENT = CaseVerdict(outcome="not_enough_excitation")
-_LEAST_SHRINK = 0.05
+_MOST_MISTAKES = 40
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One score: value and 95 % interval over `count` cases, all None without a case.
-
-    `goal` is empty and `met` None where no goal applies; `bound` is the goal's.
-    """
+    """One score: value and 95 % interval over `count` cases, all None without a case."""
 
     name: str
     value: float | None
     low: float | None
     high: float | None
     count: int
-    goal: str = ""
-    met: bool | None = None
-    bound: float | None = None
+
+
+class Mistake(msgspec.Struct, frozen=True):
+    """A wrong first answer, with the probability it was given with."""
+
+    case: str
+    kind: str
+    truth: list[str]
+    floors: float
+    said: list[str]
+    outcome: str
+    probability: float
+
+
+class Scores(msgspec.Struct, frozen=True):
+    """All scores of one verdict file. `confusion` is truth → what was said → cases."""
+
+    bank: str
+    cases: int
+    answered: int
+    table: list[Row]
+    confusion: dict[str, dict[str, int]]
+    mistakes: list[Mistake]
 
 
 @dataclass(frozen=True)
@@ -143,20 +162,11 @@ def share(name: str, hits: Sequence[float]) -> Row:
     return Row(name, sum(hits) / len(hits), *wilson(sum(hits), len(hits)), len(hits))
 
 
-def _over(name: str, values: Sequence[float], of: Callable[[Sequence[float]], float]) -> Row:
+def over(name: str, values: Sequence[float], of: Callable[[Sequence[float]], float]) -> Row:
     """A row for a mean or a median, with its bootstrap interval."""
     if not values:
         return Row(name, None, None, None, 0)
     return Row(name, of(values), *bootstrap(values, of), len(values))
-
-
-def with_goal(row: Row, protocol: Protocol, name: str = "") -> Row:
-    """The row with the goal that `name` (the row's own by default) has under the protocol."""
-    goal = GOALS.get(name or row.name, {}).get(protocol)
-    if goal is None:
-        return row
-    met = None if row.value is None or row.low is None else goal.met(row.value, row.low)
-    return msgspec.structs.replace(row, goal=str(goal), met=met, bound=goal.bound)
 
 
 def _naming_rows(pairs: Sequence[Pair]) -> list[Row]:
@@ -168,7 +178,7 @@ def _naming_rows(pairs: Sequence[Pair]) -> list[Row]:
         share("right subsystem, of the detected",
               [float(p.said.subsystem in p.truth.subsystems) for p in found]),
         share("right name in the first three", [float(in_first_three(p)) for p in found]),
-        _over("mean probability on the truth", [probability_of_truth(p) for p in found],
+        over("mean probability on the truth", [probability_of_truth(p) for p in found],
               statistics.fmean),
         share("unknown effects rejected, of the detected",
               [float(p.said.outcome == "unknown") for p in seen]),
@@ -189,37 +199,16 @@ def _several_rows(pairs: Sequence[Pair]) -> list[Row]:
         for name in p.truth.names
         if name in p.said.left_out
     ]
-    # Where no cause of the list is at work there is no name that an experiment could bring.
-    followed = [
-        float(frozenset(after) == p.truth.names)
-        for p in of_kind(pairs, "single", "pair", "triple")
-        if p.said.next_experiment is not None
-        and (after := p.said.next_experiment.names_after) is not None
+    covered = [
+        float(q.low <= e.quantity <= q.high)
+        for p in of_kind(pairs, "single")
+        for e in p.truth.effects
+        if (q := p.said.quantities.get(e.name)) is not None and e.quantity is not None
     ]
     return [
         share("leave one effect out: rejected", left_out),
         share("pairs: exact", exact("pair")),
         share("triples: exact", exact("triple")),
-        share("recommended experiment resolves", followed),
-    ]
-
-
-def _shrink_rows(pairs: Sequence[Pair]) -> list[Row]:
-    best_entry, exact_law, covered = [], [], []
-    for p in of_kind(pairs, "single"):
-        if detected(p.said) and p.said.shrink is not None:
-            best, exact = p.said.shrink_best_entry, p.truth.shrink_exact_law
-            if best is not None and best > _LEAST_SHRINK:
-                best_entry.append(p.said.shrink / best)
-            if exact is not None and exact > _LEAST_SHRINK:
-                exact_law.append(p.said.shrink / exact)
-        for e in p.truth.effects:
-            q = p.said.quantities.get(e.name)
-            if q is not None and e.quantity is not None:
-                covered.append(float(q.low <= e.quantity <= q.high))
-    return [
-        _over("median held-out shrink, tool ÷ O2", best_entry, statistics.median),
-        _over("median held-out shrink, tool ÷ O1", exact_law, statistics.median),
         share("95 % intervals cover", covered),
     ]
 
@@ -248,13 +237,8 @@ def _calibration_row(pairs: Sequence[Pair]) -> Row:
     return Row("calibration error", error, low, high, count)
 
 
-def protocol_of(pairs: Sequence[Pair]) -> Protocol:
-    """How the bank was recorded: a check-up's key tells what differs over paired repeats."""
-    return "check-up" if any(p.truth.gap_paired for p in pairs) else "any runs"
-
-
 def table(pairs: Sequence[Pair]) -> list[Row]:
-    """Every row of the published table, and a few beside it, with the goals of the protocol."""
+    """Every row."""
     quiet = of_kind(pairs, "none", "parameters")
     with_gap = of_kind(pairs, "single", "unknown")
     rows = [share("false alarms on none", [float(detected(p.said)) for p in quiet])]
@@ -263,25 +247,98 @@ def table(pairs: Sequence[Pair]) -> list[Row]:
         rows.append(share(f"detected at {strength:.0f}× the floor", hits))
     rows += _naming_rows(pairs)
     rows.append(_calibration_row(pairs))
-    rows += _several_rows(pairs) + _shrink_rows(pairs)
-    rows += _differs_rows(pairs)
-    protocol = protocol_of(pairs)
-    return [with_goal(row, protocol) for row in rows]
+    return [*rows, *_several_rows(pairs), *_differs_rows(pairs)]
 
 
-def by_strength(pairs: Sequence[Pair]) -> dict[str, list[Row]]:
-    """The main scores apart for 1, 3 and 10 floors."""
-    out: dict[str, list[Row]] = {"detected": [], "right name first": [], "unknown rejected": []}
-    for strength in STRENGTHS:
-        here = [p for p in pairs if p.truth.strength == strength]
-        single, unknown = of_kind(here, "single"), of_kind(here, "unknown")
-        label = f"{strength:.0f}×"
-        seen = [float(detected(p.said)) for p in single + unknown]
-        row = share(label, seen)
-        goal = f"detected at {label} the floor"
-        out["detected"].append(with_goal(row, protocol_of(pairs), goal))
-        named = [name_credit(p) for p in single if detected(p.said)]
-        out["right name first"].append(share(label, named))
-        rejected = [float(p.said.outcome == "unknown") for p in unknown if detected(p.said)]
-        out["unknown rejected"].append(share(label, rejected))
-    return out
+def said(verdict: CaseVerdict) -> str:
+    """One word for what a verdict says, for the confusion matrix."""
+    return (" + ".join(verdict.first) if verdict.outcome in NAMING else "") or verdict.outcome
+
+
+def confusion(pairs: Sequence[Pair]) -> dict[str, dict[str, int]]:
+    """Truth → what was said → how often."""
+    counts: dict[str, Counter[str]] = {}
+    for p in pairs:
+        truth = " + ".join(sorted(p.truth.names)) or p.truth.kind
+        truth = f"unknown: {truth}" if p.truth.kind == "unknown" else truth
+        counts.setdefault(truth, Counter())[said(p.said)] += 1
+    return {truth: dict(c.most_common()) for truth, c in sorted(counts.items())}
+
+
+def mistakes(pairs: Sequence[Pair]) -> list[Mistake]:
+    """Every wrong first answer, the most confident first."""
+    wrong = [
+        Mistake(
+            p.case,
+            p.truth.kind,
+            sorted(p.truth.right_answer),
+            round(p.truth.gap_worst, 2),
+            list(p.said.causes[0].names),
+            p.said.outcome,
+            p.said.causes[0].probability,
+        )
+        for p in pairs
+        if p.said.causes
+        and p.truth.kind != "differs"
+        and frozenset(p.said.causes[0].names) != p.truth.right_answer
+    ]
+    return sorted(wrong, key=lambda m: (-m.probability, m.case))
+
+
+def scores(pairs: Sequence[Pair], bank: str) -> Scores:
+    """Everything that is scored."""
+    return Scores(
+        bank=bank,
+        cases=len(pairs),
+        answered=sum(p.said is not ABSENT for p in pairs),
+        table=table(pairs),
+        confusion=confusion([p for p in pairs if p.truth.kind != "differs"]),
+        mistakes=mistakes(pairs),
+    )
+
+
+def write_scores(path: Path, found: msgspec.Struct) -> None:
+    """Writes scores as indented JSON. Raises CheckError when the file cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(msgspec.json.format(msgspec.json.encode(found), indent=1) + b"\n")
+    except OSError as error:
+        raise CheckError(
+            f"{path} cannot be written",
+            value=error.strerror,
+            action="choose another file with --json",
+        ) from error
+
+
+def number(row: Row) -> str:
+    """Value and interval, or a dash without cases."""
+    if row.value is None:
+        return "–"
+    low, high = (f"{v:.3f}" if v is not None else "–" for v in (row.low, row.high))
+    return f"{row.value:.3f} [{low}, {high}]"
+
+
+def mistakes_table(some: Sequence[Mistake]) -> Table:
+    """Wrong first answers, a line each."""
+    return Table(
+        ("case", "kind", "truth", "floors", "outcome", "said", "probability"),
+        [
+            (m.case, m.kind, " + ".join(m.truth), f"{m.floors:.1f}", m.outcome,
+             " + ".join(m.said), f"{m.probability:.2f}")
+            for m in some
+        ],
+        numeric=frozenset({3, 6}),
+    )  # fmt: skip
+
+
+def text(found: Scores) -> str:
+    """The scores for a terminal, and the wrong answers, the most confident first."""
+    rows = [(r.name, number(r), str(r.count)) for r in found.table]
+    parts = [
+        f"{found.answered} of {found.cases} cases answered\n",
+        text_table(Table(("score", "value [95 %]", "cases"), rows, numeric=frozenset({1, 2}))),
+    ]
+    if found.mistakes:
+        few = found.mistakes[:_MOST_MISTAKES]
+        parts += ["\nwrong first answers\n", text_table(mistakes_table(few))]
+    return "\n".join(p.rstrip("\n") for p in parts)

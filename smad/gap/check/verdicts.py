@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
 
 from smad.gap.check.errors import VerdictError
-from smad.gap.check.names import OUTCOMES, canonical, canonical_subsystem, plain, subsystem_of
+from smad.gap.check.names import OUTCOMES, canonical, canonical_subsystem, subsystem_of
 
 FORMAT = "smad-verdicts-1"
 NOT_CAUSES = frozenset(("none", "parameters", "unknown"))
@@ -53,7 +53,7 @@ class NextExperiment(msgspec.Struct, frozen=True):
 
 
 class Short(msgspec.Struct, frozen=True):
-    """A verdict reduced to outcome and names: baselines, and with one effect left out."""
+    """A verdict reduced to outcome and names, with one effect left out."""
 
     outcome: str
     names: list[str] = []
@@ -78,7 +78,6 @@ class CaseVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     quantities: dict[str, Estimate] = {}
     next_experiment: NextExperiment | None = None
     left_out: dict[str, Short] = {}
-    baselines: dict[str, Short] = {}
     seconds: float | None = None
 
     @property
@@ -96,7 +95,6 @@ class VerdictFile(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     key_sha256: str
     verdicts: dict[str, CaseVerdict]
     tool: dict[str, Any] = {}
-    aliases: dict[str, str] = {}
     notes: dict[str, str] = {}
 
 
@@ -123,52 +121,46 @@ def _checked(case: str, verdict: CaseVerdict) -> None:
         )
 
 
-def _merged(causes: Sequence[Hypothesis], extra: Mapping[str, str]) -> list[Hypothesis]:
+def _merged(causes: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Hypotheses in the bank's names; several that then say the same become one."""
     together: dict[tuple[str, ...], float] = {}
     for h in causes:
-        names = tuple(dict.fromkeys(canonical(n, extra) for n in h.names))
+        names = tuple(dict.fromkeys(_named(h.names)))
         known = next((k for k in together if set(k) == set(names)), names)
         together[known] = together.get(known, 0.0) + h.probability
     ranked = sorted(together.items(), key=lambda pair: -pair[1])
     return [Hypothesis(list(names), p) for names, p in ranked]
 
 
-def _short(short: Short, extra: Mapping[str, str]) -> Short:
-    return Short(short.outcome, [canonical(n, extra) for n in short.names])
+def _named(names: Sequence[str]) -> list[str]:
+    return [canonical(n) for n in names]
 
 
-def _budget(budget: Mapping[str, float], extra: Mapping[str, str]) -> dict[str, float]:
-    out: dict[str, float] = {}
-    for name, part in budget.items():
-        named = canonical(name, extra)
-        out[named] = out.get(named, 0.0) + part
-    return out
-
-
-def in_bank_names(verdict: CaseVerdict, extra: Mapping[str, str]) -> CaseVerdict:
+def in_bank_names(verdict: CaseVerdict) -> CaseVerdict:
     """The verdict in the bank's names; without a subsystem, that of the first cause."""
-    causes = _merged(verdict.causes, extra)
+    causes = _merged(verdict.causes)
     subsystem = canonical_subsystem(verdict.subsystem)
     if not subsystem and causes and causes[0].names:
         subsystem = subsystem_of(causes[0].names[0])
+    budget: dict[str, float] = {}
+    for name, part in verdict.budget.items():
+        budget[canonical(name)] = budget.get(canonical(name), 0.0) + part
     after = verdict.next_experiment
     if after is not None:
         seen = after.names_after
         after = NextExperiment(
-            after.name,
-            [canonical(n, extra) for n in after.separates],
-            None if seen is None else [canonical(n, extra) for n in seen],
+            after.name, _named(after.separates), None if seen is None else _named(seen)
         )
     return msgspec.structs.replace(
         verdict,
         causes=causes,
-        group=[canonical(n, extra) for n in verdict.group],
+        group=_named(verdict.group),
         subsystem=subsystem,
-        budget=_budget(verdict.budget, extra),
-        quantities={canonical(n, extra): q for n, q in verdict.quantities.items()},
-        left_out={canonical(n, extra): _short(s, extra) for n, s in verdict.left_out.items()},
-        baselines={n: _short(s, extra) for n, s in verdict.baselines.items()},
+        budget=budget,
+        quantities={canonical(n): q for n, q in verdict.quantities.items()},
+        left_out={
+            canonical(n): Short(s.outcome, _named(s.names)) for n, s in verdict.left_out.items()
+        },
         next_experiment=after,
     )
 
@@ -196,8 +188,7 @@ def read_verdict_file(path: Path) -> VerdictFile:
 def read_verdicts(path: Path) -> VerdictFile:
     """A checked verdict file in the bank's names. Raises VerdictError as `read_verdict_file`."""
     file = read_verdict_file(path)
-    extra = {plain(k): v for k, v in file.aliases.items()}
-    named = {case: in_bank_names(v, extra) for case, v in file.verdicts.items()}
+    named = {case: in_bank_names(v) for case, v in file.verdicts.items()}
     return msgspec.structs.replace(file, verdicts=named)
 
 

@@ -7,14 +7,17 @@ import numpy as np
 from smad.gap.fit.lsq import Fitted, solve_box
 from smad.gap.plant import Array, Mask
 
+_DISAGREEING = 3.0
+"""Nats a cell from which runs are said to disagree."""
+
 
 def disagreement(fit: Fitted) -> str:
     """A sentence on runs that ask for other parameters than the others do; "" if none does."""
-    gains, least = own_gains(fit), fit.problem.evidence.settings.disagreeing
-    if len(gains) < 2 or float(np.mean(gains)) < least:
+    gains = own_gains(fit)
+    if len(gains) < 2 or float(np.mean(gains)) < _DISAGREEING:
         return ""
     names = [run.name for run in fit.problem.evidence.runs]
-    apart = [name for name, gain in zip(names, gains, strict=True) if gain > least]
+    apart = [name for name, gain in zip(names, gains, strict=True) if gain > _DISAGREEING]
     verb = "asks" if len(apart) == 1 else "ask"
     return (
         f"{', '.join(apart)} {verb} for other parameters than the other runs do: half of a run "

@@ -12,7 +12,7 @@ from smad.gap.fit.candidate import Candidate, block_sums
 from smad.gap.fit.joint import dispersion, independent_share
 from smad.gap.fit.judge import Judged, excess_of, shrink
 from smad.gap.fit.lsq import Fitted, Problem
-from smad.gap.fit.significance import resample_weights
+from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.model.flexible import Designs, fit_correction
 from smad.gap.plant import Array
 
@@ -49,32 +49,24 @@ class Flexible:
         self.held = {} if judged.hold is None else self.made.on(judged.hold.evidence)
 
     def rows(self, judged: Judged) -> Array:
-        """Residual of `judged.bench` after a correction of every output, judged held out."""
-        return self.residuals(judged)[-1]
+        """Residual of `judged.bench` after a correction of every output.
 
-    def residuals(self, judged: Judged) -> list[Array]:
-        """Residuals after a correction of every output, none fitted to the run that it corrects.
-
-        Of the runs to fit, and of those held out if there are any.
+        None of it was fitted to the run that it corrects.
         """
         problem, hold = judged.problem, judged.hold
-        ev = problem.evidence
-        residual = ev.residual(judged.left_out + problem.background)
-        own = residual.copy()
-        rest = None if hold is None else hold.evidence.residual(judged.held + hold.background)
-        for key in ev.keys:
+        bench = judged.bench
+        residual = problem.evidence.residual(judged.left_out + problem.background)
+        out = bench.evidence.residual(judged.predicted + bench.background).copy()
+        for key in problem.evidence.keys:
             correction, left_out = fit_correction(self.made, residual, problem.whitening.s, key)
             if correction.explained <= 0.0:
                 continue
-            own -= left_out
-            if hold is None or rest is None:
-                continue
-            for seg in hold.evidence.rows_of(key):
-                rest[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
-        own = np.where(ev.valid, own, 0.0)
-        if hold is None or rest is None:
-            return [own]
-        return [own, np.where(hold.evidence.valid, rest, 0.0)]
+            if hold is None:
+                out -= left_out
+            else:
+                for seg in hold.evidence.rows_of(key):
+                    out[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
+        return np.where(bench.evidence.valid, out, 0.0)
 
 
 def excess_draws(problem: Problem, squares: Array, keys: Sequence[str], weights: Array) -> Array:
@@ -147,7 +139,7 @@ class Standing:
         best = min([*self.flexible, final], key=gap)
         ev, settings = bench.evidence, bench.evidence.settings
         rng = np.random.default_rng(settings.seed + 5)
-        weights = resample_weights(ev.cell_run, ev.cell_block, settings.bootstrap, rng)
+        weights = resample_weights(ev.cell_run, ev.cell_block, DRAWS, rng)
         g = [excess_draws(bench, r.squares, keys, weights) for r in (refit, final, best)]
         safe = np.maximum(g[0], 1e-9)
         draws = np.column_stack([1 - g[1] / safe, 1 - g[2] / safe])

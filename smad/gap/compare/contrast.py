@@ -10,6 +10,8 @@ from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
 from smad.gap.plant import Effect
 
 _ITERATIONS = 4
+_ASKED_GAIN = 25.0
+"""Nats from which known-good runs ask for an effect."""
 
 
 def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: float) -> bool:
@@ -33,7 +35,7 @@ def as_in_good_runs(good: Fitted, fit: Fitted) -> Fitted | None:
     """`fit` with its last effect as the good runs ask for it; None where they do not."""
     effect = fit.space.effects[-1]
     known = _fitted_to(good, effect, fit)
-    if good.objective - known.objective < good.problem.evidence.settings.asked_gain:
+    if good.objective - known.objective < _ASKED_GAIN:
         return None
     return _with_values(fit, effect, known)
 

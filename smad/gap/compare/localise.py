@@ -8,39 +8,21 @@ import numpy as np
 
 from smad.gap.fit.lsq import Problem
 from smad.gap.plant import Array
+from smad.gap.records import WindowRecord
 
 _REGIMES = 2
 _WINDOWS = 6
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """Excess gap of one sub-model and side in one regime, over the floor."""
-
-    sub_model: str
-    side: str
-    regime: str
-    excess: float
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """A stretch of one run and output that carries much of the excess error."""
-
-    run: str
-    output: str
-    channel: str
-    start_s: float
-    stop_s: float
-    share: float
-
-
 @dataclass(frozen=True)
 class HeatMap:
-    """Excess gap by place. `by_sub_model` is over all regimes."""
+    """Excess gap over the floor, by sub-model, side and regime; `by_sub_model` over all regimes.
 
-    cells: tuple[Cell, ...]
-    windows: tuple[Window, ...]
+    `windows` are the stretches of one run and output that carry most of it.
+    """
+
+    cells: dict[tuple[str, str, str], float]
+    windows: list[WindowRecord]
     by_sub_model: dict[str, float]
 
     @property
@@ -53,9 +35,9 @@ class HeatMap:
     def worst_regimes(self, sub_model: str) -> list[str]:
         """Regimes with the largest excess in a sub-model, largest first; early and late apart."""
         best: dict[str, float] = {}
-        for c in self.cells:
-            if c.sub_model == sub_model and c.regime not in ("early", "late") and c.excess > 0:
-                best[c.regime] = max(best.get(c.regime, 0.0), c.excess)
+        for (where, _, regime), excess in self.cells.items():
+            if where == sub_model and regime not in ("early", "late") and excess > 0:
+                best[regime] = max(best.get(regime, 0.0), excess)
         return sorted(best, key=lambda k: (-best[k], k))[:_REGIMES]
 
 
@@ -73,7 +55,7 @@ def localise(problem: Problem, predicted: Array) -> HeatMap:
         t = ev.t_s[seg.rows]
         early[seg.rows] = t < t[-1] / 2
     regimes |= {"early": early, "late": ~early}
-    cells = []
+    cells = {}
     for sub_model, side in dict.fromkeys((s.sub_model, s.side) for s in ev.segments):
         here = np.zeros(ev.n, dtype=bool)
         for seg in ev.segments:
@@ -82,28 +64,28 @@ def localise(problem: Problem, predicted: Array) -> HeatMap:
         for name, mask in regimes.items():
             rows = here & mask & ev.valid
             if rows.sum() >= 10:
-                cells.append(Cell(sub_model, side, name, _root_excess(squares[rows])))
+                cells[sub_model, side, name] = _root_excess(squares[rows])
     grouped: dict[str, list[float]] = {}
     model_of = {s.key: s.sub_model for s in ev.segments}
     for key in ev.keys:
         excess = _root_excess(ev.valid_rows(key, squares))
         grouped.setdefault(model_of[key], []).append(excess**2)
     by_sub_model = {k: float(np.sqrt(np.mean(v))) for k, v in grouped.items()}
-    return HeatMap(tuple(cells), _windows(problem, squares), by_sub_model)
+    return HeatMap(cells, _windows(problem, squares), by_sub_model)
 
 
-def _windows(problem: Problem, squares: Array) -> tuple[Window, ...]:
+def _windows(problem: Problem, squares: Array) -> list[WindowRecord]:
     ev = problem.evidence
     over = np.maximum(ev.cell_sum(np.where(ev.valid, squares - 1.0, 0.0)), 0.0)
     total = float(over.sum())
     if total <= 0:
-        return ()
+        return []
     found = []
     for c in np.argsort(-over, kind="stable")[:_WINDOWS]:
         seg = ev.segments[ev.cell_segment[c]]
         a, b = ev.cell_starts[c], ev.cell_stops[c] - 1
         found.append(
-            Window(
+            WindowRecord(
                 ev.runs[seg.run].name,
                 seg.key,
                 seg.channel,
@@ -112,4 +94,4 @@ def _windows(problem: Problem, squares: Array) -> tuple[Window, ...]:
                 float(over[c] / total),
             )
         )
-    return tuple(found)
+    return found

@@ -1,4 +1,4 @@
-"""The experiment that would best separate what is still confused.
+"""What a verdict leaves confused, and the experiment that would best tell it apart.
 
 Each hypothesis is a fitted model. For an experiment of the catalogue, both predict what would be
 measured; the second may still adapt its parameters, as far as the data so far allow. What is left
@@ -14,26 +14,20 @@ from itertools import permutations
 
 import numpy as np
 
+from smad.gap.compare.assess import counted_share
+from smad.gap.compare.select import Selection
+from smad.gap.compare.tracks import Track
 from smad.gap.data.replay import Detail, Evidence
-from smad.gap.fit.joint import independent_share
+from smad.gap.fit.candidate import Candidate
+from smad.gap.fit.joint import JointFit, independent_share
 from smad.gap.fit.lsq import Fitted
+from smad.gap.fit.stages import Prepared
 from smad.gap.model.whiten import OutputNoise, Whitening
-from smad.gap.plant import Array, Experiment, performed
+from smad.gap.plant import Array, Experiment, catalogue_of, performed
+from smad.gap.records import NAMED, ExperimentRecord, Outcome
 
 _STEP = 0.2
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """An experiment with the separation of the hypotheses that a run of it should bring.
-
-    `separation` is what the models predict, `counted` the share of it that can be counted on. Both
-    are weighted by probability.
-    """
-
-    experiment: Experiment
-    separation: float
-    counted: float
+_MOST_RIVALS = 3
 
 
 def enough(counted: Sequence[float], wanted: float) -> int | None:
@@ -135,19 +129,67 @@ def propose(
     most: int = 4,
     *,
     share: float = 1.0,
-) -> list[Proposal]:
-    """The `most` best experiments of the catalogue, best first.
+) -> list[ExperimentRecord]:
+    """The `most` best experiments of the catalogue, best first, for models of these `weights`.
 
     `share` of what the models predict is counted (`assess.counted_share`).
 
     The slopes are what takes time: an experiment that cannot come among them is not asked for its.
     """
     trials = [Trial(fits, weights, e, noise) for e in catalogue]
-    found: list[Proposal] = []
+    found: list[tuple[float, Experiment]] = []
     for trial in sorted(trials, key=lambda t: (-t.bound, t.experiment.name)):
-        if len(found) == most and trial.bound < found[-1].separation:
+        if len(found) == most and trial.bound < found[-1][0]:
             break
-        predicted = trial.separation()
-        found.append(Proposal(trial.experiment, predicted, share * predicted))
-        found = sorted(found, key=lambda q: (-q.separation, q.experiment.name))[:most]
-    return found
+        found.append((trial.separation(), trial.experiment))
+        found = sorted(found, key=lambda q: (-q[0], q[1].name))[:most]
+    together = np.cumsum([share * d2 for d2, _ in found]).tolist()
+    return [
+        ExperimentRecord(e.name, e.title, e.duration_s, d2, e.command, share * d2, so_far)
+        for (d2, e), so_far in zip(found, together, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class Confused:
+    """Models that the runs do not tell apart, the favoured one first, and their probabilities."""
+
+    models: tuple[Candidate, ...]
+    weights: tuple[float, ...]
+
+
+def confused(
+    prepared: Prepared, track: Track, outcome: Outcome, groups: Mapping[str, Sequence[str]]
+) -> Confused | None:
+    """The causes of a group, or a cause and the other values of the parameters that stand for it.
+
+    None where a verdict leaves nothing confused, or nothing that has a model.
+    """
+    if outcome is Outcome.AMBIGUOUS:
+        return _group(track.selection, groups)
+    if track.displaced or (track.imitated and outcome in NAMED):
+        free = Candidate(JointFit(prepared.fit, ()), prepared.free)
+        return Confused((track.asked.best, free), (0.5, 0.5))
+    return None
+
+
+def _group(s: Selection, groups: Mapping[str, Sequence[str]]) -> Confused:
+    name = next(n for n in s.best.names if groups.get(n))
+    near = [r for r in s.rivals[name] if any(n in groups[name] for n in r.names)]
+    near = near[:_MOST_RIVALS]
+    table = s.probability[name]
+    weights = [table.get(name, 1.0)]
+    weights += [max(table.get(n, 0.0) for n in r.names if n not in s.best.names) for r in near]
+    return Confused((s.best, *near), tuple(weights))
+
+
+def parting_experiments(prepared: Prepared, question: Confused) -> list[ExperimentRecord]:
+    """The best experiments of the plant's catalogue for a question, best first."""
+    favoured, other, *_ = question.models
+    return propose(
+        [m.fit for m in question.models],
+        question.weights,
+        prepared.noise,
+        catalogue_of(prepared.plant),
+        share=counted_share(favoured, other),
+    )

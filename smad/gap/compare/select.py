@@ -7,22 +7,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.gap.compare.places import Place, posterior
 from smad.gap.fit.candidate import (
     Candidate,
     acceptable,
     asked_gain,
     cluster_gain,
+    differing,
     ending_at_bound,
+    held_cells,
     touched_outputs,
 )
 from smad.gap.fit.joint import JointFit, Start, joint_fits
 from smad.gap.fit.judge import Judged, judge, regime_gains, shrink
 from smad.gap.fit.lsq import Fitted, Problem
 from smad.gap.fit.screen import Probes, Screened, probe, reprobe, screen
-from smad.gap.fit.significance import tail_p
+from smad.gap.fit.significance import DRAWS, resample_weights, tail_p
 from smad.gap.plant import Array, Effect
 from smad.gap.settings import Settings
+
+_SURVIVORS, _STARTS = 7, 2
+"""Candidates that the first screening leaves, and starts of the joint fit of each."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +123,7 @@ class Selector:
             self._probes = probe(current.fit, self.effects)
             self._null = self._null_of(self._probes)
         ranked = screen(reprobe(self._probes, current.fit)) if self.effects else []
-        count = self.settings.survivors if first_level else max(3, self.settings.survivors - 3)
+        count = _SURVIVORS if first_level else max(3, _SURVIVORS - 3)
         survivors = short_list(ranked, count, self.unscreened)
         self.progress(f"fitting {len(survivors)} candidates")
         starts = []
@@ -128,7 +132,7 @@ class Selector:
             before = dict(current.fit.point.effects)
             starts += [
                 Start(sets, {**before, s.effect.name: values})
-                for values in (s.start, s.second)[: self.settings.starts]
+                for values in (s.start, s.second)[:_STARTS]
                 if values is not None
             ]
             if first_level and not self.tied:
@@ -263,6 +267,33 @@ class Selector:
         starts = [Start((*keep, s.effect), {**values, s.effect.name: s.start}) for s in ranked]
         found = self._judged(reduced, list(joint_fits(reduced.fit, starts).values()))
         return Place(reduced, tuple(found))
+
+
+@dataclass(frozen=True)
+class Place:
+    """What can stand where an effect of the best model does: nothing (`empty`), or a rival."""
+
+    empty: Candidate
+    rivals: tuple[Candidate, ...]
+
+
+def posterior(name: str, place: Place, best: Candidate, hold: Problem | None) -> dict[str, float]:
+    """Probability of each effect in one place, by a Bayesian bootstrap over runs and blocks.
+
+    `name` is the effect of `best` that stands there, "" where it has none.
+    """
+    models = {"": place.empty, **{differing(best, c): c for c in place.rivals}, name: best}
+    names = sorted(models)
+    # Beside the other causes, whose laws are no surer here than when this one entered.
+    scores = np.array([place.empty.doubt.scores(models[n].judged) for n in names])
+    settings = best.fit.problem.evidence.settings
+    runs, blocks = held_cells(best.fit.problem, hold)
+    rng = np.random.default_rng(settings.seed + 17)
+    total = resample_weights(runs, blocks, DRAWS, rng) @ scores.T
+    total -= total.max(axis=1, keepdims=True)
+    shares = np.exp(total)
+    shares /= shares.sum(axis=1, keepdims=True)
+    return dict(zip(names, shares.mean(axis=0).tolist(), strict=True))
 
 
 def _best_first(c: Candidate) -> tuple[float, tuple[str, ...]]:

@@ -81,7 +81,7 @@ def follow_tracks(
     selection = selected(prepared.tied)
     best = selection.best
     rise, error = _gain(prepared, free, best.judged)
-    clear = prepared.settings.free_standard_errors * error
+    clear = prepared.settings.standard_errors * error
     close = bool(best.names) and rise > -clear
     helps = close and _helps(prepared, best, free)
     slight = close and not helps and _slight(prepared, selection)
@@ -95,7 +95,7 @@ def follow_tracks(
 def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
     if prepared.background is None:
         return True
-    errors = prepared.settings.since_standard_errors
+    errors = prepared.settings.standard_errors
     return is_new(prepared.background.fit, candidate, prepared.hold, errors)
 
 

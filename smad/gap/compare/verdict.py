@@ -82,8 +82,8 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
     right = {
         Outcome.NO_GAP: settings.quiet_right,
         Outcome.PARAMETERS: settings.quiet_right,
-        Outcome.UNKNOWN: settings.unknown_right,
-    } | dict.fromkeys(NAMED, settings.imitated_right if e.imitated else settings.named_right)
+        Outcome.UNKNOWN: settings.unsure_right,
+    } | dict.fromkeys(NAMED, settings.unsure_right if e.imitated else settings.named_right)
     return outcome, p * right.get(outcome, 1.0)
 
 
@@ -194,8 +194,7 @@ def _too_little(worth: Worth, settings: Settings, *, tied: bool) -> float:
         # A gap of the floor's size has no shrink to speak of; what its scores gain tells.
         return float(np.mean(worth.score_share < settings.unknown_ratio))
     s, ceiling = worth.draws[:, 0], worth.draws[:, 1]
-    ratio = settings.since_ratio if tied else settings.unknown_ratio
-    poor = s < ratio * np.maximum(ceiling, 1e-9)
+    poor = s < settings.unknown_ratio * np.maximum(ceiling, 1e-9)
     if tied:
         left = (1.0 - s) * worth.gap_refit > settings.unknown_left
         poor |= left & (s < settings.since_clear_shrink)

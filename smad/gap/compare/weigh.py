@@ -13,6 +13,9 @@ from smad.gap.fit.candidate import touched_outputs
 from smad.gap.fit.deficit import clearest, deficit_of, worst_run
 from smad.gap.fit.stages import Prepared
 
+_VISIBLE_FLOORS = 4.0
+"""By which an effect shows at its typical strength."""
+
 
 def weigh(prepared: Prepared, track: Track) -> Evidenced:
     """Gaps, shrink, groups and chances of the answer that `track` gave."""
@@ -21,7 +24,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
     whole = standing.worth(selection.best.judged.bench.evidence.keys)
     outputs = touched_outputs(selection.base.judged, selection.best.judged)
     touched = standing.worth(outputs) if outputs else whole
-    errors = prepared.settings.free_standard_errors
+    errors = prepared.settings.standard_errors
     return Evidenced(
         effects=_by_importance(selection),
         groups=_groups(prepared, selection),
@@ -42,14 +45,13 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         taken=_taken(prepared, selection),
         strongest=_strongest(selection),
         unexplained=_unexplained(prepared, track),
-        visible=_visible(prepared, selection),
+        visible=_visible(selection),
     )
 
 
-def _visible(prepared: Prepared, selection: Selection) -> float:
+def _visible(selection: Selection) -> float:
     """Share of the effects screened that would show at their typical strength."""
-    floors = prepared.settings.visible_floors
-    shown = [s.size > floors for s in selection.screened]
+    shown = [s.size > _VISIBLE_FLOORS for s in selection.screened]
     return float(np.mean(shown)) if shown else 1.0
 
 

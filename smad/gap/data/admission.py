@@ -16,21 +16,16 @@ import numpy as np
 from smad.gap.data.replay import Grid
 from smad.gap.data.views import local_views, open_views, supported_keys
 from smad.gap.plant import Array, PlantModel, nominal_point
+from smad.gap.records import Finding
 from smad.gap.runs import GapRun, bridged
 from smad.gap.settings import Settings
 
+_LOST_SHARE, _SATURATED_SHARE = 0.2, 0.2
+"""Of the samples, that may be lost, or at a channel's limit."""
+_CONSTANT_QUANTA = 1.5
+"""A channel that moves by fewer is dead."""
 _HARDLY, _FOLLOWS = 0.3, 0.5
 """Correlations of changes from row to row: hardly related, and clearly."""
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """Something about a run. `kind` is a word to tell it by; `refuses` ends the run."""
-
-    run: str
-    kind: str
-    text: str
-    refuses: bool
 
 
 class Say(Protocol):
@@ -114,7 +109,7 @@ def _admit_one(run: GapRun, plant: PlantModel, settings: Settings) -> tuple[GapR
         say("no excitation", "no input ever changes: nothing can be learnt", refuses=True)
         return run, found
     predicted = _replay(run, plant)
-    given, run = run, _check_channels(run, predicted, plant, settings, say=say)
+    given, run = run, _check_channels(run, predicted, plant, say=say)
     if not supported_keys(local_views(plant), run):
         fed = sorted({f for v in local_views(plant) for f in v.feeds if f not in run.outputs})
         why = f"; their models are fed with {', '.join(fed)}, too" if run.outputs else ""
@@ -147,11 +142,10 @@ def _check_time(run: GapRun, settings: Settings, say: Say) -> None:
     lost = float(np.sum(steps[steps > 1.5 * run.dt_s] - run.dt_s)) / run.duration_s
     bad = 1.0 - float(np.mean(run.good))
     share = lost + bad
-    if share > settings.max_lost_share:
+    if share > _LOST_SHARE:
         say(
             "samples lost",
-            f"{share:.0%} of the samples are lost or marked bad; allowed: "
-            f"{settings.max_lost_share:.0%}",
+            f"{share:.0%} of the samples are lost or marked bad; allowed: {_LOST_SHARE:.0%}",
             refuses=True,
         )
     elif share > 0.005:
@@ -179,7 +173,7 @@ def _filled(run: GapRun, say: Say) -> GapRun:
 
 
 def _check_channels(
-    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, settings: Settings, *, say: Say
+    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say: Say
 ) -> GapRun:
     outputs = dict(run.outputs)
     known = {c.name for c in plant.channels}
@@ -195,7 +189,7 @@ def _check_channels(
             continue
         span = float(np.ptp(y[used]))
         expected = float(np.ptp(predicted[channel.name])) if channel.name in predicted else 0.0
-        dead = span < settings.constant_quanta * channel.quantum or span == 0.0
+        dead = span < _CONSTANT_QUANTA * channel.quantum or span == 0.0
         if dead and expected > max(20 * channel.quantum, 0.03 * (channel.high - channel.low)):
             say(
                 "constant channel",
@@ -205,7 +199,7 @@ def _check_channels(
             del outputs[channel.name]
             continue
         railed = (y[used] <= channel.low) | (y[used] >= channel.high)
-        if float(np.mean(railed)) > settings.max_saturated_share:
+        if float(np.mean(railed)) > _SATURATED_SHARE:
             say(
                 "saturated channel",
                 f"{channel.name} is at the end of its range for {float(np.mean(railed)):.0%} of "

@@ -10,16 +10,19 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from smad.gap.data.admission import Finding
 from smad.gap.data.views import open_views
 from smad.gap.plant import Array, PlantModel, nominal_point
+from smad.gap.records import Finding
 from smad.gap.runs import GapRun
-from smad.gap.settings import Settings
 
 FIT, HOLD_OUT, GOOD = "fit", "hold-out", "good"
 FURTHER = "further than good"
 """Kind of the finding that runs in question go where no known-good run was."""
 _ROUNDING = 1e-5
+_FURTHER_SHARE = 0.5
+"""Of the range of known-good runs, by which others must go beyond it to be said to."""
+_MOVING_SHARE = 0.03
+"""Of a channel's range, that this must be at least, or it is the room that drifts."""
 _WHY_NOT_TWICE = {
     FIT: "it would only count twice",
     HOLD_OUT: "it would only count twice",
@@ -102,9 +105,7 @@ def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list
     return found
 
 
-def goes_further(
-    groups: Mapping[str, Sequence[GapRun]], plant: PlantModel, settings: Settings
-) -> list[Finding]:
+def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> list[Finding]:
     """A sentence on runs in question that drive the bench beyond where the known-good ones do.
 
     By what the nominal model makes of their inputs, so that no effect counts as excitation.
@@ -116,8 +117,8 @@ def goes_further(
     for name, (low, high) in good.items():
         a, b = asked.get(name, (low, high))
         channel, beyond = channels[name], max(low - a, b - high)
-        least = settings.further_share * (high - low)
-        if beyond > max(least, settings.moving_share * (channel.high - channel.low)):
+        least = _FURTHER_SHARE * (high - low)
+        if beyond > max(least, _MOVING_SHARE * (channel.high - channel.low)):
             further.append(
                 f"{name} from {a:.3g} to {b:.3g} {channel.unit}, the known-good ones only from "
                 f"{low:.3g} to {high:.3g} {channel.unit}"

@@ -1,14 +1,9 @@
-"""The noise floor of each channel: from rest segments, from repeats, and from the quantum.
-
-Run-to-run spread (what repeats differ by, noise included) is told apart: it limits how well any
-model can do, but it is not sensor noise.
-"""
+"""The noise floor of each channel: from rest segments, from differences, and from the quantum."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -19,6 +14,8 @@ from smad.gap.settings import Settings
 
 _MIN_REST_ROWS = 30
 _MIN_REST_RUN = 12
+_RESOLUTION = 0.001
+"""Share of a channel's excursion below which no simulator is trusted."""
 _BANDS = 8
 """Equal parts of a channel's spectrum."""
 
@@ -28,15 +25,13 @@ class Floor:
     """Noise of one channel on the analysis grid, in channel units.
 
     `source` is "rest", "differences" or "assumed". `rho` is the correlation between neighbouring
-    rows. `resolution` is what a simulator is not trusted below. `spread` is the run-to-run standard
-    deviation of single samples, their noise included; NaN without repeats.
+    rows. `resolution` is what a simulator is not trusted below.
     """
 
     channel: str
     sigma: float
     rho: float
     source: str
-    spread: float = float("nan")
     resolution: float = 0.0
 
     @property
@@ -112,7 +107,6 @@ def estimate_floors(
 ) -> dict[str, Floor]:
     """Floor of every channel that some run has, by channel name."""
     grids = [Grid.of(run, settings.period_s) for run in runs]
-    spread = repeat_spread(runs, plant)
     floors = {}
     excursion = excursions(runs, plant)
     for channel in plant.channels:
@@ -145,8 +139,7 @@ def estimate_floors(
             max(sigma, least),
             rho,
             source,
-            spread.get(name, float("nan")),
-            settings.resolution * excursion.get(name, 0.0),
+            _RESOLUTION * excursion.get(name, 0.0),
         )
     return floors
 
@@ -163,28 +156,3 @@ def excursions(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, float]:
         if spans:
             out[channel.name] = float(np.median(spans))
     return out
-
-
-def repeat_spread(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, float]:
-    """Run-to-run standard deviation of each channel, from pairs of runs with equal inputs."""
-    pairs = [(a, b) for a, b in combinations(runs, 2) if _same_inputs(a, b, plant)]
-    out = {}
-    for channel in plant.channels:
-        squares = [
-            float(np.mean((a.outputs[channel.name] - b.outputs[channel.name]) ** 2) / 2)
-            for a, b in pairs
-            if channel.name in a.outputs and channel.name in b.outputs
-        ]
-        if squares:
-            out[channel.name] = float(np.sqrt(np.mean(squares)))
-    return out
-
-
-def _same_inputs(a: GapRun, b: GapRun, plant: PlantModel) -> bool:
-    if len(a.t_s) != len(b.t_s):
-        return False
-    return all(
-        bool(np.max(np.abs(a.inputs[s.name] - b.inputs[s.name])) <= 1e-3 * (s.high - s.low))
-        for s in plant.inputs
-        if s.name in a.inputs and s.name in b.inputs
-    )

@@ -15,15 +15,21 @@ from dataclasses import replace
 
 from smad.gap.fit.candidate import cluster_gain
 from smad.gap.fit.descent import descent
-from smad.gap.fit.joint import polished
+from smad.gap.fit.joint import FIT_ITERATIONS, polished
 from smad.gap.fit.judge import Judged, judge
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
-from smad.gap.fit.refit import refit
+from smad.gap.fit.refit import REFIT_ITERATIONS, refit
 from smad.gap.fit.screen import Screened, probe, reprobe, screen
 from smad.gap.model.space import Space
 from smad.gap.plant import Array, Effect, Parameter
 
 _LAW_START = 0.3
+_LAW_ROUNDS, _LAW_ROUNDS_LAST = 2, 8
+"""Rounds of slopes for each kinetics, and for the better of them."""
+_ROUNDS, _HANDFUL = 2, 3
+"""Rounds in which known-good runs may ask for effects, and effects tried in each."""
+_GAIN = 100.0
+"""Nats from which an effect belongs to the good bench."""
 _TOLERANCE = 2.0
 
 
@@ -35,14 +41,13 @@ def learn_baseline(
     A few at a time, the best first, judged on good runs left out in turn; a handful that fails
     together is tried by its first alone. What `fit` has already stays free until the end.
     """
-    settings = fit.problem.evidence.settings
     current = fit
     judged: Judged | None = None
     probes = probe(current, sorted(effects, key=lambda e: e.name))
-    for _ in range(settings.baseline_rounds):
+    for _ in range(_ROUNDS):
         probes = reprobe(probes, current)
-        asked = [s for s in screen(probes) if s.gain > settings.baseline_gain]
-        asked = asked[: settings.baseline_handful]
+        asked = [s for s in screen(probes) if s.gain > _GAIN]
+        asked = asked[:_HANDFUL]
         if not asked:
             break
         judged = judged or judge([current], None)[0]
@@ -70,7 +75,6 @@ def with_laws(
     laws = laws_of(effects)
     if not laws:
         return refit(problem, parameters, squares=True)
-    settings = problem.evidence.settings
 
     def begin(space: Space) -> Array:
         return space.start({e.name: e.at(_LAW_START) for e in space.effects})
@@ -79,10 +83,10 @@ def with_laws(
         return drive([descent(problem, space, start, rounds=rounds)])[0]
 
     spaces = [Space(tuple(parameters), chosen) for chosen in choices(laws)]
-    ends = [go(problem, space, begin(space), settings.law_rounds) for space in spaces]
+    ends = [go(problem, space, begin(space), _LAW_ROUNDS) for space in spaces]
     # A descent ends calibrated where it is, so that ends compare as if in full detail.
     best = min(ends, key=lambda end: problem.misfit(end.z))
-    return go(best.problem, best.space, best.p, settings.law_rounds_last)
+    return go(best.problem, best.space, best.p, _LAW_ROUNDS_LAST)
 
 
 def laws_of(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -100,7 +104,6 @@ def _entered(
     current: Fitted, judged: Judged, chosen: Sequence[Screened]
 ) -> tuple[Fitted, Judged] | None:
     """The fit with these effects too, and it judged, if runs left out gain by it."""
-    settings = current.problem.evidence.settings
     effects = (*current.space.effects, *(s.effect for s in chosen))
     values = {**current.point.effects, **{s.effect.name: s.start for s in chosen}}
     space, p = current.beside(effects, values)
@@ -109,14 +112,14 @@ def _entered(
         space,
         p,
         theta_A=current.A[:, : space.n_theta],
-        iterations=settings.fit_iterations,
+        iterations=FIT_ITERATIONS,
         refresh_theta=True,
         rough=True,
     )
     trial = drive([steps])[0]
     after = judge([trial], None)[0]
     gain, se = cluster_gain(current.problem, None, after.scores() - judged.scores())
-    return (trial, after) if gain > max(settings.baseline_gain, se) else None
+    return (trial, after) if gain > max(_GAIN, se) else None
 
 
 def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
@@ -136,7 +139,7 @@ def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
         space,
         start,
         theta_A=tied.A[:, : space.n_theta],
-        iterations=problem.evidence.settings.refit_iterations,
+        iterations=REFIT_ITERATIONS,
         refresh_theta=True,
         tolerance=_TOLERANCE,
         rough=True,

@@ -16,6 +16,9 @@ from smad.gap.fit.significance import block_of
 from smad.gap.plant import Array
 from smad.gap.settings import Settings
 
+_TOUCHED_SHARE = 0.1
+"""Share of what a cause changes that an output must carry to count as its own."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -107,9 +110,7 @@ def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
     change = np.square(after.bench.whitening.scale(after.predicted - before.predicted))
     power = {k: float(sum(change[s.rows].sum() for s in ev.rows_of(k))) for k in ev.keys}
     total = sum(power.values())
-    return tuple(
-        k for k, v in power.items() if total > 0 and v >= ev.settings.touched_share * total
-    )
+    return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED_SHARE * total)
 
 
 def _clear(c: Candidate, s: Settings) -> bool:
@@ -124,11 +125,11 @@ def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
     than the model's, in proportion to the cells judged.
     """
     if not tied:
-        return max(2.0, s.gain_standard_errors * c.gain_se)
+        return max(2.0, c.gain_se)
     if _clear(c, s):
         return s.clear_standard_errors * c.gain_se
     first = len(c.names) == 1
-    errors = s.since_standard_errors if first else s.further_standard_errors
+    errors = s.standard_errors if first else s.further_standard_errors
     return max(s.since_gain * c.cells, errors * c.gain_se)
 
 

@@ -16,6 +16,8 @@ from smad.gap.plant import Array, ModelPoint, PlantModel, nominal_point
 
 _PACES = (1, 2)
 _STEP = 0.2
+_SHARE = 0.5
+"""Of a change of the model, that coarser replays may get wrong."""
 _LEAST = 1.0
 """Floors below which a change says nothing."""
 
@@ -47,7 +49,7 @@ def coarse_replays_serve(evidence: Evidence, floors: Mapping[str, Floor]) -> boo
     if not seen.any():
         return True
     wrong = np.linalg.norm((fast - fine)[seen], axis=1) / np.linalg.norm(fine[seen], axis=1)
-    return bool(np.max(wrong) <= evidence.settings.coarse_share)
+    return bool(np.max(wrong) <= _SHARE)
 
 
 def _changes(plant: PlantModel) -> list[ModelPoint]:

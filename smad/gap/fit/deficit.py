@@ -17,6 +17,9 @@ from smad.gap.fit.judge import Judged
 from smad.gap.fit.lsq import Problem
 from smad.gap.plant import Array
 
+_LEAST_SPREAD = 1.0
+"""Nats a cell that known-good runs are taken to differ by at least."""
+
 
 @dataclass(frozen=True)
 class Usual:
@@ -61,7 +64,7 @@ def usual_of(good: Problem, predicted: Array) -> Usual | None:
     pooled = {v: float(np.sqrt(np.mean(values))) for v, values in variance.items()}
     return Usual(
         {k: float(scores[keys == k].mean()) for k in outputs},
-        {k: max(ev.settings.least_spread, pooled.get(view[k], 0.0)) for k in outputs},
+        {k: max(_LEAST_SPREAD, pooled.get(view[k], 0.0)) for k in outputs},
     )
 
 

@@ -25,6 +25,10 @@ from smad.gap.plant import Array, ModelPoint
 from smad.gap.runs import GapRun
 
 _LONGEST_LAG = 200
+_TEMPLATE_SHARE = 0.2
+"""Share of the residual of known-good runs that must depend on state for a template of it."""
+_REGIME_ROWS = 12
+"""Rows at which the discrepancy of a regime counts as much as that of the whole output."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +149,7 @@ def _with_regimes(
         if n == 0:
             continue
         own = max(0.0, float(np.mean(square[here])) - base.sigma**2)
-        share = n / (n + evidence.settings.regime_rows)
+        share = n / (n + _REGIME_ROWS)
         excess = inflate * (share * own + (1 - share) * overall)
         old = base.k.get(name, base.k.get("", 0.0))
         k[name] = float(np.sqrt(excess + old**2))
@@ -194,7 +198,7 @@ def learn_background(
     # What one run has of its own is no background of others.
     for key in ev.keys if templates and len(ev.runs) > 1 else []:
         correction, predicted = fit_correction(made, residual, problem.whitening.s, key)
-        if correction.explained >= ev.settings.template_share:
+        if correction.explained >= _TEMPLATE_SHARE:
             found[key] = correction
             remainder -= np.where(ev.valid, predicted, 0.0)
     inflate = {k: _enlargement(ev, remainder, k) for k in ev.keys}

@@ -16,7 +16,7 @@ from math import hypot
 import numpy as np
 
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting, solve_box
-from smad.gap.fit.significance import resample_weights
+from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
 from smad.gap.records import HALF_CHI2_95
@@ -25,6 +25,10 @@ _UNTOLD = 0.5
 """An interval of this share of a range or more does not tell the value."""
 _PROFILE_OFFSETS = (-3.0, -1.8, -0.9, 0.9, 1.8, 3.0)
 _TOGETHER = 8
+FIT_ITERATIONS = 6
+"""Of the later rounds."""
+_SHORT_ITERATIONS, _LONGER_FITS = 1, 4
+"""Iterations of the first round, and candidates that come to the second."""
 _TRUSTED = 2
 _LONGEST_LAG = 100
 
@@ -84,7 +88,6 @@ def joint_fits(
     sensitivities of the model parameters are renewed instead of following Broyden's rule.
     """
     problem = base.problem.matching(base.point, base.predicted)
-    settings = problem.evidence.settings
     n_theta = base.space.n_theta
 
     first = []
@@ -92,7 +95,7 @@ def joint_fits(
         space, p = base.beside(start.effects, start.values)
         if start.from_centre:
             p[:n_theta] = 0.0
-        short, known = settings.short_iterations, base.A[:, :n_theta]
+        short, known = _SHORT_ITERATIONS, base.A[:, :n_theta]
         first.append(fitting(problem, space, p, theta_A=known, iterations=short, rough=True))
     ends: dict[tuple[str, ...], JointFit] = {}
     for i in range(0, len(first), _TOGETHER):
@@ -101,7 +104,7 @@ def joint_fits(
     given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
     trusted = given[:_TRUSTED]
     order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
-    kept = list(dict.fromkeys([*trusted, *order]))[: settings.longer_fits]
+    kept = list(dict.fromkeys([*trusted, *order]))[:_LONGER_FITS]
     for renew, count in ((False, len(kept)), (True, finish)):
         order = sorted(kept, key=lambda names: (ends[names].fit.objective, names))
         again = [
@@ -110,7 +113,7 @@ def joint_fits(
                 ends[names].fit.space,
                 ends[names].fit.p,
                 theta_A=None if renew else base.A[:, :n_theta],
-                iterations=settings.fit_iterations,
+                iterations=FIT_ITERATIONS,
                 refresh_theta=renew,
                 rough=not renew and names not in trusted,
             )
@@ -196,8 +199,7 @@ def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Inter
     `form_share` is the share of a strength that another form of the same law may differ by.
     """
     fit = joint.fit
-    settings = fit.problem.evidence.settings
-    draws = bootstrap(fit, settings.bootstrap, seed)
+    draws = bootstrap(fit, DRAWS, seed)
     columns = list(range(fit.space.n_theta, fit.space.size))
     profiles = _profiles(fit, columns, draws)
     temper = independent_share(fit)

@@ -15,6 +15,11 @@ from smad.gap.fit.leave_out import left_out
 from smad.gap.fit.lsq import Fitted, Problem, solve_box
 from smad.gap.plant import Array, Mask, ModelPoint
 
+_LEAST_REGIME = 0.05
+"""Share of the rows below which a regime is not left out in turn."""
+_DETERMINED_SHARE = 0.2
+"""Information on a cause that must be left without a regime for that to be left out."""
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -145,9 +150,9 @@ def regime_gains(before: Fitted, after: Fitted, masks: dict[str, Mask]) -> dict[
     and those without which the effects' parameters of either model are no
     longer determined.
     """
-    least, out = before.problem.evidence.settings.least_regime, {}
+    out = {}
     for name, mask in masks.items():
-        if not least <= float(mask.mean()) <= 0.8:
+        if not _LEAST_REGIME <= float(mask.mean()) <= 0.8:
             continue
         own, other = _scored_without(after, mask), _scored_without(before, mask)
         if own is not None and other is not None:
@@ -163,8 +168,7 @@ def _scored_without(fit: Fitted, mask: Mask) -> float | None:
     own = (inside.T @ inside).astype(float)
     H = (outside.T @ outside).astype(float) + precision
     n = fit.space.n_theta
-    determined = fit.problem.evidence.settings.determined_share
-    if np.any(_information(H, n) < determined * _information(H + own, n)):
+    if np.any(_information(H, n) < _DETERMINED_SHARE * _information(H + own, n)):
         return None
     g = -(inside.T @ (w * fit.z)[mask]).astype(float)
     step = solve_box(H, g, lo - fit.p, hi - fit.p)

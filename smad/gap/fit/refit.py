@@ -9,6 +9,7 @@ from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
 from smad.gap.model.space import Space
 from smad.gap.plant import Array, EffectValues, Parameter
 
+REFIT_ITERATIONS = 8
 _TOLERANCE = 2.0
 
 
@@ -29,14 +30,13 @@ def refit(
     The fit is finished with the coarse step calibrated near where it ends.
     """
     space = Space(tuple(parameters), (), centre, fixed or {}, tie)
-    iterations = problem.evidence.settings.refit_iterations
     begin = space.start()
     problem = problem.calibrated(space.point(begin))
     steps = fitting(
         problem,
         space,
         begin,
-        iterations=iterations,
+        iterations=REFIT_ITERATIONS,
         refresh_theta=True,
         tolerance=_TOLERANCE,
         squares=squares,

@@ -1,4 +1,4 @@
-"""How often chance alone would look like this: bootstrap null, p-values, false discovery."""
+"""How often chance alone would look like this: bootstrap null and p-values."""
 
 from __future__ import annotations
 
@@ -11,15 +11,8 @@ from smad.gap.fit.lsq import Problem
 from smad.gap.fit.screen import Probes, project
 from smad.gap.plant import Array
 
-
-def benjamini_hochberg(p: Mapping[str, float], rate: float) -> list[str]:
-    """Names that stay discoveries at false-discovery rate `rate`, smallest p first."""
-    order = sorted(p, key=lambda k: (p[k], k))
-    keep = 0
-    for i, name in enumerate(order, start=1):
-        if p[name] <= rate * i / len(order):
-            keep = i
-    return order[:keep]
+DRAWS = 400
+"""Resamples behind an interval or a probability."""
 
 
 def resampled(problem: Problem, source: Problem, z: Array, rng: np.random.Generator) -> Array:

@@ -18,7 +18,7 @@ from smad.gap.fit.coarse import serving_replays
 from smad.gap.fit.discrepancy import Background, fed_noise, learn_background
 from smad.gap.fit.judge import Judged, excess_of, judge, predict_by_run
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
-from smad.gap.fit.refit import refit
+from smad.gap.fit.refit import REFIT_ITERATIONS, refit
 from smad.gap.fit.screen import Probes
 from smad.gap.fit.significance import null_gains, top_null
 from smad.gap.fit.threads import repeatable
@@ -30,6 +30,9 @@ from smad.gap.settings import Settings
 _NULL_DRAWS = 60
 _TOLERANCE = 2.0
 _TOLD_ROWS = 400
+_DAY_SHARE = 0.01
+"""How far a parameter may move from one day to the next without counting as a change, in standard
+deviations of its prior."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +181,7 @@ def _from_good(ev: Evidence, hold: Evidence | None, background: Background) -> _
     problem = _weighed(ev, background.noise, background)
     held = None if hold is None else _weighed(hold, background.noise, background)
     start = background.fit.point
-    tie = _tie(background, ev.settings)
+    tie = _tie(background)
     tied = refit(problem, ev.plant.parameters, start.theta, start.effects, tie=tie)
     fit = unbound(tied)
     free = judge([fit], held)[0]
@@ -234,7 +237,7 @@ def _background_of(
         weighed,
         rough.space,
         rough.p,
-        iterations=ev.settings.refit_iterations,
+        iterations=REFIT_ITERATIONS,
         tolerance=_TOLERANCE,
         refresh_theta=True,
         rough=True,
@@ -244,7 +247,7 @@ def _background_of(
     return learn_background(fit, base)
 
 
-def _tie(background: Background, settings: Settings) -> Array:
+def _tie(background: Background) -> Array:
     """Precision of the parameters after the good runs, loosened by what a day changes.
 
     The good runs count as fully as the runs under test do: a fit with this tie is the fit of both
@@ -253,7 +256,7 @@ def _tie(background: Background, settings: Settings) -> Array:
     fit = background.fit
     H, _ = fit.normal_equations()
     known = np.linalg.inv(H.sum(axis=0) + np.eye(fit.space.n_theta))
-    return np.asarray(np.linalg.inv(known + np.eye(len(known)) * settings.day_share**2))
+    return np.asarray(np.linalg.inv(known + np.eye(len(known)) * _DAY_SHARE**2))
 
 
 def _plain(fit: Fitted) -> Fitted:

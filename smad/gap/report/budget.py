@@ -17,6 +17,9 @@ from smad.gap.plant import Array, ModelPoint, units
 from smad.gap.records import Budget, BudgetRow, RunGap
 from smad.gap.report.summary import waterfall
 
+_DOMINATING_SHARE = 0.5
+"""Of the excess power, from which one run is said to dominate."""
+
 
 @dataclass(frozen=True)
 class Way:
@@ -50,7 +53,7 @@ def way(prepared: Prepared, chain: Sequence[Candidate], refit: Judged) -> Way:
     held = own[:, :0] if hold is None else hold.evidence.predict(points, detail=Detail.FINE)
     plain = Judged(problem, hold, own[-1], held[-1])
     gain, error = cluster_gain(problem, hold, last.judged.scores() - plain.scores())
-    clear = prepared.settings.free_standard_errors * error
+    clear = prepared.settings.standard_errors * error
     if gain > clear and plain.excess() > prepared.threshold:
         steps = _one_by_one(prepared, chain, causes)
         return Way(causes, True, [prepared.raw.predicted, refit.predicted, *steps])
@@ -98,7 +101,7 @@ def budget_of(prepared: Prepared, way: Way, refit: Judged, *, named: bool) -> Bu
     carried = np.array([r.refit**2 for r in runs])
     share = float(carried.max() / carried.sum()) if carried.sum() > 0.0 else 0.0
     # Of two runs one always has half.
-    dominates = len(runs) > 1 and share > max(prepared.settings.dominating_share, 1.8 / len(runs))
+    dominates = len(runs) > 1 and share > max(_DOMINATING_SHARE, 1.8 / len(runs))
     return Budget(
         causes=list(way.causes),
         named=named,

@@ -9,28 +9,28 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from importlib.metadata import version
 
-import msgspec
 import numpy as np
 
 from smad.gap.compare.agreement import disagreement
-from smad.gap.compare.confused import confused, parting_experiments
-from smad.gap.compare.localise import HeatMap
+from smad.gap.compare.localise import HeatMap, localise
+from smad.gap.compare.nextexp import confused, parting_experiments
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import Track
 from smad.gap.compare.verdict import Evidenced, decide, stands_out
 from smad.gap.compare.weigh import weigh
-from smad.gap.data.admission import Admission, Finding
+from smad.gap.data.admission import Admission
 from smad.gap.data.guards import FURTHER
 from smad.gap.data.replay import Detail
-from smad.gap.fit.candidate import Candidate, differing, ending_at_bound
+from smad.gap.fit.candidate import Candidate, ending_at_bound
 from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
-from smad.gap.fit.judge import excess_by_key, predict_by_run
+from smad.gap.fit.judge import Judged, excess_by_key, predict_by_run
+from smad.gap.fit.significance import DRAWS
 from smad.gap.fit.stages import Prepared, open_loop
 from smad.gap.plant import Array, ModelPoint, PlantModel
 from smad.gap.records import (
     NAMED,
     Diagnosis,
-    FindingRecord,
+    Finding,
     LeftOutRecord,
     Outcome,
     ValueRecord,
@@ -43,17 +43,14 @@ from smad.gap.report.summary import (
     dominant_outputs,
     fitted_records,
     floor_records,
-    heat_of,
     heat_records,
     law_records,
-    pair_records,
     parameter_records,
     residual_test_records,
     run_records,
     traces,
     value_records,
     waterfall,
-    window_records,
 )
 from smad.gap.report.words import words
 from smad.gap.runs import GapRun
@@ -103,13 +100,6 @@ class Shell:
         return "each run left out in turn" if self.unseen else "the run it was fitted to"
 
     def record(self, verdict: Verdict, **parts: object) -> Diagnosis:
-        empty: dict[str, object] = {
-            name: []
-            for name in (
-                "missing", "floors", "steps", "waterfall", "heat", "windows", "candidates",
-                "values", "parameters", "pairs", "residual_tests", "experiments", "traces",
-            )
-        }  # fmt: skip
         return Diagnosis(
             plant=self.plant.name,
             plant_version=self.plant.version,
@@ -126,10 +116,10 @@ class Shell:
             judged_on=self.judged_on,
             verdict=verdict,
             runs=run_records(self.roles),
-            findings=[FindingRecord(f.run, f.kind, f.text, f.refuses) for f in self.findings],
+            findings=list(self.findings),
             limits=self._limits(),
             seconds=time.perf_counter() - self.began,
-            **(empty | {"model": {}} | parts),  # type: ignore[arg-type]
+            **parts,  # type: ignore[arg-type]
         )
 
     def _limits(self) -> list[str]:
@@ -147,17 +137,8 @@ class Shell:
         reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings if f.refuses)
         why = ", ".join(kinds) or "none was given"
         text = f"No run {what} can be used ({why}). {reasons}".strip()
-        return self.record(_blank_verdict(outcome, text))
-
-
-def _blank_verdict(outcome: Outcome, text: str) -> Verdict:
-    plain = text.partition(". ")[0].rstrip(".") + "."
-    return Verdict(
-        outcome=outcome, plain=plain, effects=[], group=[], sub_model="", regimes=[],
-        probability=1.0,
-        probabilities={}, gap_raw=0.0, gap_refit=0.0, gap_final=0.0, shrink=0.0, shrink_low=0.0,
-        shrink_high=0.0, ceiling=0.0, open_loop=[], text=text,
-    )  # fmt: skip
+        plain = text.partition(". ")[0].rstrip(".") + "."
+        return self.record(Verdict(outcome, text, plain))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,9 +151,9 @@ class Place:
     refit_heat: HeatMap
 
 
-def _first(numbers: Evidenced) -> str:
-    """The first cause, by importance; "" without any."""
-    return numbers.effects[0] if numbers.effects else ""
+def _heat(judged: Judged) -> HeatMap:
+    """Of a held-out prediction."""
+    return localise(judged.bench, judged.predicted)
 
 
 class Closing:
@@ -195,22 +176,19 @@ class Closing:
         prepared, selection, settings = self.prepared, self.selection, self.prepared.settings
         best = selection.best
         self.progress("judging")
-        shell = self.shell
-        if text := disagreement(best.fit):
-            finding = Finding("all runs", "runs disagree", text, refuses=False)
-            shell = dataclasses.replace(shell, findings=[*shell.findings, finding])
-        if prepared.problem.evidence.detail is Detail.FINE:
-            finding = Finding("all runs", "own step", _OWN_STEP, refuses=False)
-            shell = dataclasses.replace(shell, findings=[*shell.findings, finding])
+        own_step = _OWN_STEP if prepared.problem.evidence.detail is Detail.FINE else ""
+        told = {"runs disagree": disagreement(best.fit), "own step": own_step}
+        more = [Finding("all runs", k, text, refuses=False) for k, text in told.items() if text]
+        shell = dataclasses.replace(self.shell, findings=[*self.shell.findings, *more])
         numbers = weigh(prepared, self.track)
         outcome, p = decide(numbers, settings)
-        first = _first(numbers)
+        first = numbers.effects[0] if numbers.effects else ""
         self.progress("intervals")
         final = self._final(outcome in NAMED)
         values = self._values(final) if outcome in NAMED else []
         bounded = ending_at_bound(final.fit) if outcome in NAMED else []
         if bounded:
-            outcome, p = Outcome.UNKNOWN, settings.unknown_right
+            outcome, p = Outcome.UNKNOWN, settings.unsure_right
             final, values = self._final(False), []
         named = outcome in NAMED
         took = way(prepared, self._chain(), selection.base.judged)
@@ -227,39 +205,59 @@ class Closing:
             unseen=self.shell.unseen,
         )  # fmt: skip
         model, holds = self._model(outcome, final, took)
-        verdict = self._verdict(outcome, p, numbers, place, opened=[], text=f"{text} {holds}")
         opened, open_rows, shown = self._open_loop(named)
+        effects = list(numbers.effects) if named else []
+        group = [n for e in effects[:1] for n in numbers.groups.get(e, ())]
         answer = plain(
             outcome,
             titles={e.name: e.title for e in prepared.plant.effects},
-            effects=verdict.effects,
-            group=verdict.group,
+            effects=effects,
+            group=group,
             values=values,
             budget=budget,
             bounded=bounded,
             since_good=shell.since_good,
             further=any(f.kind == FURTHER for f in shell.findings),
         )
-        verdict = msgspec.structs.replace(verdict, open_loop=opened, plain=answer, bounded=bounded)
-        bench = best.judged.bench
-        stand = self._in_one_place(first)
+        whole, bench = numbers.whole, best.judged.bench
+        low, high = whole.interval
+        verdict = Verdict(
+            outcome=outcome,
+            text=f"{text} {holds}",
+            plain=answer,
+            probability=p,
+            effects=effects,
+            group=group,
+            sub_model=place.sub_model,
+            regimes=place.regimes,
+            probabilities=selection.probability.get(first, {}),
+            gap_raw=numbers.gap_raw,
+            gap_refit=whole.gap_refit,
+            gap_final=whole.gap_final,
+            shrink=whole.shrink if named else 0.0,
+            shrink_low=low,
+            shrink_high=high,
+            ceiling=whole.ceiling,
+            open_loop=opened,
+            imitated=named and numbers.imitated,
+            instead=list(numbers.instead),
+            gap_instead=numbers.gap_instead if numbers.instead else None,
+            bounded=bounded,
+        )
         return shell.record(
             verdict,
             missing=sorted(set(prepared.problem.evidence.missing)),
             floors=floor_records(prepared),
             steps=[list(c.names) for c in self._chain()],
             waterfall=waterfall("local", bench, self._steps(), prepared.plant) + open_rows,
-            heat=heat_records(heat_of(prepared.raw), place.refit_heat, heat_of(best.judged)),
-            windows=window_records(place.refit_heat),
-            candidates=candidate_records(
-                self.track.asked, selection.probability.get(first, {}), settings.false_discovery
-            ),
+            heat=heat_records(_heat(prepared.raw), place.refit_heat, _heat(best.judged)),
+            windows=place.refit_heat.windows,
+            candidates=candidate_records(self.track.asked, selection.probability.get(first, {})),
             values=values,
             parameters=parameter_records(
-                prepared, final, bootstrap(final.fit, settings.bootstrap, settings.seed)
+                prepared, final, bootstrap(final.fit, DRAWS, settings.seed)
             ),
             laws=law_records(prepared, final),
-            pairs=pair_records(stand) if len(stand) > 1 else [],
             residual_tests=residual_test_records(prepared, best),
             experiments=experiments,
             traces=shown,
@@ -272,16 +270,6 @@ class Closing:
             },
             budget=budget,
         )
-
-    def _in_one_place(self, first: str) -> dict[str, Candidate]:
-        """The models that stand in the place of the first cause, by the effect they have there.
-
-        Where nothing has entered, the first effects that were tried.
-        """
-        s = self.selection
-        if not first:
-            return {c.names[0]: c for c in s.tried[:5] if len(c.names) == 1}
-        return {first: s.best, **{differing(s.best, c): c for c in s.rivals.get(first, ())}}
 
     def _final(self, named: bool) -> Candidate:
         """The model that the verdict stands for: the refit, or the fit of the cause, polished."""
@@ -322,7 +310,7 @@ class Closing:
     def _place(self, outcome: Outcome, numbers: Evidenced) -> Place:
         """Where the gap lies: on the cause's own outputs, or on those that stand out."""
         prepared, judged = self.prepared, self.selection.base.judged
-        heat = heat_of(judged)
+        heat = _heat(judged)
         outputs = dominant_outputs(excess_by_key(judged.bench, judged.squares()))
         sub_model = heat.worst_sub_model
         if outcome in NAMED:
@@ -336,42 +324,6 @@ class Closing:
         part = prepared.outputs[outputs[0]].sub_model if outputs else sub_model
         channels = list(dict.fromkeys(prepared.outputs[k].channel for k in outputs))
         return Place(sub_model, heat.worst_regimes(part), channels, heat)
-
-    def _verdict(
-        self,
-        outcome: Outcome,
-        p: float,
-        numbers: Evidenced,
-        place: Place,
-        *,
-        opened: list[float],
-        text: str,
-    ) -> Verdict:
-        named, whole = outcome in NAMED, numbers.whole
-        low, high = whole.interval
-        return Verdict(
-            outcome=outcome,
-            effects=list(numbers.effects) if named else [],
-            group=[n for e in numbers.effects[:1] for n in numbers.groups.get(e, ())]
-            if named
-            else [],
-            sub_model=place.sub_model,
-            regimes=place.regimes,
-            probability=p,
-            probabilities=self.selection.probability.get(_first(numbers), {}),
-            gap_raw=numbers.gap_raw,
-            gap_refit=whole.gap_refit,
-            gap_final=whole.gap_final,
-            shrink=whole.shrink if named else 0.0,
-            shrink_low=low,
-            shrink_high=high,
-            ceiling=whole.ceiling,
-            open_loop=opened,
-            text=text,
-            imitated=named and numbers.imitated,
-            instead=list(numbers.instead),
-            gap_instead=numbers.gap_instead if numbers.instead else None,
-        )
 
     def _steps(self) -> list[Array]:
         return [

@@ -96,31 +96,6 @@ def _overlay(trace: Trace, with_effect: bool) -> Panels:
     )
 
 
-def ambiguity(d: Diagnosis) -> str:
-    """Matrix of d² between the fitted candidates."""
-    names = list(dict.fromkeys(p.first for p in d.pairs))
-    grid = np.full((len(names), len(names)), np.nan)
-    for p in d.pairs:
-        grid[names.index(p.first), names.index(p.second)] = p.d2
-    size = 1.6 + 0.42 * len(names)
-    figure, axes = new_figure(1, 1, width_in=size + 2.2, height_in=size)
-    ax = axes[0]
-    shown = np.log10(np.clip(grid, 1.0, 1e6))
-    ax.imshow(shown, cmap="Blues", vmin=0, vmax=4, aspect="auto")
-    ax.set_xticks(range(len(names)), names, rotation=40, ha="right")
-    ax.set_yticks(range(len(names)), names)
-    ax.grid(visible=False)
-    for (i, j), value in np.ndenumerate(grid):
-        if np.isfinite(value):
-            text = f"{value:.0f}" if value < 1e4 else f"{value:.0e}"
-            shade = "#ffffff" if shown[i, j] > 2.4 else "#1b1f24"
-            weight = "bold" if value < d.settings["ambiguous_d2"] else "normal"
-            ax.text(
-                j, i, text, ha="center", va="center", fontsize=7, color=shade, fontweight=weight
-            )
-    return svg_of(figure, "Separation of the candidates")
-
-
 def profiles(d: Diagnosis) -> str:
     """Profile of each parameter of the effects."""
     values = [v for v in d.values if len(v.profile) > 1]

@@ -44,7 +44,7 @@ def page_of(d: Diagnosis, asked: Asked | None = None) -> Page:
         sections += [
             Section("How much goes at each step", _waterfall(d), "waterfall"),
             Section("Where it is", _place(d), "where"),
-            Section("Measured and simulated, on runs held out", _overlays(d), "overlays"),
+            Section("Measured and simulated, on runs held out", [*figures.overlays(d)], "overlays"),
             Section("Candidates", _candidates(d), "candidates"),
             Section("Parameters", _parameters(d), "parameters"),
             Section("What is left in the residuals", _residuals(d), "residuals"),
@@ -76,77 +76,66 @@ def _next(d: Diagnosis, asked: Asked | None) -> list[Block]:
 
 
 def _verdict(d: Diagnosis) -> list[Block]:
-    out: list[Block] = [] if d.budget is None else _budget(d.budget)
-    out.append(Text(d.verdict.text))
-    if d.values:
-        out.append(
-            Table(
-                ("effect", "parameter", "value", "95 % interval", ""),
-                [
-                    (
-                        x.effect,
-                        x.name,
-                        f"{x.value:.4g} {x.unit}".removesuffix(" 1"),
-                        f"{x.low:.4g} … {x.high:.4g}",
-                        _remark(x.at_bound, x.identifiable),
-                    )
-                    for x in d.values
-                ],
-                "Parameters of the cause, fitted together with those of the model",
-                frozenset({2, 3}),
-            )
-        )
-    if d.experiments:
-        limit = d.settings["ambiguous_d2"]
-        out.append(
-            Table(
-                ("experiment", "duration", "d² predicted", "counted", "together", "run it"),
-                [
-                    (
-                        x.title,
-                        f"{x.duration_s:.0f} s",
-                        f"{x.separation:.0f}",
-                        _number(x.counted, ".1f"),
-                        _number(x.together, ".1f"),
-                        x.command,
-                    )
-                    for x in d.experiments
-                ],
-                "Experiments that would tell the remaining causes apart, best first; "
-                f"{limit:g} is {limit**0.5:g} standard errors. Of the d² that the models predict "
-                "only a part can be counted on, "
-                "by how much more than they say the runs vary along it; together is that of this "
-                "experiment and those above it",
-                frozenset({1, 2, 3, 4}),
-            )
-        )
-    return out
+    limit = d.settings["ambiguous_d2"]
+    return [
+        *([] if d.budget is None else _budget(d.budget)),
+        Text(d.verdict.text),
+        *_table(
+            "Parameters of the cause, fitted together with those of the model",
+            ("effect", "parameter", "value", "95 % interval", ""),
+            [
+                (x.effect, x.name, _with_unit(x.value, x.unit), f"{x.low:.4g} … {x.high:.4g}",
+                 _remark(x.at_bound, x.identifiable))
+                for x in d.values
+            ],
+            {2, 3},
+        ),
+        *_table(
+            "Experiments that would tell the remaining causes apart, best first; "
+            f"{limit:g} is {limit**0.5:g} standard errors. Of the d² that the models predict only "
+            "a part can be counted on, by how much more than they say the runs vary along it; "
+            "together is that of this experiment and those above it",
+            ("experiment", "duration", "d² predicted", "counted", "together", "run it"),
+            [
+                (x.title, f"{x.duration_s:.0f} s", f"{x.separation:.0f}",
+                 _number(x.counted, ".1f"), _number(x.together, ".1f"), x.command)
+                for x in d.experiments
+            ],
+            {1, 2, 3, 4},
+        ),
+    ]  # fmt: skip
+
+
+def _table(
+    caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], numeric: set[int]
+) -> list[Block]:
+    """A table, or nothing where it has no rows."""
+    return [Table(header, rows, caption, frozenset(numeric))] if rows else []
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}".removesuffix(" 1")
 
 
 def _budget(budget: Budget) -> list[Block]:
-    header, rows = budget_table(budget)
-    out: list[Block] = [
-        Table(
-            header,
-            rows,
+    by_run = [*budget.runs, budget.median] if budget.median else []
+    return [
+        budget_table(
+            budget,
             "Where the gap goes, on the runs judged. Gaps are in noise floors; the shares of the "
             "gap at first add up to 100 %. The noise itself is 1 floor in every signal.",
-            frozenset(range(1, len(header))),
-        )
+        ),
+        *_table(
+            "The same, run by run",
+            ("run", "gap at first", "after the parameters", "at last"),
+            [
+                (r.run, *(f"{x:.2f}×" for x in (r.raw, r.refit, r.final)))
+                for r in by_run[1:] and by_run
+            ],
+            {1, 2, 3},
+        ),
+        *(Text(line) for line in budget_remarks(budget)),
     ]
-    if len(budget.runs) > 1:
-        out.append(
-            Table(
-                ("run", "gap at first", "after the parameters", "at last"),
-                [
-                    (r.run, *(f"{x:.2f}×" for x in (r.raw, r.refit, r.final)))
-                    for r in (*budget.runs, *([budget.median] if budget.median else []))
-                ],
-                "The same, run by run",
-                frozenset({1, 2, 3}),
-            )
-        )
-    return [*out, *(Text(line) for line in budget_remarks(budget))]
 
 
 def _remark(at_bound: bool, identifiable: bool) -> str:
@@ -156,7 +145,10 @@ def _remark(at_bound: bool, identifiable: bool) -> str:
 
 
 def _waterfall(d: Diagnosis) -> list[Block]:
-    out: list[Block] = [
+    rows = [r for r in d.waterfall if r.view == "open loop"]
+    width = max((len(r.effects) for r in rows), default=0)
+    labels = [f"with {' + '.join(names)}" for names in d.steps]
+    return [
         Text(
             "The gap of a signal is the root of its excess mean square error over the noise floor, "
             f"in floors, on {d.judged_on}. The refit moves the parameters of the "
@@ -166,64 +158,40 @@ def _waterfall(d: Diagnosis) -> list[Block]:
             figures.waterfall(d),
             "All signals together: as configured, after the refit, after each effect.",
         ),
+        Table(
+            ("signal", "floor", "raw", "after refit", *labels[:width]),
+            [
+                (
+                    r.output or "all",
+                    f"{r.floor:.3g} {r.unit}" if r.output else "",
+                    *(f"{gap:.2f}×" for gap in (r.raw, r.refit, *r.effects)),
+                )
+                for r in rows
+            ],
+            "The whole simulator, open loop: recorded inputs only. Each sub-model alone, fed with "
+            "measured neighbours, is what was fitted and judged, and what the numbers above tell",
+            frozenset(range(1, 4 + width)),
+        ),
     ]
-    for view, text in (
-        ("open loop", "The whole simulator, open loop: recorded inputs only"),
-        ("local", "Each sub-model alone, fed with measured neighbours: what was fitted and judged"),
-    ):
-        rows = [r for r in d.waterfall if r.view == view]
-        width = max((len(r.effects) for r in rows), default=0)
-        labels = [f"with {' + '.join(names)}" for names in d.steps]
-        out.append(
-            Table(
-                ("signal", "floor", "raw", "after refit", *labels[:width]),
-                [
-                    (
-                        r.output or "all",
-                        f"{r.floor:.3g} {r.unit}" if r.output else "",
-                        f"{r.raw:.2f}×",
-                        f"{r.refit:.2f}×",
-                        *(f"{e:.2f}×" for e in r.effects),
-                    )
-                    for r in rows
-                ],
-                text,
-                frozenset(range(1, 4 + width)),
-            )
-        )
-    return out
 
 
 def _place(d: Diagnosis) -> list[Block]:
-    out: list[Block] = [
+    return [
         Text(
             "Excess error by sub-model, side and regime, in floors, after the refit and after the "
             "best model; early and late are the halves of each run."
         ),
         Picture(figures.heat_map(d), "Heat map before and after."),
+        *_table(
+            "The stretches that carry most of it, after the refit",
+            ("run", "signal", "window", "share of all excess error"),
+            [
+                (w.run, w.output, f"{w.start_s:.1f} – {w.stop_s:.1f} s", f"{w.share:.0%}")
+                for w in d.windows
+            ],
+            {3},
+        ),
     ]
-    if d.windows:
-        out.append(
-            Table(
-                ("run", "signal", "window", "share of all excess error"),
-                [
-                    (
-                        w.run,
-                        w.output,
-                        f"{w.start_s:.1f} – {w.stop_s:.1f} s",
-                        f"{w.share:.0%}",
-                    )
-                    for w in d.windows
-                ],
-                "The stretches that carry most of it, after the refit",
-                frozenset({3}),
-            )
-        )
-    return out
-
-
-def _overlays(d: Diagnosis) -> list[Block]:
-    return list(figures.overlays(d))
 
 
 def _number(x: float | None, form: str) -> str:
@@ -231,7 +199,7 @@ def _number(x: float | None, form: str) -> str:
 
 
 def _candidates(d: Diagnosis) -> list[Block]:
-    out: list[Block] = [
+    return [
         Text(
             "Gain is a rise in log-likelihood. Masked is the share of an effect's signature that "
             "the refitted parameters can imitate on these runs; visible is what is left of it at "
@@ -261,17 +229,6 @@ def _candidates(d: Diagnosis) -> list[Block]:
             frozenset(range(2, 9)),
         ),
     ]  # fmt: skip
-    if d.pairs:
-        out.append(
-            Picture(
-                figures.ambiguity(d),
-                "Ambiguity: d² between the best model with the row's effect and the one with the "
-                "column's, after that one has refitted all it can. Under "
-                f"{d.settings['ambiguous_d2']:g} they cannot be told "
-                "apart with these runs.",
-            )
-        )
-    return out
 
 
 def _parameters(d: Diagnosis) -> list[Block]:
@@ -284,37 +241,25 @@ def _parameters(d: Diagnosis) -> list[Block]:
                 "line is the 95 % level. A flat profile means that the runs do not fix the value.",
             )
         )
-    out.append(
-        Table(
+    return [
+        *out,
+        *_table(
+            "Parameters of the model; intervals by bootstrap over runs and blocks",
             ("parameter", "before", "after refit", "with the effects", "95 % interval", ""),
             [
-                (
-                    p.name,
-                    f"{p.before:.4g}",
-                    f"{p.refit:.4g}",
-                    f"{p.final:.4g} {p.unit}".removesuffix(" 1"),
-                    f"{p.low:.4g} … {p.high:.4g}",
-                    "at its bound" if p.at_bound else "",
-                )
+                (p.name, f"{p.before:.4g}", f"{p.refit:.4g}", _with_unit(p.final, p.unit),
+                 f"{p.low:.4g} … {p.high:.4g}", "at its bound" if p.at_bound else "")
                 for p in d.parameters
             ],
-            "Parameters of the model; intervals by bootstrap over runs and blocks",
-            frozenset({1, 2, 3, 4}),
-        )
-    )
-    if d.laws:
-        out.append(
-            Table(
-                ("law", "value", "in the known-good runs", "now"),
-                [
-                    (x.law, x.name, f"{x.before:.4g}", f"{x.after:.4g} {x.unit}".removesuffix(" 1"))
-                    for x in d.laws
-                ],
-                "Laws that the known-good runs ask for; they move with a refit that replaces them",
-                frozenset({2, 3}),
-            )
-        )
-    return out
+            {1, 2, 3, 4},
+        ),
+        *_table(
+            "Laws that the known-good runs ask for; they move with a refit that replaces them",
+            ("law", "value", "in the known-good runs", "now"),
+            [(x.law, x.name, f"{x.before:.4g}", _with_unit(x.after, x.unit)) for x in d.laws],
+            {2, 3},
+        ),
+    ]  # fmt: skip
 
 
 def _residuals(d: Diagnosis) -> list[Block]:
@@ -336,45 +281,31 @@ def _residuals(d: Diagnosis) -> list[Block]:
 
 
 def _runs(d: Diagnosis) -> list[Block]:
-    out: list[Block] = [
-        Table(
+    missing = "Switched off for want of a signal: " + "; ".join(d.missing) + "."
+    return [
+        *_table(
+            "",
             ("run", "used as", "duration", "SHA-256 of its data"),
             [(r.name, r.role, f"{r.duration_s:.1f} s", r.sha256[:16]) for r in d.runs],
-            "",
-            frozenset({2}),
-        )
+            {2},
+        ),
+        *_table(
+            "Findings of the admission",
+            ("run", "finding", "what", "consequence"),
+            [
+                (f.run, f.kind, f.text, "refused" if f.refuses else "used with care")
+                for f in d.findings
+            ],
+            set(),
+        ),
+        *([Text(missing)] if d.missing else []),
+        *_table(
+            "Noise floor of each channel, after averaging to the analysis grid",
+            ("channel", "noise floor", "from"),
+            [(f.channel, f"{f.sigma:.3g} {f.unit}", f.source) for f in d.floors],
+            {1},
+        ),
     ]
-    if d.findings:
-        out.append(
-            Table(
-                ("run", "finding", "what", "consequence"),
-                [
-                    (f.run, f.kind, f.text, "refused" if f.refuses else "used with care")
-                    for f in d.findings
-                ],
-                "Findings of the admission",
-            )
-        )
-    if d.missing:
-        out.append(Text("Switched off for want of a signal: " + "; ".join(d.missing) + "."))
-    if d.floors:
-        out.append(
-            Table(
-                ("channel", "noise floor", "from", "run-to-run spread"),
-                [
-                    (
-                        f.channel,
-                        f"{f.sigma:.3g} {f.unit}",
-                        f.source,
-                        "no repeats" if f.spread is None else f"{f.spread:.3g} {f.unit}",
-                    )
-                    for f in d.floors
-                ],
-                "Noise floor of each channel, after averaging to the analysis grid",
-                frozenset({1, 3}),
-            )
-        )
-    return out
 
 
 def _limits(d: Diagnosis) -> list[Block]:
@@ -403,8 +334,7 @@ def summary_lines(d: Diagnosis, asked: Asked | None = None) -> Sequence[str]:
     for step in steps:
         lines += [f"  # {step.why}", *([f"  {step.command}"] if step.command else [])]
     if d.budget is not None:
-        header, rows = budget_table(d.budget)
-        table = text_table(Table(header, rows, "", frozenset(range(1, len(header)))))
+        table = text_table(budget_table(d.budget))
         lines += ["", f"Where the gap goes, on {d.judged_on}, in noise floors:"]
         lines += [f"  {line}" for line in table.splitlines()]
         lines += budget_remarks(d.budget)

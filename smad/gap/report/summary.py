@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import msgspec
 import numpy as np
 
-from smad.gap.compare.assess import confusability
-from smad.gap.compare.localise import HeatMap, localise
+from smad.gap.compare.localise import HeatMap
 from smad.gap.compare.residual_tests import LAGS, cross_correlation, ljung_box
 from smad.gap.compare.select import Selection
 from smad.gap.data.replay import Evidence
 from smad.gap.fit.candidate import Candidate
 from smad.gap.fit.joint import Interval
-from smad.gap.fit.judge import Judged, excess_by_key
+from smad.gap.fit.judge import excess_by_key, shrink
 from smad.gap.fit.lsq import Problem
-from smad.gap.fit.significance import benjamini_hochberg
 from smad.gap.fit.stages import Prepared
 from smad.gap.plant import Array, EffectValues, PlantModel, units
 from smad.gap.records import (
@@ -24,14 +23,12 @@ from smad.gap.records import (
     FittedRecord,
     FloorRecord,
     LawRecord,
-    Pair,
     ParameterRecord,
     ResidualTest,
     RunRecord,
     Trace,
     ValueRecord,
     WaterfallRow,
-    WindowRecord,
 )
 from smad.gap.runs import GapRun
 
@@ -53,14 +50,7 @@ def floor_records(prepared: Prepared) -> list[FloorRecord]:
     """The noise floor of each channel."""
     unit = units(prepared.plant)
     return [
-        FloorRecord(
-            f.channel,
-            unit[f.channel],
-            f.sigma,
-            f.rho,
-            f.source,
-            f.spread if np.isfinite(f.spread) else None,
-        )
+        FloorRecord(f.channel, unit[f.channel], f.sigma, f.rho, f.source)
         for f in prepared.floors.values()
     ]
 
@@ -96,22 +86,12 @@ def waterfall(
 
 def heat_records(raw: HeatMap, refit: HeatMap, final: HeatMap) -> list[CellRecord]:
     """Heat maps before and after, cell by cell."""
-    at = [{(c.sub_model, c.side, c.regime): c.excess for c in m.cells} for m in (raw, refit, final)]
-    return [
-        CellRecord(*key, *(m.get(key, 0.0) for m in at))
-        for key in ((c.sub_model, c.side, c.regime) for c in raw.cells)
-    ]
-
-
-def window_records(heat: HeatMap) -> list[WindowRecord]:
-    """The windows that carry most of the refit's excess."""
-    return [
-        WindowRecord(w.run, w.output, w.channel, w.start_s, w.stop_s, w.share) for w in heat.windows
-    ]
+    maps = [m.cells for m in (raw, refit, final)]
+    return [CellRecord(*place, *(m.get(place, 0.0) for m in maps)) for place in raw.cells]
 
 
 def candidate_records(
-    selection: Selection, probability: Mapping[str, float], rate: float
+    selection: Selection, probability: Mapping[str, float]
 ) -> list[CandidateRecord]:
     """Every effect of the library with what screening and fitting said of it.
 
@@ -122,30 +102,22 @@ def candidate_records(
     for c in selection.tried:
         if len(c.names) == 1:
             fitted[c.names[0]] = c
-    found = set(benjamini_hochberg({n: c.p_value for n, c in fitted.items()}, rate))
     base = selection.base.judged
     out = []
     for s in selection.screened:
-        name = s.effect.name
-        record = CandidateRecord(name, s.effect.title, s.effect.sub_model, s.gain, s.masked, s.size)
-        if name in fitted:
-            c = fitted[name]
-            before = base.excess(c.touched)
-            after = c.judged.excess(c.touched)
-            record = CandidateRecord(
-                name,
-                s.effect.title,
-                s.effect.sub_model,
-                s.gain,
-                s.masked,
-                s.size,
-                c.p_value,
-                name in found,
-                c.gain,
-                c.gain_se,
-                c.regime_gain,
-                1 - after / before if before > 0 else 0.0,
-                probability.get(name),
+        effect, own = s.effect, fitted.get(s.effect.name)
+        record = CandidateRecord(
+            effect.name, effect.title, effect.sub_model, s.gain, s.masked, s.size
+        )
+        if own is not None:
+            record = msgspec.structs.replace(
+                record,
+                p_value=own.p_value,
+                gain=own.gain,
+                gain_se=own.gain_se,
+                regime_gain=own.regime_gain,
+                shrink=shrink(own.judged.excess(own.touched), base.excess(own.touched)),
+                probability=probability.get(effect.name),
             )
         out.append(record)
     return out
@@ -232,18 +204,6 @@ def law_records(prepared: Prepared, best: Candidate) -> list[LawRecord]:
     ]
 
 
-def pair_records(candidates: Mapping[str, Candidate]) -> list[Pair]:
-    """The ambiguity matrix of fitted candidates by the effect that stands in the same place."""
-    d2 = confusability([c.fit for c in candidates.values()])
-    names = list(candidates)
-    return [
-        Pair(names[i], names[j], float(d2[i, j]))
-        for i in range(len(names))
-        for j in range(len(names))
-        if i != j
-    ]
-
-
 def residual_test_records(prepared: Prepared, best: Candidate) -> list[ResidualTest]:
     """Ljung–Box of each output, and its strongest correlation with an input or a state."""
     problem = prepared.problem
@@ -309,8 +269,3 @@ def dominant_outputs(gaps: Mapping[str, float]) -> list[str]:
     total = sum(gaps.values())
     chosen = [k for k, v in gaps.items() if total > 0 and v >= _DOMINANT * total]
     return sorted(chosen, key=lambda k: (-gaps[k], k))
-
-
-def heat_of(judged: Judged) -> HeatMap:
-    """Heat map of a held-out prediction."""
-    return localise(judged.bench, judged.predicted)

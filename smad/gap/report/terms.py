@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from smad.gap.records import Budget
+from smad.report.page import Table
 
 TERMS = (
     ("noise floor", "what a signal scatters by when nothing moves, and what its last digit hides; "
@@ -35,8 +36,8 @@ TERMS = (
 )  # fmt: skip
 
 
-def budget_table(budget: Budget) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows: all signals first, then each that has a gap."""
+def budget_table(budget: Budget, caption: str = "") -> Table:
+    """All signals first, then each that has a gap."""
     header = ("signal", "gap at first", "parameters", *budget.causes, "rest", "gap at last")
     rows = [
         (
@@ -48,7 +49,7 @@ def budget_table(budget: Budget) -> tuple[tuple[str, ...], list[tuple[str, ...]]
         for row in budget.rows
         if not row.signal or max(row.raw, row.left) >= _SHOWN
     ]
-    return header, rows
+    return Table(header, rows, caption, frozenset(range(1, len(header))))
 
 
 _SHOWN = 0.35

@@ -240,8 +240,12 @@ CATALOGUE: tuple[Timeline, ...] = (
 BY_NAME = {t.name: t for t in (*ROUTINE, *CATALOGUE)}
 
 
-def plan_of(timeline: Timeline, seed: int) -> Plan:
-    """The timeline as a plan, which a bench or a simulated one carries out."""
+def plan_named(name: str, seed: int) -> Plan:
+    """An experiment as a plan, which a bench or a simulated one carries out.
+
+    Raises GapError for a name that is not in the catalogue.
+    """
+    timeline = timeline_named(name)
     rng = np.random.default_rng([seed, *timeline.name.encode()])
     actions: list[Action] = []
     now = 0.0
@@ -253,11 +257,6 @@ def plan_of(timeline: Timeline, seed: int) -> Plan:
     if timeline.duration_s > now:
         actions.append(Pause(timeline.duration_s - now))
     return Plan(f"gap {timeline.name}", tuple(actions))
-
-
-def plan_named(name: str, seed: int) -> Plan:
-    """The plan of an experiment. Raises GapError for a name that is not in the catalogue."""
-    return plan_of(timeline_named(name), seed)
 
 
 def timeline_named(name: str) -> Timeline:

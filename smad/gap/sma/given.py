@@ -46,6 +46,9 @@ class PointReader(Protocol):
     def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]:
         """The effects of a point."""
 
+    def within(self, effects: EffectValues) -> dict[str, dict[str, float]]:
+        """Effect values moved into their ranges."""
+
 
 class GivenPoint:
     """A model point as the kernel takes it. Raises PlantError where the plant refuses it."""

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol
-
 import numpy as np
 
-from sim_device.plant import Drive, ParameterSet, Plant
+from sim_device.plant import Drive, Plant
 from smad.config import ControlConfig, LimitsConfig
 from smad.control.controller import Controller
 from smad.control.sample import Sample
 from smad.gap.plant import ModelPoint
 from smad.gap.runs import GapRun
 from smad.gap.sma.catalogue import timeline_named
+from smad.gap.sma.given import PointReader
 from smad.gap.sma.signals import CHANNELS, run_from_columns
 
 RATE_HZ = 100
@@ -28,23 +26,9 @@ _CONTROL = ControlConfig(kp_A_per_mm=15.0, ki_A_per_mm_s=3.0)
 """The gains that the experiments of the catalogue were tried with; the shipped ones are quicker."""
 
 
-class Bench(Protocol):
-    """The spring pair, as far as a run of it needs it."""
-
-    @property
-    def variant(self) -> str:
-        """ "extended" or "printed"."""
-
-    def set_of(self, theta: Mapping[str, float]) -> ParameterSet:
-        """The parameter set with these values."""
-
-    def within(self, effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-        """Effect values moved into their ranges."""
-
-
 def recorded(
     experiment: str,
-    model: Bench,
+    model: PointReader,
     point: ModelPoint,
     seed: int,
     *,

@@ -23,7 +23,7 @@ SHOWN: dict[str, dict[str, float]] = {
     "sticky_fan": {"tau_s": 1.5},
 }
 ALIKE = {"backlash": {"gap_um": 1.2}}
-QUICK = Settings(bootstrap=200)
+SETTINGS = Settings()
 
 
 def bank(
@@ -60,7 +60,9 @@ def ask_alike(more: Sequence[GapRun] = (), plant: Any = None) -> Diagnosis:
     """A dial with play, in slow ramps that turn once: there a late one looks the same."""
     slow = [recorded("still", s, OTHER, ALIKE, duration_s=24.0) for s in (1, 2, 3)]
     names = ["backlash", "dial_delay"]
-    return diagnose([*slow, *more], plant=plant or HeaterPlant(), settings=QUICK, candidates=names)
+    return diagnose(
+        [*slow, *more], plant=plant or HeaterPlant(), settings=SETTINGS, candidates=names
+    )
 
 
 def ask(
@@ -77,7 +79,7 @@ def ask(
         plant=plant or HeaterPlant(),
         good=good or (),
         hold_out=hold_out or (),
-        settings=QUICK,
+        settings=SETTINGS,
         executor=executor,
     )
 

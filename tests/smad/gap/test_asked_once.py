@@ -14,7 +14,7 @@ from smad.gap.fit.joint import JointFit, Start, joint_fits
 from smad.gap.fit.lsq import Fitted
 from smad.gap.fit.stages import prepare
 from smad.gap.plant import Effect
-from tests.smad.gap.cases import OTHER, QUICK, SHOWN, bank
+from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 
 
@@ -36,7 +36,9 @@ class Forgetful(Selector):
 
 def test_two_causes_are_found_alike_by_one_that_forgets(monkeypatch: pytest.MonkeyPatch) -> None:
     both = {name: SHOWN[name] for name in ("coupling", "backlash")}
-    prepared = prepare(bank(OTHER, both)[:3], HeaterPlant(), QUICK, good=bank(OTHER, seed=40)[:3])
+    prepared = prepare(
+        bank(OTHER, both)[:3], HeaterPlant(), SETTINGS, good=bank(OTHER, seed=40)[:3]
+    )
     assert prepared.tied is not None
     refit = prepared.tied
     asked: Counter[object] = Counter()

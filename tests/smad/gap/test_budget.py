@@ -15,7 +15,7 @@ from smad.gap.report import summary_lines
 from smad.gap.report.advice import Asked
 from smad.gap.report.budget import budget_of, way
 from smad.gap.report.plain import plain
-from tests.smad.gap.cases import FAR_OFF, OTHER, QUICK, SHOWN, ask, bank, without
+from tests.smad.gap.cases import FAR_OFF, OTHER, SETTINGS, SHOWN, ask, bank, without
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 
 COUPLED = {"coupling": SHOWN["coupling"]}
@@ -76,7 +76,7 @@ def test_an_unknown_cause_has_a_budget_whose_rest_is_told() -> None:
 
 def test_a_cause_whose_strength_ends_at_its_bound_is_not_found() -> None:
     weak = tuple(_weaker(e) if e.name == "coupling" else e for e in EFFECTS)
-    d = diagnose(bank(OTHER, COUPLED), plant=HeaterPlant(weak), settings=QUICK)
+    d = diagnose(bank(OTHER, COUPLED), plant=HeaterPlant(weak), settings=SETTINGS)
     assert d.verdict.outcome is Outcome.UNKNOWN
     assert d.verdict.bounded == ["coupling"]
     assert d.verdict.plain.startswith("No cause found")
@@ -86,7 +86,7 @@ def test_a_cause_whose_strength_ends_at_its_bound_is_not_found() -> None:
 def test_a_further_cause_that_ends_at_its_bound_puts_no_doubt_in_the_first() -> None:
     weak = tuple(_weaker(e) if e.name == "coupling" else e for e in EFFECTS)
     both = {"sensor_lag": {"tau_s": 2.5}, **COUPLED}
-    d = diagnose(bank(OTHER, both), plant=HeaterPlant(weak), settings=QUICK)
+    d = diagnose(bank(OTHER, both), plant=HeaterPlant(weak), settings=SETTINGS)
     assert d.verdict.effects == ["sensor_lag"]
     assert d.verdict.bounded == []
 
@@ -139,7 +139,7 @@ def test_parameters_that_make_other_runs_worse_are_said_to_add_to_the_gap() -> N
 
 def test_causes_that_entered_together_have_a_share_each() -> None:
     both = {"sensor_lag": {"tau_s": 2.5}, **COUPLED}
-    prepared = ready(bank(OTHER, both), plant=HeaterPlant(), settings=QUICK)
+    prepared = ready(bank(OTHER, both), plant=HeaterPlant(), settings=SETTINGS)
     selection = follow_tracks(prepared, EFFECTS).selection
     assert sorted(selection.best.names) == ["coupling", "sensor_lag"]
     refit = selection.base.judged

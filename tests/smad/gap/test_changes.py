@@ -21,7 +21,7 @@ from smad.gap.records import Outcome
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from smad.gap.sma.recorded import recorded as sma_recorded
-from tests.smad.gap.cases import OTHER, QUICK, SHOWN, ask, bank
+from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 
 NOMINAL = {p.name: p.nominal for p in HeaterPlant().parameters}
@@ -45,7 +45,7 @@ def test_what_has_come_since_is_named_beside_what_was_there() -> None:
     assert diagnosis.verdict.effects == ["driver_gain"]
     (gain,) = diagnosis.values
     # Another form of the law would say another number; the data alone leave far less open.
-    assert gain.value - gain.low == pytest.approx(QUICK.form_share * gain.value, rel=0.1)
+    assert gain.value - gain.low == pytest.approx(SETTINGS.form_share * gain.value, rel=0.1)
 
 
 def test_a_change_of_the_parameters_since_the_good_runs_is_called_one() -> None:
@@ -56,11 +56,11 @@ def test_a_change_of_the_parameters_since_the_good_runs_is_called_one() -> None:
 
 def test_the_verdict_can_be_asked_for_once_more_without_its_cause() -> None:
     runs = bank(OTHER, {"coupling": SHOWN["coupling"]})
-    diagnosis = diagnose(runs, plant=HeaterPlant(), settings=QUICK, leave_out=True)
+    diagnosis = diagnose(runs, plant=HeaterPlant(), settings=SETTINGS, leave_out=True)
     (left,) = diagnosis.left_out
     assert diagnosis.verdict.effects == ["coupling"]
     assert (left.effect, left.outcome, left.names) == ("coupling", Outcome.UNKNOWN, [])
-    assert diagnose(runs, plant=HeaterPlant(), settings=QUICK).left_out == []
+    assert diagnose(runs, plant=HeaterPlant(), settings=SETTINGS).left_out == []
 
 
 def _bench_run() -> GapRun:

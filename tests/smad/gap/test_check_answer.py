@@ -1,4 +1,4 @@
-"""From a diagnosis to the words of a verdict file: probabilities, quantities, baselines."""
+"""From a diagnosis to the words of a verdict file: probabilities, quantities."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import msgspec
 import pytest
 
 from smad.gap.check.answer import hypotheses
-from smad.gap.check.baselines import baselines
 from smad.gap.check.quantities import COMPARABLE, quantities
-from smad.gap.records import FittedRecord, Outcome, ValueRecord, Verdict
+from smad.gap.records import Outcome, ValueRecord, Verdict
 from smad.gap.sma import SmaPlant
 
 EMPTY = Verdict(
@@ -141,36 +140,3 @@ def test_every_comparable_quantity_is_of_a_parameter_that_the_library_has() -> N
     for effect in COMPARABLE:
         values = [_value(effect, name, 1.0, (0.5, 1.5)) for name in library[effect]]
         assert effect in quantities(values)
-
-
-def _fit(*names: str, chi2: float, objective: float, held_out: float) -> FittedRecord:
-    parameters = 20 + 2 * len(names)
-    return FittedRecord(list(names), parameters, 5000, objective, chi2, held_out, 1.0, -objective)
-
-
-FITTED = [
-    _fit(chi2=5000.0, objective=2500.0, held_out=1.5),
-    _fit("rtd_lag", chi2=4900.0, objective=2440.0, held_out=1.3),
-    _fit("rtd_lag", "minor_loop", chi2=4890.0, objective=2436.0, held_out=1.2),
-]
-
-
-def test_each_baseline_follows_its_rule() -> None:
-    said = baselines(FITTED, ["rtd_lag", "minor_loop"], "case-001")
-    assert said["smallest_rmse"].names == ["rtd_lag", "minor_loop"]
-    assert said["bic_only"].names == ["rtd_lag"]
-    assert said["chi2_only"].names == ["rtd_lag", "minor_loop"]
-
-
-def test_a_baseline_that_keeps_the_refit_says_no_gap() -> None:
-    idle = [FITTED[0], _fit("rtd_lag", chi2=4997.0, objective=2499.0, held_out=1.6)]
-    said = baselines(idle, ["rtd_lag"], "case-001")
-    assert {said[n].outcome for n in ("smallest_rmse", "bic_only", "chi2_only")} == {"no_gap"}
-
-
-def test_the_random_baseline_is_the_same_for_a_case_and_varies_over_cases() -> None:
-    library = [e.name for e in SmaPlant().effects]
-    said = [baselines([], library, f"case-{i:03d}")["random"] for i in range(200)]
-    assert said == [baselines([], library, f"case-{i:03d}")["random"] for i in range(200)]
-    assert {"effect", "no_gap", "unknown"} == {s.outcome for s in said}
-    assert len({n for s in said for n in s.names}) > 25

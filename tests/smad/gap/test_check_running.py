@@ -1,19 +1,13 @@
-"""Running a check: resumed where it stopped, past failed cases, on any executor."""
+"""Running a check: resumed where it stopped, past failed cases."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import hashlib
 import os
-import sys
-import threading
-import types
-from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, ThreadPoolExecutor
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
@@ -21,8 +15,7 @@ import pytest
 import sim_device.plant
 from smad.gap.check.bank import open_bank
 from smad.gap.check.case import How, Part, Task, judge, kept_path, source_digest
-from smad.gap.check.errors import CheckError
-from smad.gap.check.running import Order, Progress, check, dask_executor, pool
+from smad.gap.check.running import Order, Progress, check
 from smad.gap.check.verdicts import CaseVerdict, read_verdicts, write_verdicts
 from smad.gap.settings import Settings
 from tests.smad.gap.test_check_bank import columns, make, write
@@ -31,15 +24,15 @@ QUIET = CaseVerdict(outcome="no_gap")
 
 
 @pytest.fixture
-def order(tmp_path: Path) -> Order:
+def order(tmp_path: Path, here: None) -> Order:
     bank = open_bank(make(tmp_path / "bank", 4))
     return Order(bank, bank.manifest.cases, How(), tmp_path / "parts")
 
 
-@contextlib.contextmanager
-def threads() -> Iterator[Executor]:
-    with ThreadPoolExecutor(max_workers=1) as workers:
-        yield workers
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every case is worked on in this process."""
+    monkeypatch.setattr("smad.gap.check.running.apart", lambda work, task: work(task))
 
 
 def counting(seen: list[str], failing: tuple[str, ...] = ()) -> Callable[[Task], Part]:
@@ -61,21 +54,21 @@ def test_an_interrupted_check_goes_on_where_it_stopped(order: Order) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        check(order, threads, jobs=1, report=interrupt, work=counting(seen))
+        check(order, jobs=1, report=interrupt, work=counting(seen))
     assert (order.folder / f"{seen[0]}.json").exists()
     again: list[str] = []
-    file = check(order, threads, jobs=1, work=counting(again))
+    file = check(order, jobs=1, work=counting(again))
     assert list(file.verdicts) == ["case-1", "case-2", "case-3", "case-4"]
     assert seen[0] not in again
-    assert check(order, threads, jobs=1, work=counting(once := [])) == file
+    assert check(order, jobs=1, work=counting(once := [])) == file
     assert once == []
 
 
 def test_half_a_part_is_done_again(order: Order) -> None:
-    check(order, threads, jobs=1, work=counting([]))
+    check(order, jobs=1, work=counting([]))
     (order.folder / "case-3.json").write_text('{"case": "case-3", "sec')
     again: list[str] = []
-    check(order, threads, jobs=1, work=counting(again))
+    check(order, jobs=1, work=counting(again))
     assert again == ["case-3"]
 
 
@@ -87,22 +80,22 @@ def test_half_a_part_is_done_again(order: Order) -> None:
 def test_parts_made_in_another_way_are_not_taken_up(
     order: Order, change: dict[str, object]
 ) -> None:
-    check(order, threads, jobs=1, work=counting([]))
+    check(order, jobs=1, work=counting([]))
     other = dataclasses.replace(order, how=dataclasses.replace(order.how, **change))
     again: list[str] = []
-    check(other, threads, jobs=1, work=counting(again))
+    check(other, jobs=1, work=counting(again))
     assert len(again) == 4
 
 
 def _parts_again(order: Order) -> list[str]:
     """Cases that the same check asks for again, as another process would."""
     again: list[str] = []
-    check(dataclasses.replace(order), threads, jobs=1, work=counting(again))
+    check(dataclasses.replace(order), jobs=1, work=counting(again))
     return again
 
 
 def test_parts_of_runs_that_were_recorded_anew_are_not_taken_up(order: Order) -> None:
-    check(order, threads, jobs=1, work=counting([]))
+    check(order, jobs=1, work=counting([]))
     assert _parts_again(order) == []
     table = columns()
     table["force_N"] = table["force_N"] + 0.01
@@ -120,7 +113,7 @@ def test_parts_made_with_other_parameters_in_a_file_of_one_name_are_not_taken_up
     nominal = (Path(sim_device.plant.__file__).parent / "data" / "set_a.toml").read_text()
     path.write_text(nominal)
     mine = dataclasses.replace(order, how=How(params=str(path)))
-    check(mine, threads, jobs=1, work=counting([]))
+    check(mine, jobs=1, work=counting([]))
     assert _parts_again(mine) == []
     path.write_text(nominal.replace("value = 0.75", "value = 0.76", 1))
     assert len(_parts_again(mine)) == 4
@@ -142,9 +135,9 @@ def keeping(task: Task) -> Part:
 
 
 def test_whole_diagnoses_that_are_wanted_later_are_made_later(order: Order, tmp_path: Path) -> None:
-    check(order, threads, jobs=1, work=keeping)
+    check(order, jobs=1, work=keeping)
     kept = dataclasses.replace(order, keep=tmp_path)
-    check(kept, threads, jobs=1, work=keeping)
+    check(kept, jobs=1, work=keeping)
     assert len(list(tmp_path.glob("case-*.json"))) == 4
     assert _parts_again(kept) == []
     (tmp_path / "case-3.json").unlink()
@@ -153,30 +146,30 @@ def test_whole_diagnoses_that_are_wanted_later_are_made_later(order: Order, tmp_
 
 
 def test_parts_of_another_bank_are_not_taken_up(order: Order) -> None:
-    check(order, threads, jobs=1, work=counting([]))
+    check(order, jobs=1, work=counting([]))
     other = dataclasses.replace(order, bank=dataclasses.replace(order.bank, digest="other"))
     again: list[str] = []
-    check(other, threads, jobs=1, work=counting(again))
+    check(other, jobs=1, work=counting(again))
     assert len(again) == 4
 
 
 def test_a_failed_case_is_named_and_only_it_is_tried_again(order: Order, tmp_path: Path) -> None:
-    file = check(order, threads, jobs=2, work=counting([], ("case-2",)))
+    file = check(order, jobs=2, work=counting([], ("case-2",)))
     assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
     assert file.notes == {"case-2": "the run is made of cheese"}
     path = tmp_path / "verdicts.json"
     write_verdicts(path, file)
     assert read_verdicts(path).notes == file.notes
     again: list[str] = []
-    assert len(check(order, threads, jobs=2, work=counting(again)).verdicts) == 4
+    assert len(check(order, jobs=2, work=counting(again)).verdicts) == 4
     assert again == ["case-2"]
 
 
 def test_progress_tells_the_time_left_from_the_cases_of_this_run(order: Order) -> None:
-    check(dataclasses.replace(order, cases=order.cases[:1]), threads, jobs=1, work=counting([]))
+    check(dataclasses.replace(order, cases=order.cases[:1]), jobs=1, work=counting([]))
     told: list[Progress] = []
     ticks = iter([100.0, 110.0, 120.0, 130.0])
-    check(order, threads, jobs=1, report=told.append, clock_s=lambda: next(ticks),
+    check(order, jobs=1, report=told.append, clock_s=lambda: next(ticks),
           work=counting([]))  # fmt: skip
     assert [(p.done, p.total, p.left_s) for p in told] == [(2, 4, 20.0), (3, 4, 10.0), (4, 4, 0.0)]
 
@@ -188,55 +181,13 @@ def die_on(task: Task, cases: tuple[str, ...]) -> Part:
     return Part(task.case.id, 0.0, QUIET)
 
 
-def test_a_worker_that_dies_costs_its_own_case_only(order: Order) -> None:
+def test_a_worker_that_dies_costs_its_own_case_only(tmp_path: Path) -> None:
+    bank = open_bank(make(tmp_path / "bank", 4))
+    order = Order(bank, bank.manifest.cases, How(), tmp_path / "parts")
     work = functools.partial(die_on, cases=("case-2",))
-    file = check(order, lambda: pool(2), jobs=2, work=work)
+    file = check(order, jobs=2, work=work)
     assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
     assert "fewer --jobs" in file.notes["case-2"]
-
-
-class Fragile(ThreadPoolExecutor):
-    """An executor whose workers are found dead at the given submission."""
-
-    def __init__(self, breaks_at: int, max_workers: int = 1) -> None:
-        super().__init__(max_workers)
-        self._left = breaks_at
-
-    def submit(self, *work: Any, **more: Any) -> Any:
-        self._left -= 1
-        if self._left == 0:
-            raise BrokenExecutor
-        return super().submit(*work, **more)
-
-
-def test_a_pool_that_dies_between_two_cases_costs_none(order: Order) -> None:
-    breaks = iter([3, 2, 0])
-    file = check(order, lambda: Fragile(next(breaks)), jobs=1, work=counting(seen := []))
-    assert len(file.verdicts) == 4
-    assert seen == ["case-1", "case-2", "case-3", "case-4"]
-
-
-def test_pools_that_never_live_end_the_cases_and_not_in_a_circle(order: Order) -> None:
-    file = check(order, lambda: Fragile(1), jobs=2, work=counting([]))
-    assert file.verdicts == {}
-    assert len(file.notes) == 4
-
-
-def test_after_a_death_only_the_suspects_are_alone(order: Order) -> None:
-    width = iter([1, 2])
-    two_at_once = threading.Barrier(2)
-    seen: list[str] = []
-
-    def work(task: Task) -> Part:
-        seen.append(task.case.id)
-        if seen == ["case-1"]:
-            raise BrokenExecutor
-        if task.case.id in ("case-3", "case-4"):
-            two_at_once.wait(timeout=5.0)
-        return Part(task.case.id, 0.0, QUIET)
-
-    file = check(order, lambda: ThreadPoolExecutor(next(width)), jobs=2, work=work)
-    assert len(file.verdicts) == 4
 
 
 def test_a_run_that_cannot_be_read_is_part_of_the_answer(order: Order) -> None:
@@ -259,36 +210,3 @@ def test_a_worker_with_other_code_refuses(order: Order) -> None:
     part = judge(Task(order.bank, order.cases[0], order.how, "0" * 64))
     assert part.verdict is None
     assert "other code" in part.error
-
-
-def test_a_dask_client_lends_its_executor_unchanged(
-    order: Order, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[str] = []
-
-    class Client:
-        def __init__(self, address: str, timeout: str) -> None:
-            asked.append(address)
-            self.workers = ThreadPoolExecutor(max_workers=2)
-
-        def __enter__(self) -> Client:
-            return self
-
-        def __exit__(self, *error: object) -> None:
-            self.workers.shutdown()
-
-        def get_executor(self) -> Executor:
-            return self.workers
-
-    module = types.ModuleType("distributed")
-    module.Client = Client  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "distributed", module)
-    file = check(order, lambda: dask_executor("tcp://there:1"), jobs=2, work=counting([]))
-    assert len(file.verdicts) == 4
-    assert asked == ["tcp://there:1"]
-
-
-def test_without_dask_the_way_to_install_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(CheckError, match=r"smad\[cluster\]"), dask_executor("tcp://there:1"):
-        pass

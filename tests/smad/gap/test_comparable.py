@@ -21,7 +21,7 @@ from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.plant import ModelPoint
 from smad.gap.sma import SmaPlant
 from smad.gap.sma.recorded import recorded as bench_recorded
-from tests.smad.gap.cases import OTHER, QUICK, SHOWN, bank
+from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 
 
@@ -29,7 +29,7 @@ from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 def prepared() -> Prepared:
     good = bank(OTHER, seed=40)[:3]
     runs = bank(OTHER | {"c_J_K": 33.0}, {"coupling": SHOWN["coupling"]})
-    return prepare(runs[:3], HeaterPlant(), QUICK, good=good, hold_out=runs[3:])
+    return prepare(runs[:3], HeaterPlant(), SETTINGS, good=good, hold_out=runs[3:])
 
 
 def test_tied_and_free_refit_share_one_calibration(prepared: Prepared) -> None:
@@ -49,7 +49,7 @@ def test_runs_held_out_are_judged_in_full_detail(prepared: Prepared) -> None:
 def test_what_the_parameters_had_left_undone_is_no_effects_gain(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    quiet = prepare(bank(OTHER)[:3], HeaterPlant(), QUICK, good=bank(OTHER, seed=40)[:3])
+    quiet = prepare(bank(OTHER)[:3], HeaterPlant(), SETTINGS, good=bank(OTHER, seed=40)[:3])
     assert quiet.tied is not None
     ended = quiet.tied
     aside = ended.p + np.where(np.arange(ended.space.size) < 3, 0.6, 0.0)
@@ -87,7 +87,7 @@ def test_what_a_coarse_step_costs_a_model_is_learnt_at_that_model() -> None:
 
 def test_known_good_runs_that_do_not_hold_leave_the_free_refit_without_an_effect() -> None:
     moved = bank(OTHER | {"c_J_K": 34.0, "ha_W_K": 0.66})
-    other = prepare(moved, HeaterPlant(), QUICK, good=bank(OTHER, seed=40)[:3])
+    other = prepare(moved, HeaterPlant(), SETTINGS, good=bank(OTHER, seed=40)[:3])
     track = follow_tracks(other, EFFECTS)
     assert not track.tied
     assert track.selection.best.names == ()

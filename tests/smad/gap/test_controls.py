@@ -10,7 +10,7 @@ import pytest
 from smad.gap.data.admission import admit
 from smad.gap.records import Outcome
 from smad.gap.runs import GapRun
-from tests.smad.gap.cases import OTHER, QUICK, SHOWN, ask, bank
+from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import HeaterPlant, recorded
 
 
@@ -59,7 +59,7 @@ def test_a_run_of_which_some_channels_follow_the_inputs_is_admitted_with_a_warni
     odd = {k: other.outputs[k] for k in ("temp_l_degC", "temp_r_degC", "rod_um")}
     runs = [recorded("random", seed, OTHER).with_columns(outputs=odd) for seed in (1, 3)]
     for run in runs:
-        kept = admit([run], HeaterPlant(), QUICK)
+        kept = admit([run], HeaterPlant(), SETTINGS)
         assert kept.refused == []
         (text,) = [f.text for f in kept.findings if f.kind == "channels do not follow"]
         assert text.startswith("temp_l_degC, temp_r_degC, rod_um move otherwise")

@@ -19,7 +19,7 @@ from tests.smad.gap.cases import OTHER, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 
 LAG = {"sensor_lag": SHOWN["sensor_lag"]}
-SETTINGS = Settings(bootstrap=200, max_effects=2)
+SETTINGS = Settings(max_effects=2)
 
 
 @cache

@@ -10,7 +10,7 @@ from smad.gap.data.guards import goes_further, same_recording
 from smad.gap.plant import ModelPoint
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.runs import GapRun
-from tests.smad.gap.cases import OTHER, QUICK, ask
+from tests.smad.gap.cases import OTHER, ask
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, make_inputs, recorded, simulated
 
 
@@ -85,17 +85,17 @@ def gently(seed: int) -> GapRun:
 
 def test_runs_that_drive_the_bench_further_than_the_known_good_ones_are_told_so() -> None:
     roles = {"fit": runs_of(1, 2), "hold-out": [], "good": [gently(3), gently(4)]}
-    (finding,) = goes_further(roles, HeaterPlant(), QUICK)
+    (finding,) = goes_further(roles, HeaterPlant())
     assert "power_l_W" in finding.text
     assert "give known-good runs that go as far" in finding.text
-    assert goes_further({**roles, "good": runs_of(1, 2)}, HeaterPlant(), QUICK) == []
-    assert goes_further({**roles, "good": []}, HeaterPlant(), QUICK) == []
+    assert goes_further({**roles, "good": runs_of(1, 2)}, HeaterPlant()) == []
+    assert goes_further({**roles, "good": []}, HeaterPlant()) == []
 
 
 def test_an_effect_does_not_count_as_excitation() -> None:
     strong = [recorded("random", 1, OTHER, {"driver_gain": {"g": 0.2}}, duration_s=20.0)]
     good = [recorded("random", 1, OTHER, duration_s=20.0)]
-    assert goes_further({"fit": strong, "hold-out": [], "good": good}, HeaterPlant(), QUICK) == []
+    assert goes_further({"fit": strong, "hold-out": [], "good": good}, HeaterPlant()) == []
 
 
 def test_a_cause_is_not_called_new_where_no_known_good_run_went() -> None:

@@ -23,7 +23,7 @@ from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from smad.gap.sma.recorded import recorded
 from smad.report.page import render
-from tests.smad.gap.cases import OTHER, QUICK, ask, bank
+from tests.smad.gap.cases import OTHER, SETTINGS, ask, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 
 LAWFUL = HeaterPlant(tuple(replace(e, law=e.name == "sensor_lag") for e in EFFECTS))
@@ -32,12 +32,12 @@ SLOWER = {"sensor_lag": {"tau_s": 1.6}}
 
 
 def test_a_law_takes_its_value_from_the_good_runs() -> None:
-    good = known_good(bank(OTHER, SLOW, seed=40)[:3], LAWFUL, QUICK)
+    good = known_good(bank(OTHER, SLOW, seed=40)[:3], LAWFUL, SETTINGS)
     assert good.fit.point.effects["sensor_lag"]["tau_s"] == pytest.approx(0.6, abs=0.1)
 
 
 def test_a_law_that_good_runs_do_not_follow_stays_near_nothing() -> None:
-    good = known_good(bank(OTHER, seed=40)[:3], LAWFUL, QUICK)
+    good = known_good(bank(OTHER, seed=40)[:3], LAWFUL, SETTINGS)
     assert good.fit.point.effects["sensor_lag"]["tau_s"] < 0.1
 
 
@@ -50,9 +50,9 @@ def test_a_law_that_has_grown_since_is_named() -> None:
 def test_a_law_that_has_grown_is_named_although_a_parameter_has_moved_as_well() -> None:
     good = bank(OTHER, SLOW, seed=40)[:3]
     runs = bank(OTHER | {"ha_W_K": 0.6}, SLOWER)
-    prepared = prepare(runs[:2], LAWFUL, QUICK, good=good, hold_out=runs[2:])
+    prepared = prepare(runs[:2], LAWFUL, SETTINGS, good=good, hold_out=runs[2:])
     track = follow_tracks(prepared, LAWFUL.effects)
-    assert track.free_gain > QUICK.free_standard_errors * track.free_gain_se
+    assert track.free_gain > SETTINGS.standard_errors * track.free_gain_se
     assert track.tied
     assert track.selection.best.names == ("sensor_lag",)
 
@@ -62,7 +62,7 @@ def test_the_free_refit_may_have_other_laws_than_the_good_runs_and_counts_them_a
 ):
     good = bank(OTHER, SLOW, seed=40)[:3]
     runs = bank(OTHER, SLOWER)
-    prepared = prepare(runs[:2], LAWFUL, QUICK, good=good, hold_out=runs[2:])
+    prepared = prepare(runs[:2], LAWFUL, SETTINGS, good=good, hold_out=runs[2:])
     assert prepared.tied is not None
     assert prepared.tied.point.effects["sensor_lag"]["tau_s"] == pytest.approx(0.6, abs=0.1)
     assert prepared.fit.point.effects["sensor_lag"]["tau_s"] == pytest.approx(1.6, abs=0.2)
@@ -73,7 +73,7 @@ def test_the_free_refit_may_have_other_laws_than_the_good_runs_and_counts_them_a
 
 def test_a_report_without_a_cause_says_which_laws_moved_and_how_far() -> None:
     good = bank(OTHER, SLOW, seed=40)[:3]
-    asked = {"plant": LAWFUL, "good": good, "settings": QUICK, "candidates": ["backlash"]}
+    asked = {"plant": LAWFUL, "good": good, "settings": SETTINGS, "candidates": ["backlash"]}
     found = diagnose(bank(OTHER, SLOWER), **asked)
     assert found.verdict.outcome is Outcome.PARAMETERS, found.verdict.text
     (lag,) = found.laws
@@ -85,7 +85,7 @@ def test_a_report_without_a_cause_says_which_laws_moved_and_how_far() -> None:
 def test_what_may_be_named_does_not_narrow_what_good_runs_are_asked_for() -> None:
     good = bank(OTHER, SLOW, seed=40)[:3]
     runs = bank(OTHER, SLOW | {"driver_gain": {"g": 0.04}})
-    asked = {"plant": LAWFUL, "good": good, "settings": QUICK}
+    asked = {"plant": LAWFUL, "good": good, "settings": SETTINGS}
     verdict = diagnose(runs, candidates=["driver_gain"], **asked).verdict
     assert verdict.effects == ["driver_gain"], verdict.text
     assert "driver_gain" not in diagnose(runs, candidates=["backlash"], **asked).verdict.effects
@@ -167,15 +167,18 @@ def test_inlet_and_room_as_measured_do_not_hide_what_the_model_says_of_them() ->
     assert (after["thermal:rtd_x_degC"] - before["thermal:rtd_x_degC"]).max() > 0.05
 
 
-def test_the_model_with_laws_leaves_less_of_a_bench_with_a_cooling_front() -> None:
+def test_the_model_with_laws_leaves_less_of_a_bench_with_a_cooling_front(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     bench = ModelPoint({}, {"cooling_front": {"share": 0.8, "place": 0.6}})
     good = [
         recorded(f, SmaPlant(), bench, 3 + i, duration_s=20.0)
         for i, f in enumerate(("mixed", "repeats"))
     ]
-    few, settings = ("cooling_front", "rtd_lag"), replace(QUICK, baseline_rounds=0)
-    (with_laws, unseen) = leftover(good, SmaPlant(only=few), good, settings)
-    (without,) = leftover(good, Lawless(only=few), settings=settings)
+    monkeypatch.setattr("smad.gap.fit.baseline._ROUNDS", 0)
+    few = ("cooling_front", "rtd_lag")
+    (with_laws, unseen) = leftover(good, SmaPlant(only=few), good, SETTINGS)
+    (without,) = leftover(good, Lawless(only=few), settings=SETTINGS)
     assert unseen["rtd_x_degC"] < 1.5 * with_laws["rtd_x_degC"]  # here the runs it was fitted to
     assert with_laws["rtd_x_degC"] < 0.5 * without["rtd_x_degC"]
 

@@ -13,11 +13,11 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from smad.gap import Settings
 from smad.gap.compare.residual_tests import ar_coefficients, cross_correlation, ljung_box
-from smad.gap.data.noise import estimate_floors, repeat_spread
+from smad.gap.data.noise import estimate_floors
 from smad.gap.data.replay import Evidence, Grid
 from smad.gap.data.views import local_views, open_views
 from smad.gap.fit.lsq import Problem, drive, fitting, solve_box
-from smad.gap.fit.significance import benjamini_hochberg, tail_p
+from smad.gap.fit.significance import tail_p
 from smad.gap.model.flexible import Designs, fit_correction
 from smad.gap.model.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening, arma_innovations
@@ -109,13 +109,6 @@ def test_prewhitening_keeps_a_coloured_driver_from_feigning_a_correlation() -> N
     assert r > 0.5
 
 
-def test_false_discoveries_are_cut_where_benjamini_and_hochberg_cut() -> None:
-    p = {"a": 0.001, "b": 0.011, "c": 0.02, "d": 0.04, "e": 0.9}
-    assert benjamini_hochberg(p, 0.05) == ["a", "b", "c", "d"]
-    assert benjamini_hochberg(p, 0.01) == ["a"]
-    assert benjamini_hochberg({"a": 0.5}, 0.05) == []
-
-
 def test_a_tail_probability_is_monotonous_and_never_zero() -> None:
     null = np.random.default_rng(5).exponential(size=60)
     values = [tail_p(x, null) for x in (0.0, 1.0, 3.0, 6.0, 12.0, 1e6)]
@@ -148,14 +141,6 @@ def test_where_nothing_rests_motion_within_a_few_rows_is_no_noise(rows_a_turn: f
     floor = estimate_floors([run], plant, Settings(period_s=0.1))["y"]
     assert floor.source == "differences"
     assert floor.sigma == pytest.approx(0.02, rel=0.15)
-
-
-def test_repeats_show_the_spread_from_run_to_run() -> None:
-    a = recorded("random", 1)
-    b = a.with_columns(outputs={k: v + 0.5 for k, v in a.outputs.items()})
-    spread = repeat_spread([a, b], HeaterPlant())
-    assert spread["rod_um"] == pytest.approx(0.5 / 2**0.5)
-    assert repeat_spread([a, recorded("sines", 2)], HeaterPlant()) == {}
 
 
 def test_bins_ignore_lost_samples_and_drop_out_when_most_are_lost() -> None:

@@ -20,7 +20,7 @@ def fitted(prepared: Prepared, name: str) -> Fitted:
 
 def test_a_regime_that_leaves_either_model_undetermined_is_not_compared() -> None:
     stronger = {"driver_gain": SHOWN["driver_gain"]}
-    prepared = ready(bank(OTHER, stronger), plant=HeaterPlant(), settings=Settings(bootstrap=50))
+    prepared = ready(bank(OTHER, stronger), plant=HeaterPlant(), settings=Settings())
     masks = prepared.problem.evidence.regime_masks()
     gain, flow = fitted(prepared, "driver_gain"), fitted(prepared, "coupling")
     # Without power nothing tells a driver's gain; plates that cool still tell of heat between them.

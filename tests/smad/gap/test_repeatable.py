@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from smad.gap import diagnose
 from smad.gap.fit.threads import repeatable
-from tests.smad.gap.cases import OTHER, QUICK, bank
+from tests.smad.gap.cases import OTHER, SETTINGS, bank
 from tests.smad.gap.heater_plant import HeaterPlant
 
 
@@ -32,7 +32,7 @@ def test_a_diagnosis_adds_in_one_order_and_leaves_the_callers_threads_as_they_we
         diagnose(
             bank(OTHER)[:2],
             plant=HeaterPlant(),
-            settings=QUICK,
+            settings=SETTINGS,
             progress=lambda text: seen.append(blas_threads()),
         )
         assert blas_threads() == {2}

@@ -73,7 +73,7 @@ def test_the_page_shows_what_the_json_holds(found: Diagnosis) -> None:
     ):
         assert needed in text or needed in html
     assert re.findall(r"""(?:src|href)=["'](?!#|data:)|url\((?!#)|@import""", html) == []
-    assert html.count("<svg") >= 4
+    assert html.count("<svg") >= 3
     assert html.count('class="panels"') >= 1
 
 
@@ -187,10 +187,11 @@ def test_weak_excitation_leaves_two_causes_and_the_proposal_tells_them_apart() -
     assert proposals[0].separation > 2 * proposals[-1].separation
     assert propose(fits, [0.5, 0.5], prepared.noise, plant.catalogue(), most=1) == proposals[:1]
     for p in proposals:
-        trial = Trial(fits, [0.5, 0.5], p.experiment, prepared.noise)
+        experiment = next(e for e in plant.catalogue() if e.name == p.name)
+        trial = Trial(fits, [0.5, 0.5], experiment, prepared.noise)
         assert 0.0 < trial.separation() == p.counted == p.separation <= trial.bound
     fewer = propose(fits, [0.5, 0.5], prepared.noise, plant.catalogue(), share=0.1)
-    assert [q.experiment for q in fewer] == [p.experiment for p in proposals]
+    assert [q.name for q in fewer] == [p.name for p in proposals]
     assert [q.counted for q in fewer] == [pytest.approx(0.1 * p.separation) for p in proposals]
 
 

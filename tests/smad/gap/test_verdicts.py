@@ -7,7 +7,7 @@ import pytest
 from smad.gap import diagnose
 from smad.gap.errors import PlantMismatch
 from smad.gap.records import NAMED, Diagnosis, Outcome
-from tests.smad.gap.cases import FAR_OFF, OTHER, QUICK, SHOWN, ask, bank, without
+from tests.smad.gap.cases import FAR_OFF, OTHER, SETTINGS, SHOWN, ask, bank, without
 from tests.smad.gap.heater_plant import HeaterPlant, recorded
 
 
@@ -119,7 +119,7 @@ def test_runs_named_to_be_held_out_are_judged_on_and_not_fitted() -> None:
 def test_two_causes_of_a_library_of_two_are_probable_each_in_its_place() -> None:
     both = {"sensor_lag": {"tau_s": 1.2}, "coupling": {"g_W_K": 0.12}}
     runs = bank(OTHER, both)
-    found = diagnose(runs, plant=HeaterPlant(), settings=QUICK, candidates=sorted(both))
+    found = diagnose(runs, plant=HeaterPlant(), settings=SETTINGS, candidates=sorted(both))
     assert found.verdict.effects == ["sensor_lag", "coupling"]
     assert found.verdict.probability > 0.9
     assert found.verdict.probabilities["sensor_lag"] > 0.9
@@ -131,10 +131,10 @@ def test_two_causes_of_a_library_of_two_are_probable_each_in_its_place() -> None
 
 def test_a_library_of_nothing_names_nothing_and_a_foreign_name_is_refused() -> None:
     runs = bank(OTHER, {"sensor_lag": {"tau_s": 1.2}})
-    found = diagnose(runs, plant=HeaterPlant(), settings=QUICK, candidates=())
+    found = diagnose(runs, plant=HeaterPlant(), settings=SETTINGS, candidates=())
     assert found.verdict.outcome is Outcome.UNKNOWN
     with pytest.raises(PlantMismatch, match="no effect of this plant; got sensor_lug"):
-        diagnose(runs, plant=HeaterPlant(), settings=QUICK, candidates=["sensor_lug"])
+        diagnose(runs, plant=HeaterPlant(), settings=SETTINGS, candidates=["sensor_lug"])
 
 
 def test_a_single_run_is_said_to_be_judged_where_it_was_fitted() -> None:

@@ -1,14 +1,15 @@
-"""Scores to read: tables, a text for the terminal, and one HTML page."""
+"""Published scores to read: tables, a text for the terminal, and one HTML page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from smad.gap.check import figures
 from smad.gap.check.names import CAUSES
-from smad.gap.check.score import Row
-from smad.gap.check.scores import Mistake, Scores
+from smad.gap.check.score import mistakes_table, number
 from smad.report.page import Block, Page, Picture, Section, Table, Text, text_table
+from tests.withheld.score_figures import confusion as confusion_figure
+from tests.withheld.score_figures import reliability, strengths
+from tests.withheld.scores import Published
 
 _MET = {True: "yes", False: "no", None: ""}
 _QUIET = {"none": "no_gap", "parameters": "parameters_only"}
@@ -20,15 +21,7 @@ CAVEAT = (
 )
 
 
-def number(row: Row) -> str:
-    """Value and interval, or a dash without cases."""
-    if row.value is None:
-        return "–"
-    low, high = (f"{v:.3f}" if v is not None else "–" for v in (row.low, row.high))
-    return f"{row.value:.3f} [{low}, {high}]"
-
-
-def table(scores: Scores) -> Table:
+def table(scores: Published) -> Table:
     """The table of scores with its goals."""
     return Table(
         ("score", "value [95 %]", "cases", "goal", "met"),
@@ -37,7 +30,7 @@ def table(scores: Scores) -> Table:
     )
 
 
-def beside(scores: Scores) -> Table | None:
+def beside(scores: Published) -> Table | None:
     """The diagnosis and the baselines side by side; None when no baseline was handed in."""
     if not scores.baselines:
         return None
@@ -50,7 +43,7 @@ def beside(scores: Scores) -> Table | None:
     return Table(("score", *names), rows, numeric=columns)
 
 
-def text(scores: Scores) -> str:
+def text(scores: Published) -> str:
     """The scores for a terminal."""
     parts = [f"{scores.answered} of {scores.cases} cases answered\n", text_table(table(scores))]
     others = beside(scores)
@@ -59,7 +52,7 @@ def text(scores: Scores) -> str:
     return "\n".join(p.rstrip("\n") for p in parts)
 
 
-def page(scores: Scores, facts: list[tuple[str, str]]) -> Page:
+def page(scores: Published, facts: list[tuple[str, str]]) -> Page:
     """Everything that is scored, as one page."""
     others = beside(scores)
     sections = [
@@ -82,29 +75,29 @@ def page(scores: Scores, facts: list[tuple[str, str]]) -> Page:
     return Page(f"Withheld check: bank {scores.bank}", sections, "", [answered, *facts])
 
 
-def _strengths(scores: Scores) -> list[Block]:
+def _strengths(scores: Published) -> list[Block]:
     return [
         Picture(
-            figures.strengths(scores.by_strength),
+            strengths(scores.by_strength),
             "Wilson's 95 % intervals; green marks are goals. The strength is the largest gap of a "
             "signal over the floor that the withheld plant itself leaves after a refit.",
         )
     ]
 
 
-def _calibration(scores: Scores) -> list[Block]:
+def _calibration(scores: Published) -> list[Block]:
     if not scores.calibration:
         return [Text("No verdict carries probabilities.")]
     return [
         Picture(
-            figures.reliability(scores.calibration),
+            reliability(scores.calibration),
             "How often the first answer was right, against the probability it was given. "
             "Numbers are cases; on the dashed line the probabilities are true.",
         )
     ]
 
 
-def _confusion(scores: Scores) -> list[Block]:
+def _confusion(scores: Published) -> list[Block]:
     several = {t: said for t, said in scores.confusion.items() if " + " in t}
     single = {t: s for t, s in scores.confusion.items() if t not in several}
     order = sorted(single, key=_place)
@@ -112,7 +105,7 @@ def _confusion(scores: Scores) -> list[Block]:
     if order:
         merged = {t: _merged(single[t]) for t in order}
         title = "One effect, an unknown one, or none"
-        svg = figures.confusion(merged, {t: _right(t) for t in order}, title)
+        svg = confusion_figure(merged, {t: _right(t) for t in order}, title)
         blocks.append(Picture(svg, "Green: the right answer. Cells count cases."))
     if several:
         rows = [
@@ -141,29 +134,16 @@ def _right(truth: str) -> str:
     return "unknown" if truth.startswith("unknown: ") else _QUIET.get(truth, truth)
 
 
-def _mistakes(scores: Scores) -> list[Block]:
+def _mistakes(scores: Published) -> list[Block]:
     if not scores.mistakes:
         return [Text("None.")]
     shown = scores.mistakes[:_MOST_MISTAKES]
     rest = len(scores.mistakes) - len(shown)
-    said: list[Block] = [mistakes(shown)]
+    said: list[Block] = [mistakes_table(shown)]
     return [*said, Text(f"{rest} more are in the JSON file.")] if rest else said
 
 
-def mistakes(some: Sequence[Mistake]) -> Table:
-    """Wrong first answers, a line each."""
-    return Table(
-        ("case", "kind", "truth", "floors", "outcome", "said", "probability"),
-        [
-            (m.case, m.kind, " + ".join(m.truth), f"{m.floors:.1f}", m.outcome,
-             " + ".join(m.said), f"{m.probability:.2f}")
-            for m in some
-        ],
-        numeric=frozenset({3, 6}),
-    )  # fmt: skip
-
-
-def confusion(scores: Scores) -> Table:
+def confusion(scores: Published) -> Table:
     """What was said of every truth, and how often; the most frequent answer first."""
     rows = [
         (truth, _right(truth), ", ".join(_counted(scores.confusion[truth])))
@@ -176,7 +156,7 @@ def _counted(said: Mapping[str, int]) -> list[str]:
     return [f"{name} ({n})" for name, n in sorted(said.items(), key=lambda x: (-x[1], x[0]))]
 
 
-def trusted(scores: Scores) -> Table:
+def trusted(scores: Published) -> Table:
     """What the model is trusted to on each channel, in floors."""
     rows = [
         (t.channel, *(f"{x:.1f}" for x in (t.low, t.median, t.high)), str(t.cases))
@@ -186,7 +166,7 @@ def trusted(scores: Scores) -> Table:
     return Table(heads, rows, numeric=frozenset({1, 2, 3, 4}))
 
 
-def _trusted(scores: Scores) -> list[Block]:
+def _trusted(scores: Published) -> list[Block]:
     text = (
         "What the diagnosis trusts its model to on each channel since the known-good runs, in the "
         "floors that strengths are counted in: quartiles over the cases. An effect of fewer floors "
@@ -195,7 +175,7 @@ def _trusted(scores: Scores) -> list[Block]:
     return [Text(text), trusted(scores)]
 
 
-def _compared(scores: Scores) -> list[Block]:
+def _compared(scores: Published) -> list[Block]:
     rows = [
         (c.case, " + ".join(c.truth) or "none", c.outcome, c.said, _budget(c.budget))
         for c in scores.model_against_bench

@@ -5,24 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from smad.gap.check import page
 from smad.gap.check.errors import CheckError
-from smad.gap.check.scores import Scores
+from smad.gap.check.score import mistakes_table
 from smad.report.page import Table, markdown_table
+from tests.withheld.score_page import beside, confusion, table, trusted
+from tests.withheld.scores import Published
 
 # What a document may hold -> the table that goes there, None when these scores have none.
-TABLES: dict[str, Callable[[Scores], Table | None]] = {
-    "scores": page.table,
-    "baselines": page.beside,
-    "confusion": page.confusion,
-    "mistakes": lambda scores: page.mistakes(scores.mistakes),
-    "background": page.trusted,
+TABLES: dict[str, Callable[[Published], Table | None]] = {
+    "scores": table,
+    "baselines": beside,
+    "confusion": confusion,
+    "mistakes": lambda scores: mistakes_table(scores.mistakes),
+    "background": trusted,
 }
 
 
 def begin(name: str) -> str:
     """The line above a table."""
-    return f"<!-- withheld {name}: made by `smad gap score … --readme` -->"
+    return f"<!-- withheld {name}: made by `python -m tests.withheld score … --readme` -->"
 
 
 def end(name: str) -> str:
@@ -30,7 +31,7 @@ def end(name: str) -> str:
     return f"<!-- end of withheld {name} -->"
 
 
-def into_document(path: Path, scores: Scores) -> None:
+def into_document(path: Path, scores: Published) -> None:
     """Replaces every table of `TABLES` that the document has a place for.
 
     Raises CheckError when the file cannot be read or has no place at all.
@@ -57,9 +58,9 @@ def into_document(path: Path, scores: Scores) -> None:
     path.write_text(text)
 
 
-def _said(name: str, scores: Scores) -> str:
-    table = TABLES[name](scores)
-    said = markdown_table(table) if table is not None and table.rows else "None.\n"
+def _said(name: str, scores: Published) -> str:
+    made = TABLES[name](scores)
+    said = markdown_table(made) if made is not None and made.rows else "None.\n"
     if name == "scores":
         said = (
             f"Bank `{scores.bank}`, {scores.answered} of {scores.cases} cases answered.\n\n{said}"

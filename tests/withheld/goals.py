@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from smad.gap.check.score import Pair, Row
+
 Protocol = Literal["any runs", "check-up"]
+
+
+class Scored(Row, frozen=True):
+    """A score beside its goal: `goal` is empty and `met` None where none applies."""
+
+    goal: str = ""
+    met: bool | None = None
+    bound: float | None = None
 
 
 @dataclass(frozen=True)
@@ -79,3 +90,18 @@ GOALS: dict[str, dict[Protocol, Goal]] = {
     "differs: right entry first in the budget": _at_least(0.80, None),
 }
 """Row of the table → protocol → goal. A row that is absent has none."""
+
+
+def protocol_of(pairs: Sequence[Pair]) -> Protocol:
+    """How the bank was recorded: a check-up's key tells what differs over paired repeats."""
+    return "check-up" if any(p.truth.gap_paired for p in pairs) else "any runs"
+
+
+def with_goal(row: Row, protocol: Protocol, name: str = "") -> Scored:
+    """The row with the goal that `name` (the row's own by default) has under the protocol."""
+    goal = GOALS.get(name or row.name, {}).get(protocol)
+    values = (row.name, row.value, row.low, row.high, row.count)
+    if goal is None:
+        return Scored(*values)
+    met = None if row.value is None or row.low is None else goal.met(row.value, row.low)
+    return Scored(*values, goal=str(goal), met=met, bound=goal.bound)

@@ -13,9 +13,7 @@ from pathlib import Path
 
 import smad
 from smad.gap.check.errors import KeyMismatchError
-from smad.gap.check.scores import Scores
-
-SEALED = "sealed"
+from tests.withheld.scores import Published
 
 HEAD = """# Openings of the sealed bank
 
@@ -70,11 +68,11 @@ class Ledger:
                 "these verdicts on the sealed bank have not been scored yet",
                 value=f"{verdicts_sha256[:16]}…",
                 limit=f"those entered in {self.record.name}",
-                action="freeze and score them first: smad gap score VERDICTS KEY",
+                action="freeze and score them first: python -m tests.withheld score VERDICTS KEY",
             )
 
     def enter(
-        self, key_sha256: str, verdicts_sha256: str, scores: Scores, *, commit: str,
+        self, key_sha256: str, verdicts_sha256: str, scores: Published, *, commit: str,
         now: datetime.datetime,
     ) -> None:  # fmt: skip
         """Append one opening to the record and make the page anew."""

@@ -8,15 +8,42 @@ saw have no joint fit and are left out, which favours the baselines. None of the
 from __future__ import annotations
 
 import hashlib
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
+import msgspec
 import numpy as np
+from scipy.stats import chi2
 
+from smad.gap.check.names import canonical
 from smad.gap.check.verdicts import Short
-from smad.gap.records import FittedRecord
+from smad.gap.records import Diagnosis, FittedRecord
 
 _PASSES = 0.95
+
+
+def told_beside(
+    verdicts: Path, cases: Sequence[str], kept: Path | None, library: Sequence[str]
+) -> Mapping[str, Mapping[str, Short]]:
+    """What simpler rules say of each case, in the bank's names.
+
+    A verdict file of check-ups tells it itself; of others it is found from the whole diagnoses that
+    `smad gap check --keep` wrote into `kept`.
+    """
+    file = json.loads(verdicts.read_bytes())["verdicts"]
+    own = {c: v["baselines"] for c, v in file.items() if v.get("baselines")}
+    found = msgspec.convert(own, dict[str, dict[str, Short]])
+    for case in cases if kept is not None else ():
+        path = kept / f"{case}.json"
+        if path.is_file():
+            fitted = Diagnosis.from_json(path.read_bytes()).fitted
+            found[case] = baselines(fitted, library, case)
+    return {
+        case: {rule: Short(s.outcome, [canonical(n) for n in s.names]) for rule, s in rules.items()}
+        for case, rules in found.items()
+    }
 
 
 def baselines(fitted: Sequence[FittedRecord], library: Sequence[str], case: str
@@ -43,8 +70,6 @@ def _bic(f: FittedRecord) -> float:
 
 def _chi2(fitted: Sequence[FittedRecord]) -> FittedRecord:
     """The smallest χ², if it is smaller by more than its extra parameters explain at 95 %."""
-    from scipy.stats import chi2
-
     refit = next(f for f in fitted if not f.names)
     best = min(fitted, key=lambda f: f.chi2)
     extra = best.parameters - refit.parameters

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from smad.gap.check.score import Bin, Row
+from smad.gap.check.score import Bin
 from smad.report.plots import label, new_figure, svg_of
+from tests.withheld.goals import Scored
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 _OURS, _RIGHT, _FAINT = "#0b5cad", "#1f7a4d", "#8b949e"
 
 
-def strengths(curves: Mapping[str, Sequence[Row]]) -> str:
+def strengths(curves: Mapping[str, Sequence[Scored]]) -> str:
     """Each score against the gap's size, with its interval."""
     figure, axes = new_figure(1, len(curves), width_in=9.0, height_in=2.8)
     for ax, (name, rows) in zip(axes, curves.items(), strict=True):
