@@ -27,7 +27,6 @@ FALSE_ALARMS = 1.0 / 60.0
 """Of quiet benches, one in so many may be called changed, over all three limits together."""
 _LIMITS = 3
 _LEAST_SHARE = 1e-9
-TEMPERS = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 SHARES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 FREE = (0.1, 0.15, 0.25, 0.4)
 ODDS = tuple(
@@ -169,8 +168,8 @@ def tried(judged: Sequence[Judged], constants: Constants) -> Trials:
     changed = [j for j, own in zip(judged, asked, strict=True) if own]
     sizes, right = [sizes_of(j.findings) for j in changed], [_right(j) for j in changed]
     candidates, scores = [], []
-    for temper, form, free in product(TEMPERS, SHARES, FREE):
-        own = msgspec.structs.replace(constants, temper=temper, form_share=form, free_share=free)
+    for form, free in product(SHARES, FREE):
+        own = msgspec.structs.replace(constants, form_share=form, free_share=free)
         found = [evidence(j.findings.products, own) for j in changed]
         for parameters, further, left in ODDS:
             candidates.append(

@@ -13,7 +13,7 @@ class Constants(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     A bench has changed when the best entry takes more than `quiet_gain` off the sum of squares, or
     the mean square of all rows exceeds `quiet_ratio`, or that of one channel `channel_ratio`. Then
-    rows have the variance `temper` + `form_share`² G, G being what the best entry takes, since its
+    rows have the variance 1 + `form_share`² G, G being what the best entry takes, since its
     law has another form than the bench's. Other values of parameters lie within `free_share` of
     their prior's standard deviation; `parameter_odds` are their prior odds against one entry,
     `further_odds` those of each further entry. The cause is rather unknown than not when the best
@@ -24,7 +24,6 @@ class Constants(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     quiet_gain: float
     quiet_ratio: float
     channel_ratio: float
-    temper: float
     form_share: float
     free_share: float
     parameter_odds: float

@@ -2,7 +2,7 @@
 
 White rows have variance 1 on a bench without a change. Beside an entry that takes G of their sum of
 squares, what its law gets wrong adds to that, so every hypothesis is judged with the variance
-v = `temper` + `form_share`² G in each row. Parameters are tied to where they were under an entry
+v = 1 + `form_share`² G in each row. Parameters are tied to where they were under an entry
 and within `free_share` of their prior's standard deviation under *parameters*; the determinant of
 that is what the freedom costs. All of it follows from inner products, so that other constants can
 be tried without another replay.
@@ -60,7 +60,7 @@ class Products:
 
 def variance(gain: float, constants: Constants) -> float:
     """Variance of a row where the best entry takes `gain` of the sum of squares."""
-    return constants.temper + constants.form_share**2 * max(gain, 0.0)
+    return 1.0 + constants.form_share**2 * max(gain, 0.0)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from smad.gap.plant import Effect
 from .short import PLANT
 
 BEFORE = Constants(
-    quiet_gain=100.0, quiet_ratio=1.6, channel_ratio=3.0, temper=5.0, form_share=0.35,
+    quiet_gain=100.0, quiet_ratio=1.6, channel_ratio=3.0, form_share=0.35,
     free_share=0.25, parameter_odds=10.0, further_odds=0.01, unknown_left=0.6, odds=3.0,
 )  # fmt: skip
 BY_NAME = {e.name: e for e in PLANT.effects}
@@ -130,7 +130,7 @@ def grown(taken: float) -> Findings:
 
 
 def test_a_further_name_is_said_where_its_evidence_outweighs_its_prior() -> None:
-    variance = BEFORE.temper + BEFORE.form_share**2 * 2000.0
+    variance = 1.0 + BEFORE.form_share**2 * 2000.0
     needed = -2.0 * variance * np.log(BEFORE.further_odds)
     for taken, names in ((0.5 * needed, ["rtd_lag"]), (2.0 * needed, ["rtd_lag", "driver_gain"])):
         told = hypotheses(grown(taken), BEFORE)
