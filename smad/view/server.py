@@ -128,9 +128,12 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
         try:
             yield page
         finally:
-            following.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await following
+            # A cancellation may be lost where it comes together with what is waited for.
+            while not following.done():
+                following.cancel()
+                await asyncio.wait([following], timeout=CLOSING_S)
+            if not following.cancelled():
+                following.result()
 
 
 def _headers(headers: Headers) -> dict[str, str]:
