@@ -264,7 +264,7 @@ def test_no_bench_of_these_holds_with_a_limit_cycle(
     assert sum(held.pump_starts) == 0
     assert held.ripple_A < 0.05
     # Bench 12 errs by 20.1 µm at −10 mm with three times the noise.
-    assert held.error_rms < 0.022
+    assert held.error_rms < (0.02 if level_mm == 0.0 else 0.022)
 
 
 def swings(error_mm: np.ndarray) -> int:
