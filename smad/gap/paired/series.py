@@ -10,7 +10,7 @@ import contextlib
 import os
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -118,13 +118,28 @@ def play_series(
             continue
         say(f"{folder.name}: {run.name}, {run.duration_s:.0f} s: {run.title}")
         original = None if originals is None else originals / f"{run.name}.mcap"
-        recorded = play(run, original)
+        with _told_what_is_kept(folder, programme, say):
+            recorded = play(run, original)
         keep(recorded.path, folder / f"{run.name}.mcap")
         if recorded.ended:
             _write(folder, msgspec.structs.replace(state, done=True, ended=recorded.ended))
             return recorded.ended
     _write(folder, msgspec.structs.replace(state, done=True))
     return ""
+
+
+@contextlib.contextmanager
+def _told_what_is_kept(folder: Path, programme: Programme, say: Say) -> Iterator[None]:
+    """Says what an interruption costs, whatever it is."""
+    try:
+        yield
+    except BaseException:
+        kept = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
+        say(
+            f"{folder.name}: {kept} of {len(programme.runs)} runs are kept; the same command goes "
+            "on after them"
+        )
+        raise
 
 
 def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:

@@ -45,8 +45,10 @@ def test_an_interrupted_series_goes_on_after_the_last_run_that_was_finished(
     tmp_path: Path,
 ) -> None:
     folder = series(tmp_path, "good")
+    lines: list[str] = []
     with pytest.raises(ConnectionError):
-        play_series(folder, PROGRAMME, Player(tmp_path, fails=SECOND), None, said)
+        play_series(folder, PROGRAMME, Player(tmp_path, fails=SECOND), None, lines.append)
+    assert lines[-1] == "good-1: 1 of 2 runs are kept; the same command goes on after them"
     assert finished([folder], PROGRAMME) == []
     assert series(tmp_path, "good") == folder
     again = Player(tmp_path)
