@@ -11,7 +11,7 @@ import click
 from smad.cli import complete
 
 SUFFIX = ".mcap"
-"""What a folder is searched for: run logs."""
+"""What a folder is searched for: run logs, and where it has none, tables."""
 
 
 class ManyRuns(click.Command):
@@ -50,8 +50,8 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
     if path.is_file():
         return [path]
     if path.is_dir():
-        found = sorted(p for p in path.iterdir() if p.suffix == SUFFIX)
-        lacking = f"folder {value!r} holds no run log (*{SUFFIX})"
+        found = _in_folder(path)
+        lacking = f"folder {value!r} holds no run log (*{SUFFIX}), CSV or Parquet file"
     else:
         found = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
         lacking = f"no file, folder or match of a pattern is {value!r}"
@@ -60,6 +60,15 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
             f"{lacking}. Give run logs, a folder of them or a quoted pattern", ctx, param
         )
     return found
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    from smad.runlog.tables import KINDS
+
+    for kinds in ((SUFFIX,), KINDS):
+        if found := sorted(p for p in folder.iterdir() if p.name.endswith(kinds)):
+            return found
+    return []
 
 
 runs_argument = click.argument(

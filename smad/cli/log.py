@@ -177,11 +177,11 @@ def plot(
 )
 @_json
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
-    """Make a run log from a CSV file with units in its column names."""
-    from smad.runlog.importer import import_csv, read_mapping
+    """Make a run log from a CSV or Parquet file with units in its column names."""
+    from smad.runlog.importer import import_table, read_mapping
 
     rules = read_mapping(mapping) if mapping is not None else None
-    done = import_csv(source, output or source.with_suffix(".mcap"), rules)
+    done = import_table(source, output or source.with_suffix(".mcap"), rules)
     if as_json:
         _print_json(done)
         return

@@ -8,7 +8,7 @@ one that does not fit) is refused, because a guess would be a factor of a thousa
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -93,8 +93,9 @@ def assign(names: Iterable[str], given: Mapping[str, ColumnRule]) -> Assignment:
         )
     rules: dict[str, ColumnRule] = {}
     ignored = []
+    exact = {name for name in names if name in CHANNELS and name not in given}
     for name in names:
-        rule = _checked(name, given[name]) if name in given else _from_name(name)
+        rule = _checked(name, given[name]) if name in given else _from_name(name, exact)
         if rule is None:
             ignored.append(name)
             continue
@@ -108,7 +109,11 @@ def assign(names: Iterable[str], given: Mapping[str, ColumnRule]) -> Assignment:
     return Assignment(rules, ignored)
 
 
-def _from_name(name: str) -> ColumnRule | None:
+def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
+    """The rule of a column by its name; None where it says nothing, or the channel is in `exact`.
+
+    What has just the name of a channel is that channel, whatever others look like it.
+    """
     if name in CHANNELS:
         return ColumnRule(name, CHANNELS[name].unit)
     bracketed = _BRACKETED.match(name)
@@ -121,7 +126,7 @@ def _from_name(name: str) -> ColumnRule | None:
         stem, _, unit = name.strip().rpartition("_")
         stem = _plain(stem)
     channel = ALIASES.get(stem)
-    if channel is None:
+    if channel is None or channel in exact:
         return None
     wanted = CHANNELS[channel].unit
     if not unit and wanted == "1":

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import gzip
+import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TextIO, cast
 
 import msgspec
 import numpy as np
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 _DELIMITERS: tuple[str, ...] = (",", ";", "\t")
 _NOTHING = ["", "nan", "NaN", "NAN", "NA", "null", "NULL", "None"]
 _COMMENT = "#"
+DAMAGED = (OSError, EOFError, zlib.error)
+"""What reading a file raises that is absent, cut short or damaged."""
 
 
 class CsvFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -53,10 +57,13 @@ class CsvTable:
             raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
         return {name: self._numbers(name, table[name]) for name in table.column_names}
 
-    def line_of(self, row: int) -> int:
+    def place_of(self, row: int) -> str:
         """The line of the file on which that row (from 0) ends."""
+        return f"line {self._line_of(row)}"
+
+    def _line_of(self, row: int) -> int:
         # Columns that nobody wants are not looked at before, so anything may stand in them.
-        with self.path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        with _opened(self.path, errors="replace") as file:
             reader = csv.reader(_after(file, self.names_line), delimiter=self.delimiter)
             filled = (reader.line_num for cells in reader if cells)
             with contextlib.suppress(csv.Error):
@@ -83,6 +90,10 @@ class CsvTable:
                     strings_can_be_null=True,
                 ),
             )
+        except OSError as error:
+            raise LogImportError(
+                f"cannot read {self.path}: {error}", action="restore the file"
+            ) from error
         except pa.ArrowInvalid as error:
             if "Empty CSV" in str(error):
                 raise LogImportError(
@@ -95,13 +106,13 @@ class CsvTable:
 
     def _first_bad_row(self) -> str:
         try:
-            with self.path.open(encoding="utf-8-sig", newline="") as file:
+            with _opened(self.path) as file:
                 reader = csv.reader(_after(file, self.names_line), delimiter=self.delimiter)
                 for cells in reader:
                     if cells and len(cells) != len(self.names):
                         line = self.names_line + reader.line_num
                         return f"line {line} has {len(cells)} cells, not {len(self.names)}"
-        except (csv.Error, UnicodeDecodeError) as error:
+        except (csv.Error, UnicodeDecodeError, *DAMAGED) as error:
             return str(error)
         return ""
 
@@ -124,7 +135,7 @@ class CsvTable:
 
     def _refuse(self, name: str, row: int, value: str) -> None:
         raise LogImportError(
-            f"{self.path}, line {self.line_of(row)}: column {name!r} is not a number",
+            f"{self.path}, {self.place_of(row)}: column {name!r} is not a number",
             value=value,
             action="correct it, or leave the cell empty"
             if self.decimal == "," or "," not in value
@@ -138,12 +149,11 @@ def open_csv(path: Path, form: CsvFormat) -> CsvTable:
     Raises LogImportError for a file that cannot be read, is empty, or is no table of names.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with _opened(path) as file:
             number, line = _names_line(file)
-    except OSError as error:
-        raise LogImportError(
-            f"cannot read {path}: {error.strerror}", action="check the path"
-        ) from (error)
+    except DAMAGED as error:
+        said = getattr(error, "strerror", None) or error
+        raise LogImportError(f"cannot read {path}: {said}", action="check the file") from error
     except UnicodeDecodeError as error:
         raise LogImportError(
             f"{path} is not UTF-8 text (byte {error.start})", action="save it as UTF-8 CSV"
@@ -164,6 +174,12 @@ def open_csv(path: Path, form: CsvFormat) -> CsvTable:
             f"{path}, line {number}: two columns are named {twin!r}", action="rename one"
         )
     return CsvTable(path, names, number, delimiter, form.decimal)
+
+
+def _opened(path: Path, errors: str = "strict") -> TextIO:
+    """The text of a file, unpacked if its name says that it is packed."""
+    how = gzip.open if path.suffix == ".gz" else open
+    return cast(TextIO, how(path, "rt", encoding="utf-8-sig", errors=errors, newline=""))
 
 
 def _names_line(lines: Iterable[str]) -> tuple[int, str]:

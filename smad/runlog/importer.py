@@ -1,4 +1,4 @@
-"""Logs made elsewhere (CSV) become ordinary run logs, with `source = "import"` in the header."""
+"""Logs made elsewhere become run logs, with `source = "import"` in the header."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.runlog.column_names import Assignment, ColumnRule, assign
-from smad.runlog.csv_table import CsvFormat, CsvTable, open_csv
+from smad.runlog.column_names import Assignment, ColumnRule
+from smad.runlog.csv_table import CsvFormat
 from smad.runlog.export import header_path
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
-from smad.runlog.units import convert
+from smad.runlog.tables import channels_of, open_table
 from smad.runlog.writer import write_run
 
 
@@ -61,12 +61,12 @@ def read_mapping(path: str | Path) -> MappingFile:
         ) from None
 
 
-def import_csv(
+def import_table(
     source: str | Path, target: str | Path, mapping: MappingFile | None = None
 ) -> Imported:
-    """Turn the CSV at `source` into a run log at `target`.
+    """Turn the table at `source` into a run log at `target`.
 
-    A header that `smad log export` left beside the CSV is taken over. Channels that the file does
+    A header that `smad log export` left beside it is taken over. Channels that the file does
     not have are absent from the log and listed in the result.
 
     Raises LogImportError for a file that cannot be used, RunLogError for a target that cannot be
@@ -74,10 +74,7 @@ def import_csv(
     """
     source = Path(source)
     mapping = mapping or MappingFile()
-    table = open_csv(source, mapping.csv)
-    assignment = assign(table.names, mapping.columns)
-    columns = _convert(table, assignment)
-    _check_time(table, assignment, columns)
+    columns, assignment = channels_of(open_table(source, mapping.csv), mapping.columns)
     beside = _read_beside(source)
     header = _header(source, beside.header, assignment, columns)
     records = _records(columns, beside)
@@ -90,55 +87,6 @@ def import_csv(
         ignored=assignment.ignored,
         missing=[name for name in CHANNELS if name not in columns],
     )
-
-
-def _convert(table: CsvTable, assignment: Assignment) -> dict[str, NDArray[np.float64]]:
-    columns = {}
-    if "t_s" not in {rule.channel for rule in assignment.rules.values()}:
-        raise LogImportError(
-            f"{table.path} has no time column",
-            value=", ".join(table.names),
-            limit="t_s, time_s, time_ms …",
-            action="name the column time_s, or use a mapping file",
-        )
-    for name, values in table.columns(assignment.rules).items():
-        rule = assignment.rules[name]
-        channel = CHANNELS[rule.channel]
-        converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
-        if channel.kind == "integer":
-            bad = np.flatnonzero((converted < 0) | (converted != np.rint(converted)))
-            bad = bad[~np.isnan(converted[bad])]
-            if len(bad):
-                raise LogImportError(
-                    f"{table.path}, line {table.line_of(int(bad[0]))}: column {name!r} holds "
-                    "counts or bits",
-                    value=float(converted[bad[0]]),
-                    limit="whole numbers from 0",
-                    action="correct the value",
-                )
-        columns[rule.channel] = converted
-    return {name: columns[name] for name in CHANNELS if name in columns}
-
-
-def _check_time(
-    table: CsvTable, assignment: Assignment, columns: Mapping[str, NDArray[np.float64]]
-) -> None:
-    t_s = columns["t_s"]
-    name = next(n for n, rule in assignment.rules.items() if rule.channel == "t_s")
-    empty = np.flatnonzero(np.isnan(t_s))
-    if len(empty):
-        raise LogImportError(
-            f"{table.path}, line {table.line_of(int(empty[0]))}: time column {name!r} is empty",
-            action="fill it, or remove the row",
-        )
-    back = np.flatnonzero(np.diff(t_s) <= 0)
-    if len(back):
-        row = int(back[0]) + 1
-        raise LogImportError(
-            f"{table.path}, line {table.line_of(row)}: time does not increase",
-            value=f"{t_s[row]:.9g} s after {t_s[row - 1]:.9g} s",
-            action="sort the rows, and remove repeated ones",
-        )
 
 
 def _read_beside(source: Path) -> _Beside:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from smad.errors import LogImportError
-from smad.runlog.importer import import_csv, read_mapping
+from smad.runlog.importer import import_table, read_mapping
 from smad.runlog.reader import read_run
 from tests.fuzz.files import file_with, no_file
 from tests.fuzz.program import require
@@ -25,7 +25,7 @@ def run(data: bytes) -> None:
     target = no_file("elsewhere.mcap")
     try:
         mapping = read_mapping(file_with("mapping.toml", mapping_text)) if mapping_text else None
-        done = import_csv(source, target, mapping)
+        done = import_table(source, target, mapping)
     except LogImportError as error:
         require(len(str(error).splitlines()) == 1, "a refusal of several lines, or of none")
         require(not target.exists(), "an import that was refused left a file")

@@ -25,7 +25,7 @@ from sim_device.plant.parameters import load_parameters, parameters_text
 from smad.cli.log import log
 from smad.errors import LogImportError
 from smad.runlog.header import RunHeader
-from smad.runlog.importer import import_csv
+from smad.runlog.importer import import_table
 from smad.runlog.mcap_file import CHANNEL_IDS, pack
 from smad.runlog.overview import list_runs
 from smad.runlog.reader import read_run
@@ -143,7 +143,7 @@ def test_a_bad_cell_is_told_with_its_line_although_another_column_is_no_text(
     source = tmp_path / "run.csv"
     source.write_bytes(b"time_s,remark\n0,ok\nsoon,\xce")
     with pytest.raises(LogImportError, match="line 3: column 'time_s'"):
-        import_csv(source, tmp_path / "run.mcap")
+        import_table(source, tmp_path / "run.mcap")
 
 
 def test_a_folder_is_listed_without_unpacking_what_a_damaged_footer_points_at(
@@ -168,7 +168,7 @@ def test_a_log_whose_start_no_calendar_holds_is_still_shown_and_listed(tmp_path:
 def test_a_time_beyond_all_clocks_is_imported_as_it_is(tmp_path: Path) -> None:
     source = tmp_path / "run.csv"
     source.write_text("time_s,displacement_mm\n-1e300,1\n0,2\n1e300,3\n")
-    run = read_run(import_csv(source, tmp_path / "run.mcap").path)
+    run = read_run(import_table(source, tmp_path / "run.mcap").path)
     assert run.columns["t_s"].tolist() == [-1e300, 0.0, 1e300]
 
 

@@ -7,20 +7,21 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
 
-from smad.gap.check.bounds import MOST_MANIFEST_BYTES, read_bounded, require_bounded
+from smad.errors import LogImportError
 from smad.gap.check.errors import BankError
-from smad.gap.runs import Array, GapRun
-from smad.gap.sma.signals import CHANNELS, INPUTS, run_from_columns
+from smad.gap.runs import GapRun
+from smad.gap.sma.signals import CHANNELS, INPUTS, table_run
 
 FORMAT = "smad-bank-1"
+_MOST_MANIFEST_BYTES = 16_000_000
 _GOLDEN = 0.6180339887498949
 _SEE = "see “A bank” in docs/withheld.md"
 
@@ -88,7 +89,7 @@ def open_bank(folder: Path) -> Bank:
     """
     path = folder / "manifest.json"
     try:
-        data = read_bounded(path, MOST_MANIFEST_BYTES)
+        data = _manifest_bytes(path)
     except OSError as error:
         raise BankError(
             f"{path} cannot be read",
@@ -202,30 +203,12 @@ def read_case(bank: Bank, case: Case) -> CaseRuns:
 
 
 def _run(name: str, path: Path) -> GapRun:
-    columns = read_columns(path)
-    _require_columns(path, columns)
-    flagged = columns.get("valid")
-    if flagged is None:
-        return run_from_columns(name, columns)
-    use = np.nan_to_num(flagged) > 0.5
-    # What was read in a flagged row is no more to be fed to a model than to be compared with it. A
-    # run that has no other rows is refused at its admission, which wants to see channels.
-    measured = {c.name for c in CHANNELS} if use.any() else set()
-    kept = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
-    run = run_from_columns(name, kept)
-    assert run.valid is not None, "a run from columns says which samples are valid"
-    return replace(run, valid=run.valid & use)
-
-
-def _require_columns(path: Path, columns: Mapping[str, Array]) -> None:
-    def has(name: str) -> bool:
-        return name in columns and bool(np.isfinite(columns[name]).any())
-
-    absent = [] if has("t_s") else ["t_s"]
-    absent += [
-        s.name for s in INPUTS if not has(s.name) and not has(s.name.replace("applied", "cmd"))
-    ]
-    if not any(has(c.name) for c in CHANNELS):
+    try:
+        run = table_run(name, path)
+    except LogImportError as error:
+        raise BankError(f"run file {path} cannot be used: {error}") from error
+    absent = [s.name for s in INPUTS if s.name not in run.inputs]
+    if not run.outputs:
         absent.append(f"any measured channel ({', '.join(c.name for c in CHANNELS)})")
     if absent:
         raise BankError(
@@ -234,97 +217,17 @@ def _require_columns(path: Path, columns: Mapping[str, Array]) -> None:
             limit=f"columns as in the run log; {_SEE}",
             action="add the column, in the unit its name ends with",
         )
-    t_s = columns["t_s"]
-    if not np.isfinite(t_s).all() or np.any(np.diff(t_s) <= 0.0):
+    return run
+
+
+def _manifest_bytes(path: Path) -> bytes:
+    with path.open("rb") as file:
+        data = file.read(_MOST_MANIFEST_BYTES + 1)
+    if len(data) > _MOST_MANIFEST_BYTES:
         raise BankError(
-            f"run file {path}: column t_s is not a rising time",
-            value=f"{int(np.sum(~(np.diff(t_s) > 0.0)))} steps that do not rise",
-            action="sort the rows by time and take lost rows out",
+            f"{path} is too large",
+            value=f"more than {_MOST_MANIFEST_BYTES} bytes",
+            limit=f"{_MOST_MANIFEST_BYTES} bytes",
+            action="split the bank",
         )
-
-
-_READ = {"t_s", "valid", *(c.name for c in CHANNELS)} | {
-    n for s in INPUTS for n in (s.name, s.name.replace("applied", "cmd"))
-}
-"""Columns that a diagnosis reads."""
-
-
-def read_columns(path: Path) -> dict[str, Array]:
-    """Columns of a Parquet, CSV or gzipped CSV file as float64, missing samples as NaN.
-
-    No more is read than a run can hold (`smad.gap.check.bounds`). Columns that no diagnosis reads
-    are left out where they hold text or share a name. Raises BankError when one that it
-    reads does so, and when the file is missing, of another kind, or too long.
-    """
-    kinds = (".parquet", ".csv", ".csv.gz")
-    if not path.name.endswith(kinds):
-        raise BankError(
-            f"run file {path} is of another kind",
-            value=path.suffix,
-            limit=", ".join(kinds),
-            action="convert it",
-        )
-    try:
-        require_bounded(path)
-        table = _table(path)
-        times = Counter(table.column_names)
-        usable = [n for n, k in times.items() if k == 1 and not _is_text(table[n])]
-        _require_usable(path, table, set(times) - set(usable))
-        return {
-            name: np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=np.float64)
-            for name in usable
-        }
-    except (OSError, ValueError, TypeError) as error:
-        raise BankError(
-            f"run file {path} cannot be read",
-            value=str(error).splitlines()[0] if str(error) else type(error).__name__,
-            action="restore the file, or leave the case out with --only",
-        ) from error
-
-
-def _require_usable(path: Path, table: Any, unusable: Collection[str]) -> None:
-    names = [n for n in table.column_names if n in unusable and n in _READ]
-    if not names:
-        return
-    if (count := table.column_names.count(names[0])) > 1:
-        raise BankError(
-            f"run file {path} has a column more than once",
-            value=f"{names[0]}, {count} times",
-            limit="once",
-            action="keep one of them, or rename the other",
-        )
-    texts = (v for v in table[names[0]].to_pylist() if v is not None)
-    raise BankError(
-        f"run file {path}: column {names[0]} holds text",
-        value=next((v for v in texts if not _is_number(v)), "numbers as text"),
-        limit="numbers; a missing sample is empty or NaN",
-        action="replace the text in the column",
-    )
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _table(path: Path) -> Any:
-    if path.suffix == ".parquet":
-        import pyarrow.parquet as pq
-
-        # read_table refuses names that stand twice, even of columns that nobody reads.
-        with pq.ParquetFile(path) as file:
-            return file.read()
-    from pyarrow import csv
-
-    missing = csv.ConvertOptions(null_values=["", "nan", "NaN", "NAN"])
-    return csv.read_csv(path, convert_options=missing)
-
-
-def _is_text(column: Any) -> bool:
-    from pyarrow import types
-
-    kind = column.type
-    return bool(types.is_string(kind) or types.is_large_string(kind) or types.is_dictionary(kind))
+    return data

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from smad.errors import LogImportError
 from smad.gap.data.guards import same_recording
 from smad.gap.paired.errors import PairingError
 from smad.gap.paired.reference import input_spans
 from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
-from smad.gap.plant import Array, PlantModel
+from smad.gap.plant import PlantModel
 from smad.gap.runs import GapRun
-from smad.gap.sma.signals import CHANNELS, INPUTS, gap_run_of, run_from_columns
+from smad.gap.sma.signals import INPUTS, gap_run_of, table_run
+from smad.runlog.tables import KINDS
 
-_KINDS = (".mcap", ".parquet", ".csv", ".csv.gz")
+_KINDS = (".mcap", *KINDS)
 _LIKE = 0.05
 
 
@@ -71,47 +68,11 @@ def read_file(path: Path) -> GapRun:
 def _read(path: Path) -> tuple[GapRun, str]:
     """A run with the serial number of its board, empty where the file does not tell."""
     if path.suffix != ".mcap":
-        return _checked(path, _from_table(path)), ""
+        return _checked(path, table_run(_stem(path), path)), ""
     from smad.runlog.reader import read_run
 
     log = read_run(path)
     return _checked(path, gap_run_of(log)), log.header.board.get("uid", "")
-
-
-def _from_table(path: Path) -> GapRun:
-    table = _table(path)
-    from smad.runlog.column_names import assign
-    from smad.runlog.schema import CHANNELS as LOGGED
-    from smad.runlog.units import convert
-
-    try:
-        rules = assign(table, {}).rules
-    except LogImportError as error:
-        raise PairingError(f"{path}: {error}", action="rename the column") from error
-    columns = {
-        rule.channel: convert(
-            _numbers(path, name, table[name]), rule.unit, LOGGED[rule.channel].unit
-        )
-        for name, rule in rules.items()
-    }
-    flags = columns.pop("valid", None)
-    if flags is not None:
-        use = np.nan_to_num(flags) > 0.5
-        measured = {c.name for c in CHANNELS}
-        columns = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
-    return _as_run(path, columns)
-
-
-def _as_run(path: Path, columns: dict[str, Array]) -> GapRun:
-    t_s = columns.get("t_s")
-    if t_s is None or len(t_s) < 2 or not np.isfinite(t_s).all() or np.any(np.diff(t_s) <= 0.0):
-        raise PairingError(
-            f"{path} has no rising time column",
-            value="none" if t_s is None else f"{len(t_s)} rows",
-            limit="t_s, time_s, time_ms …, each later than the last",
-            action="name the column time_s, sort its rows, and take lost ones out",
-        )
-    return run_from_columns(_stem(path), columns)
 
 
 def _checked(path: Path, run: GapRun) -> GapRun:
@@ -128,33 +89,6 @@ def _checked(path: Path, run: GapRun) -> GapRun:
             action="add the column, in the unit its name ends with",
         )
     return run
-
-
-def _table(path: Path) -> dict[str, Any]:
-    """Columns as they stand in the file."""
-    try:
-        if path.suffix == ".parquet":
-            import pyarrow.parquet as pq
-
-            table = pq.read_table(path)
-        else:
-            from pyarrow import csv
-
-            missing = csv.ConvertOptions(null_values=["", "nan", "NaN", "NAN"])
-            table = csv.read_csv(path, convert_options=missing)
-    except (OSError, ValueError, KeyError) as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise PairingError(f"{path} cannot be read: {said}", action="restore the file") from error
-    return {n: table[n].to_numpy(zero_copy_only=False) for n in table.column_names}
-
-
-def _numbers(path: Path, name: str, column: Any) -> Array:
-    try:
-        return np.asarray(column, dtype=np.float64)
-    except (ValueError, TypeError):
-        raise PairingError(
-            f"{path}: column {name} holds text", limit="numbers, or nothing", action="correct it"
-        ) from None
 
 
 @dataclass(frozen=True)

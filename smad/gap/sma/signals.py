@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from scipy.signal import lfilter
 
 from smad.gap.plant import Array, Channel, Mask, Output, Signal, View
 from smad.gap.runs import GapRun, bridged
+from smad.runlog.tables import read_channels
 
 if TYPE_CHECKING:
     from smad.runlog.reader import Run
@@ -220,6 +222,25 @@ def run_from_columns(
     return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes)
 
 
+def table_run(name: str, path: Path) -> GapRun:
+    """A table made elsewhere (`smad.runlog.tables`) as a run of the diagnosis.
+
+    Rows with a `valid` of 0 are not valid, and what was read in them is no more to be fed to a
+    model than to be compared with it. A run without other rows keeps its channels: its admission
+    refuses it, and wants to see them. Raises LogImportError for a file that cannot be used.
+    """
+    columns = dict(read_channels(path))
+    flagged = columns.pop("valid", None)
+    if flagged is None:
+        return run_from_columns(name, columns)
+    use = np.nan_to_num(flagged) > 0.5
+    measured = {c.name for c in CHANNELS} if use.any() else set()
+    kept = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
+    run = run_from_columns(name, kept)
+    assert run.valid is not None, "a run from columns says which samples are valid"
+    return replace(run, valid=run.valid & use)
+
+
 def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
     if name not in columns:
         return None
@@ -231,7 +252,12 @@ def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
 
 
 def read_gap_run(path: Path) -> GapRun:
-    """A run log as a run of the diagnosis. Raises RunLogError when it cannot be read at all."""
+    """A run log or a table as a run of the diagnosis.
+
+    Raises RunLogError (of a table LogImportError) when it cannot be read at all.
+    """
+    if path.suffix != ".mcap":
+        return table_run(path.name.split(".")[0], path)
     from smad.runlog.reader import read_run
 
     return gap_run_of(read_run(path))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -15,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from smad.cli import execute
-from smad.gap.check.bank import chosen, open_bank, read_case, read_columns
+from smad.gap.check.bank import chosen, open_bank, read_case
 from smad.gap.check.errors import BankError
 from smad.gap.check.key import read_key
 from smad.gap.check.names import CAUSES, subsystem_of
@@ -145,18 +144,6 @@ def test_a_run_of_flagged_rows_only_keeps_its_channels_and_has_no_valid_sample(
     assert not run.good.any()
 
 
-def test_the_same_run_is_read_from_parquet_and_csv(tmp_path: Path) -> None:
-    table = columns()
-    table["force_N"] = np.sin(table["t_s"])
-    table["force_N"][3] = np.nan
-    for name in ("a.parquet", "a.csv"):
-        write(tmp_path, name, table)
-    one, two = (read_columns(tmp_path / name) for name in ("a.parquet", "a.csv"))
-    assert one.keys() == two.keys()
-    for name, column in one.items():
-        np.testing.assert_allclose(column, two[name])
-
-
 def test_a_subset_is_spread_nested_and_the_same_every_time(tmp_path: Path) -> None:
     bank = open_bank(make(tmp_path, 60))
     few, more = ([c.id for c in chosen(bank, count=n, seed=3)] for n in (10, 20))
@@ -247,47 +234,19 @@ def test_an_effect_that_the_library_does_not_have_is_refused(
     assert "rtd_lg" in _refused(capsys, str(make(tmp_path)), "--effects", "rtd_lg")
 
 
-@pytest.mark.parametrize("gone", ["t_s", "duty_y", "i_applied_x_A"])
-def test_a_missing_column_is_named(gone: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("gone", "said"), [("t_s", "time"), ("duty_y", "duty_y"), ("i_applied_x_A", "i_applied_x_A")]
+)
+def test_a_missing_column_is_named(gone: str, said: str, tmp_path: Path) -> None:
     table = columns()
     del table[gone]
     make(tmp_path)
     write(tmp_path, "case-1/fit.parquet", table)
     bank = open_bank(tmp_path)
-    with pytest.raises(BankError, match=gone) as caught:
+    with pytest.raises(BankError, match=said) as caught:
         read_case(bank, bank.case("case-1"))
     assert "case-1/fit.parquet" in str(caught.value)
-    assert "add the column" in str(caught.value)
-
-
-@pytest.mark.parametrize("name", ["force_N", "duty_x", "t_s", "valid"])
-def test_text_in_a_column_that_is_read_is_refused_and_shown(name: str, tmp_path: Path) -> None:
-    table = columns()
-    table[name] = [*table[name][:-1], "n/a"]
-    write_csv(tmp_path / "run.csv", list(table), list(table.values()))
-    with pytest.raises(BankError, match=f"column {name} holds text; got n/a"):
-        read_columns(tmp_path / "run.csv")
-
-
-def test_a_column_that_stands_twice_is_refused(tmp_path: Path) -> None:
-    table = columns()
-    twice = [*table.values(), table["force_N"]]
-    write_csv(tmp_path / "run.csv", [*table, "force_N"], twice)
-    pq.write_table(
-        pa.Table.from_arrays([pa.array(v) for v in twice], [*table, "force_N"]),
-        tmp_path / "run.parquet",
-    )
-    for path in (tmp_path / "run.csv", tmp_path / "run.parquet"):
-        with pytest.raises(BankError, match="force_N, 2 times"):
-            read_columns(path)
-
-
-def test_columns_that_nobody_reads_may_hold_text_or_stand_twice(tmp_path: Path) -> None:
-    table = columns()
-    spare = [["warm-up"] * N, np.zeros(N), np.ones(N)]
-    path = tmp_path / "run.csv"
-    write_csv(path, [*table, "comment", "x", "x"], [*table.values(), *spare])
-    assert read_columns(path).keys() == table.keys()
+    assert "the column" in str(caught.value)
 
 
 def test_a_run_without_any_measured_channel_is_refused(tmp_path: Path) -> None:
@@ -305,56 +264,8 @@ def test_a_time_that_does_not_rise_is_refused(tmp_path: Path) -> None:
     make(tmp_path)
     write(tmp_path, "case-1/fit.parquet", table)
     bank = open_bank(tmp_path)
-    with pytest.raises(BankError, match="1 steps that do not rise"):
+    with pytest.raises(BankError, match="row 11: time does not increase"):
         read_case(bank, bank.case("case-1"))
-
-
-@pytest.mark.parametrize("name", ["run.parquet", "run.csv.gz", "run.mat"])
-def test_a_file_that_cannot_be_read_is_one_sentence(name: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_bytes(b"nonsense")
-    with pytest.raises(BankError, match=name.replace(".", r"\.")):
-        read_columns(tmp_path / name)
-
-
-def _gzipped(path: Path, head: bytes, piece: bytes, times: int) -> None:
-    with gzip.open(path, "wb", 1) as file:
-        file.write(head)
-        for _ in range(times):
-            file.write(piece)
-
-
-@pytest.mark.parametrize(
-    ("head", "piece", "times", "limit"),
-    [
-        (b"t_s,a\n", b"0,0\n" * 100_000, 19, "1800000 rows"),
-        (b"t_s" + b",a" * 60 + b"\n", b",".join([b"0"] * 61) + b"\n", 1_200_000, "72000000 cells"),
-        (b"t_s,a\n", b"1" * 1_000_000, 721, "720000000 bytes, unpacked"),
-        (b"t_s" + b",a" * 300 + b"\n", b"", 0, "200 columns"),
-    ],
-)
-def test_what_unpacks_to_more_than_a_run_is_refused_before_it_is_read(
-    tmp_path: Path, head: bytes, piece: bytes, times: int, limit: str
-) -> None:
-    path = tmp_path / "run.csv.gz"
-    _gzipped(path, head, piece, times)
-    with pytest.raises(BankError) as refused:
-        read_columns(path)
-    assert refused.value.limit == limit
-
-
-def test_a_gzip_that_is_cut_short_is_refused_in_one_line(tmp_path: Path) -> None:
-    path = tmp_path / "run.csv.gz"
-    _gzipped(path, b"t_s,a\n", b"0,0\n" * 10_000, 3)
-    path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(BankError, match="cut short or damaged"):
-        read_columns(path)
-
-
-def test_a_parquet_file_of_too_many_rows_is_refused_from_its_footer(tmp_path: Path) -> None:
-    path = tmp_path / "run.parquet"
-    pq.write_table(pa.table({"t_s": pa.array(np.zeros(1_800_001))}), path)
-    with pytest.raises(BankError, match="at least 1800001 rows"):
-        read_columns(path)
 
 
 def test_a_manifest_without_end_is_refused(tmp_path: Path) -> None:

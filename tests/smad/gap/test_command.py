@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
@@ -86,6 +87,19 @@ def test_a_log_that_is_cut_is_used_up_to_the_cut(log: Path, tmp_path: Path) -> N
     run = read_gap_run(cut)
     assert run.cut_short
     assert 10.0 < run.duration_s < read_gap_run(log).duration_s
+
+
+def test_an_exported_table_is_the_same_run_as_its_log(log: Path, tmp_path: Path) -> None:
+    from smad.gap.sma.signals import read_gap_run
+    from smad.runlog.export import export_run
+    from smad.runlog.reader import read_run
+
+    one = read_gap_run(log)
+    for name in ("table.csv", "table.parquet"):
+        export_run(read_run(log), tmp_path / name)
+        other = read_gap_run(tmp_path / name)
+        assert one.outputs.keys() == other.outputs.keys()
+        assert all(np.allclose(other.outputs[k], v, atol=1e-6) for k, v in one.outputs.items())
 
 
 def test_a_parameter_file_that_is_not_there_is_one_line(tmp_path: Path, log: Path) -> None:

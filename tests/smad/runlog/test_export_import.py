@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from smad.errors import LogImportError, RunLogError
 from smad.runlog.column_names import ALIASES
 from smad.runlog.export import export_run
-from smad.runlog.importer import import_csv, read_mapping
+from smad.runlog.importer import import_table, read_mapping
 from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CHANNELS, Event
@@ -34,7 +34,7 @@ def imported(tmp_path: Path, text: str | bytes, mapping: str | None = None) -> R
         rules = read_mapping(tmp_path / "mapping.toml")
     target = tmp_path / "elsewhere.mcap"
     target.unlink(missing_ok=True)
-    return read_run(import_csv(source, target, rules).path)
+    return read_run(import_table(source, target, rules).path)
 
 
 def refusal(tmp_path: Path, text: str | bytes, mapping: str | None = None) -> str:
@@ -47,7 +47,7 @@ def refusal(tmp_path: Path, text: str | bytes, mapping: str | None = None) -> st
 
 def test_a_csv_comes_back_as_the_run_it_was_made_from(tmp_path: Path, run: Run) -> None:
     export_run(run, tmp_path / "out.csv")
-    back = read_run(import_csv(tmp_path / "out.csv", tmp_path / "back.mcap").path)
+    back = read_run(import_table(tmp_path / "out.csv", tmp_path / "back.mcap").path)
     for name, column in run.columns.items():
         np.testing.assert_array_equal(back.columns[name], column, err_msg=name)
     assert back.events == run.events
@@ -170,7 +170,7 @@ def test_units_in_the_names_are_converted(tmp_path: Path) -> None:
 def test_missing_channels_are_null_and_listed(tmp_path: Path) -> None:
     source = tmp_path / "elsewhere.csv"
     source.write_text("t_s,x_mm\n0,1\n1,2\n")
-    done = import_csv(source, tmp_path / "elsewhere.mcap")
+    done = import_table(source, tmp_path / "elsewhere.mcap")
     assert done.channel_of == {"t_s": "t_s", "x_mm": "displacement_mm"}
     assert set(done.missing) == set(CHANNELS) - {"t_s", "displacement_mm"}
     assert set(read_run(done.path).missing) == set(done.missing)
@@ -258,7 +258,7 @@ def test_a_mapping_that_cannot_be_used_is_refused(
 
 def test_files_that_are_not_there_are_refused(tmp_path: Path) -> None:
     with pytest.raises(LogImportError, match="cannot read"):
-        import_csv(tmp_path / "nothing.csv", tmp_path / "out.mcap")
+        import_table(tmp_path / "nothing.csv", tmp_path / "out.mcap")
     with pytest.raises(LogImportError, match="cannot read mapping"):
         read_mapping(tmp_path / "nothing.toml")
 
@@ -273,7 +273,7 @@ def test_an_import_never_overwrites_a_log(tmp_path: Path) -> None:
     before = target.read_bytes()
     (tmp_path / "a.csv").write_text("t_s,x_mm\n1,2\n")
     with pytest.raises(RunLogError, match="is there already"):
-        import_csv(tmp_path / "a.csv", target)
+        import_table(tmp_path / "a.csv", target)
     assert target.read_bytes() == before
 
 
@@ -336,7 +336,7 @@ def test_any_table_is_imported_or_refused_in_one_line(
     lines = [delimiter.join(names), *(delimiter.join(cells) for cells in rows)]
     source.write_text("\n".join(lines), encoding="utf-8", newline="")
     try:
-        done = import_csv(source, folder / "a.mcap")
+        done = import_table(source, folder / "a.mcap")
     except LogImportError as error:
         check_one_line(error)
     else:

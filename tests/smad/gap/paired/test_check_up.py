@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from smad.errors import SmadError
 from smad.gap.paired.commission import checked, checked_files, commissioned, judged
 from smad.gap.paired.errors import BaselineError, PairingError, ProgrammeError
 from smad.gap.paired.everyday import repeated
@@ -243,17 +244,17 @@ def test_a_recording_that_is_on_both_sides_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("a,b\n1,2\n", "no rising time column"),
+        ("a,b\n1,2\n", "no time column"),
         ("time_s,i_applied_x_A\n0,1\n1,1\n", "lacks columns"),
         ("time_s,current_x\n0,1\n1,1\n", "unit is missing"),
-        ("time_s,force_N\n0,x\n1,y\n", "holds text"),
-        ("", "cannot be read"),
+        ("time_s,force_N\n0,x\n1,y\n", "is not a number"),
+        ("", "is empty"),
     ],
 )
 def test_a_file_that_cannot_be_used_says_why(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "run.csv"
     path.write_text(text)
-    with pytest.raises(PairingError, match=said):
+    with pytest.raises(SmadError, match=said):
         read_file(path)
 
 

@@ -1,0 +1,176 @@
+"""Tables made elsewhere (CSV, gzipped CSV, Parquet) as channels of the run log, in its units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.errors import LogImportError
+from smad.runlog.bounds import require_bounded
+from smad.runlog.column_names import Assignment, ColumnRule, assign
+from smad.runlog.csv_table import CsvFormat, open_csv
+from smad.runlog.schema import CHANNELS
+from smad.runlog.units import convert
+
+if TYPE_CHECKING:
+    import pyarrow
+
+KINDS = (".parquet", ".csv", ".csv.gz")
+"""How the name of a table ends."""
+
+
+class ForeignTable(Protocol):
+    """A table before its numbers are read."""
+
+    @property
+    def path(self) -> Path: ...
+
+    @property
+    def names(self) -> list[str]: ...
+
+    def columns(self, wanted: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+        """The columns named, each of shape (rows,), NaN where nothing stands."""
+
+    def place_of(self, row: int) -> str:
+        """Where that row (from 0) is to be found."""
+
+
+@dataclass(frozen=True)
+class ParquetTable:
+    """A Parquet file of which the names of the columns are known."""
+
+    path: Path
+    names: list[str]
+
+    def columns(self, wanted: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+        """The columns named. Raises LogImportError for text in one, and without rows."""
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        try:
+            table = parquet.read_table(self.path, columns=list(wanted))
+        except (OSError, pa.ArrowException) as error:
+            raise _unreadable(self.path, error) from error
+        if not table.num_rows:
+            raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
+        return {name: self._numbers(name, table[name]) for name in table.column_names}
+
+    def place_of(self, row: int) -> str:
+        return f"row {row + 1}"
+
+    def _numbers(self, name: str, column: pyarrow.ChunkedArray) -> NDArray[np.float64]:
+        import pyarrow as pa
+
+        try:
+            return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
+        except pa.ArrowException as error:
+            raise LogImportError(
+                f"{self.path}: column {name!r} is not a number",
+                value=str(error).splitlines()[0],
+                action="write it as numbers, and missing samples as nothing or NaN",
+            ) from None
+
+
+def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
+    """The table at `path`. Raises LogImportError when it cannot be read, or is of another kind."""
+    if not path.name.endswith(KINDS):
+        raise LogImportError(
+            f"{path} is no table", value=path.suffix, limit=", ".join(KINDS), action="convert it"
+        )
+    if path.suffix != ".parquet":
+        return open_csv(path, form or CsvFormat())
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        with parquet.ParquetFile(path) as file:
+            names = file.schema_arrow.names
+    except (OSError, pa.ArrowException) as error:
+        raise _unreadable(path, error) from error
+    twin = next((name for name in names if names.count(name) > 1), None)
+    if twin is not None:
+        raise LogImportError(f"{path}: two columns are named {twin!r}", action="rename one")
+    return ParquetTable(path, names)
+
+
+def _unreadable(path: Path, error: Exception) -> LogImportError:
+    return LogImportError(
+        f"cannot read {path}: {str(error).splitlines()[0]}", action="restore the file"
+    )
+
+
+def read_channels(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Channels of the table of one run, which may hold no more than a run can.
+
+    Missing samples are NaN. Raises LogImportError for a file that cannot be used.
+    """
+    if path.name.endswith(KINDS):
+        require_bounded(path)
+    return channels_of(open_table(path))[0]
+
+
+def channels_of(
+    table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None
+) -> tuple[dict[str, NDArray[np.float64]], Assignment]:
+    """Channels in the units of the run log, missing samples NaN, and which column each is.
+
+    Raises LogImportError for a table that cannot be used.
+    """
+    assignment = assign(table.names, rules or {})
+    columns = _converted(table, assignment)
+    _check_time(table, assignment, columns)
+    return columns, assignment
+
+
+def _converted(table: ForeignTable, assignment: Assignment) -> dict[str, NDArray[np.float64]]:
+    columns = {}
+    if "t_s" not in {rule.channel for rule in assignment.rules.values()}:
+        raise LogImportError(
+            f"{table.path} has no time column",
+            value=", ".join(table.names),
+            limit="t_s, time_s, time_ms …",
+            action="name the column time_s, or use a mapping file",
+        )
+    for name, values in table.columns(assignment.rules).items():
+        rule = assignment.rules[name]
+        channel = CHANNELS[rule.channel]
+        converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
+        if channel.kind == "integer":
+            bad = np.flatnonzero((converted < 0) | (converted != np.rint(converted)))
+            bad = bad[~np.isnan(converted[bad])]
+            if len(bad):
+                raise LogImportError(
+                    f"{table.path}, {table.place_of(int(bad[0]))}: column {name!r} holds "
+                    "counts or bits",
+                    value=float(converted[bad[0]]),
+                    limit="whole numbers from 0",
+                    action="correct the value",
+                )
+        columns[rule.channel] = converted
+    return {name: columns[name] for name in CHANNELS if name in columns}
+
+
+def _check_time(
+    table: ForeignTable, assignment: Assignment, columns: Mapping[str, NDArray[np.float64]]
+) -> None:
+    t_s = columns["t_s"]
+    name = next(n for n, rule in assignment.rules.items() if rule.channel == "t_s")
+    empty = np.flatnonzero(np.isnan(t_s))
+    if len(empty):
+        raise LogImportError(
+            f"{table.path}, {table.place_of(int(empty[0]))}: time column {name!r} is empty",
+            action="fill it, or remove the row",
+        )
+    back = np.flatnonzero(np.diff(t_s) <= 0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise LogImportError(
+            f"{table.path}, {table.place_of(row)}: time does not increase",
+            value=f"{t_s[row]:.9g} s after {t_s[row - 1]:.9g} s",
+            action="sort the rows, and remove repeated ones",
+        )
