@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 
-from smad.gap.check.bank import read_columns
 from smad.gap.data.admission import admit
 from smad.gap.data.replay import Evidence
 from smad.gap.data.views import local_views
@@ -28,7 +27,7 @@ from smad.gap.plant import Array, Effect
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
-from smad.gap.sma.signals import run_from_columns
+from smad.gap.sma.signals import read_gap_run
 
 SHOWN = ("rtd_x_degC", "rtd_y_degC", "displacement_mm", "force_N")
 
@@ -105,7 +104,7 @@ def _left(evidence: Evidence, predicted: Array) -> dict[str, float]:
 
 
 def _runs(folder: str, pattern: str) -> list[GapRun]:
-    return [run_from_columns(p.stem, read_columns(p)) for p in sorted(Path(folder).glob(pattern))]
+    return [read_gap_run(path) for path in sorted(Path(folder).glob(pattern))]
 
 
 def main(folders: Sequence[str]) -> None:

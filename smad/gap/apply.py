@@ -47,5 +47,5 @@ def apply(diagnosis: Diagnosis, plant: Savable, path: Path) -> ModelPoint:
             action="apply it to the plant it was made with",
         )
     point = model_point(diagnosis)
-    plant.save_model(point, path, diagnosis.verdict.text)
+    plant.save_model(point, path, diagnosis.verdict.plain)
     return point

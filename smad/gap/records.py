@@ -268,8 +268,8 @@ class Verdict(msgspec.Struct, frozen=True):
     `imitated`: other values of the parameters predict as well as `effects` or better, and these do
     not help beside them. `instead` are effects that the parameters of the known-good runs ask for,
     whose place other values of the parameters have taken; they would have left `gap_instead`.
-    `plain` is the answer in a sentence or two, `text` the numbers behind it. `bounded` are effects
-    that are not named because their strength ran into the bound of its range.
+    `plain` is the answer in a sentence or two, `text` the numbers behind it, a line each. `bounded`
+    are effects that are not named because their strength ran into the bound of its range.
     """
 
     outcome: Outcome
@@ -358,7 +358,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
         ]
         header = ("effect", "parameter", "value", "95 % interval") if values else ()
         title = f"Gap diagnosis of {self.plant}: {self.verdict.outcome}"
-        return notebook.table(title, header, values, self.verdict.text)
+        return notebook.table(title, header, values, self.verdict.plain)
 
     def to_json(self) -> bytes:
         """JSON with the same content; NaN and infinities become null."""

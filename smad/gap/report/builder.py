@@ -37,6 +37,7 @@ from smad.gap.records import (
     Verdict,
 )
 from smad.gap.report.budget import Way, budget_of, way
+from smad.gap.report.numbers import next_line, numbers
 from smad.gap.report.plain import plain
 from smad.gap.report.summary import (
     candidate_records,
@@ -52,7 +53,6 @@ from smad.gap.report.summary import (
     value_records,
     waterfall,
 )
-from smad.gap.report.words import words
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 
@@ -150,6 +150,11 @@ class Place:
     channels: list[str]
     refit_heat: HeatMap
 
+    @property
+    def text(self) -> str:
+        shown = ", ".join(self.channels[:4]) or "no single channel"
+        return f"{self.sub_model}, in {' and '.join(self.regimes) or 'all regimes'}: {shown}"
+
 
 def _heat(judged: Judged) -> HeatMap:
     """Of a held-out prediction."""
@@ -180,9 +185,9 @@ class Closing:
         told = {"runs disagree": disagreement(best.fit), "own step": own_step}
         more = [Finding("all runs", k, text, refuses=False) for k, text in told.items() if text]
         shell = dataclasses.replace(self.shell, findings=[*self.shell.findings, *more])
-        numbers = weigh(prepared, self.track)
-        outcome, p = decide(numbers, settings)
-        first = numbers.effects[0] if numbers.effects else ""
+        weighed = weigh(prepared, self.track)
+        outcome, p = decide(weighed, settings)
+        first = weighed.effects[0] if weighed.effects else ""
         self.progress("intervals")
         final = self._final(outcome in NAMED)
         values = self._values(final) if outcome in NAMED else []
@@ -193,21 +198,24 @@ class Closing:
         named = outcome in NAMED
         took = way(prepared, self._chain(), selection.base.judged)
         budget = budget_of(prepared, took, selection.base.judged, named=named)
-        place = self._place(outcome, numbers)
-        question = confused(prepared, self.track, outcome, numbers.groups)
+        place = self._place(outcome, weighed)
+        question = confused(prepared, self.track, outcome, weighed.groups)
         if question is not None:
             self.progress("next experiment")
         experiments = [] if question is None else parting_experiments(prepared, question)
-        text = words(
-            outcome, numbers, prepared.plant, p=p, sub_model=place.sub_model,
-            regimes=place.regimes, outputs=place.channels, values=values,
-            experiments=experiments, wanted=settings.ambiguous_d2,
+        lines = numbers(
+            outcome, weighed, prepared.plant.effects, p=p, where=place.text, values=values,
             unseen=self.shell.unseen,
         )  # fmt: skip
         model, holds = self._model(outcome, final, took)
         opened, open_rows, shown = self._open_loop(named)
-        effects = list(numbers.effects) if named else []
-        group = [n for e in effects[:1] for n in numbers.groups.get(e, ())]
+        open_question = outcome is Outcome.UNKNOWN or weighed.imitated
+        lines += [
+            next_line(experiments, settings.ambiguous_d2, settled=not open_question),
+            ("model to apply", holds),
+        ]
+        effects = list(weighed.effects) if named else []
+        group = [n for e in effects[:1] for n in weighed.groups.get(e, ())]
         answer = plain(
             outcome,
             titles={e.name: e.title for e in prepared.plant.effects},
@@ -219,11 +227,11 @@ class Closing:
             since_good=shell.since_good,
             further=any(f.kind == FURTHER for f in shell.findings),
         )
-        whole, bench = numbers.whole, best.judged.bench
+        whole, bench = weighed.whole, best.judged.bench
         low, high = whole.interval
         verdict = Verdict(
             outcome=outcome,
-            text=f"{text} {holds}",
+            text="\n".join(f"{name}: {what}" for name, what in lines),
             plain=answer,
             probability=p,
             effects=effects,
@@ -231,7 +239,7 @@ class Closing:
             sub_model=place.sub_model,
             regimes=place.regimes,
             probabilities=selection.probability.get(first, {}),
-            gap_raw=numbers.gap_raw,
+            gap_raw=weighed.gap_raw,
             gap_refit=whole.gap_refit,
             gap_final=whole.gap_final,
             shrink=whole.shrink if named else 0.0,
@@ -239,9 +247,9 @@ class Closing:
             shrink_high=high,
             ceiling=whole.ceiling,
             open_loop=opened,
-            imitated=named and numbers.imitated,
-            instead=list(numbers.instead),
-            gap_instead=numbers.gap_instead if numbers.instead else None,
+            imitated=named and weighed.imitated,
+            instead=list(weighed.instead),
+            gap_instead=weighed.gap_instead if weighed.instead else None,
             bounded=bounded,
         )
         return shell.record(
@@ -281,7 +289,7 @@ class Closing:
         return dataclasses.replace(best, joint=JointFit(end, best.joint.rivals))
 
     def _model(self, outcome: Outcome, final: Candidate, took: Way) -> tuple[ModelPoint, str]:
-        """The model to apply, and a sentence that says all it holds.
+        """The model to apply, and in words all that it holds.
 
         Parameters that no better prediction asks for stay as they were.
         """
@@ -298,7 +306,7 @@ class Closing:
             what.append(f"the laws of the known-good runs ({', '.join(laws)})")
         as_good = "of the known-good runs" if prepared.background is not None else "as they were"
         what.append("the refitted parameters" if moved else f"the parameters {as_good}")
-        return point, f"The model to apply holds {', '.join(what[:-1])} and {what[-1]}."
+        return point, f"{', '.join(what[:-1])} and {what[-1]}"
 
     def _values(self, final: Candidate) -> list[ValueRecord]:
         """Strengths and shapes of the causes with their intervals."""

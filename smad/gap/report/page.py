@@ -79,7 +79,7 @@ def _verdict(d: Diagnosis) -> list[Block]:
     limit = d.settings["ambiguous_d2"]
     return [
         *([] if d.budget is None else _budget(d.budget)),
-        Text(d.verdict.text),
+        *_table("The numbers behind it", ("", ""), _numbers(d.verdict.text), set()),
         *_table(
             "Parameters of the cause, fitted together with those of the model",
             ("effect", "parameter", "value", "95 % interval", ""),
@@ -104,6 +104,12 @@ def _verdict(d: Diagnosis) -> list[Block]:
             {1, 2, 3, 4},
         ),
     ]  # fmt: skip
+
+
+def _numbers(text: str) -> list[tuple[str, str]]:
+    """Name and value of every line; all of a text without names is a value."""
+    parts = [line.partition(": ") for line in text.splitlines()]
+    return [(name, what) if what else ("", name) for name, _, what in parts]
 
 
 def _table(
@@ -338,4 +344,4 @@ def summary_lines(d: Diagnosis, asked: Asked | None = None) -> Sequence[str]:
         lines += ["", f"Where the gap goes, on {d.judged_on}, in noise floors:"]
         lines += [f"  {line}" for line in table.splitlines()]
         lines += budget_remarks(d.budget)
-    return [*lines, "", v.text]
+    return [*lines, "", *v.text.splitlines()]

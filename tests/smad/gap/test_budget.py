@@ -49,13 +49,13 @@ def test_parameters_that_the_cause_makes_needless_take_nothing_and_are_not_in_th
         "theta": {p.name: p.nominal for p in HeaterPlant().parameters},
         "effects": {"coupling": d.model["effects"]["coupling"]},
     }
-    assert "holds coupling and the parameters as they were" in d.verdict.text
+    assert "model to apply: coupling and the parameters as they were" in d.verdict.text
 
 
 def test_parameters_that_are_needed_beside_the_cause_are_told_and_kept(coupled: Diagnosis) -> None:
     assert budget(coupled).parameters
     assert coupled.model["theta"]["c_J_K"] == pytest.approx(OTHER["c_J_K"], rel=0.02)
-    assert "holds coupling and the refitted parameters" in coupled.verdict.text
+    assert "model to apply: coupling and the refitted parameters" in coupled.verdict.text
 
 
 def test_a_quiet_bench_gets_a_model_with_nothing_in_it() -> None:
@@ -112,7 +112,7 @@ def test_the_answer_comes_first_then_what_to_do_then_the_numbers(coupled: Diagno
     headline, answer, *rest = summary_lines(coupled, Asked())
     assert headline == "Cause found"
     assert answer == coupled.verdict.plain
-    assert rest.index("Next:") < rest.index(coupled.verdict.text)
+    assert rest.index("Next:") < rest.index(coupled.verdict.text.splitlines()[0])
     assert any(line.startswith("  smad gap verify --model better.toml") for line in rest)
 
 

@@ -11,8 +11,7 @@ from smad.gap import Settings
 from smad.gap.compare.assess import Worth
 from smad.gap.compare.verdict import Evidenced, Unexplained, decide, p_unknown
 from smad.gap.records import Outcome
-from smad.gap.report.words import gap_sentence, words
-from tests.smad.gap.heater_plant import HeaterPlant
+from smad.gap.report.numbers import gap, numbers
 
 SETTINGS = Settings()
 
@@ -112,8 +111,8 @@ def test_a_cause_that_other_parameters_predict_as_well_has_even_odds_and_the_ver
     outcome, p = decide(open_, SETTINGS)
     assert outcome is decide(sure, SETTINGS)[0] is Outcome.EFFECT
     assert p == pytest.approx(SETTINGS.unsure_right)
-    assert "do not tell the two apart" in gap_sentence(open_)
-    assert "do not tell the two apart" not in gap_sentence(sure)
+    assert "as well as the cause" in gap(open_)
+    assert "as well as the cause" not in gap(sure)
 
 
 @pytest.mark.parametrize("tied", [False, True])
@@ -123,9 +122,6 @@ def test_a_gap_of_exactly_zero_with_an_unknown_cause_is_put_into_words(tied: boo
         tied=tied,
         unexplained=Unexplained(0.0, 9.0, 0.0, "rod", "force_N"),
     )
-    said = words(
-        Outcome.UNKNOWN, e, HeaterPlant(), p=0.5, sub_model="rod", regimes=(), outputs=(),
-        values=(), experiments=(), wanted=9.0, unseen=True,
-    )  # fmt: skip
-    assert "0.0× the noise floor" in said
-    assert "Cause: unknown" in said
+    said = dict(numbers(Outcome.UNKNOWN, e, (), p=0.5, where="rod", values=(), unseen=True))
+    assert said["gap"].startswith("0.0× the noise floor")
+    assert said["stands out"] == "force_N, by 9 times what known-good runs differ in it"

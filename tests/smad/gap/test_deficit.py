@@ -61,4 +61,4 @@ def test_a_cause_that_is_not_in_the_library_is_placed_where_good_runs_hardly_dif
     verdict = ask(runs, without("driver_gain"), good=good).verdict
     assert verdict.outcome is Outcome.UNKNOWN, verdict.text
     assert verdict.sub_model == "power"
-    assert "times what those differ" in verdict.text
+    assert "times what known-good runs differ" in verdict.text

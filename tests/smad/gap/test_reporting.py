@@ -23,7 +23,7 @@ from smad.gap.model.space import Space
 from smad.gap.plant import Array, ModelPoint, performed
 from smad.gap.records import Diagnosis, ExperimentRecord, Outcome, RepeatedRecord
 from smad.gap.report import page_of, summary_lines
-from smad.gap.report.words import next_sentence
+from smad.gap.report.numbers import next_line
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 from smad.gap.verify import verified
@@ -118,8 +118,8 @@ def test_the_waterfall_falls_from_raw_over_the_refit_to_the_floor(found: Diagnos
 def test_the_text_gives_the_numbers_of_the_record(found: Diagnosis) -> None:
     v = found.verdict
     assert f"{v.gap_raw:.1f}×" in v.text
-    assert f"S = {v.shrink:.2f}" in v.text
-    assert f"probability {v.probability:.2f}" in v.text
+    assert f"shrink: {v.shrink:.2f} " in v.text
+    assert f"probability: {v.probability:.2f}" in v.text
 
 
 class Saving(HeaterPlant):
@@ -243,7 +243,7 @@ def test_two_causes_that_look_alike_are_told_apart_by_the_experiment_that_is_rec
     assert first.counted is not None
     assert 16.0 < first.counted <= first.separation
     assert first.together == first.counted
-    said = f"Next experiment: {first.title} (60 s); separation d² ≈ {first.counted:.1f}."
+    said = f"next experiment: {first.title} (60 s); separation d² ≈ {first.counted:.1f}"
     assert said in before.verdict.text
     assert "together" in render(page_of(before))
     after = ask_alike([recorded(first.name, 9, OTHER, ALIKE)])
@@ -260,18 +260,17 @@ def test_experiments_that_do_not_add_up_are_not_promised() -> None:
             for i, (own, so_far) in enumerate(zip(counted, sums, strict=True))
         ]
 
-    assert next_sentence(proposed(20.0, 5.0), 16.0) == (
-        "Next experiment: move 0 (60 s); separation d² ≈ 20.0."
+    def said(*counted: float, settled: bool = True) -> str:
+        return next_line(proposed(*counted), 16.0, settled=settled)[1]
+
+    assert said(20.0, 5.0) == "move 0 (60 s); separation d² ≈ 20.0"
+    assert said(9.0, 8.0, 7.0) == "move 0 (60 s), then move 1 (60 s); separation d² ≈ 17.0"
+    assert said(3.0, 2.0) == (
+        "move 0 (60 s), but not even the 2 best of the catalogue together are likely to tell them "
+        "apart (d² ≈ 5.0 of the 16 needed)"
     )
-    assert next_sentence(proposed(9.0, 8.0, 7.0), 16.0) == (
-        "Next experiment: move 0 (60 s), then move 1 (60 s); separation d² ≈ 17.0."
-    )
-    assert next_sentence(proposed(3.0, 2.0), 16.0) == (
-        "Next experiment: move 0 (60 s), but not even the 2 best of the catalogue together are "
-        "likely to tell them apart (d² ≈ 5.0 of the 16 needed)."
-    )
-    assert next_sentence([], 16.0) == "Next experiment: none needed."
-    assert "none to propose" in next_sentence([], 16.0, settled=False)
+    assert said() == "none needed"
+    assert "none to propose" in said(settled=False)
 
 
 def test_a_model_of_another_parameter_file_is_not_loaded(tmp_path: Path) -> None:
