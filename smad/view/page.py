@@ -27,6 +27,7 @@ from smad.view.access import Right
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor
 from smad.view.source import Source
 from smad.view.state import MODES, control_condition
+from smad.view.tasks import end
 
 IN_FLIGHT = 2
 """Frames on their way to a page, or being drawn: one while the other travels."""
@@ -77,8 +78,7 @@ class Page:
             async with asyncio.TaskGroup() as tasks:
                 rest = [tasks.create_task(self._feed()), tasks.create_task(self._work())]
                 await self._read()
-                for task in rest:
-                    task.cancel()
+                await end(*rest)
         except* ConnectionClosed:
             pass
         finally:

@@ -21,6 +21,7 @@ from smad.errors import ConfigError
 from smad.view.access import HEADERS, Denied, Door
 from smad.view.page import Page, static_files
 from smad.view.source import TIMEOUT_S, Source
+from smad.view.tasks import end
 
 HOST = "127.0.0.1"
 MOST_PAGES = 16
@@ -128,10 +129,7 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
         try:
             yield page
         finally:
-            # A cancellation may be lost where it comes together with what is waited for.
-            while not following.done():
-                following.cancel()
-                await asyncio.wait([following], timeout=CLOSING_S)
+            await end(following)
             if not following.cancelled():
                 following.result()
 
