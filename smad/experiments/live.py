@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smad import api
+from smad.client import NotReady
 from smad.config import parse_config
 from smad.control.commands import (
     DriveCurrent,
@@ -112,6 +113,10 @@ class LiveDriver:
             client.start_recording(log_name(plan), plan.repeats)
             try:
                 self._carry_out(plan)
+            except NotReady:
+                # A stop came before what was sent; a fault is told by its name.
+                self._require_armed(plan, client.motion())
+                raise
             finally:
                 client.idle()
                 recorder = client.stop_recording()
@@ -123,7 +128,7 @@ class LiveDriver:
                     action="make room on the disk, and run it again",
                 )
         finally:
-            client.tune(tune_of(before))
+            self._tune_back(tune_of(before))
         return recording_of(read_run(self.log))
 
     def _carry_out(self, plan: Plan) -> None:
@@ -190,14 +195,7 @@ class LiveDriver:
         motion = client.motion()
         began_s = motion.board_time_s
         while not over(motion):
-            if not motion.armed:
-                fault = "no fault" if motion.fault is None else motion.fault.name
-                kind = ExperimentError if motion.fault is None else TrippedError
-                raise kind(
-                    f"run {plan.name}: the board left ARMED",
-                    value=f"{motion.mode}, {fault}",
-                    action="see `smad status` and `smad faults explain`",
-                )
+            self._require_armed(plan, motion)
             if motion.board_time_s - began_s >= seconds:
                 return False
             self._progress(f"{plan.name}: {motion.board_time_s - began_s:.0f} s")
@@ -209,6 +207,26 @@ class LiveDriver:
                 action="what was recorded until then is kept",
             )
         return True
+
+    @staticmethod
+    def _require_armed(plan: Plan, motion: api.Motion) -> None:
+        if motion.armed:
+            return
+        fault = "no fault" if motion.fault is None else motion.fault.name
+        kind = ExperimentError if motion.fault is None else TrippedError
+        raise kind(
+            f"run {plan.name}: the board left ARMED",
+            value=f"{motion.mode}, {fault}",
+            action="see `smad status` and `smad faults explain`",
+        )
+
+    def _tune_back(self, before: Tune) -> None:
+        """Tune as it was, also after a stop, which else refuses what was not asked for since."""
+        try:
+            self._client.tune(before)
+        except NotReady:
+            self._client.as_of(None)
+            self._client.tune(before)
 
     def rest(self, plan: Plan) -> None:
         """Bring the springs to where a plan begins: cold, the stage back, no detwinned martensite.

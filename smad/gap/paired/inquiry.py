@@ -99,6 +99,8 @@ class Inquiry:
         quick = [run for run in self.programme.runs if run.quick and run.name in known]
         quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
         for run in quick[sum(not r.held_out for r in report.records) :]:
+            if any(r.ended for r in report.records):
+                break
             report = self._played(report, run, "for the check-up", held_out=False)
         while True:
             verdict, proposal = self._judged(report, quick, progress)

@@ -9,6 +9,7 @@ from firmware_protocol.timesync import Unwrapper
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad import api
+from smad.client import NotReady
 from smad.config import Config, ControlConfig, CoolingConfig, config_to_toml
 from smad.control.commands import (
     DriveCurrent,
@@ -79,6 +80,7 @@ class FakeClient:
         self._path = ""
         self._header = RunHeader()
         self._logs = 0
+        self._since_armed = False
         self.recording = False
         self.tunes: list[Tune] = []
         self._step()
@@ -107,6 +109,7 @@ class FakeClient:
             self._records.append(self._row)
 
     def arm(self) -> api.Motion:
+        self._since_armed = True
         self._bench.arm()
         self._step()
         return self.motion()
@@ -166,7 +169,17 @@ class FakeClient:
     def stage(self, stage_mm: float, rate_mm_per_s: float) -> None:
         self._controller.command(MoveStage(stage_mm=stage_mm, rate_mm_per_s=rate_mm_per_s))
 
+    def as_of(self, generation: int | None) -> None:
+        """Ask for what follows as of this generation; None: whatever has stopped since."""
+        self._since_armed = generation is not None
+
+    def require_no_stop(self) -> None:
+        """Refuse, as the daemon does, what is asked for as of an arming that has ended."""
+        if self._since_armed and not self.motion().armed:
+            raise NotReady("the bench was stopped after this was asked for")
+
     def tune(self, command: Tune) -> None:
+        self.require_no_stop()
         self.tunes.append(command)
         self._controller.command(command)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,6 +174,26 @@ def test_a_trip_during_a_run_is_told_with_its_fault_and_the_log_is_kept(tmp_path
         live.run(PLAN)
     assert live.log is not None
     assert read_run(live.log).duration_s > 0.5
+
+
+class Slow(FakeClient):
+    """A client that learns of a trip by what it sends next."""
+
+    def note(self, text: str) -> None:
+        if text.endswith("late"):
+            self.let_pass(3.0)
+            self.require_no_stop()
+        super().note(text)
+
+
+def test_a_trip_that_comes_before_a_command_is_told_with_its_fault_too(tmp_path: Path) -> None:
+    client = Slow(tmp_path, fails_at_s=1.5)
+    plan = replace(PLAN, actions=(*PLAN.actions[:1], Mark("late"), *PLAN.actions[1:]))
+    live = LiveDriver(client, sleep=client.let_pass)
+    with pytest.raises(TrippedError, match=r"left ARMED; got FAULT, sensor_open"):
+        live.run(plan)
+    assert live.log is not None
+    assert client.tunes[-1].kp_A_per_mm == ControlConfig().kp_A_per_mm
 
 
 def test_springs_mounted_in_another_way_are_refused_before_anything_moves(tmp_path: Path) -> None:

@@ -149,9 +149,17 @@ def write_log(path: Path, run: GapRun) -> None:
 
 
 def inquiry(
-    reference: Reference, folder: Path, effects: EffectValues, *, fails_at: int = 0
+    reference: Reference,
+    folder: Path,
+    effects: EffectValues,
+    *,
+    fails_at: int = 0,
+    trips_at: int = 0,
 ) -> Inquiry:
-    """An investigation of a simulated bench with effects; the run number `fails_at` is lost."""
+    """An investigation of a simulated bench with effects.
+
+    The run number `fails_at` is lost, that of number `trips_at` is ended by a fault.
+    """
     number = count(1)
 
     def play(run: ProgrammeRun, original: Path | None) -> Recorded:
@@ -161,7 +169,7 @@ def inquiry(
         log = folder.parent / "played.mcap"
         log.unlink(missing_ok=True)
         write_log(log, played(60 + k, effects, what=run))
-        return Recorded(log, took_s=60.0)
+        return Recorded(log, "it tripped" if k == trips_at else "", took_s=60.0)
 
     return Inquiry(
         plant=PLANT, reference=reference, programme=PROGRAMME, originals=folder, folder=folder,
@@ -195,6 +203,19 @@ def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
     report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
     assert [r.file for r in report.records] == ["01-short.mcap", "02-short.mcap"]
     assert report.proof
+
+
+def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
+    reference: Reference, tmp_path: Path
+) -> None:
+    asked = inquiry(reference, tmp_path / "investigation-1", OFFSET, trips_at=1)
+    both = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
+    report = replace(asked, programme=both).carry_out(lambda text: None)
+    assert [r.run for r in report.records] == ["short"]
+    assert report.why_over == "a run was ended early: it tripped"
+    assert report.verdict is not None
+    assert report.verdict.likely[0].names == ["force_offset"]
+    assert report.proof == []
 
 
 def test_a_report_that_was_torn_is_told_with_what_to_do(
