@@ -80,8 +80,10 @@ def told(
         "outcome": verdict.outcome,
         "names": sorted(canonical(n) for n in names),
         "why_over": report.why_over,
-        "further_runs": sum(not r.held_out for r in report.records)
-        - sum(run.quick for run in programme.runs),
+        "further_runs": max(
+            0,
+            sum(not r.held_out for r in report.records) - sum(run.quick for run in programme.runs),
+        ),
         "minutes": round(spent_s / 60.0, 1),
     }
 

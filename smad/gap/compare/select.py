@@ -77,7 +77,6 @@ class Selector:
         self.settings: Settings = refit.problem.evidence.settings
         self._null_of, self._null = null, np.zeros(0)
         self.progress = progress
-        self.masks = refit.problem.evidence.regime_masks()
         # What is asked twice of the same fit, with the fit, so that its identity stays its own.
         self._refits: dict[tuple[int, tuple[str, ...]], tuple[Fitted, JointFit]] = {}
         self._less: dict[tuple[int, str], tuple[Fitted, Candidate]] = {}
@@ -147,26 +146,8 @@ class Selector:
         return sorted(out, key=_best_first)
 
     def _candidate(self, before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
-        rise = before.doubt.scores(judged) - before.doubt.scores(before.judged)
-        gain, se = cluster_gain(before.fit.problem, self.hold, rise)
-        touched = touched_outputs(before.judged, judged)
-        rises = [
-            shrink(judged.excess(keys), before.judged.excess(keys))
-            for keys in (None, list(touched))
-        ]
-        likelihood_gain = before.fit.objective - joint.fit.objective
-        return Candidate(
-            joint,
-            judged,
-            gain,
-            se,
-            tail_p(likelihood_gain, self._null),
-            touched,
-            max(rises),
-            before.judged.excess(list(touched)),
-            float(sum(regime_gains(before.fit, joint.fit, self.masks).values())),
-            len(rise),
-        )
+        p_value = tail_p(before.fit.objective - joint.fit.objective, self._null)
+        return weighed(before, joint, judged, p_value)
 
     def _first(self, candidates: Sequence[Candidate]) -> Candidate | None:
         return next((c for c in candidates if self._enters(c)), None)
@@ -267,6 +248,29 @@ class Selector:
         starts = [Start((*keep, s.effect), {**values, s.effect.name: s.start}) for s in ranked]
         found = self._judged(reduced, list(joint_fits(reduced.fit, starts).values()))
         return Place(reduced, tuple(found))
+
+
+def weighed(before: Candidate, joint: JointFit, judged: Judged, p_value: float) -> Candidate:
+    """A fit that was judged, with its gains over the model `before`."""
+    rise = before.doubt.scores(judged) - before.doubt.scores(before.judged)
+    gain, se = cluster_gain(before.fit.problem, judged.hold, rise)
+    touched = touched_outputs(before.judged, judged)
+    rises = [
+        shrink(judged.excess(keys), before.judged.excess(keys)) for keys in (None, list(touched))
+    ]
+    masks = before.fit.problem.evidence.regime_masks()
+    return Candidate(
+        joint,
+        judged,
+        gain,
+        se,
+        p_value,
+        touched,
+        max(rises),
+        before.judged.excess(list(touched)),
+        float(sum(regime_gains(before.fit, joint.fit, masks).values())),
+        len(rise),
+    )
 
 
 @dataclass(frozen=True)

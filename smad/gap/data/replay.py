@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from itertools import pairwise
@@ -233,6 +233,13 @@ class Evidence:
         if lacking:
             self.missing.append(f"{run.name}: view {view.name} lacks {', '.join(lacking)}")
         return not lacking
+
+    def with_cells_of(self, block_s: float) -> Evidence:
+        """The same rows, judged in cells of another length."""
+        out = copy.copy(self)
+        out.settings = replace(self.settings, block_s=block_s)
+        out._cut_cells()
+        return out
 
     def _cut_cells(self) -> None:
         starts, seg_of_cell, block_of_cell = [], [], []

@@ -12,6 +12,7 @@ from importlib.metadata import version
 import numpy as np
 
 from smad.gap.compare.agreement import disagreement
+from smad.gap.compare.cells import hangs_on_cells
 from smad.gap.compare.localise import HeatMap, localise
 from smad.gap.compare.nextexp import confused, parting_experiments
 from smad.gap.compare.select import Selection
@@ -182,7 +183,11 @@ class Closing:
         best = selection.best
         self.progress("judging")
         own_step = _OWN_STEP if prepared.problem.evidence.detail is Detail.FINE else ""
-        told = {"runs disagree": disagreement(best.fit), "own step": own_step}
+        told = {
+            "runs disagree": disagreement(best.fit),
+            "own step": own_step,
+            "cells": hangs_on_cells(selection, tied=self.track.tied),
+        }
         more = [Finding("all runs", k, text, refuses=False) for k, text in told.items() if text]
         shell = dataclasses.replace(self.shell, findings=[*self.shell.findings, *more])
         weighed = weigh(prepared, self.track)
