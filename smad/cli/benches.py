@@ -18,6 +18,7 @@ from smad.client.signals import ended_by_signals
 if TYPE_CHECKING:
     from smad.client import Client
     from smad.control.plan import Plan
+    from smad.experiments.errors import TrippedError
     from smad.experiments.repeating import Repeat
     from smad.gap.paired.programme import ProgrammeRun
     from smad.gap.paired.series import Play, Recorded
@@ -43,7 +44,7 @@ def simulated(*, seed: int, effects: Sequence[str]) -> Iterator[Play]:
     from sim_device.plant.effects.registry import from_text, resolve
     from sim_device.plant.errors import PlantError
     from smad.experiments.driver import log_path
-    from smad.experiments.errors import EndedEarlyError
+    from smad.experiments.errors import EndedEarlyError, TrippedError
     from smad.experiments.virtual import VirtualDriver
     from smad.gap.paired.series import Recorded
 
@@ -63,6 +64,8 @@ def simulated(*, seed: int, effects: Sequence[str]) -> Iterator[Play]:
                 driver.run(plan)
             except EndedEarlyError as error:
                 return Recorded(log_path(folder, plan), error.cause, run.duration_s)
+            except TrippedError as error:
+                return Recorded(log_path(folder, plan), _trip(error, original), run.duration_s)
             return Recorded(log_path(folder, plan), took_s=run.duration_s)
 
         yield play
@@ -121,11 +124,9 @@ class _LivePlayer:
             except EndedEarlyError as error:
                 ended = error.cause
             except TrippedError as error:
-                # A bench with a trouble may trip where it did not when it was good: that counts as
-                # far as it goes. Without a recording to repeat it is no good run.
-                if repeat is None or driver.log is None:
+                if driver.log is None:
                     raise
-                ended = f"{error.cause} ({error.value})"
+                ended = _trip(error, original)
             assert driver.log is not None
             return Recorded(driver.log, ended, self._client.motion().board_time_s - began_s)
 
@@ -136,6 +137,17 @@ class _LivePlayer:
         if self._armed:
             with contextlib.suppress(SmadError):
                 self._client.disarm()
+
+
+def _trip(error: TrippedError, original: Path | None) -> str:
+    """Why a run that repeats another was ended by a fault; it counts as far as it goes.
+
+    A bench with a trouble may trip where it did not when it was good. Raises the error where
+    nothing is repeated: that is no good run.
+    """
+    if original is None:
+        raise error
+    return f"{error.cause} ({error.value})"
 
 
 def _warn(text: str) -> None:

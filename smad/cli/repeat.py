@@ -71,7 +71,7 @@ def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
     from sim_device.plant import load_parameters
     from smad.config import Config
     from smad.experiments.driver import log_path
-    from smad.experiments.errors import ExperimentError
+    from smad.experiments.errors import EndedEarlyError, ExperimentError, TrippedError
     from smad.experiments.virtual import VirtualDriver
 
     found.require_fit(Config())
@@ -84,7 +84,12 @@ def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
             action="give another folder with --save-logs, or move it away",
         )
     with progress() as line:
-        VirtualDriver(load_parameters("A"), seed=seed, folder=folder, progress=line.say).run(plan)
+        driver = VirtualDriver(load_parameters("A"), seed=seed, folder=folder, progress=line.say)
+        try:
+            driver.run(plan)
+        except (EndedEarlyError, TrippedError):
+            click.echo(f"recorded until then: {path}", err=True)
+            raise
     return path
 
 
@@ -95,7 +100,7 @@ def _live(
     from smad.cli.output import client
     from smad.client.signals import ended_by_signals
     from smad.config import parse_config
-    from smad.experiments.errors import EndedEarlyError
+    from smad.experiments.errors import EndedEarlyError, TrippedError
     from smad.experiments.replayer import Directly, Replayer
 
     with ended_by_signals(), client(bench) as connected, progress() as line:
@@ -114,8 +119,9 @@ def _live(
         )
         try:
             leased.run(found.plan(name))
-        except EndedEarlyError:
-            click.echo(f"recorded until then: {driver.log}", err=True)
+        except (EndedEarlyError, TrippedError):
+            if driver.log is not None:
+                click.echo(f"recorded until then: {driver.log}", err=True)
             raise
         assert driver.log is not None
         return driver.log

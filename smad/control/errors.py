@@ -7,3 +7,7 @@ from smad.errors import SmadError
 
 class PlanError(SmadError):
     """A plan did not come to its end: the board left ARMED, or a wait took too long."""
+
+
+class BenchStoppedError(PlanError):
+    """Board or host stopped the bench by a fault before a plan came to its end."""

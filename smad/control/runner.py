@@ -15,7 +15,7 @@ from firmware_protocol.enums import BoardState, faults_in
 from firmware_protocol.messages import Setpoint, State
 from firmware_protocol.timesync import Unwrapper
 from smad.control.controller import Controller
-from smad.control.errors import PlanError
+from smad.control.errors import BenchStoppedError, PlanError
 from smad.control.limits import Trip
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
@@ -139,8 +139,8 @@ def run_virtual(
     return run
 
 
-def _tripped(trip: Trip, board_time_s: float) -> PlanError:
-    return PlanError(
+def _tripped(trip: Trip, board_time_s: float) -> BenchStoppedError:
+    return BenchStoppedError(
         f"a limit of the host ended the motion after {board_time_s:.2f} s",
         value=f"{str(trip.limit.name).lower()}, {trip.measured:.4g}",
         limit=f"{trip.allowed:g}",
@@ -148,9 +148,9 @@ def _tripped(trip: Trip, board_time_s: float) -> PlanError:
     )
 
 
-def _stopped(state: State, board_time_s: float) -> PlanError:
+def _stopped(state: State, board_time_s: float) -> BenchStoppedError:
     faults = ", ".join(fault.name for fault in faults_in(state.faults)) or "no fault"
-    return PlanError(
+    return BenchStoppedError(
         f"the board left ARMED after {board_time_s:.2f} s",
         value=f"{BoardState(state.mode).name}, {faults}",
         action="see `smad faults explain` for what it means",

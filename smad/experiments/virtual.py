@@ -14,12 +14,12 @@ from sim_device.plant.parameters import ParameterSet, parameters_text
 from smad.config import Config, config_to_toml
 from smad.control.controller import Controller
 from smad.control.cooling import PumpStarts
-from smad.control.errors import PlanError
+from smad.control.errors import BenchStoppedError, PlanError
 from smad.control.plan import Plan
 from smad.control.runner import run_virtual
 from smad.control.sample import Sample
 from smad.experiments.driver import PARTS, Mounting, Progress, log_name, log_path
-from smad.experiments.errors import EndedEarlyError, ExperimentError
+from smad.experiments.errors import EndedEarlyError, ExperimentError, TrippedError
 from smad.experiments.recording import Recording
 from smad.runlog.reader import columns_of
 from smad.runlog.rows import row_of
@@ -107,7 +107,10 @@ class VirtualDriver:
             )
             done = run_virtual(bench, controller, plan, recorder=record, progress=tell)
         except PlanError as error:
-            raise ExperimentError(
+            if self._folder is not None:
+                self._write(plan, rows, {}, seed)
+            kind = TrippedError if isinstance(error, BenchStoppedError) else ExperimentError
+            raise kind(
                 f"run {plan.name}: {error.cause}",
                 value=error.value,
                 limit=error.limit,

@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from smad import api
-from smad.cli.benches import _LivePlayer
+from smad.cli.benches import _LivePlayer, simulated
 from smad.experiments.driver import log_path
 from smad.experiments.errors import TrippedError
 from smad.gap.paired.playing import plan_of
@@ -62,3 +62,17 @@ def test_a_repeat_that_trips_is_kept_as_far_as_it_goes(client: Tripping, tmp_pat
 def test_a_first_recording_that_trips_is_no_good_run(client: Tripping) -> None:
     with pytest.raises(TrippedError, match=r"left ARMED; got FAULT, no_cooling"):
         _LivePlayer(client, "bench", "test")(RUN, None)  # type: ignore[arg-type]
+
+
+def test_a_simulated_repeat_that_trips_is_kept_as_far_as_it_goes(tmp_path: Path) -> None:
+    weak = ("driver_gain:gain=-0.25",)
+    with simulated(seed=1, effects=()) as play:
+        good = tmp_path / "good.mcap"
+        good.write_bytes(play(RUN, None).path.read_bytes())
+    with simulated(seed=2, effects=weak) as play:
+        recorded = play(RUN, good)
+        assert "the board left ARMED" in recorded.ended
+        assert "CURRENT_LOW" in recorded.ended
+        assert 0.3 < read_run(recorded.path).duration_s < RUN.duration_s
+    with simulated(seed=2, effects=weak) as play, pytest.raises(TrippedError, match="CURRENT_LOW"):
+        play(RUN, None)
