@@ -42,27 +42,12 @@ class Settings:
     significance: float = _entering(0.01, "how often chance alone may beat a candidate")
     since_gain: float = _entering(1.0, "since known-good runs: nats for each judged cell")
     standard_errors: float = _entering(2.0, "by which a held-out score must be better to count")
-    further_standard_errors: float = _entering(
-        2.5,
-        "since known-good runs: of a further cause, whose first is uncertain by form_share",
-    )
     min_shrink_gain: float = _entering(
         0.1,
         "what a cause adds to the shrink on its signals or in all, and all causes in all",
     )
-    regime_share: float = _entering(0.1, "share of the gain that must show on regimes left out")
-    regime_sure: float = _entering(2.0, "nats a cell from which any gain there will do")
-    clear_standard_errors: float = _entering(
-        3.0,
-        "that suffice for a cause that takes clear_shrink of at least clear_excess floors",
-    )
-    clear_shrink: float = _entering(0.5, "see above")
-    clear_excess: float = _entering(1.0, "see above")
-    beside_standard_errors: float = _free(
-        4.0, "by which a cause must improve the free refit to stand all the same"
-    )
     imitated_share: float = _free(
-        0.9, "or the share of the free refit's gain that the cause must bring alone"
+        0.9, "of what a clearly better free refit gains, that a cause must bring to stand"
     )
     imitated_gain: float = _free(
         1.5,
@@ -71,40 +56,18 @@ class Settings:
     vanished_share: float = _free(
         0.55, "parameters have changed if the refit leaves less than this share of the gap"
     )
-    same_excess: float = _free(
-        1.1,
-        "without a cause the tied answer stands up to so many times what the free refit leaves",
-    )
     min_excess: float = _unknown(0.35, "floors below which a gap is not significant")
-    since_min_excess: float = _unknown(
-        1.5, "the same beside tied parameters: below it a cause is judged by its gain"
-    )
     unknown_shrink: float = _unknown(0.2, "a cause that takes less of the gap is unknown")
     unknown_ratio: float = _unknown(
         0.5, "or less than this share of what a flexible correction takes"
     )
-    unknown_left: float = _unknown(
-        1.75,
-        "or, since good runs, leaves more floors and takes less than since_clear_shrink",
-    )
-    since_clear_shrink: float = _unknown(0.75, "see above")
-    since_taken: float = _unknown(
-        0.33, "unless it makes good this share of what the runs score worse than good ones"
-    )
-    since_sure: float = _unknown(3.1, "or gains more nats a cell than this")
-    blind_excess: float = _unknown(1.0, "without a cause: floors beyond which it may be unknown")
-    blind_ratio: float = _unknown(2.0, "and the multiple of the threshold")
-    structural_excess: float = _unknown(
-        1.2, "or this multiple, if a flexible correction finds found_share of it"
-    )
-    found_share: float = _unknown(0.3, "see above")
-    since_deficit: float = _unknown(
-        4.5, "nats a cell that the runs must score worse than good ones"
-    )
     since_spreads: float = _unknown(
-        8.0, "or what one output differs by, in what good runs differ in it"
+        8.0,
+        "without a cause, since good runs: by what one output differs, in what these differ in it",
     )
-    since_run_deficit: float = _unknown(70.0, "or nats a cell on one output of one run")
+    lone_ratio: float = _unknown(
+        2.0, "the same since a single good run: the multiple of the threshold that is left"
+    )
     least_visible: float = _verdict(
         0.2, "share of the effects that must show, or the runs excite too little"
     )

@@ -37,34 +37,15 @@ DROPPED: dict[str, dict[str, float]] = {
     "significance": {"significance": 1.0},
     "since_gain": {"since_gain": 0.0},
     "standard_errors, 0": {"standard_errors": 0.0},
-    "further_standard_errors": {"further_standard_errors": 2.0},
-    "min_shrink_gain": {"min_shrink_gain": -_NEVER},
-    "regime_share": {"regime_share": -_NEVER},
-    "regime_share = 0": {"regime_share": 0.0},
-    "regime_sure": {"regime_sure": _NEVER},
-    "clear_shrink": {"clear_shrink": _NEVER},
-    "clear_excess": {"clear_excess": 0.0},
     "standard_errors, never": {"standard_errors": _NEVER},
-    "beside_standard_errors": {"beside_standard_errors": _NEVER},
+    "min_shrink_gain": {"min_shrink_gain": -_NEVER},
     "imitated_share": {"imitated_share": _NEVER},
     "imitated_gain": {"imitated_gain": 0.0},
     "vanished_share": {"vanished_share": _NEVER},
-    "same_excess": {"same_excess": 0.0},
-    "since_min_excess": {"since_min_excess": 0.35},
     "unknown_shrink": {"unknown_shrink": -_NEVER},
     "unknown_ratio": {"unknown_ratio": -_NEVER},
-    "unknown_left": {"unknown_left": _NEVER},
-    "since_clear_shrink": {"since_clear_shrink": _NEVER},
-    "since_taken": {"since_taken": _NEVER},
-    "since_sure": {"since_sure": _NEVER},
-    "blind_excess": {"blind_excess": 0.0},
-    "blind_ratio": {"blind_ratio": 0.0},
-    "blind_excess and blind_ratio": {"blind_ratio": _NEVER},
-    "structural_excess": {"structural_excess": _NEVER},
-    "found_share": {"found_share": -_NEVER},
-    "since_deficit": {"since_deficit": -_NEVER},
     "since_spreads": {"since_spreads": _NEVER},
-    "since_run_deficit": {"since_run_deficit": _NEVER},
+    "lone_ratio": {"lone_ratio": _NEVER},
     "least_visible": {"least_visible": -1.0},
     "rest_margin": {"rest_margin": _NEVER},
     "ambiguous_odds": {"ambiguous_odds": 0.0},
@@ -144,7 +125,7 @@ def answers(prepared: Prepared) -> dict[str, Answer]:
     return out
 
 
-_WEIGHED = frozenset(("since_spreads", "since_run_deficit", "ambiguous_odds", "ambiguous_d2"))
+_WEIGHED = frozenset(("ambiguous_odds", "ambiguous_d2"))
 """Settings that the numbers of a finished selection depend on."""
 
 
@@ -185,7 +166,7 @@ def _set(settings: Settings, values: Mapping[str, float]) -> Iterator[None]:
 @contextlib.contextmanager
 def _asked_once(settings: Settings) -> Iterator[None]:
     """What the selection calculates is calculated once, whatever the thresholds make of it."""
-    from smad.gap.compare import contrast, select, tracks
+    from smad.gap.compare import contrast, select
 
     one = _kept(lambda fit, hold: select_judge([fit], hold)[0])
     select_judge = select.judge
@@ -198,14 +179,12 @@ def _asked_once(settings: Settings) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         for module, name, function in (
             (select, "judge", judge),
-            (tracks, "judge", judge),
             (contrast, "judge", judge),
             (select, "joint_fits", _kept(select.joint_fits)),
             (select, "probe", _kept(select.probe)),
             (select, "reprobe", _kept(select.reprobe)),
             (select, "screen", _kept(select.screen)),
             (select, "regime_gains", _kept(select.regime_gains)),
-            (tracks, "unbound", _kept(tracks.unbound)),
             (Prepared, "null", _kept(Prepared.null)),
             (contrast, "as_in_good_runs", _kept(contrast.as_in_good_runs)),
             (Doubt, "about", staticmethod(lambda f, j: doubts(f, j, settings.form_share))),

@@ -15,10 +15,9 @@ from functools import partial
 
 from smad.gap.compare.contrast import is_new
 from smad.gap.compare.select import Selection, Selector
-from smad.gap.fit.baseline import unbound
 from smad.gap.fit.candidate import Candidate, cluster_gain
 from smad.gap.fit.joint import JointFit
-from smad.gap.fit.judge import Judged, judge
+from smad.gap.fit.judge import Judged
 from smad.gap.fit.lsq import Fitted
 from smad.gap.fit.stages import Prepared
 from smad.gap.plant import Effect
@@ -32,7 +31,7 @@ class Track:
     `selection` is that one, or the free refit that stands in its place. `free_gain` is what the
     free refit's held-out score is above that of the best model asked for, `free_gain_se` its
     standard error; both are 0 where nothing was tied. `imitated`: the answer is a cause, but the
-    free refit predicts as well or better, and the cause does not help beside it.
+    free refit predicts as well.
     """
 
     selection: Selection
@@ -59,7 +58,9 @@ def follow_tracks(
     """The selection that answers.
 
     Without known-good runs, effects beside free parameters. With them, effects beside tied ones,
-    or, where that does not hold, the free refit alone. `unscreened` as in `Selector`.
+    or the free refit alone: where that predicts clearly better runs that neither has seen, where it
+    predicts as well as effects that gain little, or where none entered and something of note is
+    left. `unscreened` as in `Selector`.
     """
 
     def selected(refit: Fitted) -> Selection:
@@ -82,14 +83,39 @@ def follow_tracks(
     best = selection.best
     rise, error = _gain(prepared, free, best.judged)
     clear = prepared.settings.standard_errors * error
-    close = bool(best.names) and rise > -clear
-    helps = close and _helps(prepared, best, free)
-    slight = close and not helps and _slight(prepared, selection)
-    beaten = slight or (rise > clear and not _nearly_all(prepared, selection, rise))
-    if _stands(prepared, best, free, beaten=beaten, helps=helps):
-        return Track(selection, True, free, selection, rise, error, close and not helps)
-    refit = Candidate(JointFit(prepared.fit, ()), free)
-    return Track(Selection.without_effects(refit, selection), False, free, selection, rise, error)
+    imitated = bool(best.names) and rise > -clear
+    gain, _ = _gain(prepared, best.judged, selection.base.judged)
+    beaten = (imitated and _slight(prepared, gain)) or (
+        rise > clear and not _nearly_all(prepared, gain, rise)
+    )
+    if beaten or not (best.names or best.judged.excess() <= prepared.threshold):
+        refit = Candidate(JointFit(prepared.fit, ()), free)
+        without = Selection.without_effects(refit, selection)
+        return Track(without, False, free, selection, rise, error)
+    return Track(selection, True, free, selection, rise, error, imitated)
+
+
+def _nearly_all(prepared: Prepared, gain: float, rise: float) -> bool:
+    """Whether causes gain nearly all that the free refit gains, which is `rise` more.
+
+    Then a handful of numbers does what dozens that are free to move by a third do: what these gain
+    on top is the form of the bench's laws.
+    """
+    return gain > prepared.settings.imitated_share * (gain + rise)
+
+
+def _slight(prepared: Prepared, gain: float) -> bool:
+    """Whether causes that other parameters imitate gain no more than the form of laws may bring.
+
+    Where either would do, the question is which is more likely, and benches whose parameters have
+    moved since their good runs make some cause gain that much.
+    """
+    return gain < prepared.settings.imitated_gain * len(prepared.free.scores())
+
+
+def _gain(prepared: Prepared, one: Judged, other: Judged) -> tuple[float, float]:
+    """By how much the held-out score of `one` is higher, and its standard error."""
+    return cluster_gain(prepared.problem, prepared.hold, one.scores() - other.scores())
 
 
 def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
@@ -97,65 +123,3 @@ def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
         return True
     errors = prepared.settings.standard_errors
     return is_new(prepared.background.fit, candidate, prepared.hold, errors)
-
-
-def _nearly_all(prepared: Prepared, selection: Selection, rise: float) -> bool:
-    """Whether causes gain nearly all that the free refit gains over the tied one.
-
-    Then a handful of numbers does what dozens that are free to move by a third do: what these
-    gain on top is the form of the bench's laws.
-    """
-    if not selection.best.names:
-        return False
-    gain = _gain_of_causes(prepared, selection)
-    return gain > prepared.settings.imitated_share * (gain + rise)
-
-
-def _slight(prepared: Prepared, selection: Selection) -> bool:
-    """Whether causes that other parameters imitate gain no more than the form of laws may bring.
-
-    Where either would do, the question is which is more likely, and benches whose parameters have
-    moved since their good runs make some cause gain that much.
-    """
-    least = prepared.settings.imitated_gain * len(selection.best.judged.scores())
-    return _gain_of_causes(prepared, selection) < least
-
-
-def _gain_of_causes(prepared: Prepared, selection: Selection) -> float:
-    """What all causes together gain over the model without any."""
-    gain, _ = _gain(prepared, selection.best.judged, selection.base.judged)
-    return gain
-
-
-def _stands(
-    prepared: Prepared, best: Candidate, free: Judged, *, beaten: bool, helps: bool
-) -> bool:
-    """Whether the tied answer stands beside the free refit.
-
-    Not if it is `beaten`: if the free refit predicts runs not fitted to clearly better, of which
-    the cause does not gain nearly all, or as well as a cause that gains little. Parameters and laws
-    that are free follow a bench that obeys other laws than the model, whatever else it does: a
-    cause stands all the same if it `helps` beside them as clearly as a cause must. Without a cause
-    the tied answer stands only if nothing of note is left, or if the free refit would not help.
-    """
-    if best.names:
-        return helps or not beaten
-    little = max(prepared.threshold, prepared.settings.same_excess * free.excess())
-    return not beaten and best.judged.excess() <= little
-
-
-def _helps(prepared: Prepared, best: Candidate, free: Judged) -> bool:
-    """Whether the causes still predict clearly better where parameters and laws are free, too.
-
-    A cause that is a law itself is compared with a refit in which all laws but that are free.
-    """
-    (beside,) = judge([unbound(best.fit)], prepared.hold)
-    if prepared.tied is not None and any(n in prepared.fixed for n in best.names):
-        (free,) = judge([unbound(prepared.tied, best.names)], prepared.hold)
-    gain, error = _gain(prepared, beside, free)
-    return gain > prepared.settings.beside_standard_errors * error
-
-
-def _gain(prepared: Prepared, one: Judged, other: Judged) -> tuple[float, float]:
-    """By how much the held-out score of `one` is higher, and its standard error."""
-    return cluster_gain(prepared.problem, prepared.hold, one.scores() - other.scores())

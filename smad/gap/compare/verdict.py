@@ -13,21 +13,16 @@ from smad.gap.settings import Settings
 
 
 @dataclass(frozen=True)
-class Unexplained:
-    """What runs score worse than known-good ones do, nats a cell, where no effect is added.
+class StandsOut:
+    """The output in which runs differ most from known-good ones, where no effect is added.
 
-    By the better of the tied and the free parameters: `deficit` over all outputs, `spreads` the
-    most that one output differs by, in what good runs differ in it, `run_deficit` the most on one
-    output in one run. `output` is the one that stands out by that, empty if none does, `channel`
-    what it predicts; `run` is empty if it does so in all of them together.
+    By how many of the `spreads` that good runs differ in it, whether their parameters are kept or
+    all are refitted. `channel` is what it predicts.
     """
 
-    deficit: float
+    output: str
+    channel: str
     spreads: float
-    run_deficit: float
-    output: str = ""
-    channel: str = ""
-    run: str = ""
 
 
 @dataclass(frozen=True)
@@ -38,11 +33,9 @@ class Evidenced:
     outputs the effects show in, `whole` that over all outputs. `visible` is the share of effects
     that these runs would show at all at their typical strength. `chance` is how often chance alone
     would make a single effect stand out so. `tied`: the parameters were held to what the known-good
-    runs say; `gap_free` is what a refit of all of them would leave. `taken` is the part that the
-    effects take of what these runs score worse than known-good runs left out do. `imitated`: other
-    values of the parameters predict as well as the effects or better, and these do not help there.
-    `strongest` is the largest gain of an effect that entered, nats for each cell judged.
-    `unexplained` is None without good runs that could be left out.
+    runs say; `gap_free` is what a refit of all of them would leave. `imitated`: other values of the
+    parameters predict as well as the effects. `stands_out` is None without good runs that could be
+    left out.
     `instead`: effects that parameters held to what the known-good runs say ask for, which would
     bring the gap to `gap_instead`, but whose place other values of the parameters have taken:
     clearly better ones (`instead_better`), or as good where the effects gain little.
@@ -61,9 +54,7 @@ class Evidenced:
     since_good: bool = False
     tied: bool = False
     gap_free: float = 0.0
-    taken: float = 0.0
-    strongest: float = 0.0
-    unexplained: Unexplained | None = None
+    stands_out: StandsOut | None = None
     imitated: bool = False
     instead: tuple[str, ...] = ()
     gap_instead: float = 0.0
@@ -117,29 +108,19 @@ def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
 def _structural(e: Evidenced, settings: Settings) -> bool:
     """Whether the refitted gap is more than background that these runs happen to have more of.
 
-    A cause makes an error that depends on state, which a flexible correction finds on other runs;
-    beside a background learnt from good runs, a gap of which it finds nothing must be far beyond
-    the threshold. And runs that are large in a few places only, but score hardly worse than good
-    ones left out do, have more of what good ones have, too. What no excess over all outputs shows
-    is an output in which good runs hardly differ, and these do.
+    Since known-good runs it is where one output differs far more from them than they do among
+    themselves. Of a single good run that is not known, and the gap must be twice the threshold.
     """
+    if e.stands_out is not None:
+        return bool(standing_out(e, settings))
     over = e.whole.gap_refit / max(e.threshold, 1e-9)
-    if not e.since_good:
-        return over > 1.0
-    seen = over > settings.structural_excess and e.whole.ceiling > settings.found_share
-    large = e.whole.gap_refit > settings.blind_excess and over > settings.blind_ratio
-    if e.unexplained is None:
-        return large or seen
-    worse = e.unexplained.deficit > settings.since_deficit
-    return ((large or seen) and worse) or bool(stands_out(e))
+    return over > (settings.lone_ratio if e.since_good else 1.0)
 
 
-def stands_out(e: Evidenced) -> str:
-    """The output that differs far more from the good runs than these do among themselves, if any.
-
-    Or, in one run, by a factor that no background of another family of inputs comes to.
-    """
-    return "" if e.unexplained is None else e.unexplained.output
+def standing_out(e: Evidenced, settings: Settings) -> str:
+    """The output that differs far more from good runs than these do among themselves, if any."""
+    found = e.stands_out
+    return found.output if found is not None and found.spreads > settings.since_spreads else ""
 
 
 def _present(e: Evidenced) -> float:
@@ -154,25 +135,17 @@ def _present(e: Evidenced) -> float:
 def _certainty(e: Evidenced, settings: Settings) -> float:
     """How far beyond the threshold the gap is; one half at the threshold."""
     ratio = e.whole.gap_refit / max(e.threshold, 1e-9)
-    if e.unexplained is not None:
-        ratio = max(
-            ratio,
-            e.unexplained.spreads / settings.since_spreads,
-            e.unexplained.run_deficit / settings.since_run_deficit,
-        )
+    if e.stands_out is not None:
+        ratio = max(ratio, e.stands_out.spreads / settings.since_spreads)
     return float(1.0 - 0.5 / max(1.0, ratio) ** 2)
 
 
 def p_unknown(e: Evidenced, settings: Settings) -> float:
-    """Probability that the cause is none of the library: by shrink and ceiling, or by the scores.
+    """Probability that the cause is none of the library: by shrink and ceiling.
 
-    Beside tied parameters a gap contains what the form of the bench's laws leaves, of which no
-    effect takes anything and a few blocks of time may be most. A cause that takes a good part of
-    what the runs score worse than good ones is known all the same, and so is one that gains more
-    than a wrong one was ever seen to.
+    Beside tied parameters a gap contains what the form of the bench's laws leaves, so that no share
+    of it is asked of a cause, but one of what a flexible correction takes.
     """
-    if e.tied and (e.taken > settings.since_taken or e.strongest > settings.since_sure):
-        return 0.0
     too_little = _too_little(e.touched, settings, tied=e.tied)
     return too_little if e.tied else max(too_little, _nothing_in_all(e.whole, settings))
 
@@ -185,19 +158,12 @@ def _nothing_in_all(whole: Worth, settings: Settings) -> float:
 
 
 def _too_little(worth: Worth, settings: Settings, *, tied: bool) -> float:
-    """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling.
-
-    Beside tied parameters a cause must also bring a large gap down to the background's size, or
-    take most of it: a neighbour of the true cause leaves more.
-    """
-    if worth.gap_refit < (settings.since_min_excess if tied else settings.min_excess):
+    """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling."""
+    if worth.gap_refit < settings.min_excess:
         # A gap of the floor's size has no shrink to speak of; what its scores gain tells.
         return float(np.mean(worth.score_share < settings.unknown_ratio))
     s, ceiling = worth.draws[:, 0], worth.draws[:, 1]
     poor = s < settings.unknown_ratio * np.maximum(ceiling, 1e-9)
-    if tied:
-        left = (1.0 - s) * worth.gap_refit > settings.unknown_left
-        poor |= left & (s < settings.since_clear_shrink)
-    else:
+    if not tied:
         poor |= s < settings.unknown_shrink
     return float(np.mean(poor))

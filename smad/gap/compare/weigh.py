@@ -8,9 +8,9 @@ from scipy.stats import norm
 from smad.gap.compare.assess import Standing, group_of
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import Track
-from smad.gap.compare.verdict import Evidenced, Unexplained
+from smad.gap.compare.verdict import Evidenced, StandsOut
 from smad.gap.fit.candidate import touched_outputs
-from smad.gap.fit.deficit import clearest, deficit_of, worst_run
+from smad.gap.fit.deficit import clearest, deficit_of
 from smad.gap.fit.stages import Prepared
 
 _VISIBLE_FLOORS = 4.0
@@ -42,9 +42,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         instead_better=track.free_gain > errors * track.free_gain_se,
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
-        taken=_taken(prepared, selection),
-        strongest=_strongest(selection),
-        unexplained=_unexplained(prepared, track),
+        stands_out=_stands_out(prepared, track),
         visible=_visible(selection),
     )
 
@@ -55,39 +53,14 @@ def _visible(selection: Selection) -> float:
     return float(np.mean(shown)) if shown else 1.0
 
 
-def _strongest(selection: Selection) -> float:
-    """Largest gain, nats a cell, of an effect that entered and is still there."""
-    named = set(selection.best.names)
-    steps = [c for c in selection.steps if c.cells and set(c.names) <= named]
-    return max((c.gain / c.cells for c in steps), default=0.0)
-
-
-def _unexplained(prepared: Prepared, track: Track) -> Unexplained | None:
+def _stands_out(prepared: Prepared, track: Track) -> StandsOut | None:
     """What stands beyond known-good runs whether their parameters are kept or all are refitted."""
     usual = None if prepared.background is None else prepared.background.usual
     if usual is None:
         return None
     models = [deficit_of(usual, j) for j in (track.asked.base.judged, track.free)]
     output, spreads = clearest(usual, models)
-    run_output, run, run_deficit = worst_run(models)
-    deficit = min(m.whole for m in models)
-    if spreads > prepared.settings.since_spreads:
-        channel = prepared.outputs[output].channel
-        return Unexplained(deficit, spreads, run_deficit, output, channel)
-    if run_deficit > prepared.settings.since_run_deficit:
-        channel = prepared.outputs[run_output].channel
-        return Unexplained(deficit, spreads, run_deficit, run_output, channel, run)
-    return Unexplained(deficit, spreads, run_deficit)
-
-
-def _taken(prepared: Prepared, selection: Selection) -> float:
-    """Part of what the runs score worse than good runs left out that the effects make good."""
-    usual = None if prepared.background is None else prepared.background.usual
-    if usual is None:
-        return 0.0
-    lacking = deficit_of(usual, selection.base.judged).whole
-    left = deficit_of(usual, selection.best.judged).whole
-    return 1.0 - left / lacking if lacking > 0.0 else 1.0
+    return StandsOut(output, prepared.outputs[output].channel, spreads) if output else None
 
 
 def _chance(selection: Selection) -> float:

@@ -10,7 +10,7 @@ handful, not by the best one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from smad.gap.fit.candidate import cluster_gain
@@ -122,13 +122,13 @@ def _entered(
     return (trial, after) if gain > max(_GAIN, se) else None
 
 
-def unbound(tied: Fitted, keep: Collection[str] = ()) -> Fitted:
+def unbound(tied: Fitted) -> Fitted:
     """The refit in which parameters and laws of a bench may be others than in its good runs.
 
-    From where they are tied to those, with its effects. Laws to `keep` stay as they were.
+    From where they are tied to those, with its effects.
     """
     problem, own = tied.problem, tied.space.effects
-    held = {*keep, *(e.name for e in own)}
+    held = {e.name for e in own}
     fixed = [e for e in problem.evidence.plant.effects if e.name in tied.space.fixed]
     laws = [e for e in laws_of(fixed) if e.name not in held]
     space = replace(tied.space, tie=None, effects=(*laws, *own))

@@ -113,11 +113,6 @@ def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
     return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED_SHARE * total)
 
 
-def _clear(c: Candidate, s: Settings) -> bool:
-    """Whether an effect takes most of a gap that none could overlook, if only in a few cells."""
-    return c.shrink_gain >= s.clear_shrink and c.excess_before >= s.clear_excess
-
-
 def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
     """What the held-out gain of a candidate must exceed, nats.
 
@@ -126,21 +121,15 @@ def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
     """
     if not tied:
         return max(2.0, c.gain_se)
-    if _clear(c, s):
-        return s.clear_standard_errors * c.gain_se
-    first = len(c.names) == 1
-    errors = s.standard_errors if first else s.further_standard_errors
-    return max(s.since_gain * c.cells, errors * c.gain_se)
+    return max(s.since_gain * c.cells, s.standard_errors * c.gain_se)
 
 
 def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
-    """Whether the last effect of a candidate may enter, beside tied parameters or free ones."""
+    """Whether the last effect of a candidate may enter, beside tied parameters or free ones.
+
+    What it gains must not be lost where a regime is left out. Beside tied parameters it stands out
+    by its score although the background is larger, so that no share of a gap is asked of it.
+    """
     stands = c.gain > asked_gain(c, s, tied=tied) and c.p_value <= s.significance
-    if tied:
-        # Beside tied parameters an effect stands out by its score although the background is
-        # larger; but what the form of a law leaves in one regime is no help in another. So large
-        # as a cause may be that acts in one regime only, it is not.
-        share = 0.0 if c.gain > s.regime_sure * c.cells else s.regime_share
-        return stands and c.regime_gain > share * c.gain
-    takes = c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess
+    takes = tied or (c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess)
     return stands and takes and c.gain + c.regime_gain > 0.0

@@ -33,18 +33,6 @@ class Usual:
     spread: Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Deficit:
-    """What runs score worse than usual, nats a cell: on all outputs, on each, and on each in a run.
-
-    Runs are named. Outputs that the good runs lack do not count.
-    """
-
-    whole: float
-    by_output: Mapping[str, float]
-    by_run: Mapping[tuple[str, str], float]
-
-
 def usual_of(good: Problem, predicted: Array) -> Usual | None:
     """What is usual of good runs, of which `predicted` leaves each out; None of a single run."""
     ev = good.evidence
@@ -68,35 +56,22 @@ def usual_of(good: Problem, predicted: Array) -> Usual | None:
     )
 
 
-def deficit_of(usual: Usual, judged: Judged) -> Deficit:
-    """How much worse than usual a model predicts the runs that it is judged on."""
+def deficit_of(usual: Usual, judged: Judged) -> dict[str, float]:
+    """How much worse than usual a model predicts the runs that it is judged on, nats a cell.
+
+    By output; those that the good runs lack do not count.
+    """
     parts = [p.evidence for p in (judged.problem, judged.hold) if p is not None]
     keys = np.concatenate([ev.cell_key for ev in parts])
-    runs = np.concatenate([np.array([r.name for r in ev.runs])[ev.cell_run] for ev in parts])
     full = np.concatenate([ev.cell_size > 0 for ev in parts])
-    counts = full & np.isin(keys, list(usual.by_output))
-    if not counts.any():
-        return Deficit(0.0, {}, {})
-    keys, runs = keys[counts], runs[counts]
-    worse = np.array([usual.by_output[k] for k in keys.tolist()]) - judged.scores()[counts]
-    pairs = dict.fromkeys(zip(keys.tolist(), runs.tolist(), strict=True))
-    return Deficit(
-        float(worse.mean()),
-        {k: float(worse[keys == k].mean()) for k in dict.fromkeys(keys.tolist())},
-        {(k, r): float(worse[(keys == k) & (runs == r)].mean()) for k, r in pairs},
-    )
+    scores = judged.scores()
+    known = [k for k in dict.fromkeys(keys[full].tolist()) if k in usual.by_output]
+    return {k: usual.by_output[k] - float(scores[full & (keys == k)].mean()) for k in known}
 
 
-def clearest(usual: Usual, models: Sequence[Deficit]) -> tuple[str, float]:
+def clearest(usual: Usual, models: Sequence[Mapping[str, float]]) -> tuple[str, float]:
     """The output that stands out most whichever of the models is asked, and by how many spreads."""
-    least = {k: min(m.by_output[k] for m in models) for k in models[0].by_output}
+    least = {k: min(m[k] for m in models) for k in models[0]}
     away = {k: v / usual.spread[k] for k, v in least.items()}
     output = max(away, key=lambda k: (away[k], k), default="")
     return output, away.get(output, 0.0)
-
-
-def worst_run(models: Sequence[Deficit]) -> tuple[str, str, float]:
-    """Output and run with the largest deficit whichever of the models is asked, and that."""
-    least = {k: min(m.by_run[k] for m in models) for k in models[0].by_run}
-    output, run = max(least, key=lambda k: (least[k], k), default=("", ""))
-    return output, run, least.get((output, run), 0.0)

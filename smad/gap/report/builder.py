@@ -17,7 +17,7 @@ from smad.gap.compare.localise import HeatMap, localise
 from smad.gap.compare.nextexp import confused, parting_experiments
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import Track
-from smad.gap.compare.verdict import Evidenced, decide, stands_out
+from smad.gap.compare.verdict import Evidenced, decide, standing_out
 from smad.gap.compare.weigh import weigh
 from smad.gap.data.admission import Admission
 from smad.gap.data.guards import FURTHER
@@ -331,7 +331,7 @@ class Closing:
             sub_model = first.sub_model
             touched = numbers.touched.keys
             outputs = [k for k in touched if k in outputs] or list(touched)
-        elif output := stands_out(numbers):
+        elif output := standing_out(numbers, prepared.settings):
             outputs = [output]
             sub_model = prepared.outputs[output].sub_model
         part = prepared.outputs[outputs[0]].sub_model if outputs else sub_model

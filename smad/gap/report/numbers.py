@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from smad.gap.compare.nextexp import enough
-from smad.gap.compare.verdict import Evidenced, Unexplained
+from smad.gap.compare.verdict import Evidenced
 from smad.gap.plant import Effect
 from smad.gap.records import NAMED, ExperimentRecord, Outcome, ValueRecord
 
@@ -50,9 +50,9 @@ def gap(e: Evidenced) -> str:
     left = e.gap_free if e.tied else e.whole.gap_refit
     said += f"; other values of the parameters leave {left:.2f}×"
     if e.imitated:
-        said += ", and predict runs not fitted to as well as the cause, or better"
+        said += ", and predict runs not fitted to as well as the cause"
     elif e.tied and e.effects and left < 0.7 * e.whole.gap_refit:
-        said += ", but predict less, or not what the cause predicts beside them"
+        said += ", but predict less"
     return said
 
 
@@ -82,17 +82,11 @@ def _unknown(e: Evidenced, title: Mapping[str, str]) -> list[Line]:
                 f"a flexible correction {max(0.0, e.touched.ceiling):.0%}",
             )
         ]
-    return [] if e.unexplained is None else [("stands out", _unexplained(e.unexplained))]
-
-
-def _unexplained(u: Unexplained) -> str:
-    if u.run:
-        return (
-            f"{u.channel} of {u.run}, {u.run_deficit:.0f} nats a cell worse than in known-good runs"
-        )
-    if u.output:
-        return f"{u.channel}, by {u.spreads:.0f} times what known-good runs differ in it"
-    return f"all signals, {u.deficit:.1f} nats a cell worse than in known-good runs"
+    found = e.stands_out
+    if found is None:
+        return []
+    far = f"{found.channel}, by {found.spreads:.0f} times what known-good runs differ in it"
+    return [("stands out", far)]
 
 
 def _instead(e: Evidenced, title: Mapping[str, str]) -> list[str]:
