@@ -11,6 +11,16 @@ LONGEST = "tests/withheld/"
 """One worker would else be left with them at the end."""
 
 
+def pytest_configure() -> None:
+    """Ctrl-C as a terminal leaves it.
+
+    A shell that starts the tests in the background has them ignore it, and with them every program
+    that a test starts and would end.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
 

@@ -106,7 +106,7 @@ def test_the_command_prints_another_cause_where_another_was_put_in_and_writes_th
     page = tmp_path / "tanks.html"
     done = CliRunner().invoke(main, ["tanks", "--folder", str(tmp_path), "--html", str(page)])
     assert done.exit_code == 0, done.output
-    assert "Cause: the pump follows late [pump_lag]" in done.output
+    assert "pump_lag: the pump follows late" in done.output
     assert "cascaded tanks" in page.read_text()
 
 

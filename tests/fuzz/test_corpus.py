@@ -20,7 +20,7 @@ from smad.config import default_toml
 from smad.control.sample import sample_of
 from smad.daemon.command.service import Service
 from smad.daemon.control import ControlTask
-from smad.runlog import importer, scan
+from smad.runlog import scan, tables
 from tests.fuzz import commands, config
 from tests.fuzz.limits import kind_of, within_limits
 from tests.fuzz.mutate import mutations
@@ -141,7 +141,7 @@ def forget_the_note(patch: pytest.MonkeyPatch) -> None:
 
 
 def check_no_times(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(importer, "_check_time", lambda *arguments: None)
+    patch.setattr(tables, "_check_time", lambda *arguments: None)
 
 
 PLANTED: dict[str, Callable[[pytest.MonkeyPatch], None]] = {

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from smad.gap.check.bank import read_columns
 from smad.gap.check.case import Part, Task
 from smad.gap.check.names import OUTCOMES
 from smad.gap.check.verdicts import CaseVerdict, NextExperiment
 from smad.gap.plant import ModelPoint
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.sma import SmaPlant
-from smad.gap.sma.signals import run_from_columns
+from smad.gap.sma.signals import table_run
 from tests.withheld.second_pass import Frozen, diagnosed, part_of
 
 _COLUMNS = {
@@ -57,7 +56,7 @@ def judge_again(task: Task, runs: Mapping[str, Sequence[Path]]) -> Part:
 
     def say() -> CaseVerdict:
         files = runs[task.case.id]
-        more = [run_from_columns(f"next-{i + 1}", read_columns(p)) for i, p in enumerate(files)]
+        more = [table_run(f"next-{i + 1}", p) for i, p in enumerate(files)]
         found = diagnosed(task, task.how, more)
         said = NextExperiment("", names_after=names_after(found))
         return CaseVerdict(outcome=OUTCOMES[found.verdict.outcome], next_experiment=said)
