@@ -76,8 +76,12 @@ def _strength(effect: str, values: Sequence[ValueRecord]) -> str:
     for v in values:
         if v.effect == effect:
             unit = "" if v.unit == "1" else f" {v.unit}"
-            told.append(f"{v.name} = {v.value:#.2g}{unit}" if v.value else f"{v.name} = 0{unit}")
+            told.append(f"{v.name} = {_two_digits(v.value)}{unit}")
     return f" ({', '.join(told)})" if told else ""
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:#.2g}".rstrip(".") if value else "0"
 
 
 def _goes(outcome: Outcome, titles: Mapping[str, str], budget: Budget) -> list[str]:
