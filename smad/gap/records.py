@@ -265,9 +265,9 @@ class Verdict(msgspec.Struct, frozen=True):
     `effects` in order of importance; `group` the effects that cannot be told from the first;
     `probability` that of the outcome's named cause (the group's together). Gaps are G over the
     floor, on held-out runs, of the local views; `open_loop` the same for the whole simulator.
-    `imitated`: other values of the parameters predict as well as `effects` or better, and these do
-    not help beside them. `instead` are effects that the parameters of the known-good runs ask for,
-    whose place other values of the parameters have taken; they would have left `gap_instead`.
+    `imitated`: other values of the parameters predict as well as `effects`. `instead` are effects
+    that the parameters of the known-good runs ask for, whose place other values of the parameters
+    have taken; they would have left `gap_instead`.
     `plain` is the answer in a sentence or two, `text` the numbers behind it, a line each. `bounded`
     are effects that are not named because their strength ran into the bound of its range.
     """
