@@ -12,19 +12,18 @@ from smad.gap.plant import PlantModel
 from smad.gap.runs import Array, GapRun, bridged
 from smad.gap.settings import Settings
 
-_ROWS = 70
+_ROWS = 50
 """Rows to the usual channel's correlation time."""
-_LADDER = (1.0, 3.0, 10.0)
 _STEADY = 0.5
 
 
 def suited(settings: Settings, runs: Sequence[GapRun], plant: PlantModel) -> Settings:
     """The settings with a row, a cell and a least length of runs that suit these records.
 
-    The times are in the proportion that `settings` has them in. A row is a 70th of the usual
-    correlation time of what is measured, rounded to 1 or 3 times a power of ten, so that it does
-    not change from one handful of runs to the next, and at least a sample. Without a channel that
-    moves nothing changes.
+    The times are in the proportion that `settings` has them in. A row is a 50th of the usual
+    correlation time of what is measured, rounded to a power of ten, so that it does not change from
+    one handful of runs to the next, and at least a sample. Without a channel that moves nothing
+    changes.
     """
     usual = correlation_time_s(runs, plant)
     if usual is None:
@@ -70,6 +69,5 @@ def _time_s(run: GapRun, channel: str) -> float:
 
 
 def _rounded(period_s: float) -> float:
-    """The nearest of 1 and 3 times a power of ten, by ratio."""
-    decade = 10.0 ** np.floor(np.log10(period_s))
-    return float(min((decade * step for step in _LADDER), key=lambda s: abs(np.log(s / period_s))))
+    """The nearest power of ten, by ratio."""
+    return float(10.0 ** np.round(np.log10(period_s)))
