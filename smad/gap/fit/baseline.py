@@ -30,7 +30,6 @@ _ROUNDS, _HANDFUL = 2, 3
 """Rounds in which known-good runs may ask for effects, and effects tried in each."""
 _GAIN = 100.0
 """Nats from which an effect belongs to the good bench."""
-_TOLERANCE = 2.0
 
 
 def learn_baseline(
@@ -141,11 +140,10 @@ def unbound(tied: Fitted) -> Fitted:
         theta_A=tied.A[:, : space.n_theta],
         iterations=REFIT_ITERATIONS,
         refresh_theta=True,
-        tolerance=_TOLERANCE,
         rough=True,
     )
     end = drive([steps])[0].recalibrated()
-    return polished(end, tolerance=_TOLERANCE)
+    return polished(end)
 
 
 def as_fixed(fit: Fitted) -> Fitted:

@@ -15,7 +15,7 @@ from math import hypot
 
 import numpy as np
 
-from smad.gap.fit.lsq import Fitted, Problem, drive, fitting, solve_box
+from smad.gap.fit.lsq import ROUGHLY, Fitted, Problem, drive, fitting, solve_box
 from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
@@ -30,6 +30,8 @@ FIT_ITERATIONS = 6
 _SHORT_ITERATIONS, _LONGER_FITS = 1, 4
 """Iterations of the first round, and candidates that come to the second."""
 _TRUSTED = 2
+_CLOSELY = 0.5
+"""Nats for which the last round goes on: what a set lacks here, a larger one beside it would gain."""
 _LONGEST_LAG = 100
 
 
@@ -115,6 +117,7 @@ def joint_fits(
                 theta_A=None if renew else base.A[:, :n_theta],
                 iterations=FIT_ITERATIONS,
                 refresh_theta=renew,
+                tolerance=_CLOSELY if renew else ROUGHLY,
                 rough=not renew and names not in trusted,
             )
             for names in order[:count]
@@ -142,7 +145,7 @@ def _near(best: Fitted, other: Fitted) -> bool:
     return other.objective - best.objective < HALF_CHI2_95
 
 
-def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
+def polished(fit: Fitted) -> Fitted:
     """The fit with all sensitivities renewed, and a few more steps."""
     steps = fitting(
         fit.problem,
@@ -150,7 +153,6 @@ def polished(fit: Fitted, *, tolerance: float = 1.0) -> Fitted:
         fit.p,
         iterations=3,
         refresh_theta=True,
-        tolerance=tolerance,
     )
     return drive([steps])[0]
 

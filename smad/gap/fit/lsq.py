@@ -31,6 +31,8 @@ _RENEWALS = (0, 2, 5)
 _TELLING_STEP = 0.1
 _COOLING = (1.0, 0.5, 0.15)
 _FIRST_DAMPING, _DAMPINGS = 1e-3, 4
+ROUGHLY = 2.0
+"""Nats that another step must gain for most fits to go on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +246,7 @@ def fitting(
     theta_A: NDArray[np.float32] | None = None,
     iterations: int = 8,
     refresh_theta: bool = False,
-    tolerance: float = 0.5,
+    tolerance: float = ROUGHLY,
     pinned: Mapping[int, float] | None = None,
     squares: bool = False,
     rough: bool = False,
@@ -266,8 +268,8 @@ def fitting(
     for iteration in range(iterations + len(_COOLING)):
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(fit.z))
-        fresh = not refresh_theta or stuck or iteration in _RENEWALS
-        if fresh and refresh_theta and iteration > 0:
+        fresh = stuck or iteration in _RENEWALS
+        if stuck and refresh_theta:
             yield from fit.renew_own()
         if fresh:
             yield from fit.renew_extra()

@@ -10,7 +10,6 @@ from smad.gap.model.space import Space
 from smad.gap.plant import Array, EffectValues, Parameter
 
 REFIT_ITERATIONS = 8
-_TOLERANCE = 2.0
 
 
 def refit(
@@ -38,14 +37,13 @@ def refit(
         begin,
         iterations=REFIT_ITERATIONS,
         refresh_theta=True,
-        tolerance=_TOLERANCE,
         squares=squares,
         rough=True,
     )
     fit = drive([steps])[0].recalibrated()
     if not squares:
-        return polished(fit, tolerance=_TOLERANCE)
+        return polished(fit)
     again = fitting(
-        fit.problem, space, fit.p, theta_A=fit.A, iterations=3, tolerance=_TOLERANCE, squares=True
+        fit.problem, space, fit.p, theta_A=fit.A, iterations=3, squares=True
     )
     return drive([again])[0]

@@ -28,7 +28,6 @@ from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 
 _NULL_DRAWS = 60
-_TOLERANCE = 2.0
 _TOLD_ROWS = 400
 _DAY_SHARE = 0.01
 """How far a parameter may move from one day to the next without counting as a change, in standard
@@ -238,7 +237,6 @@ def _background_of(
         rough.space,
         rough.p,
         iterations=REFIT_ITERATIONS,
-        tolerance=_TOLERANCE,
         refresh_theta=True,
         rough=True,
     )
@@ -262,7 +260,7 @@ def _tie(background: Background) -> Array:
 def _plain(fit: Fitted) -> Fitted:
     """The refit by plain least squares, every cell at its full weight."""
     problem = _Plain(fit.problem.evidence, fit.problem.whitening, fit.problem.background)
-    steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3, tolerance=_TOLERANCE)
+    steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3)
     end = drive([steps])[0]
     return Fitted(
         fit.problem,
