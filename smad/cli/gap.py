@@ -231,7 +231,9 @@ def next_experiment(
             return
         result = _diagnosed(plant, runs, good, hold_out, seed)
     _print_verdict(result, _asked(runs, hold_out, good, None))
-    _print_experiments(result.experiments, result.settings["ambiguous_d2"])
+    from smad.gap.settings import enough_d2
+
+    _print_experiments(result.experiments, enough_d2(result.settings["odds"]))
 
 
 def _propose(baseline: Path) -> None:

@@ -135,7 +135,6 @@ class CandidateRecord(msgspec.Struct, frozen=True):
     screen_gain: float
     masked: float
     visible: float
-    p_value: float | None = None
     gain: float | None = None
     gain_se: float | None = None
     regime_gain: float | None = None

@@ -1,9 +1,16 @@
-"""The sizes of a diagnosis and the thresholds of its verdicts."""
+"""The sizes of a diagnosis, and the constants of its decision, which a command writes."""
 
 from __future__ import annotations
 
+import math
+import tomllib
 from dataclasses import dataclass, field, fields
+from importlib.resources import files
 from typing import Any
+
+_CHOSEN = tomllib.loads((files("smad.gap") / "decision.toml").read_text())
+_NINE_IN_TEN = 1.2816
+"""Standard deviations below its mean that a normal variable exceeds nine times in ten."""
 
 
 def _of(group: str) -> Any:
@@ -15,12 +22,15 @@ def _of(group: str) -> Any:
     return named
 
 
+def _chosen(group: str, table: str) -> Any:
+    """A field of this group, by its name in a table of `decision.toml`, and meaning."""
+    add = _of(group)
+    return lambda name, meaning: add(float(_CHOSEN[table][name]), meaning)
+
+
 _size = _of("Sizes")
-_entering = _of("Entering")
-_free = _of("Cause or parameters")
-_unknown = _of("Unknown")
-_verdict = _of("Verdict")
-_right = _of("Probabilities since known-good runs: shares right on the development bank")
+_decision = _chosen("Decision", "decision")
+_right = _chosen("Shares of answers right since known-good runs, as measured", "right")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,52 +49,46 @@ class Settings:
     seed: int = _size(0, "of everything random")
     max_effects: int = _size(3, "causes that may be named together")
     min_duration_s: float = _size(8.0, "least length of a run in s")
-    significance: float = _entering(0.01, "how often chance alone may beat a candidate")
-    since_gain: float = _entering(1.0, "since known-good runs: nats for each judged cell")
-    standard_errors: float = _entering(2.0, "by which a held-out score must be better to count")
-    min_shrink_gain: float = _entering(
-        0.1,
-        "what a cause adds to the shrink on its signals or in all, and all causes in all",
+    min_excess: float = _size(
+        0.35, "floors below which a gap counts as none: the floor itself is known to 6 %"
     )
-    imitated_share: float = _free(
-        0.9, "of what a clearly better free refit gains, that a cause must bring to stand"
+    since_gain: float = _decision(
+        "since_gain", "since known-good runs: nats for each judged cell that a cause must gain"
     )
-    imitated_gain: float = _free(
-        1.5,
-        "nats a cell for a name at even odds where the free refit is no worse",
+    standard_errors: float = _decision(
+        "standard_errors", "by which a held-out score must be better to count"
     )
-    vanished_share: float = _free(
-        0.55, "parameters have changed if the refit leaves less than this share of the gap"
+    least_share: float = _decision(
+        "least_share",
+        "the least share that counts: of a gap, for a cause or a rest; of the effects, that show",
     )
-    min_excess: float = _unknown(0.35, "floors below which a gap is not significant")
-    unknown_shrink: float = _unknown(0.2, "a cause that takes less of the gap is unknown")
-    unknown_ratio: float = _unknown(
-        0.5, "or less than this share of what a flexible correction takes"
+    most_share: float = _decision(
+        "most_share",
+        "of what a flexible correction takes, that a cause must take; of the gap, that a refit"
+        " must take",
     )
-    since_spreads: float = _unknown(
-        8.0,
+    nearly_all: float = _decision(
+        "nearly_all", "of what a clearly better free refit gains, that a cause must bring to stand"
+    )
+    since_spreads: float = _decision(
+        "since_spreads",
         "without a cause, since good runs: by what one output differs, in what these differ in it",
     )
-    lone_ratio: float = _unknown(
-        2.0, "the same since a single good run: the multiple of the threshold that is left"
+    odds: float = _decision("odds", "between two causes from which on they are told apart")
+    form_share: float = _decision(
+        "form_share", "of what a cause changes, by which a law of another form may differ"
     )
-    least_visible: float = _verdict(
-        0.2, "share of the effects that must show, or the runs excite too little"
-    )
-    rest_margin: float = _verdict(
-        0.15,
-        "share of the gap that a flexible correction takes beyond the cause, called a rest",
-    )
-    ambiguous_odds: float = _verdict(
-        10.0, "odds between two causes from which on they are told apart"
-    )
-    ambiguous_d2: float = _verdict(16.0, "separation d² from which on two causes are told apart")
-    form_share: float = _verdict(
-        0.35, "by which a law of another form widens the interval of a strength, in quadrature"
-    )
-    quiet_right: float = _right(0.4, "no gap, parameters only")
-    named_right: float = _right(0.75, "a named cause")
-    unsure_right: float = _right(0.5, "unknown, or a cause that other parameters imitate")
+    quiet_right: float = _right("quiet", "no gap, parameters only")
+    named_right: float = _right("named", "a named cause")
+    unsure_right: float = _right("unsure", "unknown, or a cause that other parameters imitate")
+
+
+def enough_d2(odds: float) -> float:
+    """Separation d² from which on the odds of two models exceed `odds` nine times in ten.
+
+    Their logarithm is normal with mean d²/2 and variance d².
+    """
+    return (_NINE_IN_TEN + math.sqrt(_NINE_IN_TEN**2 + 2.0 * math.log(odds))) ** 2
 
 
 def shipped() -> dict[str, tuple[str, float, str]]:

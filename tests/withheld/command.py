@@ -106,10 +106,11 @@ def _score(options: argparse.Namespace) -> None:
     )
 
 
-def _ablate(options: argparse.Namespace) -> None:
-    from tests.withheld.ablation import ablate
+def _decide(options: argparse.Namespace) -> None:
+    from tests.withheld.deciding import decide_constants
 
-    ablate(Path(options.bank), Path(options.key), Path(options.out), _cases(options))
+    bank, key, out = Path(options.bank), Path(options.key), Path(options.out)
+    decide_constants(bank, key, out, _cases(options), write=options.write)
 
 
 def _follow(options: argparse.Namespace) -> None:
@@ -272,12 +273,13 @@ def _any_runs(commands: _Commands) -> None:
         "--all", action="store_true", help="rightly named ones too, to compare with"
     )
     later["after-why"].add_argument("--report", required=True, help="what `why` wrote")
-    dropped = commands.add_parser("ablate", help="what each threshold of the verdict changes")
-    dropped.add_argument("bank", help="a development bank")
-    dropped.add_argument("key")
-    dropped.add_argument("--out", required=True, help="folder for the answers of each case")
-    dropped.add_argument("--cases", default="", help="only these, as case-001,case-007")
-    dropped.set_defaults(run=_ablate)
+    deciding = commands.add_parser("decide", help="constants of the diagnosis's decision")
+    deciding.add_argument("bank", help="a development bank")
+    deciding.add_argument("key")
+    deciding.add_argument("--out", required=True, help="folder for the answers of each case")
+    deciding.add_argument("--cases", default="", help="only these, as case-001,case-007")
+    deciding.add_argument("--write", action="store_true", help="write them to the package")
+    deciding.set_defaults(run=_decide)
     again = commands.add_parser("follow", help="run a recommended experiment on a case's bench")
     again.add_argument("bank")
     again.add_argument("key")

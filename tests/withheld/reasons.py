@@ -17,7 +17,7 @@ from smad.gap.check.key import STRENGTHS, CaseKey
 from smad.gap.check.names import NAMING
 from smad.gap.check.score import Pair, name_credit
 from smad.gap.records import Outcome
-from smad.gap.settings import Settings
+from smad.gap.settings import Settings, enough_d2
 from tests.withheld.entry import Apart, EntryRecord, Fit
 
 FORMAT = "smad-why-2"
@@ -117,7 +117,7 @@ def _misfit(t: Told, e: EntryRecord, s: Settings) -> bool:
 
 def _shows(e: EntryRecord, s: Settings) -> bool:
     # A gain can come from the parameters alone, which a joint fit takes further than the refit did.
-    return e.fit is not None and e.fit.shows and e.fit.d2_nothing >= s.ambiguous_d2
+    return e.fit is not None and e.fit.shows and e.fit.d2_nothing >= enough_d2(s.odds)
 
 
 def _masked(t: Told, e: EntryRecord, s: Settings) -> bool:
@@ -130,7 +130,7 @@ def _masked(t: Told, e: EntryRecord, s: Settings) -> bool:
     after = [e.visible**2] if e.fit is None else [e.fit.d2_nothing, e.visible**2]
     typical = e.visible**2 / max(1.0 - e.masked, 1e-9)
     before = [typical] if e.fit is None else [e.fit.d2_known, typical]
-    limit = s.ambiguous_d2
+    limit = enough_d2(s.odds)
     return any(a < limit <= b for a, b in zip(after, before, strict=True))
 
 
@@ -143,9 +143,9 @@ def _before(t: Told, e: EntryRecord, s: Settings) -> bool:
 
 
 def _alike(t: Told, e: EntryRecord, s: Settings) -> bool:
-    odds = s.ambiguous_odds
+    odds = s.odds
     return any(
-        (r.d2 is not None and r.d2 < s.ambiguous_d2)
+        (r.d2 is not None and r.d2 < enough_d2(s.odds))
         or (r.odds is not None and 1.0 / odds < r.odds < odds)
         for r in e.rivals
     )
@@ -286,7 +286,7 @@ def _way(t: Told, entry: EntryRecord, experiments: list[str], settings: Settings
     counted = sum(a.counted for a in t.apart if a.experiment in experiments)
     more = sum(a.d2 for a in entry.apart if a.experiment in experiments)
     errors = raised(entry.fit, more, t.judged)
-    enough = counted >= settings.ambiguous_d2 and errors >= entry.fit.asked
+    enough = counted >= enough_d2(settings.odds) and errors >= entry.fit.asked
     return Way(experiments, counted, errors, enough)
 
 

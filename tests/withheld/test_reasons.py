@@ -31,7 +31,7 @@ from tests.withheld.reasons import (
 SETTINGS = Settings()
 CLEAR = Fit(
     values={"tau_s": 0.4}, output="rtd:x", size_floors=12.0, size_background=4.0, d2_known=900.0,
-    d2_nothing=400.0, d2_free=90.0, gain=500.0, gain_se=100.0, asked=3.0, p_value=1e-6,
+    d2_nothing=400.0, d2_free=90.0, gain=500.0, gain_se=100.0, asked=3.0,
     shrink_gain=0.6, excess_before=2.0, regime_gain=90.0, shows=True, enters=True,
 )  # fmt: skip
 NAMED = Standing(

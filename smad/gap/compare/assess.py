@@ -227,23 +227,18 @@ def _row_weights(fit: Fitted) -> tuple[Array, float]:
 
 
 def group_of(
-    best: Candidate,
-    rivals: Sequence[Candidate],
-    probability: dict[str, float],
-    odds: float,
-    d2_limit: float,
+    best: Candidate, rivals: Sequence[Candidate], probability: dict[str, float], odds: float
 ) -> list[str]:
     """Names that cannot be told from an effect of `best`, most probable first."""
     if not rivals:
         return []
     own = [n for n in best.names if all(n not in r.names for r in rivals)]
     name = own[0] if own else best.names[-1]
-    d2 = confusability([best.fit, *[r.fit for r in rivals]])[0, 1:]
     p_best = probability.get(name, 1.0)
     near = []
-    for rival, value in zip(rivals, d2, strict=True):
+    for rival in rivals:
         other = next(n for n in rival.names if n not in best.names)
         p = probability.get(other, 0.0)
-        if (p > 0 and p_best / p < odds) or (value < d2_limit and p > 0 and p_best / p < odds**3):
+        if p > 0 and p_best / p < odds:
             near.append((p, other))
     return [n for _, n in sorted(near, key=lambda pair: (-pair[0], pair[1]))]

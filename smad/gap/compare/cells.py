@@ -44,7 +44,7 @@ def _changed(selection: Selection, block_s: float, *, tied: bool) -> tuple[list[
 
 def _enters(before: Candidate, candidate: Candidate, block_s: float, *, tied: bool) -> bool:
     old, new = _in_cells(before, block_s), _in_cells(candidate, block_s)
-    again = weighed(old, new.joint, new.judged, candidate.p_value)
+    again = weighed(old, new.joint, new.judged)
     return acceptable(again, new.fit.problem.evidence.settings, tied=tied)
 
 

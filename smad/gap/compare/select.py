@@ -20,9 +20,9 @@ from smad.gap.fit.candidate import (
 from smad.gap.fit.joint import JointFit, Start, joint_fits
 from smad.gap.fit.judge import Judged, judge, regime_gains, shrink
 from smad.gap.fit.lsq import Fitted, Problem
-from smad.gap.fit.screen import Probes, Screened, probe, reprobe, screen
-from smad.gap.fit.significance import DRAWS, resample_weights, tail_p
-from smad.gap.plant import Array, Effect
+from smad.gap.fit.screen import Screened, probe, reprobe, screen
+from smad.gap.fit.significance import DRAWS, resample_weights
+from smad.gap.plant import Effect
 from smad.gap.settings import Settings
 
 _SURVIVORS, _STARTS = 7, 2
@@ -63,7 +63,6 @@ class Selector:
         refit: Fitted,
         hold: Problem | None,
         effects: Sequence[Effect],
-        null: Callable[[Probes], Array],
         progress: Callable[[str], None] = lambda text: None,
         *,
         is_new: Callable[[Candidate], bool] = lambda candidate: True,
@@ -75,7 +74,6 @@ class Selector:
         # The order in which a library lists its effects must not matter.
         self.effects = tuple(sorted(effects, key=lambda e: e.name))
         self.settings: Settings = refit.problem.evidence.settings
-        self._null_of, self._null = null, np.zeros(0)
         self.progress = progress
         # What is asked twice of the same fit, with the fit, so that its identity stays its own.
         self._refits: dict[tuple[int, tuple[str, ...]], tuple[Fitted, JointFit]] = {}
@@ -120,7 +118,6 @@ class Selector:
     ) -> tuple[list[Screened], list[Candidate]]:
         if first_level:
             self._probes = probe(current.fit, self.effects)
-            self._null = self._null_of(self._probes)
         ranked = screen(reprobe(self._probes, current.fit)) if self.effects else []
         count = _SURVIVORS if first_level else max(3, _SURVIVORS - 3)
         survivors = short_list(ranked, count, self.unscreened)
@@ -142,12 +139,8 @@ class Selector:
     def _judged(self, before: Candidate, joints: Sequence[JointFit]) -> list[Candidate]:
         """Candidates with their gains over `before`, best first."""
         judged = judge([j.fit for j in joints], self.hold)
-        out = [self._candidate(before, j, v) for j, v in zip(joints, judged, strict=True)]
+        out = [weighed(before, j, v) for j, v in zip(joints, judged, strict=True)]
         return sorted(out, key=_best_first)
-
-    def _candidate(self, before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
-        p_value = tail_p(before.fit.objective - joint.fit.objective, self._null)
-        return weighed(before, joint, judged, p_value)
 
     def _first(self, candidates: Sequence[Candidate]) -> Candidate | None:
         return next((c for c in candidates if self._enters(c)), None)
@@ -165,7 +158,7 @@ class Selector:
         if joint.fit.objective >= before.fit.objective:
             return before, candidates
         fairer = replace(before, joint=joint, judged=judge([joint.fit], self.hold)[0])
-        again = [self._candidate(fairer, c.joint, c.judged) for c in candidates]
+        again = [weighed(fairer, c.joint, c.judged) for c in candidates]
         return fairer, sorted(again, key=_best_first)
 
     def _enters(self, c: Candidate) -> bool:
@@ -197,7 +190,7 @@ class Selector:
         if known is None:
             keep = tuple(e for e in current.fit.space.effects if e.name != name)
             joint = self._refitted(current, keep)
-            without = self._candidate(base, joint, judge([joint.fit], self.hold)[0])
+            without = weighed(base, joint, judge([joint.fit], self.hold)[0])
             known = self._less[id(current.fit), name] = (current.fit, without)
         return known[1]
 
@@ -207,7 +200,7 @@ class Selector:
             smaller = []
             for drop in current.fit.space.effects:
                 without = self._without(base, current, drop.name)
-                again = self._candidate(without, current.joint, current.judged)
+                again = weighed(without, current.joint, current.judged)
                 # What would not be let in may still carry the others: only its gain counts here.
                 if again.gain <= asked_gain(again, self.settings, tied=self.tied):
                     smaller.append(without)
@@ -235,7 +228,7 @@ class Selector:
             if not better or attempt == 1:
                 break
             winner = max(better, key=lambda c: c.score)
-            best = self._candidate(base, winner.joint, winner.judged)
+            best = weighed(base, winner.joint, winner.judged)
         return best, out
 
     def _place(self, base: Candidate, best: Candidate, name: str) -> Place:
@@ -250,7 +243,7 @@ class Selector:
         return Place(reduced, tuple(found))
 
 
-def weighed(before: Candidate, joint: JointFit, judged: Judged, p_value: float) -> Candidate:
+def weighed(before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
     """A fit that was judged, with its gains over the model `before`."""
     rise = before.doubt.scores(judged) - before.doubt.scores(before.judged)
     gain, se = cluster_gain(before.fit.problem, judged.hold, rise)
@@ -264,7 +257,6 @@ def weighed(before: Candidate, joint: JointFit, judged: Judged, p_value: float) 
         judged,
         gain,
         se,
-        p_value,
         touched,
         max(rises),
         before.judged.excess(list(touched)),

@@ -68,7 +68,6 @@ def follow_tracks(
             refit,
             prepared.hold,
             effects,
-            prepared.null,
             progress,
             is_new=partial(_is_new, prepared),
             unscreened=unscreened,
@@ -85,9 +84,7 @@ def follow_tracks(
     clear = prepared.settings.standard_errors * error
     imitated = bool(best.names) and rise > -clear
     gain, _ = _gain(prepared, best.judged, selection.base.judged)
-    beaten = (imitated and _slight(prepared, gain)) or (
-        rise > clear and not _nearly_all(prepared, gain, rise)
-    )
+    beaten = rise > clear and not _nearly_all(prepared, gain, rise)
     if beaten or not (best.names or best.judged.excess() <= prepared.threshold):
         refit = Candidate(JointFit(prepared.fit, ()), free)
         without = Selection.without_effects(refit, selection)
@@ -101,16 +98,7 @@ def _nearly_all(prepared: Prepared, gain: float, rise: float) -> bool:
     Then a handful of numbers does what dozens that are free to move by a third do: what these gain
     on top is the form of the bench's laws.
     """
-    return gain > prepared.settings.imitated_share * (gain + rise)
-
-
-def _slight(prepared: Prepared, gain: float) -> bool:
-    """Whether causes that other parameters imitate gain no more than the form of laws may bring.
-
-    Where either would do, the question is which is more likely, and benches whose parameters have
-    moved since their good runs make some cause gain that much.
-    """
-    return gain < prepared.settings.imitated_gain * len(prepared.free.scores())
+    return gain > prepared.settings.nearly_all * (gain + rise)
 
 
 def _gain(prepared: Prepared, one: Judged, other: Judged) -> tuple[float, float]:

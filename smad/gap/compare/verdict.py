@@ -80,10 +80,10 @@ def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
 
 def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
     if not e.effects and not _structural(e, settings):
-        if e.visible < settings.least_visible:
+        if e.visible < settings.least_share:
             return Outcome.NO_EXCITATION, 1.0 - e.visible
         nothing = 1.0 - _present(e)
-        gone = e.whole.gap_refit < settings.vanished_share * e.gap_raw
+        gone = e.whole.gap_refit < (1.0 - settings.most_share) * e.gap_raw
         large = e.gap_raw > e.threshold
         if large and gone if e.since_good else (e.moved or large):
             return Outcome.PARAMETERS, nothing
@@ -100,7 +100,7 @@ def _decided(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:
     if any(e.groups.get(n) for n in e.effects):
         return Outcome.AMBIGUOUS, p
     rest = e.whole.ceiling - e.whole.shrink
-    if rest > settings.rest_margin and e.whole.gap_final > max(1.0, e.threshold):
+    if rest > settings.least_share and e.whole.gap_final > max(1.0, e.threshold):
         return Outcome.PLUS_REST, p
     return Outcome.EFFECT, p
 
@@ -109,12 +109,11 @@ def _structural(e: Evidenced, settings: Settings) -> bool:
     """Whether the refitted gap is more than background that these runs happen to have more of.
 
     Since known-good runs it is where one output differs far more from them than they do among
-    themselves. Of a single good run that is not known, and the gap must be twice the threshold.
+    themselves, which is not known of a single one.
     """
     if e.stands_out is not None:
         return bool(standing_out(e, settings))
-    over = e.whole.gap_refit / max(e.threshold, 1e-9)
-    return over > (settings.lone_ratio if e.since_good else 1.0)
+    return e.whole.gap_refit > e.threshold
 
 
 def standing_out(e: Evidenced, settings: Settings) -> str:
@@ -154,16 +153,16 @@ def _nothing_in_all(whole: Worth, settings: Settings) -> float:
     """Share of bootstrap draws in which causes that help on their own signals do not in all."""
     if whole.gap_refit < settings.min_excess:
         return 0.0
-    return float(np.mean(whole.draws[:, 0] < settings.min_shrink_gain))
+    return float(np.mean(whole.draws[:, 0] < settings.least_share))
 
 
 def _too_little(worth: Worth, settings: Settings, *, tied: bool) -> float:
     """Share of bootstrap draws in which the shrink is too small, alone or against the ceiling."""
     if worth.gap_refit < settings.min_excess:
         # A gap of the floor's size has no shrink to speak of; what its scores gain tells.
-        return float(np.mean(worth.score_share < settings.unknown_ratio))
+        return float(np.mean(worth.score_share < settings.most_share))
     s, ceiling = worth.draws[:, 0], worth.draws[:, 1]
-    poor = s < settings.unknown_ratio * np.maximum(ceiling, 1e-9)
+    poor = s < settings.most_share * np.maximum(ceiling, 1e-9)
     if not tied:
-        poor |= s < settings.unknown_shrink
+        poor |= s < settings.least_share
     return float(np.mean(poor))

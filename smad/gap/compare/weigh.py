@@ -75,9 +75,7 @@ def _chance(selection: Selection) -> float:
 def _groups(prepared: Prepared, s: Selection) -> dict[str, list[str]]:
     settings = prepared.settings
     return {
-        name: group_of(
-            s.best, rivals, s.probability[name], settings.ambiguous_odds, settings.ambiguous_d2
-        )
+        name: group_of(s.best, rivals, s.probability[name], settings.odds)
         for name, rivals in s.rivals.items()
     }
 

@@ -24,7 +24,7 @@ from smad.gap.model.space import Space
 from smad.gap.plant import Array, Effect, Parameter
 
 _LAW_START = 0.3
-_LAW_ROUNDS, _LAW_ROUNDS_LAST = 2, 8
+_LAW_ROUNDS, _LAW_ROUNDS_LAST = 2, 4
 """Rounds of slopes for each kinetics, and for the better of them."""
 _ROUNDS, _HANDFUL = 2, 3
 """Rounds in which known-good runs may ask for effects, and effects tried in each."""

@@ -26,17 +26,15 @@ class Candidate:
 
     `gain` is the rise of the held-out log-likelihood over the model it was added to, as far as that
     model's own causes are to be believed (`doubt`), `gain_se` its standard error over runs and
-    blocks, `p_value` that of the whole selection's null, `touched` the outputs that carry the
-    effect's signature, `shrink_gain` the rise of S over them (or over all outputs, if larger),
-    `excess_before` the gap over them without it, `regime_gain` the sum of gains on regimes left
-    out, `cells` the number of cells that were judged.
+    blocks, `touched` the outputs that carry the effect's signature, `shrink_gain` the rise of S
+    over them (or over all outputs, if larger), `excess_before` the gap over them without it,
+    `regime_gain` the sum of gains on regimes left out, `cells` the number of cells judged.
     """
 
     joint: JointFit
     judged: Judged
     gain: float = 0.0
     gain_se: float = 0.0
-    p_value: float = 1.0
     touched: tuple[str, ...] = ()
     shrink_gain: float = 0.0
     excess_before: float = 0.0
@@ -130,6 +128,6 @@ def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
     What it gains must not be lost where a regime is left out. Beside tied parameters it stands out
     by its score although the background is larger, so that no share of a gap is asked of it.
     """
-    stands = c.gain > asked_gain(c, s, tied=tied) and c.p_value <= s.significance
-    takes = tied or (c.shrink_gain >= s.min_shrink_gain and c.excess_before >= s.min_excess)
+    stands = c.gain > asked_gain(c, s, tied=tied)
+    takes = tied or (c.shrink_gain >= s.least_share and c.excess_before >= s.min_excess)
     return stands and takes and c.gain + c.regime_gain > 0.0

@@ -31,7 +31,7 @@ _SHORT_ITERATIONS, _LONGER_FITS = 1, 4
 """Iterations of the first round, and candidates that come to the second."""
 _TRUSTED = 2
 _CLOSELY = 0.5
-"""Nats for which the last round goes on: what a set lacks here, a larger one beside it would gain."""
+"""Nats for which the last round goes on: what a set lacks here, a larger one would gain."""
 _LONGEST_LAG = 100
 
 
@@ -107,7 +107,9 @@ def joint_fits(
     trusted = given[:_TRUSTED]
     order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
     kept = list(dict.fromkeys([*trusted, *order]))[:_LONGER_FITS]
-    for renew, count in ((False, len(kept)), (True, finish)):
+    known_well = base.space.tie is not None
+    for last, count in ((False, len(kept)), (True, finish)):
+        renew = last and not known_well
         order = sorted(kept, key=lambda names: (ends[names].fit.objective, names))
         again = [
             fitting(
@@ -117,8 +119,8 @@ def joint_fits(
                 theta_A=None if renew else base.A[:, :n_theta],
                 iterations=FIT_ITERATIONS,
                 refresh_theta=renew,
-                tolerance=_CLOSELY if renew else ROUGHLY,
-                rough=not renew and names not in trusted,
+                tolerance=_CLOSELY if last else ROUGHLY,
+                rough=not last and names not in trusted,
             )
             for names in order[:count]
         ]

@@ -43,7 +43,5 @@ def refit(
     fit = drive([steps])[0].recalibrated()
     if not squares:
         return polished(fit)
-    again = fitting(
-        fit.problem, space, fit.p, theta_A=fit.A, iterations=3, squares=True
-    )
+    again = fitting(fit.problem, space, fit.p, theta_A=fit.A, iterations=3, squares=True)
     return drive([again])[0]

@@ -19,15 +19,12 @@ from smad.gap.fit.discrepancy import Background, fed_noise, learn_background
 from smad.gap.fit.judge import Judged, excess_of, judge, predict_by_run
 from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
 from smad.gap.fit.refit import REFIT_ITERATIONS, refit
-from smad.gap.fit.screen import Probes
-from smad.gap.fit.significance import null_gains, top_null
 from smad.gap.fit.threads import repeatable
 from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.plant import Array, EffectValues, ModelPoint, PlantModel, View, nominal_point
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 
-_NULL_DRAWS = 60
 _TOLD_ROWS = 400
 _DAY_SHARE = 0.01
 """How far a parameter may move from one day to the next without counting as a change, in standard
@@ -69,15 +66,6 @@ class Prepared:
         """Every output of the runs to fit on or held out, as a segment that has it."""
         held = () if self.hold is None else self.hold.evidence.segments
         return {s.key: s for s in (*held, *self.problem.evidence.segments)}
-
-    def null(self, probes: Probes) -> Array:
-        """Largest gain of the screening on data without any effect."""
-        if self.background is None:
-            source, z = self.problem, self.fit.z
-        else:
-            source, z = self.background.fit.problem, self.background.white
-        draws = null_gains(probes, source, z, _NULL_DRAWS, self.settings.seed)
-        return top_null(draws)
 
 
 def prepare(
@@ -302,7 +290,7 @@ def _threshold(background: Background | None, settings: Settings) -> float:
                 weight[s.rows] = 1.0
         per_run.append(excess_of(own, squares, None, weight))
     # The mean of several runs varies less than one run does.
-    return max(settings.min_excess, 1.1 * max(per_run) / float(np.sqrt(2.0)))
+    return max(settings.min_excess, 1.1 * max(per_run) * float(np.sqrt(2.0 / len(per_run))))
 
 
 def open_loop(prepared: Prepared, executor: Executor | None = None) -> Problem:

@@ -55,7 +55,7 @@ from smad.gap.report.summary import (
     waterfall,
 )
 from smad.gap.runs import GapRun
-from smad.gap.settings import Settings
+from smad.gap.settings import Settings, enough_d2
 
 LIMITS = (
     "Every figure is about this plant model and its library: a cause outside it can only be "
@@ -216,7 +216,7 @@ class Closing:
         opened, open_rows, shown = self._open_loop(named)
         open_question = outcome is Outcome.UNKNOWN or weighed.imitated
         lines += [
-            next_line(experiments, settings.ambiguous_d2, settled=not open_question),
+            next_line(experiments, enough_d2(settings.odds), settled=not open_question),
             ("model to apply", holds),
         ]
         effects = list(weighed.effects) if named else []

@@ -9,6 +9,7 @@ from smad.gap.report import figures
 from smad.gap.report.advice import Asked, advice
 from smad.gap.report.plain import repeated_lines
 from smad.gap.report.terms import TERMS, budget_remarks, budget_table
+from smad.gap.settings import enough_d2
 from smad.report.page import Block, Code, Page, Picture, Section, Table, Text, text_table
 
 _TITLES = {
@@ -76,7 +77,7 @@ def _next(d: Diagnosis, asked: Asked | None) -> list[Block]:
 
 
 def _verdict(d: Diagnosis) -> list[Block]:
-    limit = d.settings["ambiguous_d2"]
+    limit = enough_d2(d.settings["odds"])
     return [
         *([] if d.budget is None else _budget(d.budget)),
         *_table("The numbers behind it", ("", ""), _numbers(d.verdict.text), set()),
@@ -209,13 +210,12 @@ def _candidates(d: Diagnosis) -> list[Block]:
         Text(
             "Gain is a rise in log-likelihood. Masked is the share of an effect's signature that "
             "the refitted parameters can imitate on these runs; visible is what is left of it at "
-            "its typical strength, in floors: under about 4 these runs could not show it. "
-            "p is against the null of the whole selection."
+            "its typical strength, in floors: under about 4 these runs could not show it."
         ),
         Table(
             (
-                "effect", "part", "screened gain", "masked", "visible", "p",
-                "held-out gain", "S on its signals", "probability",
+                "effect", "part", "screened gain", "masked", "visible", "held-out gain",
+                "S on its signals", "probability",
             ),
             [
                 (
@@ -224,7 +224,6 @@ def _candidates(d: Diagnosis) -> list[Block]:
                     f"{c.screen_gain:.0f}",
                     f"{c.masked:.0%}",
                     f"{c.visible:.0f}",
-                    _number(c.p_value, ".1g"),
                     "–" if c.gain is None else f"{c.gain:.0f} ± {c.gain_se or 0.0:.0f}",
                     _number(c.shrink, ".2f"),
                     _number(c.probability, ".2f"),

@@ -112,7 +112,6 @@ def candidate_records(
         if own is not None:
             record = msgspec.structs.replace(
                 record,
-                p_value=own.p_value,
                 gain=own.gain,
                 gain_se=own.gain_se,
                 regime_gain=own.regime_gain,

@@ -19,7 +19,7 @@ def candidate(*names: str, **numbers: float) -> Candidate:
     joint: Any = SimpleNamespace(names=names)
     judged: Any = None
     sure = Candidate(
-        joint, judged, gain=1100.0, gain_se=100.0, p_value=1e-6, touched=("a",),
+        joint, judged, gain=1100.0, gain_se=100.0, touched=("a",),
         shrink_gain=0.5, excess_before=2.0, regime_gain=150.0, cells=1000,
     )  # fmt: skip
     return replace(sure, **numbers)
@@ -39,8 +39,8 @@ def test_since_good_runs_a_gain_counts_by_the_cells_that_were_judged() -> None:
 
 @pytest.mark.parametrize(
     "numbers",
-    [{"gain": 990.0}, {"p_value": 0.02}, {"regime_gain": -1200.0}],
-    ids=["no more than other laws bring", "chance", "lost in other regimes"],
+    [{"gain": 990.0}, {"regime_gain": -1200.0}],
+    ids=["no more than other laws bring", "lost in other regimes"],
 )
 @pytest.mark.parametrize("names", [("x",), ("x", "y")])
 def test_an_effect_that_fails_one_test_stays_out(
