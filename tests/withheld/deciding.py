@@ -37,14 +37,14 @@ from tests.withheld.seals import refuse_sealed
 from tests.withheld.second_pass import readied
 
 GRID: dict[str, tuple[float, ...]] = {
-    "since_gain": (0.5, 0.7, 1.0, 1.4, 2.0),
-    "standard_errors": (0.0, 1.0, 1.4, 2.0, 2.8),
-    "least_share": (0.0, 0.05, 0.1, 0.15, 0.2, 0.3),
-    "most_share": (0.0, 0.25, 0.35, 0.5, 0.7),
-    "nearly_all": (0.7, 0.8, 0.9, 0.95, 1.0),
-    "since_spreads": (4.0, 5.6, 8.0, 11.0, 16.0),
-    "odds": (3.0, 5.0, 10.0, 20.0, 30.0),
-    "form_share": (0.0, 0.15, 0.25, 0.35, 0.5),
+    "since_gain": (0.7, 1.0, 1.4),
+    "standard_errors": (1.4, 2.0, 2.8),
+    "least_share": (0.1, 0.15, 0.2),
+    "most_share": (0.35, 0.5, 0.7),
+    "nearly_all": (0.8, 0.9, 0.95),
+    "since_spreads": (5.6, 8.0, 11.0),
+    "odds": (5.0, 10.0, 20.0),
+    "form_share": (0.25, 0.35, 0.5),
 }
 """Values that are tried of each constant."""
 _WRONG = -2.0
