@@ -58,9 +58,8 @@ def follow_tracks(
     """The selection that answers.
 
     Without known-good runs, effects beside free parameters. With them, effects beside tied ones,
-    or the free refit alone: where that predicts clearly better runs that neither has seen, where it
-    predicts as well as effects that gain little, or where none entered and something of note is
-    left. `unscreened` as in `Selector`.
+    or the free refit alone: where that predicts clearly better runs that neither has seen, or where
+    none entered and something of note is left. `unscreened` as in `Selector`.
     """
 
     def selected(refit: Fitted) -> Selection:

@@ -37,8 +37,7 @@ class Evidenced:
     parameters predict as well as the effects. `stands_out` is None without good runs that could be
     left out.
     `instead`: effects that parameters held to what the known-good runs say ask for, which would
-    bring the gap to `gap_instead`, but whose place other values of the parameters have taken:
-    clearly better ones (`instead_better`), or as good where the effects gain little.
+    bring the gap to `gap_instead`, but whose place clearly better values of the parameters took.
     """
 
     effects: tuple[str, ...]
@@ -58,7 +57,6 @@ class Evidenced:
     imitated: bool = False
     instead: tuple[str, ...] = ()
     gap_instead: float = 0.0
-    instead_better: bool = True
 
 
 def decide(e: Evidenced, settings: Settings) -> tuple[Outcome, float]:

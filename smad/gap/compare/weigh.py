@@ -24,7 +24,6 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
     whole = standing.worth(selection.best.judged.bench.evidence.keys)
     outputs = touched_outputs(selection.base.judged, selection.best.judged)
     touched = standing.worth(outputs) if outputs else whole
-    errors = prepared.settings.standard_errors
     return Evidenced(
         effects=_by_importance(selection),
         groups=_groups(prepared, selection),
@@ -39,7 +38,6 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         imitated=track.imitated,
         instead=track.displaced,
         gap_instead=track.asked.best.judged.excess(),
-        instead_better=track.free_gain > errors * track.free_gain_se,
         moved=bool(np.max(np.abs(prepared.fit.p)) > 1.0),
         chance=_chance(selection),
         stands_out=_stands_out(prepared, track),

@@ -90,14 +90,13 @@ def _unknown(e: Evidenced, title: Mapping[str, str]) -> list[Line]:
 
 
 def _instead(e: Evidenced, title: Mapping[str, str]) -> list[str]:
-    """What is not named, since other values of the parameters predict better, or as well."""
+    """What is not named, since other values of the parameters predict better."""
     if not e.instead:
         return []
     names = " and ".join(f"{title[n]} [{n}]" for n in e.instead)
-    how = "better" if e.instead_better else "as well"
     return [
         f"{names} would leave {e.gap_instead:.2f}× with the parameters of the known-good runs; "
-        f"other values of the parameters predict {how} and leave {e.gap_free:.2f}×"
+        f"other values of the parameters predict better and leave {e.gap_free:.2f}×"
     ]
 
 

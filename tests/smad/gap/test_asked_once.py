@@ -61,7 +61,7 @@ def test_two_causes_are_found_alike_by_one_that_forgets(monkeypatch: pytest.Monk
     monkeypatch.setattr(select, "joint_fits", refits)
 
     def answer(kind: type[Selector]) -> Selection:
-        return kind(refit, None, EFFECTS, prepared.null, is_new=is_new).run()
+        return kind(refit, None, EFFECTS, is_new=is_new).run()
 
     remembered = answer(Selector)
     assert set(remembered.best.names) == set(both)

@@ -58,7 +58,7 @@ def test_what_the_parameters_had_left_undone_is_no_effects_gain(
     assert refit.objective > ended.objective + 50.0
 
     def answer() -> Selection:
-        return Selector(refit, None, EFFECTS, quiet.null).run()
+        return Selector(refit, None, EFFECTS).run()
 
     assert answer().best.names == ()
     monkeypatch.setattr(Selector, "_on_equal_terms", lambda self, b, chosen, c: (b, c))

@@ -64,18 +64,6 @@ def test_a_cause_that_other_parameters_predict_better_than_is_told_but_not_named
     assert leak.gain is not None
 
 
-def test_a_cause_that_other_parameters_predict_as_well_as_is_not_named_where_it_gains_little() -> (
-    None
-):
-    moved = bank(OTHER | {"ha_W_K": OTHER["ha_W_K"] + 0.045})
-    found = ask(moved, DRAUGHTY, good=bank(OTHER, seed=40)[:3])
-    verdict = found.verdict
-    assert verdict.outcome is Outcome.PARAMETERS, verdict.text
-    assert verdict.instead == ["leak"]
-    assert "other values of the parameters predict as well" in verdict.text
-    assert found.experiments
-
-
 def test_a_cause_that_no_parameters_imitate_is_told_from_them() -> None:
     coupled = bank(OTHER, {"coupling": SHOWN["coupling"]})
     verdict = ask(coupled, DRAUGHTY, good=bank(OTHER, seed=40)[:3]).verdict
