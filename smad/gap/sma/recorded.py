@@ -21,7 +21,6 @@ _NAMES = (
     "rtd_x_degC", "rtd_y_degC", "rtd_inlet_degC", "rtd_ambient_degC",
     "displacement_mm", "force_N",
 )  # fmt: skip
-_QUANTUM = {c.name: c.quantum for c in CHANNELS}
 _CONTROL = ControlConfig(kp_A_per_mm=15.0, ki_A_per_mm_s=3.0)
 """The gains that the experiments of the catalogue were tried with; the shipped ones are quicker."""
 
@@ -41,8 +40,7 @@ def recorded(
     the channels are not rounded either. Raises GapError for a name that is not in the catalogue.
     """
     timeline = timeline_named(experiment)
-    rng = np.random.default_rng([seed, *experiment.encode()])
-    pending = sorted(timeline.make(rng), key=lambda at: at.t_s)
+    pending = timeline.commands(seed)
     parameters = model.set_of(point.theta)
     if not noise:
         quiet = ("current", "voltage", "temperature", "displacement", "force")
@@ -79,6 +77,6 @@ def recorded(
         drive = Drive(i_A=output.i_A, pump_duty=output.pump_duty, drain=output.drain)
     columns = dict(zip(_NAMES, rows.T, strict=True))
     if noise:
-        for name, quantum in _QUANTUM.items():
-            columns[name] = np.round(columns[name] / quantum) * quantum
+        for c in CHANNELS:
+            columns[c.name] = np.round(columns[c.name] / c.quantum) * c.quantum
     return run_from_columns(f"{experiment} {seed}", columns)
