@@ -257,7 +257,7 @@ def as_toml(constants: Mapping[str, float], shares: Mapping[str, float], source:
     )
     tables = {"decision": constants, "right": shares}
     body = (
-        f"\n[{name}]\n" + "".join(f"{k} = {v:g}\n" for k, v in values.items())
+        f"\n[{name}]\n" + "".join(f"{k} = {float(v)!r}\n" for k, v in values.items())
         for name, values in tables.items()
     )
     return head + "".join(body)
