@@ -37,6 +37,10 @@ class PointReader(Protocol):
     """What the values of a model point mean on the spring pair."""
 
     @property
+    def parameter_set(self) -> ParameterSet:
+        """The nominal parameters."""
+
+    @property
     def variant(self) -> str:
         """ "extended" or "printed"."""
 
@@ -54,7 +58,7 @@ class GivenPoint:
     """A model point as the kernel takes it. Raises PlantError where the plant refuses it."""
 
     def __init__(self, plant: PointReader, point: ModelPoint) -> None:
-        self.variant = plant.variant
+        self.variant, self.nominal = plant.variant, plant.parameter_set
         self.parameters = plant.set_of(point.theta)
         self.effects = plant.acting(point)
         self.zero_mm = point.theta.get("displacement_zero", 0.0)
@@ -97,26 +101,26 @@ class GivenRun:
         # Currents as they are fed, by the driver's currents that they were made of.
         self.currents: Recent[Mapping[str, Array], FedCurrent] = Recent(_DRIVERS)
 
-    def inputs(self, parameters: ParameterSet, nominal: ParameterSet, root_y: float) -> Inputs:
+    def inputs(self, point: GivenPoint) -> Inputs:
         """Inputs of a replay. Water and room start where the run measured them at its start.
 
         The two temperatures of the parameter set then act as corrections of those measurements.
-        The current of Y is `root_y` times what was recorded.
         """
+        root_y = point.root["y"]
         known = self._inputs.get(root_y)
         if known is None:
             known = self._recorded(root_y)
             self._inputs = {root_y: known}
-        n = len(self.run.t_s)
         around = []
         for name, channel in _ENVIRONMENT.items():
-            base = parameters[name]
+            base = point.parameters[name]
             if channel in self._began:
-                base += self._began[channel] + _ZERO_C - nominal[name]
-            around.append(np.full(n, base))
+                base += self._began[channel] + _ZERO_C - point.nominal[name]
+            around.append(np.full(len(self.run.t_s), base))
         return known.surrounded(*around)
 
     def _recorded(self, root_y: float) -> Inputs:
+        """The recorded inputs, the current of Y `root_y` times what was recorded."""
         run = self.run
 
         def both(stem: str) -> Array:

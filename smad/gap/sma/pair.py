@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,20 +16,16 @@ from sim_device.plant.parameters import spring_factors
 from smad.gap.errors import PlantMismatch
 from smad.gap.plant import (
     Array,
-    Channel,
     Effect,
     EffectParameter,
     Experiment,
-    Mask,
     ModelPoint,
     Parameter,
-    Signal,
-    View,
 )
 from smad.gap.runs import GapRun
 from smad.gap.sma import catalogue, signals
 from smad.gap.sma.given import GivenPoint, GivenRun
-from smad.gap.sma.passes import Passes
+from smad.gap.sma.passes import KeptDrivers, Passes
 from smad.gap.sma.recent import Recent
 from smad.gap.sma.recorded import recorded
 
@@ -108,9 +103,14 @@ class SmaPlant:
     parameter_set: ParameterSet = field(default_factory=lambda: load_parameters("A"))
     variant: str = "extended"
     only: tuple[str, ...] | None = None
-    kept: dict[Any, tuple[GapRun, dict[str, Array]]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    kept: KeptDrivers = field(default_factory=dict, repr=False, compare=False)
+
+    name = "spring pair"
+    inputs = signals.INPUTS
+    channels = signals.CHANNELS
+    views = signals.VIEWS
+    regimes = staticmethod(signals.regimes)
+    features = staticmethod(signals.features)
 
     @cached_property
     def given_points(self) -> Recent[ModelPoint, GivenPoint]:
@@ -123,24 +123,8 @@ class SmaPlant:
         return Recent(_RUNS)
 
     @property
-    def name(self) -> str:
-        return "spring pair"
-
-    @property
     def version(self) -> str:
         return f"{self.variant}, parameters {self.parameter_set.digest()[:12]}"
-
-    @property
-    def inputs(self) -> Sequence[Signal]:
-        return signals.INPUTS
-
-    @property
-    def channels(self) -> Sequence[Channel]:
-        return signals.CHANNELS
-
-    @property
-    def views(self) -> Sequence[View]:
-        return signals.VIEWS
 
     @cached_property
     def parameters(self) -> Sequence[Parameter]:
@@ -155,11 +139,8 @@ class SmaPlant:
             reach = _WIDE * abs(entry.value)
             sd = max(_PRIOR_SHARE * abs(entry.value), (entry.high - entry.low) / 8.0)
         low, high = min(entry.low, entry.value - reach), max(entry.high, entry.value + reach)
-        if name in _LUMPED:
-            low, high = (
-                min(low, entry.value / _LUMPED[name]),
-                max(high, entry.value * _LUMPED[name]),
-            )
+        if (factor := _LUMPED.get(name)) is not None:
+            low, high = min(low, entry.value / factor), max(high, entry.value * factor)
             sd = max(sd, 0.15 * abs(entry.value))
         if name == "warming_share":
             high = min(high, 1.0)
@@ -167,48 +148,38 @@ class SmaPlant:
 
     @cached_property
     def effects(self) -> Sequence[Effect]:
-        chosen = []
-        for e in EFFECTS:
-            needs = dict(e.needs)
-            if self.variant not in needs.get("variant", (self.variant,)):
-                continue
-            if self.only is not None and e.name not in self.only:
-                continue
-            chosen.append(
-                Effect(
-                    e.name,
-                    e.title,
-                    e.subsystem,
-                    tuple(
-                        EffectParameter(q.name, q.unit, q.typical, q.low, q.high, q.is_strength)
-                        for q in e.parameters
-                        if not q.switch
-                    ),
-                    e.signals,
-                    e.equation,
-                    e.confused_with,
-                    e.separated_by,
-                    e.reference,
-                    e.law,
-                )
+        return tuple(
+            Effect(
+                e.name,
+                e.title,
+                e.subsystem,
+                tuple(
+                    EffectParameter(q.name, q.unit, q.typical, q.low, q.high, q.is_strength)
+                    for q in e.parameters
+                    if not q.switch
+                ),
+                e.signals,
+                e.equation,
+                e.confused_with,
+                e.separated_by,
+                e.reference,
+                e.law,
             )
-        return tuple(chosen)
+            for e in EFFECTS
+            if self.variant in dict(e.needs).get("variant", (self.variant,))
+            and (self.only is None or e.name in self.only)
+        )
 
     def simulate(
         self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
     ) -> dict[str, Array]:
         """See `PlantModel`. A point that the plant refuses or cannot solve gives NaN."""
         try:
-            return Passes(self, point, run, fast).views(views)
+            given = self.given_points.of(point, lambda: GivenPoint(self, point))
+            return Passes(given, run, fast, self.given_runs, self.kept).views(views)
         except PlantError:
             keys = [o.key for v in self.views if v.name in views for o in v.outputs]
             return {key: np.full(len(run.t_s), np.nan) for key in keys}
-
-    def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
-        return signals.regimes(run, side)
-
-    def features(self, run: GapRun, side: str) -> dict[str, Array]:
-        return signals.features(run, side)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(

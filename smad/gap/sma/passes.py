@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from sim_device.plant import ParameterSet
 from sim_device.plant.errors import SolverError
-from sim_device.plant.replay import Inputs, Replay, drivers
-from smad.gap.plant import Array, ModelPoint
+from sim_device.plant.replay import Replay, drivers
+from smad.gap.plant import Array
 from smad.gap.runs import GapRun
 from smad.gap.sma import signals
-from smad.gap.sma.given import FedCurrent, GivenPoint, GivenRun, PointReader
+from smad.gap.sma.given import FedCurrent, GivenPoint, GivenRun
 from smad.gap.sma.recent import Recent
 
 # Two steps a sample at 100 Hz, jittered ones too. One is too few for a current that chatters.
@@ -24,39 +23,35 @@ _RETRIES = ((0.0, 1.0), (3e-3, 1.0), (-3e-3, 1.0), (1e-2, 0.5), (0.0, 0.2))
 _INNOVATION_S = 0.3
 
 
-class Pair(PointReader, Protocol):
-    """The spring pair, as far as its passes know it: the kept things save a second calculation."""
-
-    @property
-    def parameter_set(self) -> ParameterSet: ...
-    @property
-    def given_points(self) -> Recent[ModelPoint, GivenPoint]: ...
-    @property
-    def given_runs(self) -> Recent[GapRun, GivenRun]: ...
-    @property
-    def kept(self) -> dict[Any, tuple[GapRun, dict[str, Array]]]: ...
+KeptDrivers = dict[Any, tuple[GapRun, dict[str, Array]]]
+"""Driver currents of whole runs, beside the run whose identity is in the key."""
 
 
 class Passes:
-    """The passes of the kernel that the views need, each made once for one model point."""
+    """The passes of the kernel that the views need, each made once for one model point.
 
-    def __init__(self, plant: Pair, point: ModelPoint, run: GapRun, fast: bool) -> None:
-        self.run, self.variant = run, plant.variant
+    What is kept of `runs` and `kept` saves a second calculation.
+    """
+
+    def __init__(
+        self,
+        given: GivenPoint,
+        run: GapRun,
+        fast: bool,
+        runs: Recent[GapRun, GivenRun],
+        kept: KeptDrivers,
+    ) -> None:
+        self.given, self.run, self.runs, self.kept = given, run, runs, kept
         self.whole = run if run.whole is None else run.whole
         self.steadiness: Mapping[str, Array] = {}
         # A jittered sample must not cost a second step.
         self.dt_s = max(_FAST_STEP_S, 1.5 * run.dt_s) if fast else _STEP_S
-        self.plant = plant
-        self.given = plant.given_points.of(point, lambda: GivenPoint(plant, point))
-        self.zero_mm, self.root = self.given.zero_mm, self.given.root
+        self.root = given.root
         self.recorded = self._given_run(run)
-        self.inputs = self._inputs(self.recorded)
+        self.inputs = self.recorded.inputs(given)
 
     def _given_run(self, run: GapRun) -> GivenRun:
-        return self.plant.given_runs.of(run, lambda: GivenRun(run))
-
-    def _inputs(self, recorded: GivenRun) -> Inputs:
-        return recorded.inputs(self.given.parameters, self.plant.parameter_set, self.root["y"])
+        return self.runs.of(run, lambda: GivenRun(run))
 
     def views(self, names: Sequence[str]) -> dict[str, Array]:
         out: dict[str, Array] = {}
@@ -113,7 +108,7 @@ class Passes:
         return {f"v_{s}_V": result[f"v_{s}_V"] * self.root[s] for s in "xy"}
 
     def _shown_mm(self, result: Mapping[str, Array]) -> Array:
-        return 1e3 * result["displacement_m"] + self.zero_mm
+        return 1e3 * result["displacement_m"] + self.given.zero_mm
 
     def _pass(self, feeds: Mapping[str, Array], outputs: tuple[str, ...]) -> dict[str, Array]:
         """One kernel call. A fed temperature that rests on a kink of the kinetics can leave the
@@ -122,7 +117,7 @@ class Passes:
             nudged = dict(feeds)
             if "temperature_K" in feeds:
                 nudged["temperature_K"] = feeds["temperature_K"] + nudge_K
-            replay = Replay(self.inputs, variant=self.variant, feeds=nudged, outputs=outputs)
+            replay = Replay(self.inputs, variant=self.given.variant, feeds=nudged, outputs=outputs)
             try:
                 result = replay.run_setup(self.given.setup, dt_s=share * self.dt_s)
                 return self._as_sampled(result)
@@ -153,14 +148,14 @@ class Passes:
 
         A driver answers within milliseconds: of a thinned run they are those of the whole run.
         """
-        whole, kept = self.whole, self.plant.kept
+        whole, kept = self.whole, self.kept
         key = (
-            id(whole), self.variant, self.given.parameters["current_max"], self.root["y"],
+            id(whole), self.given.variant, self.given.parameters["current_max"], self.root["y"],
             tuple((k, *v.items()) for k, v in self.given.moving.items()),
         )  # fmt: skip
         known = kept.get(key)
         if known is None or known[0] is not whole:
-            inputs = self._inputs(self._given_run(whole))
+            inputs = self._given_run(whole).inputs(self.given)
             known = (whole, drivers(inputs, self.given.driver, dt_s=1.5 * whole.dt_s))
             while len(kept) >= _MOST_KEPT:
                 kept.pop(next(iter(kept), key), None)
@@ -202,7 +197,7 @@ class Passes:
         return np.clip(np.column_stack(fed), 230.0, 420.0)
 
     def _fed_displacement(self, warmed: Mapping[str, Array]) -> Array:
-        shown = 1e-3 * (self.run.outputs["displacement_mm"] - self.zero_mm)
+        shown = 1e-3 * (self.run.outputs["displacement_mm"] - self.given.zero_mm)
         off = self._between(shown, warmed["displacement_m"], 0.1)
         return np.clip(warmed["true_displacement_m"] + off, -0.024, 0.024)
 

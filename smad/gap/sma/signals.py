@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +17,6 @@ from smad.runlog.tables import read_channels
 
 if TYPE_CHECKING:
     from smad.runlog.reader import Run
-
-SIDES = {"X": "x", "Y": "y"}
 
 INPUTS = (
     Signal("i_applied_x_A", "A", 0.0, 4.0),
@@ -52,31 +50,24 @@ _CURRENTS = ("i_meas_x_A", "i_meas_y_A")
 _RATE_TAU_S = 0.3
 
 
-def _outputs(view: str, *channels: str) -> tuple[Output, ...]:
+def _view(name: str, channels: Iterable[str], feeds: tuple[str, ...] = ()) -> View:
     side = {c.name: c.side for c in CHANNELS}
-    return tuple(Output(f"{view}:{c}", c, side[c]) for c in channels)
+    return View(name, name, tuple(Output(f"{name}:{c}", c, side[c]) for c in channels), feeds)
 
 
 VIEWS = (
-    View("open", "all", _outputs("open", *(c.name for c in CHANNELS)), open_loop=True),
-    View("actuator", "actuator", _outputs("actuator", *_CURRENTS)),
-    View(
-        "thermal",
-        "thermal",
-        _outputs("thermal", *_TEMPERATURES, "rtd_inlet_degC", "rtd_ambient_degC"),
-        _CURRENTS,
-    ),
-    View("electrical", "electrical", _outputs("electrical", "v_x_V", "v_y_V"),
-         (*_CURRENTS, *_TEMPERATURES)),
-    View("mechanics", "mechanics", _outputs("mechanics", "displacement_mm", "force_N"),
-         _TEMPERATURES),
+    replace(_view("open", (c.name for c in CHANNELS)), sub_model="all", open_loop=True),
+    _view("actuator", _CURRENTS),
+    _view("thermal", (*_TEMPERATURES, "rtd_inlet_degC", "rtd_ambient_degC"), _CURRENTS),
+    _view("electrical", ("v_x_V", "v_y_V"), (*_CURRENTS, *_TEMPERATURES)),
+    _view("mechanics", ("displacement_mm", "force_N"), _TEMPERATURES),
     View(
         "phase",
         "phase",
         (Output("phase:X", "force_N", "X"), Output("phase:Y", "force_N", "Y")),
         (*_TEMPERATURES, "displacement_mm"),
     ),
-)  # fmt: skip
+)
 """The local views from command to tendon. The phase view holds each spring at the measured
 displacement: either spring then predicts the tendon force by itself, so that its residual belongs
 to one side."""
@@ -143,14 +134,17 @@ def _warmth(run: GapRun, side: str) -> Array:
     return run.outputs[name] - base
 
 
+def _springs(side: str) -> tuple[str, ...]:
+    """The springs of a side, both where it is none."""
+    return (side.lower(),) if side else ("x", "y")
+
+
 def regimes(run: GapRun, side: str) -> dict[str, Mask]:
     """Regimes of one spring ("X", "Y") or of the pair (""): see `smad.gap.plant`.
 
     Order is precedence where a row must belong to one only.
     """
-    sides = [SIDES[side]] if side else ["x", "y"]
-    dt_s = run.dt_s
-    speed = _speed(run)
+    sides, dt_s, speed = _springs(side), run.dt_s, _speed(run)
     current = np.max([run.inputs[f"i_applied_{s}_A"] for s in sides], axis=0)
     water = np.max([run.inputs[f"duty_{s}"] for s in sides], axis=0) > 0.02
     driven = np.max([run.inputs[s.name] for s in INPUTS], axis=0) > 0.01
@@ -174,21 +168,20 @@ def regimes(run: GapRun, side: str) -> dict[str, Mask]:
 
 def features(run: GapRun, side: str) -> dict[str, Array]:
     """What a flexible correction may depend on, for one spring or for the pair."""
+    shown, dt_s = run.outputs, run.dt_s
     out: dict[str, Array] = {"time": run.t_s - run.t_s[0]}
-    for s in [SIDES[side]] if side else ["x", "y"]:
+    for s in _springs(side):
         out[f"current {s}"] = run.inputs[f"i_applied_{s}_A"]
         out[f"water {s}"] = run.inputs[f"duty_{s}"]
-        name = f"rtd_{s}_degC"
-        if name in run.outputs:
-            out[f"temperature {s}"] = smooth(run.outputs[name], run.dt_s, 0.2)
-            out[f"heating rate {s}"] = _rate(run.outputs[name], run.dt_s)
-    if "displacement_mm" in run.outputs:
-        speed = _speed(run)
-        out["displacement"] = smooth(run.outputs["displacement_mm"], run.dt_s, 0.2)
-        out["speed"] = speed
+        if (name := f"rtd_{s}_degC") in shown:
+            out[f"temperature {s}"] = smooth(shown[name], dt_s, 0.2)
+            out[f"heating rate {s}"] = _rate(shown[name], dt_s)
+    if "displacement_mm" in shown:
+        out["displacement"] = smooth(shown["displacement_mm"], dt_s, 0.2)
+        out["speed"] = speed = _speed(run)
         out["direction"] = np.tanh(speed / 0.1)
-    if "force_N" in run.outputs:
-        out["force"] = smooth(run.outputs["force_N"], run.dt_s, 0.2)
+    if "force_N" in shown:
+        out["force"] = smooth(shown["force_N"], dt_s, 0.2)
     return out
 
 
@@ -214,11 +207,8 @@ def run_from_columns(
             column = _recorded(columns, wanted.replace("applied", "cmd"))
         if column is not None:
             inputs[wanted] = np.maximum(bridged(column, valid), 0.0)
-    outputs = {}
-    for channel in CHANNELS:
-        column = _recorded(columns, channel.name)
-        if column is not None:
-            outputs[channel.name] = bridged(column, valid)
+    shown = {c.name: _recorded(columns, c.name) for c in CHANNELS}
+    outputs = {name: bridged(y, valid) for name, y in shown.items() if y is not None}
     return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes)
 
 
