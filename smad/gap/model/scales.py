@@ -12,17 +12,17 @@ from smad.gap.plant import PlantModel
 from smad.gap.runs import Array, GapRun, bridged
 from smad.gap.settings import Settings
 
-_ROWS = 50
-"""Rows to the usual channel's correlation time."""
+_ROWS = 20
+"""Rows that the usual channel's correlation time has at least."""
 _STEADY = 0.5
 
 
 def suited(settings: Settings, runs: Sequence[GapRun], plant: PlantModel) -> Settings:
     """The settings with a row, a cell and a least length of runs that suit these records.
 
-    The times are in the proportion that `settings` has them in. A row is a 50th of the usual
-    correlation time of what is measured, rounded to a power of ten, so that it does not change from
-    one handful of runs to the next, and at least a sample. Without a channel that moves nothing
+    The times are in the proportion that `settings` has them in. A row is a 20th of the usual
+    correlation time of what is measured, rounded down to a power of ten, so that it does not change
+    from one handful of runs to the next, and at least a sample. Without a channel that moves nothing
     changes.
     """
     usual = correlation_time_s(runs, plant)
@@ -69,5 +69,5 @@ def _time_s(run: GapRun, channel: str) -> float:
 
 
 def _rounded(period_s: float) -> float:
-    """The nearest power of ten, by ratio."""
-    return float(10.0 ** np.round(np.log10(period_s)))
+    """The power of ten below."""
+    return float(10.0 ** np.floor(np.log10(period_s)))
