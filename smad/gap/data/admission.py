@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 
 from smad.gap.data.replay import Grid
-from smad.gap.data.views import local_views, open_views, supported_keys
-from smad.gap.plant import Array, PlantModel, nominal_point
+from smad.gap.data.views import local_views, nominal_replay, supported_keys
+from smad.gap.plant import Array, Channel, PlantModel
 from smad.gap.records import Finding
 from smad.gap.runs import GapRun, bridged
 from smad.gap.settings import Settings
@@ -108,7 +108,7 @@ def _admit_one(run: GapRun, plant: PlantModel, settings: Settings) -> tuple[GapR
     if all(np.ptp(run.inputs[s.name]) < 1e-3 * (s.high - s.low) for s in plant.inputs):
         say("no excitation", "no input ever changes: nothing can be learnt", refuses=True)
         return run, found
-    predicted = _replay(run, plant)
+    predicted = nominal_replay(run, plant)
     given, run = run, _check_channels(run, predicted, plant, say=say)
     if not supported_keys(local_views(plant), run):
         fed = sorted({f for v in local_views(plant) for f in v.feeds if f not in run.outputs})
@@ -122,7 +122,7 @@ def _admit_one(run: GapRun, plant: PlantModel, settings: Settings) -> tuple[GapR
         return run, found
     # A replay may begin from what was measured.
     if run.outputs.keys() != given.outputs.keys():
-        predicted = _replay(run, plant)
+        predicted = nominal_replay(run, plant)
     _check_against_model(run, predicted, plant, settings, say=say)
     return run, found
 
@@ -175,45 +175,40 @@ def _filled(run: GapRun, say: Say) -> GapRun:
 def _check_channels(
     run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say: Say
 ) -> GapRun:
-    outputs = dict(run.outputs)
-    known = {c.name for c in plant.channels}
-    for channel in plant.channels:
-        if channel.name not in outputs:
-            say("channel missing", f"{channel.name} is not recorded: its residual is switched off")
-            continue
-        y = outputs[channel.name]
-        used = run.good & np.isfinite(y)
-        if not used.any():
-            say("channel empty", f"{channel.name} holds no number: its residual is switched off")
-            del outputs[channel.name]
-            continue
-        span = float(np.ptp(y[used]))
-        expected = float(np.ptp(predicted[channel.name])) if channel.name in predicted else 0.0
-        dead = span < _CONSTANT_QUANTA * channel.quantum or span == 0.0
-        if dead and expected > max(20 * channel.quantum, 0.03 * (channel.high - channel.low)):
-            say(
-                "constant channel",
-                f"{channel.name} stays at {float(np.median(y[used])):g} {channel.unit} while the "
-                f"inputs should move it by {expected:.3g} {channel.unit}: it is not used",
-            )
-            del outputs[channel.name]
-            continue
-        railed = (y[used] <= channel.low) | (y[used] >= channel.high)
-        if float(np.mean(railed)) > _SATURATED_SHARE:
-            say(
-                "saturated channel",
-                f"{channel.name} is at the end of its range for {float(np.mean(railed)):.0%} of "
-                f"the run: it is not used",
-            )
-            del outputs[channel.name]
-    return replace(run, outputs={k: v for k, v in outputs.items() if k in known})
+    """The run with the channels that can be used; the others are said."""
+    faults = {c.name: _fault_of(c, run, predicted) for c in plant.channels}
+    for fault in faults.values():
+        if fault is not None:
+            say(*fault)
+    usable = {name for name, fault in faults.items() if fault is None}
+    return replace(run, outputs={k: v for k, v in run.outputs.items() if k in usable})
 
 
-def _replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:
-    """The nominal model's open loop, by channel."""
-    views = open_views(plant)
-    values = plant.simulate(nominal_point(plant), run, [v.name for v in views], fast=True)
-    return {o.channel: values[o.key] for v in views for o in v.outputs if o.key in values}
+def _fault_of(
+    channel: Channel, run: GapRun, predicted: Mapping[str, Array]
+) -> tuple[str, str] | None:
+    """Kind and text of what makes a channel of a run unusable, if anything does."""
+    name = channel.name
+    if name not in run.outputs:
+        return "channel missing", f"{name} is not recorded: its residual is switched off"
+    y = run.outputs[name]
+    y = y[run.good & np.isfinite(y)]
+    if not y.size:
+        return "channel empty", f"{name} holds no number: its residual is switched off"
+    span = float(np.ptp(y))
+    expected = float(np.ptp(predicted[name])) if name in predicted else 0.0
+    dead = span < _CONSTANT_QUANTA * channel.quantum or span == 0.0
+    if dead and expected > max(20 * channel.quantum, 0.03 * (channel.high - channel.low)):
+        return "constant channel", (
+            f"{name} stays at {float(np.median(y)):g} {channel.unit} while the inputs should move "
+            f"it by {expected:.3g} {channel.unit}: it is not used"
+        )
+    railed = float(np.mean((y <= channel.low) | (y >= channel.high)))
+    if railed > _SATURATED_SHARE:
+        return "saturated channel", (
+            f"{name} is at the end of its range for {railed:.0%} of the run: it is not used"
+        )
+    return None
 
 
 def _misfit(measured: Array, predicted: Array) -> float:

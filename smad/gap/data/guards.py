@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from smad.gap.data.views import open_views
-from smad.gap.plant import Array, PlantModel, nominal_point
+from smad.gap.data.views import nominal_replay
+from smad.gap.plant import Array, PlantModel
 from smad.gap.records import Finding
 from smad.gap.runs import GapRun
 
@@ -23,12 +23,10 @@ _FURTHER_SHARE = 0.5
 """Of the range of known-good runs, by which others must go beyond it to be said to."""
 _MOVING_SHARE = 0.03
 """Of a channel's range, that this must be at least, or it is the room that drifts."""
-_WHY_NOT_TWICE = {
-    FIT: "it would only count twice",
-    HOLD_OUT: "it would only count twice",
-    GOOD: "known-good runs would seem to repeat better than they do",
-}
-_WHY_NOT_BOTH = {
+_WHY_NOT = {
+    (FIT, FIT): "it would only count twice",
+    (HOLD_OUT, HOLD_OUT): "it would only count twice",
+    (GOOD, GOOD): "known-good runs would seem to repeat better than they do",
     (FIT, HOLD_OUT): "a model cannot be judged on what it was fitted to",
     (FIT, GOOD): "a run that is in question cannot say what is good",
     (HOLD_OUT, GOOD): "a run that is in question cannot say what is good",
@@ -58,14 +56,11 @@ def without_repeats(
 
 
 def _repeated(run: GapRun, role: str, earlier_role: str, earlier: GapRun) -> Finding:
-    if role == earlier_role:
-        text = f"holds the same samples as {earlier.name}; left out, since {_WHY_NOT_TWICE[role]}"
-    else:
-        why = _WHY_NOT_BOTH[earlier_role, role]
-        text = (
-            f"given as {role}, holds the same samples as {earlier.name}, given as {earlier_role}; "
-            f"left out, since {why}"
-        )
+    own, other = "", ""
+    if role != earlier_role:
+        own, other = f"given as {role}, ", f", given as {earlier_role}"
+    why = _WHY_NOT[earlier_role, role]
+    text = f"{own}holds the same samples as {earlier.name}{other}; left out, since {why}"
     return Finding(run.name, "given twice", text, refuses=True)
 
 
@@ -89,20 +84,18 @@ def _alike(a: Array, b: Array) -> bool:
 
 def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list[Finding]:
     """What fewer runs than a diagnosis needs cost it, by group; the groups are admitted runs."""
-    found = []
+    texts = []
     if len(groups[FIT]) == 1 and not groups[HOLD_OUT]:
-        text = (
+        texts.append(
             "a single run to fit and none held out: every figure is of the run that was fitted to; "
             "give a second run, or one to --hold-out"
         )
-        found.append(Finding("all runs", "few runs", text, refuses=False))
     if asked_good and len(groups[GOOD]) == 1:
-        text = (
+        texts.append(
             "a single known-good run: what good runs differ in is not known, and any difference "
             "counts as a change; give two or more of different kinds"
         )
-        found.append(Finding("all runs", "few runs", text, refuses=False))
-    return found
+    return [Finding("all runs", "few runs", text, refuses=False) for text in texts]
 
 
 def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> list[Finding]:
@@ -134,14 +127,11 @@ def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> l
 
 def _ranges(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each channel that the nominal model predicts of some runs."""
-    views = open_views(plant)
-    point = nominal_point(plant)
     found: dict[str, tuple[float, float]] = {}
     for run in runs:
-        values = plant.simulate(point, run, [v.name for v in views], fast=True)
-        for out in (o for v in views for o in v.outputs if o.key in values):
-            y = values[out.key][np.isfinite(values[out.key])]
-            if out.channel in run.outputs and len(y):
-                low, high = found.get(out.channel, (np.inf, -np.inf))
-                found[out.channel] = min(low, float(y.min())), max(high, float(y.max()))
+        for channel, values in nominal_replay(run, plant).items():
+            y = values[np.isfinite(values)]
+            if channel in run.outputs and len(y):
+                low, high = found.get(channel, (np.inf, -np.inf))
+                found[channel] = min(low, float(y.min())), max(high, float(y.max()))
     return found

@@ -108,7 +108,6 @@ def estimate_floors(
     """Floor of every channel that some run has, by channel name."""
     grids = [Grid.of(run, settings.period_s) for run in runs]
     floors = {}
-    excursion = excursions(runs, plant)
     for channel in plant.channels:
         name = channel.name
         if not any(name in run.outputs for run in runs):
@@ -134,25 +133,14 @@ def estimate_floors(
             rho = 0.0
         if sigma <= 0.0 and least == 0.0:
             sigma, source = channel.noise, "assumed"
-        floors[name] = Floor(
-            name,
-            max(sigma, least),
-            rho,
-            source,
-            _RESOLUTION * excursion.get(name, 0.0),
-        )
+        resolution = _RESOLUTION * _excursion(runs, name)
+        floors[name] = Floor(name, max(sigma, least), rho, source, resolution)
     return floors
 
 
-def excursions(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, float]:
-    """Median over runs of the range that each channel goes through, less its extreme percents."""
-    out = {}
-    for channel in plant.channels:
-        spans = [
-            float(np.ptp(np.quantile(r.outputs[channel.name][r.good], (0.01, 0.99))))
-            for r in runs
-            if channel.name in r.outputs
-        ]
-        if spans:
-            out[channel.name] = float(np.median(spans))
-    return out
+def _excursion(runs: Sequence[GapRun], name: str) -> float:
+    """Median over runs of the range that a channel goes through, less its extreme percents."""
+    having = [r for r in runs if name in r.outputs]
+    return float(
+        np.median([np.ptp(np.quantile(r.outputs[name][r.good], (0.01, 0.99))) for r in having])
+    )

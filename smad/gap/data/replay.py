@@ -94,15 +94,13 @@ def thinned(run: GapRun, grid: Grid, pieces: int, period_s: float) -> tuple[GapR
     def mean(column: Array) -> Array:
         return np.asarray(np.add.reduceat(np.asarray(column, np.float64), starts) / size)
 
-    thin = GapRun(
-        run.name,
-        run.t_s[np.r_[starts[1:], len(piece)] - 1],
-        {k: mean(v) for k, v in run.inputs.items()},
-        {k: mean(v) for k, v in run.outputs.items()},
-        None if run.valid is None else np.logical_and.reduceat(run.valid, starts),
-        run.cut_short,
-        run.notes,
+    thin = replace(
         run,
+        t_s=run.t_s[np.r_[starts[1:], len(piece)] - 1],
+        inputs={k: mean(v) for k, v in run.inputs.items()},
+        outputs={k: mean(v) for k, v in run.outputs.items()},
+        valid=None if run.valid is None else np.logical_and.reduceat(run.valid, starts),
+        whole=run,
     )
     bins = np.searchsorted(grid.starts, starts, side="right")
     firsts = np.flatnonzero(np.r_[True, np.diff(bins) > 0])
@@ -190,9 +188,12 @@ class Evidence:
         self.segments: list[Segment] = []
         self._views_of_run: list[list[str]] = []
         self._keys_of_run: list[list[tuple[str, float, float]]] = []
+        self._spans: list[slice] = []
         self.n = 0
         for r, run in enumerate(self.runs):
+            start = self.n
             self._lay_out(r, run)
+            self._spans.append(slice(start, self.n))
         self._step_error: Mapping[Detail, Array] = {d: np.zeros(self.n) for d in Detail}
         self._measure()
         self._cut_cells()
@@ -284,28 +285,27 @@ class Evidence:
     ) -> Array:
         """Predictions on the grid; shape (points, rows). Rows of runs not asked for are 0."""
         asked = set(range(len(self.runs)) if runs is None else runs)
-        # A run of which no view can be judged has no rows.
-        wanted = sorted(r for r in asked if self._keys_of_run[r])
         detail = detail or self.detail
-        out = self._replay(points, wanted, detail)
-        for r in wanted:
-            out[:, self._span(r)] += self._step_error[detail][self._span(r)]
+        out = self._replay(points, asked, detail)
+        for r in asked:
+            out[:, self._spans[r]] += self._step_error[detail][self._spans[r]]
         return out
 
-    def _replay(self, points: Sequence[ModelPoint], wanted: Sequence[int], detail: Detail) -> Array:
+    def _replay(self, points: Sequence[ModelPoint], asked: Iterable[int], detail: Detail) -> Array:
         """Predictions as the plant makes them, not corrected."""
         out = np.zeros((len(points), self.n))
+        # A run of which no view can be judged has no rows.
+        wanted = sorted(r for r in asked if self._keys_of_run[r])
         if not points or not wanted:
             return out
-        jobs = [(r, chunk) for r in wanted for chunk in self._chunks(len(points), len(wanted))]
-        spans = {r: self._span(r) for r in wanted}
+        places = [(r, chunk) for r in wanted for chunk in self._chunks(len(points), len(wanted))]
+        jobs = [self._job(r, points[chunk], detail) for r, chunk in places]
         if self.executor is None:
-            results = [self._job(r, points[c], detail)() for r, c in jobs]
+            results = [job() for job in jobs]
         else:
-            futures = [self.executor.submit(self._job(r, points[c], detail)) for r, c in jobs]
-            results = [f.result() for f in futures]
-        for (r, chunk), values in zip(jobs, results, strict=True):
-            out[chunk, spans[r]] = values
+            results = [f.result() for f in [self.executor.submit(job) for job in jobs]]
+        for (r, chunk), values in zip(places, results, strict=True):
+            out[chunk, self._spans[r]] = values
         return out
 
     def failed(self, values: Array, run: int, detail: Detail | None = None) -> bool:
@@ -324,7 +324,7 @@ class Evidence:
         """
         out = np.asarray(values - base[None, :])
         for r in range(len(self.runs)):
-            span = self._span(r)
+            span = self._spans[r]
             if self.failed(base, r, detail):
                 out[:, span] = 0.0
                 continue
@@ -372,7 +372,7 @@ class Evidence:
 
     def _error_of_step(self, detail: Detail, point: ModelPoint, truth: Array) -> Array:
         """What a coarser replay lacks of `truth` at `point`; 0 where either cannot be simulated."""
-        runs = [r for r in range(len(self.runs)) if self._keys_of_run[r]]
+        runs = range(len(self.runs))
         coarse = self._replay([point], runs, detail)[0]
         if any(self._at_limit(y, r) for r in runs for y in (truth, coarse)):
             return np.zeros(self.n)
@@ -390,10 +390,6 @@ class Evidence:
             points=points,
             fast=detail is not Detail.FINE and self.detail is not Detail.FINE,
         )
-
-    def _span(self, r: int) -> slice:
-        mine = [s for s in self.segments if s.run == r]
-        return slice(mine[0].start, mine[-1].stop) if mine else slice(0, 0)
 
     @staticmethod
     def _chunks(n_points: int, n_runs: int) -> list[slice]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from smad.gap.plant import PlantModel, View
+from smad.gap.plant import Array, PlantModel, View, nominal_point
 from smad.gap.runs import GapRun
 
 
@@ -40,3 +40,10 @@ def local_views(plant: PlantModel) -> list[View]:
 def open_views(plant: PlantModel) -> list[View]:
     """The open-loop view of a plant, in a list."""
     return [v for v in plant.views if v.open_loop]
+
+
+def nominal_replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:
+    """What the nominal model predicts of a run in its open loop, by channel."""
+    views = open_views(plant)
+    values = plant.simulate(nominal_point(plant), run, [v.name for v in views], fast=True)
+    return {o.channel: values[o.key] for v in views for o in v.outputs if o.key in values}
