@@ -61,10 +61,9 @@ class Bank:
 
     def case(self, name: str) -> Case:
         """The case of this name. Raises BankError when there is none."""
-        for case in self.manifest.cases:
-            if case.id == name:
-                return case
         known = [c.id for c in self.manifest.cases]
+        if name in known:
+            return self.manifest.cases[known.index(name)]
         raise BankError(
             f"bank {self.manifest.bank} has no such case",
             value=name,
@@ -89,16 +88,24 @@ def open_bank(folder: Path) -> Bank:
     """
     path = folder / "manifest.json"
     try:
-        data = _manifest_bytes(path)
+        with path.open("rb") as file:
+            data = file.read(_MOST_MANIFEST_BYTES + 1)
     except OSError as error:
         raise BankError(
             f"{path} cannot be read",
             value=error.strerror or str(error),
             action=f"give the folder that holds a manifest.json; {_SEE}",
         ) from error
+    if len(data) > _MOST_MANIFEST_BYTES:
+        raise BankError(
+            f"{path} is too large",
+            value=f"more than {_MOST_MANIFEST_BYTES} bytes",
+            limit=f"{_MOST_MANIFEST_BYTES} bytes",
+            action="split the bank",
+        )
     try:
         manifest = msgspec.json.decode(data, type=Manifest)
-    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+    except msgspec.DecodeError as error:
         raise BankError(
             f"{path} is not the manifest of a bank",
             value=str(error),
@@ -193,13 +200,12 @@ def chosen(bank: Bank, *, count: int | None = None, only: Sequence[str] = (), se
 
 def read_case(bank: Bank, case: Case) -> CaseRuns:
     """The runs of a case. Raises BankError, naming the file, when one cannot be read."""
-    stems = Counter(PurePosixPath(r.file).name.split(".")[0] for r in used(case))
-    groups: dict[str, list[GapRun]] = {"fit": [], "hold_out": [], "good": []}
-    for run in used(case):
-        stem = PurePosixPath(run.file).name.split(".")[0]
-        name = stem if stems[stem] == 1 else run.file
-        groups[run.role].append(_run(name, bank.folder / run.file))
-    return CaseRuns(**groups)
+    stems = [PurePosixPath(r.file).name.split(".")[0] for r in used(case)]
+    runs = CaseRuns([], [], [])
+    for run, stem in zip(used(case), stems, strict=True):
+        name = stem if stems.count(stem) == 1 else run.file
+        getattr(runs, run.role).append(_run(name, bank.folder / run.file))
+    return runs
 
 
 def _run(name: str, path: Path) -> GapRun:
@@ -218,16 +224,3 @@ def _run(name: str, path: Path) -> GapRun:
             action="add the column, in the unit its name ends with",
         )
     return run
-
-
-def _manifest_bytes(path: Path) -> bytes:
-    with path.open("rb") as file:
-        data = file.read(_MOST_MANIFEST_BYTES + 1)
-    if len(data) > _MOST_MANIFEST_BYTES:
-        raise BankError(
-            f"{path} is too large",
-            value=f"more than {_MOST_MANIFEST_BYTES} bytes",
-            limit=f"{_MOST_MANIFEST_BYTES} bytes",
-            action="split the bank",
-        )
-    return data

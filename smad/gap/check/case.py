@@ -19,11 +19,11 @@ import smad.control
 import smad.gap
 from smad.errors import SmadError
 from smad.gap.check.answer import answer
-from smad.gap.check.bank import Bank, Case, CaseRuns, read_case
+from smad.gap.check.bank import Bank, Case, read_case
 from smad.gap.check.errors import CheckError
 from smad.gap.check.verdicts import CaseVerdict
 from smad.gap.diagnose import diagnose
-from smad.gap.records import Diagnosis, Outcome
+from smad.gap.records import Outcome
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 
@@ -47,7 +47,7 @@ class How:
     def library(self) -> list[str]:
         """Names of the effects that may be named."""
         known = [e.name for e in self.plant().effects]
-        return known if self.effects is None else [n for n in known if n in self.effects]
+        return [n for n in known if self.effects is None or n in self.effects]
 
     def require(self) -> None:
         """Raises CheckError when an effect is asked for that smad does not have."""
@@ -110,48 +110,40 @@ def judge(task: Task) -> Part:
 
     Runs in a process of its own, with one thread: two cases then use two cores.
     """
-    began = time.perf_counter()
+    case, how, began = task.case.id, task.how, time.perf_counter()
     if source_digest() != task.source:
-        return Part(
-            task.case.id,
-            0.0,
-            error="the worker has other code than the check began with: start the check again",
-        )
+        other = "the worker has other code than the check began with: start the check again"
+        return Part(case, 0.0, error=other)
     try:
+        runs = read_case(task.bank, task.case)
         with ThreadPoolExecutor(max_workers=1) as one:
-            found = _diagnosed(task.how, read_case(task.bank, task.case), one)
+            found = diagnose(
+                runs.fit,
+                plant=how.plant(),
+                good=runs.good,
+                hold_out=runs.hold_out,
+                settings=how.settings,
+                candidates=how.effects,
+                leave_out=how.leave_out,
+                executor=one,
+            )
         verdict = answer(found)
     except SmadError as error:
-        return Part(task.case.id, time.perf_counter() - began, error=str(error))
+        return Part(case, time.perf_counter() - began, error=str(error))
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         text = f"internal error: {type(error).__name__}: {error}"
         place = f"{os.path.basename(where.filename)}:{where.lineno}"
-        return Part(task.case.id, time.perf_counter() - began, error=f"{text} ({place})")
-    kept = "" if task.keep is None else _keep(kept_path(task.keep, task.case.id), found)
+        return Part(case, time.perf_counter() - began, error=f"{text} ({place})")
+    kept = ""
+    if task.keep is not None:
+        whole = found.to_json()
+        case_path(task.keep, case).write_bytes(whole)
+        kept = hashlib.sha256(whole).hexdigest()
     note = found.verdict.text if found.verdict.outcome is Outcome.REFUSED else ""
-    return Part(task.case.id, time.perf_counter() - began, verdict, note=note, kept_sha256=kept)
+    return Part(case, time.perf_counter() - began, verdict, note=note, kept_sha256=kept)
 
 
-def kept_path(folder: Path, case: str) -> Path:
-    """Where the whole diagnosis of a case is kept."""
+def case_path(folder: Path, case: str) -> Path:
+    """The file of a case in a folder of parts, or of whole diagnoses."""
     return folder / f"{case}.json"
-
-
-def _keep(path: Path, found: Diagnosis) -> str:
-    data = found.to_json()
-    path.write_bytes(data)
-    return hashlib.sha256(data).hexdigest()
-
-
-def _diagnosed(how: How, runs: CaseRuns, executor: ThreadPoolExecutor) -> Diagnosis:
-    return diagnose(
-        runs.fit,
-        plant=how.plant(),
-        good=runs.good,
-        hold_out=runs.hold_out,
-        settings=how.settings,
-        candidates=how.effects,
-        leave_out=how.leave_out,
-        executor=executor,
-    )

@@ -88,7 +88,7 @@ def read_key(path: Path) -> tuple[Key, str]:
         raise KeyMismatchError(
             f"{path} cannot be read", value=error.strerror, action="give the key of the bank"
         ) from error
-    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+    except msgspec.DecodeError as error:
         raise KeyMismatchError(
             f"{path} is not a key",
             value=str(error),

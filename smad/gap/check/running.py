@@ -20,7 +20,7 @@ import msgspec
 
 import smad
 from smad.gap.check.bank import Bank, Case, used
-from smad.gap.check.case import How, Part, Task, judge, kept_path, source_digest
+from smad.gap.check.case import How, Part, Task, case_path, judge, source_digest
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile
 
 Work = Callable[[Task], Part]
@@ -75,25 +75,21 @@ class Order:
 
         A whole bank takes seconds: SHA-256 of a gigabyte is half a second of calculation.
         """
-        return {case.id: _runs_digest(self.bank, case) for case in self.cases}
+        runs = {c.id: [_digest(self.bank.folder / r.file) for r in used(c)] for c in self.cases}
+        return {c: hashlib.sha256(" ".join(d).encode()).hexdigest() for c, d in runs.items()}
 
     def finished(self) -> dict[str, Part]:
         """The parts of earlier checks that still hold, by case.
 
         They are of these run files, and with `keep` the whole diagnosis stands where it is wanted.
         """
-        found = {case.id: read_part(self.folder, case.id) for case in self.cases}
+        found = {case.id: _read_part(self.folder, case.id) for case in self.cases}
         return {c: p for c, p in found.items() if p is not None and self._holds(c, p)}
 
     def _holds(self, case: str, part: Part) -> bool:
         if part.runs_sha256 != self.runs_sha256[case]:
             return False
-        return self.keep is None or part.kept_sha256 == _digest(kept_path(self.keep, case))
-
-
-def _runs_digest(bank: Bank, case: Case) -> str:
-    digests = [_digest(bank.folder / run.file) for run in used(case)]
-    return hashlib.sha256(" ".join(digests).encode()).hexdigest()
+        return self.keep is None or part.kept_sha256 == _digest(case_path(self.keep, case))
 
 
 def _digest(path: Path) -> str:
@@ -175,21 +171,16 @@ def _worked(order: Order, todo: Sequence[Case], jobs: int, work: Work) -> Iterat
             raise
 
 
-def part_path(folder: Path, case: str) -> Path:
-    """Where the part of a case is kept."""
-    return folder / f"{case}.json"
-
-
-def read_part(folder: Path, case: str) -> Part | None:
+def _read_part(folder: Path, case: str) -> Part | None:
     """The finished part of a case; None when there is none, or only half of one."""
     try:
-        return msgspec.json.decode(part_path(folder, case).read_bytes(), type=Part)
-    except (OSError, msgspec.DecodeError, msgspec.ValidationError):
+        return msgspec.json.decode(case_path(folder, case).read_bytes(), type=Part)
+    except (OSError, msgspec.DecodeError):
         return None
 
 
 def _write_part(folder: Path, part: Part) -> None:
-    path = part_path(folder, part.case)
+    path = case_path(folder, part.case)
     partial = path.with_suffix(".part")
     partial.write_bytes(msgspec.json.encode(part))
     partial.replace(path)
@@ -220,15 +211,9 @@ def commit() -> str:
     Empty where smad was installed without its repository.
     """
     root = str(Path(smad.__file__).resolve().parents[1])
+    words = ("git", "-C", root, "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+")
     try:
-        said = [
-            subprocess.run(["git", "-C", root, *words], capture_output=True, text=True, check=True)
-            for words in (
-                ["rev-parse", "--short=12", "HEAD"],
-                ["status", "--porcelain", "--untracked-files=no"],
-            )
-        ]
+        said = subprocess.run(words, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return ""
-    head, changed = (s.stdout.strip() for s in said)
-    return head + ("+" if changed else "")
+    return said.stdout.strip()

@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from smad.gap.check.errors import CheckError, KeyMismatchError, VerdictError
-from smad.gap.check.intervals import bootstrap, wilson
+from smad.gap.check.intervals import T, bootstrap, wilson
 from smad.gap.check.key import STRENGTHS, CaseKey, Key
 from smad.gap.check.names import NAMING, SILENT
 from smad.gap.check.verdicts import NO_CAUSES, CaseVerdict, Short, VerdictFile
@@ -26,10 +26,10 @@ class Row(msgspec.Struct, frozen=True):
     """One score: value and 95 % interval over `count` cases, all None without a case."""
 
     name: str
-    value: float | None
-    low: float | None
-    high: float | None
-    count: int
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    count: int = 0
 
 
 class Mistake(msgspec.Struct, frozen=True):
@@ -62,6 +62,11 @@ class Pair:
     case: str
     truth: CaseKey
     said: CaseVerdict
+
+    @property
+    def right(self) -> bool:
+        """Whether the first hypothesis is the right answer."""
+        return bool(self.said.causes) and set(self.said.causes[0].names) == self.truth.right_answer
 
 
 def matched(
@@ -139,12 +144,9 @@ def calibration(pairs: Sequence[Pair]) -> tuple[float | None, list[Bin]]:
     """Expected calibration error of the first hypothesis, and its bins (Guo et al. 2017)."""
     bins: list[list[tuple[float, float]]] = [[] for _ in range(CALIBRATION_BINS)]
     for p in pairs:
-        if not p.said.causes:
-            continue
-        top = p.said.causes[0]
-        hit = float(frozenset(top.names) == p.truth.right_answer)
-        at = min(int(top.probability * CALIBRATION_BINS), CALIBRATION_BINS - 1)
-        bins[at].append((top.probability, hit))
+        for top in p.said.causes[:1]:
+            at = min(int(top.probability * CALIBRATION_BINS), CALIBRATION_BINS - 1)
+            bins[at].append((top.probability, float(p.right)))
     total = sum(len(b) for b in bins)
     out = [
         Bin(statistics.fmean(p for p, _ in b), statistics.fmean(h for _, h in b), len(b))
@@ -158,14 +160,14 @@ def calibration(pairs: Sequence[Pair]) -> tuple[float | None, list[Bin]]:
 def share(name: str, hits: Sequence[float]) -> Row:
     """A row for a share of cases, with Wilson's interval."""
     if not hits:
-        return Row(name, None, None, None, 0)
+        return Row(name)
     return Row(name, sum(hits) / len(hits), *wilson(sum(hits), len(hits)), len(hits))
 
 
-def over(name: str, values: Sequence[float], of: Callable[[Sequence[float]], float]) -> Row:
-    """A row for a mean or a median, with its bootstrap interval."""
+def over(name: str, values: Sequence[T], of: Callable[[Sequence[T]], float]) -> Row:
+    """A row for a mean or another statistic, with its bootstrap interval."""
     if not values:
-        return Row(name, None, None, None, 0)
+        return Row(name)
     return Row(name, of(values), *bootstrap(values, of), len(values))
 
 
@@ -228,13 +230,12 @@ def _differs_rows(pairs: Sequence[Pair]) -> list[Row]:
 
 
 def _calibration_row(pairs: Sequence[Pair]) -> Row:
-    counted = [p for p in pairs if p.said.causes and p.truth.kind != "differs"]
-    error, bins = calibration(counted)
-    if error is None:
-        return Row("calibration error", None, None, None, 0)
-    low, high = bootstrap(counted, lambda some: calibration(some)[0] or 0.0)
-    count = sum(b.count for b in bins)
-    return Row("calibration error", error, low, high, count)
+    return over("calibration error", _answered(pairs), lambda some: calibration(some)[0] or 0.0)
+
+
+def _answered(pairs: Sequence[Pair]) -> list[Pair]:
+    """Cases with a first hypothesis; where the question is what differs, it is not the answer."""
+    return [p for p in pairs if p.said.causes and p.truth.kind != "differs"]
 
 
 def table(pairs: Sequence[Pair]) -> list[Row]:
@@ -277,10 +278,8 @@ def mistakes(pairs: Sequence[Pair]) -> list[Mistake]:
             p.said.outcome,
             p.said.causes[0].probability,
         )
-        for p in pairs
-        if p.said.causes
-        and p.truth.kind != "differs"
-        and frozenset(p.said.causes[0].names) != p.truth.right_answer
+        for p in _answered(pairs)
+        if not p.right
     ]
     return sorted(wrong, key=lambda m: (-m.probability, m.case))
 

@@ -173,7 +173,7 @@ def read_verdict_file(path: Path) -> VerdictFile:
         raise VerdictError(
             f"{path} cannot be read", value=error.strerror, action="check the path"
         ) from error
-    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+    except msgspec.DecodeError as error:
         raise VerdictError(
             f"{path} is not a verdict file",
             value=str(error),

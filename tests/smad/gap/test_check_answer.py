@@ -5,8 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from smad.gap.check.answer import hypotheses
-from smad.gap.check.quantities import COMPARABLE, quantities
+from smad.gap.check.answer import COMPARABLE, hypotheses, quantities
 from smad.gap.records import Outcome, ValueRecord, Verdict
 from smad.gap.sma import SmaPlant
 

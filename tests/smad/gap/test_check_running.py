@@ -14,7 +14,7 @@ import pytest
 
 import sim_device.plant
 from smad.gap.check.bank import open_bank
-from smad.gap.check.case import How, Part, Task, judge, kept_path, source_digest
+from smad.gap.check.case import How, Part, Task, case_path, judge, source_digest
 from smad.gap.check.running import Order, Progress, check
 from smad.gap.check.verdicts import CaseVerdict, read_verdicts, write_verdicts
 from smad.gap.settings import Settings
@@ -130,7 +130,7 @@ def keeping(task: Task) -> Part:
     part = Part(task.case.id, 0.0, QUIET)
     if task.keep is None:
         return part
-    kept_path(task.keep, task.case.id).write_bytes(b"{}")
+    case_path(task.keep, task.case.id).write_bytes(b"{}")
     return msgspec.structs.replace(part, kept_sha256=hashlib.sha256(b"{}").hexdigest())
 
 
