@@ -22,8 +22,7 @@ _MOST_CAUSES = 12
 _LEAST = 1e-4
 _BEHIND = 0.8
 
-# tests/withheld/quantities.py says what each quantity is: a change since the known-good runs.
-_QUANTITIES: dict[str, Mapping[str, float]] = {
+COMPARABLE: dict[str, Mapping[str, float]] = {
     "driver_gain": {"gain": 1.0},
     "driver_lag": {"tau_s": 1.0},
     "contact_resistance": {"resistance_Ohm": 1.0},
@@ -40,9 +39,10 @@ _QUANTITIES: dict[str, Mapping[str, float]] = {
     # The quantity is the fall after three full cycles, the parameter the rise with each.
     "transformation_fatigue": {"shift_K": -3.0},
 }
+"""Effects of the library that have a comparable quantity: weights of its parameters in that sum.
 
-COMPARABLE = tuple(_QUANTITIES)
-"""Effects of the library that have a comparable quantity, a weighted sum of its parameters."""
+tests/withheld/quantities.py says what each quantity is. All are changes since the known-good runs.
+"""
 
 
 def answer(diagnosis: Diagnosis) -> CaseVerdict:
@@ -183,7 +183,7 @@ def quantities(values: Sequence[ValueRecord]) -> dict[str, Estimate]:
     """
     out = {}
     for effect in dict.fromkeys(v.effect for v in values):
-        weights = _QUANTITIES.get(effect, {})
+        weights = COMPARABLE.get(effect, {})
         own = [(weights[v.name], v) for v in values if v.effect == effect and v.name in weights]
         if own:
             out[effect] = _sum(own)

@@ -62,7 +62,7 @@ Where the library splits what the list has as one entry (cold ends, a spread of 
 cooling front), all of them are the same answer.
 """
 
-_SUBSYSTEMS = {"actuator": "electrical", "timing": "sensors", "water": "thermal"}
+SUBSYSTEM_ALIASES = {"actuator": "electrical", "timing": "sensors", "water": "thermal"}
 """Sub-model of the plant → subsystem of a bank, where they are called otherwise."""
 
 
@@ -73,11 +73,6 @@ def canonical(name: str) -> str:
     'tendon_compliance'
     """
     return ALIASES.get(name, name)
-
-
-def canonical_subsystem(name: str) -> str:
-    """The bank's name of a subsystem."""
-    return _SUBSYSTEMS.get(name, name)
 
 
 def subsystem_of(name: str) -> str:

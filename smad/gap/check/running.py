@@ -21,7 +21,7 @@ import msgspec
 import smad
 from smad.gap.check.bank import Bank, Case, used
 from smad.gap.check.case import How, Part, Task, case_path, judge, source_digest
-from smad.gap.check.verdicts import CaseVerdict, VerdictFile
+from smad.gap.check.verdicts import VerdictFile
 
 Work = Callable[[Task], Part]
 _MEMORY = "its worker process ended, as it does when memory runs out: use fewer --jobs"
@@ -49,15 +49,10 @@ class Order:
 
     @functools.cached_property
     def folder(self) -> Path:
-        """Where parts of just this bank, code and way of diagnosing are kept."""
-        return self.parts / self.fingerprint[:16]
-
-    @property
-    def fingerprint(self) -> str:
-        """SHA-256 of what the verdicts depend on beside the run files: bank, code and options.
+        """Where parts of just this bank, code and way of diagnosing are kept.
 
         A parameter file counts by what it says, not by its name alone. The Python interpreter and
-        the processor, which may turn a last digit, are not in it.
+        the processor, which may turn a last digit, do not count.
         """
         said = {
             "manifest": self.bank.digest,
@@ -67,7 +62,8 @@ class Order:
             "how": dataclasses.asdict(self.how),
             "plant": self.how.plant().version,
         }
-        return hashlib.sha256(msgspec.json.encode(said, order="deterministic")).hexdigest()
+        digest = hashlib.sha256(msgspec.json.encode(said, order="deterministic")).hexdigest()
+        return self.parts / digest[:16]
 
     @functools.cached_property
     def runs_sha256(self) -> dict[str, str]:
@@ -153,7 +149,21 @@ def check(
         rest = len(todo) - finished
         left_s = rest * (clock_s() - began_s) / finished
         report(Progress(part, len(parts), len(order.cases), left_s))
-    return _file(order, [parts[c.id] for c in order.cases])
+    manifest, found = order.bank.manifest, [parts[c.id] for c in order.cases]
+    return VerdictFile(
+        format="smad-verdicts-1",
+        bank=manifest.bank,
+        key_sha256=manifest.key_sha256,
+        verdicts={p.case: p.verdict for p in found if p.verdict is not None},
+        tool={
+            "name": "smad",
+            "version": version("smad"),
+            "commit": commit(),
+            "source_sha256": source_digest(),
+            "how": dataclasses.asdict(order.how),
+        },
+        notes={p.case: p.error or p.note for p in found if p.error or p.note},
+    )
 
 
 def _worked(order: Order, todo: Sequence[Case], jobs: int, work: Work) -> Iterator[Part]:
@@ -184,25 +194,6 @@ def _write_part(folder: Path, part: Part) -> None:
     partial = path.with_suffix(".part")
     partial.write_bytes(msgspec.json.encode(part))
     partial.replace(path)
-
-
-def _file(order: Order, parts: Sequence[Part]) -> VerdictFile:
-    verdicts: dict[str, CaseVerdict] = {p.case: p.verdict for p in parts if p.verdict is not None}
-    notes = {p.case: p.error or p.note for p in parts if p.error or p.note}
-    return VerdictFile(
-        format="smad-verdicts-1",
-        bank=order.bank.manifest.bank,
-        key_sha256=order.bank.manifest.key_sha256,
-        verdicts=verdicts,
-        tool={
-            "name": "smad",
-            "version": version("smad"),
-            "commit": commit(),
-            "source_sha256": source_digest(),
-            "how": dataclasses.asdict(order.how),
-        },
-        notes=notes,
-    )
 
 
 def commit() -> str:

@@ -219,18 +219,13 @@ def _differs_rows(pairs: Sequence[Pair]) -> list[Row]:
     """Without known-good runs the causes of the budget are the answer, the first before all."""
     asked = [p for p in of_kind(pairs, "differs") if p.truth.effects]
     told = [[n for n in p.said.budget if n not in NO_CAUSES] for p in asked]
-    first = [
-        float(set(t[:1]) <= p.truth.names and bool(t)) for t, p in zip(told, asked, strict=True)
-    ]
-    among = [float(p.truth.names <= set(t)) for t, p in zip(told, asked, strict=True)]
+    truths = [p.truth.names for p in asked]
+    first = [float(t[:1] != [] and t[0] in true) for t, true in zip(told, truths, strict=True)]
+    among = [float(true <= set(t)) for t, true in zip(told, truths, strict=True)]
     return [
         share("differs: right entry first in the budget", first),
         share("differs: right entry in the budget", among),
     ]
-
-
-def _calibration_row(pairs: Sequence[Pair]) -> Row:
-    return over("calibration error", _answered(pairs), lambda some: calibration(some)[0] or 0.0)
 
 
 def _answered(pairs: Sequence[Pair]) -> list[Pair]:
@@ -247,7 +242,9 @@ def table(pairs: Sequence[Pair]) -> list[Row]:
         hits = [float(detected(p.said)) for p in with_gap if p.truth.strength == strength]
         rows.append(share(f"detected at {strength:.0f}× the floor", hits))
     rows += _naming_rows(pairs)
-    rows.append(_calibration_row(pairs))
+    rows.append(
+        over("calibration error", _answered(pairs), lambda some: calibration(some)[0] or 0.0)
+    )
     return [*rows, *_several_rows(pairs), *_differs_rows(pairs)]
 
 

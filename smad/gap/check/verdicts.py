@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 
 from smad.gap.check.errors import VerdictError
-from smad.gap.check.names import OUTCOMES, canonical, canonical_subsystem, subsystem_of
+from smad.gap.check.names import OUTCOMES, SUBSYSTEM_ALIASES, canonical, subsystem_of
 
 FORMAT = "smad-verdicts-1"
 NOT_CAUSES = frozenset(("none", "parameters", "unknown"))
@@ -139,18 +139,15 @@ def _named(names: Sequence[str]) -> list[str]:
 def in_bank_names(verdict: CaseVerdict) -> CaseVerdict:
     """The verdict in the bank's names; without a subsystem, that of the first cause."""
     causes = _merged(verdict.causes)
-    subsystem = canonical_subsystem(verdict.subsystem)
+    subsystem = SUBSYSTEM_ALIASES.get(verdict.subsystem, verdict.subsystem)
     if not subsystem and causes and causes[0].names:
         subsystem = subsystem_of(causes[0].names[0])
     budget: dict[str, float] = {}
     for name, part in verdict.budget.items():
         budget[canonical(name)] = budget.get(canonical(name), 0.0) + part
-    after = verdict.next_experiment
-    if after is not None:
-        seen = after.names_after
-        after = NextExperiment(
-            after.name, _named(after.separates), None if seen is None else _named(seen)
-        )
+    if (after := verdict.next_experiment) is not None:
+        seen = None if after.names_after is None else _named(after.names_after)
+        after = NextExperiment(after.name, _named(after.separates), seen)
     return msgspec.structs.replace(
         verdict,
         causes=causes,
