@@ -97,8 +97,7 @@ def _quietest_band(courses: Sequence[Array]) -> tuple[float, float]:
 def _third_differences(courses: Sequence[Array]) -> float:
     # Third differences remove any smooth course; their variance is 20 σ². The lower quartile of
     # |d| keeps the edges of the excitation out.
-    d = [np.diff(y, 3) for y in courses]
-    joined = np.abs(np.concatenate(d)) if d else np.zeros(1)
+    joined = np.abs(np.concatenate([np.zeros(0), *(np.diff(y, 3) for y in courses)]))
     return float(np.quantile(joined, 0.25) / 0.3186 / np.sqrt(20.0)) if len(joined) else 0.0
 
 

@@ -188,12 +188,9 @@ class Passes:
         return FedCurrent(np.column_stack(fed), steadiness)
 
     def _fed_temperature(self, heated: Mapping[str, Array]) -> Array:
-        fed = []
-        for s in "xy":
-            off = self._between(
-                self.run.outputs[f"rtd_{s}_degC"], heated[f"rtd_{s}_degC"], _INNOVATION_S
-            )
-            fed.append(heated[f"T_{s}_K"] + off)
+        shown, names = self.run.outputs, {s: f"rtd_{s}_degC" for s in "xy"}
+        off = {s: self._between(shown[n], heated[n], _INNOVATION_S) for s, n in names.items()}
+        fed = [heated[f"T_{s}_K"] + off[s] for s in "xy"]
         return np.clip(np.column_stack(fed), 230.0, 420.0)
 
     def _fed_displacement(self, warmed: Mapping[str, Array]) -> Array:
