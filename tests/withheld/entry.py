@@ -76,7 +76,6 @@ class Fit(msgspec.Struct, frozen=True):
     gain: float
     gain_se: float
     asked: float
-    shrink_gain: float
     excess_before: float
     regime_gain: float
     shows: bool
@@ -240,7 +239,6 @@ def _fit(prepared: Prepared, selection: Selection, c: Candidate) -> Fit:
         gain=c.gain,
         gain_se=c.gain_se,
         asked=asked_gain(c, settings, tied=tied) / max(c.gain_se, 1e-9),
-        shrink_gain=c.shrink_gain,
         excess_before=c.excess_before,
         regime_gain=c.regime_gain,
         shows=acceptable(c, settings, tied=tied),

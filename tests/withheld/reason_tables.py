@@ -79,7 +79,6 @@ _COLUMNS: tuple[tuple[str, Callable[[Explained], str]], ...] = (
     ("fitted", lambda x: _of_fit(x.told, "size_background")),
     ("masked", lambda x: _number(None if x.told.entry is None else x.told.entry.hidden)),
     ("gain/se", lambda x: _gain(x.told)),
-    ("shrink", lambda x: _of_fit(x.told, "shrink_gain")),
     ("before", lambda x: _of_fit(x.told, "excess_before")),
     ("d² none", lambda x: _of_fit(x.told, "d2_nothing")),
     ("d² free", lambda x: _of_fit(x.told, "d2_free")),

@@ -32,7 +32,7 @@ SETTINGS = Settings()
 CLEAR = Fit(
     values={"tau_s": 0.4}, output="rtd:x", size_floors=12.0, size_background=4.0, d2_known=900.0,
     d2_nothing=400.0, d2_free=90.0, gain=500.0, gain_se=100.0, asked=3.0,
-    shrink_gain=0.6, excess_before=2.0, regime_gain=90.0, shows=True, enters=True,
+    excess_before=2.0, regime_gain=90.0, shows=True, enters=True,
 )  # fmt: skip
 NAMED = Standing(
     outcome=Outcome.EFFECT, outcome_asked=Outcome.EFFECT, unknown=0.1, gap_raw=4.0, gap_refit=3.0,
@@ -268,4 +268,4 @@ def test_a_clear_gain_is_parted_from_a_name_where_two_causes_are_told_apart() ->
 
     assert (way_of(16.0, 1.0).experiments, way_of(16.0, 1.0).enough) == (["experiment 0"], True)
     assert len(way_of(9.0, 7.0, 5.0).experiments) == 2
-    assert not way_of(9.0, 6.9).enough
+    assert not way_of(7.0, 6.9).enough

@@ -18,7 +18,7 @@ from smad.gap.fit.candidate import (
     touched_outputs,
 )
 from smad.gap.fit.joint import JointFit, Start, joint_fits
-from smad.gap.fit.judge import Judged, judge, regime_gains, shrink
+from smad.gap.fit.judge import Judged, judge, regime_gains
 from smad.gap.fit.lsq import Fitted, Problem
 from smad.gap.fit.screen import Screened, probe, reprobe, screen
 from smad.gap.fit.significance import DRAWS, resample_weights
@@ -248,9 +248,6 @@ def weighed(before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
     rise = before.doubt.scores(judged) - before.doubt.scores(before.judged)
     gain, se = cluster_gain(before.fit.problem, judged.hold, rise)
     touched = touched_outputs(before.judged, judged)
-    rises = [
-        shrink(judged.excess(keys), before.judged.excess(keys)) for keys in (None, list(touched))
-    ]
     masks = before.fit.problem.evidence.regime_masks()
     return Candidate(
         joint,
@@ -258,7 +255,6 @@ def weighed(before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
         gain,
         se,
         touched,
-        max(rises),
         before.judged.excess(list(touched)),
         float(sum(regime_gains(before.fit, joint.fit, masks).values())),
         len(rise),

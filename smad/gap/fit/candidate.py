@@ -26,9 +26,9 @@ class Candidate:
 
     `gain` is the rise of the held-out log-likelihood over the model it was added to, as far as that
     model's own causes are to be believed (`doubt`), `gain_se` its standard error over runs and
-    blocks, `touched` the outputs that carry the effect's signature, `shrink_gain` the rise of S
-    over them (or over all outputs, if larger), `excess_before` the gap over them without it,
-    `regime_gain` the sum of gains on regimes left out, `cells` the number of cells judged.
+    blocks, `touched` the outputs that carry the effect's signature, `excess_before` the gap over
+    them without it, `regime_gain` the sum of gains on regimes left out, `cells` the number of cells
+    judged.
     """
 
     joint: JointFit
@@ -36,7 +36,6 @@ class Candidate:
     gain: float = 0.0
     gain_se: float = 0.0
     touched: tuple[str, ...] = ()
-    shrink_gain: float = 0.0
     excess_before: float = 0.0
     regime_gain: float = 0.0
     cells: int = 0
@@ -126,8 +125,7 @@ def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
     """Whether the last effect of a candidate may enter, beside tied parameters or free ones.
 
     What it gains must not be lost where a regime is left out. Beside tied parameters it stands out
-    by its score although the background is larger, so that no share of a gap is asked of it.
+    by its score although the background is larger; beside free ones there must be a gap.
     """
-    stands = c.gain > asked_gain(c, s, tied=tied)
-    takes = tied or (c.shrink_gain >= s.least_share and c.excess_before >= s.min_excess)
-    return stands and takes and c.gain + c.regime_gain > 0.0
+    stands = c.gain > asked_gain(c, s, tied=tied) and c.gain + c.regime_gain > 0.0
+    return stands and (tied or c.excess_before >= s.min_excess)

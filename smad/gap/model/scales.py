@@ -21,9 +21,9 @@ def suited(settings: Settings, runs: Sequence[GapRun], plant: PlantModel) -> Set
     """The settings with a row, a cell and a least length of runs that suit these records.
 
     The times are in the proportion that `settings` has them in. A row is a 20th of the usual
-    correlation time of what is measured, rounded down to a power of ten, so that it does not change
-    from one handful of runs to the next, and at least a sample. Without a channel that moves nothing
-    changes.
+    correlation time of what is measured, rounded down to a power of ten, so that it does not
+    change from one handful of runs to the next, and at least a sample. Without a channel that moves
+    nothing changes.
     """
     usual = correlation_time_s(runs, plant)
     if usual is None:

@@ -32,29 +32,20 @@ def advice(d: Diagnosis, asked: Asked | None) -> list[Step]:
         own = {x.command for x in d.experiments}
         return [s if s.command in own else Step(s.why) for s in advice(d, Asked())]
     v = d.verdict
+    ask = f"smad gap diagnose {asked.arguments}"
     if v.outcome is Outcome.REFUSED:
-        return [Step("mend what the runs were refused for, and ask again",
-                     f"smad gap diagnose {asked.arguments}")]  # fmt: skip
+        return [Step("mend what the runs were refused for, and ask again", ask)]
     if v.outcome is Outcome.NO_EXCITATION:
         return [Step("list the runs that move more, and record some", "smad gap next")]
-    steps = []
-    open_question = v.outcome in (Outcome.UNKNOWN, Outcome.AMBIGUOUS) or v.imitated
-    if d.experiments:
-        steps += [Step(f"record: {x.title}", x.command) for x in d.experiments]
-        steps.append(
-            Step("ask again with them", f"smad gap diagnose {asked.arguments} --html gap.html")
-        )
-    elif open_question:
-        steps.append(Step("see where the gap is, on the page",
-                          f"smad gap diagnose {asked.arguments} --html gap.html"))  # fmt: skip
+    steps = [Step(f"record: {x.title}", x.command) for x in d.experiments]
+    if steps:
+        steps.append(Step("ask again with them", f"{ask} --html gap.html"))
+    elif v.outcome in (Outcome.UNKNOWN, Outcome.AMBIGUOUS) or v.imitated:
+        steps.append(Step("see where the gap is, on the page", f"{ask} --html gap.html"))
     if v.outcome in NAMED or v.outcome is Outcome.PARAMETERS:
         model = asked.model or "better.toml"
         if not asked.model:
-            steps.append(
-                Step("keep the better model",
-                     f"smad gap diagnose {asked.arguments} --apply {model}")
-            )  # fmt: skip
-        steps.append(
-            Step("try it on runs that are new to it", f"smad gap verify --model {model} NEW_RUN…")
-        )
+            steps.append(Step("keep the better model", f"{ask} --apply {model}"))
+        verify = f"smad gap verify --model {model} NEW_RUN…"
+        steps.append(Step("try it on runs that are new to it", verify))
     return steps

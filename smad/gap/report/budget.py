@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,8 +13,8 @@ from smad.gap.fit.candidate import Candidate, cluster_gain
 from smad.gap.fit.judge import Judged, excess_of
 from smad.gap.fit.lsq import Problem
 from smad.gap.fit.stages import Prepared
-from smad.gap.plant import Array, ModelPoint, units
-from smad.gap.records import Budget, BudgetRow, RunGap
+from smad.gap.plant import Array, ModelPoint
+from smad.gap.records import Budget, BudgetRow, RunGap, WaterfallRow
 from smad.gap.report.summary import waterfall
 
 _DOMINATING_SHARE = 0.5
@@ -40,14 +40,11 @@ def way(prepared: Prepared, chain: Sequence[Candidate], refit: Judged) -> Way:
     They are not where the effects of the last model, at the parameters as they were, predict runs
     that were not fitted to as well, or leave no gap that is significant.
     """
-    causes = tuple(name for c in chain[-1:] for name in _in_order(chain, c))
+    causes = _in_order(chain)
     if not causes:
         return Way((), True, [prepared.raw.predicted, refit.predicted])
-    last = chain[-1]
-    points = [
-        ModelPoint(prepared.centre, {**prepared.fixed, **_only(last, causes[: i + 1])})
-        for i in range(len(causes))
-    ]
+    last, centre = chain[-1], prepared.centre
+    points = [point_with(prepared, centre, last, causes[: i + 1]) for i in range(len(causes))]
     problem, hold = prepared.problem, prepared.hold
     own = problem.evidence.predict(points, detail=Detail.FINE)
     held = own[:, :0] if hold is None else hold.evidence.predict(points, detail=Detail.FINE)
@@ -72,7 +69,7 @@ def _one_by_one(
         entered = [name for name in causes if name in c.names and name not in told]
         for name in entered[:-1]:
             told.append(name)
-            point = ModelPoint(c.fit.point.theta, {**prepared.fixed, **_only(c, told)})
+            point = point_with(prepared, c.fit.point.theta, c, told)
             steps.append(judged_on.evidence.predict([point], detail=Detail.FINE)[0])
         if entered:
             told.append(entered[-1])
@@ -80,21 +77,24 @@ def _one_by_one(
     return steps
 
 
-def _in_order(chain: Sequence[Candidate], last: Candidate) -> list[str]:
+def _in_order(chain: Sequence[Candidate]) -> tuple[str, ...]:
     """The effects of the last model, in the order in which the chain took them in."""
-    entered = [name for c in chain for name in c.names if name in last.names]
-    return list(dict.fromkeys(entered))
+    last = chain[-1].names if chain else ()
+    return tuple(dict.fromkeys(name for c in chain for name in c.names if name in last))
 
 
-def _only(c: Candidate, names: Sequence[str]) -> dict[str, dict[str, float]]:
-    return {k: dict(v) for k, v in c.fit.point.effects.items() if k in names}
+def point_with(
+    prepared: Prepared, theta: Mapping[str, float], c: Candidate, names: Sequence[str]
+) -> ModelPoint:
+    """Parameters `theta`, what known-good runs ask for, and of the effects of `c` only `names`."""
+    own = {k: dict(v) for k, v in c.fit.point.effects.items() if k in names}
+    return ModelPoint(theta, {**prepared.fixed, **own})
 
 
 def budget_of(prepared: Prepared, way: Way, refit: Judged, *, named: bool) -> Budget:
     """The budget on the judged runs, by signal, in all, and by run."""
     bench = refit.bench
     rows = waterfall("local", bench, way.predictions, prepared.plant)
-    unit = units(prepared.plant)
     raw = rows[-1].raw
     alone = 1.0 - refit.excess() / raw if raw > 0.0 else 0.0
     runs = _by_run(bench, way.predictions)
@@ -107,10 +107,7 @@ def budget_of(prepared: Prepared, way: Way, refit: Judged, *, named: bool) -> Bu
         named=named,
         parameters=way.parameters,
         alone=alone,
-        rows=[
-            _row(r.output, r.floor, unit.get(r.channel, ""), [r.raw, r.refit, *r.effects])
-            for r in (rows[-1], *rows[:-1])
-        ],
+        rows=[_row(r) for r in (rows[-1], *rows[:-1])],
         runs=runs,
         median=_median(runs),
         dominated_by=runs[int(carried.argmax())].run if dominates else "",
@@ -118,11 +115,11 @@ def budget_of(prepared: Prepared, way: Way, refit: Judged, *, named: bool) -> Bu
     )
 
 
-def _row(signal: str, floor: float, unit: str, gaps: Sequence[float]) -> BudgetRow:
-    raw = gaps[0]
-    shares = [(a - b) / raw if raw > 0.0 else 0.0 for a, b in pairwise(gaps)]
-    rest = gaps[-1] / raw if raw > 0.0 else 0.0
-    return BudgetRow(signal, floor, unit, raw, shares[0], shares[1:], rest, gaps[-1])
+def _row(r: WaterfallRow) -> BudgetRow:
+    # The last step, to no gap at all, is the rest.
+    gaps = [r.raw, r.refit, *r.effects, 0.0]
+    parameters, *causes, rest = ((a - b) / r.raw if r.raw > 0.0 else 0.0 for a, b in pairwise(gaps))
+    return BudgetRow(r.output, r.floor, r.unit, r.raw, parameters, causes, rest, gaps[-2])
 
 
 def _by_run(problem: Problem, predictions: Sequence[Array]) -> list[RunGap]:
@@ -130,10 +127,7 @@ def _by_run(problem: Problem, predictions: Sequence[Array]) -> list[RunGap]:
     squares = [np.square(problem.scaled(p)) for p in (*predictions[:2], predictions[-1])]
     out = []
     for k, run in enumerate(ev.runs):
-        rows = np.zeros(ev.n)
-        for s in ev.segments:
-            if s.run == k:
-                rows[s.rows] = 1.0
+        rows = (ev.cell_run[ev.row_cell] == k).astype(float)
         out.append(RunGap(run.name, *(excess_of(problem, q, None, rows) for q in squares)))
     return out
 
@@ -141,7 +135,5 @@ def _by_run(problem: Problem, predictions: Sequence[Array]) -> list[RunGap]:
 def _median(runs: Sequence[RunGap]) -> RunGap | None:
     if len(runs) < 2:
         return None
-    return RunGap(
-        "median",
-        *(float(np.median([getattr(r, f) for r in runs])) for f in ("raw", "refit", "final")),
-    )
+    gaps = np.median([(r.raw, r.refit, r.final) for r in runs], axis=0)
+    return RunGap("median", *gaps.tolist())

@@ -7,6 +7,7 @@ import platform
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from functools import cached_property
 from importlib.metadata import version
 
 import numpy as np
@@ -24,36 +25,27 @@ from smad.gap.data.guards import FURTHER
 from smad.gap.data.replay import Detail
 from smad.gap.fit.candidate import Candidate, ending_at_bound
 from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
-from smad.gap.fit.judge import Judged, excess_by_key, predict_by_run
+from smad.gap.fit.judge import excess_by_key, predict_by_run
 from smad.gap.fit.significance import DRAWS
 from smad.gap.fit.stages import Prepared, open_loop
-from smad.gap.plant import Array, ModelPoint, PlantModel
+from smad.gap.plant import ModelPoint, PlantModel
 from smad.gap.records import (
     NAMED,
+    Budget,
     Diagnosis,
+    ExperimentRecord,
     Finding,
     LeftOutRecord,
     Outcome,
+    Trace,
     ValueRecord,
     Verdict,
+    WaterfallRow,
 )
-from smad.gap.report.budget import Way, budget_of, way
+from smad.gap.report import summary
+from smad.gap.report.budget import Way, budget_of, point_with, way
 from smad.gap.report.numbers import next_line, numbers
 from smad.gap.report.plain import plain
-from smad.gap.report.summary import (
-    candidate_records,
-    dominant_outputs,
-    fitted_records,
-    floor_records,
-    heat_records,
-    law_records,
-    parameter_records,
-    residual_test_records,
-    run_records,
-    traces,
-    value_records,
-    waterfall,
-)
 from smad.gap.runs import GapRun
 from smad.gap.settings import Settings, enough_d2
 
@@ -116,7 +108,7 @@ class Shell:
             else "what differs between model and bench",
             judged_on=self.judged_on,
             verdict=verdict,
-            runs=run_records(self.roles),
+            runs=summary.run_records(self.roles),
             findings=list(self.findings),
             limits=self._limits(),
             seconds=time.perf_counter() - self.began,
@@ -132,10 +124,11 @@ class Shell:
 
     def refused(self, what: str, admission: Admission) -> Diagnosis:
         """No run of those `what` could be used: the verdict names why, and nothing else."""
-        kinds = list(dict.fromkeys(f.kind for f in admission.findings if f.refuses))
-        starved = set(kinds) <= {"too short", "no excitation"}
+        refusals = [f for f in admission.findings if f.refuses]
+        kinds = dict.fromkeys(f.kind for f in refusals)
+        starved = kinds.keys() <= {"too short", "no excitation"}
         outcome = Outcome.NO_EXCITATION if starved else Outcome.REFUSED
-        reasons = "; ".join(f"{f.run}: {f.text}" for f in admission.findings if f.refuses)
+        reasons = "; ".join(f"{f.run}: {f.text}" for f in refusals)
         why = ", ".join(kinds) or "none was given"
         text = f"No run {what} can be used ({why}). {reasons}".strip()
         plain = text.partition(". ")[0].rstrip(".") + "."
@@ -143,13 +136,42 @@ class Shell:
 
 
 @dataclasses.dataclass(frozen=True)
+class Answer:
+    """The outcome and its probability, and what they rest on.
+
+    `final` is the model that it stands for: the refit, or the fit of the causes, whose parameters
+    are `values`. `bounded` are causes that are not named because their strength ran into a bound.
+    """
+
+    outcome: Outcome
+    probability: float
+    weighed: Evidenced
+    final: Candidate
+    values: Sequence[ValueRecord] = ()
+    bounded: Sequence[str] = ()
+
+    @property
+    def named(self) -> bool:
+        return self.outcome in NAMED
+
+    @property
+    def effects(self) -> list[str]:
+        """The causes that are named, in order of importance."""
+        return list(self.weighed.effects) if self.named else []
+
+    @property
+    def group(self) -> list[str]:
+        """What the first of them cannot be told from."""
+        return [n for e in self.effects[:1] for n in self.weighed.groups.get(e, ())]
+
+
+@dataclasses.dataclass(frozen=True)
 class Place:
-    """Where a gap lies, and the heat map of the refit that shows it."""
+    """Where a gap lies."""
 
     sub_model: str
     regimes: list[str]
     channels: list[str]
-    refit_heat: HeatMap
 
     @property
     def text(self) -> str:
@@ -157,213 +179,208 @@ class Place:
         return f"{self.sub_model}, in {' and '.join(self.regimes) or 'all regimes'}: {shown}"
 
 
-def _heat(judged: Judged) -> HeatMap:
-    """Of a held-out prediction."""
-    return localise(judged.bench, judged.predicted)
-
-
+@dataclasses.dataclass(frozen=True)
 class Closing:
     """From a selection to the records: worth, verdict, intervals, next experiment."""
 
-    def __init__(
-        self,
-        prepared: Prepared,
-        track: Track,
-        shell: Shell,
-        executor: Executor,
-        progress: Callable[[str], None],
-    ) -> None:
-        self.prepared, self.track, self.shell = prepared, track, shell
-        self.selection: Selection = track.selection
-        self.executor, self.progress = executor, progress
+    prepared: Prepared
+    track: Track
+    shell: Shell
+    executor: Executor
+    progress: Callable[[str], None]
 
-    def diagnosis(self, left_out: Sequence[LeftOutRecord] = ()) -> Diagnosis:
-        """All records of the diagnosis; `left_out` are verdicts with a cause withheld."""
-        prepared, selection, settings = self.prepared, self.selection, self.prepared.settings
-        best = selection.best
-        self.progress("judging")
-        own_step = _OWN_STEP if prepared.problem.evidence.detail is Detail.FINE else ""
-        told = {
-            "runs disagree": disagreement(best.fit),
-            "own step": own_step,
-            "cells": hangs_on_cells(selection, tied=self.track.tied),
-        }
-        more = [Finding("all runs", k, text, refuses=False) for k, text in told.items() if text]
-        shell = dataclasses.replace(self.shell, findings=[*self.shell.findings, *more])
-        weighed = weigh(prepared, self.track)
-        outcome, p = decide(weighed, settings)
-        first = weighed.effects[0] if weighed.effects else ""
-        self.progress("intervals")
-        final = self._final(outcome in NAMED)
-        values = self._values(final) if outcome in NAMED else []
-        bounded = ending_at_bound(final.fit) if outcome in NAMED else []
-        if bounded:
-            outcome, p = Outcome.UNKNOWN, settings.unsure_right
-            final, values = self._final(False), []
-        named = outcome in NAMED
-        took = way(prepared, self._chain(), selection.base.judged)
-        budget = budget_of(prepared, took, selection.base.judged, named=named)
-        place = self._place(outcome, weighed)
-        question = confused(prepared, self.track, outcome, weighed.groups)
-        if question is not None:
-            self.progress("next experiment")
-        experiments = [] if question is None else parting_experiments(prepared, question)
-        lines = numbers(
-            outcome, weighed, prepared.plant.effects, p=p, where=place.text, values=values,
-            unseen=self.shell.unseen,
-        )  # fmt: skip
-        model, holds = self._model(outcome, final, took)
-        opened, open_rows, shown = self._open_loop(named)
-        open_question = outcome is Outcome.UNKNOWN or weighed.imitated
-        lines += [
-            next_line(experiments, enough_d2(settings.odds), settled=not open_question),
-            ("model to apply", holds),
-        ]
-        effects = list(weighed.effects) if named else []
-        group = [n for e in effects[:1] for n in weighed.groups.get(e, ())]
-        answer = plain(
-            outcome,
-            titles={e.name: e.title for e in prepared.plant.effects},
-            effects=effects,
-            group=group,
-            values=values,
-            budget=budget,
-            bounded=bounded,
-            since_good=shell.since_good,
-            further=any(f.kind == FURTHER for f in shell.findings),
-        )
-        whole, bench = weighed.whole, best.judged.bench
-        low, high = whole.interval
-        verdict = Verdict(
-            outcome=outcome,
-            text="\n".join(f"{name}: {what}" for name, what in lines),
-            plain=answer,
-            probability=p,
-            effects=effects,
-            group=group,
-            sub_model=place.sub_model,
-            regimes=place.regimes,
-            probabilities=selection.probability.get(first, {}),
-            gap_raw=weighed.gap_raw,
-            gap_refit=whole.gap_refit,
-            gap_final=whole.gap_final,
-            shrink=whole.shrink if named else 0.0,
-            shrink_low=low,
-            shrink_high=high,
-            ceiling=whole.ceiling,
-            open_loop=opened,
-            imitated=named and weighed.imitated,
-            instead=list(weighed.instead),
-            gap_instead=weighed.gap_instead if weighed.instead else None,
-            bounded=bounded,
-        )
-        return shell.record(
-            verdict,
-            missing=sorted(set(prepared.problem.evidence.missing)),
-            floors=floor_records(prepared),
-            steps=[list(c.names) for c in self._chain()],
-            waterfall=waterfall("local", bench, self._steps(), prepared.plant) + open_rows,
-            heat=heat_records(_heat(prepared.raw), place.refit_heat, _heat(best.judged)),
-            windows=place.refit_heat.windows,
-            candidates=candidate_records(self.track.asked, selection.probability.get(first, {})),
-            values=values,
-            parameters=parameter_records(
-                prepared, final, bootstrap(final.fit, DRAWS, settings.seed)
-            ),
-            laws=law_records(prepared, final),
-            residual_tests=residual_test_records(prepared, best),
-            experiments=experiments,
-            traces=shown,
-            fitted=fitted_records(self.track.asked, selection),
-            places=selection.probability,
-            left_out=list(left_out),
-            model={
-                "theta": dict(model.theta),
-                "effects": {k: dict(v) for k, v in model.effects.items()},
-            },
-            budget=budget,
-        )
+    @property
+    def selection(self) -> Selection:
+        return self.track.selection
 
-    def _final(self, named: bool) -> Candidate:
-        """The model that the verdict stands for: the refit, or the fit of the cause, polished."""
-        if not named:
-            return self.selection.base
-        best = self.selection.best
-        # What coarser replays cost was learnt where the effect was not.
-        end = polished(best.fit.recalibrated())
-        return dataclasses.replace(best, joint=JointFit(end, best.joint.rivals))
-
-    def _model(self, outcome: Outcome, final: Candidate, took: Way) -> tuple[ModelPoint, str]:
-        """The model to apply, and in words all that it holds.
-
-        Parameters that no better prediction asks for stay as they were.
-        """
-        prepared, point = self.prepared, final.fit.point
-        named = set(final.names) if outcome in NAMED else set()
-        quiet = outcome in (Outcome.NO_GAP, Outcome.NO_EXCITATION)
-        moved = not quiet and (not named or took.parameters)
-        if not moved:
-            own = {k: dict(v) for k, v in point.effects.items() if k in named}
-            point = ModelPoint(prepared.centre, {**prepared.fixed, **own})
-        laws = sorted(set(point.effects) - named)
-        what = [", ".join(sorted(named)) or "no effect"]
-        if laws:
-            what.append(f"the laws of the known-good runs ({', '.join(laws)})")
-        as_good = "of the known-good runs" if prepared.background is not None else "as they were"
-        what.append("the refitted parameters" if moved else f"the parameters {as_good}")
-        return point, f"{', '.join(what[:-1])} and {what[-1]}"
-
-    def _values(self, final: Candidate) -> list[ValueRecord]:
-        """Strengths and shapes of the causes with their intervals."""
-        prepared, settings = self.prepared, self.prepared.settings
-        # How far the forms of laws differ has been seen on benches with known-good runs only.
-        form = 0.0 if prepared.background is None else settings.form_share
-        return value_records(intervals(final.joint, settings.seed, form), prepared.fixed)
-
-    def _place(self, outcome: Outcome, numbers: Evidenced) -> Place:
-        """Where the gap lies: on the cause's own outputs, or on those that stand out."""
-        prepared, judged = self.prepared, self.selection.base.judged
-        heat = _heat(judged)
-        outputs = dominant_outputs(excess_by_key(judged.bench, judged.squares()))
-        sub_model = heat.worst_sub_model
-        if outcome in NAMED:
-            first = next(e for e in prepared.plant.effects if e.name == numbers.effects[0])
-            sub_model = first.sub_model
-            touched = numbers.touched.keys
-            outputs = [k for k in touched if k in outputs] or list(touched)
-        elif output := standing_out(numbers, prepared.settings):
-            outputs = [output]
-            sub_model = prepared.outputs[output].sub_model
-        part = prepared.outputs[outputs[0]].sub_model if outputs else sub_model
-        channels = list(dict.fromkeys(prepared.outputs[k].channel for k in outputs))
-        return Place(sub_model, heat.worst_regimes(part), channels, heat)
-
-    def _steps(self) -> list[Array]:
-        return [
-            self.prepared.raw.predicted,
-            self.selection.base.judged.predicted,
-            *[c.judged.predicted for c in self._chain()],
-        ]
-
-    def _chain(self) -> list[Candidate]:
+    @cached_property
+    def chain(self) -> list[Candidate]:
         """The way to the best model: accepted steps that are part of it, then itself."""
         s = self.selection
         if not s.best.names:
             return []
         return [c for c in s.steps if set(c.names) < set(s.best.names)] + [s.best]
 
-    def _open_loop(self, named: bool) -> tuple[list[float], list[object], list[object]]:
-        s, prepared = self.selection, self.prepared
+    def diagnosis(self, left_out: Sequence[LeftOutRecord] = ()) -> Diagnosis:
+        """All records of the diagnosis; `left_out` are verdicts with a cause withheld."""
+        prepared, selection = self.prepared, self.selection
+        refit, best = selection.base.judged, selection.best.judged
+        self.progress("judging")
+        shell = dataclasses.replace(self.shell, findings=[*self.shell.findings, *self._findings()])
+        answer = self._answer()
+        took = way(prepared, self.chain, refit)
+        budget = budget_of(prepared, took, refit, named=answer.named)
+        heat = [localise(j.bench, j.predicted) for j in (prepared.raw, refit, best)]
+        place = self._place(answer, heat[1])
+        experiments = self._experiments(answer)
+        model, holds = self._model(answer, took)
+        text = self._text(answer, place, experiments, holds)
+        opened, shown = self._open_loop(answer)
+        verdict = self._verdict(answer, place, text, self._plain(answer, budget), opened[-1])
+        predictions = [j.predicted for j in (prepared.raw, refit, *(c.judged for c in self.chain))]
+        draws = bootstrap(answer.final.fit, DRAWS, prepared.settings.seed)
+        return shell.record(
+            verdict,
+            missing=sorted(set(prepared.problem.evidence.missing)),
+            floors=summary.floor_records(prepared),
+            steps=[list(c.names) for c in self.chain],
+            waterfall=summary.waterfall("local", best.bench, predictions, prepared.plant) + opened,
+            heat=summary.heat_records(*heat),
+            windows=heat[1].windows,
+            candidates=summary.candidate_records(self.track.asked, verdict.probabilities),
+            values=list(answer.values),
+            parameters=summary.parameter_records(prepared, answer.final, draws),
+            laws=summary.law_records(prepared, answer.final),
+            residual_tests=summary.residual_test_records(prepared, selection.best),
+            experiments=experiments,
+            traces=shown,
+            fitted=summary.fitted_records(self.track.asked, selection),
+            places=selection.probability,
+            left_out=list(left_out),
+            model=dataclasses.asdict(model),
+            budget=budget,
+        )
+
+    def _findings(self) -> list[Finding]:
+        """What is to be known of all runs together."""
+        fine = self.prepared.problem.evidence.detail is Detail.FINE
+        told = {
+            "runs disagree": disagreement(self.selection.best.fit),
+            "own step": _OWN_STEP if fine else "",
+            "cells": hangs_on_cells(self.selection, tied=self.track.tied),
+        }
+        return [Finding("all runs", k, text, refuses=False) for k, text in told.items() if text]
+
+    def _answer(self) -> Answer:
+        """The verdict, and the model that it stands for with the values of its causes."""
+        prepared, settings = self.prepared, self.prepared.settings
+        base, best = self.selection.base, self.selection.best
+        weighed = weigh(prepared, self.track)
+        outcome, p = decide(weighed, settings)
+        self.progress("intervals")
+        if outcome not in NAMED:
+            return Answer(outcome, p, weighed, base)
+        # What coarser replays cost was learnt where the effect was not.
+        joint = JointFit(polished(best.fit.recalibrated()), best.joint.rivals)
+        if bounded := ending_at_bound(joint.fit):
+            return Answer(Outcome.UNKNOWN, settings.unsure_right, weighed, base, bounded=bounded)
+        # How far the forms of laws differ has been seen on benches with known-good runs only.
+        form = 0.0 if prepared.background is None else settings.form_share
+        values = summary.value_records(intervals(joint, settings.seed, form), prepared.fixed)
+        return Answer(outcome, p, weighed, dataclasses.replace(best, joint=joint), values)
+
+    def _place(self, answer: Answer, heat: HeatMap) -> Place:
+        """Where the gap lies: on the cause's own outputs, or on those that stand out."""
+        prepared, weighed, judged = self.prepared, answer.weighed, self.selection.base.judged
+        outputs = summary.dominant_outputs(excess_by_key(judged.bench, judged.squares()))
+        sub_model = heat.worst_sub_model
+        if answer.named:
+            first = next(e for e in prepared.plant.effects if e.name == answer.effects[0])
+            sub_model = first.sub_model
+            touched = weighed.touched.keys
+            outputs = [k for k in touched if k in outputs] or list(touched)
+        elif output := standing_out(weighed, prepared.settings):
+            outputs = [output]
+            sub_model = prepared.outputs[output].sub_model
+        part = prepared.outputs[outputs[0]].sub_model if outputs else sub_model
+        channels = list(dict.fromkeys(prepared.outputs[k].channel for k in outputs))
+        return Place(sub_model, heat.worst_regimes(part), channels)
+
+    def _experiments(self, answer: Answer) -> list[ExperimentRecord]:
+        """Those that would part what the verdict leaves confused, best first."""
+        question = confused(self.prepared, self.track, answer.outcome, answer.weighed.groups)
+        if question is None:
+            return []
+        self.progress("next experiment")
+        return parting_experiments(self.prepared, question)
+
+    def _model(self, answer: Answer, took: Way) -> tuple[ModelPoint, str]:
+        """The model to apply, and in words all that it holds.
+
+        Parameters that no better prediction asks for stay as they were.
+        """
+        prepared, final = self.prepared, answer.final
+        named = sorted(final.names) if answer.named else []
+        quiet = answer.outcome in (Outcome.NO_GAP, Outcome.NO_EXCITATION)
+        moved = not quiet and (not named or took.parameters)
+        point = final.fit.point if moved else point_with(prepared, prepared.centre, final, named)
+        what = [", ".join(named) or "no effect"]
+        if laws := sorted(set(point.effects) - set(named)):
+            what.append(f"the laws of the known-good runs ({', '.join(laws)})")
+        as_good = "of the known-good runs" if prepared.background is not None else "as they were"
+        what.append("the refitted parameters" if moved else f"the parameters {as_good}")
+        return point, f"{', '.join(what[:-1])} and {what[-1]}"
+
+    def _open_loop(self, answer: Answer) -> tuple[list[WaterfallRow], list[Trace]]:
+        """Gaps and courses of the whole simulator; effects count in it once they are named."""
+        prepared, plant = self.prepared, self.prepared.plant
         problem = open_loop(prepared, self.executor)
-        ev = problem.evidence
-        chain = self._chain() if named else []
-        predictions = [ev.predict([ModelPoint(prepared.centre, prepared.fixed)])[0]]
-        for c in (s.base, *chain):
+        predict = problem.evidence.predict
+        predictions = [predict([ModelPoint(prepared.centre, prepared.fixed)])[0]]
+        for c in (self.selection.base, *(self.chain if answer.named else ())):
             if prepared.hold is None:
                 predictions.append(predict_by_run(problem, c.judged.points, c.fit.point))
             else:
-                predictions.append(ev.predict([c.fit.point])[0])
-        rows = waterfall("open loop", problem, predictions, prepared.plant)
-        total = rows[-1]
-        shown = traces("open loop", problem, predictions[1], predictions[-1], prepared.plant)
-        return [total.raw, total.refit, *total.effects], list(rows), list(shown)
+                predictions.append(predict([c.fit.point])[0])
+        rows = summary.waterfall("open loop", problem, predictions, plant)
+        shown = summary.traces("open loop", problem, predictions[1], predictions[-1], plant)
+        return rows, shown
+
+    def _text(
+        self, answer: Answer, place: Place, experiments: Sequence[ExperimentRecord], holds: str
+    ) -> str:
+        """The numbers behind the verdict, a line each; `holds` says what is in the model."""
+        outcome, weighed = answer.outcome, answer.weighed
+        lines = numbers(
+            outcome, weighed, self.prepared.plant.effects, p=answer.probability, where=place.text,
+            values=answer.values, unseen=self.shell.unseen,
+        )  # fmt: skip
+        wanted = enough_d2(self.prepared.settings.odds)
+        settled = not (outcome is Outcome.UNKNOWN or weighed.imitated)
+        lines += [next_line(experiments, wanted, settled=settled), ("model to apply", holds)]
+        return "\n".join(f"{name}: {what}" for name, what in lines)
+
+    def _plain(self, answer: Answer, budget: Budget) -> str:
+        """The answer in a sentence or two."""
+        return plain(
+            answer.outcome,
+            titles={e.name: e.title for e in self.prepared.plant.effects},
+            effects=answer.effects,
+            group=answer.group,
+            values=answer.values,
+            budget=budget,
+            bounded=answer.bounded,
+            since_good=self.shell.since_good,
+            further=any(f.kind == FURTHER for f in self.shell.findings),
+        )
+
+    def _verdict(
+        self, answer: Answer, place: Place, text: str, said: str, opened: WaterfallRow
+    ) -> Verdict:
+        """The verdict with its numbers; `opened` are those of the whole simulator."""
+        weighed, whole = answer.weighed, answer.weighed.whole
+        low, high = whole.interval
+        first = weighed.effects[0] if weighed.effects else ""
+        return Verdict(
+            outcome=answer.outcome,
+            text=text,
+            plain=said,
+            probability=answer.probability,
+            effects=answer.effects,
+            group=answer.group,
+            sub_model=place.sub_model,
+            regimes=place.regimes,
+            probabilities=self.selection.probability.get(first, {}),
+            gap_raw=weighed.gap_raw,
+            gap_refit=whole.gap_refit,
+            gap_final=whole.gap_final,
+            shrink=whole.shrink if answer.named else 0.0,
+            shrink_low=low,
+            shrink_high=high,
+            ceiling=whole.ceiling,
+            open_loop=[opened.raw, opened.refit, *opened.effects],
+            imitated=answer.named and weighed.imitated,
+            instead=list(weighed.instead),
+            gap_instead=weighed.gap_instead if weighed.instead else None,
+            bounded=list(answer.bounded),
+        )

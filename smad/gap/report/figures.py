@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import groupby
-from typing import TYPE_CHECKING
+from itertools import islice
 
 import numpy as np
 
@@ -12,28 +11,23 @@ from smad.report import panels
 from smad.report.panels import Panel, Panels, digits_for
 from smad.report.plots import label, new_figure, svg_of
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _MOST_OVERLAYS = 5
 
 
 def waterfall(d: Diagnosis) -> str:
     """Bars raw, refit and each effect, for the open loop and the local views."""
-    views = ("open loop", "local")
     figure, axes = new_figure(1, 2, width_in=8.0, height_in=2.8)
-    for ax, view in zip(axes, views, strict=True):
+    names = ["raw", "refit", *("+ " + "\n+ ".join(step) for step in d.steps)]
+    for ax, view in zip(axes, ("open loop", "local"), strict=True):
         total = next((r for r in d.waterfall if r.view == view and not r.output), None)
         if total is None:
             continue
         values = [total.raw, total.refit, *total.effects]
-        names = ["raw", "refit"]
-        names += ["+ " + "\n+ ".join(step) for step in d.steps]
         colours = ["#8b949e", "#d9822b", *["#0b5cad"] * len(total.effects)]
-        at = np.arange(len(values))
-        ax.bar(at, values, color=colours[: len(values)], width=0.6)
-        for x, y in zip(at, values, strict=True):
-            ax.annotate(f"{y:.1f}×", (float(x), y), ha="center", va="bottom", fontsize=8)
+        at = range(len(values))
+        ax.bar(at, values, color=colours, width=0.6)
+        for x, y in enumerate(values):
+            ax.annotate(f"{y:.1f}×", (x, y), ha="center", va="bottom", fontsize=8)
         ax.set_xticks(at, names[: len(values)])
         ax.set_ylim(0, 1.18 * max([*values, 0.5]))
         label(ax, "", "gap over the floor", view, legend=False)
@@ -44,18 +38,14 @@ def heat_map(d: Diagnosis) -> str:
     """Excess by place and regime, after the refit and with the best model."""
     rows = list(dict.fromkeys((c.sub_model, c.side) for c in d.heat))
     regimes = list(dict.fromkeys(c.regime for c in d.heat))
-    grids = []
-    for field in ("refit", "final"):
-        grid = np.full((len(rows), len(regimes)), np.nan)
-        for c in d.heat:
-            place = rows.index((c.sub_model, c.side)), regimes.index(c.regime)
-            grid[place] = getattr(c, field)
-        grids.append(grid)
+    grids = np.full((2, len(rows), len(regimes)), np.nan)
+    for c in d.heat:
+        place = rows.index((c.sub_model, c.side)), regimes.index(c.regime)
+        grids[:, *place] = c.refit, c.final
     top = max(1.0, float(np.nanmax(grids[0])))
     figure, axes = new_figure(1, 2, width_in=9.0, height_in=1.3 + 0.36 * len(rows))
-    for ax, grid, title in zip(
-        axes, grids, ("after the refit", "with the best model"), strict=True
-    ):
+    titles = ("after the refit", "with the best model")
+    for ax, grid, title in zip(axes, grids, titles, strict=True):
         ax.imshow(np.sqrt(grid), cmap="YlOrRd", vmin=0, vmax=top**0.5, aspect="auto")
         ax.set_xticks(range(len(regimes)), regimes, rotation=40, ha="right")
         ax.set_yticks(range(len(rows)), [f"{m} {s}".strip() for m, s in rows])
@@ -70,12 +60,10 @@ def heat_map(d: Diagnosis) -> str:
 
 def overlays(d: Diagnosis) -> list[Panels]:
     """Measured, refitted and final course of the signals with the largest gap, and what is left."""
-    chosen: list[Trace] = []
-    for _, group in groupby(sorted(d.traces, key=lambda t: t.channel), key=lambda t: t.channel):
-        chosen.append(next(iter(group)))
-    order = {t.channel: i for i, t in reversed(list(enumerate(d.traces)))}
-    chosen.sort(key=lambda t: order[t.channel])
-    return [_overlay(t, bool(d.verdict.effects)) for t in chosen[:_MOST_OVERLAYS]]
+    first: dict[str, Trace] = {}
+    for trace in d.traces:
+        first.setdefault(trace.channel, trace)
+    return [_overlay(t, bool(d.verdict.effects)) for t in islice(first.values(), _MOST_OVERLAYS)]
 
 
 def _overlay(trace: Trace, with_effect: bool) -> Panels:
@@ -109,12 +97,8 @@ def profiles(d: Diagnosis) -> str:
         ax.axvspan(v.low, v.high, color="#0b5cad", alpha=0.12, linewidth=0)
         ax.set_ylim(0, min(max(y) * 1.1 + 0.1, 12.0))
         ax.margins(x=0.05)
-        _few_ticks(ax)
+        ax.locator_params(axis="x", nbins=4)
         label(ax, f"{v.name} in {v.unit}", "rise of −log L", v.effect, legend=False)
     for ax in axes[len(values) :]:
         ax.set_visible(False)
     return svg_of(figure, "Profiles of the effects' parameters")
-
-
-def _few_ticks(ax: Axes) -> None:
-    ax.locator_params(axis="x", nbins=4)

@@ -10,6 +10,7 @@ from smad.gap.compare.nextexp import enough
 from smad.gap.compare.verdict import Evidenced
 from smad.gap.plant import Effect
 from smad.gap.records import NAMED, ExperimentRecord, Outcome, ValueRecord
+from smad.gap.report.terms import with_unit
 
 Line = tuple[str, str]
 
@@ -36,11 +37,12 @@ def numbers(
     if outcome is Outcome.UNKNOWN or outcome in NAMED:
         lines += [("where", where)]
     if outcome in NAMED:
-        lines += [(n, f"{title[n]}; {_values(n, values)}".rstrip("; ")) for n in e.effects]
+        fitted = {n: ", ".join(_value(v) for v in values if v.effect == n) for n in e.effects}
+        lines += [(n, f"{title[n]}; {told}".rstrip("; ")) for n, told in fitted.items()]
         lines += [("probability", f"{p:.2f}"), _taken(e, unseen=unseen), _not_told_apart(e)]
     elif outcome is Outcome.UNKNOWN:
         lines += [("probability", f"{p:.2f}, that it is not in the library"), *_unknown(e, title)]
-    return lines + [("not named", line) for line in _instead(e, title)]
+    return lines + _instead(e, title)
 
 
 def gap(e: Evidenced) -> str:
@@ -57,13 +59,10 @@ def gap(e: Evidenced) -> str:
 
 
 def _taken(e: Evidenced, *, unseen: bool) -> Line:
-    low, high = e.whole.interval
+    whole, (low, high) = e.whole, e.whole.interval
     judged = "runs it was not fitted to" if unseen else "the run it was fitted to"
-    return (
-        "shrink",
-        f"{e.whole.shrink:.2f} [{low:.2f}, {high:.2f}], from {e.whole.gap_refit:.1f}× to "
-        f"{e.whole.gap_final:.1f}× on {judged}; ceiling {e.whole.ceiling:.2f}",
-    )
+    gaps = f"from {whole.gap_refit:.1f}× to {whole.gap_final:.1f}× on {judged}"
+    return "shrink", f"{whole.shrink:.2f} [{low:.2f}, {high:.2f}], {gaps}; ceiling {whole.ceiling:.2f}"
 
 
 def _not_told_apart(e: Evidenced) -> Line:
@@ -75,29 +74,25 @@ def _not_told_apart(e: Evidenced) -> Line:
 
 def _unknown(e: Evidenced, title: Mapping[str, str]) -> list[Line]:
     if e.effects:
-        return [
-            (
-                "best entry",
-                f"{title[e.effects[0]]} [{e.effects[0]}] takes {max(0.0, e.touched.shrink):.0%}, "
-                f"a flexible correction {max(0.0, e.touched.ceiling):.0%}",
-            )
-        ]
-    found = e.stands_out
-    if found is None:
-        return []
-    far = f"{found.channel}, by {found.spreads:.0f} times what known-good runs differ in it"
-    return [("stands out", far)]
+        name, worth = e.effects[0], e.touched
+        takes = f"{title[name]} [{name}] takes {max(0.0, worth.shrink):.0%}"
+        return [("best entry", f"{takes}, a flexible correction {max(0.0, worth.ceiling):.0%}")]
+    if found := e.stands_out:
+        far = f"{found.channel}, by {found.spreads:.0f} times what known-good runs differ in it"
+        return [("stands out", far)]
+    return []
 
 
-def _instead(e: Evidenced, title: Mapping[str, str]) -> list[str]:
+def _instead(e: Evidenced, title: Mapping[str, str]) -> list[Line]:
     """What is not named, since other values of the parameters predict better."""
     if not e.instead:
         return []
     names = " and ".join(f"{title[n]} [{n}]" for n in e.instead)
-    return [
+    said = (
         f"{names} would leave {e.gap_instead:.2f}× with the parameters of the known-good runs; "
         f"other values of the parameters predict better and leave {e.gap_free:.2f}×"
-    ]
+    )
+    return [("not named", said)]
 
 
 def next_line(experiments: Sequence[ExperimentRecord], wanted: float, *, settled: bool) -> Line:
@@ -121,14 +116,10 @@ def next_line(experiments: Sequence[ExperimentRecord], wanted: float, *, settled
     return label, f"{', then '.join(runs)}; separation d² ≈ {d2}"
 
 
-def _values(effect: str, values: Sequence[ValueRecord]) -> str:
-    return ", ".join(_value(v) for v in values if v.effect == effect)
-
-
 def _value(v: ValueRecord) -> str:
-    unit = f" {v.unit}" if v.unit and v.unit != "1" else ""
     digits = _digits(v)
-    text = f"{v.name} {v.value:.{digits}g}{unit} [{v.low:.{digits}g}, {v.high:.{digits}g}]"
+    value = with_unit(f"{v.value:.{digits}g}", v.unit)
+    text = f"{v.name} {value} [{v.low:.{digits}g}, {v.high:.{digits}g}]"
     if v.at_bound:
         text += " at its bound"
     elif not v.identifiable:

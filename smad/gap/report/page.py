@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-from smad.gap.records import Budget, Diagnosis, Outcome
+from smad.gap.records import Budget, Diagnosis, Outcome, ParameterRecord, ValueRecord
 from smad.gap.report import figures
 from smad.gap.report.advice import Asked, advice
 from smad.gap.report.plain import repeated_lines
-from smad.gap.report.terms import TERMS, budget_remarks, budget_table
+from smad.gap.report.terms import TERMS, budget_remarks, budget_table, with_unit
 from smad.gap.settings import enough_d2
 from smad.report.page import Block, Code, Page, Picture, Section, Table, Text, text_table
 
@@ -22,6 +22,7 @@ _TITLES = {
     Outcome.NO_EXCITATION: "Not enough excitation",
     Outcome.REFUSED: "Runs refused",
 }
+_SETTLED = (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.EFFECT)
 
 
 def page_of(d: Diagnosis, asked: Asked | None = None) -> Page:
@@ -29,15 +30,10 @@ def page_of(d: Diagnosis, asked: Asked | None = None) -> Page:
 
     `asked` says how the diagnosis was asked for, so that commands can be copied.
     """
+    kind = "note" if d.verdict.outcome in _SETTLED else "warning"
+    answer = [Text(d.verdict.plain, kind), *map(Text, repeated_lines(d))]
     sections = [
-        Section(
-            "Answer",
-            [
-                Text(d.verdict.plain, "note" if _quiet(d) else "warning"),
-                *map(Text, repeated_lines(d)),
-            ],
-            "answer",
-        ),
+        Section("Answer", answer, "answer"),
         Section("What to do next", _next(d, asked), "next"),
         Section("The numbers", _verdict(d), "numbers"),
     ]
@@ -64,10 +60,6 @@ def page_of(d: Diagnosis, asked: Asked | None = None) -> Page:
     return Page(f"Gap diagnosis: {_TITLES[d.verdict.outcome]}", sections, "", facts)
 
 
-def _quiet(d: Diagnosis) -> bool:
-    return d.verdict.outcome in (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.EFFECT)
-
-
 def _next(d: Diagnosis, asked: Asked | None) -> list[Block]:
     steps = advice(d, asked)
     if not steps:
@@ -80,13 +72,12 @@ def _verdict(d: Diagnosis) -> list[Block]:
     limit = enough_d2(d.settings["odds"])
     return [
         *([] if d.budget is None else _budget(d.budget)),
-        *_table("The numbers behind it", ("", ""), _numbers(d.verdict.text), set()),
+        *_table("The numbers behind it", ("", ""), _numbers(d.verdict.text)),
         *_table(
             "Parameters of the cause, fitted together with those of the model",
             ("effect", "parameter", "value", "95 % interval", ""),
             [
-                (x.effect, x.name, _with_unit(x.value, x.unit), f"{x.low:.4g} … {x.high:.4g}",
-                 _remark(x.at_bound, x.identifiable))
+                (x.effect, x.name, with_unit(f"{x.value:.4g}", x.unit), _interval(x), _remark(x))
                 for x in d.values
             ],
             {2, 3},
@@ -114,14 +105,13 @@ def _numbers(text: str) -> list[tuple[str, str]]:
 
 
 def _table(
-    caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], numeric: set[int]
+    caption: str,
+    header: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    numeric: Iterable[int] = (),
 ) -> list[Block]:
     """A table, or nothing where it has no rows."""
     return [Table(header, rows, caption, frozenset(numeric))] if rows else []
-
-
-def _with_unit(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}".removesuffix(" 1")
 
 
 def _budget(budget: Budget) -> list[Block]:
@@ -135,20 +125,21 @@ def _budget(budget: Budget) -> list[Block]:
         *_table(
             "The same, run by run",
             ("run", "gap at first", "after the parameters", "at last"),
-            [
-                (r.run, *(f"{x:.2f}×" for x in (r.raw, r.refit, r.final)))
-                for r in by_run[1:] and by_run
-            ],
+            [(r.run, *(f"{x:.2f}×" for x in (r.raw, r.refit, r.final))) for r in by_run],
             {1, 2, 3},
         ),
         *(Text(line) for line in budget_remarks(budget)),
     ]
 
 
-def _remark(at_bound: bool, identifiable: bool) -> str:
-    if at_bound:
+def _interval(x: ValueRecord | ParameterRecord) -> str:
+    return f"{x.low:.4g} … {x.high:.4g}"
+
+
+def _remark(x: ValueRecord) -> str:
+    if x.at_bound:
         return "at the bound of its range"
-    return "" if identifiable else "not told by these runs"
+    return "" if x.identifiable else "not told by these runs"
 
 
 def _waterfall(d: Diagnosis) -> list[Block]:
@@ -237,23 +228,19 @@ def _candidates(d: Diagnosis) -> list[Block]:
 
 
 def _parameters(d: Diagnosis) -> list[Block]:
-    out: list[Block] = []
-    if any(len(v.profile) > 1 for v in d.values):
-        out.append(
-            Picture(
-                figures.profiles(d),
-                "Profiles: rise of the negative log-likelihood with all else refitted; the dashed "
-                "line is the 95 % level. A flat profile means that the runs do not fix the value.",
-            )
-        )
+    said = (
+        "Profiles: rise of the negative log-likelihood with all else refitted; the dashed "
+        "line is the 95 % level. A flat profile means that the runs do not fix the value."
+    )
+    profiled = any(len(v.profile) > 1 for v in d.values)
     return [
-        *out,
+        *([Picture(figures.profiles(d), said)] if profiled else []),
         *_table(
             "Parameters of the model; intervals by bootstrap over runs and blocks",
             ("parameter", "before", "after refit", "with the effects", "95 % interval", ""),
             [
-                (p.name, f"{p.before:.4g}", f"{p.refit:.4g}", _with_unit(p.final, p.unit),
-                 f"{p.low:.4g} … {p.high:.4g}", "at its bound" if p.at_bound else "")
+                (p.name, f"{p.before:.4g}", f"{p.refit:.4g}", with_unit(f"{p.final:.4g}", p.unit),
+                 _interval(p), "at its bound" if p.at_bound else "")
                 for p in d.parameters
             ],
             {1, 2, 3, 4},
@@ -261,7 +248,10 @@ def _parameters(d: Diagnosis) -> list[Block]:
         *_table(
             "Laws that the known-good runs ask for; they move with a refit that replaces them",
             ("law", "value", "in the known-good runs", "now"),
-            [(x.law, x.name, f"{x.before:.4g}", _with_unit(x.after, x.unit)) for x in d.laws],
+            [
+                (x.law, x.name, f"{x.before:.4g}", with_unit(f"{x.after:.4g}", x.unit))
+                for x in d.laws
+            ],
             {2, 3},
         ),
     ]  # fmt: skip
@@ -301,7 +291,6 @@ def _runs(d: Diagnosis) -> list[Block]:
                 (f.run, f.kind, f.text, "refused" if f.refuses else "used with care")
                 for f in d.findings
             ],
-            set(),
         ),
         *([Text(missing)] if d.missing else []),
         *_table(
@@ -314,15 +303,9 @@ def _runs(d: Diagnosis) -> list[Block]:
 
 
 def _limits(d: Diagnosis) -> list[Block]:
-    return [
-        *[Text(t) for t in d.limits],
-        Code(
-            "\n".join(
-                [f"{k} {v}" for k, v in d.versions.items()]
-                + [f"{k} = {v}" for k, v in d.settings.items()]
-            )
-        ),
-    ]
+    facts = [f"{k} {v}" for k, v in d.versions.items()]
+    facts += [f"{k} = {v}" for k, v in d.settings.items()]
+    return [*map(Text, d.limits), Code("\n".join(facts))]
 
 
 def summary_lines(d: Diagnosis, asked: Asked | None = None) -> Sequence[str]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from smad.gap.records import Budget, BudgetRow, Diagnosis, Outcome, ValueRecord
+from smad.gap.records import Budget, Diagnosis, Outcome, ValueRecord
+from smad.gap.report.terms import with_unit
 
 _TOLD = 0.005
 """A share smaller than this is not told as a number."""
-_QUIET = {
-    Outcome.NO_EXCITATION: "These runs move the bench too little to answer.",
-    Outcome.NO_GAP: "Model and bench agree within the noise.",
-}
+_TOO_LITTLE = "These runs move the bench too little to answer."
+_QUIET = "Model and bench agree within the noise."
 _NOT_NEW = (
     "Whether it is new cannot be told: these runs drive the bench where no known-good run was."
 )
@@ -36,92 +35,85 @@ def plain(
     them cannot be told from, `bounded` those that ran into the bound of their range, `further`
     whether the runs go where no known-good run was.
     """
-    if outcome is Outcome.NO_GAP and since_good:
-        return _QUIET_SINCE
-    if outcome in _QUIET:
-        return _QUIET[outcome]
-    said = [_said(outcome, titles, effects, group, values, bounded=bounded)]
-    said += [_NOT_NEW] if since_good and further else []
-    return " ".join([*said, *_goes(outcome, titles, budget)])
-
-
-def _said(
-    outcome: Outcome,
-    titles: Mapping[str, str],
-    effects: Sequence[str],
-    group: Sequence[str],
-    values: Sequence[ValueRecord],
-    *,
-    bounded: Sequence[str],
-) -> str:
+    if outcome is Outcome.NO_EXCITATION:
+        return _TOO_LITTLE
+    if outcome is Outcome.NO_GAP:
+        return _QUIET_SINCE if since_good else _QUIET
     if outcome is Outcome.PARAMETERS:
-        return "Other values of the parameters explain it; no further cause is needed."
-    if bounded:
+        said = "Other values of the parameters explain it; no further cause is needed."
+    elif bounded:
         what = " and ".join(titles[n] for n in bounded)
-        return (
+        said = (
             f"No cause found: the nearest entry of the library ({what}) would have to be stronger "
             "than its range allows."
         )
-    if outcome is Outcome.UNKNOWN:
-        return "The gap is real, and nothing in the library explains it."
-    said = "; and ".join(f"{titles[n]}{_strength(n, values)}" for n in effects)
-    said = said[:1].upper() + said[1:]
-    if outcome is Outcome.AMBIGUOUS and group:
-        return f"{said}; or {' or '.join(titles[n] for n in group)}: these runs do not tell which."
-    return f"{said}."
+    elif outcome is Outcome.UNKNOWN:
+        said = "The gap is real, and nothing in the library explains it."
+    else:
+        said = _capital("; and ".join(f"{titles[n]}{_strength(n, values)}" for n in effects))
+        if outcome is Outcome.AMBIGUOUS and group:
+            said += f"; or {' or '.join(titles[n] for n in group)}: these runs do not tell which"
+        said += "."
+    not_new = [_NOT_NEW] if since_good and further else []
+    return " ".join([said, *not_new, _goes(outcome, titles, budget)])
+
+
+def _capital(said: str) -> str:
+    return said[:1].upper() + said[1:]
 
 
 def _strength(effect: str, values: Sequence[ValueRecord]) -> str:
-    told = []
-    for v in values:
-        if v.effect == effect:
-            unit = "" if v.unit == "1" else f" {v.unit}"
-            told.append(f"{v.name} = {_two_digits(v.value)}{unit}")
-    return f" ({', '.join(told)})" if told else ""
+    own = [v for v in values if v.effect == effect]
+    told = ", ".join(f"{v.name} = {with_unit(_two_digits(v.value), v.unit)}" for v in own)
+    return f" ({told})" if told else ""
 
 
 def _two_digits(value: float) -> str:
     return f"{value:#.2g}".rstrip(".") if value else "0"
 
 
-def _goes(outcome: Outcome, titles: Mapping[str, str], budget: Budget) -> list[str]:
-    """Sentences on how much of the gap goes with what."""
+def _goes(outcome: Outcome, titles: Mapping[str, str], budget: Budget) -> str:
+    """A sentence on how much of the gap goes with what."""
     total = budget.rows[0]
-    taken = [(f"{n}", share) for n, share in zip(budget.causes, total.causes, strict=True)]
+    taken = dict(zip(budget.causes, total.causes, strict=True))
     if outcome is Outcome.PARAMETERS:
-        return [f"They take {_percent(total.parameters)} of the gap; {_rest(total.rest)}"]
-    if not budget.named:
-        return [f"{_without_a_name(total, titles, taken)}; {_rest(total.rest)}"]
-    if len(taken) == 1:
-        parts = [f"{_percent(taken[0][1])} of the gap goes with that"]
+        said = f"They take {_percent(total.parameters)} of the gap"
+    elif budget.named:
+        said = _with_names(budget, taken)
     else:
-        parts = [f"{_percent(share)} of the gap goes with {n}" for n, share in taken]
-    if budget.parameters and total.parameters > -_TOLD:
-        parts.append(f"{_percent(total.parameters)} with other values of the parameters")
+        said = _without_a_name(total.parameters, titles, taken)
+    return f"{said}; {_percent(total.rest)} is left."
+
+
+def _with_names(budget: Budget, taken: Mapping[str, float]) -> str:
+    parameters = budget.rows[0].parameters
+    parts = [
+        f"{_percent(share)} of the gap goes with {'that' if len(taken) == 1 else name}"
+        for name, share in taken.items()
+    ]
+    if budget.parameters and parameters > -_TOLD:
+        parts.append(f"{_percent(parameters)} with other values of the parameters")
     elif budget.parameters:
-        parts.append(f"of which other values of the parameters add {_percent(-total.parameters)}")
-    said = ", ".join(parts)
-    return [f"{said[:1].upper() + said[1:]}; {_rest(total.rest)}"]
+        parts.append(f"of which other values of the parameters add {_percent(-parameters)}")
+    return _capital(", ".join(parts))
 
 
 def _without_a_name(
-    total: BudgetRow, titles: Mapping[str, str], taken: Sequence[tuple[str, float]]
+    parameters: float, titles: Mapping[str, str], taken: Mapping[str, float]
 ) -> str:
+    if parameters > -_TOLD:
+        first = f"{_percent(parameters)} of the gap goes with other values of the parameters"
+        joint, goes = ", ", ""
+    else:
+        added = f"add {_percent(-parameters)} to the gap of others"
+        first = f"Other values of the parameters, fitted to some runs, {added}"
+        joint, goes = "; ", " of it goes"
     best = [
-        (_percent(share), f"with the best entry of the library ({titles[n]})")
-        for n, share in taken
+        f"{_percent(share)}{goes} with the best entry of the library ({titles[n]})"
+        for n, share in taken.items()
         if share > _TOLD
     ]
-    if total.parameters > -_TOLD:
-        first = f"{_percent(total.parameters)} of the gap goes with other values of the parameters"
-        return ", ".join([first, *(f"{part} {what}" for part, what in best)])
-    more = _percent(-total.parameters)
-    first = f"Other values of the parameters, fitted to some runs, add {more} to the gap of others"
-    return "; ".join([first, *(f"{part} of it goes {what}" for part, what in best)])
-
-
-def _rest(share: float) -> str:
-    return f"{_percent(share)} is left."
+    return joint.join([first, *best])
 
 
 def _percent(share: float) -> str:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import msgspec
 import numpy as np
 
 from smad.gap.compare.localise import HeatMap
 from smad.gap.compare.residual_tests import LAGS, cross_correlation, ljung_box
 from smad.gap.compare.select import Selection
-from smad.gap.data.replay import Evidence
 from smad.gap.fit.candidate import Candidate
 from smad.gap.fit.joint import Interval
 from smad.gap.fit.judge import excess_by_key, shrink
@@ -64,23 +62,13 @@ def waterfall(
     unit = units(plant)
     rows = []
     for key in ev.keys:
-        first = ev.rows_of(key)[0]
-        valid = np.concatenate([problem.whitening.s[s.rows] for s in ev.rows_of(key)])
-        values = [float(np.sqrt(g.get(key, 0.0))) for g in gaps]
-        rows.append(
-            WaterfallRow(
-                view,
-                key,
-                first.channel,
-                unit[first.channel],
-                float(np.sqrt(np.mean(valid**2))),
-                values[0],
-                values[1],
-                values[2:],
-            )
-        )
-    total = [float(np.sqrt(np.mean(list(g.values())))) if g else 0.0 for g in gaps]
-    rows.append(WaterfallRow(view, "", "", "", 1.0, total[0], total[1], total[2:]))
+        channel = ev.rows_of(key)[0].channel
+        sigma = np.concatenate([problem.whitening.s[s.rows] for s in ev.rows_of(key)])
+        floor = float(np.sqrt(np.mean(sigma**2)))
+        raw, refit, *effects = (float(np.sqrt(g.get(key, 0.0))) for g in gaps)
+        rows.append(WaterfallRow(view, key, channel, unit[channel], floor, raw, refit, effects))
+    raw, refit, *effects = (float(np.sqrt(np.mean(list(g.values())))) if g else 0.0 for g in gaps)
+    rows.append(WaterfallRow(view, "", "", "", 1.0, raw, refit, effects))
     return rows
 
 
@@ -97,28 +85,17 @@ def candidate_records(
 
     `probability` is that of each effect in the first place of the answer.
     """
-    fitted: dict[str, Candidate] = {}
     # Later fits stand on an effect already named, and say nothing of their own.
-    for c in selection.tried:
-        if len(c.names) == 1:
-            fitted[c.names[0]] = c
+    fitted = {c.names[0]: c for c in selection.tried if len(c.names) == 1}
     base = selection.base.judged
     out = []
     for s in selection.screened:
-        effect, own = s.effect, fitted.get(s.effect.name)
-        record = CandidateRecord(
-            effect.name, effect.title, effect.sub_model, s.gain, s.masked, s.size
-        )
-        if own is not None:
-            record = msgspec.structs.replace(
-                record,
-                gain=own.gain,
-                gain_se=own.gain_se,
-                regime_gain=own.regime_gain,
-                shrink=shrink(own.judged.excess(own.touched), base.excess(own.touched)),
-                probability=probability.get(effect.name),
-            )
-        out.append(record)
+        name, screened = s.effect.name, (s.gain, s.masked, s.size)
+        of_fit: tuple[float | None, ...] = ()
+        if own := fitted.get(name):
+            taken = shrink(own.judged.excess(own.touched), base.excess(own.touched))
+            of_fit = (own.gain, own.gain_se, own.regime_gain, taken, probability.get(name))
+        out.append(CandidateRecord(name, s.effect.title, s.effect.sub_model, *screened, *of_fit))
     return out
 
 
@@ -128,11 +105,9 @@ def fitted_records(selection: Selection, answer: Selection) -> list[FittedRecord
     Of the selection among effects, and of the `answer` where that is a free refit in its place.
     Effects that only the screening saw are not among them: it never fits them to held-out data.
     """
-    known: dict[tuple[str, ...], Candidate] = {}
-    everyone = [selection.base, *selection.tried]
-    everyone += [c for rivals in selection.rivals.values() for c in rivals]
-    for c in [*everyone, *selection.steps, selection.best]:
-        known[tuple(sorted(c.names))] = c
+    rivals = [c for several in selection.rivals.values() for c in several]
+    everyone = [selection.base, *selection.tried, *rivals, *selection.steps, selection.best]
+    known = {tuple(sorted(c.names)): c for c in everyone}
     free = [] if answer is selection else [answer.base]
     return [_fitted_record(c) for c in (*known.values(), *free)]
 
@@ -156,16 +131,8 @@ def value_records(found: Sequence[Interval], before: EffectValues) -> list[Value
     """Intervals of the effects' parameters, and what they were in the known-good runs."""
     return [
         ValueRecord(
-            v.effect,
-            v.name,
-            v.unit,
-            v.value,
-            before.get(v.effect, {}).get(v.name, 0.0),
-            v.low,
-            v.high,
-            v.at_bound,
-            v.identifiable,
-            list(v.profile),
+            before=before.get(v.effect, {}).get(v.name, 0.0),
+            **{**vars(v), "profile": list(v.profile)},
         )
         for v in found
     ]
@@ -173,22 +140,15 @@ def value_records(found: Sequence[Interval], before: EffectValues) -> list[Value
 
 def parameter_records(prepared: Prepared, best: Candidate, draws: Array) -> list[ParameterRecord]:
     """Model parameters before, after the refit and with the effects, with bootstrap intervals."""
-    fit = best.fit
-    low, high = np.quantile(draws, (0.025, 0.975), axis=0)
+    fit, refit = best.fit, prepared.fit
+    coordinates = (fit.p, *np.quantile(draws, (0.025, 0.975), axis=0))
     out = []
     for i, q in enumerate(fit.space.theta):
-        out.append(
-            ParameterRecord(
-                q.name,
-                q.unit,
-                prepared.centre.get(q.name, q.nominal),
-                prepared.fit.space.value(i, float(prepared.fit.p[i])),
-                fit.space.value(i, float(fit.p[i])),
-                fit.space.value(i, float(low[i])),
-                fit.space.value(i, float(high[i])),
-                fit.at_bound[i],
-            )
-        )
+        before = prepared.centre.get(q.name, q.nominal)
+        refitted = refit.space.value(i, float(refit.p[i]))
+        final, low, high = (fit.space.value(i, float(p[i])) for p in coordinates)
+        values = (before, refitted, final, low, high)
+        out.append(ParameterRecord(q.name, q.unit, *values, fit.at_bound[i]))
     return out
 
 
@@ -205,28 +165,22 @@ def law_records(prepared: Prepared, best: Candidate) -> list[LawRecord]:
 
 def residual_test_records(prepared: Prepared, best: Candidate) -> list[ResidualTest]:
     """Ljung–Box of each output, and its strongest correlation with an input or a state."""
-    problem = prepared.problem
-    ev = problem.evidence
-    z = best.fit.z
+    ev = prepared.problem.evidence
     out = []
     for key in ev.keys:
         segments = ev.rows_of(key)
         longest = max(segments, key=lambda s: (s.stop - s.start, -s.run))
-        rows = z[longest.rows]
-        q, p = ljung_box(rows)
-        out.append(ResidualTest(key, f"Ljung–Box, {LAGS} lags", q, p))
+        rows = best.fit.z[longest.rows]
+        out.append(ResidualTest(key, f"Ljung–Box, {LAGS} lags", *ljung_box(rows)))
         run, grid = ev.runs[longest.run], ev.grids[longest.run]
         drivers = {n: grid.mean(v) for n, v in run.inputs.items()}
         drivers |= {f"{n}²": v**2 for n, v in drivers.items()}
         features = prepared.plant.features(run, longest.side)
         drivers |= {n: grid.mean(np.nan_to_num(v)) for n, v in features.items()}
-        worst = ("", 0.0, 1.0)
-        for name, driver in drivers.items():
-            r, pr = cross_correlation(driver, rows)
-            if pr < worst[2]:
-                worst = (name, r, pr)
-        if worst[0]:
-            out.append(ResidualTest(key, f"correlation with {worst[0]}", worst[1], worst[2]))
+        found = {n: cross_correlation(driver, rows) for n, driver in drivers.items()}
+        name, (r, p) = min(found.items(), key=lambda item: item[1][1])
+        if p < 1.0:
+            out.append(ResidualTest(key, f"correlation with {name}", r, p))
     return out
 
 
@@ -234,33 +188,19 @@ def traces(
     view: str, problem: Problem, refit: Array, final: Array, plant: PlantModel
 ) -> list[Trace]:
     """Measured, refitted and final course of the outputs of the judging runs, decimated."""
-    ev: Evidence = problem.evidence
-    unit = units(plant)
+    ev, unit = problem.evidence, units(plant)
     gap = excess_by_key(problem, np.square(problem.scaled(refit)))
     order = sorted(ev.segments, key=lambda s: (-gap.get(s.key, 0.0), s.key, s.run))
+    shown = (ev.measured, refit + problem.background, final + problem.background)
     out = []
     for s in order[:_MOST_TRACES]:
         step = max(1, -(-(s.stop - s.start) // _MOST_POINTS))
         cut = slice(s.start, s.stop, step)
-        background = problem.background[cut]
-        out.append(
-            Trace(
-                ev.runs[s.run].name,
-                view,
-                s.key,
-                s.channel,
-                unit[s.channel],
-                np.round(ev.t_s[cut], 3).tolist(),
-                _shortened(ev.measured[cut]),
-                _shortened(refit[cut] + background),
-                _shortened(final[cut] + background),
-            )
-        )
+        t_s = np.round(ev.t_s[cut], 3).tolist()
+        courses = ([float(f"{v:.6g}") for v in values[cut]] for values in shown)
+        name, channel = ev.runs[s.run].name, s.channel
+        out.append(Trace(name, view, s.key, channel, unit[channel], t_s, *courses))
     return out
-
-
-def _shortened(values: Array) -> list[float]:
-    return [float(f"{v:.6g}") for v in values]
 
 
 def dominant_outputs(gaps: Mapping[str, float]) -> list[str]:

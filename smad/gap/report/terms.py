@@ -56,6 +56,11 @@ _SHOWN = 0.35
 _HIDDEN = 0.01
 
 
+def with_unit(value: str, unit: str) -> str:
+    """A number as it is told: a pure one has no unit."""
+    return value if unit in ("", "1") else f"{value} {unit}"
+
+
 def _share(share: float) -> str:
     return f"{share:.0%}".replace("-0%", "0%")
 
