@@ -116,9 +116,8 @@ def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
     Beside tied parameters every effect gains something where the bench's laws have another form
     than the model's, in proportion to the cells judged.
     """
-    if not tied:
-        return max(2.0, c.gain_se)
-    return max(s.since_gain * c.cells, s.standard_errors * c.gain_se)
+    clear = s.standard_errors * c.gain_se
+    return max(clear, s.since_gain * c.cells) if tied else clear
 
 
 def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:

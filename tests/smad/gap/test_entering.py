@@ -34,7 +34,7 @@ def test_since_good_runs_a_gain_counts_by_the_cells_that_were_judged() -> None:
     assert asked_gain(candidate("x"), SETTINGS, tied=True) == 1000.0
     assert asked_gain(candidate("x", gain_se=600.0), SETTINGS, tied=True) == 1200.0
     assert asked_gain(candidate("x", gain_se=1.0), SETTINGS, tied=False) == 2.0
-    assert asked_gain(candidate("x", gain_se=70.0), SETTINGS, tied=False) == 70.0
+    assert asked_gain(candidate("x", gain_se=70.0), SETTINGS, tied=False) == 140.0
 
 
 @pytest.mark.parametrize(
