@@ -61,8 +61,9 @@ def gap(e: Evidenced) -> str:
 def _taken(e: Evidenced, *, unseen: bool) -> Line:
     whole, (low, high) = e.whole, e.whole.interval
     judged = "runs it was not fitted to" if unseen else "the run it was fitted to"
+    shrink = f"{whole.shrink:.2f} [{low:.2f}, {high:.2f}]"
     gaps = f"from {whole.gap_refit:.1f}× to {whole.gap_final:.1f}× on {judged}"
-    return "shrink", f"{whole.shrink:.2f} [{low:.2f}, {high:.2f}], {gaps}; ceiling {whole.ceiling:.2f}"
+    return "shrink", f"{shrink}, {gaps}; ceiling {whole.ceiling:.2f}"
 
 
 def _not_told_apart(e: Evidenced) -> Line:
