@@ -117,6 +117,7 @@ def effects(*, variant: str, as_json: bool) -> None:
     """List the candidate effects, from the registry."""
     import msgspec
 
+    from smad.gap.report.terms import with_unit
     from smad.gap.sma import SmaPlant
 
     library = SmaPlant(variant=variant).effects
@@ -128,10 +129,8 @@ def effects(*, variant: str, as_json: bool) -> None:
         click.echo(f"    {e.title}: {e.equation}")
         for q in e.parameters:
             kind = "" if q.strength else ", shape"
-            unit = "" if q.unit == "1" else f" {q.unit}"
-            click.echo(
-                f"    {q.name}: {q.low:g} to {q.high:g}{unit}, typically {q.typical:g}{kind}"
-            )
+            high = with_unit(f"{q.high:g}", q.unit)
+            click.echo(f"    {q.name}: {q.low:g} to {high}, typically {q.typical:g}{kind}")
         click.echo(f"    confused with: {', '.join(e.confused_with) or 'nothing known'}")
         click.echo(f"    told apart by: {e.separates}")
         click.echo(f"    source: {e.reference}")
@@ -318,9 +317,9 @@ def _asked(
 def _print_verdict(result: Diagnosis, asked: Asked) -> None:
     from smad.gap.report import summary_lines
 
-    headline, answer, *rest = summary_lines(result, asked)
+    headline, *rest = summary_lines(result, asked)
     click.secho(headline, bold=True)
-    for text in (answer, *rest):
+    for text in rest:
         click.echo(text if text.startswith("  ") else click.wrap_text(text, width=100))
 
 
