@@ -56,7 +56,7 @@ def test_next_prints_what_each_experiment_brings_and_all_of_them(
     for line, x in zip((first, second, third), left.experiments, strict=True):
         assert line.startswith(f"d² {x.counted:>7.1f}    60 s  {x.title}")
     assert last == (
-        f"Together d² {left.experiments[-1].together:.1f}, one run of each; 16 tell two causes "
+        f"Together d² {left.experiments[-1].together:.1f}, one run of each; 14 tell two causes "
         "apart."
     )
 
