@@ -2,7 +2,7 @@
 
 Each hypothesis is a fitted model. For an experiment of the catalogue, both predict what would be
 measured; the second may still adapt its parameters, as far as the data so far allow. What is left
-between them, in floors, is the separation d²: 16 is four standard errors. How much of it can be
+between them, in floors, is the separation d², in standard errors squared. How much of it can be
 counted on is another question, which runs not fitted to answer (`assess.counted_share`).
 """
 

@@ -126,7 +126,7 @@ class Shell:
         """No run of those `what` could be used: the verdict names why, and nothing else."""
         refusals = [f for f in admission.findings if f.refuses]
         kinds = dict.fromkeys(f.kind for f in refusals)
-        starved = kinds.keys() <= {"too short", "no excitation"}
+        starved = bool(kinds) and kinds.keys() <= {"too short", "no excitation"}
         outcome = Outcome.NO_EXCITATION if starved else Outcome.REFUSED
         reasons = "; ".join(f"{f.run}: {f.text}" for f in refusals)
         why = ", ".join(kinds) or "none was given"
