@@ -84,8 +84,8 @@ def _verdict(d: Diagnosis) -> list[Block]:
         ),
         *_table(
             "Experiments that would tell the remaining causes apart, best first; "
-            f"{limit:.0f} is {limit**0.5:.1f} standard errors. Of the d² that the models predict only "
-            "a part can be counted on, by how much more than they say the runs vary along it; "
+            f"{limit:.0f} is {limit**0.5:.1f} standard errors. Of the d² that the models predict "
+            "only a part can be counted on, by how much more than they say the runs vary along it; "
             "together is that of this experiment and those above it",
             ("experiment", "duration", "d² predicted", "counted", "together", "run it"),
             [
