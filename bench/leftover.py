@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from smad.gap.data.admission import admit
-from smad.gap.data.replay import Evidence
+from smad.gap.data.replay import Dataset
 from smad.gap.data.views import local_views
 from smad.gap.errors import GapError
 from smad.gap.fit.stages import known_good
@@ -73,11 +73,11 @@ def leftover(
     admitted = _admitted(runs, plant, settings)
     with ThreadPoolExecutor(max_workers=2) as pool:
         fit = known_good(admitted, plant, settings, executor=pool).fit
-        out = [_left(fit.problem.evidence, fit.predicted)]
+        out = [_left(fit.problem.dataset, fit.predicted)]
         if others:
             unseen = _admitted(others, plant, settings)
-            evidence = Evidence(plant, unseen, local_views(plant), settings, pool, fast=False)
-            out.append(_left(evidence, evidence.predict([fit.point])[0]))
+            dataset = Dataset(plant, unseen, local_views(plant), settings, pool, fast=False)
+            out.append(_left(dataset, dataset.predict([fit.point])[0]))
     return out
 
 
@@ -93,12 +93,12 @@ def _admitted(runs: Sequence[GapRun], plant: SmaPlant, settings: Settings) -> Se
     return admission.admitted
 
 
-def _left(evidence: Evidence, predicted: Array) -> dict[str, float]:
-    residual = evidence.residual(predicted)
+def _left(dataset: Dataset, predicted: Array) -> dict[str, float]:
+    residual = dataset.residual(predicted)
     out = {}
-    for segment in evidence.segments:
+    for segment in dataset.segments:
         if segment.view != "phase":
-            rows = evidence.valid_rows(segment.key, residual)
+            rows = dataset.valid_rows(segment.key, residual)
             out[segment.channel] = float(np.sqrt(np.mean(np.square(rows))))
     return out
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide
 from smad.gap.compare.weigh import weigh
-from smad.gap.data.admission import Admission, admit, in_common
+from smad.gap.data.admission import RunSet, admit, in_common
 from smad.gap.data.guards import goes_further, too_few, without_repeats
 from smad.gap.errors import PlantMismatch, RunRefused
 from smad.gap.fit.stages import Prepared, prepare
@@ -74,7 +74,7 @@ def diagnose(
 
 
 def _prepared(
-    admitted: Sequence[Admission],
+    admitted: Sequence[RunSet],
     plant: PlantModel,
     settings: Settings,
     executor: Executor | None,
@@ -102,8 +102,8 @@ def _library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect
 
 
 def _none_left(
-    groups: Sequence[Sequence[GapRun]], admitted: Sequence[Admission]
-) -> tuple[str, Admission] | None:
+    groups: Sequence[Sequence[GapRun]], admitted: Sequence[RunSet]
+) -> tuple[str, RunSet] | None:
     """The first group of runs that were given, and of which none can be used; what it is for.
 
     Without it another question would be answered than was asked. Runs to fit must always be there.
@@ -117,7 +117,7 @@ def _none_left(
 
 def _admitted(
     given: Mapping[str, Sequence[GapRun]], plant: PlantModel, settings: Settings
-) -> tuple[list[list[GapRun]], list[Admission]]:
+) -> tuple[list[list[GapRun]], list[RunSet]]:
     """Each group of runs, in an order that does not depend on the one given, and its admission.
 
     Runs are told apart by name, no recording is in two places, and groups have the same channels.
@@ -128,7 +128,7 @@ def _admitted(
     once, repeats = without_repeats(dict(zip(given, order, strict=True)))
     admitted = [admit(group, plant, settings) for group in once.values()]
     with_repeats = [
-        Admission(a.admitted, (*a.findings, *_of(group, repeats)))
+        RunSet(a.admitted, (*a.findings, *_of(group, repeats)))
         for group, a in zip(order, admitted, strict=True)
     ]
     return order, in_common(with_repeats, plant)

@@ -191,7 +191,7 @@ class PlantModel(Protocol):
     ) -> dict[str, Array]:
         """Noise-free prediction of every output of `views`, by output key.
 
-        `Evidence` leaves out views whose feeds the run lacks: they are not asked for. `fast` allows
+        `Dataset` leaves out views whose feeds the run lacks: they are not asked for. `fast` allows
         a coarser step that changes nothing beyond the noise floor. Releases the GIL or is quick: it
         is called from threads.
         """

@@ -10,7 +10,7 @@ import numpy as np
 
 from smad.gap.data.admission import admit
 from smad.gap.data.noise import estimate_floors
-from smad.gap.data.replay import Evidence
+from smad.gap.data.replay import Dataset
 from smad.gap.data.views import open_views
 from smad.gap.errors import RunRefused
 from smad.gap.fit.judge import excess_by_key, shrink
@@ -54,7 +54,7 @@ def verified(
         )
     floors = estimate_floors(admission.admitted, plant, settings)
     views = open_views(plant)
-    ev = Evidence(plant, admission.admitted, views, settings, executor, fast=False)
+    ev = Dataset(plant, admission.admitted, views, settings, executor, fast=False)
     noise = {k: OutputNoise(floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
     problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
     predicted = ev.predict([nominal_point(plant), model])

@@ -26,8 +26,8 @@ from smad.gap.check.names import canonical
 from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide
 from smad.gap.compare.weigh import weigh
-from smad.gap.fit.candidate import ending_at_bound
 from smad.gap.fit.doubt import Doubt
+from smad.gap.fit.hypothesis import ending_at_bound
 from smad.gap.fit.joint import Start, polished
 from smad.gap.fit.stages import Prepared
 from smad.gap.plant import Effect

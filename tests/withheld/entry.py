@@ -20,7 +20,7 @@ from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide, p_unknown
 from smad.gap.compare.weigh import weigh
 from smad.gap.errors import PlantMismatch
-from smad.gap.fit.candidate import Candidate, acceptable, asked_gain
+from smad.gap.fit.hypothesis import Hypothesis, acceptable, asked_gain
 from smad.gap.fit.stages import Prepared
 from smad.gap.fit.threads import repeatable
 from smad.gap.plant import Array, Effect, catalogue_of
@@ -176,7 +176,7 @@ def examine(
     )
 
 
-def _apart(prepared: Prepared, one: Candidate, other: Candidate) -> list[Apart]:
+def _apart(prepared: Prepared, one: Hypothesis, other: Hypothesis) -> list[Apart]:
     found = propose(
         [one.fit, other.fit],
         [0.5, 0.5],
@@ -187,7 +187,7 @@ def _apart(prepared: Prepared, one: Candidate, other: Candidate) -> list[Apart]:
     return [Apart(q.name, q.separation, q.counted or 0.0) for q in found]
 
 
-def _best(selection: Selection, names: Sequence[str]) -> Candidate | None:
+def _best(selection: Selection, names: Sequence[str]) -> Hypothesis | None:
     """The best single model of these effects that was fitted."""
     mine = [c for c in selection.tried if len(c.names) == 1 and c.names[0] in names]
     return max(mine, key=lambda c: c.gain, default=None)
@@ -215,10 +215,10 @@ def _standing(prepared: Prepared, track: Track) -> Standing:
     )
 
 
-def _fit(prepared: Prepared, selection: Selection, c: Candidate) -> Fit:
+def _fit(prepared: Prepared, selection: Selection, c: Hypothesis) -> Fit:
     problem, settings = c.fit.problem, prepared.settings
     tied = prepared.tied is not None
-    less = problem.evidence.predict([c.fit.without(c.names[0])])[0]
+    less = problem.dataset.predict([c.fit.without(c.names[0])])[0]
     change = c.fit.predicted - less
     floors = _by_output(prepared, change / _floor_of_rows(prepared))
     background = _by_output(prepared, problem.whitening.scale(change))
@@ -279,7 +279,7 @@ def _rivals(
 
 def _by_output(prepared: Prepared, rows: Array) -> dict[str, float]:
     """RMS of the valid rows of each output."""
-    ev = prepared.problem.evidence
+    ev = prepared.problem.dataset
     out = {}
     for key in ev.keys:
         own = ev.valid_rows(key, rows)
@@ -288,7 +288,7 @@ def _by_output(prepared: Prepared, rows: Array) -> dict[str, float]:
 
 
 def _floor_of_rows(prepared: Prepared) -> Array:
-    ev = prepared.problem.evidence
+    ev = prepared.problem.dataset
     floor = np.ones(ev.n)
     for s in ev.segments:
         floor[s.rows] = prepared.floors[s.channel].total
@@ -297,7 +297,7 @@ def _floor_of_rows(prepared: Prepared) -> Array:
 
 def _background(prepared: Prepared) -> dict[str, float]:
     """RMS of what each channel is trusted to; the smaller where two views predict it."""
-    ev = prepared.problem.evidence
+    ev = prepared.problem.dataset
     out: dict[str, float] = {}
     for key, size in _by_output(prepared, prepared.problem.whitening.s).items():
         channel = ev.rows_of(key)[0].channel

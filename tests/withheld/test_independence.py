@@ -23,7 +23,7 @@ SECOND_PASS = (
     "inquiries.py",
     "mysteries.py",
     "seals.py",
-    "ablation.py",
+    "deciding.py",
     "baselines.py",
     "goals.py",
     "openings.py",

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from smad.gap.fit.lsq import Fitted, solve_box
+from smad.gap.fit.lsq import FitResult, solve_box
 from smad.gap.plant import Array, Mask
 
 _DISAGREEING = 3.0
 """Nats a cell from which runs are said to disagree."""
 
 
-def disagreement(fit: Fitted) -> str:
+def disagreement(fit: FitResult) -> str:
     """A sentence on runs that ask for other parameters than the others do; "" if none does."""
     gains = own_gains(fit)
     if len(gains) < 2 or float(np.mean(gains)) < _DISAGREEING:
         return ""
-    names = [run.name for run in fit.problem.evidence.runs]
+    names = [run.name for run in fit.problem.dataset.runs]
     apart = [name for name, gain in zip(names, gains, strict=True) if gain > _DISAGREEING]
     verb = "asks" if len(apart) == 1 else "ask"
     return (
@@ -27,22 +27,22 @@ def disagreement(fit: Fitted) -> str:
     )
 
 
-def own_gains(fit: Fitted) -> list[float]:
+def own_gains(fit: FitResult) -> list[float]:
     """For each run to fit, by how much its own halves predict each other better than the fit does.
 
     Nats a cell. Each half is predicted by the parameters that the other half asks for, one step of
     the normal equations from the fit to all runs. That fit has seen what it is compared on, and the
     halves have not: only runs that one set of values cannot serve come out above 0.
     """
-    ev = fit.problem.evidence
+    ev = fit.problem.dataset
     together = fit.problem.cell_score(fit.z)
     z = _by_own_halves(fit)
     by_own = fit.problem.cell_score(z)
     return [float(np.mean((by_own - together)[ev.cell_run == k])) for k in range(len(ev.runs))]
 
 
-def _by_own_halves(fit: Fitted) -> Array:
-    ev = fit.problem.evidence
+def _by_own_halves(fit: FitResult) -> Array:
+    ev = fit.problem.dataset
     z = np.array(fit.z, dtype=float)
     for k in range(len(ev.runs)):
         rows = np.zeros(ev.n, dtype=bool)
@@ -55,7 +55,7 @@ def _by_own_halves(fit: Fitted) -> Array:
     return z
 
 
-def _step(fit: Fitted, rows: Mask) -> Array:
+def _step(fit: FitResult, rows: Mask) -> Array:
     lo, hi = fit.space.bounds()
     mean, precision = fit.space.prior()
     weighted = fit.A[rows] * fit.problem.row_weight(fit.z)[rows, None]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.gap.compare.select import Selection
-from smad.gap.fit.candidate import Candidate, block_sums
+from smad.gap.fit.hypothesis import Hypothesis, block_sums
 from smad.gap.fit.joint import dispersion, independent_share
 from smad.gap.fit.judge import Judged, excess_of, shrink
-from smad.gap.fit.lsq import Fitted, Problem
+from smad.gap.fit.lsq import FitResult, Problem
 from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.model.flexible import Designs, fit_correction
 from smad.gap.plant import Array
@@ -45,8 +45,8 @@ class Flexible:
     """Flexible corrections of the fit runs, and their values on the runs that judge."""
 
     def __init__(self, judged: Judged) -> None:
-        self.made = Designs.of(judged.problem.evidence)
-        self.held = {} if judged.hold is None else self.made.on(judged.hold.evidence)
+        self.made = Designs.of(judged.problem.dataset)
+        self.held = {} if judged.hold is None else self.made.on(judged.hold.dataset)
 
     def rows(self, judged: Judged) -> Array:
         """Residual of `judged.bench` after a correction of every output.
@@ -55,23 +55,23 @@ class Flexible:
         """
         problem, hold = judged.problem, judged.hold
         bench = judged.bench
-        residual = problem.evidence.residual(judged.left_out + problem.background)
-        out = bench.evidence.residual(judged.predicted + bench.background).copy()
-        for key in problem.evidence.keys:
+        residual = problem.dataset.residual(judged.left_out + problem.background)
+        out = bench.dataset.residual(judged.predicted + bench.background).copy()
+        for key in problem.dataset.keys:
             correction, left_out = fit_correction(self.made, residual, problem.whitening.s, key)
             if correction.explained <= 0.0:
                 continue
             if hold is None:
                 out -= left_out
             else:
-                for seg in hold.evidence.rows_of(key):
+                for seg in hold.dataset.rows_of(key):
                     out[seg.rows] -= self.held[seg.run, seg.side] @ correction.weights
-        return np.where(bench.evidence.valid, out, 0.0)
+        return np.where(bench.dataset.valid, out, 0.0)
 
 
 def excess_draws(problem: Problem, squares: Array, keys: Sequence[str], weights: Array) -> Array:
     """G over the floor of `keys` for each row of bootstrap `weights` over cells; shape (draws,)."""
-    ev = problem.evidence
+    ev = problem.dataset
     q = ev.cell_sum(np.where(ev.valid, squares, 0.0))
     parts = []
     for key in keys:
@@ -97,7 +97,7 @@ class Remains:
     @classmethod
     def left_by(cls, judged: Judged) -> Remains:
         bench = judged.bench
-        return cls.of(bench, bench.evidence.residual(judged.predicted + bench.background))
+        return cls.of(bench, bench.dataset.residual(judged.predicted + bench.background))
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class Standing:
         refit = min(self.refits, key=gap)
         final = refit if self.final is None else self.final
         best = min([*self.flexible, final], key=gap)
-        ev, settings = bench.evidence, bench.evidence.settings
+        ev, settings = bench.dataset, bench.dataset.settings
         rng = np.random.default_rng(settings.seed + 5)
         weights = resample_weights(ev.cell_run, ev.cell_block, DRAWS, rng)
         g = [excess_draws(bench, r.squares, keys, weights) for r in (refit, final, best)]
@@ -157,7 +157,7 @@ class Standing:
         )
 
 
-def confusability(fits: Sequence[Fitted]) -> Array:
+def confusability(fits: Sequence[FitResult]) -> Array:
     """d²_ij = min over the parameters of j of ‖y_i − y_j‖², in floors; shape (fits, fits).
 
     Rows weigh as in the fit of i; correlated rows count by their effective number.
@@ -179,14 +179,14 @@ def confusability(fits: Sequence[Fitted]) -> Array:
     return out
 
 
-def separation(fit: Fitted, z: Array) -> float:
+def separation(fit: FitResult, z: Array) -> float:
     """d² of `fit` from a model that leaves the white residual z, no parameter of which may move."""
     w, share = _row_weights(fit)
     s = z - fit.z
     return share * float((w * s) @ s)
 
 
-def counted_share(one: Candidate, other: Candidate) -> float:
+def counted_share(one: Hypothesis, other: Hypothesis) -> float:
     """Share, up to 1, of the separation of `one` from `other` that can be counted on.
 
     Along the difference s of two models the log-likelihood changes by E = Σ w s z in a block of
@@ -202,7 +202,7 @@ def counted_share(one: Candidate, other: Candidate) -> float:
     return min(1.0, float(square.sum()) ** 2 / varied / float(predicted.sum()))
 
 
-def _along(one: Candidate, other: Candidate) -> list[tuple[Array, Array, Array]]:
+def _along(one: Hypothesis, other: Hypothesis) -> list[tuple[Array, Array, Array]]:
     """Σ w s z, Σ w s² and its part in d² of every cell of the fit runs, and of those held out."""
     a, b = one.judged, other.judged
     parts = [(a.problem, a.left_out, b.left_out)]
@@ -210,7 +210,7 @@ def _along(one: Candidate, other: Candidate) -> list[tuple[Array, Array, Array]]
         parts.append((a.hold, a.held, b.held))
     out = []
     for problem, mine, theirs in parts:
-        ev = problem.evidence
+        ev = problem.dataset
         z = problem.white(mine)
         s = problem.white(theirs) - z
         w = problem.row_weight(z)
@@ -221,13 +221,13 @@ def _along(one: Candidate, other: Candidate) -> list[tuple[Array, Array, Array]]
     return out
 
 
-def _row_weights(fit: Fitted) -> tuple[Array, float]:
+def _row_weights(fit: FitResult) -> tuple[Array, float]:
     """How much each row weighs in a fit, and the effective share of independent rows."""
     return fit.problem.row_weight(fit.z), independent_share(fit)
 
 
 def group_of(
-    best: Candidate, rivals: Sequence[Candidate], probability: dict[str, float], odds: float
+    best: Hypothesis, rivals: Sequence[Hypothesis], probability: dict[str, float], odds: float
 ) -> list[str]:
     """Names that cannot be told from an effect of `best`, most probable first."""
     if not rivals:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from smad.gap.fit.candidate import Candidate, cluster_gain
+from smad.gap.fit.hypothesis import Hypothesis, cluster_gain
 from smad.gap.fit.judge import judge
-from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
 from smad.gap.plant import Effect
 
 _ITERATIONS = 4
@@ -14,7 +14,7 @@ _ASKED_GAIN = 25.0
 """Nats from which known-good runs ask for an effect."""
 
 
-def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: float) -> bool:
+def is_new(good: FitResult, candidate: Hypothesis, hold: Problem | None, errors: float) -> bool:
     """Whether the last effect of `candidate` explains the runs better than the good runs' value.
 
     If the good runs do not ask for the effect, it is new. If they do, it is a law that the model
@@ -31,7 +31,7 @@ def is_new(good: Fitted, candidate: Candidate, hold: Problem | None, errors: flo
     return gain > errors * error
 
 
-def as_in_good_runs(good: Fitted, fit: Fitted) -> Fitted | None:
+def as_in_good_runs(good: FitResult, fit: FitResult) -> FitResult | None:
     """`fit` with its last effect as the good runs ask for it; None where they do not."""
     effect = fit.space.effects[-1]
     known = _fitted_to(good, effect, fit)
@@ -40,7 +40,7 @@ def as_in_good_runs(good: Fitted, fit: Fitted) -> Fitted | None:
     return _with_values(fit, effect, known)
 
 
-def _fitted_to(good: Fitted, effect: Effect, fit: Fitted) -> Fitted:
+def _fitted_to(good: FitResult, effect: Effect, fit: FitResult) -> FitResult:
     """The good runs' fit with the effect free and all else as it was."""
     values = {effect.name: fit.point.effects[effect.name]}
     space, p = good.beside((effect,), values)
@@ -52,7 +52,7 @@ def _fitted_to(good: Fitted, effect: Effect, fit: Fitted) -> Fitted:
     return drive([steps])[0]
 
 
-def _with_values(fit: Fitted, effect: Effect, source: Fitted) -> Fitted:
+def _with_values(fit: FitResult, effect: Effect, source: FitResult) -> FitResult:
     """The refit beside the good runs' value of one effect, which is fixed there."""
     fixed = {**fit.space.fixed, effect.name: source.point.effects[effect.name]}
     space = replace(fit.space, effects=fit.space.effects[:-1], fixed=fixed)

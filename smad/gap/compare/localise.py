@@ -47,7 +47,7 @@ def _root_excess(squares: Array) -> float:
 
 def localise(problem: Problem, predicted: Array) -> HeatMap:
     """Heat map of the excess error of a prediction."""
-    ev = problem.evidence
+    ev = problem.dataset
     squares = np.square(problem.scaled(predicted))
     regimes = dict(ev.regime_masks())
     early = np.zeros(ev.n, dtype=bool)
@@ -75,7 +75,7 @@ def localise(problem: Problem, predicted: Array) -> HeatMap:
 
 
 def _windows(problem: Problem, squares: Array) -> list[WindowRecord]:
-    ev = problem.evidence
+    ev = problem.dataset
     over = np.maximum(ev.cell_sum(np.where(ev.valid, squares - 1.0, 0.0)), 0.0)
     total = float(over.sum())
     if total <= 0:

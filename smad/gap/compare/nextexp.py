@@ -17,10 +17,10 @@ import numpy as np
 from smad.gap.compare.assess import counted_share
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import Track
-from smad.gap.data.replay import Detail, Evidence
-from smad.gap.fit.candidate import Candidate
+from smad.gap.data.replay import Dataset, Detail
+from smad.gap.fit.hypothesis import Hypothesis
 from smad.gap.fit.joint import JointFit, independent_share
-from smad.gap.fit.lsq import Fitted
+from smad.gap.fit.lsq import FitResult
 from smad.gap.fit.stages import Prepared
 from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.plant import Array, Experiment, catalogue_of, performed
@@ -53,15 +53,15 @@ class Trial:
 
     def __init__(
         self,
-        fits: Sequence[Fitted],
+        fits: Sequence[FitResult],
         weights: Sequence[float],
         experiment: Experiment,
         noise: Mapping[str, OutputNoise],
     ) -> None:
         self.fits, self.weights, self.experiment = fits, weights, experiment
-        first = fits[0].problem.evidence
+        first = fits[0].problem.dataset
         run = performed(first.plant, experiment.name, fits[0].point, first.settings.seed)
-        self._ev = Evidence(
+        self._ev = Dataset(
             first.plant,
             [run],
             first.views,
@@ -105,7 +105,7 @@ class Trial:
         return self._whitening.white(np.ascontiguousarray((change / signed[:, None]).T))
 
 
-def _moved(fit: Fitted) -> list[Array]:
+def _moved(fit: FitResult) -> list[Array]:
     lo, hi = fit.space.bounds()
     out = []
     for i in range(fit.space.size):
@@ -115,14 +115,14 @@ def _moved(fit: Fitted) -> list[Array]:
     return out
 
 
-def _information(fit: Fitted) -> Array:
+def _information(fit: FitResult) -> Array:
     H, _ = fit.normal_equations()
     _, precision = fit.space.prior()
     return np.asarray(independent_share(fit) * H.sum(axis=0) + precision)
 
 
 def propose(
-    fits: Sequence[Fitted],
+    fits: Sequence[FitResult],
     weights: Sequence[float],
     noise: Mapping[str, OutputNoise],
     catalogue: Sequence[Experiment],
@@ -154,7 +154,7 @@ def propose(
 class Confused:
     """Models that the runs do not tell apart, the favoured one first, and their probabilities."""
 
-    models: tuple[Candidate, ...]
+    models: tuple[Hypothesis, ...]
     weights: tuple[float, ...]
 
 
@@ -168,7 +168,7 @@ def confused(
     if outcome is Outcome.AMBIGUOUS:
         return _group(track.selection, groups)
     if track.displaced or (track.imitated and outcome in NAMED):
-        free = Candidate(JointFit(prepared.fit, ()), prepared.free)
+        free = Hypothesis(JointFit(prepared.fit, ()), prepared.free)
         return Confused((track.asked.best, free), (0.5, 0.5))
     return None
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.gap.fit.candidate import (
-    Candidate,
+from smad.gap.fit.hypothesis import (
+    Hypothesis,
     acceptable,
     asked_gain,
     cluster_gain,
@@ -19,7 +19,7 @@ from smad.gap.fit.candidate import (
 )
 from smad.gap.fit.joint import JointFit, Start, joint_fits
 from smad.gap.fit.judge import Judged, judge, regime_gains
-from smad.gap.fit.lsq import Fitted, Problem
+from smad.gap.fit.lsq import FitResult, Problem
 from smad.gap.fit.screen import Screened, probe, reprobe, screen
 from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.plant import Effect
@@ -38,16 +38,16 @@ class Selection:
     effect in its place, "" being none. `screened` is the first screening.
     """
 
-    base: Candidate
-    best: Candidate
-    steps: tuple[Candidate, ...]
-    rivals: dict[str, tuple[Candidate, ...]]
+    base: Hypothesis
+    best: Hypothesis
+    steps: tuple[Hypothesis, ...]
+    rivals: dict[str, tuple[Hypothesis, ...]]
     probability: dict[str, dict[str, float]]
     screened: tuple[Screened, ...]
-    tried: tuple[Candidate, ...]
+    tried: tuple[Hypothesis, ...]
 
     @classmethod
-    def without_effects(cls, refit: Candidate, asked: Selection) -> Selection:
+    def without_effects(cls, refit: Hypothesis, asked: Selection) -> Selection:
         """Another refit, with nothing in it, as the answer to what `asked` has screened."""
         return cls(refit, refit, (), {}, {}, asked.screened, ())
 
@@ -60,12 +60,12 @@ class Selector:
 
     def __init__(
         self,
-        refit: Fitted,
+        refit: FitResult,
         hold: Problem | None,
         effects: Sequence[Effect],
         progress: Callable[[str], None] = lambda text: None,
         *,
-        is_new: Callable[[Candidate], bool] = lambda candidate: True,
+        is_new: Callable[[Hypothesis], bool] = lambda candidate: True,
         unscreened: Collection[str] = (),
     ) -> None:
         self.refit, self.hold, self.is_new = refit, hold, is_new
@@ -73,19 +73,19 @@ class Selector:
         self.tied = refit.space.tie is not None
         # The order in which a library lists its effects must not matter.
         self.effects = tuple(sorted(effects, key=lambda e: e.name))
-        self.settings: Settings = refit.problem.evidence.settings
+        self.settings: Settings = refit.problem.dataset.settings
         self.progress = progress
         # What is asked twice of the same fit, with the fit, so that its identity stays its own.
-        self._refits: dict[tuple[int, tuple[str, ...]], tuple[Fitted, JointFit]] = {}
-        self._less: dict[tuple[int, str], tuple[Fitted, Candidate]] = {}
-        self._news: dict[int, tuple[Fitted, bool]] = {}
+        self._refits: dict[tuple[int, tuple[str, ...]], tuple[FitResult, JointFit]] = {}
+        self._less: dict[tuple[int, str], tuple[FitResult, Hypothesis]] = {}
+        self._news: dict[int, tuple[FitResult, bool]] = {}
 
     def run(self) -> Selection:
         """The whole selection."""
-        base = Candidate(JointFit(self.refit, ()), judge([self.refit], self.hold)[0])
+        base = Hypothesis(JointFit(self.refit, ()), judge([self.refit], self.hold)[0])
         current = base
-        steps: list[Candidate] = []
-        tried: list[Candidate] = []
+        steps: list[Hypothesis] = []
+        tried: list[Hypothesis] = []
         first: list[Screened] = []
         while len(steps) < self.settings.max_effects:
             self.progress(f"screening for effect {len(steps) + 1}")
@@ -114,8 +114,8 @@ class Selector:
         return Selection(base, best, tuple(steps), rivals, probability, tuple(first), tuple(tried))
 
     def _level(
-        self, current: Candidate, *, first_level: bool
-    ) -> tuple[list[Screened], list[Candidate]]:
+        self, current: Hypothesis, *, first_level: bool
+    ) -> tuple[list[Screened], list[Hypothesis]]:
         if first_level:
             self._probes = probe(current.fit, self.effects)
         ranked = screen(reprobe(self._probes, current.fit)) if self.effects else []
@@ -136,18 +136,18 @@ class Selector:
         joints = joint_fits(current.fit, starts)
         return ranked, self._judged(current, list(joints.values()))
 
-    def _judged(self, before: Candidate, joints: Sequence[JointFit]) -> list[Candidate]:
+    def _judged(self, before: Hypothesis, joints: Sequence[JointFit]) -> list[Hypothesis]:
         """Candidates with their gains over `before`, best first."""
         judged = judge([j.fit for j in joints], self.hold)
         out = [weighed(before, j, v) for j, v in zip(joints, judged, strict=True)]
         return sorted(out, key=_best_first)
 
-    def _first(self, candidates: Sequence[Candidate]) -> Candidate | None:
+    def _first(self, candidates: Sequence[Hypothesis]) -> Hypothesis | None:
         return next((c for c in candidates if self._enters(c)), None)
 
     def _on_equal_terms(
-        self, before: Candidate, chosen: Candidate, candidates: list[Candidate]
-    ) -> tuple[Candidate, list[Candidate]]:
+        self, before: Hypothesis, chosen: Hypothesis, candidates: list[Hypothesis]
+    ) -> tuple[Hypothesis, list[Hypothesis]]:
         """The model before, refitted from where a candidate has taken its parameters.
 
         A candidate's fit goes on where the other had ended. What it gains because the parameters
@@ -161,7 +161,7 @@ class Selector:
         again = [weighed(fairer, c.joint, c.judged) for c in candidates]
         return fairer, sorted(again, key=_best_first)
 
-    def _enters(self, c: Candidate) -> bool:
+    def _enters(self, c: Hypothesis) -> bool:
         if not acceptable(c, self.settings, tied=self.tied):
             return False
         # What would have to be stronger than it can be is no further cause, and must not put an
@@ -174,7 +174,7 @@ class Selector:
             known = self._news[id(c.fit)] = (c.fit, self.is_new(c))
         return known[1]
 
-    def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:
+    def _refitted(self, current: Hypothesis, effects: tuple[Effect, ...]) -> JointFit:
         names = tuple(e.name for e in effects)
         known = self._refits.get((id(current.fit), names))
         if known is None:
@@ -184,7 +184,7 @@ class Selector:
             known = self._refits[id(current.fit), names] = (current.fit, joint)
         return known[1]
 
-    def _without(self, base: Candidate, current: Candidate, name: str) -> Candidate:
+    def _without(self, base: Hypothesis, current: Hypothesis, name: str) -> Hypothesis:
         """The model refitted without one of its effects; the same for whoever asks first."""
         known = self._less.get((id(current.fit), name))
         if known is None:
@@ -194,7 +194,7 @@ class Selector:
             known = self._less[id(current.fit), name] = (current.fit, without)
         return known[1]
 
-    def _backward(self, base: Candidate, current: Candidate) -> Candidate:
+    def _backward(self, base: Hypothesis, current: Hypothesis) -> Hypothesis:
         """Drops effects that the others have made superfluous."""
         while len(current.names) > 1:
             smaller = []
@@ -210,8 +210,8 @@ class Selector:
         return current
 
     def _places(
-        self, base: Candidate, best: Candidate, tried: Sequence[Candidate]
-    ) -> tuple[Candidate, dict[str, Place]]:
+        self, base: Hypothesis, best: Hypothesis, tried: Sequence[Hypothesis]
+    ) -> tuple[Hypothesis, dict[str, Place]]:
         """For each effect of the best model, what else could stand in its place.
 
         A rival that scores better becomes the best, once: greedy steps may have begun wrongly.
@@ -231,7 +231,7 @@ class Selector:
             best = weighed(base, winner.joint, winner.judged)
         return best, out
 
-    def _place(self, base: Candidate, best: Candidate, name: str) -> Place:
+    def _place(self, base: Hypothesis, best: Hypothesis, name: str) -> Place:
         """The best model without one of its several effects, and with others in its place."""
         keep = tuple(e for e in best.fit.space.effects if e.name != name)
         reduced = self._without(base, best, name)
@@ -243,13 +243,13 @@ class Selector:
         return Place(reduced, tuple(found))
 
 
-def weighed(before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
+def weighed(before: Hypothesis, joint: JointFit, judged: Judged) -> Hypothesis:
     """A fit that was judged, with its gains over the model `before`."""
     rise = before.doubt.scores(judged) - before.doubt.scores(before.judged)
     gain, se = cluster_gain(before.fit.problem, judged.hold, rise)
     touched = touched_outputs(before.judged, judged)
-    masks = before.fit.problem.evidence.regime_masks()
-    return Candidate(
+    masks = before.fit.problem.dataset.regime_masks()
+    return Hypothesis(
         joint,
         judged,
         gain,
@@ -265,11 +265,11 @@ def weighed(before: Candidate, joint: JointFit, judged: Judged) -> Candidate:
 class Place:
     """What can stand where an effect of the best model does: nothing (`empty`), or a rival."""
 
-    empty: Candidate
-    rivals: tuple[Candidate, ...]
+    empty: Hypothesis
+    rivals: tuple[Hypothesis, ...]
 
 
-def posterior(name: str, place: Place, best: Candidate, hold: Problem | None) -> dict[str, float]:
+def posterior(name: str, place: Place, best: Hypothesis, hold: Problem | None) -> dict[str, float]:
     """Probability of each effect in one place, by a Bayesian bootstrap over runs and blocks.
 
     `name` is the effect of `best` that stands there, "" where it has none.
@@ -278,7 +278,7 @@ def posterior(name: str, place: Place, best: Candidate, hold: Problem | None) ->
     names = sorted(models)
     # Beside the other causes, whose laws are no surer here than when this one entered.
     scores = np.array([place.empty.doubt.scores(models[n].judged) for n in names])
-    settings = best.fit.problem.evidence.settings
+    settings = best.fit.problem.dataset.settings
     runs, blocks = held_cells(best.fit.problem, hold)
     rng = np.random.default_rng(settings.seed + 17)
     total = resample_weights(runs, blocks, DRAWS, rng) @ scores.T
@@ -288,7 +288,7 @@ def posterior(name: str, place: Place, best: Candidate, hold: Problem | None) ->
     return dict(zip(names, shares.mean(axis=0).tolist(), strict=True))
 
 
-def _best_first(c: Candidate) -> tuple[float, tuple[str, ...]]:
+def _best_first(c: Hypothesis) -> tuple[float, tuple[str, ...]]:
     return -c.gain, c.names
 
 

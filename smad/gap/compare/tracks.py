@@ -15,10 +15,10 @@ from functools import partial
 
 from smad.gap.compare.contrast import is_new
 from smad.gap.compare.select import Selection, Selector
-from smad.gap.fit.candidate import Candidate, cluster_gain
+from smad.gap.fit.hypothesis import Hypothesis, cluster_gain
 from smad.gap.fit.joint import JointFit
 from smad.gap.fit.judge import Judged
-from smad.gap.fit.lsq import Fitted
+from smad.gap.fit.lsq import FitResult
 from smad.gap.fit.stages import Prepared
 from smad.gap.plant import Effect
 
@@ -62,7 +62,7 @@ def follow_tracks(
     none entered and something of note is left. `unscreened` as in `Selector`.
     """
 
-    def selected(refit: Fitted) -> Selection:
+    def selected(refit: FitResult) -> Selection:
         return Selector(
             refit,
             prepared.hold,
@@ -85,7 +85,7 @@ def follow_tracks(
     gain, _ = _gain(prepared, best.judged, selection.base.judged)
     beaten = rise > clear and not _nearly_all(prepared, gain, rise)
     if beaten or not (best.names or best.judged.excess() <= prepared.threshold):
-        refit = Candidate(JointFit(prepared.fit, ()), free)
+        refit = Hypothesis(JointFit(prepared.fit, ()), free)
         without = Selection.without_effects(refit, selection)
         return Track(without, False, free, selection, rise, error)
     return Track(selection, True, free, selection, rise, error, imitated)
@@ -105,8 +105,8 @@ def _gain(prepared: Prepared, one: Judged, other: Judged) -> tuple[float, float]
     return cluster_gain(prepared.problem, prepared.hold, one.scores() - other.scores())
 
 
-def _is_new(prepared: Prepared, candidate: Candidate) -> bool:
-    if prepared.background is None:
+def _is_new(prepared: Prepared, candidate: Hypothesis) -> bool:
+    if prepared.reference is None:
         return True
     errors = prepared.settings.standard_errors
-    return is_new(prepared.background.fit, candidate, prepared.hold, errors)
+    return is_new(prepared.reference.fit, candidate, prepared.hold, errors)

@@ -9,8 +9,8 @@ from smad.gap.compare.assess import Standing, group_of
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import Track
 from smad.gap.compare.verdict import Evidenced, StandsOut
-from smad.gap.fit.candidate import touched_outputs
 from smad.gap.fit.deficit import clearest, deficit_of
+from smad.gap.fit.hypothesis import touched_outputs
 from smad.gap.fit.stages import Prepared
 
 _VISIBLE_FLOORS = 4.0
@@ -21,7 +21,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
     """Gaps, shrink, groups and chances of the answer that `track` gave."""
     selection = track.selection
     standing = Standing.of(selection, None if track.tied else prepared.gentle)
-    whole = standing.worth(selection.best.judged.bench.evidence.keys)
+    whole = standing.worth(selection.best.judged.bench.dataset.keys)
     outputs = touched_outputs(selection.base.judged, selection.best.judged)
     touched = standing.worth(outputs) if outputs else whole
     return Evidenced(
@@ -32,7 +32,7 @@ def weigh(prepared: Prepared, track: Track) -> Evidenced:
         threshold=prepared.threshold,
         touched=touched,
         whole=whole,
-        since_good=prepared.background is not None,
+        since_good=prepared.reference is not None,
         gap_free=track.free.excess(),
         tied=track.tied,
         imitated=track.imitated,
@@ -53,7 +53,7 @@ def _visible(selection: Selection) -> float:
 
 def _stands_out(prepared: Prepared, track: Track) -> StandsOut | None:
     """What stands beyond known-good runs whether their parameters are kept or all are refitted."""
-    usual = None if prepared.background is None else prepared.background.usual
+    usual = None if prepared.reference is None else prepared.reference.usual
     if usual is None:
         return None
     models = [deficit_of(usual, j) for j in (track.asked.base.judged, track.free)]
@@ -83,7 +83,7 @@ def _by_importance(selection: Selection) -> tuple[str, ...]:
     best = selection.best
     if len(best.names) < 2:
         return best.names
-    ev = best.fit.problem.evidence
+    ev = best.fit.problem.dataset
     cost = {}
     for name in best.names:
         change = ev.predict([best.fit.without(name)])[0] - best.fit.predicted

@@ -35,7 +35,7 @@ class Say(Protocol):
 
 
 @dataclass(frozen=True)
-class Admission:
+class RunSet:
     """The runs that are admitted (bad channels taken out), and every finding."""
 
     admitted: tuple[GapRun, ...]
@@ -47,7 +47,7 @@ class Admission:
         return list(dict.fromkeys(f.run for f in self.findings if f.refuses))
 
 
-def admit(runs: Sequence[GapRun], plant: PlantModel, settings: Settings) -> Admission:
+def admit(runs: Sequence[GapRun], plant: PlantModel, settings: Settings) -> RunSet:
     """Checks every run. A bad channel is taken out of its run; a bad run is refused."""
     admitted, findings = [], []
     for run in runs:
@@ -55,10 +55,10 @@ def admit(runs: Sequence[GapRun], plant: PlantModel, settings: Settings) -> Admi
         findings += found
         if not any(f.refuses for f in found):
             admitted.append(kept)
-    return Admission(tuple(admitted), tuple(findings))
+    return RunSet(tuple(admitted), tuple(findings))
 
 
-def in_common(groups: Sequence[Admission], plant: PlantModel) -> list[Admission]:
+def in_common(groups: Sequence[RunSet], plant: PlantModel) -> list[RunSet]:
     """The same groups of runs with those channels only that each group has.
 
     What one group was fitted on could not be judged, or called unusual, on a group without it. A
@@ -69,7 +69,7 @@ def in_common(groups: Sequence[Admission], plant: PlantModel) -> list[Admission]
     return [_only(a, common, plant) for a in groups]
 
 
-def _only(group: Admission, channels: set[str], plant: PlantModel) -> Admission:
+def _only(group: RunSet, channels: set[str], plant: PlantModel) -> RunSet:
     admitted, findings = [], list(group.findings)
     for run in group.admitted:
         kept = {k: v for k, v in run.outputs.items() if k in channels}
@@ -82,7 +82,7 @@ def _only(group: Admission, channels: set[str], plant: PlantModel) -> Admission:
         else:
             text = "nothing it measured is in the runs to fit, the held out and the good ones alike"
             findings.append(Finding(run.name, "no channel", text, refuses=True))
-    return Admission(tuple(admitted), tuple(findings))
+    return RunSet(tuple(admitted), tuple(findings))
 
 
 def _admit_one(run: GapRun, plant: PlantModel, settings: Settings) -> tuple[GapRun, list[Finding]]:

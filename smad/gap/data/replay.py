@@ -1,6 +1,6 @@
 """Replay of recorded runs through a plant model, on the analysis grid.
 
-`Evidence` lays out every predicted channel of every run as rows of one long vector: first by run,
+`Dataset` lays out every predicted channel of every run as rows of one long vector: first by run,
 then by output. A row is the mean over one bin of the grid. Cells are blocks of consecutive rows of
 one output; they are what is reweighted, bootstrapped and left out.
 """
@@ -151,7 +151,7 @@ def simulate_binned(
     return out
 
 
-class Evidence:
+class Dataset:
     """Measured rows, and predictions for them. Nothing of it changes once it is made.
 
     A coarse replay is corrected by what its step costs at one point; `calibrated` and `matching`
@@ -235,7 +235,7 @@ class Evidence:
             self.missing.append(f"{run.name}: view {view.name} lacks {', '.join(lacking)}")
         return not lacking
 
-    def with_cells_of(self, block_s: float) -> Evidence:
+    def with_cells_of(self, block_s: float) -> Dataset:
         """The same rows, judged in cells of another length."""
         out = copy.copy(self)
         out.settings = replace(self.settings, block_s=block_s)
@@ -342,7 +342,7 @@ class Evidence:
         at_limit = uncorrected[segment.rows] >= high - 1e-6 * (high - low)
         return bool(np.mean(at_limit) > 0.5)
 
-    def calibrated(self, point: ModelPoint) -> Evidence:
+    def calibrated(self, point: ModelPoint) -> Dataset:
         """The same evidence, whose coarser replays agree at `point` with those in full detail.
 
         The error of a step hardly changes between neighbouring models, so that fits can use the
@@ -360,12 +360,12 @@ class Evidence:
         fine = self.predict([point], detail=Detail.FINE)
         return np.asarray(self.change(fine, predicted, Detail.FINE)[0])
 
-    def matching(self, point: ModelPoint, predicted: Array) -> Evidence:
+    def matching(self, point: ModelPoint, predicted: Array) -> Dataset:
         """The same evidence, whose rough replays agree at `point` with `predicted`."""
         error = self._error_of_step(Detail.ROUGH, point, predicted)
         return self._corrected({Detail.ROUGH: error})
 
-    def _corrected(self, errors: Mapping[Detail, Array]) -> Evidence:
+    def _corrected(self, errors: Mapping[Detail, Array]) -> Dataset:
         other = copy.copy(self)
         other._step_error = {**self._step_error, **errors}
         return other

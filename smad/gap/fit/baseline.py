@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from smad.gap.fit.candidate import cluster_gain
 from smad.gap.fit.descent import descent
+from smad.gap.fit.hypothesis import cluster_gain
 from smad.gap.fit.joint import FIT_ITERATIONS, polished
 from smad.gap.fit.judge import Judged, judge
-from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
 from smad.gap.fit.refit import REFIT_ITERATIONS, refit
 from smad.gap.fit.screen import Screened, probe, reprobe, screen
 from smad.gap.model.space import Space
@@ -33,8 +33,8 @@ _GAIN = 100.0
 
 
 def learn_baseline(
-    fit: Fitted, effects: Sequence[Effect], progress: Callable[[str], None] = lambda text: None
-) -> Fitted:
+    fit: FitResult, effects: Sequence[Effect], progress: Callable[[str], None] = lambda text: None
+) -> FitResult:
     """The fit of the good runs with the effects that they ask for, all then fixed.
 
     A few at a time, the best first, judged on good runs left out in turn; a handful that fails
@@ -62,7 +62,7 @@ def learn_baseline(
 
 def with_laws(
     problem: Problem, parameters: Sequence[Parameter], effects: Sequence[Effect]
-) -> Fitted:
+) -> FitResult:
     """The least-squares fit of the parameters and of the laws of the library beside them.
 
     Laws begin at a part of what they typically are, since a slope at nothing says little, and
@@ -78,7 +78,7 @@ def with_laws(
     def begin(space: Space) -> Array:
         return space.start({e.name: e.at(_LAW_START) for e in space.effects})
 
-    def go(problem: Problem, space: Space, start: Array, rounds: int) -> Fitted:
+    def go(problem: Problem, space: Space, start: Array, rounds: int) -> FitResult:
         return drive([descent(problem, space, start, rounds=rounds)])[0]
 
     spaces = [Space(tuple(parameters), chosen) for chosen in choices(laws)]
@@ -100,8 +100,8 @@ def choices(laws: Sequence[Effect]) -> list[tuple[Effect, ...]]:
 
 
 def _entered(
-    current: Fitted, judged: Judged, chosen: Sequence[Screened]
-) -> tuple[Fitted, Judged] | None:
+    current: FitResult, judged: Judged, chosen: Sequence[Screened]
+) -> tuple[FitResult, Judged] | None:
     """The fit with these effects too, and it judged, if runs left out gain by it."""
     effects = (*current.space.effects, *(s.effect for s in chosen))
     values = {**current.point.effects, **{s.effect.name: s.start for s in chosen}}
@@ -121,14 +121,14 @@ def _entered(
     return (trial, after) if gain > max(_GAIN, se) else None
 
 
-def unbound(tied: Fitted) -> Fitted:
+def unbound(tied: FitResult) -> FitResult:
     """The refit in which parameters and laws of a bench may be others than in its good runs.
 
     From where they are tied to those, with its effects.
     """
     problem, own = tied.problem, tied.space.effects
     held = {e.name for e in own}
-    fixed = [e for e in problem.evidence.plant.effects if e.name in tied.space.fixed]
+    fixed = [e for e in problem.dataset.plant.effects if e.name in tied.space.fixed]
     laws = [e for e in laws_of(fixed) if e.name not in held]
     space = replace(tied.space, tie=None, effects=(*laws, *own))
     start = space.start(tied.point.effects)
@@ -146,14 +146,14 @@ def unbound(tied: Fitted) -> Fitted:
     return polished(end)
 
 
-def as_fixed(fit: Fitted) -> Fitted:
+def as_fixed(fit: FitResult) -> FitResult:
     """The same fit, nothing moved, whose effects count as fixed."""
     space = replace(fit.space, effects=(), fixed=fit.point.effects)
     n = space.size
     return replace(fit, space=space, p=fit.p[:n], A=fit.A[:, :n], at_bound=fit.at_bound[:n])
 
 
-def frozen(fit: Fitted) -> Fitted:
+def frozen(fit: FitResult) -> FitResult:
     """The fit with its effects fixed where they are, the parameters refitted in a few steps."""
     space = replace(fit.space, effects=(), fixed=fit.point.effects)
     p, A = fit.p[: space.size], fit.A[:, : space.size]

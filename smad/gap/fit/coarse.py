@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from smad.gap.data.noise import Floor
-from smad.gap.data.replay import Detail, Evidence
+from smad.gap.data.replay import Dataset, Detail
 from smad.gap.plant import Array, ModelPoint, PlantModel, nominal_point
 
 _PACES = (1, 2)
@@ -22,16 +22,16 @@ _LEAST = 1.0
 """Floors below which a change says nothing."""
 
 
-def serving_replays(evidence: Callable[[int], Evidence], floors: Mapping[str, Floor]) -> int:
+def serving_replays(dataset: Callable[[int], Dataset], floors: Mapping[str, Floor]) -> int:
     """By how much the steps of coarser replays are divided so that they serve; 0 if none does.
 
-    `evidence` makes a run's evidence with steps so divided. Half as long steps double the time of a
+    `dataset` makes a run's evidence with steps so divided. Half as long steps double the time of a
     diagnosis, replays in full detail throughout would take several times as long.
     """
-    return next((n for n in _PACES if coarse_replays_serve(evidence(n), floors)), 0)
+    return next((n for n in _PACES if coarse_replays_serve(dataset(n), floors)), 0)
 
 
-def coarse_replays_serve(evidence: Evidence, floors: Mapping[str, Floor]) -> bool:
+def coarse_replays_serve(dataset: Dataset, floors: Mapping[str, Floor]) -> bool:
     """Whether coarser replays change with the model as those in full detail do.
 
     Every parameter is moved, and every effect put as it typically is: what counts is the largest
@@ -39,12 +39,12 @@ def coarse_replays_serve(evidence: Evidence, floors: Mapping[str, Floor]) -> boo
     nineteen benches of the withheld plant it was at most 0.43, of a friction that sticks and slips.
     In half as long steps it was 0.29 there.
     """
-    plant = evidence.plant
+    plant = dataset.plant
     points = [nominal_point(plant), *_changes(plant)]
-    floor = np.ones(evidence.n)
-    for s in evidence.segments:
+    floor = np.ones(dataset.n)
+    for s in dataset.segments:
         floor[s.rows] = floors[s.channel].total
-    fine, fast = (_scaled_changes(evidence, points, d, floor) for d in (Detail.FINE, Detail.FAST))
+    fine, fast = (_scaled_changes(dataset, points, d, floor) for d in (Detail.FINE, Detail.FAST))
     seen = np.sqrt(np.mean(np.square(fine), axis=1)) > _LEAST
     if not seen.any():
         return True
@@ -62,9 +62,9 @@ def _changes(plant: PlantModel) -> list[ModelPoint]:
 
 
 def _scaled_changes(
-    evidence: Evidence, points: list[ModelPoint], detail: Detail, floor: Array
+    dataset: Dataset, points: list[ModelPoint], detail: Detail, floor: Array
 ) -> Array:
     """Changes from the first point, in floors; shape (points - 1, rows), 0 where a replay fails."""
-    values = evidence.predict(points, detail=detail)
-    change = evidence.change(values[1:], values[0], detail)
-    return np.where(evidence.valid, change / floor, 0.0)
+    values = dataset.predict(points, detail=detail)
+    change = dataset.change(values[1:], values[0], detail)
+    return np.where(dataset.valid, change / floor, 0.0)

@@ -35,7 +35,7 @@ class Usual:
 
 def usual_of(good: Problem, predicted: Array) -> Usual | None:
     """What is usual of good runs, of which `predicted` leaves each out; None of a single run."""
-    ev = good.evidence
+    ev = good.dataset
     if len(ev.runs) < 2:
         return None
     full = ev.cell_size > 0
@@ -61,7 +61,7 @@ def deficit_of(usual: Usual, judged: Judged) -> dict[str, float]:
 
     By output; those that the good runs lack do not count.
     """
-    parts = [p.evidence for p in (judged.problem, judged.hold) if p is not None]
+    parts = [p.dataset for p in (judged.problem, judged.hold) if p is not None]
     keys = np.concatenate([ev.cell_key for ev in parts])
     full = np.concatenate([ev.cell_size > 0 for ev in parts])
     scores = judged.scores()

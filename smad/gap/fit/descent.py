@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from smad.gap.data.replay import Detail
 from smad.gap.fit.lsq import (
     Ask,
+    FitResult,
     FitSteps,
-    Fitted,
     Problem,
     edges,
     lesson,
@@ -51,7 +51,7 @@ def descent(
     *,
     rounds: int,
 ) -> FitSteps:
-    """Steps of a least-squares fit from `start`; returns a `Fitted`, its end replayed as usual.
+    """Steps of a least-squares fit from `start`; returns a `FitResult`, its end replayed as usual.
 
     Replays on the way are rough. At most `rounds` sets of slopes. A round that gains little halves
     the steps of the next; after two such rounds the fit ends. The objective is that of `lsq` with a
@@ -65,7 +65,7 @@ def descent(
     axes, share, total, fruitless = np.diag(space.steps(p)), _SHARE, 0.0, 0
     for _ in range(rounds):
         here = space.point(p)
-        predicted = (yield Ask(problem.evidence, [here]))[0]
+        predicted = (yield Ask(problem.dataset, [here]))[0]
         way.problem = problem.matching(here, predicted)
         yield from way.begin(p)
         A = yield from way.slopes(axes)
@@ -80,10 +80,10 @@ def descent(
             fruitless = 0
         axes = _axes(space, way, around, share)
     problem = problem.calibrated(space.point(p))
-    predicted = (yield Ask(problem.evidence, [space.point(way.p)]))[0]
+    predicted = (yield Ask(problem.dataset, [space.point(way.p)]))[0]
     z = problem.white(predicted)
     value = objective(problem, space, way.p, z)
-    return Fitted(problem, space, way.p, predicted, z, way.A, value, edges(space, way.p))
+    return FitResult(problem, space, way.p, predicted, z, way.A, value, edges(space, way.p))
 
 
 @dataclass(frozen=True)
@@ -110,12 +110,12 @@ class _Way:
         self.problem, self.space = problem, space
         self.lo, self.hi = space.bounds()
         self.damping = _FIRST_DAMPING
-        self.A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
+        self.A = np.zeros((problem.dataset.n, space.size), dtype=np.float32)
 
     def replayed(self, points: list[Array]) -> Generator[Ask, Array, Array]:
         """Predictions at these coordinates."""
         return (
-            yield Ask(self.problem.evidence, [self.space.point(p) for p in points], Detail.ROUGH)
+            yield Ask(self.problem.dataset, [self.space.point(p) for p in points], Detail.ROUGH)
         )
 
     def begin(self, p: Array) -> Generator[Ask, Array, None]:
@@ -138,7 +138,7 @@ class _Way:
             forth, back = within(step), within(-step)
             taken.append(forth if forth @ forth >= back @ back else back)
         values = yield from self.replayed([self.p + step for step in taken])
-        ev = self.problem.evidence
+        ev = self.problem.dataset
         failed = [i for i, y in enumerate(values) if ev.fails(y, Detail.ROUGH)]
         if failed:
             for i in failed:

@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from smad.gap.data.noise import Floor
-from smad.gap.data.replay import Detail, Evidence
+from smad.gap.data.replay import Dataset, Detail
 from smad.gap.fit.deficit import Usual, usual_of
 from smad.gap.fit.leave_out import LeftOut, left_out
-from smad.gap.fit.lsq import Fitted, Problem
+from smad.gap.fit.lsq import FitResult, Problem
 from smad.gap.model.flexible import Correction, Designs, fit_correction
 from smad.gap.model.whiten import OutputNoise, Whitening, lagged_products
 from smad.gap.plant import Array, ModelPoint
@@ -32,7 +32,7 @@ _REGIME_ROWS = 12
 
 
 @dataclass(frozen=True)
-class Background:
+class Reference:
     """What good runs taught: noise of every output, templates where they hold, the good fit.
 
     `white` is the white residual of the good fit, as large as it would be on other runs.
@@ -40,7 +40,7 @@ class Background:
 
     noise: Mapping[str, OutputNoise]
     templates: Mapping[str, Correction]
-    fit: Fitted
+    fit: FitResult
     white: Array
 
     @cached_property
@@ -51,7 +51,7 @@ class Background:
     @cached_property
     def problem(self) -> Problem:
         """The good runs, weighed by what they taught."""
-        ev = self.fit.problem.evidence
+        ev = self.fit.problem.dataset
         return Problem(ev, Whitening(ev, self.noise), self.expected(ev))
 
     @cached_property
@@ -59,62 +59,60 @@ class Background:
         """How the good runs score, each predicted by the others; None of a single run."""
         return usual_of(self.problem, self.left_out.predicted)
 
-    def expected(self, evidence: Evidence) -> Array:
-        """The template's part of the residual of other runs, in rows of `evidence`."""
-        out = np.zeros(evidence.n)
-        for seg in evidence.segments:
+    def expected(self, dataset: Dataset) -> Array:
+        """The template's part of the residual of other runs, in rows of `dataset`."""
+        out = np.zeros(dataset.n)
+        for seg in dataset.segments:
             if seg.key in self.templates:
-                out[seg.rows] = self.templates[seg.key](evidence, seg.run)
+                out[seg.rows] = self.templates[seg.key](dataset, seg.run)
         return out
 
 
 def fed_noise(
-    evidence: Evidence, floors: Mapping[str, Floor], point: ModelPoint, seed: int
+    dataset: Dataset, floors: Mapping[str, Floor], point: ModelPoint, seed: int
 ) -> dict[str, OutputNoise]:
     """Noise of each output when the model is right: the sensors' own, and what the feeds carry in.
 
     The plant's own open-loop prediction, with sensor noise and quanta added, is run through the
     views; what is left of it there is the floor of those views.
     """
-    noise = {k: _sensor_noise(evidence, floors, k) for k in evidence.keys}
-    if all(not v.feeds for v in evidence.views):
+    noise = {k: _sensor_noise(dataset, floors, k) for k in dataset.keys}
+    if all(not v.feeds for v in dataset.views):
         return noise
     rng = np.random.default_rng(seed)
-    synthetic = tuple(
-        _synthetic(evidence, r, floors, point, rng) for r in range(len(evidence.runs))
-    )
-    other = Evidence(
-        evidence.plant,
+    synthetic = tuple(_synthetic(dataset, r, floors, point, rng) for r in range(len(dataset.runs)))
+    other = Dataset(
+        dataset.plant,
         synthetic,
-        evidence.views,
-        evidence.settings,
-        evidence.executor,
-        fast=evidence.fast,
+        dataset.views,
+        dataset.settings,
+        dataset.executor,
+        fast=dataset.fast,
     )
     residual = other.residual(other.predict([point])[0])
     return {
-        key: _with_regimes(other, residual, key, noise[key], inflate=1.0) for key in evidence.keys
+        key: _with_regimes(other, residual, key, noise[key], inflate=1.0) for key in dataset.keys
     }
 
 
-def _sensor_noise(evidence: Evidence, floors: Mapping[str, Floor], key: str) -> OutputNoise:
-    floor = floors[evidence.rows_of(key)[0].channel]
+def _sensor_noise(dataset: Dataset, floors: Mapping[str, Floor], key: str) -> OutputNoise:
+    floor = floors[dataset.rows_of(key)[0].channel]
     return OutputNoise(floor.total, noise_rho=floor.rho)
 
 
 def _synthetic(
-    evidence: Evidence,
+    dataset: Dataset,
     r: int,
     floors: Mapping[str, Floor],
     point: ModelPoint,
     rng: np.random.Generator,
 ) -> GapRun:
-    run, plant = evidence.runs[r], evidence.plant
+    run, plant = dataset.runs[r], dataset.plant
     views = [v for v in plant.views if v.open_loop]
     predicted = plant.simulate(
-        point, run, [v.name for v in views], fast=evidence.detail is not Detail.FINE
+        point, run, [v.name for v in views], fast=dataset.detail is not Detail.FINE
     )
-    per_bin = max(1.0, evidence.settings.period_s / run.dt_s)
+    per_bin = max(1.0, dataset.settings.period_s / run.dt_s)
     outputs = {}
     for view in views:
         for out in view.outputs:
@@ -131,18 +129,18 @@ def _synthetic(
 
 
 def _with_regimes(
-    evidence: Evidence, residual: Array, key: str, base: OutputNoise, inflate: float
+    dataset: Dataset, residual: Array, key: str, base: OutputNoise, inflate: float
 ) -> OutputNoise:
     """`base` with the discrepancy that `residual` shows in each regime, in quadrature."""
-    rows = np.zeros(evidence.n, dtype=bool)
-    for seg in evidence.rows_of(key):
+    rows = np.zeros(dataset.n, dtype=bool)
+    for seg in dataset.rows_of(key):
         rows[seg.rows] = True
-    rows &= evidence.valid
+    rows &= dataset.valid
     square = np.square(residual)
     overall = max(0.0, float(np.mean(square[rows])) - base.sigma**2) if rows.any() else 0.0
     k = {"": float(np.sqrt(inflate * overall + base.k.get("", 0.0) ** 2))}
     free = rows.copy()
-    for name, mask in evidence.regime_masks().items():
+    for name, mask in dataset.regime_masks().items():
         here = free & mask
         free &= ~mask
         n = int(here.sum())
@@ -153,44 +151,44 @@ def _with_regimes(
         excess = inflate * (share * own + (1 - share) * overall)
         old = base.k.get(name, base.k.get("", 0.0))
         k[name] = float(np.sqrt(excess + old**2))
-    return replace(base, k=k, tau_s=correlation_time(evidence, residual, key))
+    return replace(base, k=k, tau_s=correlation_time(dataset, residual, key))
 
 
-def correlation_time(evidence: Evidence, residual: Array, key: str) -> float:
+def correlation_time(dataset: Dataset, residual: Array, key: str) -> float:
     """Time in which the autocorrelation of an output's residual falls to 1/e; at most 200 rows.
 
     The lag-one value is taken as the start, so that white noise on top does not shorten it.
     """
     longest = _LONGEST_LAG
-    parts = [residual[seg.rows] for seg in evidence.rows_of(key)]
+    parts = [residual[seg.rows] for seg in dataset.rows_of(key)]
     total = lagged_products([y - float(np.mean(y)) for y in parts], longest)
     if total[0] <= 0 or total[1] <= 0.05 * total[0]:
         return 0.0
     below = np.flatnonzero(total[1:] < total[1] / np.e)
-    return float((below[0] + 1 if len(below) else longest) * evidence.settings.period_s)
+    return float((below[0] + 1 if len(below) else longest) * dataset.settings.period_s)
 
 
-def _enlargement(evidence: Evidence, residual: Array, key: str) -> float:
+def _enlargement(dataset: Dataset, residual: Array, key: str) -> float:
     """How much larger a variance may be than a few runs, or a few slow swings, have shown.
 
     The second term counts stretches of the correlation time as one observation each.
     """
-    rows = sum(s.stop - s.start for s in evidence.rows_of(key))
-    tau = correlation_time(evidence, residual, key)
-    swings = rows * evidence.settings.period_s / max(2.0 * tau, evidence.settings.period_s)
-    return 1.0 + 2.0 / len(evidence.runs) + 8.0 / max(swings, 1.0)
+    rows = sum(s.stop - s.start for s in dataset.rows_of(key))
+    tau = correlation_time(dataset, residual, key)
+    swings = rows * dataset.settings.period_s / max(2.0 * tau, dataset.settings.period_s)
+    return 1.0 + 2.0 / len(dataset.runs) + 8.0 / max(swings, 1.0)
 
 
-def learn_background(
-    fit: Fitted, base: Mapping[str, OutputNoise], *, templates: bool = True
-) -> Background:
+def learn_reference(
+    fit: FitResult, base: Mapping[str, OutputNoise], *, templates: bool = True
+) -> Reference:
     """Templates and K_δ from the fit of known-good runs.
 
     Residuals of the fit itself, made larger for having been fitted: those of good runs left out
     would measure how badly few runs fix the parameters, which is not the model's fault.
     """
     problem = fit.problem
-    ev = problem.evidence
+    ev = problem.dataset
     residual = ev.residual(fit.predicted)
     found: dict[str, Correction] = {}
     remainder = residual.copy()
@@ -206,4 +204,4 @@ def learn_background(
     for seg in ev.segments:
         remainder[seg.rows] *= np.sqrt(inflate[seg.key])
     white = Whitening(ev, noise).white(remainder)
-    return Background(noise, found, fit, white)
+    return Reference(noise, found, fit, white)

@@ -14,7 +14,7 @@ import numpy as np
 
 from smad.gap.data.replay import Detail
 from smad.gap.fit.judge import Judged
-from smad.gap.fit.lsq import Fitted, Problem
+from smad.gap.fit.lsq import FitResult, Problem
 from smad.gap.plant import Array
 
 
@@ -26,17 +26,17 @@ class Doubt:
     hold: Problem | None
 
     @classmethod
-    def about(cls, fit: Fitted, judged: Judged) -> Doubt:
+    def about(cls, fit: FitResult, judged: Judged) -> Doubt:
         """The doubt about the causes of a model; none where it has no cause."""
         problem, hold = judged.problem, judged.hold
         points = [fit.point, *(fit.without(cause.name) for cause in fit.space.effects)]
         if len(points) == 1:
             return cls(problem, hold)
         return cls(
-            _doubted(problem, problem.evidence.predict(points)),
+            _doubted(problem, problem.dataset.predict(points)),
             None
             if hold is None
-            else _doubted(hold, hold.evidence.predict(points, detail=Detail.FINE)),
+            else _doubted(hold, hold.dataset.predict(points, detail=Detail.FINE)),
         )
 
     def scores(self, judged: Judged) -> Array:
@@ -50,7 +50,7 @@ def _doubted(problem: Problem, predicted: Array) -> Problem:
     `predicted`: with all causes, then without each, shape (1 + causes, rows). The share is of the
     root mean square over a cell: where a wrong law is off is not where it is large to the bin.
     """
-    ev = problem.evidence
+    ev = problem.dataset
     share = ev.settings.form_share
     change = np.where(ev.valid, predicted[0] - predicted[1:], 0.0)
     square = ev.cell_sum(np.square(change).sum(axis=0)) / np.maximum(ev.cell_size, 1.0)

@@ -15,7 +15,7 @@ from math import hypot
 
 import numpy as np
 
-from smad.gap.fit.lsq import ROUGHLY, Fitted, Problem, drive, fitting, solve_box
+from smad.gap.fit.lsq import ROUGHLY, FitResult, Problem, drive, fitting, solve_box
 from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
@@ -52,7 +52,7 @@ class Start:
 class JointFit:
     """The best of several starts, and where the others that fit as well ended."""
 
-    fit: Fitted
+    fit: FitResult
     rivals: tuple[Array, ...]
 
     @property
@@ -80,7 +80,7 @@ class Interval:
 
 
 def joint_fits(
-    base: Fitted, starts: Sequence[Start], *, finish: int = 2
+    base: FitResult, starts: Sequence[Start], *, finish: int = 2
 ) -> dict[tuple[str, ...], JointFit]:
     """Fits every start, in step, and keeps the best of each of the better sets of effects.
 
@@ -129,7 +129,7 @@ def joint_fits(
     return {names: ends[names] for names in kept}
 
 
-def _enter(ends: dict[tuple[str, ...], JointFit], fit: Fitted) -> None:
+def _enter(ends: dict[tuple[str, ...], JointFit], fit: FitResult) -> None:
     """Keeps the better fit whole, and of the other only where it ended."""
     names = tuple(e.name for e in fit.space.effects)
     known = ends.get(names)
@@ -143,11 +143,11 @@ def _enter(ends: dict[tuple[str, ...], JointFit], fit: Fitted) -> None:
     ends[names] = JointFit(best, rivals)
 
 
-def _near(best: Fitted, other: Fitted) -> bool:
+def _near(best: FitResult, other: FitResult) -> bool:
     return other.objective - best.objective < HALF_CHI2_95
 
 
-def polished(fit: Fitted) -> Fitted:
+def polished(fit: FitResult) -> FitResult:
     """The fit with all sensitivities renewed, and a few more steps."""
     steps = fitting(
         fit.problem,
@@ -159,10 +159,10 @@ def polished(fit: Fitted) -> Fitted:
     return drive([steps])[0]
 
 
-def bootstrap(fit: Fitted, draws: int, seed: int) -> Array:
+def bootstrap(fit: FitResult, draws: int, seed: int) -> Array:
     """One-step estimates on resampled runs and blocks; shape (draws, coordinates)."""
     H, g = fit.normal_equations()
-    ev = fit.problem.evidence
+    ev = fit.problem.dataset
     rng = np.random.default_rng(seed)
     weights = resample_weights(ev.cell_run, ev.cell_block, draws, rng)
     lo, hi = fit.space.bounds()
@@ -180,7 +180,7 @@ def dispersion(problem: Problem, z: Array) -> dict[str, float]:
 
     1/(1 + 2 Σ ρ) over lags up to the first that is not positive.
     """
-    ev = problem.evidence
+    ev = problem.dataset
     longest = _LONGEST_LAG
     out = {}
     for key in ev.keys:
@@ -192,7 +192,7 @@ def dispersion(problem: Problem, z: Array) -> dict[str, float]:
     return out
 
 
-def independent_share(fit: Fitted) -> float:
+def independent_share(fit: FitResult) -> float:
     """Effective share of independent rows of a fit: the mean of `dispersion` over its outputs."""
     return float(np.mean(list(dispersion(fit.problem, fit.z).values())))
 
@@ -246,7 +246,7 @@ def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Inter
 
 
 def _profiles(
-    fit: Fitted, columns: Sequence[int], draws: Array
+    fit: FitResult, columns: Sequence[int], draws: Array
 ) -> dict[int, list[tuple[float, float]]]:
     """(coordinate, rise of the objective), all else refitted, at a few values of each column."""
     lo, hi = fit.space.bounds()

@@ -12,7 +12,7 @@ import numpy as np
 
 from smad.gap.data.replay import Detail
 from smad.gap.fit.leave_out import left_out
-from smad.gap.fit.lsq import Fitted, Problem, solve_box
+from smad.gap.fit.lsq import FitResult, Problem, solve_box
 from smad.gap.plant import Array, Mask, ModelPoint
 
 _LEAST_REGIME = 0.05
@@ -67,7 +67,7 @@ def excess_by_key(
     problem: Problem, squares: Array, weight: Array | None = None
 ) -> dict[str, float]:
     """max(0, MSE/floor² − 1) of each output; `weight` counts rows (bootstrap), 1 by default."""
-    ev = problem.evidence
+    ev = problem.dataset
     w = ev.valid.astype(float) if weight is None else weight * ev.valid
     out = {}
     for key in ev.keys:
@@ -94,7 +94,7 @@ def shrink(after: float, before: float) -> float:
     return 1.0 - after / before if before > 0 else 0.0
 
 
-def judge(fits: Sequence[Fitted], hold: Problem | None) -> list[Judged]:
+def judge(fits: Sequence[FitResult], hold: Problem | None) -> list[Judged]:
     """Held-out predictions of each fit, in full detail.
 
     A coarse step costs one model more than another: what it costs each is learnt at its own point.
@@ -103,10 +103,10 @@ def judge(fits: Sequence[Fitted], hold: Problem | None) -> list[Judged]:
     held_points = [fit.point for fit in fits]
     held = np.zeros((len(fits), 0))
     if hold is not None:
-        held = hold.evidence.predict(held_points, detail=Detail.FINE)
+        held = hold.dataset.predict(held_points, detail=Detail.FINE)
     for i, fit in enumerate(fits):
         left = left_out(fit)
-        predicted = left.predicted + fit.problem.evidence.coarse_error(fit.point, fit.predicted)
+        predicted = left.predicted + fit.problem.dataset.coarse_error(fit.point, fit.predicted)
         out.append(Judged(fit.problem, hold, predicted, held[i], left.points))
     return out
 
@@ -119,7 +119,7 @@ def predict_by_run(
     A point that the plant cannot simulate is drawn half way to `fallback`, up to three times, and
     then replaced by it.
     """
-    ev = problem.evidence
+    ev = problem.dataset
     out = np.zeros(ev.n)
     for run, wanted in enumerate(points):
         point = wanted
@@ -142,7 +142,7 @@ def between(a: ModelPoint, b: ModelPoint) -> ModelPoint:
     return ModelPoint(theta, effects)
 
 
-def regime_gains(before: Fitted, after: Fitted, masks: dict[str, Mask]) -> dict[str, float]:
+def regime_gains(before: FitResult, after: FitResult, masks: dict[str, Mask]) -> dict[str, float]:
     """Gain in log-likelihood on each regime, predicted from the other regimes alone.
 
     Linear around each fit: the step that leaving the regime's rows out would make is undone, and
@@ -160,7 +160,7 @@ def regime_gains(before: Fitted, after: Fitted, masks: dict[str, Mask]) -> dict[
     return out
 
 
-def _scored_without(fit: Fitted, mask: Mask) -> float | None:
+def _scored_without(fit: FitResult, mask: Mask) -> float | None:
     _, precision = fit.space.prior()
     lo, hi = fit.space.bounds()
     w = np.sqrt(fit.problem.row_weight(fit.z)).astype(np.float32)
@@ -174,7 +174,7 @@ def _scored_without(fit: Fitted, mask: Mask) -> float | None:
     step = solve_box(H, g, lo - fit.p, hi - fit.p)
     z = np.zeros(len(mask))
     z[mask] = fit.z[mask] - fit.A[mask] @ step.astype(np.float32)
-    ev, nu = fit.problem.evidence, fit.problem.evidence.settings.cell_dof
+    ev, nu = fit.problem.dataset, fit.problem.dataset.settings.cell_dof
     count = ev.cell_sum((mask & ev.valid).astype(float))
     return float(np.sum(-0.5 * (nu + count) * np.log1p(ev.cell_sum(z * z) / nu) * (count > 0)))
 

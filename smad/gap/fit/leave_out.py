@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.gap.fit.lsq import Fitted, objective, solve_box
+from smad.gap.fit.lsq import FitResult, objective, solve_box
 from smad.gap.plant import Array, Mask, ModelPoint
 
 _DAMPINGS = (0.0, 0.03, 0.3, 3.0)
@@ -45,9 +45,9 @@ class _Without:
     predicted: Array
 
 
-def left_out(fit: Fitted) -> LeftOut:
+def left_out(fit: FitResult) -> LeftOut:
     """Leaves out each run in turn; a single run keeps the fit's own point."""
-    ev = fit.problem.evidence
+    ev = fit.problem.dataset
     if len(ev.runs) == 1:
         return LeftOut((fit.point,), fit.predicted)
     searches = _searches(fit)
@@ -68,8 +68,8 @@ def left_out(fit: Fitted) -> LeftOut:
     return LeftOut(tuple(fit.space.point(s.p) for s in searches), predicted)
 
 
-def _searches(fit: Fitted) -> list[_Without]:
-    ev = fit.problem.evidence
+def _searches(fit: FitResult) -> list[_Without]:
+    ev = fit.problem.dataset
     H, g = fit.normal_equations()
     _, precision = fit.space.prior()
     out = []
@@ -90,14 +90,14 @@ def _searches(fit: Fitted) -> list[_Without]:
     return out
 
 
-def _step(fit: Fitted, s: _Without, damping: float) -> Array:
+def _step(fit: FitResult, s: _Without, damping: float) -> Array:
     lo, hi = fit.space.bounds()
     return solve_box(s.H + damping * np.diag(np.diag(s.H)), s.g, lo - fit.p, hi - fit.p)
 
 
-def _settled(fit: Fitted, s: _Without, step: Array, predicted: Array) -> bool:
+def _settled(fit: FitResult, s: _Without, step: Array, predicted: Array) -> bool:
     """Takes a step that serves the other runs; whether the search is at its end."""
-    ev = fit.problem.evidence
+    ev = fit.problem.dataset
     if any(ev.failed(predicted, r) for r in range(len(ev.runs))):
         return False
     z = fit.problem.white(predicted)

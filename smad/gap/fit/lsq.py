@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.gap.data.replay import Detail, Evidence
+from smad.gap.data.replay import Dataset, Detail
 from smad.gap.model.space import Space
 from smad.gap.model.whiten import Whitening
 from smad.gap.plant import Array, Effect, Mask, ModelPoint
@@ -39,66 +39,66 @@ ROUGHLY = 2.0
 class Ask:
     """Points that a fit wants replayed by its evidence, and how finely (None: as that is)."""
 
-    evidence: Evidence
+    dataset: Dataset
     points: list[ModelPoint]
     detail: Detail | None = None
 
 
-FitSteps = Generator[Ask, Array, "Fitted"]
+FitSteps = Generator[Ask, Array, "FitResult"]
 
 
 @dataclass(frozen=True)
 class Problem:
     """Evidence, its weights, and what is subtracted from it as known background."""
 
-    evidence: Evidence
+    dataset: Dataset
     whitening: Whitening
     background: Array
 
     def calibrated(self, point: ModelPoint) -> Problem:
         """The same problem, whose coarser replays are right at `point`."""
-        return replace(self, evidence=self.evidence.calibrated(point))
+        return replace(self, dataset=self.dataset.calibrated(point))
 
     def matching(self, point: ModelPoint, predicted: Array) -> Problem:
         """The same problem, whose rough replays agree at `point` with `predicted`."""
-        return replace(self, evidence=self.evidence.matching(point, predicted))
+        return replace(self, dataset=self.dataset.matching(point, predicted))
 
     def white(self, predicted: Array) -> Array:
         """White residual of one prediction."""
-        return self.whitening.white(self.evidence.residual(predicted + self.background))
+        return self.whitening.white(self.dataset.residual(predicted + self.background))
 
     def scaled(self, predicted: Array) -> Array:
         """Residual over its standard deviation, not filtered."""
-        return self.whitening.scale(self.evidence.residual(predicted + self.background))
+        return self.whitening.scale(self.dataset.residual(predicted + self.background))
 
     def cell_q(self, z: Array) -> Array:
         """Sum of squares in each cell."""
-        return self.evidence.cell_sum(z * z)
+        return self.dataset.cell_sum(z * z)
 
     def cell_score(self, z: Array, heat: float = 1.0) -> Array:
         """Log-likelihood of each cell up to a constant, its scale marginalised.
 
         With `heat` above 1 the floor is taken so many times larger: cells far off still count.
         """
-        nu, n = self.evidence.settings.cell_dof, self.evidence.cell_size
+        nu, n = self.dataset.settings.cell_dof, self.dataset.cell_size
         return -0.5 * (nu + n) * np.log1p(self.cell_q(z) / (nu * heat**2)) * (n > 0)
 
     def cell_weight(self, z: Array, heat: float = 1.0) -> Array:
         """How much each cell weighs in a least-squares step."""
-        nu, n = self.evidence.settings.cell_dof, self.evidence.cell_size
+        nu, n = self.dataset.settings.cell_dof, self.dataset.cell_size
         return (nu + n) / (nu * heat**2 + self.cell_q(z)) * (n > 0)
 
     def row_weight(self, z: Array, heat: float = 1.0) -> Array:
         """`cell_weight` spread over the rows."""
-        return self.cell_weight(z, heat)[self.evidence.row_cell]
+        return self.cell_weight(z, heat)[self.dataset.row_cell]
 
     def misfit(self, z: Array) -> float:
         """Root mean square of the white residual."""
-        return float(np.sqrt(np.sum(z * z) / max(float(self.evidence.cell_size.sum()), 1.0)))
+        return float(np.sqrt(np.sum(z * z) / max(float(self.dataset.cell_size.sum()), 1.0)))
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FitResult:
     """End of a fit: coordinates, prediction, white residual, white sensitivities A = d(pred)/dp.
 
     `problem` carries the correction of the coarse step that the fit was made with.
@@ -117,7 +117,7 @@ class Fitted:
     def point(self) -> ModelPoint:
         return self.space.point(self.p)
 
-    def recalibrated(self) -> Fitted:
+    def recalibrated(self) -> FitResult:
         """The same fit, whose coarser replays are right at its own point from now on."""
         return replace(self, problem=self.problem.calibrated(self.point))
 
@@ -138,7 +138,7 @@ class Fitted:
 
     def normal_equations(self) -> tuple[Array, Array]:
         """H (cells, k, k) and g (cells, k) of the weighted least squares around `p`."""
-        ev = self.problem.evidence
+        ev = self.problem.dataset
         w = self.problem.cell_weight(self.z)
         k = self.space.size
         H, g = np.zeros((len(w), k, k)), np.zeros((len(w), k))
@@ -219,12 +219,12 @@ def sensitivities(
 
     points = [beside(i, h) for i, h in zip(columns, wanted, strict=True)]
     values = yield Ask(
-        problem.evidence, points if predicted is not None else [*points, space.point(p)], detail
+        problem.dataset, points if predicted is not None else [*points, space.point(p)], detail
     )
     here = values[-1] if predicted is None else predicted
     values, signed = values[: len(points)], np.array(wanted)
     # A parameter may stand at the edge of what is physical: then its slope is that on the inside.
-    ev = problem.evidence
+    ev = problem.dataset
     over = [
         k
         for k, i in enumerate(columns)
@@ -251,7 +251,7 @@ def fitting(
     squares: bool = False,
     rough: bool = False,
 ) -> FitSteps:
-    """Steps of a fit from `start`; returns a `Fitted`.
+    """Steps of a fit from `start`; returns a `FitResult`.
 
     `theta_A` are sensitivities of the model parameters to begin with; without them they are
     computed. They follow by Broyden's rule; with `refresh_theta` they are renewed before the fit
@@ -298,7 +298,7 @@ class _Fit:
             self.lo[i] = self.hi[i] = value
         self.own = list(range(space.n_theta))
         self.extra = [i for i in range(space.n_theta, space.size) if i not in pinned]
-        self.A = np.zeros((problem.evidence.n, space.size), dtype=np.float32)
+        self.A = np.zeros((problem.dataset.n, space.size), dtype=np.float32)
         self.damping = _FIRST_DAMPING
 
     def begin(
@@ -313,7 +313,7 @@ class _Fit:
             self.A[:, : self.space.n_theta] = theta_A
 
     def _replay(self, detail: Detail | None) -> Generator[Ask, Array, None]:
-        self.predicted = (yield Ask(self.problem.evidence, [self.space.point(self.p)], detail))[0]
+        self.predicted = (yield Ask(self.problem.dataset, [self.space.point(self.p)], detail))[0]
         self.z = self.problem.white(self.predicted)
 
     def renew_own(self) -> Generator[Ask, Array, None]:
@@ -345,7 +345,7 @@ class _Fit:
             step = solve_box(damped, g, self.lo - p, self.hi - p)
             if not np.any(np.abs(step) > 1e-7):
                 break
-            trial = (yield Ask(problem.evidence, [space.point(p + step)], self.detail))[0]
+            trial = (yield Ask(problem.dataset, [space.point(p + step)], self.detail))[0]
             z = problem.white(trial)
             value = objective(problem, space, p + step, z, heat)
             if teaches(problem, step, trial, self.detail):
@@ -363,7 +363,7 @@ class _Fit:
             yield from self._replay(None)
         problem, space, p = self.problem, self.space, self.p
         value = objective(problem, space, p, self.z)
-        return Fitted(problem, space, p, self.predicted, self.z, self.A, value, edges(space, p))
+        return FitResult(problem, space, p, self.predicted, self.z, self.A, value, edges(space, p))
 
 
 def parabola(
@@ -400,19 +400,19 @@ def teaches(problem: Problem, step: Array, trial: Array, detail: Detail | None) 
     not be simulated shows nothing.
     """
     telling = float(np.linalg.norm(step)) >= _TELLING_STEP
-    return telling and not problem.evidence.fails(trial, detail)
+    return telling and not problem.dataset.fails(trial, detail)
 
 
-def drive(fits: Sequence[FitSteps]) -> list[Fitted]:
+def drive(fits: Sequence[FitSteps]) -> list[FitResult]:
     """Runs fits in step and returns their ends, in order."""
-    done: list[Fitted | None] = [None] * len(fits)
+    done: list[FitResult | None] = [None] * len(fits)
     asks: dict[int, Ask] = {i: next(fit) for i, fit in enumerate(fits)}
     while asks:
         following = {}
         for order in _together(asks):
             first = asks[order[0]]
             points = [point for i in order for point in asks[i].points]
-            values = first.evidence.predict(points, detail=first.detail)
+            values = first.dataset.predict(points, detail=first.detail)
             at = 0
             for i in order:
                 mine = values[at : at + len(asks[i].points)]
@@ -429,5 +429,5 @@ def _together(asks: Mapping[int, Ask]) -> list[list[int]]:
     """Which fits ask the same evidence for replays of the same detail, in a fixed order."""
     groups: dict[tuple[str, int], list[int]] = {}
     for i in sorted(asks):
-        groups.setdefault((str(asks[i].detail), id(asks[i].evidence)), []).append(i)
+        groups.setdefault((str(asks[i].detail), id(asks[i].dataset)), []).append(i)
     return sorted(groups.values(), key=lambda order: (str(asks[order[0]].detail), order))

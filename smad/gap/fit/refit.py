@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from smad.gap.fit.joint import polished
-from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
 from smad.gap.model.space import Space
 from smad.gap.plant import Array, EffectValues, Parameter
 
@@ -20,7 +20,7 @@ def refit(
     *,
     squares: bool = False,
     tie: Array | None = None,
-) -> Fitted:
+) -> FitResult:
     """Fit of the model parameters within their bounds, from the prior's centre.
 
     `fixed` are effects that belong to the model, `squares` asks for plain least squares, `tie`

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.gap.data.replay import Detail
-from smad.gap.fit.lsq import Fitted, Problem
+from smad.gap.fit.lsq import FitResult, Problem
 from smad.gap.plant import Array, Effect, ModelPoint
 
 _REWEIGHTINGS = 4
@@ -58,7 +58,7 @@ class Probes:
     weighing the cells anew costs next to nothing.
     """
 
-    fit: Fitted
+    fit: FitResult
     probes: tuple[Probe, ...]
     S: NDArray[np.float32]
     AA: Array
@@ -112,12 +112,12 @@ def probes_of(effect: Effect, now: Mapping[str, float] | None = None) -> list[Pr
     return out
 
 
-def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
+def probe(fit: FitResult, effects: Sequence[Effect]) -> Probes:
     """Signatures of every probe of `effects` on top of the model of `fit`, replayed roughly."""
     base = fit.point
     everything = [p for e in effects for p in probes_of(e, base.effects.get(e.name))]
     points = [ModelPoint(base.theta, {**base.effects, p.effect.name: p.values}) for p in everything]
-    ev = fit.problem.evidence.matching(base, fit.predicted)
+    ev = fit.problem.dataset.matching(base, fit.predicted)
     S = np.zeros((ev.n, len(points)), dtype=np.float32)
     for a, b in pairwise([*range(0, len(points), _BATCH), len(points)]):
         values = ev.predict(points[a:b], detail=Detail.ROUGH)
@@ -126,7 +126,7 @@ def probe(fit: Fitted, effects: Sequence[Effect]) -> Probes:
     return _assembled(fit, tuple(everything), S)
 
 
-def reprobe(known: Probes, fit: Fitted) -> Probes:
+def reprobe(known: Probes, fit: FitResult) -> Probes:
     """The probes of an earlier model on top of a later one, without those of its own effects.
 
     Signatures are taken over: they change little, and the joint fits that follow do not use them.
@@ -136,8 +136,8 @@ def reprobe(known: Probes, fit: Fitted) -> Probes:
     return _assembled(fit, tuple(known.probes[i] for i in keep), known.S[:, keep])
 
 
-def _assembled(fit: Fitted, probes: tuple[Probe, ...], S: NDArray[np.float32]) -> Probes:
-    ev = fit.problem.evidence
+def _assembled(fit: FitResult, probes: tuple[Probe, ...], S: NDArray[np.float32]) -> Probes:
+    ev = fit.problem.dataset
     k, m, cells = fit.space.size, S.shape[1], len(ev.cell_starts)
     AA, AS, SS = np.empty((cells, k, k)), np.empty((cells, k, m)), np.empty((cells, m))
     for c, (i, j) in enumerate(zip(ev.cell_starts, ev.cell_stops, strict=True)):
@@ -172,7 +172,7 @@ def project(probes: Probes, z: Array, cell_weight: Array, *, at_rest: bool = Fal
     H = np.tensordot(cell_weight, probes.AA, 1) + precision
     B = np.tensordot(cell_weight, probes.AS, 1)
     full = cell_weight @ probes.SS
-    wz = (cell_weight[fit.problem.evidence.row_cell] * z).astype(np.float32)
+    wz = (cell_weight[fit.problem.dataset.row_cell] * z).astype(np.float32)
     g = (wz @ fit.A).astype(float)
     if not at_rest:
         g -= precision @ (fit.p - mean)

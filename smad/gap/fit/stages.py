@@ -10,14 +10,14 @@ from functools import cached_property
 import numpy as np
 
 from smad.gap.data.noise import Floor, estimate_floors
-from smad.gap.data.replay import Detail, Evidence, Segment
+from smad.gap.data.replay import Dataset, Detail, Segment
 from smad.gap.data.views import local_views, open_views, shared_views
 from smad.gap.errors import RunRefused
 from smad.gap.fit.baseline import as_fixed, learn_baseline, unbound, with_laws
 from smad.gap.fit.coarse import serving_replays
-from smad.gap.fit.discrepancy import Background, fed_noise, learn_background
+from smad.gap.fit.discrepancy import Reference, fed_noise, learn_reference
 from smad.gap.fit.judge import Judged, excess_of, judge, predict_by_run
-from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
 from smad.gap.fit.refit import REFIT_ITERATIONS, refit
 from smad.gap.fit.threads import repeatable
 from smad.gap.model.whiten import OutputNoise, Whitening
@@ -47,11 +47,11 @@ class Prepared:
     noise: Mapping[str, OutputNoise]
     problem: Problem
     hold: Problem | None
-    fit: Fitted
-    tied: Fitted | None
+    fit: FitResult
+    tied: FitResult | None
     free: Judged
     raw: Judged
-    background: Background | None
+    reference: Reference | None
     centre: Mapping[str, float]
     fixed: EffectValues
     threshold: float
@@ -64,8 +64,8 @@ class Prepared:
     @cached_property
     def outputs(self) -> dict[str, Segment]:
         """Every output of the runs to fit on or held out, as a segment that has it."""
-        held = () if self.hold is None else self.hold.evidence.segments
-        return {s.key: s for s in (*held, *self.problem.evidence.segments)}
+        held = () if self.hold is None else self.hold.dataset.segments
+        return {s.key: s for s in (*held, *self.problem.dataset.segments)}
 
 
 def prepare(
@@ -90,30 +90,30 @@ def prepare(
     floors = estimate_floors([*runs, *hold_out, *good], plant, settings)
     first = _beginning(runs[0], settings)
     fast = serving_replays(
-        lambda fast: Evidence(plant, [first], views, settings, executor, fast=fast), floors
+        lambda fast: Dataset(plant, [first], views, settings, executor, fast=fast), floors
     )
     if fast != 1:
         progress("replaying in shorter steps")
 
-    def evidence(chosen: Sequence[GapRun]) -> Evidence:
-        return Evidence(plant, chosen, views, settings, executor, fast=fast)
+    def dataset(chosen: Sequence[GapRun]) -> Dataset:
+        return Dataset(plant, chosen, views, settings, executor, fast=fast)
 
-    background = None
+    reference = None
     if good:
         progress(f"fitting {len(good)} known-good runs")
-        background = _background_of(evidence(good), floors, progress)
+        reference = _reference_of(dataset(good), floors, progress)
     lost = sorted(_keys(local_views(plant)) - _keys(views))
-    ev = Evidence(plant, runs, views, settings, executor, fast=fast, not_shared=lost)
-    hold = evidence(hold_out) if hold_out else None
+    ev = Dataset(plant, runs, views, settings, executor, fast=fast, not_shared=lost)
+    hold = dataset(hold_out) if hold_out else None
     refitting = f"refitting {len(plant.parameters)} parameters"
-    if background is None:
+    if reference is None:
         noise = fed_noise(ev, floors, nominal_point(plant), settings.seed)
         progress(refitting)
         stood = _from_nominal(ev, hold, noise)
     else:
-        noise = dict(background.noise)
+        noise = dict(reference.noise)
         progress(refitting)
-        stood = _from_good(ev, hold, background)
+        stood = _from_good(ev, hold, reference)
     start = stood.start
     problem, held = stood.problem, stood.hold
     raw = Judged(
@@ -133,10 +133,10 @@ def prepare(
         stood.tied,
         stood.free,
         raw,
-        background,
+        reference,
         start.theta,
         start.effects,
-        _threshold(background, settings),
+        _threshold(reference, settings),
     )
 
 
@@ -147,14 +147,12 @@ class _Refitted:
     start: ModelPoint
     problem: Problem
     hold: Problem | None
-    fit: Fitted
-    tied: Fitted | None
+    fit: FitResult
+    tied: FitResult | None
     free: Judged
 
 
-def _from_nominal(
-    ev: Evidence, hold: Evidence | None, noise: Mapping[str, OutputNoise]
-) -> _Refitted:
+def _from_nominal(ev: Dataset, hold: Dataset | None, noise: Mapping[str, OutputNoise]) -> _Refitted:
     """The refit of the nominal model, every parameter free."""
     problem = _weighed(ev, noise, None)
     held = None if hold is None else _weighed(hold, noise, None)
@@ -163,12 +161,12 @@ def _from_nominal(
     return _Refitted(start, fit.problem, held, fit, None, judge([fit], held)[0])
 
 
-def _from_good(ev: Evidence, hold: Evidence | None, background: Background) -> _Refitted:
+def _from_good(ev: Dataset, hold: Dataset | None, reference: Reference) -> _Refitted:
     """The refits of the model of the good runs: parameters tied to it, and free."""
-    problem = _weighed(ev, background.noise, background)
-    held = None if hold is None else _weighed(hold, background.noise, background)
-    start = background.fit.point
-    tie = _tie(background)
+    problem = _weighed(ev, reference.noise, reference)
+    held = None if hold is None else _weighed(hold, reference.noise, reference)
+    start = reference.fit.point
+    tie = _tie(reference)
     tied = refit(problem, ev.plant.parameters, start.theta, start.effects, tie=tie)
     fit = unbound(tied)
     free = judge([fit], held)[0]
@@ -176,23 +174,21 @@ def _from_good(ev: Evidence, hold: Evidence | None, background: Background) -> _
     return _Refitted(start, tied.problem, held, as_fixed(fit), tied, free)
 
 
-def _weighed(
-    ev: Evidence, noise: Mapping[str, OutputNoise], background: Background | None
-) -> Problem:
+def _weighed(ev: Dataset, noise: Mapping[str, OutputNoise], reference: Reference | None) -> Problem:
     """Evidence with its weights, and what good runs expect of it."""
     own = {k: noise[k] for k in ev.keys}
-    expected = np.zeros(ev.n) if background is None else background.expected(ev)
+    expected = np.zeros(ev.n) if reference is None else reference.expected(ev)
     return Problem(ev, Whitening(ev, own), expected)
 
 
 @repeatable
 def known_good(
     runs: Sequence[GapRun], plant: PlantModel, settings: Settings, executor: Executor | None = None
-) -> Background:
+) -> Reference:
     """What the model makes of known-good runs alone: baseline, K_δ and the fit itself."""
-    ev = Evidence(plant, runs, local_views(plant), settings, executor)
+    ev = Dataset(plant, runs, local_views(plant), settings, executor)
     floors = estimate_floors(runs, plant, settings)
-    return _background_of(ev, floors, lambda text: None)
+    return _reference_of(ev, floors, lambda text: None)
 
 
 def _beginning(run: GapRun, settings: Settings) -> GapRun:
@@ -204,11 +200,11 @@ def _keys(views: Sequence[View]) -> set[str]:
     return {o.key for v in views for o in v.outputs}
 
 
-def _background_of(
-    ev: Evidence,
+def _reference_of(
+    ev: Dataset,
     floors: Mapping[str, Floor],
     progress: Callable[[str], None],
-) -> Background:
+) -> Reference:
     """Baseline and K_δ of known-good runs.
 
     First by least squares, which shares the misfit out; its size by output and regime is then the
@@ -218,7 +214,7 @@ def _background_of(
     parameters, effects = ev.plant.parameters, ev.plant.effects
     plain = Problem(ev, Whitening(ev, base), np.zeros(ev.n))
     rough = with_laws(plain, parameters, effects)
-    noise = learn_background(rough, base, templates=False).noise
+    noise = learn_reference(rough, base, templates=False).noise
     weighed = replace(rough.problem, whitening=Whitening(ev, noise))
     steps = fitting(
         weighed,
@@ -230,27 +226,27 @@ def _background_of(
     )
     fit = drive([steps])[0]
     fit = learn_baseline(fit, effects, progress)
-    return learn_background(fit, base)
+    return learn_reference(fit, base)
 
 
-def _tie(background: Background) -> Array:
+def _tie(reference: Reference) -> Array:
     """Precision of the parameters after the good runs, loosened by what a day changes.
 
     The good runs count as fully as the runs under test do: a fit with this tie is the fit of both
     together, the effects acting on the latter only. Shape (parameters, parameters).
     """
-    fit = background.fit
+    fit = reference.fit
     H, _ = fit.normal_equations()
     known = np.linalg.inv(H.sum(axis=0) + np.eye(fit.space.n_theta))
     return np.asarray(np.linalg.inv(known + np.eye(len(known)) * _DAY_SHARE**2))
 
 
-def _plain(fit: Fitted) -> Fitted:
+def _plain(fit: FitResult) -> FitResult:
     """The refit by plain least squares, every cell at its full weight."""
-    problem = _Plain(fit.problem.evidence, fit.problem.whitening, fit.problem.background)
+    problem = _Plain(fit.problem.dataset, fit.problem.whitening, fit.problem.background)
     steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3)
     end = drive([steps])[0]
-    return Fitted(
+    return FitResult(
         fit.problem,
         end.space,
         end.p,
@@ -269,19 +265,19 @@ class _Plain(Problem):
         return -0.5 * self.cell_q(z) / heat**2
 
     def cell_weight(self, z: Array, heat: float = 1.0) -> Array:
-        return np.asarray((self.evidence.cell_size > 0) / heat**2)
+        return np.asarray((self.dataset.cell_size > 0) / heat**2)
 
 
-def _threshold(background: Background | None, settings: Settings) -> float:
+def _threshold(reference: Reference | None, settings: Settings) -> float:
     """Gap over the floor beyond which a refitted gap is significant.
 
     Good runs show how much a run without any trouble exceeds the floor that all of them set.
     """
-    if background is None:
+    if reference is None:
         return settings.min_excess
-    own = background.problem
-    ev = own.evidence
-    squares = np.square(own.scaled(background.left_out.predicted))
+    own = reference.problem
+    ev = own.dataset
+    squares = np.square(own.scaled(reference.left_out.predicted))
     per_run = []
     for r in range(len(ev.runs)):
         weight = np.zeros(ev.n)
@@ -297,14 +293,14 @@ def open_loop(prepared: Prepared, executor: Executor | None = None) -> Problem:
     """The whole simulator on the judging runs, with the floor that good runs give each output."""
     plant, settings = prepared.plant, prepared.settings
     bench = prepared.problem if prepared.hold is None else prepared.hold
-    runs = bench.evidence.runs
-    known = prepared.background
-    good_runs = () if known is None else known.fit.problem.evidence.runs
+    runs = bench.dataset.runs
+    known = prepared.reference
+    good_runs = () if known is None else known.fit.problem.dataset.runs
     views = shared_views(open_views(plant), (runs, good_runs))
-    ev = Evidence(plant, runs, views, settings, executor, fast=0)
+    ev = Dataset(plant, runs, views, settings, executor, fast=0)
     noise = {k: OutputNoise(prepared.floors[ev.rows_of(k)[0].channel].total) for k in ev.keys}
     if known is not None:
-        good = Evidence(plant, good_runs, views, settings, executor, fast=0)
+        good = Dataset(plant, good_runs, views, settings, executor, fast=0)
         problem = Problem(good, Whitening(good, noise), np.zeros(good.n))
         residual = good.residual(predict_by_run(problem, known.left_out.points, known.fit.point))
         for key in list(noise):

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import lfilter
 
-from smad.gap.data.replay import Evidence
+from smad.gap.data.replay import Dataset
 from smad.gap.plant import Array
 
 _KNOTS = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -35,26 +35,26 @@ class Basis:
     regimes: tuple[str, ...]
 
     @classmethod
-    def of(cls, evidence: Evidence, side: str) -> Basis:
-        """A basis for one side, with knots at quantiles over the runs of `evidence`."""
+    def of(cls, dataset: Dataset, side: str) -> Basis:
+        """A basis for one side, with knots at quantiles over the runs of `dataset`."""
         pooled: dict[str, list[Array]] = {}
-        for r in range(len(evidence.runs)):
-            for name, column in _columns(evidence, r, side).items():
+        for r in range(len(dataset.runs)):
+            for name, column in _columns(dataset, r, side).items():
                 pooled.setdefault(name, []).append(column)
         knots = {}
         for name, parts in pooled.items():
-            if len(parts) < len(evidence.runs):
+            if len(parts) < len(dataset.runs):
                 continue
             q = np.unique(np.round(np.quantile(np.concatenate(parts), _KNOTS), 12))
             if len(q) >= 2 and q[-1] > q[0]:
                 knots[name] = q
-        names = tuple(evidence.plant.regimes(evidence.runs[0], side))
+        names = tuple(dataset.plant.regimes(dataset.runs[0], side))
         return cls(knots, names)
 
-    def design(self, evidence: Evidence, run: int, side: str) -> Array:
+    def design(self, dataset: Dataset, run: int, side: str) -> Array:
         """Design matrix of one run; shape (bins, functions)."""
-        columns = _columns(evidence, run, side)
-        grid = evidence.grids[run]
+        columns = _columns(dataset, run, side)
+        grid = dataset.grids[run]
         parts = [np.ones(len(grid.t_s))]
         for name, q in self.knots.items():
             v = columns.get(name)
@@ -63,7 +63,7 @@ class Basis:
             span = q[-1] - q[0]
             for a, b in pairwise(q):
                 parts.append((np.clip(v, a, b) - a) / span * np.sqrt(len(q)))
-        masks = evidence.plant.regimes(evidence.runs[run], side)
+        masks = dataset.plant.regimes(dataset.runs[run], side)
         # A run that lacks a channel may lack the regimes that are read from it.
         never = np.zeros(len(grid.t_s))
         parts += [
@@ -72,10 +72,10 @@ class Basis:
         return np.column_stack(parts)
 
 
-def _columns(evidence: Evidence, run: int, side: str) -> dict[str, Array]:
-    grid = evidence.grids[run]
+def _columns(dataset: Dataset, run: int, side: str) -> dict[str, Array]:
+    grid = dataset.grids[run]
     out = {}
-    for name, column in evidence.plant.features(evidence.runs[run], side).items():
+    for name, column in dataset.plant.features(dataset.runs[run], side).items():
         binned = grid.mean(np.nan_to_num(column))
         out[name] = binned
         for memory in _MEMORY:
@@ -96,8 +96,8 @@ class Correction:
     weights: Array
     explained: float
 
-    def __call__(self, evidence: Evidence, run: int) -> Array:
-        return self.basis.design(evidence, run, self.side) @ self.weights
+    def __call__(self, dataset: Dataset, run: int) -> Array:
+        return self.basis.design(dataset, run, self.side) @ self.weights
 
 
 @dataclass(frozen=True)
@@ -124,20 +124,20 @@ def _solve(normals: Sequence[_Normal], ridge: float) -> Array:
 class Designs:
     """Bases and design matrices of some runs, made once for each side."""
 
-    evidence: Evidence
+    dataset: Dataset
     bases: dict[str, Basis]
     matrices: dict[tuple[int, str], Array]
 
     @classmethod
-    def of(cls, evidence: Evidence) -> Designs:
-        sides = list(dict.fromkeys(s.side for s in evidence.segments))
-        bases = {side: Basis.of(evidence, side) for side in sides}
-        wanted = dict.fromkeys((s.run, s.side) for s in evidence.segments)
+    def of(cls, dataset: Dataset) -> Designs:
+        sides = list(dict.fromkeys(s.side for s in dataset.segments))
+        bases = {side: Basis.of(dataset, side) for side in sides}
+        wanted = dict.fromkeys((s.run, s.side) for s in dataset.segments)
         return cls(
-            evidence, bases, {at: bases[at[1]].design(evidence, at[0], at[1]) for at in wanted}
+            dataset, bases, {at: bases[at[1]].design(dataset, at[0], at[1]) for at in wanted}
         )
 
-    def on(self, other: Evidence) -> dict[tuple[int, str], Array]:
+    def on(self, other: Dataset) -> dict[tuple[int, str], Array]:
         """The same bases evaluated on other runs."""
         wanted = dict.fromkeys((s.run, s.side) for s in other.segments)
         return {at: self.bases[at[1]].design(other, at[0], at[1]) for at in wanted}
@@ -151,8 +151,8 @@ def fit_correction(
     `residual` and `scale` are rows of the runs that `made` is of. A fold is a run; where there is
     one run only, one of five stretches of it.
     """
-    evidence = made.evidence
-    segments = evidence.rows_of(key)
+    dataset = made.dataset
+    segments = dataset.rows_of(key)
     side = segments[0].side
     folds = [
         (slice(s.start + a, s.start + b), made.matrices[s.run, side][a:b])
@@ -160,7 +160,7 @@ def fit_correction(
         for a, b in _stretches(s.stop - s.start, alone=len(segments) == 1)
     ]
     normals = [
-        _normal(design, residual[rows], evidence.valid[rows] / np.square(scale[rows]))
+        _normal(design, residual[rows], dataset.valid[rows] / np.square(scale[rows]))
         for rows, design in folds
     ]
     power = sum(n.power for n in normals)
@@ -172,7 +172,7 @@ def fit_correction(
             loss += own.power - 2 * float(w @ own.moment) + float(w @ own.gram @ w)
         if loss < best_loss:
             best_ridge, best_loss = ridge, loss
-    out = np.zeros(evidence.n)
+    out = np.zeros(dataset.n)
     for i, (rows, design) in enumerate(folds):
         w = _solve([n for j, n in enumerate(normals) if j != i], best_ridge)
         out[rows] = design @ w

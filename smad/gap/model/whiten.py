@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import lfilter
 
-from smad.gap.data.replay import Evidence
+from smad.gap.data.replay import Dataset
 from smad.gap.plant import Array
 
 
@@ -59,14 +59,14 @@ def lagged_products(series: Sequence[Array], longest: int) -> Array:
 
 
 class Whitening:
-    """Turns rows of `evidence` into scaled rows (`scale`) and white rows (`white`)."""
+    """Turns rows of `dataset` into scaled rows (`scale`) and white rows (`white`)."""
 
-    def __init__(self, evidence: Evidence, noise: Mapping[str, OutputNoise]) -> None:
-        self.evidence, self.noise = evidence, noise
-        self.s = np.ones(evidence.n)
+    def __init__(self, dataset: Dataset, noise: Mapping[str, OutputNoise]) -> None:
+        self.dataset, self.noise = dataset, noise
+        self.s = np.ones(dataset.n)
         self._filters: list[tuple[float, float, float]] = []
-        masks = evidence.regime_masks()
-        for seg in evidence.segments:
+        masks = dataset.regime_masks()
+        for seg in dataset.segments:
             model = noise[seg.key]
             k = np.full(seg.stop - seg.start, model.k.get("", 0.0))
             free = np.ones_like(k, dtype=bool)
@@ -81,7 +81,7 @@ class Whitening:
     def _filter_of(self, model: OutputNoise, k2: float) -> tuple[float, float, float]:
         share = k2 / (k2 + model.sigma**2)
         if share > 0.05 and model.tau_s > 0:
-            rho = float(np.exp(-self.evidence.settings.period_s / model.tau_s))
+            rho = float(np.exp(-self.dataset.settings.period_s / model.tau_s))
             return rho, *arma_innovations(min(share, 0.99), rho)
         if model.noise_rho > 0.05:
             return model.noise_rho, *arma_innovations(1.0, model.noise_rho)
@@ -95,14 +95,14 @@ class Whitening:
 
     def scale(self, rows: Array) -> Array:
         """Rows over their standard deviation; invalid rows become 0."""
-        factor = np.where(self.evidence.valid, 1.0 / self.s, 0.0)
+        factor = np.where(self.dataset.valid, 1.0 / self.s, 0.0)
         return rows * (factor if rows.ndim == 1 else factor[:, None])
 
     def white(self, rows: Array) -> Array:
         """Innovations of the scaled rows; unit variance where Σ is right. Shape as given."""
         z = self.scale(rows)
         out = np.empty_like(z)
-        for seg, (rho, theta, v) in zip(self.evidence.segments, self._filters, strict=True):
+        for seg, (rho, theta, v) in zip(self.dataset.segments, self._filters, strict=True):
             part = z[seg.rows]
             if rho == 0.0:
                 out[seg.rows] = part
@@ -111,5 +111,5 @@ class Whitening:
             first = (root - 1.0) * part[:1]
             out[seg.rows] = lfilter([1.0, -rho], [1.0, -theta], part, axis=0, zi=first)[0] / root
         return np.where(
-            self.evidence.valid if out.ndim == 1 else self.evidence.valid[:, None], out, 0.0
+            self.dataset.valid if out.ndim == 1 else self.dataset.valid[:, None], out, 0.0
         )

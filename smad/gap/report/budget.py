@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from smad.gap.data.replay import Detail
-from smad.gap.fit.candidate import Candidate, cluster_gain
+from smad.gap.fit.hypothesis import Hypothesis, cluster_gain
 from smad.gap.fit.judge import Judged, excess_of
 from smad.gap.fit.lsq import Problem
 from smad.gap.fit.stages import Prepared
@@ -34,7 +34,7 @@ class Way:
     predictions: Sequence[Array]
 
 
-def way(prepared: Prepared, chain: Sequence[Candidate], refit: Judged) -> Way:
+def way(prepared: Prepared, chain: Sequence[Hypothesis], refit: Judged) -> Way:
     """The way to the last of `chain`, without other values of the parameters where none is needed.
 
     They are not where the effects of the last model, at the parameters as they were, predict runs
@@ -46,8 +46,8 @@ def way(prepared: Prepared, chain: Sequence[Candidate], refit: Judged) -> Way:
     last, centre = chain[-1], prepared.centre
     points = [point_with(prepared, centre, last, causes[: i + 1]) for i in range(len(causes))]
     problem, hold = prepared.problem, prepared.hold
-    own = problem.evidence.predict(points, detail=Detail.FINE)
-    held = own[:, :0] if hold is None else hold.evidence.predict(points, detail=Detail.FINE)
+    own = problem.dataset.predict(points, detail=Detail.FINE)
+    held = own[:, :0] if hold is None else hold.dataset.predict(points, detail=Detail.FINE)
     plain = Judged(problem, hold, own[-1], held[-1])
     gain, error = cluster_gain(problem, hold, last.judged.scores() - plain.scores())
     clear = prepared.settings.standard_errors * error
@@ -59,7 +59,7 @@ def way(prepared: Prepared, chain: Sequence[Candidate], refit: Judged) -> Way:
 
 
 def _one_by_one(
-    prepared: Prepared, chain: Sequence[Candidate], causes: Sequence[str]
+    prepared: Prepared, chain: Sequence[Hypothesis], causes: Sequence[str]
 ) -> list[Array]:
     """A prediction for each cause. Those that entered together are put in one after the other."""
     judged_on = prepared.problem if prepared.hold is None else prepared.hold
@@ -70,21 +70,21 @@ def _one_by_one(
         for name in entered[:-1]:
             told.append(name)
             point = point_with(prepared, c.fit.point.theta, c, told)
-            steps.append(judged_on.evidence.predict([point], detail=Detail.FINE)[0])
+            steps.append(judged_on.dataset.predict([point], detail=Detail.FINE)[0])
         if entered:
             told.append(entered[-1])
             steps.append(c.judged.predicted)
     return steps
 
 
-def _in_order(chain: Sequence[Candidate]) -> tuple[str, ...]:
+def _in_order(chain: Sequence[Hypothesis]) -> tuple[str, ...]:
     """The effects of the last model, in the order in which the chain took them in."""
     last = chain[-1].names if chain else ()
     return tuple(dict.fromkeys(name for c in chain for name in c.names if name in last))
 
 
 def point_with(
-    prepared: Prepared, theta: Mapping[str, float], c: Candidate, names: Sequence[str]
+    prepared: Prepared, theta: Mapping[str, float], c: Hypothesis, names: Sequence[str]
 ) -> ModelPoint:
     """Parameters `theta`, what known-good runs ask for, and of the effects of `c` only `names`."""
     own = {k: dict(v) for k, v in c.fit.point.effects.items() if k in names}
@@ -123,7 +123,7 @@ def _row(r: WaterfallRow) -> BudgetRow:
 
 
 def _by_run(problem: Problem, predictions: Sequence[Array]) -> list[RunGap]:
-    ev = problem.evidence
+    ev = problem.dataset
     squares = [np.square(problem.scaled(p)) for p in (*predictions[:2], predictions[-1])]
     out = []
     for k, run in enumerate(ev.runs):

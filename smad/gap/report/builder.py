@@ -20,10 +20,10 @@ from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import Track
 from smad.gap.compare.verdict import Evidenced, decide, standing_out
 from smad.gap.compare.weigh import weigh
-from smad.gap.data.admission import Admission
+from smad.gap.data.admission import RunSet
 from smad.gap.data.guards import FURTHER
 from smad.gap.data.replay import Detail
-from smad.gap.fit.candidate import Candidate, ending_at_bound
+from smad.gap.fit.hypothesis import Hypothesis, ending_at_bound
 from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
 from smad.gap.fit.judge import excess_by_key, predict_by_run
 from smad.gap.fit.significance import DRAWS
@@ -122,7 +122,7 @@ class Shell:
         )
         return [*LIMITS, times, *([] if self.unseen else [SINGLE])]
 
-    def refused(self, what: str, admission: Admission) -> Diagnosis:
+    def refused(self, what: str, admission: RunSet) -> Diagnosis:
         """No run of those `what` could be used: the verdict names why, and nothing else."""
         refusals = [f for f in admission.findings if f.refuses]
         kinds = dict.fromkeys(f.kind for f in refusals)
@@ -146,7 +146,7 @@ class Answer:
     outcome: Outcome
     probability: float
     weighed: Evidenced
-    final: Candidate
+    final: Hypothesis
     values: Sequence[ValueRecord] = ()
     bounded: Sequence[str] = ()
 
@@ -194,7 +194,7 @@ class Closing:
         return self.track.selection
 
     @cached_property
-    def chain(self) -> list[Candidate]:
+    def chain(self) -> list[Hypothesis]:
         """The way to the best model: accepted steps that are part of it, then itself."""
         s = self.selection
         if not s.best.names:
@@ -221,7 +221,7 @@ class Closing:
         draws = bootstrap(answer.final.fit, DRAWS, prepared.settings.seed)
         return shell.record(
             verdict,
-            missing=sorted(set(prepared.problem.evidence.missing)),
+            missing=sorted(set(prepared.problem.dataset.missing)),
             floors=summary.floor_records(prepared),
             steps=[list(c.names) for c in self.chain],
             waterfall=summary.waterfall("local", best.bench, predictions, prepared.plant) + opened,
@@ -243,7 +243,7 @@ class Closing:
 
     def _findings(self) -> list[Finding]:
         """What is to be known of all runs together."""
-        fine = self.prepared.problem.evidence.detail is Detail.FINE
+        fine = self.prepared.problem.dataset.detail is Detail.FINE
         told = {
             "runs disagree": disagreement(self.selection.best.fit),
             "own step": _OWN_STEP if fine else "",
@@ -265,7 +265,7 @@ class Closing:
         if bounded := ending_at_bound(joint.fit):
             return Answer(Outcome.UNKNOWN, settings.unsure_right, weighed, base, bounded=bounded)
         # How far the forms of laws differ has been seen on benches with known-good runs only.
-        form = 0.0 if prepared.background is None else settings.form_share
+        form = 0.0 if prepared.reference is None else settings.form_share
         values = summary.value_records(intervals(joint, settings.seed, form), prepared.fixed)
         return Answer(outcome, p, weighed, dataclasses.replace(best, joint=joint), values)
 
@@ -307,7 +307,7 @@ class Closing:
         what = [", ".join(named) or "no effect"]
         if laws := sorted(set(point.effects) - set(named)):
             what.append(f"the laws of the known-good runs ({', '.join(laws)})")
-        as_good = "of the known-good runs" if prepared.background is not None else "as they were"
+        as_good = "of the known-good runs" if prepared.reference is not None else "as they were"
         what.append("the refitted parameters" if moved else f"the parameters {as_good}")
         return point, f"{', '.join(what[:-1])} and {what[-1]}"
 
@@ -315,7 +315,7 @@ class Closing:
         """Gaps and courses of the whole simulator; effects count in it once they are named."""
         prepared, plant = self.prepared, self.prepared.plant
         problem = open_loop(prepared, self.executor)
-        predict = problem.evidence.predict
+        predict = problem.dataset.predict
         predictions = [predict([ModelPoint(prepared.centre, prepared.fixed)])[0]]
         for c in (self.selection.base, *(self.chain if answer.named else ())):
             if prepared.hold is None:

@@ -9,7 +9,7 @@ import numpy as np
 from smad.gap.compare.localise import HeatMap
 from smad.gap.compare.residual_tests import LAGS, cross_correlation, ljung_box
 from smad.gap.compare.select import Selection
-from smad.gap.fit.candidate import Candidate
+from smad.gap.fit.hypothesis import Hypothesis
 from smad.gap.fit.joint import Interval
 from smad.gap.fit.judge import excess_by_key, shrink
 from smad.gap.fit.lsq import Problem
@@ -57,7 +57,7 @@ def waterfall(
     view: str, problem: Problem, predictions: Sequence[Array], plant: PlantModel
 ) -> list[WaterfallRow]:
     """Rows of one view group: raw, refit, then one prediction for each accepted step."""
-    ev = problem.evidence
+    ev = problem.dataset
     gaps = [excess_by_key(problem, np.square(problem.scaled(p))) for p in predictions]
     unit = units(plant)
     rows = []
@@ -112,9 +112,9 @@ def fitted_records(selection: Selection, answer: Selection) -> list[FittedRecord
     return [_fitted_record(c) for c in (*known.values(), *free)]
 
 
-def _fitted_record(c: Candidate) -> FittedRecord:
+def _fitted_record(c: Hypothesis) -> FittedRecord:
     fit, judged = c.fit, c.judged
-    valid, held = fit.problem.evidence.valid, judged.bench.evidence.valid
+    valid, held = fit.problem.dataset.valid, judged.bench.dataset.valid
     return FittedRecord(
         names=list(c.names),
         parameters=fit.space.size,
@@ -138,7 +138,7 @@ def value_records(found: Sequence[Interval], before: EffectValues) -> list[Value
     ]
 
 
-def parameter_records(prepared: Prepared, best: Candidate, draws: Array) -> list[ParameterRecord]:
+def parameter_records(prepared: Prepared, best: Hypothesis, draws: Array) -> list[ParameterRecord]:
     """Model parameters before, after the refit and with the effects, with bootstrap intervals."""
     fit, refit = best.fit, prepared.fit
     coordinates = (fit.p, *np.quantile(draws, (0.025, 0.975), axis=0))
@@ -152,7 +152,7 @@ def parameter_records(prepared: Prepared, best: Candidate, draws: Array) -> list
     return out
 
 
-def law_records(prepared: Prepared, best: Candidate) -> list[LawRecord]:
+def law_records(prepared: Prepared, best: Hypothesis) -> list[LawRecord]:
     """What known-good runs gave the model besides parameters; effects that are named are not it."""
     now = best.fit.point.effects
     return [
@@ -163,9 +163,9 @@ def law_records(prepared: Prepared, best: Candidate) -> list[LawRecord]:
     ]
 
 
-def residual_test_records(prepared: Prepared, best: Candidate) -> list[ResidualTest]:
+def residual_test_records(prepared: Prepared, best: Hypothesis) -> list[ResidualTest]:
     """Ljung–Box of each output, and its strongest correlation with an input or a state."""
-    ev = prepared.problem.evidence
+    ev = prepared.problem.dataset
     out = []
     for key in ev.keys:
         segments = ev.rows_of(key)
@@ -188,7 +188,7 @@ def traces(
     view: str, problem: Problem, refit: Array, final: Array, plant: PlantModel
 ) -> list[Trace]:
     """Measured, refitted and final course of the outputs of the judging runs, decimated."""
-    ev, unit = problem.evidence, units(plant)
+    ev, unit = problem.dataset, units(plant)
     gap = excess_by_key(problem, np.square(problem.scaled(refit)))
     order = sorted(ev.segments, key=lambda s: (-gap.get(s.key, 0.0), s.key, s.run))
     shown = (ev.measured, refit + problem.background, final + problem.background)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from smad.gap.compare import select
-from smad.gap.compare.select import Candidate, Selection, Selector
+from smad.gap.compare.select import Hypothesis, Selection, Selector
 from smad.gap.fit.joint import JointFit, Start, joint_fits
-from smad.gap.fit.lsq import Fitted
+from smad.gap.fit.lsq import FitResult
 from smad.gap.fit.stages import prepare
 from smad.gap.plant import Effect
 from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, bank
@@ -21,15 +21,15 @@ from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 class Forgetful(Selector):
     """Fits and judges anew, as often as it is asked."""
 
-    def _refitted(self, current: Candidate, effects: tuple[Effect, ...]) -> JointFit:
+    def _refitted(self, current: Hypothesis, effects: tuple[Effect, ...]) -> JointFit:
         self._refits.clear()
         return super()._refitted(current, effects)
 
-    def _without(self, base: Candidate, current: Candidate, name: str) -> Candidate:
+    def _without(self, base: Hypothesis, current: Hypothesis, name: str) -> Hypothesis:
         self._less.clear()
         return super()._without(base, current, name)
 
-    def _enters(self, c: Candidate) -> bool:
+    def _enters(self, c: Hypothesis) -> bool:
         self._news.clear()
         return super()._enters(c)
 
@@ -43,15 +43,15 @@ def test_two_causes_are_found_alike_by_one_that_forgets(monkeypatch: pytest.Monk
     refit = prepared.tied
     asked: Counter[object] = Counter()
     # Kept, so that no identity is given twice.
-    fits: list[Fitted] = []
+    fits: list[FitResult] = []
 
-    def is_new(candidate: Candidate) -> bool:
+    def is_new(candidate: Hypothesis) -> bool:
         fits.append(candidate.fit)
         asked["new", id(candidate.fit)] += 1
         return True
 
     def refits(
-        base: Fitted, starts: Sequence[Start], *, finish: int = 2
+        base: FitResult, starts: Sequence[Start], *, finish: int = 2
     ) -> dict[tuple[str, ...], JointFit]:
         fits.append(base)
         named = tuple(tuple(e.name for e in start.effects) for start in starts)

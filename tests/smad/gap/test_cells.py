@@ -23,7 +23,7 @@ def coupled() -> Selection:
 
 
 def test_cells_of_another_length_hold_the_same_rows(coupled: Selection) -> None:
-    whole = coupled.base.fit.problem.evidence
+    whole = coupled.base.fit.problem.dataset
     half = whole.with_cells_of(0.5 * whole.settings.block_s)
     assert half.cell_size.sum() == whole.cell_size.sum()
     assert 1.8 < len(half.cell_size) / len(whole.cell_size) < 2.2
@@ -46,7 +46,7 @@ def test_a_cause_that_other_cells_would_not_let_in_is_told(
         return bool(candidate.cells <= most)
 
     monkeypatch.setattr(cells, "acceptable", acceptable)
-    block_s = coupled.base.fit.problem.evidence.settings.block_s
+    block_s = coupled.base.fit.problem.dataset.settings.block_s
     assert hangs_on_cells(coupled, tied=False) == (
         f"in cells of {0.5 * block_s:g} s coupling would not enter: the answer hangs on the length "
         f"of the cells, {block_s:g} s"

@@ -10,7 +10,7 @@ import pytest
 from sim_device.plant.parameters import initial_detwinned
 from smad.gap import Settings, diagnose
 from smad.gap.data.noise import estimate_floors
-from smad.gap.data.replay import Detail, Evidence, Grid, thinned
+from smad.gap.data.replay import Dataset, Detail, Grid, thinned
 from smad.gap.data.views import local_views
 from smad.gap.fit.discrepancy import fed_noise
 from smad.gap.fit.lsq import Problem, drive, fitting, sensitivities
@@ -101,7 +101,7 @@ class _Failing(HeaterPlant):
 
 
 def _problem(plant: HeaterPlant, run: GapRun) -> Problem:
-    ev = Evidence(plant, [run], local_views(plant), Settings())
+    ev = Dataset(plant, [run], local_views(plant), Settings())
     noise = {k: OutputNoise(0.05) for k in ev.keys}
     return Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
 
@@ -115,7 +115,7 @@ def _lossy(run: GapRun) -> GapRun:
 def test_a_run_that_could_not_be_simulated_is_seen_despite_lost_samples() -> None:
     run = _lossy(recorded("random", 3, duration_s=20.0))
     problem = _problem(_Failing(), run)
-    ev = problem.evidence
+    ev = problem.dataset
     good, bad = ev.predict(
         [ModelPoint(NOMINAL), ModelPoint(NOMINAL | {"c_J_K": 1.1 * NOMINAL["c_J_K"]})]
     )
@@ -136,7 +136,7 @@ def test_a_slope_at_the_edge_of_what_can_be_simulated_is_that_on_the_inside() ->
         try:
             while True:
                 ask_points = steps.send(
-                    problem.evidence.predict(ask_points.points, detail=ask_points.detail)
+                    problem.dataset.predict(ask_points.points, detail=ask_points.detail)
                 )
         except StopIteration as end:
             return np.asarray(end.value[:, 0], dtype=np.float64)
@@ -149,7 +149,7 @@ def test_a_slope_at_the_edge_of_what_can_be_simulated_is_that_on_the_inside() ->
 def test_rough_slopes_point_where_detailed_ones_do() -> None:
     """Most to a few per cent; one that a switch of the hysteresis decides, to a half."""
     plant, run = SmaPlant(), _bench_run()
-    ev = Evidence(plant, [run], local_views(plant), Settings())
+    ev = Dataset(plant, [run], local_views(plant), Settings())
     floors = estimate_floors([run], plant, Settings())
     nominal = {p.name: p.nominal for p in plant.parameters}
     whitening = Whitening(ev, fed_noise(ev, floors, ModelPoint(nominal), 0))

@@ -9,12 +9,12 @@ from smad.gap import Settings
 from smad.gap.compare.select import Selection, Selector
 from smad.gap.compare.tracks import follow_tracks
 from smad.gap.compare.weigh import weigh
-from smad.gap.data.replay import Detail, Evidence
+from smad.gap.data.replay import Dataset, Detail
 from smad.gap.data.views import local_views
 from smad.gap.fit import joint
 from smad.gap.fit.descent import descent
 from smad.gap.fit.judge import judge
-from smad.gap.fit.lsq import Fitted, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
 from smad.gap.fit.stages import Prepared, prepare
 from smad.gap.model.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
@@ -33,7 +33,7 @@ def prepared() -> Prepared:
 
 
 def test_tied_and_free_refit_share_one_calibration(prepared: Prepared) -> None:
-    ev = prepared.problem.evidence
+    ev = prepared.problem.dataset
     assert prepared.tied is not None
     for fit in (prepared.tied, prepared.fit):
         assert ev.predict([fit.point])[0] == pytest.approx(fit.predicted, abs=1e-9)
@@ -42,7 +42,7 @@ def test_tied_and_free_refit_share_one_calibration(prepared: Prepared) -> None:
 def test_runs_held_out_are_judged_in_full_detail(prepared: Prepared) -> None:
     assert prepared.hold is not None
     (judged,) = judge([prepared.fit], prepared.hold)
-    fine = prepared.hold.evidence.predict([prepared.fit.point], detail=Detail.FINE)[0]
+    fine = prepared.hold.dataset.predict([prepared.fit.point], detail=Detail.FINE)[0]
     assert np.array_equal(judged.held, fine)
 
 
@@ -65,11 +65,11 @@ def test_what_the_parameters_had_left_undone_is_no_effects_gain(
     assert answer().best.names != ()
 
 
-def _bench_fit() -> Fitted:
+def _bench_fit() -> FitResult:
     plant = SmaPlant(only=("rtd_lag",))
     point = ModelPoint({}, {"rtd_lag": {"tau_s": 0.4}})
     runs = [bench_recorded("mixed", plant, point, seed, duration_s=20.0) for seed in (1, 2)]
-    ev = Evidence(plant, runs, local_views(plant), Settings(), None)
+    ev = Dataset(plant, runs, local_views(plant), Settings(), None)
     noise = {k: OutputNoise(0.05) for k in ev.keys}
     problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
     space = Space(tuple(plant.parameters[:2]))
@@ -78,7 +78,7 @@ def _bench_fit() -> Fitted:
 
 def test_what_a_coarse_step_costs_a_model_is_learnt_at_that_model() -> None:
     fit = _bench_fit()
-    ev = fit.problem.evidence
+    ev = fit.problem.dataset
     error = ev.coarse_error(fit.point, fit.predicted)
     fine = ev.predict([fit.point], detail=Detail.FINE)[0]
     assert np.max(np.abs(error)) > 0.0

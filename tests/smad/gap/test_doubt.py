@@ -50,15 +50,15 @@ def test_rows_that_a_cause_does_not_change_are_as_certain_as_they_were() -> None
     best = alone().best
     assert best.names == ("sensor_lag",)
     before, after = best.judged.problem.whitening.s, best.doubt.problem.whitening.s
-    for segment in best.judged.problem.evidence.segments:
+    for segment in best.judged.problem.dataset.segments:
         grown = after[segment.rows] > before[segment.rows]
         assert grown.any() == (segment.sub_model != "power")
 
 
 def test_what_a_cause_changes_is_uncertain_by_a_share_of_itself() -> None:
     best = alone().best
-    problem, settings = best.judged.problem, best.judged.problem.evidence.settings
-    ev, point = problem.evidence, best.fit.point
+    problem, settings = best.judged.problem, best.judged.problem.dataset.settings
+    ev, point = problem.dataset, best.fit.point
     with_it, without = ev.predict([point, ModelPoint(point.theta, {})])
     change = np.square(np.where(ev.valid, with_it - without, 0.0))
     added = np.square(best.doubt.problem.whitening.s) - np.square(problem.whitening.s)
@@ -70,13 +70,13 @@ def test_what_a_cause_changes_is_uncertain_by_a_share_of_itself() -> None:
 
 def test_nothing_is_doubted_where_laws_are_known_to_be_those_of_the_bench() -> None:
     best = alone().best
-    sure = replace(best.judged.problem.evidence.settings, form_share=0.0)
-    evidence = best.judged.problem.evidence
-    kept, evidence.settings = evidence.settings, sure
+    sure = replace(best.judged.problem.dataset.settings, form_share=0.0)
+    dataset = best.judged.problem.dataset
+    kept, dataset.settings = dataset.settings, sure
     try:
         doubt = Doubt.about(best.fit, replace(best.judged, hold=None))
     finally:
-        evidence.settings = kept
+        dataset.settings = kept
     assert np.array_equal(doubt.problem.whitening.s, best.judged.problem.whitening.s)
 
 

@@ -9,16 +9,16 @@ from typing import Any
 import pytest
 
 from smad.gap import Settings
-from smad.gap.fit.candidate import Candidate, acceptable, asked_gain
+from smad.gap.fit.hypothesis import Hypothesis, acceptable, asked_gain
 
 SETTINGS = Settings()
 
 
-def candidate(*names: str, **numbers: float) -> Candidate:
+def candidate(*names: str, **numbers: float) -> Hypothesis:
     """A candidate that enters beyond doubt, but for the numbers given."""
     joint: Any = SimpleNamespace(names=names)
     judged: Any = None
-    sure = Candidate(
+    sure = Hypothesis(
         joint, judged, gain=1100.0, gain_se=100.0, touched=("a",),
         excess_before=2.0, regime_gain=150.0, cells=1000,
     )  # fmt: skip

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from smad.gap import Settings
-from smad.gap.data.replay import Evidence
+from smad.gap.data.replay import Dataset
 from smad.gap.data.views import open_views
 from smad.gap.fit.leave_out import left_out
-from smad.gap.fit.lsq import Fitted, Problem, drive, fitting, objective
+from smad.gap.fit.lsq import FitResult, Problem, drive, fitting, objective
 from smad.gap.model.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
 from smad.gap.runs import GapRun
@@ -24,12 +24,12 @@ KNOWN_SCALE = Settings(cell_dof=1e9)
 
 def problem_of(runs: list[GapRun], settings: Settings | None = None) -> Problem:
     plant = HeaterPlant()
-    ev = Evidence(plant, runs, open_views(plant), settings or Settings())
+    ev = Dataset(plant, runs, open_views(plant), settings or Settings())
     noise = {k: OutputNoise(0.05) for k in ev.keys}
     return Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
 
 
-def fitted(problem: Problem) -> Fitted:
+def fitted(problem: Problem) -> FitResult:
     start = SPACE.start()
     steps = fitting(problem, SPACE, start, iterations=12, refresh_theta=True, tolerance=1e-3)
     return drive([steps])[0]
@@ -45,8 +45,8 @@ def test_a_run_is_predicted_as_a_refit_to_the_others_predicts_it(runs: list[GapR
     found = left_out(fit)
     for k in range(len(runs)):
         theirs = fitted(problem_of(runs[:k] + runs[k + 1 :], KNOWN_SCALE)).point
-        refitted = fit.problem.evidence.predict([theirs], runs=[k])[0]
-        rows = np.concatenate([np.arange(s.start, s.stop) for s in fit.problem.evidence.segments
+        refitted = fit.problem.dataset.predict([theirs], runs=[k])[0]
+        rows = np.concatenate([np.arange(s.start, s.stop) for s in fit.problem.dataset.segments
                                if s.run == k])  # fmt: skip
         moved = np.abs(refitted - fit.predicted)[rows].max()
         assert moved > 0
@@ -56,7 +56,7 @@ def test_a_run_is_predicted_as_a_refit_to_the_others_predicts_it(runs: list[GapR
 def test_a_run_is_predicted_at_the_point_that_is_given_for_it(runs: list[GapRun]) -> None:
     fit = fitted(problem_of(runs))
     found = left_out(fit)
-    ev = fit.problem.evidence
+    ev = fit.problem.dataset
     for k, point in enumerate(found.points):
         own = ev.predict([point], runs=[k])[0]
         for s in ev.segments:
@@ -76,7 +76,7 @@ def test_a_step_that_harms_the_runs_it_is_fitted_to_is_not_taken(
         p = np.array([(point.theta[q.name] - q.nominal) / q.prior_sd for q in PARAMETERS])
 
         def loss(at: np.ndarray, others: Problem = others) -> float:
-            z = others.white(others.evidence.predict([SPACE.point(at)])[0])
+            z = others.white(others.dataset.predict([SPACE.point(at)])[0])
             return objective(others, SPACE, at, z)
 
         assert loss(p) <= loss(fit.p) + 1e-6

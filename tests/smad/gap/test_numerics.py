@@ -14,7 +14,7 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 from smad.gap import Settings
 from smad.gap.compare.residual_tests import ar_coefficients, cross_correlation, ljung_box
 from smad.gap.data.noise import estimate_floors
-from smad.gap.data.replay import Evidence, Grid
+from smad.gap.data.replay import Dataset, Grid
 from smad.gap.data.views import local_views, open_views
 from smad.gap.fit.lsq import Problem, drive, fitting, solve_box
 from smad.gap.model.flexible import Designs, fit_correction
@@ -40,7 +40,7 @@ def test_a_fit_ends_where_scipys_least_squares_ends() -> None:
     runs = bank({"c_J_K": 32.0, "ha_W_K": 0.57, "t_a_degC": 22.6})[:2]
     settings = Settings(cell_dof=1e9)
     plant = HeaterPlant()
-    ev = Evidence(plant, runs, open_views(plant), settings)
+    ev = Dataset(plant, runs, open_views(plant), settings)
     noise = {k: OutputNoise(0.5) for k in ev.keys}
     problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
     space = Space(PARAMETERS)
@@ -57,7 +57,7 @@ def test_innovations_of_noise_plus_drift_are_white_with_unit_variance() -> None:
     rng = np.random.default_rng(1)
     run = recorded("random", 1, duration_s=3000.0)
     plant = HeaterPlant()
-    ev = Evidence(plant, [run], open_views(plant), Settings())
+    ev = Dataset(plant, [run], open_views(plant), Settings())
     n, sigma, k, tau = len(run.t_s), 0.3, 0.8, 2.0
     rho = float(np.exp(-0.1 / tau))
     drift = np.zeros(n)
@@ -147,7 +147,7 @@ def test_bins_ignore_lost_samples_and_drop_out_when_most_are_lost() -> None:
 def test_a_flexible_correction_predicts_runs_it_was_not_fitted_to() -> None:
     """An error that depends on state is found on runs left out; noise is not."""
     runs, plant = bank(), HeaterPlant()
-    ev = Evidence(plant, runs, local_views(plant), Settings())
+    ev = Dataset(plant, runs, local_views(plant), Settings())
     predicted = ev.predict([ModelPoint(NOMINAL)])[0]
     residual = ev.residual(predicted)
     made, scale = Designs.of(ev), np.ones(ev.n)
@@ -162,7 +162,7 @@ def test_a_flexible_correction_predicts_runs_it_was_not_fitted_to() -> None:
 
 
 def test_a_flexible_correction_of_one_run_predicts_stretches_that_it_was_not_fitted_to() -> None:
-    ev = Evidence(HeaterPlant(), [recorded("sines", 1, duration_s=200.0)],
+    ev = Dataset(HeaterPlant(), [recorded("sines", 1, duration_s=200.0)],
                   local_views(HeaterPlant()), Settings())  # fmt: skip
     residual, key = ev.residual(ev.predict([ModelPoint(NOMINAL)])[0]), "thermal:l"
     made, scale, (rows,) = Designs.of(ev), np.ones(ev.n), [s.rows for s in ev.rows_of(key)]

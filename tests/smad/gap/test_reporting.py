@@ -15,10 +15,10 @@ from smad.gap.apply import apply, model_point
 from smad.gap.compare.assess import counted_share
 from smad.gap.compare.nextexp import Trial, enough, propose
 from smad.gap.errors import GapError, PlantMismatch, RunRefused
-from smad.gap.fit.candidate import Candidate
+from smad.gap.fit.hypothesis import Hypothesis
 from smad.gap.fit.joint import JointFit
 from smad.gap.fit.judge import Judged
-from smad.gap.fit.lsq import Fitted
+from smad.gap.fit.lsq import FitResult
 from smad.gap.model.space import Space
 from smad.gap.plant import Array, ModelPoint, performed
 from smad.gap.records import Diagnosis, ExperimentRecord, Outcome, RepeatedRecord
@@ -204,7 +204,7 @@ def test_different_experiments_add_up_to_a_separation_or_do_not() -> None:
 
 def test_a_separation_counts_by_how_much_more_than_expected_the_runs_vary_along_it() -> None:
     """A background nine times as strong as Σ says leaves a ninth; one of its size leaves all."""
-    from smad.gap.data.replay import Evidence
+    from smad.gap.data.replay import Dataset
     from smad.gap.data.views import local_views
     from smad.gap.fit.lsq import Problem
     from smad.gap.model.whiten import OutputNoise, Whitening
@@ -215,15 +215,15 @@ def test_a_separation_counts_by_how_much_more_than_expected_the_runs_vary_along_
 
     plant = HeaterPlant()
     runs = [recorded("random", s, OTHER) for s in (1, 2, 3)]
-    ev = Evidence(plant, runs, local_views(plant), Settings(), None)
+    ev = Dataset(plant, runs, local_views(plant), Settings(), None)
     problem = Plain(ev, Whitening(ev, {k: OutputNoise(1.0) for k in ev.keys}), np.zeros(ev.n))
     rng = np.random.default_rng(4)
     change = np.repeat(rng.standard_normal(-(-ev.n // 3)), 3)[: ev.n]
 
-    def standing(left: Array) -> Candidate:
-        fit = Fitted(problem, Space(()), np.zeros(0), left, left, np.zeros((ev.n, 0), np.float32),
-                     0.0, ())  # fmt: skip
-        return Candidate(JointFit(fit, ()), Judged(problem, None, ev.measured - left, np.zeros(0)))
+    def standing(left: Array) -> Hypothesis:
+        no_slopes = np.zeros((ev.n, 0), np.float32)
+        fit = FitResult(problem, Space(()), np.zeros(0), left, left, no_slopes, 0.0, ())
+        return Hypothesis(JointFit(fit, ()), Judged(problem, None, ev.measured - left, np.zeros(0)))
 
     white = rng.standard_normal(ev.n) * ev.valid
     shares = [

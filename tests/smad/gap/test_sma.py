@@ -11,7 +11,7 @@ import pytest
 from sim_device.plant.effects.registry import EFFECTS
 from smad.gap import Settings
 from smad.gap.data.noise import estimate_floors
-from smad.gap.data.replay import Evidence
+from smad.gap.data.replay import Dataset
 from smad.gap.data.views import local_views
 from smad.gap.fit.discrepancy import fed_noise
 from smad.gap.fit.joint import dispersion
@@ -157,7 +157,7 @@ def test_each_effect_is_recovered_from_runs_made_with_it(name: str) -> None:
     runs, settings = _bench_runs(name), Settings()
     effect = next(e for e in plant.effects if e.name == name)
     floors = estimate_floors(runs, plant, settings)
-    ev = Evidence(plant, runs, local_views(plant), settings)
+    ev = Dataset(plant, runs, local_views(plant), settings)
     nominal = ModelPoint({p.name: p.nominal for p in plant.parameters})
     ev = ev.calibrated(nominal)
     noise = fed_noise(ev, floors, nominal, 0)
@@ -188,7 +188,7 @@ def test_the_share_of_each_side_is_found(name: str) -> None:
     bench = ModelPoint({}, {name: truth})
     runs = tuple(recorded(f, PLANT, bench, 5, duration_s=45.0) for f in ("mixed", "repeats"))
     floors = estimate_floors(runs, PLANT, settings)
-    ev = Evidence(PLANT, runs, local_views(PLANT), settings)
+    ev = Dataset(PLANT, runs, local_views(PLANT), settings)
     nominal = ModelPoint({p.name: p.nominal for p in PLANT.parameters})
     ev = ev.calibrated(nominal)
     problem = Problem(ev, Whitening(ev, fed_noise(ev, floors, nominal, 0)), np.zeros(ev.n))

@@ -10,7 +10,7 @@ import pytest
 
 from smad.gap import Settings
 from smad.gap.data.noise import estimate_floors
-from smad.gap.data.replay import Detail, Evidence
+from smad.gap.data.replay import Dataset, Detail
 from smad.gap.data.views import local_views
 from smad.gap.fit.coarse import serving_replays
 from smad.gap.fit.lsq import Problem, drive, fitting
@@ -35,36 +35,36 @@ class Coarse(HeaterPlant):
 
 
 @pytest.fixture(scope="module")
-def evidence() -> Evidence:
+def dataset() -> Dataset:
     plant = Coarse()
     runs = [recorded("random", seed, OTHER, duration_s=20.0) for seed in (1, 2)]
-    return Evidence(plant, runs, local_views(plant), Settings())
+    return Dataset(plant, runs, local_views(plant), Settings())
 
 
-def test_calibrated_evidence_replays_its_own_point_as_in_full_detail(evidence: Evidence) -> None:
-    fine = evidence.predict([HERE], detail=Detail.FINE)
-    assert not np.allclose(evidence.predict([HERE]), fine)
-    there = evidence.calibrated(HERE)
+def test_calibrated_evidence_replays_its_own_point_as_in_full_detail(dataset: Dataset) -> None:
+    fine = dataset.predict([HERE], detail=Detail.FINE)
+    assert not np.allclose(dataset.predict([HERE]), fine)
+    there = dataset.calibrated(HERE)
     assert np.allclose(there.predict([HERE]), fine)
     assert np.allclose(there.predict([HERE], detail=Detail.ROUGH), fine)
 
 
 def test_making_evidence_with_another_correction_changes_nothing_of_the_first(
-    evidence: Evidence,
+    dataset: Dataset,
 ) -> None:
     points = [HERE, THERE]
-    before = evidence.predict(points)
-    one = evidence.calibrated(HERE)
+    before = dataset.predict(points)
+    one = dataset.calibrated(HERE)
     first = one.predict(points)
     other = one.calibrated(THERE).matching(HERE, first[0] + 1.0)
     assert not np.allclose(other.predict(points), first)
     assert np.array_equal(one.predict(points), first)
-    assert np.array_equal(evidence.predict(points), before)
+    assert np.array_equal(dataset.predict(points), before)
 
 
-def test_fits_with_corrections_of_their_own_may_go_side_by_side(evidence: Evidence) -> None:
-    noise = {k: OutputNoise(0.1) for k in evidence.keys}
-    plain = Problem(evidence, Whitening(evidence, noise), np.zeros(evidence.n))
+def test_fits_with_corrections_of_their_own_may_go_side_by_side(dataset: Dataset) -> None:
+    noise = {k: OutputNoise(0.1) for k in dataset.keys}
+    plain = Problem(dataset, Whitening(dataset, noise), np.zeros(dataset.n))
     problems = [plain.calibrated(HERE), plain.calibrated(THERE)]
     space = Space(tuple(HeaterPlant().parameters))
     alone = [drive([fitting(p, space, space.start(), iterations=2)])[0] for p in problems]
@@ -109,5 +109,5 @@ def test_steps_are_as_long_as_they_may_be(plant: HeaterPlant, divided_by: int) -
     run = recorded("random", 1, duration_s=20.0)
     settings, views = Settings(period_s=0.4), local_views(plant)
     floors = estimate_floors([run], plant, settings)
-    found = serving_replays(lambda n: Evidence(plant, [run], views, settings, fast=n), floors)
+    found = serving_replays(lambda n: Dataset(plant, [run], views, settings, fast=n), floors)
     assert found == divided_by

@@ -11,7 +11,7 @@ from smad.gap.data.replay import Index
 from smad.gap.fit.doubt import Doubt
 from smad.gap.fit.joint import JointFit
 from smad.gap.fit.judge import Judged
-from smad.gap.fit.lsq import Fitted, Problem
+from smad.gap.fit.lsq import FitResult, Problem
 from smad.gap.fit.significance import block_of
 from smad.gap.plant import Array
 from smad.gap.settings import Settings
@@ -21,7 +21,7 @@ _TOUCHED_SHARE = 0.1
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Hypothesis:
     """A model of the selection: a set of effects, fitted and judged.
 
     `gain` is the rise of the held-out log-likelihood over the model it was added to, as far as that
@@ -45,7 +45,7 @@ class Candidate:
         return self.joint.names
 
     @property
-    def fit(self) -> Fitted:
+    def fit(self) -> FitResult:
         return self.joint.fit
 
     @cached_property
@@ -59,7 +59,7 @@ class Candidate:
         return Doubt.about(self.fit, self.judged)
 
 
-def differing(model: Candidate, other: Candidate) -> str:
+def differing(model: Hypothesis, other: Hypothesis) -> str:
     """The effect of `other` that `model` lacks."""
     extra = [n for n in other.names if n not in model.names]
     return extra[0] if extra else ""
@@ -80,14 +80,14 @@ def block_sums(problem: Problem, hold: Problem | None, values: Array) -> Array:
 
 def held_cells(problem: Problem, hold: Problem | None) -> tuple[Index, Index]:
     """Run and block of every cell that `Judged.scores` lists."""
-    a = problem.evidence
+    a = problem.dataset
     if hold is None:
         return a.cell_run, a.cell_block
-    b = hold.evidence
+    b = hold.dataset
     return np.r_[a.cell_run, b.cell_run + len(a.runs)], np.r_[a.cell_block, b.cell_block]
 
 
-def ending_at_bound(fit: Fitted) -> list[str]:
+def ending_at_bound(fit: FitResult) -> list[str]:
     """Effects whose strength ends at the upper bound of its range, or lower, if that is not 0.
 
     A share of 1 is no bound of a range: there is no more than all.
@@ -103,14 +103,14 @@ def ending_at_bound(fit: Fitted) -> list[str]:
 
 def touched_outputs(before: Judged, after: Judged) -> tuple[str, ...]:
     """Outputs that carry a good part of what an effect changes, in floors."""
-    ev = after.bench.evidence
+    ev = after.bench.dataset
     change = np.square(after.bench.whitening.scale(after.predicted - before.predicted))
     power = {k: float(sum(change[s.rows].sum() for s in ev.rows_of(k))) for k in ev.keys}
     total = sum(power.values())
     return tuple(k for k, v in power.items() if total > 0 and v >= _TOUCHED_SHARE * total)
 
 
-def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
+def asked_gain(c: Hypothesis, s: Settings, *, tied: bool) -> float:
     """What the held-out gain of a candidate must exceed, nats.
 
     Beside tied parameters every effect gains something where the bench's laws have another form
@@ -120,7 +120,7 @@ def asked_gain(c: Candidate, s: Settings, *, tied: bool) -> float:
     return max(clear, s.since_gain * c.cells) if tied else clear
 
 
-def acceptable(c: Candidate, s: Settings, *, tied: bool) -> bool:
+def acceptable(c: Hypothesis, s: Settings, *, tied: bool) -> bool:
     """Whether the last effect of a candidate may enter, beside tied parameters or free ones.
 
     What it gains must not be lost where a regime is left out. Beside tied parameters it stands out
