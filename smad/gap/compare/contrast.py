@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from smad.gap.fit.hypothesis import Hypothesis, cluster_gain
 from smad.gap.fit.judge import judge
-from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, fitted
 from smad.gap.plant import Effect
 
 _ITERATIONS = 4
@@ -46,10 +46,9 @@ def _fitted_to(good: FitResult, effect: Effect, fit: FitResult) -> FitResult:
     space, p = good.beside((effect,), values)
     n = space.n_theta
     pinned = {i: float(p[i]) for i in range(n)}
-    steps = fitting(
+    return fitted(
         good.problem, space, p, theta_A=good.A[:, :n], iterations=_ITERATIONS, pinned=pinned
     )
-    return drive([steps])[0]
 
 
 def _with_values(fit: FitResult, effect: Effect, source: FitResult) -> FitResult:
@@ -57,11 +56,10 @@ def _with_values(fit: FitResult, effect: Effect, source: FitResult) -> FitResult
     fixed = {**fit.space.fixed, effect.name: source.point.effects[effect.name]}
     space = replace(fit.space, effects=fit.space.effects[:-1], fixed=fixed)
     n = fit.space.n_theta
-    steps = fitting(
+    return fitted(
         fit.problem,
         space,
         fit.p[: space.size],
         theta_A=fit.A[:, :n],
         iterations=_ITERATIONS,
     )
-    return drive([steps])[0]

@@ -17,7 +17,7 @@ from smad.gap.fit.descent import descent
 from smad.gap.fit.hypothesis import cluster_gain
 from smad.gap.fit.joint import FIT_ITERATIONS, polished
 from smad.gap.fit.judge import Judged, judge
-from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, drive, fitted
 from smad.gap.fit.refit import REFIT_ITERATIONS, refit
 from smad.gap.fit.screen import Screened, probe, reprobe, screen
 from smad.gap.model.space import Space
@@ -106,7 +106,7 @@ def _entered(
     effects = (*current.space.effects, *(s.effect for s in chosen))
     values = {**current.point.effects, **{s.effect.name: s.start for s in chosen}}
     space, p = current.beside(effects, values)
-    steps = fitting(
+    trial = fitted(
         current.problem.matching(current.point, current.predicted),
         space,
         p,
@@ -115,7 +115,6 @@ def _entered(
         refresh_theta=True,
         rough=True,
     )
-    trial = drive([steps])[0]
     after = judge([trial], None)[0]
     gain, se = cluster_gain(current.problem, None, after.scores() - judged.scores())
     return (trial, after) if gain > max(_GAIN, se) else None
@@ -133,7 +132,7 @@ def unbound(tied: FitResult) -> FitResult:
     space = replace(tied.space, tie=None, effects=(*laws, *own))
     start = space.start(tied.point.effects)
     start[: space.n_theta] = tied.p[: space.n_theta]
-    steps = fitting(
+    end = fitted(
         problem,
         space,
         start,
@@ -141,8 +140,7 @@ def unbound(tied: FitResult) -> FitResult:
         iterations=REFIT_ITERATIONS,
         refresh_theta=True,
         rough=True,
-    )
-    end = drive([steps])[0].recalibrated()
+    ).recalibrated()
     return polished(end)
 
 
@@ -157,5 +155,4 @@ def frozen(fit: FitResult) -> FitResult:
     """The fit with its effects fixed where they are, the parameters refitted in a few steps."""
     space = replace(fit.space, effects=(), fixed=fit.point.effects)
     p, A = fit.p[: space.size], fit.A[:, : space.size]
-    steps = fitting(fit.problem, space, p, theta_A=A, iterations=0)
-    return drive([steps])[0]
+    return fitted(fit.problem, space, p, theta_A=A, iterations=0)

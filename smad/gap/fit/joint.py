@@ -15,7 +15,7 @@ from math import hypot
 
 import numpy as np
 
-from smad.gap.fit.lsq import ROUGHLY, FitResult, Problem, drive, fitting, solve_box
+from smad.gap.fit.lsq import ROUGHLY, FitResult, Problem, drive, fitted, fitting, solve_box
 from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
@@ -149,14 +149,13 @@ def _near(best: FitResult, other: FitResult) -> bool:
 
 def polished(fit: FitResult) -> FitResult:
     """The fit with all sensitivities renewed, and a few more steps."""
-    steps = fitting(
+    return fitted(
         fit.problem,
         fit.space,
         fit.p,
         iterations=3,
         refresh_theta=True,
     )
-    return drive([steps])[0]
 
 
 def bootstrap(fit: FitResult, draws: int, seed: int) -> Array:

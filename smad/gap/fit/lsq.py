@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -423,6 +424,11 @@ def drive(fits: Sequence[FitSteps]) -> list[FitResult]:
                     done[i] = end.value
         asks = following
     return [fit for fit in done if fit is not None]
+
+
+def fitted(problem: Problem, space: Space, start: Array, **options: Any) -> FitResult:
+    """The end of one `fitting` with these options, run by itself."""
+    return drive([fitting(problem, space, start, **options)])[0]
 
 
 def _together(asks: Mapping[int, Ask]) -> list[list[int]]:

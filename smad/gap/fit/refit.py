@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from smad.gap.fit.joint import polished
-from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, fitted
 from smad.gap.model.space import Space
 from smad.gap.plant import Array, EffectValues, Parameter
 
@@ -31,7 +31,7 @@ def refit(
     space = Space(tuple(parameters), (), centre, fixed or {}, tie)
     begin = space.start()
     problem = problem.calibrated(space.point(begin))
-    steps = fitting(
+    fit = fitted(
         problem,
         space,
         begin,
@@ -39,9 +39,7 @@ def refit(
         refresh_theta=True,
         squares=squares,
         rough=True,
-    )
-    fit = drive([steps])[0].recalibrated()
+    ).recalibrated()
     if not squares:
         return polished(fit)
-    again = fitting(fit.problem, space, fit.p, theta_A=fit.A, iterations=3, squares=True)
-    return drive([again])[0]
+    return fitted(fit.problem, space, fit.p, theta_A=fit.A, iterations=3, squares=True)

@@ -17,7 +17,7 @@ from smad.gap.fit.baseline import as_fixed, learn_baseline, unbound, with_laws
 from smad.gap.fit.coarse import serving_replays
 from smad.gap.fit.discrepancy import Reference, fed_noise, learn_reference
 from smad.gap.fit.judge import Judged, excess_of, judge, predict_by_run
-from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
+from smad.gap.fit.lsq import FitResult, Problem, fitted
 from smad.gap.fit.refit import REFIT_ITERATIONS, refit
 from smad.gap.fit.threads import repeatable
 from smad.gap.model.whiten import OutputNoise, Whitening
@@ -216,7 +216,7 @@ def _reference_of(
     rough = with_laws(plain, parameters, effects)
     noise = learn_reference(rough, base, templates=False).noise
     weighed = replace(rough.problem, whitening=Whitening(ev, noise))
-    steps = fitting(
+    fit = fitted(
         weighed,
         rough.space,
         rough.p,
@@ -224,7 +224,6 @@ def _reference_of(
         refresh_theta=True,
         rough=True,
     )
-    fit = drive([steps])[0]
     fit = learn_baseline(fit, effects, progress)
     return learn_reference(fit, base)
 
@@ -244,8 +243,7 @@ def _tie(reference: Reference) -> Array:
 def _plain(fit: FitResult) -> FitResult:
     """The refit by plain least squares, every cell at its full weight."""
     problem = _Plain(fit.problem.dataset, fit.problem.whitening, fit.problem.background)
-    steps = fitting(problem, fit.space, fit.p, theta_A=fit.A, iterations=3)
-    end = drive([steps])[0]
+    end = fitted(problem, fit.space, fit.p, theta_A=fit.A, iterations=3)
     return FitResult(
         fit.problem,
         end.space,
