@@ -23,6 +23,7 @@ from tests.withheld.deciding import (
 
 LAG = CaseKey("single", [TrueEffect("rtd_lag", "sensors")])
 PAIR = CaseKey("pair", [TrueEffect("rtd_lag", "sensors"), TrueEffect("force_offset", "sensors")])
+DIFFERS = CaseKey("differs", [TrueEffect("rtd_lag", "sensors")])
 NONE, FOREIGN = CaseKey("none"), CaseKey("unknown", [TrueEffect("coil_contact", "mechanics")])
 QUIET, UNKNOWN = Answer(Outcome.NO_GAP), Answer(Outcome.UNKNOWN)
 
@@ -41,6 +42,8 @@ def named(*names: str, group: tuple[str, ...] = ()) -> Answer:
         (LAG, QUIET, 0.0),
         (LAG, UNKNOWN, 0.0),
         (PAIR, named("force_offset"), 1.0),
+        (DIFFERS, named("cooling_front", "rtd_lag"), 1.0),
+        (DIFFERS, named("cooling_front"), 0.0),
         (NONE, QUIET, 1.0),
         (NONE, UNKNOWN, -1.0),
         (NONE, named("rtd_lag"), -2.0),
