@@ -8,14 +8,16 @@ same law would change is added in quadrature.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from smad.gap.fit.lsq import ROUGHLY, FitResult, Problem, drive, fitted, fitting, solve_box
+from smad.gap.fit.lsq import FitResult, FitSteps, Problem, drive, fitted, fitting, solve_box
 from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
@@ -86,61 +88,61 @@ def joint_fits(
 
     In three rounds, each for fewer: a short and rough one for every start; a longer one for the
     best start of the better sets, rough too but for the first two sets given, since what is quick
-    is hidden from rough replays; and, for the best `finish` sets, one in detail, in which the
-    sensitivities of the model parameters are renewed instead of following Broyden's rule.
+    is hidden from rough replays; and, for the best `finish` sets, one in detail and to the end.
     """
     problem = base.problem.matching(base.point, base.predicted)
-    n_theta = base.space.n_theta
-
-    first = []
-    for start in starts:
-        space, p = base.beside(start.effects, start.values)
-        if start.from_centre:
-            p[:n_theta] = 0.0
-        short, known = _SHORT_ITERATIONS, base.A[:, :n_theta]
-        first.append(fitting(problem, space, p, theta_A=known, iterations=short, rough=True))
     ends: dict[tuple[str, ...], JointFit] = {}
-    for i in range(0, len(first), _TOGETHER):
-        for fit in drive(first[i : i + _TOGETHER]):
-            _enter(ends, fit)
+
+    def best_first(sets: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
+        return sorted(sets, key=lambda names: (ends[names].fit.objective, names))
+
+    short = [_short(problem, base, start) for start in starts]
+    for i in range(0, len(short), _TOGETHER):
+        _enter(ends, short[i : i + _TOGETHER])
     given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
     trusted = given[:_TRUSTED]
-    order = sorted(ends, key=lambda names: (ends[names].fit.objective, names))
-    kept = list(dict.fromkeys([*trusted, *order]))[:_LONGER_FITS]
-    known_well = base.space.tie is not None
-    for last, count in ((False, len(kept)), (True, finish)):
-        renew = last and not known_well
-        order = sorted(kept, key=lambda names: (ends[names].fit.objective, names))
-        again = [
-            fitting(
-                problem,
-                ends[names].fit.space,
-                ends[names].fit.p,
-                theta_A=None if renew else base.A[:, :n_theta],
-                iterations=FIT_ITERATIONS,
-                refresh_theta=renew,
-                tolerance=_CLOSELY if last else ROUGHLY,
-                rough=not last and names not in trusted,
-            )
-            for names in order[:count]
-        ]
-        for fit in drive(again):
-            _enter(ends, fit)
+    kept = list(dict.fromkeys([*trusted, *best_first(ends)]))[:_LONGER_FITS]
+    longer = (
+        (ends[n].fit, {"theta_A": _known(base), "rough": n not in trusted})
+        for n in best_first(kept)
+    )
+    _enter(ends, [_long(problem, fit, how) for fit, how in longer])
+    # Sensitivities of the parameters are renewed, unless known-good runs hold these in their place.
+    tied = base.space.tie is not None
+    how = {"theta_A": _known(base)} if tied else {"refresh_theta": True}
+    last = [ends[n].fit for n in best_first(kept)[:finish]]
+    _enter(ends, [_long(problem, fit, how | {"tolerance": _CLOSELY}) for fit in last])
     return {names: ends[names] for names in kept}
 
 
-def _enter(ends: dict[tuple[str, ...], JointFit], fit: FitResult) -> None:
-    """Keeps the better fit whole, and of the other only where it ended."""
-    names = tuple(e.name for e in fit.space.effects)
-    known = ends.get(names)
-    if known is None:
-        ends[names] = JointFit(fit, ())
-        return
-    best, other = sorted((known.fit, fit), key=lambda f: f.objective)
-    rivals = known.rivals if best is known.fit or _near(best, other) else ()
-    if _near(best, other):
-        rivals = (*rivals, other.p)
-    ends[names] = JointFit(best, rivals)
+def _known(base: FitResult) -> NDArray[np.float32]:
+    """The sensitivities of the parameters in the model without more effects."""
+    return base.A[:, : base.space.n_theta]
+
+
+def _short(problem: Problem, base: FitResult, start: Start) -> FitSteps:
+    space, p = base.beside(start.effects, start.values)
+    if start.from_centre:
+        p[: space.n_theta] = 0.0
+    return fitting(
+        problem, space, p, theta_A=_known(base), iterations=_SHORT_ITERATIONS, rough=True
+    )
+
+
+def _long(problem: Problem, fit: FitResult, how: Mapping[str, Any]) -> FitSteps:
+    return fitting(problem, fit.space, fit.p, iterations=FIT_ITERATIONS, **how)
+
+
+def _enter(ends: dict[tuple[str, ...], JointFit], fits: Sequence[FitSteps]) -> None:
+    """Runs fits in step; of a set keeps the better fit whole, of the other only where it ended."""
+    for fit in drive(fits):
+        names = tuple(e.name for e in fit.space.effects)
+        known = ends.get(names, JointFit(fit, ()))
+        best, other = sorted((known.fit, fit), key=lambda f: f.objective)
+        rivals = known.rivals if best is known.fit or _near(best, other) else ()
+        if other is not best and _near(best, other):
+            rivals = (*rivals, other.p)
+        ends[names] = JointFit(best, rivals)
 
 
 def _near(best: FitResult, other: FitResult) -> bool:
