@@ -12,7 +12,7 @@ from smad.gap.fit.hypothesis import Hypothesis, block_sums
 from smad.gap.fit.joint import dispersion, independent_share
 from smad.gap.fit.judge import Judged, excess_of, shrink
 from smad.gap.fit.lsq import FitResult, Problem
-from smad.gap.fit.significance import DRAWS, resample_weights
+from smad.gap.fit.resample import DRAWS, resample_weights
 from smad.gap.model.flexible import Designs, fit_correction
 from smad.gap.plant import Array
 

@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
+from smad.gap.compare.score_table import Place, ScoreTable
 from smad.gap.fit.hypothesis import (
     Hypothesis,
     acceptable,
     asked_gain,
     cluster_gain,
-    differing,
     ending_at_bound,
-    held_cells,
     touched_outputs,
 )
 from smad.gap.fit.joint import JointFit, Start, joint_fits
 from smad.gap.fit.judge import Judged, judge, regime_gains
 from smad.gap.fit.lsq import FitResult, Problem
 from smad.gap.fit.screen import Screened, probe, reprobe, screen
-from smad.gap.fit.significance import DRAWS, resample_weights
 from smad.gap.plant import Effect
 from smad.gap.settings import Settings
 
@@ -107,10 +103,12 @@ class Selector:
         best = self._backward(base, current) if len(steps) > 1 else current
         best, places = self._places(base, best, tried)
         rivals = {name: place.rivals for name, place in places.items()}
-        probability = {name: posterior(name, p, best, self.hold) for name, p in places.items()}
+        probability = {
+            name: ScoreTable.of(name, p, best).probability() for name, p in places.items()
+        }
         if not places and tried:
             nothing = Place(base, tuple(tried[:4]))
-            probability[""] = posterior("", nothing, base, self.hold)
+            probability[""] = ScoreTable.of("", nothing, base).probability()
         return Selection(base, best, tuple(steps), rivals, probability, tuple(first), tuple(tried))
 
     def _level(
@@ -259,33 +257,6 @@ def weighed(before: Hypothesis, joint: JointFit, judged: Judged) -> Hypothesis:
         float(sum(regime_gains(before.fit, joint.fit, masks).values())),
         len(rise),
     )
-
-
-@dataclass(frozen=True)
-class Place:
-    """What can stand where an effect of the best model does: nothing (`empty`), or a rival."""
-
-    empty: Hypothesis
-    rivals: tuple[Hypothesis, ...]
-
-
-def posterior(name: str, place: Place, best: Hypothesis, hold: Problem | None) -> dict[str, float]:
-    """Probability of each effect in one place, by a Bayesian bootstrap over runs and blocks.
-
-    `name` is the effect of `best` that stands there, "" where it has none.
-    """
-    models = {"": place.empty, **{differing(best, c): c for c in place.rivals}, name: best}
-    names = sorted(models)
-    # Beside the other causes, whose laws are no surer here than when this one entered.
-    scores = np.array([place.empty.doubt.scores(models[n].judged) for n in names])
-    settings = best.fit.problem.dataset.settings
-    runs, blocks = held_cells(best.fit.problem, hold)
-    rng = np.random.default_rng(settings.seed + 17)
-    total = resample_weights(runs, blocks, DRAWS, rng) @ scores.T
-    total -= total.max(axis=1, keepdims=True)
-    shares = np.exp(total)
-    shares /= shares.sum(axis=1, keepdims=True)
-    return dict(zip(names, shares.mean(axis=0).tolist(), strict=True))
 
 
 def _best_first(c: Hypothesis) -> tuple[float, tuple[str, ...]]:

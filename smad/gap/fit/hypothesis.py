@@ -12,7 +12,7 @@ from smad.gap.fit.doubt import Doubt
 from smad.gap.fit.joint import JointFit
 from smad.gap.fit.judge import Judged
 from smad.gap.fit.lsq import FitResult, Problem
-from smad.gap.fit.significance import block_of
+from smad.gap.fit.resample import block_of
 from smad.gap.plant import Array
 from smad.gap.settings import Settings
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.gap.fit.lsq import FitResult, FitSteps, Problem, drive, fitted, fitting, solve_box
-from smad.gap.fit.significance import DRAWS, resample_weights
+from smad.gap.fit.resample import DRAWS, resample_weights
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
 from smad.gap.records import HALF_CHI2_95

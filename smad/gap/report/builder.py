@@ -26,7 +26,7 @@ from smad.gap.data.replay import Detail
 from smad.gap.fit.hypothesis import Hypothesis, ending_at_bound
 from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
 from smad.gap.fit.judge import excess_by_key, predict_by_run
-from smad.gap.fit.significance import DRAWS
+from smad.gap.fit.resample import DRAWS
 from smad.gap.fit.stages import Prepared, open_loop
 from smad.gap.plant import ModelPoint, PlantModel
 from smad.gap.records import (
