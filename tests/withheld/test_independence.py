@@ -14,6 +14,7 @@ SECOND_PASS = (
     "after_next.py",
     "why.py",
     "entry.py",
+    "separations.py",
     "reasons.py",
     "reason_tables.py",
     "after_why.py",

@@ -9,9 +9,9 @@ import numpy as np
 
 from smad.gap.compare.select import Selection
 from smad.gap.fit.hypothesis import Hypothesis, block_sums
-from smad.gap.fit.joint import dispersion, independent_share
+from smad.gap.fit.joint import dispersion
 from smad.gap.fit.judge import Judged, excess_of, shrink
-from smad.gap.fit.lsq import FitResult, Problem
+from smad.gap.fit.lsq import Problem
 from smad.gap.fit.resample import DRAWS, resample_weights
 from smad.gap.model.flexible import Designs, fit_correction
 from smad.gap.plant import Array
@@ -157,35 +157,6 @@ class Standing:
         )
 
 
-def confusability(fits: Sequence[FitResult]) -> Array:
-    """d²_ij = min over the parameters of j of ‖y_i − y_j‖², in floors; shape (fits, fits).
-
-    Rows weigh as in the fit of i; correlated rows count by their effective number.
-    """
-    n = len(fits)
-    out = np.zeros((n, n))
-    for i, a in enumerate(fits):
-        w, share = _row_weights(a)
-        for j, b in enumerate(fits):
-            if i == j:
-                continue
-            s = b.z - a.z
-            A = b.A.astype(np.float64)
-            _, precision = b.space.prior()
-            WA = A * w[:, None]
-            H = WA.T @ A + precision
-            m = WA.T @ s
-            out[i, j] = max(0.0, share * float((w * s) @ s - m @ np.linalg.solve(H, m)))
-    return out
-
-
-def separation(fit: FitResult, z: Array) -> float:
-    """d² of `fit` from a model that leaves the white residual z, no parameter of which may move."""
-    w, share = _row_weights(fit)
-    s = z - fit.z
-    return share * float((w * s) @ s)
-
-
 def counted_share(one: Hypothesis, other: Hypothesis) -> float:
     """Share, up to 1, of the separation of `one` from `other` that can be counted on.
 
@@ -219,11 +190,6 @@ def _along(one: Hypothesis, other: Hypothesis) -> list[tuple[Array, Array, Array
         square = ev.cell_sum(w * s * s)
         out.append((ev.cell_sum(w * s * z), square, square * independent))
     return out
-
-
-def _row_weights(fit: FitResult) -> tuple[Array, float]:
-    """How much each row weighs in a fit, and the effective share of independent rows."""
-    return fit.problem.row_weight(fit.z), independent_share(fit)
 
 
 def group_of(

@@ -33,15 +33,11 @@ _REGIME_ROWS = 12
 
 @dataclass(frozen=True)
 class Reference:
-    """What good runs taught: noise of every output, templates where they hold, the good fit.
-
-    `white` is the white residual of the good fit, as large as it would be on other runs.
-    """
+    """What good runs taught: noise of every output, templates where they hold, the good fit."""
 
     noise: Mapping[str, OutputNoise]
     templates: Mapping[str, Correction]
     fit: FitResult
-    white: Array
 
     @cached_property
     def left_out(self) -> LeftOut:
@@ -201,7 +197,4 @@ def learn_reference(
             remainder -= np.where(ev.valid, predicted, 0.0)
     inflate = {k: _enlargement(ev, remainder, k) for k in ev.keys}
     noise = {k: _with_regimes(ev, remainder, k, base[k], inflate[k]) for k in ev.keys}
-    for seg in ev.segments:
-        remainder[seg.rows] *= np.sqrt(inflate[seg.key])
-    white = Whitening(ev, noise).white(remainder)
-    return Reference(noise, found, fit, white)
+    return Reference(noise, found, fit)

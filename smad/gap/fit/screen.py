@@ -162,20 +162,15 @@ class Projected:
     follow: Array
 
 
-def project(probes: Probes, z: Array, cell_weight: Array, *, at_rest: bool = False) -> Projected:
-    """b = sᵀP⊥z, d = sᵀP⊥s, and sᵀs, with cells weighted; priors act as further rows.
-
-    `at_rest`: the residual is not that of the fit, so that the prior does not pull at it.
-    """
+def project(probes: Probes, z: Array, cell_weight: Array) -> Projected:
+    """b = sᵀP⊥z, d = sᵀP⊥s, and sᵀs, with cells weighted; priors act as further rows."""
     fit = probes.fit
     mean, precision = fit.space.prior()
     H = np.tensordot(cell_weight, probes.AA, 1) + precision
     B = np.tensordot(cell_weight, probes.AS, 1)
     full = cell_weight @ probes.SS
     wz = (cell_weight[fit.problem.dataset.row_cell] * z).astype(np.float32)
-    g = (wz @ fit.A).astype(float)
-    if not at_rest:
-        g -= precision @ (fit.p - mean)
+    g = (wz @ fit.A).astype(float) - precision @ (fit.p - mean)
     solved = np.linalg.solve(H, np.column_stack([B, g]))
     follow, step = solved[:, :-1], solved[:, -1]
     d = full - np.einsum("ij,ij->j", B, follow)
