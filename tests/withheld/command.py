@@ -109,8 +109,8 @@ def _score(options: argparse.Namespace) -> None:
 def _decide(options: argparse.Namespace) -> None:
     from tests.withheld.deciding import decide_constants
 
-    bank, key, out = Path(options.bank), Path(options.key), Path(options.out)
-    decide_constants(bank, key, out, _cases(options), write=options.write)
+    banks, out = [Path(bank) for bank in options.banks], Path(options.out)
+    decide_constants(banks, out, _cases(options), as_is=options.as_is, write=options.write)
 
 
 def _follow(options: argparse.Namespace) -> None:
@@ -274,9 +274,9 @@ def _any_runs(commands: _Commands) -> None:
     )
     later["after-why"].add_argument("--report", required=True, help="what `why` wrote")
     deciding = commands.add_parser("decide", help="constants of the diagnosis's decision")
-    deciding.add_argument("bank", help="a development bank")
-    deciding.add_argument("key")
+    deciding.add_argument("banks", nargs="+", help="development banks, keys beside them")
     deciding.add_argument("--out", required=True, help="folder for the answers of each case")
+    deciding.add_argument("--as-is", action="store_true", help="shares of right answers only")
     deciding.add_argument("--cases", default="", help="only these, as case-001,case-007")
     deciding.add_argument("--write", action="store_true", help="write them to the package")
     deciding.set_defaults(run=_decide)

@@ -1,6 +1,6 @@
-"""The constants of a diagnosis's decision, from a development bank.
+"""The constants of a diagnosis's decision, from development banks.
 
-    python -m tests.withheld decide BANK KEY --out FOLDER [--cases case-001,…] [--write]
+    python -m tests.withheld decide BANK … --out FOLDER [--cases case-001,…] [--as-is] [--write]
 
 Every case is asked again with other values of each constant, the others as they are. What does not
 depend on a constant is worked out once, so that only another way through the selection costs fits.
@@ -137,33 +137,53 @@ class Found:
 
 
 def decide_constants(
-    bank: Path, key: Path, out: Path, cases: Sequence[str] = (), *, write: bool = False
+    banks: Sequence[Path],
+    out: Path,
+    cases: Sequence[str] = (),
+    *,
+    as_is: bool = False,
+    write: bool = False,
 ) -> None:
     """Asks every case with other constants, prints what that changes, and writes the choice.
 
-    Raises BankError for a sealed key.
+    With `as_is` cases that have not been asked yet are asked with the constants as they are only,
+    which tells the shares of right answers. Raises BankError for a sealed key.
     """
-    refuse_sealed(key.parent)
-    truth, _ = read_key(key)
-    opened = open_bank(bank)
-    out.mkdir(parents=True, exist_ok=True)
+    true: dict[str, CaseKey] = {}
     said: dict[str, dict[str, Answer]] = {}
-    for case in chosen(opened, only=cases):
-        kept = out / f"{case.id}.json"
-        if not kept.exists():
+    for bank in banks:
+        folder = bank.with_name(f"{bank.name}-key")
+        refuse_sealed(folder)
+        truth, digest = read_key(folder / "KEY.json")
+        opened = open_bank(bank)
+        for case in chosen(opened, only=cases):
+            name = f"{digest[:8]}/{case.id}"
             task = Task(opened, case, How(), source_digest())
-            with readied(task, task.how) as prepared:
-                kept.write_bytes(msgspec.json.format(msgspec.json.encode(answers(prepared))))
-        said[case.id] = msgspec.json.decode(kept.read_bytes(), type=dict[str, Answer])
-        print(f"{case.id}  {_true(truth.cases[case.id])}  →  {said[case.id]['']}", flush=True)
-    found = Found(truth.cases, said)
+            true[name], said[name] = truth.cases[case.id], _kept_answers(task, out / name, as_is)
+            print(f"{name}  {_true(true[name])}  →  {said[name]['']}", flush=True)
+    found = Found(true, said)
     print(table(found))
     constants = chosen_constants(found)
     shares = shares_right(found)
     print(reliability(found, shares))
     if write:
-        CONSTANTS.write_text(as_toml(constants, shares, f"{len(said)} cases of {bank.name}"))
+        keys = ", ".join(dict.fromkeys(name.partition("/")[0] for name in said))
+        CONSTANTS.write_text(as_toml(constants, shares, f"{len(said)} cases, keys {keys}"))
         print(f"written  {CONSTANTS}")
+
+
+def _kept_answers(task: Task, place: Path, as_is: bool) -> dict[str, Answer]:
+    """The answers of a case from its file, which is made where there is none, or too little."""
+    kept = place.with_suffix(".json")
+    known: dict[str, Answer] = {}
+    if kept.exists():
+        known = msgspec.json.decode(kept.read_bytes(), type=dict[str, Answer])
+    if not known or not (as_is or len(known) > 1):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        with readied(task, task.how) as prepared:
+            known = answers(prepared, {} if as_is else GRID)
+        kept.write_bytes(msgspec.json.format(msgspec.json.encode(known)))
+    return known
 
 
 def _true(case: CaseKey) -> str:
@@ -261,8 +281,8 @@ def as_toml(constants: Mapping[str, float], shares: Mapping[str, float], source:
     return head + "".join(body)
 
 
-def answers(prepared: Prepared) -> dict[str, Answer]:
-    """The answer of the case as it is (""), and with each constant at other values."""
+def answers(prepared: Prepared, grid: Mapping[str, Sequence[float]]) -> dict[str, Answer]:
+    """The answer of the case as it is (""), and with each constant at the values of a grid."""
     settings = prepared.settings
     library = prepared.plant.effects
     with _asked_once(settings):
@@ -270,7 +290,7 @@ def answers(prepared: Prepared) -> dict[str, Answer]:
         numbers = weigh(prepared, track)
         usual = _way(track)
         out = {"": _answer(prepared, track, settings, numbers)}
-        for name, values in GRID.items():
+        for name, values in grid.items():
             for value in values:
                 if value == getattr(settings, name):
                     continue
