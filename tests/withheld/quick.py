@@ -8,7 +8,7 @@ _SIZES = {
     "compare.select._SURVIVORS": 2,
     "compare.select._STARTS": 1,
     "compare.assess.DRAWS": 100,
-    "compare.select.DRAWS": 100,
+    "compare.score_table.DRAWS": 100,
     "report.builder.DRAWS": 100,
     "fit.joint.DRAWS": 100,
     "fit.joint._LONGER_FITS": 2,

@@ -14,6 +14,8 @@ from smad.gap.settings import Settings
 
 _ROWS = 20
 """Rows that the usual channel's correlation time has at least."""
+_FEWEST = 3
+"""Samples that a mean is worth while over; a row of fewer is one sample."""
 _STEADY = 0.5
 
 
@@ -22,15 +24,18 @@ def suited(settings: Settings, runs: Sequence[GapRun], plant: PlantModel) -> Set
 
     The times are in the proportion that `settings` has them in. A row is a 20th of the usual
     correlation time of what is measured, rounded down to a power of ten, so that it does not
-    change from one handful of runs to the next, and at least a sample. Without a channel that moves
-    nothing changes.
+    change from one handful of runs to the next; of less than three samples it is one. Without a
+    channel that moves nothing changes.
     """
     usual = correlation_time_s(runs, plant)
     if usual is None:
         return settings
     # A hair less, so that rounding of the time axis puts no two samples into one row.
     sample_s = float(np.median([r.dt_s for r in runs])) * (1.0 - 1e-6)
-    factor = max(_rounded(usual / _ROWS), sample_s) / settings.period_s
+    row_s = max(_rounded(usual / _ROWS), sample_s)
+    if 1.01 < row_s / sample_s < _FEWEST:
+        row_s = sample_s
+    factor = row_s / settings.period_s
     return replace(
         settings,
         period_s=settings.period_s * factor,
