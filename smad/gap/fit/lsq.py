@@ -28,7 +28,7 @@ from smad.gap.model.space import Space
 from smad.gap.model.whiten import Whitening
 from smad.gap.plant import Array, Effect, Mask, ModelPoint
 
-_ROUGH_RENEWALS = (0, 2, 5)
+_RENEWALS = (0, 2, 5)
 _TELLING_STEP = 0.1
 _COOLING = (1.0, 0.5, 0.15)
 _FIRST_DAMPING, _DAMPINGS = 1e-3, 4
@@ -255,8 +255,9 @@ def fitting(
     """Steps of a fit from `start`; returns a `FitResult`.
 
     `theta_A` are sensitivities of the model parameters to begin with; without them they are
-    computed. They follow by Broyden's rule; with `refresh_theta` they are renewed before the fit
-    gives up. Those of the effects are renewed in each iteration, in a rough fit in some.
+    computed. They follow by Broyden's rule; with `refresh_theta` they are renewed after some
+    iterations, and before the fit gives up. Those of the effects are renewed in each iteration, in
+    a rough fit in some.
     `pinned` coordinates stay at the values given (a profile). `squares` keeps the floor as large as
     the misfit: least squares to the end.
 
@@ -269,8 +270,9 @@ def fitting(
     for iteration in range(iterations + len(_COOLING)):
         cooling = _COOLING[iteration] if iteration < len(_COOLING) else 0.0
         heat = max(1.0, (1.0 if squares else cooling) * problem.misfit(fit.z))
-        fresh = stuck or not rough or iteration in _ROUGH_RENEWALS
-        if stuck and refresh_theta:
+        due = stuck or iteration in _RENEWALS
+        fresh = due or not rough
+        if refresh_theta and due and iteration > 0:
             yield from fit.renew_own()
         if fresh:
             yield from fit.renew_extra()
