@@ -294,7 +294,7 @@ def answers(prepared: Prepared, grid: Mapping[str, Sequence[float]]) -> dict[str
             for value in values:
                 if value == getattr(settings, name):
                     continue
-                with _set(settings, {name: value}):
+                with _set(settings, name, value):
                     other = follow_tracks(prepared, library)
                     same = _way(other) == usual and name not in _WEIGHED
                     given = numbers if same else weigh(prepared, other)
@@ -330,16 +330,14 @@ def _way(track: Track) -> tuple[object, ...]:
 
 
 @contextlib.contextmanager
-def _set(settings: Settings, values: Mapping[str, float]) -> Iterator[None]:
-    """Changes settings where they are: everything that was prepared holds the same ones."""
-    before = {name: getattr(settings, name) for name in values}
-    for name, value in values.items():
-        object.__setattr__(settings, name, value)
+def _set(settings: Settings, name: str, value: float) -> Iterator[None]:
+    """Changes a constant where it is: everything that was prepared holds the same settings."""
+    before = getattr(settings, name)
+    object.__setattr__(settings, name, value)
     try:
         yield
     finally:
-        for name, value in before.items():
-            object.__setattr__(settings, name, value)
+        object.__setattr__(settings, name, before)
 
 
 @contextlib.contextmanager

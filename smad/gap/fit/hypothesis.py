@@ -1,4 +1,4 @@
-"""A candidate: a set of effects, fitted and judged, and what its last one must show to enter."""
+"""A hypothesis: a set of effects, fitted and judged, and what its last one must show to enter."""
 
 from __future__ import annotations
 

@@ -102,16 +102,28 @@ def joint_fits(
     given = list(dict.fromkeys(tuple(e.name for e in start.effects) for start in starts))
     trusted = given[:_TRUSTED]
     kept = list(dict.fromkeys([*trusted, *best_first(ends)]))[:_LONGER_FITS]
-    longer = (
-        (ends[n].fit, {"theta_A": _known(base), "rough": n not in trusted})
-        for n in best_first(kept)
+    known = _known(base)
+    longer = best_first(kept)
+    _enter(
+        ends,
+        [_long(problem, ends[n].fit, theta_A=known, rough=n not in trusted) for n in longer],
     )
-    _enter(ends, [_long(problem, fit, how) for fit, how in longer])
     # Sensitivities of the parameters are renewed, unless known-good runs hold these in their place.
     tied = base.space.tie is not None
-    how = {"theta_A": _known(base)} if tied else {"refresh_theta": True}
-    last = [ends[n].fit for n in best_first(kept)[:finish]]
-    _enter(ends, [_long(problem, fit, how | {"tolerance": _CLOSELY}) for fit in last])
+    last = best_first(kept)[:finish]
+    _enter(
+        ends,
+        [
+            _long(
+                problem,
+                ends[n].fit,
+                theta_A=known if tied else None,
+                refresh_theta=not tied,
+                tolerance=_CLOSELY,
+            )
+            for n in last
+        ],
+    )
     return {names: ends[names] for names in kept}
 
 
@@ -129,7 +141,7 @@ def _short(problem: Problem, base: FitResult, start: Start) -> FitSteps:
     )
 
 
-def _long(problem: Problem, fit: FitResult, how: Mapping[str, Any]) -> FitSteps:
+def _long(problem: Problem, fit: FitResult, **how: Any) -> FitSteps:
     return fitting(problem, fit.space, fit.p, iterations=FIT_ITERATIONS, **how)
 
 

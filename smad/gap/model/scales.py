@@ -33,6 +33,7 @@ def suited(settings: Settings, runs: Sequence[GapRun], plant: PlantModel) -> Set
     # A hair less, so that rounding of the time axis puts no two samples into one row.
     sample_s = float(np.median([r.dt_s for r in runs])) * (1.0 - 1e-6)
     row_s = max(_rounded(usual / _ROWS), sample_s)
+    # One that is a sample long already keeps its round length.
     if 1.01 < row_s / sample_s < _FEWEST:
         row_s = sample_s
     factor = row_s / settings.period_s
