@@ -7,13 +7,13 @@ from pathlib import Path
 import msgspec
 
 from smad.errors import SmadError
-from smad.gap.check.case import Part, Task
+from smad.gap.check.case import Part, Task, diagnosed
 from smad.gap.check.key import file_digest
 from smad.gap.check.score import detected, of_kind
 from smad.gap.check.verdicts import CaseVerdict, write_verdicts
 from smad.gap.records import Diagnosis
 from tests.withheld.errors import WithheldError
-from tests.withheld.second_pass import diagnosed, entries, opened, part_of, parts_beside, through
+from tests.withheld.second_pass import entries, opened, part_of, parts_beside, through
 
 
 def shrink_of(found: Diagnosis) -> float | None:

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from smad.gap.check.case import Part, Task
+from smad.gap.check.case import Part, Task, diagnosed
 from smad.gap.check.names import OUTCOMES
 from smad.gap.check.verdicts import CaseVerdict, NextExperiment
 from smad.gap.plant import ModelPoint
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.sma import SmaPlant
 from smad.gap.sma.signals import table_run
-from tests.withheld.second_pass import Frozen, diagnosed, part_of
+from tests.withheld.second_pass import Frozen, part_of
 
 _COLUMNS = {
     "i_x_A": "i_applied_x_A",

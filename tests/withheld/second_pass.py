@@ -17,7 +17,6 @@ from pathlib import Path
 import msgspec
 
 from smad.errors import SmadError
-from smad.gap import diagnose
 from smad.gap.check.bank import Bank, open_bank, read_case, require_files
 from smad.gap.check.case import How, Part, Task
 from smad.gap.check.key import read_key
@@ -27,8 +26,6 @@ from smad.gap.check.score import Pair, matched
 from smad.gap.check.verdicts import CaseVerdict, VerdictFile, read_verdict_file, read_verdicts
 from smad.gap.diagnose import ready
 from smad.gap.fit.stages import Prepared
-from smad.gap.records import Diagnosis
-from smad.gap.runs import GapRun
 from tests.withheld.errors import WithheldError
 from tests.withheld.seals import require_logged
 
@@ -82,21 +79,6 @@ def require_known(cases: Sequence[str], known: Collection[str], what: str) -> No
 def entries(library: Sequence[str], name: str) -> tuple[str, ...]:
     """The entries of a library that are one cause of the list; none when it lacks the cause."""
     return tuple(e for e in library if canonical(e) == name)
-
-
-def diagnosed(task: Task, how: How, more: Sequence[GapRun] = ()) -> Diagnosis:
-    """A case diagnosed once more, with further runs to fit on."""
-    runs = read_case(task.bank, task.case)
-    with ThreadPoolExecutor(max_workers=1) as one:
-        return diagnose(
-            [*runs.fit, *more],
-            plant=how.plant(),
-            good=runs.good,
-            hold_out=runs.hold_out,
-            settings=how.settings,
-            candidates=how.effects,
-            executor=one,
-        )
 
 
 @contextmanager

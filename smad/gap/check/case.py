@@ -8,6 +8,7 @@ import hashlib
 import os
 import time
 import traceback
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
@@ -23,7 +24,8 @@ from smad.gap.check.bank import Bank, Case, read_case
 from smad.gap.check.errors import CheckError
 from smad.gap.check.verdicts import CaseVerdict
 from smad.gap.diagnose import diagnose
-from smad.gap.records import Outcome
+from smad.gap.records import Diagnosis, Outcome
+from smad.gap.runs import GapRun
 from smad.gap.settings import Settings
 from smad.gap.sma import SmaPlant
 
@@ -105,6 +107,24 @@ def source_digest() -> str:
     return h.hexdigest()
 
 
+def diagnosed(
+    task: Task, how: How, more: Sequence[GapRun] = (), *, leave_out: bool = False
+) -> Diagnosis:
+    """The diagnosis of a case with one thread; `more` are further runs to fit on."""
+    runs = read_case(task.bank, task.case)
+    with ThreadPoolExecutor(max_workers=1) as one:
+        return diagnose(
+            [*runs.fit, *more],
+            plant=how.plant(),
+            good=runs.good,
+            hold_out=runs.hold_out,
+            settings=how.settings,
+            candidates=how.effects,
+            leave_out=leave_out,
+            executor=one,
+        )
+
+
 def judge(task: Task) -> Part:
     """The verdict on one case. An error in it becomes part of the answer, and stops nothing else.
 
@@ -115,18 +135,7 @@ def judge(task: Task) -> Part:
         other = "the worker has other code than the check began with: start the check again"
         return Part(case, 0.0, error=other)
     try:
-        runs = read_case(task.bank, task.case)
-        with ThreadPoolExecutor(max_workers=1) as one:
-            found = diagnose(
-                runs.fit,
-                plant=how.plant(),
-                good=runs.good,
-                hold_out=runs.hold_out,
-                settings=how.settings,
-                candidates=how.effects,
-                leave_out=how.leave_out,
-                executor=one,
-            )
+        found = diagnosed(task, how, leave_out=how.leave_out)
         verdict = answer(found)
     except SmadError as error:
         return Part(case, time.perf_counter() - began, error=str(error))
