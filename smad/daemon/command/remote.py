@@ -153,8 +153,13 @@ class RemoteDoor:
             yield
 
     def close(self) -> None:
-        """Close every socket."""
-        for source in (*self.stops, *self.sources):
+        """Close every socket.
+
+        Those that are monitored go first: an event for which nobody listens any more would hold up
+        ZeroMQ's own thread for good.
+        """
+        every = (*self.stops, *self.sources)
+        for source in sorted(every, key=lambda source: not source.monitored):
             source.close()
         for gate, _ in self._gates:
             gate.close()
@@ -194,6 +199,7 @@ class RemoteDoor:
             self._monitor(socket)
             socket.setsockopt(zmq.USE_FD, gate.for_zeromq())
             socket.bind(address)
+            gate.wait_until_taken_on()
         except (OSError, zmq.ZMQError) as error:
             socket.close(linger=0)
             raise DaemonError(

@@ -10,16 +10,20 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import re
+import select
 import socket
 import struct
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
 from smad.daemon.sockets.address import BACKLOG
 from smad.daemon.sockets.descriptors import Reserve
 
 _SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
 _RETURN = 0x06
-"""So many may have arrived already when the gate closes."""
+_TAKEN_ON_WITHIN_S = 30.0
 
 
 class Gate:
@@ -49,6 +53,18 @@ class Gate:
         """Return a descriptor of it that ZeroMQ may keep (and closes)."""
         self._zeromq = os.dup(self._socket.fileno())
         return self._zeromq
+
+    def wait_until_taken_on(self) -> None:
+        """Wait until ZeroMQ's thread listens at the descriptor, which is after `bind` returns.
+
+        Were the gate held before, the thread would put the other socket on its list, and end the
+        process when it does not find that one there at the end. Raises TimeoutError.
+        """
+        deadline = time.monotonic() + _TAKEN_ON_WITHIN_S
+        while not _is_polled(self._zeromq):
+            if time.monotonic() > deadline:
+                raise TimeoutError(0, "ZeroMQ's thread does not listen there")
+            time.sleep(0.001)
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -85,6 +101,17 @@ class Gate:
         """Give the socket back."""
         self._socket.close()
         self._nobody.close()
+
+
+def _is_polled(descriptor: int) -> bool:
+    """Say whether an epoll of this process waits for input at a descriptor (proc_pid_fdinfo(5))."""
+    watched = re.compile(rf"^tfd: +{descriptor} events: +([0-9a-f]+)", re.MULTILINE)
+    for info in Path("/proc/self/fdinfo").iterdir():
+        with contextlib.suppress(OSError):
+            for events in watched.findall(info.read_text()):
+                if int(events, 16) & select.EPOLLIN:
+                    return True
+    return False
 
 
 def _let_nobody_in(line: socket.socket) -> None:

@@ -15,7 +15,7 @@ import pytest
 import zmq
 
 from smad.config import TcpConfig
-from smad.daemon.command.remote import RemoteDoor, Routes
+from smad.daemon.command.remote import RemoteDoor, Routes, Source
 from smad.daemon.sockets.address import listen_local
 from smad.daemon.sockets.descriptors import (
     RESERVE,
@@ -338,6 +338,43 @@ def test_while_a_gate_is_held_zeromq_finds_nobody_there() -> None:
         zeromq.accept()[0].close()
     zeromq.close()
     gate.close()
+
+
+def test_zeromqs_thread_has_taken_a_gate_on_once_it_waits_for_input_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("smad.daemon.sockets.gate._TAKEN_ON_WITHIN_S", 0.0)
+    gate = Gate("127.0.0.1", 0)
+    zeromq = socket.socket(fileno=gate.for_zeromq())
+    with select.epoll() as thread:
+        with pytest.raises(TimeoutError):
+            gate.wait_until_taken_on()
+        thread.register(zeromq, 0)
+        with pytest.raises(TimeoutError):
+            gate.wait_until_taken_on()
+        thread.modify(zeromq, select.EPOLLIN)
+        gate.wait_until_taken_on()
+    zeromq.close()
+    gate.close()
+
+
+def test_events_are_read_until_nothing_is_monitored_any_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    closed = []
+    close = Source.close
+
+    def note(source: Source) -> None:
+        closed.append(source.monitored)
+        close(source)
+
+    monkeypatch.setattr(Source, "close", note)
+    command_port, stop_port = free_ports(2)
+    with zmq.Context() as context:
+        tcp = TcpConfig(command_port=command_port, stop_port=stop_port)
+        secret = zmq.curve_keypair()[1]
+        RemoteDoor(context, tcp, secret, _IGNORED, queue=10, reserve=nullcontext).close()
+    assert closed == [True, True, False, False, False]
 
 
 def test_commands_are_closed_to_newcomers_before_stops_are() -> None:
