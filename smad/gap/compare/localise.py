@@ -49,7 +49,7 @@ def localise(problem: Problem, predicted: Array) -> HeatMap:
     """Heat map of the excess error of a prediction."""
     ev = problem.dataset
     squares = np.square(problem.scaled(predicted))
-    regimes = dict(ev.regime_masks())
+    regimes = dict(ev.regime_masks)
     early = np.zeros(ev.n, dtype=bool)
     for seg in ev.segments:
         t = ev.t_s[seg.rows]

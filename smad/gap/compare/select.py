@@ -246,7 +246,7 @@ def weighed(before: Hypothesis, joint: JointFit, judged: Judged) -> Hypothesis:
     rise = before.doubt.scores(judged) - before.doubt.scores(before.judged)
     gain, se = cluster_gain(before.fit.problem, judged.hold, rise)
     touched = touched_outputs(before.judged, judged)
-    masks = before.fit.problem.dataset.regime_masks()
+    masks = before.fit.problem.dataset.regime_masks
     return Hypothesis(
         joint,
         judged,

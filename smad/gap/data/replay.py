@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -284,33 +284,41 @@ class Dataset:
         detail: Detail | None = None,
     ) -> Array:
         """Predictions on the grid; shape (points, rows). Rows of runs not asked for are 0."""
-        asked = set(range(len(self.runs)) if runs is None else runs)
-        detail = detail or self.detail
-        out = self._replay(points, asked, detail)
-        for r in asked:
-            out[:, self._spans[r]] += self._step_error[detail][self._spans[r]]
-        return out
+        return self.predicting(points, runs, detail)()
 
-    def _replay(self, points: Sequence[ModelPoint], asked: Iterable[int], detail: Detail) -> Array:
-        """Predictions as the plant makes them, not corrected."""
-        out = np.zeros((len(points), self.n))
+    def predicting(
+        self,
+        points: Sequence[ModelPoint],
+        runs: Iterable[int] | None = None,
+        detail: Detail | None = None,
+    ) -> Callable[[], Array]:
+        """`predict`, begun: what it returns waits for the workers and gives the predictions."""
+        detail = detail or self.detail
+        asked = range(len(self.runs)) if runs is None else runs
+        return self._replaying(points, asked, detail, self._step_error[detail])
+
+    def _replaying(
+        self, points: Sequence[ModelPoint], asked: Iterable[int], detail: Detail, correction: Array
+    ) -> Callable[[], Array]:
+        """Predictions as the plant makes them, with this correction; begun."""
         # A run of which no view can be judged has no rows.
-        wanted = sorted(r for r in asked if self._keys_of_run[r])
-        if not points or not wanted:
-            return out
+        wanted = sorted(r for r in set(asked) if self._keys_of_run[r]) if points else []
         places = [(r, chunk) for r in wanted for chunk in self._chunks(len(points), len(wanted))]
         jobs = [self._job(r, points[chunk], detail) for r, chunk in places]
-        if self.executor is None:
-            results = [job() for job in jobs]
-        else:
-            results = [f.result() for f in [self.executor.submit(job) for job in jobs]]
-        for (r, chunk), values in zip(places, results, strict=True):
-            out[chunk, self._spans[r]] = values
-        return out
+        if self.executor is not None:
+            jobs = [self.executor.submit(job).result for job in jobs]
+
+        def predictions() -> Array:
+            out = np.zeros((len(points), self.n))
+            for (r, chunk), job in zip(places, jobs, strict=True):
+                np.add(job(), correction[self._spans[r]], out=out[chunk, self._spans[r]])
+            return out
+
+        return predictions
 
     def failed(self, values: Array, run: int, detail: Detail | None = None) -> bool:
         """Whether the plant could not simulate a run: its first output lies at the upper limit."""
-        return self._at_limit(values - self._step_error[detail or self.detail], run)
+        return self._at_limit(values, run, self._step_error[detail or self.detail])
 
     def fails(self, values: Array, detail: Detail | None = None) -> bool:
         """Whether any run of a prediction could not be simulated."""
@@ -333,13 +341,14 @@ class Dataset:
                     out[i, span] = 0.0
         return out
 
-    def _at_limit(self, uncorrected: Array, run: int) -> bool:
-        segment = next((s for s in self.segments if s.run == run), None)
-        if segment is None:
+    def _at_limit(self, values: Array, run: int, correction: Array) -> bool:
+        if not self._keys_of_run[run]:
             return False
         _, low, high = self._keys_of_run[run][0]
+        first = self._spans[run].start
+        rows = slice(first, first + len(self.grids[run].t_s))
         # Bins without a valid sample are 0; a correction taken off again leaves a rounding error.
-        at_limit = uncorrected[segment.rows] >= high - 1e-6 * (high - low)
+        at_limit = values[rows] - correction[rows] >= high - 1e-6 * (high - low)
         return bool(np.mean(at_limit) > 0.5)
 
     def calibrated(self, point: ModelPoint) -> Dataset:
@@ -373,9 +382,10 @@ class Dataset:
     def _error_of_step(self, detail: Detail, point: ModelPoint, truth: Array) -> Array:
         """What a coarser replay lacks of `truth` at `point`; 0 where either cannot be simulated."""
         runs = range(len(self.runs))
-        coarse = self._replay([point], runs, detail)[0]
-        if any(self._at_limit(y, r) for r in runs for y in (truth, coarse)):
-            return np.zeros(self.n)
+        none = np.zeros(self.n)
+        coarse = self._replaying([point], runs, detail, none)()[0]
+        if any(self._at_limit(y, r, none) for r in runs for y in (truth, coarse)):
+            return none
         return np.asarray(truth - coarse)
 
     def _job(self, r: int, points: Sequence[ModelPoint], detail: Detail) -> Callable[[], Array]:
@@ -402,7 +412,8 @@ class Dataset:
         """Measured − predicted; 0 in rows that do not count."""
         return np.where(self.valid, self.measured - predicted, 0.0)
 
-    def regime_masks(self) -> dict[str, Mask]:
+    @cached_property
+    def regime_masks(self) -> Mapping[str, Mask]:
         """Row masks by regime name; the regimes of a row are those of its run and side."""
         out: dict[str, Mask] = {}
         cache: dict[tuple[int, str], dict[str, Mask]] = {}

@@ -136,7 +136,7 @@ def _with_regimes(
     overall = max(0.0, float(np.mean(square[rows])) - base.sigma**2) if rows.any() else 0.0
     k = {"": float(np.sqrt(inflate * overall + base.k.get("", 0.0) ** 2))}
     free = rows.copy()
-    for name, mask in dataset.regime_masks().items():
+    for name, mask in dataset.regime_masks.items():
         here = free & mask
         free &= ~mask
         n = int(here.sum())

@@ -5,10 +5,11 @@ Held-out predictions come from runs named for it, or else from leaving each run 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smad.gap.data.replay import Detail
 from smad.gap.fit.leave_out import left_out
@@ -142,7 +143,9 @@ def between(a: ModelPoint, b: ModelPoint) -> ModelPoint:
     return ModelPoint(theta, effects)
 
 
-def regime_gains(before: FitResult, after: FitResult, masks: dict[str, Mask]) -> dict[str, float]:
+def regime_gains(
+    before: FitResult, after: FitResult, masks: Mapping[str, Mask]
+) -> dict[str, float]:
     """Gain in log-likelihood on each regime, predicted from the other regimes alone.
 
     Linear around each fit: the step that leaving the regime's rows out would make is undone, and
@@ -151,32 +154,48 @@ def regime_gains(before: FitResult, after: FitResult, masks: dict[str, Mask]) ->
     longer determined.
     """
     out = {}
+    one, other = _Weighted.of(after), _Weighted.of(before)
     for name, mask in masks.items():
         if not _LEAST_REGIME <= float(mask.mean()) <= 0.8:
             continue
-        own, other = _scored_without(after, mask), _scored_without(before, mask)
-        if own is not None and other is not None:
-            out[name] = own - other
+        own, others = one.scored_without(mask), other.scored_without(mask)
+        if own is not None and others is not None:
+            out[name] = own - others
     return out
 
 
-def _scored_without(fit: FitResult, mask: Mask) -> float | None:
-    _, precision = fit.space.prior()
-    lo, hi = fit.space.bounds()
-    w = np.sqrt(fit.problem.row_weight(fit.z)).astype(np.float32)
-    inside, outside = fit.A[mask] * w[mask, None], fit.A[~mask] * w[~mask, None]
-    own = (inside.T @ inside).astype(float)
-    H = (outside.T @ outside).astype(float) + precision
-    n = fit.space.n_theta
-    if np.any(_information(H, n) < _DETERMINED_SHARE * _information(H + own, n)):
-        return None
-    g = -(inside.T @ (w * fit.z)[mask]).astype(float)
-    step = solve_box(H, g, lo - fit.p, hi - fit.p)
-    z = np.zeros(len(mask))
-    z[mask] = fit.z[mask] - fit.A[mask] @ step.astype(np.float32)
-    ev, nu = fit.problem.dataset, fit.problem.dataset.settings.cell_dof
-    count = ev.cell_sum((mask & ev.valid).astype(float))
-    return float(np.sum(-0.5 * (nu + count) * np.log1p(ev.cell_sum(z * z) / nu) * (count > 0)))
+@dataclass(frozen=True)
+class _Weighted:
+    """A fit, its sensitivities and residual as they weigh in it, and their products (k, k)."""
+
+    fit: FitResult
+    A: NDArray[np.float32]
+    z: NDArray[np.float32]
+    H: Array
+
+    @classmethod
+    def of(cls, fit: FitResult) -> _Weighted:
+        w = np.sqrt(fit.problem.row_weight(fit.z)).astype(np.float32)
+        A = fit.A * w[:, None]
+        return cls(fit, A, w * fit.z.astype(np.float32), (A.T @ A).astype(float))
+
+    def scored_without(self, mask: Mask) -> float | None:
+        """Log-likelihood of some rows by the others; None where those do not tell the effects."""
+        fit = self.fit
+        _, precision = fit.space.prior()
+        lo, hi = fit.space.bounds()
+        A = self.A[mask]
+        H = self.H - (A.T @ A).astype(float) + precision
+        n = fit.space.n_theta
+        if np.any(_information(H, n) < _DETERMINED_SHARE * _information(self.H + precision, n)):
+            return None
+        g = -(self.z[mask] @ A).astype(float)
+        step = solve_box(H, g, lo - fit.p, hi - fit.p)
+        z = np.zeros(len(mask))
+        z[mask] = fit.z[mask] - fit.A[mask] @ step.astype(np.float32)
+        ev, nu = fit.problem.dataset, fit.problem.dataset.settings.cell_dof
+        count = ev.cell_sum((mask & ev.valid).astype(float))
+        return float(np.sum(-0.5 * (nu + count) * np.log1p(ev.cell_sum(z * z) / nu) * (count > 0)))
 
 
 def _information(H: Array, n_theta: int) -> Array:

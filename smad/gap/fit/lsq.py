@@ -11,12 +11,13 @@ The fit begins with a floor as large as the misfit, which is least squares, and 
 there: begun cold it would stay with the cells that happen to fit.
 
 A fit is a generator: it yields model points and is sent their predictions. `drive` runs many such
-generators in step, so that their replays go to the workers together.
+generators in turns, so that the workers always have replays to make.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -375,16 +376,16 @@ def parabola(
     """H (k, k) and g (k,) of the objective ½ xᵀHx − gᵀx around `p`, and the weights of its rows."""
     mean, precision = space.prior()
     w = problem.row_weight(z, heat)
-    weighted = A * w.astype(np.float32)[:, None]
-    H = (weighted.T @ A).astype(np.float64) + precision
-    g = weighted.T.astype(np.float64) @ z - precision @ (p - mean)
+    weighted = A * np.sqrt(w).astype(np.float32)[:, None]
+    H = (weighted.T @ weighted).astype(np.float64) + precision
+    g = ((w * z).astype(np.float32) @ A).astype(np.float64) - precision @ (p - mean)
     return H, g, w
 
 
 def lesson(A: NDArray[np.float32], step: Array, seen: Array) -> NDArray[np.float32]:
     """What a step that took `seen` off the white residual adds to the slopes (Broyden)."""
-    missed = seen - A @ step.astype(np.float32)
-    return np.outer(missed, step / (step @ step)).astype(np.float32)
+    missed = (seen - A @ step.astype(np.float32)).astype(np.float32)
+    return np.outer(missed, (step / (step @ step)).astype(np.float32))
 
 
 def edges(space: Space, p: Array) -> tuple[bool, ...]:
@@ -407,35 +408,25 @@ def teaches(problem: Problem, step: Array, trial: Array, detail: Detail | None) 
 
 
 def drive(fits: Sequence[FitSteps]) -> list[FitResult]:
-    """Runs fits in step and returns their ends, in order."""
+    """Runs fits in turns and returns their ends, in order.
+
+    What one fit makes of its replays is worked out while those of the next are made.
+    """
     done: list[FitResult | None] = [None] * len(fits)
-    asks: dict[int, Ask] = {i: next(fit) for i, fit in enumerate(fits)}
-    while asks:
-        following = {}
-        for order in _together(asks):
-            first = asks[order[0]]
-            points = [point for i in order for point in asks[i].points]
-            values = first.dataset.predict(points, detail=first.detail)
-            at = 0
-            for i in order:
-                mine = values[at : at + len(asks[i].points)]
-                at += len(asks[i].points)
-                try:
-                    following[i] = fits[i].send(mine)
-                except StopIteration as end:
-                    done[i] = end.value
-        asks = following
+    waiting = deque((i, _asked(next(fit))) for i, fit in enumerate(fits))
+    while waiting:
+        i, replays = waiting.popleft()
+        try:
+            waiting.append((i, _asked(fits[i].send(replays()))))
+        except StopIteration as end:
+            done[i] = end.value
     return [fit for fit in done if fit is not None]
+
+
+def _asked(ask: Ask) -> Callable[[], Array]:
+    return ask.dataset.predicting(ask.points, detail=ask.detail)
 
 
 def fitted(problem: Problem, space: Space, start: Array, **options: Any) -> FitResult:
     """The end of one `fitting` with these options, run by itself."""
     return drive([fitting(problem, space, start, **options)])[0]
-
-
-def _together(asks: Mapping[int, Ask]) -> list[list[int]]:
-    """Which fits ask the same evidence for replays of the same detail, in a fixed order."""
-    groups: dict[tuple[str, int], list[int]] = {}
-    for i in sorted(asks):
-        groups.setdefault((str(asks[i].detail), id(asks[i].dataset)), []).append(i)
-    return sorted(groups.values(), key=lambda order: (str(asks[order[0]].detail), order))

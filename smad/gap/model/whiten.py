@@ -65,7 +65,7 @@ class Whitening:
         self.dataset, self.noise = dataset, noise
         self.s = np.ones(dataset.n)
         self._filters: list[tuple[float, float, float]] = []
-        masks = dataset.regime_masks()
+        masks = dataset.regime_masks
         for seg in dataset.segments:
             model = noise[seg.key]
             k = np.full(seg.stop - seg.start, model.k.get("", 0.0))
@@ -77,6 +77,10 @@ class Whitening:
                 free &= ~here
             self.s[seg.rows] = np.sqrt(model.sigma**2 + k**2)
             self._filters.append(self._filter_of(model, float(np.mean(k**2))))
+        self._weigh()
+
+    def _weigh(self) -> None:
+        self._factor = np.where(self.dataset.valid, 1.0 / self.s, 0.0)
 
     def _filter_of(self, model: OutputNoise, k2: float) -> tuple[float, float, float]:
         share = k2 / (k2 + model.sigma**2)
@@ -91,25 +95,21 @@ class Whitening:
         """The same with another uncertainty of each row, in channel units, in quadrature."""
         other = copy.copy(self)
         other.s = np.hypot(self.s, unsure)
+        other._weigh()
         return other
 
     def scale(self, rows: Array) -> Array:
         """Rows over their standard deviation; invalid rows become 0."""
-        factor = np.where(self.dataset.valid, 1.0 / self.s, 0.0)
-        return rows * (factor if rows.ndim == 1 else factor[:, None])
+        return rows * (self._factor if rows.ndim == 1 else self._factor[:, None])
 
     def white(self, rows: Array) -> Array:
         """Innovations of the scaled rows; unit variance where Σ is right. Shape as given."""
         z = self.scale(rows)
-        out = np.empty_like(z)
         for seg, (rho, theta, v) in zip(self.dataset.segments, self._filters, strict=True):
-            part = z[seg.rows]
             if rho == 0.0:
-                out[seg.rows] = part
                 continue
-            root = np.sqrt(v)
+            part, root = z[seg.rows], np.sqrt(v)
             first = (root - 1.0) * part[:1]
-            out[seg.rows] = lfilter([1.0, -rho], [1.0, -theta], part, axis=0, zi=first)[0] / root
-        return np.where(
-            self.dataset.valid if out.ndim == 1 else self.dataset.valid[:, None], out, 0.0
-        )
+            z[seg.rows] = lfilter([1.0, -rho], [1.0, -theta], part, axis=0, zi=first)[0] / root
+        z[~self.dataset.valid] = 0.0
+        return z

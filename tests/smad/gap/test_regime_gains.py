@@ -21,7 +21,7 @@ def fitted(prepared: Prepared, name: str) -> FitResult:
 def test_a_regime_that_leaves_either_model_undetermined_is_not_compared() -> None:
     stronger = {"driver_gain": SHOWN["driver_gain"]}
     prepared = ready(bank(OTHER, stronger), plant=HeaterPlant(), settings=Settings())
-    masks = prepared.problem.dataset.regime_masks()
+    masks = prepared.problem.dataset.regime_masks
     gain, flow = fitted(prepared, "driver_gain"), fitted(prepared, "coupling")
     # Without power nothing tells a driver's gain; plates that cool still tell of heat between them.
     assert "heating" in regime_gains(prepared.fit, flow, masks)
