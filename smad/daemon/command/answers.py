@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Coroutine
+import inspect
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +30,7 @@ class _Later:
     client: bytes
     call: Call
     reply: Send
+    answer: Coroutine[Any, Any, Struct]
 
 
 class Answers:
@@ -91,20 +93,22 @@ class Answers:
             self._counts.done += 1
             reply(result_reply(call.id, answer))
         else:
-            later = _Later(client, call, reply)
+            later = _Later(client, call, reply, answer)
             self._later.add(later)
-            self._spawn(call.method.name, self._answer_later(later, answer))
+            self._spawn(call.method.name, self._answer_later(later))
 
     def give_up(self) -> None:
         """Tell everybody who still waits for a reply that the daemon ends."""
         while self._later:
             later = self._later.pop()
             self._refuse(later.call, _ending(), later.reply)
+            if inspect.getcoroutinestate(later.answer) == inspect.CORO_CREATED:
+                later.answer.close()
 
-    async def _answer_later(self, later: _Later, answer: Awaitable[Struct]) -> None:
+    async def _answer_later(self, later: _Later) -> None:
         call, reply = later.call, later.reply
         try:
-            result = await answer
+            result = await later.answer
         except Exception as error:
             self._refuse(call, error, reply)
         else:

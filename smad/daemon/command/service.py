@@ -6,7 +6,7 @@ the board has to agree to are coroutines.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,7 +58,7 @@ class Caller(Struct, frozen=True):
     behind: bool = False
 
 
-Answer = Struct | Awaitable[Struct]
+Answer = Struct | Coroutine[Any, Any, Struct]
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class Service:
             cause = "the client that armed has fallen silent"
             self._stops.order(cause, f"{cause}; disarming", {})
 
-    def arm(self, params: api.Arm, caller: Caller) -> Awaitable[api.Motion]:
+    def arm(self, params: api.Arm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Ask the board for a token, begin the run log, confirm."""
         return self._arm_alone(params, caller, self._stops.generation)
 
@@ -224,13 +224,13 @@ class Service:
         still_wanted()
         return self._status.motion()
 
-    def disarm(self, params: api.Disarm, caller: Caller) -> Awaitable[api.Motion]:
+    def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Current off with the next sample, the board's DISARM; replies when it is not armed."""
         self._stops.begin("disarm")
         self._conditions.require_connected()
         return self._after(self._stops.until_disarmed())
 
-    def estop(self, params: api.EStop, caller: Caller) -> Awaitable[api.Motion]:
+    def estop(self, params: api.EStop, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Three copies at once, and again until the board says ESTOP; replies when it does."""
         if self._control.session.state is HostState.DISCONNECTED:
             self._stops.begin("estop")

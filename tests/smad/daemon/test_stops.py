@@ -52,6 +52,8 @@ async def test_a_stop_right_after_a_reconnection_ends_an_arming_that_waits(tmp_p
         assert rig.bench.board.state is BoardState.SAFE
 
 
+@pytest.mark.filterwarnings("error:coroutine:RuntimeWarning")
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 async def test_whoever_waits_for_the_board_when_the_daemon_ends_is_told(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.run_for(2.0)
