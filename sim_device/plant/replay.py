@@ -389,7 +389,7 @@ def forcing_rows(forcing: Forcing, n: int) -> Array:
         values = _checked(f"forcing of {name}.{side}", series, (n,))
         for key in keys_of(name, side):
             rows[:, SLOTS[key]] += values
-    return rows
+    return rows if rows.any() else rows[:0]
 
 
 def _feed_rows(feeds: Mapping[str, Array], n: int) -> tuple[Array, Array]:

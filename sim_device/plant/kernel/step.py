@@ -203,14 +203,7 @@ def supply_springs(state: State, work: Work, model: Model, dt: float) -> None:
 
 @compiled
 def advance_substep(
-    state: State,
-    work: Work,
-    model: Model,
-    table: Array,
-    laws: Array,
-    memory: Array,
-    share: float,
-    dt: float,
+    state: State, work: Work, model: Model, table: Array, share: float, dt: float
 ) -> int:
     """One substep of both springs; `share` is how far into the sample its end is.
 
@@ -220,8 +213,6 @@ def advance_substep(
     """
     x, y, g, feeds = state.x, state.y, state.shared, work.feeds
     forces = work.forces > 0.0
-    if forces:
-        force_places(state, work, model.p, laws, memory)
     set_surroundings(state, work, model, dt)
     supply_springs(state, work, model, dt)
     take_feed(work.x, feeds.x, feeds.feeds_temperature, share)
@@ -262,7 +253,10 @@ def advance(
     """
     state, work, model = states[0], works[0], models[0]
     for k in range(steps):
-        status = advance_substep(state, work, model, table, laws, memory, (k + 1.0) / steps, dt)
+        # What is held over the sample needs it but once.
+        if work.forces > 0.0 and (k == 0 or laws.shape[0] > 0):
+            force_places(state, work, model.p, laws, memory)
+        status = advance_substep(state, work, model, table, (k + 1.0) / steps, dt)
         if status != OK:
             return status
     read_sensors(state, model, ring, dt * steps)
