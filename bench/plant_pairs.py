@@ -28,11 +28,12 @@ names = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N", "v_x_V", "v_y_
 options = {}
 if sys.argv[1] == "zero":
     from sim_device.plant.places import SLOTS
-    options = {"forcing": {key: np.zeros(n) for key in SLOTS}}
+    # Something at the very end, which is not compared: what is zero throughout is left out.
+    options = {"forcing": {key: np.r_[np.zeros(n - 1), 1e-6] for key in SLOTS}}
 replay = Replay(inputs, outputs=names, **options)
 setup = replay.setup(load_parameters("A"))
 out = replay.run_setup(setup)
-digest = hashlib.sha256(b"".join(out[name].tobytes() for name in names)).hexdigest()
+digest = hashlib.sha256(b"".join(out[name][:-1].tobytes() for name in names)).hexdigest()
 print(digest, flush=True)
 for _ in sys.stdin:
     start = time.process_time()

@@ -257,6 +257,7 @@ def check_laws(laws: Sequence[Law]) -> None:
             raise InputError(f"{where}: there are two; put their terms into one")
         seen.add((law.place, law.side))
         names = [term.name for term in law.terms]
+        supports: dict[str, tuple[float, float]] = {}
         for term in law.terms:
             if not _NAME.match(term.name) or names.count(term.name) > 1:
                 raise InputError(
@@ -273,6 +274,9 @@ def check_laws(laws: Sequence[Law]) -> None:
             _known_states(law.place, [factor.state for factor in term.factors])
             for factor in term.factors:
                 _check_factor(f"{where}: {term.name}", factor)
+                span = (factor.low, factor.high)
+                if supports.setdefault(factor.state, span) != span:
+                    raise InputError(f"{where}: {factor.state} has two supports; give it one")
     if count > MOST_TERMS:
         raise InputError(f"the laws have {count} terms; at most {MOST_TERMS} are taken together")
 
