@@ -60,7 +60,8 @@ def _described(parameter: EffectParameter) -> str:
 def effects_table() -> str:
     """Every entry of the effect registry."""
     lines = [
-        "| effect | subsystem | places | equation | parameters | shows in | confused with; told apart by |"
+        "| effect | subsystem | places | equation | parameters | shows in |"
+        " confused with; told apart by |"
         " reference |",
         "|---|---|---|---|---|---|---|---|",
     ]
