@@ -27,9 +27,9 @@ Support = Mapping[str, tuple[float, float]]
 KINDS = {"line": 1, "bend": 2, "hat": 3, "sign": 4}
 """z, max(z, 0), max(1 - |z|, 0), tanh(z), of z = (state - centre)/scale."""
 LAGS_S = (1.0, 10.0)
-MOST_TERMS = 512
+MOST_TERMS = 2048
 """Terms of all laws of a plant together, a law of both springs counting twice."""
-REST_SPEED = 2e-4
+REST_SPEED = 5e-5
 """m/s at which the sign of a velocity is three quarters of itself."""
 _BENDS = (1.0 / 3.0, 2.0 / 3.0)
 _NAME = re.compile(r"[a-z][a-z0-9_]*\Z")

@@ -34,7 +34,7 @@ def pushed(name, side, size=None, **options):
 
 def test_the_slots_of_the_kernel_are_those_of_the_table():
     assert len(SLOTS) == kernel.FORCED_SLOTS
-    assert slots.FIRST_READING == min(SLOTS[entry.name, entry.sides[0]] for entry in READINGS)
+    assert min(SLOTS[entry.name, entry.sides[0]] for entry in READINGS) == slots.FIRST_READING
     named = {
         "heat_into_wire": slots.HEAT_WIRE, "heat_into_water": slots.HEAT_WATER,
         "film": slots.FILM, "flow_before_pump": slots.FLOW_BEFORE,
@@ -104,7 +104,7 @@ def test_a_force_between_the_springs_is_what_x_pulls_more_and_its_cell_reads_its
 
 def test_a_series_for_both_sides_is_that_series_on_each():
     wave = 0.3 * np.sin(RUN.t_s)
-    each = {key: wave for key in keys_of("heat_into_wire", "both")}
+    each = dict.fromkeys(keys_of("heat_into_wire", "both"), wave)
     one = simulate(P, RUN, forcing={("heat_into_wire", "both"): wave})
     two = simulate(P, RUN, forcing=each)
     assert all(np.array_equal(one[name], two[name]) for name in OUTPUTS)
