@@ -127,6 +127,7 @@ def effects(*, variant: str, as_json: bool) -> None:
     for e in library:
         click.echo(f"{e.name}  ({e.sub_model}: {', '.join(e.signals)})")
         click.echo(f"    {e.title}: {e.equation}")
+        click.echo(f"    places: {', '.join(e.places)}")
         for q in e.parameters:
             kind = "" if q.strength else ", shape"
             high = with_unit(f"{q.high:g}", q.unit)

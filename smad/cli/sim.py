@@ -173,20 +173,22 @@ def build(
     from sim_device.faults import parse_injection
     from sim_device.plant import load_parameters
     from sim_device.plant.effects.registry import from_text
-    from sim_device.plant.models import load_model
+    from sim_device.plant.models import read_model
 
     plant = config.plant
     if model_path is not None:
-        parameters, variant, own = load_model(model_path)
+        model = read_model(model_path)
+        parameters, variant, own, laws = model.parameters, model.variant, model.effects, model.laws
     else:
         file = plant.parameter_file
         parameters = load_parameters(Path(file) if file else "A")
-        variant, own = plant.variant, plant.effects
+        variant, own, laws = plant.variant, plant.effects, ()
     make = SimulatedBench if firmware == "python" else _with_firmware(firmware, store_path)
     return make(
         parameters=parameters,
         variant=variant,
         effects={**own, **dict(from_text(text) for text in effects)},
+        laws=laws,
         fixture=plant.fixture,
         rate_hz=rate_hz,
         seed=seed,

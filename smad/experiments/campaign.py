@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_device.plant.errors import PlantError
+from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet
 from smad.config import Config
 from smad.experiments.base import Experiment, Findings
@@ -29,6 +30,7 @@ class Bench:
     seed: int = 0
     variant: str = "extended"
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    laws: tuple[Law, ...] = ()
     lacking: frozenset[str] = frozenset()
     folder: Path | None = None
 
@@ -40,6 +42,7 @@ class Bench:
             seed=self.seed,
             variant=self.variant,
             effects=self.effects,
+            laws=self.laws,
             lacking=self.lacking,
             folder=self.folder,
             progress=progress,

@@ -14,6 +14,7 @@ from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import PlantError
 from sim_device.plant.parameters import spring_factors
 from smad.gap.errors import PlantMismatch
+from smad.gap.places import Forcing, Place
 from smad.gap.plant import (
     Array,
     Effect,
@@ -26,6 +27,7 @@ from smad.gap.runs import GapRun
 from smad.gap.sma import catalogue, signals
 from smad.gap.sma.given import GivenPoint, GivenRun
 from smad.gap.sma.passes import KeptDrivers, Passes
+from smad.gap.sma.places import places_of_pair
 from smad.gap.sma.recent import Recent
 from smad.gap.sma.recorded import recorded
 
@@ -164,6 +166,7 @@ class SmaPlant:
                 e.separated_by,
                 e.reference,
                 e.law,
+                e.places,
             )
             for e in EFFECTS
             if self.variant in dict(e.needs).get("variant", (self.variant,))
@@ -175,11 +178,29 @@ class SmaPlant:
     ) -> dict[str, Array]:
         """See `PlantModel`. A point that the plant refuses or cannot solve gives NaN."""
         try:
-            given = self.given_points.of(point, lambda: GivenPoint(self, point))
-            return Passes(given, run, fast, self.given_runs, self.kept).views(views)
+            return self._passes(point, run, fast=fast).views(views)
         except PlantError:
             keys = [o.key for v in self.views if v.name in views for o in v.outputs]
             return {key: np.full(len(run.t_s), np.nan) for key in keys}
+
+    @cached_property
+    def places(self) -> Sequence[Place]:
+        return places_of_pair(self.variant)
+
+    def trajectory(self, point: ModelPoint, run: GapRun) -> Mapping[str, Array]:
+        """States of the run replayed in open loop, SI, by the names of the plant's trajectory.
+
+        Raises PlantError where the plant refuses the point or cannot solve it, as `forced` does.
+        """
+        return self._passes(point, run).trajectory()
+
+    def forced(self, point: ModelPoint, run: GapRun, forcing: Forcing) -> dict[str, Array]:
+        """Channels of the run in open loop under a forcing, see `smad.gap.places`."""
+        return self._passes(point, run).forced(forcing)
+
+    def _passes(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> Passes:
+        given = self.given_points.of(point, lambda: GivenPoint(self, point))
+        return Passes(given, run, fast, self.given_runs, self.kept)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(
@@ -240,6 +261,7 @@ class SmaPlant:
                 for name, key in _KEPT_APART.items()
                 if point.theta.get(name, 0.0) != 0.0
             },
+            laws=point.laws,
             note=note,
         )
 
@@ -270,7 +292,7 @@ class SmaPlant:
                 )
         theta = {n: model.parameters[n] for n in REFITTED}
         theta |= {n: model.mounting[key] for n, key in _KEPT_APART.items() if key in model.mounting}
-        return ModelPoint(theta, model.effects)
+        return ModelPoint(theta, model.effects, model.laws)
 
     def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]:
         """Effects of a point, with what its parameters say of the two sides."""
