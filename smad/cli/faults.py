@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from firmware_protocol.nearest import instead
 from smad.cli import complete
 from smad.cli.output import Finite, bench_option, client, progress
 from smad.errors import CommandError
@@ -214,7 +215,7 @@ def _chosen(
         if name not in known:
             raise CommandError(
                 "there is no such fault in the campaign asked for", value=name,
-                limit=", ".join(sorted(known)), action="smad sim --help says how to inject by hand",
+                action=instead(name, sorted(known), "smad sim --help says how to inject by hand"),
             )  # fmt: skip
     wanted = known if not only else set(only)
     return (
@@ -284,7 +285,11 @@ def _fault(name: str) -> object:
         if wanted in (fault.name, str(int(fault))):
             return fault
     raise CommandError(
-        "there is no fault of this name or number", value=name, action="see smad faults list"
+        "there is no fault of this name or number",
+        value=name,
+        action=instead(
+            name, [f.name.lower() for f in Fault if f], "smad faults list shows them all"
+        ),
     )
 
 
