@@ -348,14 +348,17 @@ def _list_catalogue() -> None:
 
 def _perform(name: str, seed: int, bench: str) -> None:
     """Carries an experiment out on the bench."""
-    from smad.cli.output import client
+    from smad.cli.output import client, shown
     from smad.experiments.live import LiveDriver
+    from smad.experiments.ready import require_ready
     from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
-    with progress() as line:
-        LiveDriver(client(bench), progress=line.say).run(plan)
-    click.echo(f"done: {name}; the daemon has recorded it as {plan.name}")
+    with client(bench) as connected, progress() as line:
+        require_ready(connected, extra="gap")
+        driver = LiveDriver(connected, progress=line.say)
+        driver.run(plan)
+    click.echo(f"done: {name}, recorded to {shown(driver.log or plan.name)}")
 
 
 def _simulated_point(

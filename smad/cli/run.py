@@ -124,6 +124,8 @@ def run(names: tuple[str, ...], **options: Any) -> None:
 
     `smad run repeat RUN` plays the inputs of a recorded run again (smad run repeat --help).
     """
+    from smad.experiments.ready import require_ready
+
     if options["listing"]:
         _print_list(as_json=options["as_json"])
         return
@@ -132,6 +134,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
         click.echo(_feedforward_section(model, variant), nl=False)
         return
     experiments = _experiments(names, options["settings"])
+    require_ready(extra="report", outputs=[options["report"], options["save_parameters"]])
     if options["logs"]:
         result, facts = _from_logs(experiments, model, options["logs"])
     elif options["sim"]:
@@ -269,8 +272,10 @@ def _live(
     from smad.client.signals import ended_by_signals
     from smad.experiments.campaign import run_on
     from smad.experiments.live import LiveDriver
+    from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(options["bench"]) as connected, progress() as line:
+        require_ready(connected, extra="report")
         driver = LiveDriver(
             connected,
             fixture=options["fixture"],

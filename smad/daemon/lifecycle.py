@@ -103,7 +103,7 @@ class _Life:
         self._parameter_text = parameter_text
         self._reread = reread
         self._trace = trace
-        folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
+        folder = Path(config.daemon.ipc_dir or default_folder()).absolute()
         self._endpoints = Endpoints(folder, config.daemon.bench)
         self._journal = Journal()
         self._notifier = Notifier()
