@@ -161,7 +161,8 @@ def _on_simulation(
     from smad.client.endpoints import default_folder, prepare_folder
     from smad.processes.simulator import simulated_bench
 
-    folder = Path(config.daemon.ipc_dir or default_folder()).absolute()prepare_folder(folder)
+    folder = Path(config.daemon.ipc_dir or default_folder()).absolute()
+    prepare_folder(folder)
     arguments = ["--seed", str(config.plant.seed), "--rate", str(config.link.rate_hz)]
     arguments += ["--speed", str(config.plant.speed_ratio)]
     arguments += ["--firmware", firmware]
