@@ -1,9 +1,9 @@
 """Who reads no further than the first screen knows what was measured, and on what."""
 
 import re
+from pathlib import Path
 
-from tests.docs.pages import ROOT
-
+ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
