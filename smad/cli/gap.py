@@ -269,7 +269,21 @@ def _clean_errors() -> Iterator[None]:
 def _read(paths: Sequence[Path]) -> list[GapRun]:
     from smad.gap.sma.signals import read_gap_run
 
-    return [read_gap_run(path) for path in paths]
+    names = [_unlike(path, paths) for path in paths]
+    return [
+        dataclasses.replace(read_gap_run(path), name=name) if name else read_gap_run(path)
+        for path, name in zip(paths, names, strict=True)
+    ]
+
+
+def _unlike(path: Path, paths: Sequence[Path]) -> str:
+    """A name with as much of the folder as tells two files of one name apart; empty: no need."""
+    alike = [p for p in paths if p != path and p.name == path.name]
+    parts = path.absolute().parts
+    for k in range(2, len(parts) + 1):
+        if not any(p.absolute().parts[-k:] == parts[-k:] for p in alike):
+            return "/".join((*parts[-k:-1], path.stem)) if alike else ""
+    return ""
 
 
 def _diagnosed(

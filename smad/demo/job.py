@@ -74,10 +74,9 @@ def measured(client: Client, seconds: float, say: Say) -> Status | str:
     judged by it; the demo itself has been carried out by then.
     """
     try:
-        with told_by(client):
-            return run_in_real_time(client, seconds, say)
+        return run_in_real_time(client, seconds, say)
     except (Stopped, NotReady, BoardRefused) as error:
-        return error.cause
+        return _why(client) or error.cause
 
 
 @contextlib.contextmanager
@@ -86,12 +85,19 @@ def told_by(client: Client) -> Iterator[None]:
     try:
         yield
     except (Stopped, NotReady, BoardRefused) as error:
-        with contextlib.suppress(SmadError):
-            words = [entry.text for entry in client.status().events if _says_why(entry.text)]
-            if words and words[-1] not in error.cause:
-                error.cause = f"{error.cause} (the daemon's journal: {words[-1]})"
-                error.action = "a busy machine may be the cause; run the demo again"
+        why = _why(client)
+        if why and why not in error.cause:
+            error.cause = f"{error.cause}: {why}"
+            error.action = "a busy machine may be the cause; run the demo again"
         raise
+
+
+def _why(client: Client) -> str:
+    """What the daemon's journal says last of what stopped the bench; empty: nothing."""
+    with contextlib.suppress(SmadError):
+        words = [entry.text for entry in client.status().events if _says_why(entry.text)]
+        return words[-1] if words else ""
+    return ""
 
 
 def _says_why(text: str) -> bool:
