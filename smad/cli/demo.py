@@ -46,8 +46,8 @@ def demo(folder: Path, seed: int, boards: tuple[str, ...]) -> None:
     The same seed gives the same bench. The table's last digits still differ from run to run: the
     noise that a motion meets depends on when the bench was armed.
     """
+    from smad.cli.tables import print_table
     from smad.demo import figures
-    from smad.report.page import text_table
 
     line = Progress()
     tables, places = {}, []
@@ -58,7 +58,8 @@ def demo(folder: Path, seed: int, boards: tuple[str, ...]) -> None:
         figures.write(page, run, tables[board])
         places.append(f"run log  {run.path}\npage     {page}")
     line.done()
-    click.echo("\n".join([text_table(figures.beside(tables)), *places]))
+    print_table(figures.beside(tables))
+    click.echo("\n".join(places))
 
 
 def _run(folder: Path, seed: int, board: str, line: Progress) -> tuple[Run, Rows]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shlex
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -152,7 +153,7 @@ def verify(
     with _clean_errors():
         from smad.gap.verify import verified
 
-        rows = verified(plant, _read(runs), plant.load_model(model_path))
+        rows = verified(plant, _read(runs, runs), plant.load_model(model_path))
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=1).decode())
         return
@@ -266,10 +267,10 @@ def _clean_errors() -> Iterator[None]:
         raise GapError(str(error)) from error
 
 
-def _read(paths: Sequence[Path]) -> list[GapRun]:
+def _read(paths: Sequence[Path], among: Sequence[Path]) -> list[GapRun]:
     from smad.gap.sma.signals import read_gap_run
 
-    names = [_unlike(path, paths) for path in paths]
+    names = [_unlike(path, among) for path in paths]
     return [
         dataclasses.replace(read_gap_run(path), name=name) if name else read_gap_run(path)
         for path, name in zip(paths, names, strict=True)
@@ -302,7 +303,8 @@ def _diagnosed(
     with progress() as line:
         say: Callable[[str], None] = line.say
         say("reading")
-        asked, known, held = _read(runs), _read(good), _read(hold_out)
+        everything = (*runs, *good, *hold_out)
+        asked, known, held = (_read(some, everything) for some in (runs, good, hold_out))
         found = diagnose(
             asked,
             plant=plant,
@@ -332,9 +334,10 @@ def _print_verdict(result: Diagnosis, asked: Asked) -> None:
     from smad.gap.report import summary_lines
 
     headline, *rest = summary_lines(result, asked)
+    width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
-        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=100))
+        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
 
 
 def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None:

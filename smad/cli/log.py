@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+import shlex
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
@@ -14,6 +16,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
+from smad.cli.tables import fitted
 from smad.errors import RunLogError
 from smad.writable import require_writable
 
@@ -258,6 +261,10 @@ def _print_notes(notes: Sequence[str]) -> None:
 def _print_table(
     names: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
 ) -> None:
+    if sys.stdout.isatty():
+        numeric = [at for at in range(len(names)) if at not in left]
+        click.echo(fitted(names, rows, numeric, shutil.get_terminal_size().columns), nl=False)
+        return
     widths = [max(map(len, column)) for column in zip(names, *rows, strict=True)]
     for row in (names, *rows):
         cells = [
@@ -297,6 +304,11 @@ def _print_summary(run: RunSummary) -> None:
         if value:
             click.echo(f"{name:<11}{value}")
     _print_notes(run.notes)
+    if any("did not end in order" in note for note in run.notes):
+        click.echo(
+            "what follows is what could be read; to write it as a whole log: "
+            + shlex.join(["smad", "log", "recover", run.path])
+        )
     click.echo()
     _print_table(
         ("channel", "unit", "rows", "least", "mean", "most"),
