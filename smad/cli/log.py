@@ -88,8 +88,13 @@ def show(path: Path | None, folder: str, as_json: bool) -> None:
     summary = summarise(run)
     if as_json:
         _print_json(summary)
-    else:
-        _print_summary(summary)
+        return
+    _print_summary(summary)
+    if run.cut_short or run.damaged:
+        click.echo(
+            "\nthe log is not whole: this is what could be read of it; to write that as a whole "
+            "log: " + shlex.join(["smad", "log", "recover", summary.path])
+        )
 
 
 @log.command()
@@ -304,11 +309,6 @@ def _print_summary(run: RunSummary) -> None:
         if value:
             click.echo(f"{name:<11}{value}")
     _print_notes(run.notes)
-    if any("did not end in order" in note for note in run.notes):
-        click.echo(
-            "what follows is what could be read; to write it as a whole log: "
-            + shlex.join(["smad", "log", "recover", run.path])
-        )
     click.echo()
     _print_table(
         ("channel", "unit", "rows", "least", "mean", "most"),

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from smad.cli import execute, tables
+from smad.experiments.campaign import left
 from smad.report.page import Table
 from tests.smad.runlog.helpers import write_small_run
 
@@ -44,8 +45,8 @@ def test_on_a_terminal_the_table_takes_its_width(
 def test_a_torn_log_is_shown_as_far_as_it_goes_with_the_command_that_recovers_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = write_small_run(tmp_path / "a.mcap", 100)
-    log.write_bytes(log.read_bytes()[:-200])
+    log = write_small_run(tmp_path / "a.mcap", 2000)
+    log.write_bytes(log.read_bytes()[: log.stat().st_size * 3 // 5])
     assert execute(["log", "show", str(log)]) == 0
     assert f"smad log recover {log}" in capsys.readouterr().out
 
@@ -64,3 +65,10 @@ def test_a_page_of_an_earlier_run_is_kept(
     assert execute(["run", "dsc", "--sim", "--jobs", "1"]) == 0
     assert (tmp_path / "experiments.html").read_text() == "earlier"
     assert "page  experiments-2.html" in capsys.readouterr().out
+
+
+def test_progress_says_how_many_runs_are_done_and_how_long_the_rest_may_take() -> None:
+    assert left(0, 40, 0.0) == ""
+    assert left(10, 40, 20.0) == "; about 60 s left"
+    assert left(10, 40, 200.0) == "; about 10 min left"
+    assert left(40, 40, 200.0) == ""
