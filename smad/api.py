@@ -294,7 +294,8 @@ class RecorderStatus(Struct, frozen=True, kw_only=True):
     """The run log being written."""
 
     recording: Annotated[bool, Meta(description="a log is open and takes rows")]
-    path: Annotated[str, Meta(description="the file, or the last one")] = ""
+    path: Annotated[str, Meta(description="the file, or the last one; absolute")] = ""
+    folder: Annotated[str, Meta(description="where run logs are written; absolute")] = ""
     rows: Annotated[int, Meta(description="samples written or waiting")] = 0
     dropped: Annotated[int, Meta(description="samples lost because the disk was too slow")] = 0
     error: Annotated[str, Meta(description="why recording stopped, if it failed")] = ""

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import click
 
+from firmware_protocol.nearest import instead
 from smad.errors import SmadError
 from smad.parts import missing
 from smad.version import VERSION
@@ -75,11 +76,8 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that is called; one misspelt is answered with the nearest."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            import difflib
-
-            near = difflib.get_close_matches(args[0], COMMANDS, n=2)
-            hint = f" Did you mean {' or '.join(near)}?" if near else ""
-            ctx.fail(f"There is no command {args[0]!r}.{hint}")
+            told = instead(args[0], COMMANDS, "smad --help lists them")
+            ctx.fail(f"There is no command {args[0]!r}; {told}")
         return super().resolve_command(ctx, args)
 
 

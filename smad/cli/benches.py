@@ -79,8 +79,10 @@ def live(bench: str, *, who: str) -> Iterator[Play]:
     come back to where the recorded run began is told of and played all the same.
     """
     from smad.cli.output import client
+    from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(bench) as connected:
+        require_ready(connected, extra="gap")
         player = _LivePlayer(connected, bench, who)
         try:
             yield player

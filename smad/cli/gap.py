@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shlex
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -153,7 +154,7 @@ def verify(
     with _clean_errors():
         from smad.gap.verify import verified
 
-        rows = verified(plant, _read(runs), plant.load_model(model_path))
+        rows = verified(plant, _read(runs, runs), plant.load_model(model_path))
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=1).decode())
         return
@@ -267,10 +268,24 @@ def _clean_errors() -> Iterator[None]:
         raise GapError(str(error)) from error
 
 
-def _read(paths: Sequence[Path]) -> list[GapRun]:
+def _read(paths: Sequence[Path], among: Sequence[Path]) -> list[GapRun]:
     from smad.gap.sma.signals import read_gap_run
 
-    return [read_gap_run(path) for path in paths]
+    names = [_unlike(path, among) for path in paths]
+    return [
+        dataclasses.replace(read_gap_run(path), name=name) if name else read_gap_run(path)
+        for path, name in zip(paths, names, strict=True)
+    ]
+
+
+def _unlike(path: Path, paths: Sequence[Path]) -> str:
+    """A name with as much of the folder as tells two files of one name apart; empty: no need."""
+    alike = [p for p in paths if p != path and p.name == path.name]
+    parts = path.absolute().parts
+    for k in range(2, len(parts) + 1):
+        if not any(p.absolute().parts[-k:] == parts[-k:] for p in alike):
+            return "/".join((*parts[-k:-1], path.stem)) if alike else ""
+    return ""
 
 
 def _diagnosed(
@@ -289,7 +304,8 @@ def _diagnosed(
     with progress() as line:
         say: Callable[[str], None] = line.say
         say("reading")
-        asked, known, held = _read(runs), _read(good), _read(hold_out)
+        everything = (*runs, *good, *hold_out)
+        asked, known, held = (_read(some, everything) for some in (runs, good, hold_out))
         found = diagnose(
             asked,
             plant=plant,
@@ -319,9 +335,10 @@ def _print_verdict(result: Diagnosis, asked: Asked) -> None:
     from smad.gap.report import summary_lines
 
     headline, *rest = summary_lines(result, asked)
+    width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
-        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=100))
+        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
 
 
 def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None:
@@ -349,14 +366,17 @@ def _list_catalogue() -> None:
 
 def _perform(name: str, seed: int, bench: str) -> None:
     """Carries an experiment out on the bench."""
-    from smad.cli.output import client
+    from smad.cli.output import client, shown
     from smad.experiments.live import LiveDriver
+    from smad.experiments.ready import require_ready
     from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
-    with progress() as line:
-        LiveDriver(client(bench), progress=line.say).run(plan)
-    click.echo(f"done: {name}; the daemon has recorded it as {plan.name}")
+    with client(bench) as connected, progress() as line:
+        require_ready(connected, extra="gap")
+        driver = LiveDriver(connected, progress=line.say)
+        driver.run(plan)
+    click.echo(f"done: {name}, recorded to {shown(driver.log or plan.name)}")
 
 
 def _simulated_point(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+import shlex
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
@@ -14,7 +16,9 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
+from smad.cli.tables import fitted
 from smad.errors import RunLogError
+from smad.writable import require_writable
 
 if TYPE_CHECKING:
     from smad.runlog.overview import Overview
@@ -48,12 +52,14 @@ log.add_command(layouts)
 
 
 @log.command("list")
+@click.argument("place", metavar="[FOLDER]", required=False)
 @_folder
 @_json
-def list_command(folder: str, as_json: bool) -> None:
-    """List the run logs of a folder."""
+def list_command(place: str | None, folder: str, as_json: bool) -> None:
+    """List the run logs of FOLDER; left out, those of --folder."""
     from smad.runlog.overview import list_runs
 
+    folder = place or folder
     runs = list_runs(folder)
     if as_json:
         _print_json(runs)
@@ -82,8 +88,13 @@ def show(path: Path | None, folder: str, as_json: bool) -> None:
     summary = summarise(run)
     if as_json:
         _print_json(summary)
-    else:
-        _print_summary(summary)
+        return
+    _print_summary(summary)
+    if run.cut_short or run.damaged:
+        click.echo(
+            "\nthe log is not whole: this is what could be read of it; to write that as a whole "
+            "log: " + shlex.join(["smad", "log", "recover", summary.path])
+        )
 
 
 @log.command()
@@ -180,6 +191,8 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
     """Make a run log from a CSV or Parquet file with units in its column names."""
     from smad.runlog.importer import import_table, read_mapping
 
+    if output is not None:
+        require_writable(output)
     rules = read_mapping(mapping) if mapping is not None else None
     done = import_table(source, output or source.with_suffix(".mcap"), rules)
     if as_json:
@@ -202,6 +215,8 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
     """Rewrite a log that was cut or damaged as a whole one, and say what was lost."""
     from smad.runlog.recover import recover as recover_log
 
+    if output is not None:
+        require_writable(output)
     with _progress("recovering") as progress:
         done = recover_log(_resolve(path, folder), output, progress=progress)
     if as_json:
@@ -251,6 +266,10 @@ def _print_notes(notes: Sequence[str]) -> None:
 def _print_table(
     names: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
 ) -> None:
+    if sys.stdout.isatty():
+        numeric = [at for at in range(len(names)) if at not in left]
+        click.echo(fitted(names, rows, numeric, shutil.get_terminal_size().columns), nl=False)
+        return
     widths = [max(map(len, column)) for column in zip(names, *rows, strict=True)]
     for row in (names, *rows):
         cells = [

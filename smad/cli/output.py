@@ -7,6 +7,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -171,6 +172,14 @@ def described(motion: Motion) -> str:
     if motion.fault is not None:
         parts.append(f"fault {motion.fault.name}")
     return ", ".join(parts)
+
+
+def shown(path: str | Path) -> str:
+    """A path as a person here reads it: from this folder on where it is below it, else whole."""
+    try:
+        return str(Path(path).relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)
 
 
 def good(text: str) -> str:

@@ -101,9 +101,11 @@ def _live(
     from smad.client.signals import ended_by_signals
     from smad.config import parse_config
     from smad.experiments.errors import EndedEarlyError, TrippedError
+    from smad.experiments.ready import require_ready
     from smad.experiments.replayer import Directly, Replayer
 
     with ended_by_signals(), client(bench) as connected, progress() as line:
+        require_ready(connected, extra="log")
         found.require_fit(parse_config(connected.config()))
         if not other_bench:
             board = connected.status().board

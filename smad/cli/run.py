@@ -96,9 +96,8 @@ class _Run(click.Command):
 @click.option(
     "--report",
     type=click.Path(dir_okay=False, path_type=Path),
-    default=Path("experiments.html"),
-    show_default=True,
-    help="Where the page goes.",
+    help="Where the page goes; by default experiments.html, or experiments-2.html and so on where "
+    "there is one already.",
 )
 @click.option(
     "--save-parameters",
@@ -125,6 +124,9 @@ def run(names: tuple[str, ...], **options: Any) -> None:
 
     `smad run repeat RUN` plays the inputs of a recorded run again (smad run repeat --help).
     """
+    from smad.experiments.ready import require_ready
+    from smad.runlog.paths import free_path
+
     if options["listing"]:
         _print_list(as_json=options["as_json"])
         return
@@ -134,6 +136,9 @@ def run(names: tuple[str, ...], **options: Any) -> None:
         click.echo(_feedforward_section(model, given.variant), nl=False)
         return
     experiments = _experiments(names, options["settings"])
+    if options["report"] is None:
+        options["report"] = free_path(Path("experiments.html"))
+    require_ready(extra="report", outputs=[options["report"], options["save_parameters"]])
     if options["logs"]:
         result, facts = _from_logs(experiments, model, options["logs"])
     elif options["sim"]:
@@ -144,9 +149,10 @@ def run(names: tuple[str, ...], **options: Any) -> None:
 
 
 def _print_list(*, as_json: bool) -> None:
+    from smad.cli.tables import print_table
     from smad.experiments.driver import PARTS
     from smad.experiments.registry import EXPERIMENTS, make_experiment
-    from smad.report.page import Table, text_table
+    from smad.report.page import Table
 
     experiments = [make_experiment(name) for name in EXPERIMENTS]
     if as_json:
@@ -158,7 +164,7 @@ def _print_list(*, as_json: bool) -> None:
     for experiment in experiments:
         needs = [PARTS[part] for part in sorted(experiment.requirements())]
         rows.append((experiment.name, experiment.title, ", ".join(needs) or "a data file"))
-    click.echo(text_table(Table(("name", "what", "needs"), rows)))
+    print_table(Table(("name", "what", "needs"), rows))
 
 
 def _print_json(value: object) -> None:
@@ -268,8 +274,10 @@ def _live(
     from smad.client.signals import ended_by_signals
     from smad.experiments.campaign import run_on
     from smad.experiments.live import LiveDriver
+    from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(options["bench"]) as connected, progress() as line:
+        require_ready(connected, extra="report")
         driver = LiveDriver(
             connected,
             fixture=options["fixture"],
@@ -316,12 +324,12 @@ def _finish(
 
 
 def _print_tables(result: CampaignResult, model: ParameterSet, given: ParameterSet | None) -> None:
+    from smad.cli.tables import print_table
     from smad.experiments.report import comparison_table, recovery_table
-    from smad.report.page import text_table
 
-    click.echo(text_table(comparison_table(result)))
+    print_table(comparison_table(result))
     if result.estimates:
-        click.echo(text_table(recovery_table(result.estimates, model, given)))
+        print_table(recovery_table(result.estimates, model, given))
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -75,6 +75,8 @@ class SimulatorError(SmadError):
 )
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after so long.")
 @click.option("--transport", default="pty", show_default=True, help="pty, or fd:N (a socket).")
+@click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
+              help="With --paced-by-host: wait so many times as long for a setpoint.")  # fmt: skip
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
 def sim(
     *,
@@ -91,6 +93,7 @@ def sim(
     store_path: Path | None,
     seconds: float | None,
     transport: str,
+    patience: int,
     parent: int | None,
 ) -> None:
     """Run the simulated bench alone; prints the name of its port.
@@ -99,7 +102,7 @@ def sim(
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
-    from sim_device.pty import serve
+    from sim_device.pty import HOST_TIMEOUT_S, serve
     from smad.config import Config, load_config
 
     if "list" in faults:
@@ -139,6 +142,7 @@ def sim(
                 symlink=symlink,
                 transport=transport,
                 paced_by_host=paced_by_host,
+                host_timeout_s=patience * HOST_TIMEOUT_S,
                 max_seconds=seconds,
                 on_ready=_announce,
             )

@@ -65,7 +65,7 @@ class Process:
 
     `nonce` tells the board's answers to this daemon from those to an earlier one. `reserve` is a
     block in which descriptors of the reserve may be used. `parameter_text` is the parameter file
-    of a simulated bench, None on a real one.
+    of a simulated bench, None on a real one. `patience` is that of the session with the board.
     """
 
     loop: asyncio.AbstractEventLoop
@@ -75,6 +75,7 @@ class Process:
     nonce: int
     reserve: Reserve = nullcontext
     parameter_text: str | None = None
+    patience: int = 1
     trace: Trace | None = None
     clocks: Clocks = field(default_factory=Clocks)
 
@@ -112,7 +113,7 @@ class Daemon:
 
     def _towards_the_board(self, opener: Callable[[], Transport], process: Process) -> BoardSide:
         config = self.config
-        self.session = HostSession(nonce=process.nonce)
+        self.session = HostSession(nonce=process.nonce, patience=process.patience)
         self.link = Link(
             opener,
             loop=self.loop,
@@ -301,7 +302,7 @@ class Daemon:
         if isinstance(event, BoardRestarted):
             self.stops.link_lost("the board restarted")
         elif isinstance(event, LinkLost):
-            self.stops.link_lost("the board fell silent")
+            self.stops.link_lost(f"the board fell silent for {event.silent_us / 1000:.0f} ms")
         self.watch.on_event(event)
 
     def _on_stop_begun(self) -> None:

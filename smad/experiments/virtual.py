@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from firmware_protocol.messages import Setpoint, State
+from firmware_protocol.nearest import instead
 from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet, parameters_text
 from smad.config import Config, config_to_toml
@@ -164,8 +165,7 @@ def _known_parts(lacking: frozenset[str]) -> frozenset[str]:
         raise ExperimentError(
             "the simulated bench has no such part to take away",
             value=", ".join(unknown),
-            limit=", ".join(PARTS),
-            action="name one of them",
+            action=instead(unknown[0], PARTS, f"they are {', '.join(PARTS)}"),
         )
     return lacking
 

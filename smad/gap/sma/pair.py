@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from firmware_protocol.nearest import instead
 from sim_device.plant import ParameterSet, load_parameters
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import PlantError
@@ -219,8 +220,9 @@ class SmaPlant:
             raise PlantMismatch(
                 "a parameter is not one that this plant refits",
                 value=unknown[0],
-                limit=", ".join(sorted(known)),
-                action="use a model file made with the same plant",
+                action=instead(
+                    unknown[0], sorted(known), "use a model file made with the same plant"
+                ),
             )
         mounting = {p.name for p in _MOUNTING}
         values = {k: float(v) for k, v in theta.items() if k not in mounting}
