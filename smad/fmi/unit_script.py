@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real  # type: ignore[import-untyped]
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 
 from sim_device.plant.errors import PlantError
 from smad.fmi.errors import FmiError

@@ -36,15 +36,15 @@ def unit(model: Path) -> Path:
     return export_unit(read_model(model), model.with_name("model.fmu"))
 
 
-def a_run(parameters: ParameterSet, n: int = 401) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def a_run(parameters: ParameterSet, n: int = 601) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     rng = np.random.default_rng(1)
     t_s = np.arange(n) * 0.01
     levels = np.repeat(rng.uniform(0.0, 1.0, (n // 50 + 1, 4)), 50, axis=0)[:n]
     warmer = np.where(t_s > 2.0, 2.0, 0.0)
     return t_s, {
-        "i_applied_x_A": np.where(t_s < 3.0, 2.0 + levels[:, 0], 0.0),
+        "i_applied_x_A": np.where(t_s < 5.0, 2.5 + 0.5 * levels[:, 0], 0.0),
         "i_applied_y_A": 0.5 * levels[:, 1],
-        "duty_x": np.where(t_s > 3.0, levels[:, 2], 0.0),
+        "duty_x": np.where(t_s > 5.0, levels[:, 2], 0.0),
         "duty_y": levels[:, 3],
         "drain_x": (levels[:, 2] > 0.7).astype(float),
         "inlet_K": parameters["water_temperature"] + warmer,
