@@ -184,8 +184,10 @@ def _when(event: Event, t_s: Any, stamps: Times) -> int:
     """By the board's clock where the event has it, by the computer's otherwise."""
     if event.t_s is not None:
         nearest = int(np.argmin(np.abs(t_s - event.t_s)))
-        return max(int(stamps[nearest]) + round((event.t_s - t_s[nearest]) * 1e9), 0)
-    return int(stamps[0]) if event.host_time_s is None else max(round(event.host_time_s * 1e9), 0)
+        after_ns = round(float(event.t_s - t_s[nearest]) * 1e9)
+        return max(int(stamps[nearest]) + after_ns, 0)
+    host_s = event.host_time_s
+    return int(stamps[0]) if host_s is None else max(round(host_s * 1e9), 0)
 
 
 def _headers(types: Any, stamps: Times) -> Callable[[int], Any]:
