@@ -105,7 +105,8 @@ def diagnose(
             result = _of_unit((fmu, map_path), runs, good, hold_out, seed)
         else:
             result = _diagnosed(plant, runs, good, hold_out, seed)
-        asked = _asked(runs, hold_out, good, model_path)
+        # Of a plant that is not ours, no command but this one is known.
+        asked = None if plant is None else _asked(runs, hold_out, good, model_path)
         _print_verdict(result, asked)
         if json_path is not None:
             json_path.write_bytes(result.to_json())
@@ -342,7 +343,7 @@ def _asked(
     return Asked(shlex.join(words), "" if model is None else str(model))
 
 
-def _print_verdict(result: Diagnosis, asked: Asked) -> None:
+def _print_verdict(result: Diagnosis, asked: Asked | None) -> None:
     from smad.gap.report import summary_lines
 
     headline, *rest = summary_lines(result, asked)

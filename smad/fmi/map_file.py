@@ -51,7 +51,7 @@ class ParameterRow(_Row, frozen=True, kw_only=True):
 
 
 class TermRow(_Row, frozen=True, kw_only=True):
-    """A term that the unit adds by way of the input `variable`: size · (of − zero)^power.
+    """A term that the unit adds by way of the input `variable`: size · ((of − zero) / span)^power.
 
     `of`: an input or channel of the map, as the unit has it; empty for a constant. The power keeps
     the sign.
@@ -61,6 +61,7 @@ class TermRow(_Row, frozen=True, kw_only=True):
     typical: _Number
     of: str = ""
     zero: _Number = 0.0
+    span: _Positive = 1.0
     power: Annotated[float, msgspec.Meta(gt=0, le=8)] = 1.0
 
 

@@ -116,7 +116,9 @@ class FmuPlant:
             if term.of in self._map.channels:
                 fed.append(_fed(at, list(self._map.channels).index(term.of), size, term))
             elif term.of:
-                rows[:, at] += size * signed_power(given[term.of] - term.zero, term.power)
+                rows[:, at] += size * signed_power(
+                    (given[term.of] - term.zero) / term.span, term.power
+                )
             else:
                 rows[:, at] += size
         if self._map.held == "from" and run.whole is None:
@@ -157,7 +159,7 @@ def effects_of(mapped: Map) -> list[Effect]:
         found += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
     for name, term in mapped.terms.items():
         size = EffectParameter("size", term.unit, term.typical, term.low, term.high)
-        what = f"({term.of} − {term.zero:g})^{term.power:g}" if term.of else "1"
+        what = f"(({term.of} − {term.zero:g})/{term.span:g})^{term.power:g}" if term.of else "1"
         found.append(
             Effect(name, term.title, _SUB_MODEL, (size,), everything,
                    f"{term.variable} += size · {what}")
@@ -171,13 +173,19 @@ def _errors(
     gain, most_gain = _GAIN
     zero, most_zero = (share * (row.high - row.low) for share in _ZERO_OF_RANGE)
     parts = (
-        ("gain", "gain error", EffectParameter("g", "1", gain, -most_gain, most_gain), "(1 + g)·y"),
-        ("zero", "zero error", EffectParameter("b", row.unit, zero, -most_zero, most_zero), "y + b"),
-        ("lag", "lag", EffectParameter("tau_s", "s", lag_s, 0.0, _LONGEST_LAG * lag_s),
-         "tau·s' = y − s"),
-    )  # fmt: skip
+        ("gain", "gain error", ("g", "1", gain, -most_gain, most_gain), "(1 + g)·y"),
+        ("zero", "zero error", ("b", row.unit, zero, -most_zero, most_zero), "y + b"),
+        ("lag", "lag", ("tau_s", "s", lag_s, 0.0, _LONGEST_LAG * lag_s), "tau·s' = y − s"),
+    )
     return [
-        Effect(f"{name}_{end}", f"{title} of the {kind} {name}", _SUB_MODEL, (value,), signals, law)
+        Effect(
+            f"{name}_{end}",
+            f"{title} of the {kind} {name}",
+            _SUB_MODEL,
+            (EffectParameter(*value),),
+            signals,
+            law,
+        )
         for end, title, value, law in parts
     ]
 
@@ -210,7 +218,7 @@ def _outputs(view: str, mapped: Map) -> tuple[Output, ...]:
 
 
 def _fed(row: int, output: int, size: float, term: TermRow) -> Fed:
-    return Fed(row=row, output=output, size=size, zero=term.zero, power=term.power)
+    return Fed(row=row, output=output, size=size, zero=term.zero, span=term.span, power=term.power)
 
 
 def _parameter(name: str, row: ParameterRow, unit: UnitFile) -> Parameter:

@@ -22,12 +22,14 @@ _OK_OR_WARNING = (0, 1)
 
 @dataclass(frozen=True, kw_only=True)
 class Fed:
-    """A term that depends on an output: size · (output − zero)^power goes on an input's row."""
+    """A term that depends on an output: an input's row gets size · ((output − zero) / span)^power
+    more."""
 
     row: int
     output: int
     size: float
     zero: float
+    span: float
     power: float
 
 
@@ -40,6 +42,8 @@ class Runner:
     def __init__(self, unit: UnitFile, inputs: Sequence[str], outputs: Sequence[str]) -> None:
         self._unit = unit
         self._fmi2 = part("fmpy.fmi2")
+        # Raised for FMI 2 too; its home is the module of FMI 1.
+        self._failed = part("fmpy.fmi1").FMICallException
         self._folder = tempfile.TemporaryDirectory(prefix="smad-unit-")
         unit.unpack(Path(self._folder.name))
         self._said: list[str] = []
@@ -71,13 +75,13 @@ class Runner:
                 put_view[:] = rows[k]
                 for term in fed:
                     put_view[term.row] += term.size * signed_power(
-                        got_view[term.output] - term.zero, term.power
+                        (got_view[term.output] - term.zero) / term.span, term.power
                     )
                 slave.fmi2SetReal(slave.component, self._in, self._n_in, put)
                 slave.fmi2DoStep(slave.component, t[k - 1], t[k] - t[k - 1], 1)
                 slave.fmi2GetReal(slave.component, self._out, self._n_out, got)
                 out[:, k] = got_view
-        except self._fmi2.FMICallException:
+        except self._failed:
             # Another one is made for the next run: the standard allows no call but for freeing.
             self._slave = None
         return out
@@ -88,7 +92,7 @@ class Runner:
             if self._slave is not None:
                 try:
                     self._slave.reset()
-                except self._fmi2.FMICallException:
+                except self._failed:
                     self._slave = None
             if self._slave is None:
                 self._slave = self._loaded()

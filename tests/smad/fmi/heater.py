@@ -46,12 +46,13 @@ high = 27.0
 [terms.radiation]
 title = "heat that goes with the fourth power"
 variable = "extra"
-unit = "1"
+unit = "W"
 typical = -5.0
 low = -30.0
 high = 0.0
 of = "temperature_degC"
 zero = -273.15
+span = 300.0
 power = 4.0
 """
 
@@ -65,7 +66,7 @@ def heater_unit(folder: Path) -> Path:
 
 
 def run_file(path: Path, seed: int, *, capacity: float = 32.0, loss: float = 0.74,
-             tau_s: float = 0.0, noise: float = 0.03) -> Path:  # fmt: skip
+             tau_s: float = 0.0, radiated: float = 0.0, noise: float = 0.03) -> Path:  # fmt: skip
     """A run of a bench whose thermometer lags by `tau_s`; power holds up to the row's time."""
     rng = np.random.default_rng(seed)
     power = np.repeat(rng.choice([0.0, 15.0, 30.0, 45.0], 12), 50)
@@ -76,7 +77,8 @@ def run_file(path: Path, seed: int, *, capacity: float = 32.0, loss: float = 0.7
         table.writerow(["t_s", "power_W", "temperature_degC"])
         for k, given in enumerate(power):
             if k:
-                plate += DT * (given - loss * (plate - 22.0)) / capacity
+                lost = loss * (plate - 22.0) + radiated * ((plate + 273.15) / 300.0) ** 4
+                plate += DT * (given - lost) / capacity
                 share = 1.0 if tau_s == 0.0 else 1.0 - np.exp(-DT / tau_s)
                 shown += share * (plate - shown)
             read = round((shown + noise * rng.standard_normal()) / 0.01) * 0.01
