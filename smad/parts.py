@@ -9,12 +9,15 @@ from typing import Any
 from smad.errors import MissingPartError
 
 EXTRA_OF: Mapping[str, str] = {
+    "fmpy": "fmi",
     "jinja2": "log",
     "matplotlib": "report",
     "numba": "sim",
     "numpy": "log",
     "pandas": "notebook",
     "pyarrow": "export",
+    "pythonfmu": "fmi",
+    "rosbags": "ros",
     "scipy": "export",
     "threadpoolctl": "gap",
 }
@@ -35,6 +38,7 @@ EXTRA_OF_COMMAND: Mapping[str, str] = {
     "gap": "gap",
     "log export": "export",
     "log import": "export",
+    "model": "fmi",
     "run": "report",
     "sim": "sim",
     "start": "sim",

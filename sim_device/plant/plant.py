@@ -158,6 +158,13 @@ class Plant:
         return truth_of(self._row)
 
     @property
+    def numbers(self) -> np.ndarray:
+        """The numbers of the kernel's state, to read at `kernel.place_of`; not for writing."""
+        seen = self._row.view()
+        seen.flags.writeable = False
+        return seen
+
+    @property
     def energy(self) -> EnergyBook:
         """The energy books since the start."""
         return energy_book(self._start[0], self._state[0], self._setup)

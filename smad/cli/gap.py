@@ -70,6 +70,8 @@ gap.add_command(investigate)
 @click.option("--json", "json_path", type=_OUT, help="Write the whole diagnosis here.")
 @click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
 @click.option("--apply", "model_path", type=_OUT, help="Write the improved model here.")
+@click.option("--fmu", type=_RUN, help="The model is this unit of FMI 2.0; needs --map.")
+@click.option("--map", "map_path", type=_RUN, help="With --fmu: what its variables are (TOML).")
 def diagnose(
     *,
     runs: tuple[Path, ...],
@@ -81,6 +83,8 @@ def diagnose(
     json_path: Path | None,
     html_path: Path | None,
     model_path: Path | None,
+    fmu: Path | None,
+    map_path: Path | None,
 ) -> None:
     """Say where model and RUNs disagree, because of what, and how much of the gap goes.
 
@@ -90,10 +94,20 @@ def diagnose(
     A RUN is a run log, a folder of them, or a quoted pattern. Give RUNs before --hold-out and
     --good, which take all that follows.
     """
-    plant = _plant(params, variant)
+    if (fmu is None) != (map_path is None):
+        raise click.UsageError("--fmu and --map belong together; give both")
+    if fmu is not None and model_path is not None:
+        raise click.UsageError("--apply writes a model of the spring pair; leave it out with --fmu")
+    plant = None if fmu is not None else _plant(params, variant)
     with _clean_errors():
-        result = _diagnosed(plant, runs, good, hold_out, seed)
-        asked = _asked(runs, hold_out, good, model_path)
+        if plant is None:
+            assert fmu is not None
+            assert map_path is not None
+            result = _of_unit((fmu, map_path), runs, good, hold_out, seed)
+        else:
+            result = _diagnosed(plant, runs, good, hold_out, seed)
+        # Of a plant that is not ours, no command but this one is known.
+        asked = None if plant is None else _asked(runs, hold_out, good, model_path)
         _print_verdict(result, asked)
         if json_path is not None:
             json_path.write_bytes(result.to_json())
@@ -102,7 +116,7 @@ def diagnose(
             from smad.report.page import write_page
 
             write_page(page_of(result, asked), html_path)
-        if model_path is not None:
+        if model_path is not None and plant is not None:
             from smad.gap.apply import apply
 
             apply(result, plant, model_path)
@@ -319,6 +333,21 @@ def _diagnosed(
         return msgspec.structs.replace(found, repeated=repeated(plant, then, now, say))
 
 
+def _of_unit(
+    unit: tuple[Path, Path],
+    runs: Sequence[Path],
+    good: Sequence[Path],
+    hold_out: Sequence[Path],
+    seed: int,
+) -> Diagnosis:
+    from smad.fmi.asked import diagnose_unit
+
+    with progress() as line:
+        return diagnose_unit(
+            *unit, runs, good=good, hold_out=hold_out, seed=seed, progress=line.say
+        )
+
+
 def _asked(
     runs: Sequence[Path], hold_out: Sequence[Path], good: Sequence[Path], model: Path | None
 ) -> Asked:
@@ -331,7 +360,7 @@ def _asked(
     return Asked(shlex.join(words), "" if model is None else str(model))
 
 
-def _print_verdict(result: Diagnosis, asked: Asked) -> None:
+def _print_verdict(result: Diagnosis, asked: Asked | None) -> None:
     from smad.gap.report import summary_lines
 
     headline, *rest = summary_lines(result, asked)

@@ -103,12 +103,14 @@ def show(path: Path | None, folder: str, as_json: bool) -> None:
 @click.option(
     "--to",
     "suffix",
-    type=click.Choice(["csv", "parquet", "mat"]),
+    type=click.Choice(["csv", "parquet", "mat", "rosbag2"]),
     default="csv",
     show_default=True,
     help="Format, where --output does not name it.",
 )
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="File, or folder of a bag, to write."
+)
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 @_json
 def export(
@@ -120,14 +122,22 @@ def export(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where."""
+    """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where.
+
+    rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages.
+    """
     from smad.runlog.export import export_run
     from smad.runlog.reader import read_run
+    from smad.runlog.rosbag import SUFFIX, export_bag
 
     source = _resolve(path, folder)
     with _progress("reading") as progress:
         run = read_run(source, progress=progress)
-    files = export_run(run, output or source.with_suffix(f".{suffix}"), overwrite=overwrite)
+    target = output or source.with_suffix(f".{suffix}")
+    if suffix == "rosbag2" or target.suffix == SUFFIX:
+        files = [export_bag(run, target, overwrite=overwrite)]
+    else:
+        files = export_run(run, target, overwrite=overwrite)
     if as_json:
         _print_json({"files": [str(file) for file in files], "rows": len(run), "notes": run.notes})
         return
