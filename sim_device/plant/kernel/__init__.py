@@ -8,6 +8,7 @@ quantities are SI. Only what this package exports is called from outside.
 
 from sim_device.plant.kernel.curves import lay_curves
 from sim_device.plant.kernel.layout import copied, fill, filled, numbers, place_of, zeros
+from sim_device.plant.kernel.many import advance_many
 from sim_device.plant.kernel.model import (
     ANTAGONISTIC,
     BLOCKED,
@@ -46,6 +47,7 @@ __all__ = [
     "State",
     "Work",
     "advance",
+    "advance_many",
     "compliance_of",
     "copied",
     "fill",
