@@ -9,6 +9,7 @@ from typing import Any
 from smad.errors import MissingPartError
 
 EXTRA_OF: Mapping[str, str] = {
+    "gymnasium": "env",
     "jinja2": "log",
     "matplotlib": "report",
     "numba": "sim",

@@ -15,6 +15,7 @@ from sim_device.plant.plant import MAX_STEP_S, NOISE_OF_READINGS, SENSED, solver
 from sim_device.plant.setup import Setup
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 READINGS = (
     "i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_x_K", "rtd_y_K", "rtd_inlet_K", "rtd_ambient_K",
@@ -126,13 +127,26 @@ class PlantArray:
         """What all sensors say now, shape (size, 10), columns READINGS. Draws new noise."""
         return self.rows[:, SENSED] + self._next_noise() * self._sigma
 
-    def _next_noise(self) -> Array:
+    def read_only(self, which: Flags) -> Array:
+        """As `read`, of which the rows of other plants are of no use; they draw no noise."""
+        return self.rows[:, SENSED] + self._next_noise(which) * self._sigma
+
+    def kept(self, which: Flags) -> tuple[Array, Array]:
+        """A copy of what the state of some plants is."""
+        return self.rows[which].copy(), self._rings[which].copy()
+
+    def restore(self, which: Flags, kept: tuple[Array, Array]) -> None:
+        """Put plants back to what `kept` copied."""
+        self.rows[which], self._rings[which] = kept
+        self.statuses[which] = k.OK
+
+    def _next_noise(self, which: Flags | None = None) -> Array:
         # A block of numbers of a Generator is what as many single calls give.
         for i in np.flatnonzero(self._drawn == _BLOCK):
             self._noise[:, i] = self._streams[i].standard_normal((_BLOCK, len(READINGS)))
             self._drawn[i] = 0
         drawn = self._noise[self._drawn, self._every]
-        self._drawn += 1
+        self._drawn += 1 if which is None else which
         return drawn
 
     def column(self, path: str) -> Callable[[], Array]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from typing import Any
+
 import numpy as np
 
 from smad.gap.compare.localise import HeatMap
@@ -150,6 +152,19 @@ def parameter_records(prepared: Prepared, best: Hypothesis, draws: Array) -> lis
         values = (before, refitted, final, low, high)
         out.append(ParameterRecord(q.name, q.unit, *values, fit.at_bound[i]))
     return out
+
+
+def covariance_record(best: Hypothesis, draws: Array) -> dict[str, Any]:
+    """Covariance of all values of the final model over the bootstrap, in their own units.
+
+    Parameters by name, those of effects as EFFECT.PARAMETER: see `smad.gap.plant.Uncertainty`.
+    """
+    space = best.fit.space
+    names = [q.name for q in space.theta]
+    names += [f"{e.name}.{q.name}" for e in space.effects for q in e.parameters]
+    scale = np.array([space.value(i, 1.0) - space.value(i, 0.0) for i in range(space.size)])
+    matrix = np.atleast_2d(np.cov(draws, rowvar=False)) * np.outer(scale, scale)
+    return {"names": names, "matrix": matrix.tolist()}
 
 
 def law_records(prepared: Prepared, best: Hypothesis) -> list[LawRecord]:
