@@ -238,7 +238,7 @@ class Closing:
             places=selection.probability,
             left_out=list(left_out),
             model=dataclasses.asdict(model)
-            | {"covariance": summary.covariance_record(answer.final, draws)},
+            | {"covariance": summary.covariance_record(answer.final, model, draws)},
             budget=budget,
         )
 

@@ -16,7 +16,7 @@ from smad.gap.fit.joint import Interval
 from smad.gap.fit.judge import excess_by_key, shrink
 from smad.gap.fit.lsq import Problem
 from smad.gap.fit.stages import Prepared
-from smad.gap.plant import Array, EffectValues, PlantModel, units
+from smad.gap.plant import Array, EffectValues, ModelPoint, PlantModel, units
 from smad.gap.records import (
     CandidateRecord,
     CellRecord,
@@ -154,8 +154,9 @@ def parameter_records(prepared: Prepared, best: Hypothesis, draws: Array) -> lis
     return out
 
 
-def covariance_record(best: Hypothesis, draws: Array) -> dict[str, Any]:
-    """Covariance of all values of the final model over the bootstrap, in their own units.
+def covariance_record(best: Hypothesis, model: ModelPoint, draws: Array) -> dict[str, Any]:
+    """Covariance of the values that `model` has over the bootstrap of the best fit, in their own
+    units.
 
     Parameters by name, those of effects as EFFECT.PARAMETER: see `smad.gap.plant.Uncertainty`.
     """
@@ -164,7 +165,13 @@ def covariance_record(best: Hypothesis, draws: Array) -> dict[str, Any]:
     names += [f"{e.name}.{q.name}" for e in space.effects for q in e.parameters]
     scale = np.array([space.value(i, 1.0) - space.value(i, 0.0) for i in range(space.size)])
     matrix = np.atleast_2d(np.cov(draws, rowvar=False)) * np.outer(scale, scale)
-    return {"names": names, "matrix": matrix.tolist()}
+    known = [
+        i for i, name in enumerate(names)
+        if i < space.n_theta or name.partition(".")[0] in model.effects
+    ]  # fmt: skip
+    return {
+        "names": [names[i] for i in known], "matrix": matrix[np.ix_(known, known)].tolist(),
+    }  # fmt: skip
 
 
 def law_records(prepared: Prepared, best: Hypothesis) -> list[LawRecord]:
