@@ -6,6 +6,7 @@ Equation numbers are those of Cheng et al., J. Intell. Mater. Syst. Struct. 28(1
 quantities are SI. Only what this package exports is called from outside.
 """
 
+from sim_device.plant.kernel.compiled import text_digest
 from sim_device.plant.kernel.curves import lay_curves
 from sim_device.plant.kernel.layout import copied, fill, filled, numbers, place_of, zeros
 from sim_device.plant.kernel.many import advance_many
@@ -60,5 +61,6 @@ __all__ = [
     "replay",
     "replay_drivers",
     "rest",
+    "text_digest",
     "zeros",
 ]
