@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from concurrent.futures import Executor
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -68,7 +68,7 @@ class PlantArray:
         self._executor = executor
         parts = max(1, min(workers if executor is not None else 1, size // _LEAST_A_THREAD))
         edges = np.linspace(0, size, parts + 1).astype(int).tolist()
-        self._parts = list(zip(edges[:-1], edges[1:], strict=True))
+        self._parts = list(pairwise(edges))
         for i in range(size):
             self.put(i, setup)
 
@@ -129,7 +129,8 @@ class PlantArray:
 
     def read_only(self, which: Flags) -> Array:
         """As `read`, of which the rows of other plants are of no use; they draw no noise."""
-        return self.rows[:, SENSED] + self._next_noise(which) * self._sigma
+        read: Array = self.rows[:, SENSED] + self._next_noise(which) * self._sigma
+        return read
 
     def kept(self, which: Flags) -> tuple[Array, Array]:
         """A copy of what the state of some plants is."""
@@ -145,11 +146,11 @@ class PlantArray:
         for i in np.flatnonzero(self._drawn == _BLOCK):
             self._noise[:, i] = self._streams[i].standard_normal((_BLOCK, len(READINGS)))
             self._drawn[i] = 0
-        drawn = self._noise[self._drawn, self._every]
+        drawn: Array = self._noise[self._drawn, self._every]
         self._drawn += 1 if which is None else which
         return drawn
 
-    def column(self, path: str) -> Callable[[], Array]:
-        """A function that returns one number of every state, "shared.displacement" for instance."""
-        at = k.place_of(k.State, path)
-        return lambda: self.rows[:, at]
+    def column(self, path: str) -> Array:
+        """One number of every state, "shared.displacement" for instance; a view, shape (size,)."""
+        view: Array = self.rows[:, k.place_of(k.State, path)]
+        return view

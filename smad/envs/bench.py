@@ -74,7 +74,7 @@ class Answering:
             raise EnvError("duration_s out of range", value=duration_s, limit="0.1 to 3600")
         self._policy, self._action, self._duration_s = policy, action, duration_s
         steps = round((duration_s + signals.PREVIEW_S) / _REFERENCE_STEP_S) + 1
-        self._times = np.arange(steps) * _REFERENCE_STEP_S
+        self._times: Array = np.arange(steps, dtype=np.float64) * _REFERENCE_STEP_S
         self._positions = references.drawn(reference, np.random.default_rng(seed), self._times)
         self._start_s: float | None = None
         self._seen = np.zeros(len(signals.NAMES))

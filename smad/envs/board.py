@@ -70,4 +70,4 @@ class Boards:
         wanted = np.rint(wanted_A * 1e3).astype(np.int64)
         applied = np.minimum(np.minimum(wanted, ceiling), slewed)
         self._applied_mA = np.where(which[:, None], applied, self._applied_mA)
-        return self._applied_mA * 1e-3
+        return np.asarray(self._applied_mA * 1e-3, dtype=np.float64)

@@ -77,7 +77,7 @@ class Episodes:
         self._dt_us = 1_000_000 // task.rate_hz
         ahead = round(signals.PREVIEW_S * task.rate_hz)
         self._ahead = ahead
-        self._times = np.arange(task.steps + ahead + 1) * self._dt_s
+        self._times: Array = np.arange(task.steps + ahead + 1, dtype=np.float64) * self._dt_s
         references.drawn(task.reference, np.random.default_rng(0), self._times)
         self._references = np.zeros((size, self._times.size))
         self.at = np.zeros(size, dtype=np.int64)
@@ -117,7 +117,7 @@ class Episodes:
         return np.concatenate([row, np.full(self._times.size - row.size, row[-1])])
 
     def observe(self, which: npt.NDArray[np.intp] | None = None) -> Observations:
-        """What plants that have just begun show (all, or these), as the board's integers tell it."""
+        """What plants that have just begun show (all, or these), in steps of the wire."""
         begun = np.zeros(self.size, dtype=np.bool_)
         begun[self._every if which is None else which] = True
         self._take(self.plants.read_only(begun), np.flatnonzero(begun))
@@ -195,7 +195,7 @@ class Episodes:
     @property
     def true_mm(self) -> Array:
         """Where the tendon is, mm."""
-        return self._true_m() * 1e3
+        return self._true_m * 1e3
 
     def why(self, stepped: Stepped, i: int) -> str:
         """What ended the episode: a fault of the board, "solver", or "" (time, or not ended)."""

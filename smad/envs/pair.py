@@ -68,8 +68,8 @@ class SpringPairEnv(gymnasium.Env[Observation, npt.NDArray[np.floating[Any]]]):
         )  # fmt: skip
         self._episodes = Episodes(1, task)
         self._begun = False
-        self.observation_space = observation_space()
-        self.action_space = action_space(action)
+        self.observation_space: Any = observation_space()
+        self.action_space: Any = action_space(action)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -99,7 +99,7 @@ class SpringPairEnv(gymnasium.Env[Observation, npt.NDArray[np.floating[Any]]]):
             "ended_by": ended_by,
         }
 
-    def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> npt.NDArray[np.uint8] | None:
         """The pair as a picture, shape (160, 480, 3), if `render_mode` is "rgb_array"."""
         if self.render_mode is None:
             return None

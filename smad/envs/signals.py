@@ -11,9 +11,9 @@ import numpy.typing as npt
 from firmware_protocol.supervisor.limits import compiled_limits
 from sim_device.hardware import (
     I16_MOST,
+    U16_MOST,
     RTD_RAIL_HIGH_cC,
     RTD_RAIL_LOW_cC,
-    U16_MOST,
 )
 from smad.envs.errors import ActionRefused, EnvError
 

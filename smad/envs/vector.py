@@ -56,6 +56,8 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
         )  # fmt: skip
         self._episodes = Episodes(num_envs, task, executor=self._pool, workers=workers)
         self.num_envs = num_envs
+        self.steps = task.steps
+        """Steps of an episode."""
         self.render_mode = render_mode
         self.single_observation_space = observation_space()
         self.single_action_space = action_space(action)

@@ -74,7 +74,8 @@ def test_a_draw_is_the_same_for_the_same_seed_and_keeps_to_the_ranges(tmp_path: 
         ('names = ["parameters.resistivity"]\nmatrix = []', "a row for each name"),
         ('names = []\nmatrix = []', "names must be given"),
         (
-            'names = ["parameters.resistivity", "parameters.density"]\nmatrix = [[1.0], [2.0, 1.0]]',
+            'names = ["parameters.resistivity", "parameters.density"]\n'
+            "matrix = [[1.0], [2.0, 1.0]]",
             "not positive semi-definite",
         ),
         (
@@ -111,5 +112,5 @@ def test_ranges_by_hand_may_name_an_effect_that_the_model_is_without(tmp_path: P
     )
     assert 0.2 <= drawn.effects["rtd_lag"]["tau_s"] <= 0.4
     assert 0.8 <= drawn.parameters["film_scale"] <= 1.2
-    with pytest.raises(ModelError, match="no value 'parameters.nothing'"):
+    with pytest.raises(ModelError, match=r"no value 'parameters\.nothing'"):
         draw_between(model, {"parameters.nothing": (0.0, 1.0)}, rng)
