@@ -10,6 +10,7 @@ from smad.errors import MissingPartError
 
 EXTRA_OF: Mapping[str, str] = {
     "fmpy": "fmi",
+    "gymnasium": "env",
     "jinja2": "log",
     "matplotlib": "report",
     "numba": "sim",

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from sim_device.plant.constants import VARIANTS
+from sim_device.plant.covariance import Covariance, plain, read_covariance, toml_lines
 from sim_device.plant.effects.registry import Resolved, resolve
 from sim_device.plant.errors import ModelError
 from sim_device.plant.law_file import laws_as_tables, laws_as_toml, laws_from_tables
@@ -18,7 +19,8 @@ from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet, built_in_sets, load_parameters
 from sim_device.plant.textfile import TextFileError, beside, parsed, quoted
 
-_KEYS = {"format", "base", "variant", "overrides", "mounting", "effects", "laws", "note"}
+_ARRAYS = {"laws", "covariance"}
+_KEYS = {"format", "base", "variant", "overrides", "mounting", "effects", "note"} | _ARRAYS
 MOUNTING = {
     "side_resistance": "by what share spring Y has more resistance than spring X",
     "displacement_zero_mm": "what the encoder reads at the middle of the stroke",
@@ -34,7 +36,7 @@ class Model:
     laws.
 
     `base` names the parameter file it starts from, `overrides` (SI) what differs; `mounting` has
-    entries of MOUNTING.
+    entries of MOUNTING. `covariance` is over names of `quantities`, None where it is not known.
     """
 
     parameters: ParameterSet
@@ -45,6 +47,17 @@ class Model:
     note: str = ""
     mounting: dict[str, float] = field(default_factory=dict)
     laws: tuple[Law, ...] = ()
+    covariance: Covariance | None = None
+
+
+def quantities(model: Model) -> dict[str, float]:
+    """All values of a model by the names that a covariance uses, SI."""
+    values = {f"parameters.{name}": model.parameters[name] for name in model.parameters.names}
+    for name, own in model.effects.items():
+        values |= {f"effects.{name}.{key}": value for key, value in own.items()}
+    for law in model.laws:
+        values |= {n: t.coefficient for n, t in zip(law.names, law.terms, strict=True)}
+    return values | {f"mounting.{name}": model.mounting.get(name, 0.0) for name in MOUNTING}
 
 
 def load_model(path: str | Path) -> tuple[ParameterSet, str, Resolved]:
@@ -58,7 +71,8 @@ def read_model(path: str | Path) -> Model:
 
     Keys: format (must be "smad-model-1"), base (a built-in set or a parameter file, relative to
     the model file), variant, overrides (name to SI value), mounting (of MOUNTING, name to value),
-    effects (name to parameters), laws (see `law_file`), note.
+    effects (name to parameters), laws (see `law_file`), covariance (names, and matrix as rows),
+    note.
     Raises ModelError for the file itself, ParameterError and EffectError for what it asks for.
     """
     path = Path(path)
@@ -84,7 +98,7 @@ def read_model(path: str | Path) -> Model:
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             raise ModelError(f"{path.name}: mounting.{name} is {value!r}, not a number")
     source = base if base in built_in_sets() else beside(path, base) or base
-    return Model(
+    model = Model(
         load_parameters(source).replace(**overrides),
         variant,
         resolve(effects),
@@ -94,6 +108,13 @@ def read_model(path: str | Path) -> Model:
         {name: float(value) for name, value in mounting.items()},
         _laws(path, raw),
     )
+    if "covariance" not in raw:
+        return model
+    try:
+        known = read_covariance(_table(path, raw, "covariance"), quantities(model))
+    except ModelError as error:
+        raise ModelError(f"{path.name}: {error}") from None
+    return replace(model, covariance=known)
 
 
 def save_model(
@@ -105,6 +126,7 @@ def save_model(
     effects: Mapping[str, Mapping[str, float]] | None = None,
     mounting: Mapping[str, float] | None = None,
     laws: Sequence[Law] = (),
+    covariance: Covariance | None = None,
     note: str = "",
 ) -> None:
     """Write a model file (TOML, or JSON if the name ends so) and check that it can be read.
@@ -121,6 +143,8 @@ def save_model(
     raw["effects"] = resolve(effects or {})
     if laws:
         raw["laws"] = laws_as_tables(laws)
+    if covariance is not None:
+        raw["covariance"] = plain(covariance)
     text = json.dumps(raw, indent=2) + "\n" if path.suffix == ".json" else _toml(raw)
     trial = path.with_name(f".{path.name}.new{path.suffix}")
     trial.write_text(text, encoding="utf-8")
@@ -134,7 +158,7 @@ def save_model(
 def _toml(raw: Mapping[str, Any]) -> str:
     tables = ("overrides", "mounting")
     lines = [
-        f"{key} = {quoted(raw[key])}" for key in raw if key not in (*tables, "effects", "laws")
+        f"{key} = {quoted(raw[key])}" for key in raw if key not in (*tables, "effects", *_ARRAYS)
     ]
     for table in (t for t in tables if t in raw):
         lines += ["", f"[{table}]", *(f"{name} = {value!r}" for name, value in raw[table].items())]
@@ -142,6 +166,8 @@ def _toml(raw: Mapping[str, Any]) -> str:
         lines += ["", f"[effects.{name}]"]
         lines += [f"{key} = {value!r}" for key, value in values.items()]
     lines += laws_as_toml(raw.get("laws", ()))
+    if "covariance" in raw:
+        lines += ["", *toml_lines(raw["covariance"])]
     return "\n".join(lines) + "\n"
 
 

@@ -171,6 +171,17 @@ class ModelPoint:
     laws: tuple[Any, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
+    """What a diagnosis left uncertain: covariance (k, k) of values in the plant's own units.
+
+    A name is that of a parameter, or EFFECT.PARAMETER.
+    """
+
+    names: tuple[str, ...]
+    covariance: Array
+
+
 class PlantModel(Protocol):
     """The interface of a plant. Arrays are one value a sample of the run, in channel units."""
 

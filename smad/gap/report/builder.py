@@ -237,7 +237,8 @@ class Closing:
             fitted=summary.fitted_records(self.track.asked, selection),
             places=selection.probability,
             left_out=list(left_out),
-            model=dataclasses.asdict(model),
+            model=dataclasses.asdict(model)
+            | {"covariance": summary.covariance_record(answer.final, model, draws)},
             budget=budget,
         )
 

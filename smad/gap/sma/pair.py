@@ -11,6 +11,7 @@ import numpy as np
 
 from firmware_protocol.nearest import instead
 from sim_device.plant import ParameterSet, load_parameters
+from sim_device.plant.covariance import Covariance
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import PlantError
 from sim_device.plant.parameters import spring_factors
@@ -23,6 +24,7 @@ from smad.gap.plant import (
     Experiment,
     ModelPoint,
     Parameter,
+    Uncertainty,
 )
 from smad.gap.runs import GapRun
 from smad.gap.sma import catalogue, signals
@@ -87,6 +89,7 @@ _MOUNTING = (
     Parameter("displacement_zero", "mm", 0.0, -2.0, 2.0, 0.15, "mechanics"),
 )
 _FLOW_EFFECT = "uneven_flow"
+_FLOW_SHARE = (_FLOW_EFFECT, ".", "share")
 # What of these a model file keeps as mounting, and its name there; the flow is kept as an effect.
 _KEPT_APART = {
     "side_resistance": "side_resistance",
@@ -249,6 +252,33 @@ class SmaPlant:
 
         It carries every parameter that differs from the built-in set A, so that it stands alone.
         """
+        self._save(point, None, path, note)
+
+    def save_uncertain(
+        self, point: ModelPoint, uncertainty: Uncertainty, path: Path, note: str
+    ) -> None:
+        """As `save_model`, with the covariance of what the file has."""
+        self._save(point, self._covariance(point, uncertainty), path, note)
+
+    def _covariance(self, point: ModelPoint, uncertainty: Uncertainty) -> Covariance:
+        """The covariance in a model file's names: there the flow of a side is an effect's share."""
+        acting = self.acting(point)
+        rows: dict[str, Array] = {}
+        for name, unit in zip(uncertainty.names, np.eye(len(uncertainty.names)), strict=True):
+            which, _, parameter = _FLOW_SHARE if name == "side_flow" else name.partition(".")
+            if not parameter:
+                table = "mounting" if which in _KEPT_APART else "parameters"
+                rows[f"{table}.{_KEPT_APART.get(which, which)}"] = unit
+            elif which in acting:
+                key = f"effects.{which}.{parameter}"
+                rows[key] = rows.get(key, np.zeros(unit.size)) + unit
+        moves = np.array(list(rows.values()))
+        matrix = moves @ uncertainty.covariance @ moves.T
+        return Covariance(tuple(rows), 0.5 * (matrix + matrix.T))
+
+    def _save(
+        self, point: ModelPoint, covariance: Covariance | None, path: Path, note: str
+    ) -> None:
         from sim_device.plant.models import save_model
 
         base, own = load_parameters("A"), self.set_of(point.theta)
@@ -264,6 +294,7 @@ class SmaPlant:
                 if point.theta.get(name, 0.0) != 0.0
             },
             laws=point.laws,
+            covariance=covariance,
             note=note,
         )
 
