@@ -25,6 +25,7 @@ READINGS = (
 DRIVE = ("i_x_A", "i_y_A", "duty_x", "duty_y", "drain_x", "drain_y", "stage_m")
 """Columns of `PlantArray.drive`."""
 _DRIVE = slice(k.place_of(k.Work, "drive.i_x"), k.place_of(k.Work, "drive.stage") + 1)
+_FORCES = k.place_of(k.Work, "forces")
 _BLOCK = 64
 _LEAST_A_THREAD = 8
 
@@ -32,7 +33,7 @@ _LEAST_A_THREAD = 8
 class PlantArray:
     """`size` plants, each with parameters, effects, state and sensor noise of its own.
 
-    `setup` is what all begin with; `put` replaces one. `drive` (size, 7) is what the boards apply,
+    `setup` (laws included) is what all begin with; `put` replaces one. `drive` (size, 7) is what the boards apply,
     columns DRIVE, SI, not checked; it is read by `advance`. With an `executor` of threads the
     plants are advanced in `workers` parts. Each plant gives the numbers of `Plant` to the last bit.
     """
@@ -55,9 +56,13 @@ class PlantArray:
         self._models = k.zeros(k.Model, size)
         self._late = False
         self._rings = np.zeros((size, 1, k.RING_COLUMNS))
+        self._laws = np.zeros((size, *setup.laws.shape))
+        self._memory = np.zeros((size, *setup.memory().shape))
+        self._counts = np.zeros(size, dtype=np.int64)
         self.rows: Array = k.numbers(self._states).reshape(size, -1)
         """Numbers of the states; where one stands says `kernel.place_of(State, …)`."""
-        self.drive: Array = k.numbers(self._works).reshape(size, -1)[:, _DRIVE]
+        self._work_rows = k.numbers(self._works).reshape(size, -1)
+        self.drive: Array = self._work_rows[:, _DRIVE]
         self._model_rows = k.numbers(self._models).reshape(size, -1)
         self._sigma = np.zeros((size, len(READINGS)))
         self._noise = np.zeros((_BLOCK, size, len(READINGS)))
@@ -87,11 +92,23 @@ class PlantArray:
         self.rows[i] = k.numbers(setup.state(temperature_K))
         self._model_rows[i] = k.numbers(setup.model)
         self._rings[i] = 0.0
+        self._put_laws(i, setup)
         self.drive[i] = 0.0
         self._sigma[i] = [setup.parameters[name] for name in NOISE_OF_READINGS]
         self._streams[i] = np.random.default_rng(seed)
         self._drawn[i] = _BLOCK
         self.statuses[i] = k.OK
+
+    def _put_laws(self, i: int, setup: Setup) -> None:
+        count = len(setup.laws)
+        more = count - self._laws.shape[1]
+        if more > 0:
+            room = ((0, 0), (0, more), (0, 0))
+            self._laws, self._memory = np.pad(self._laws, room), np.pad(self._memory, room)
+        self._laws[i, :count] = setup.laws
+        self._memory[i] = 0.0
+        self._counts[i] = count
+        self._work_rows[i, _FORCES] = 1.0 if count else 0.0
 
     def advance(self, dt_s: float) -> bool:
         """Hold `drive` for `dt_s`. Returns whether every plant was solved.
@@ -115,8 +132,8 @@ class PlantArray:
 
     def _advance_part(self, first: int, last: int, dt: float, steps: int) -> None:
         k.advance_many(
-            self._states, self._works, self._models, self._rings, self._table, dt, steps,
-            first, last, self.statuses,
+            self._states, self._works, self._models, self._rings, self._table, self._laws,
+            self._counts, self._memory, dt, steps, first, last, self.statuses,
         )  # fmt: skip
 
     def error(self, i: int) -> SolverError:
@@ -132,13 +149,13 @@ class PlantArray:
         read: Array = self.rows[:, SENSED] + self._next_noise(which) * self._sigma
         return read
 
-    def kept(self, which: Flags) -> tuple[Array, Array]:
+    def kept(self, which: Flags) -> tuple[Array, Array, Array]:
         """A copy of what the state of some plants is."""
-        return self.rows[which].copy(), self._rings[which].copy()
+        return self.rows[which].copy(), self._rings[which].copy(), self._memory[which].copy()
 
-    def restore(self, which: Flags, kept: tuple[Array, Array]) -> None:
+    def restore(self, which: Flags, kept: tuple[Array, Array, Array]) -> None:
         """Put plants back to what `kept` copied."""
-        self.rows[which], self._rings[which] = kept
+        self.rows[which], self._rings[which], self._memory[which] = kept
         self.statuses[which] = k.OK
 
     def _next_noise(self, which: Flags | None = None) -> Array:

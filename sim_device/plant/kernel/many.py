@@ -19,6 +19,9 @@ def advance_many(
     models: OneRecord,
     rings: Array,
     table: Array,
+    laws: Array,
+    counts: npt.NDArray[np.int64],
+    memory: Array,
     dt: float,
     steps: int,
     first: int,
@@ -27,9 +30,21 @@ def advance_many(
 ) -> None:
     """Advance plants `first` to `last` (not included), each as `advance` does.
 
-    Arrays of one record a plant; rings (n, rows, columns); `statuses` (n,) gets what `advance`
-    returns. Parts of the arrays may be advanced by several threads at once.
+    Arrays of one record a plant; rings (n, rows, columns); laws (n, m, 17) and memory (n, m, 4), of
+    which each plant uses the first `counts` (n,); `statuses` (n,) gets what `advance` returns.
+    Parts of the arrays may be advanced by several threads at once.
     """
     for i in range(first, last):
         j = i + 1
-        statuses[i] = advance(states[i:j], works[i:j], models[i:j], rings[i], table, dt, steps)
+        own = counts[i]
+        statuses[i] = advance(
+            states[i:j],
+            works[i:j],
+            models[i:j],
+            rings[i],
+            table,
+            laws[i, :own],
+            memory[i, :own],
+            dt,
+            steps,
+        )

@@ -9,6 +9,7 @@ import pytest
 
 from sim_device.plant import Drive, Plant, load_parameters
 from sim_device.plant.errors import InputError, ModelError
+from sim_device.plant.laws import Factor, Law, Term
 from sim_device.plant.many import READINGS, PlantArray
 from sim_device.plant.setup import Setup
 
@@ -21,8 +22,26 @@ EFFECTS = [
 ]
 
 
-def setup_of(effects: dict[str, dict[str, float]], variant: str = "extended") -> Setup:
-    return Setup.make(A, variant=variant, fixture="antagonistic", cooling="water", effects=effects)
+WARMER = Factor(state="wire", lag_s=1.0, low=290.0, high=340.0, centre=315.0, scale=25.0)
+LAWS = (
+    Law("heat_into_wire", "x", (Term(name="constant", coefficient=0.3),)),
+    Law("reading_force", "both", (Term(name="wire_lag1", factors=(WARMER,), coefficient=0.05),)),
+)
+# Of every four plants some have no law, one and two.
+LAWS_OF = [(), LAWS[:1], (), LAWS]
+
+
+def setup_of(
+    effects: dict[str, dict[str, float]], variant: str = "extended", laws: tuple[Law, ...] = ()
+) -> Setup:
+    return Setup.make(
+        A,
+        variant=variant,
+        fixture="antagonistic",
+        cooling="water",
+        effects=effects,
+        laws=laws,
+    )
 
 
 def drives(steps: int, plants: int) -> np.ndarray:
@@ -38,7 +57,7 @@ def test_every_plant_of_an_array_gives_the_readings_of_the_plant_alone(workers: 
     with ThreadPoolExecutor(2) as pool:
         array = PlantArray(len(effects), setup_of({}), executor=pool, workers=workers)
         for i, chosen in enumerate(effects):
-            array.put(i, setup_of(chosen), seed=i)
+            array.put(i, setup_of(chosen, laws=LAWS_OF[i % 4]), seed=i)
         seen = [array.read()]
         for row in given:
             array.drive[:, :4] = row
@@ -46,7 +65,7 @@ def test_every_plant_of_an_array_gives_the_readings_of_the_plant_alone(workers: 
             seen.append(array.read())
     shown = np.array(seen)
     for i, chosen in enumerate(effects):
-        plant = Plant(A, effects=chosen, seed=i)
+        plant = Plant(A, effects=chosen, laws=LAWS_OF[i % 4], seed=i)
         alone = [plant.read()]
         for row in given[:, i]:
             plant.advance(Drive((row[0], row[1]), (row[2], row[3])), 0.01)
