@@ -198,7 +198,8 @@ class LiveDriver:
             self._require_armed(plan, motion)
             if motion.board_time_s - began_s >= seconds:
                 return False
-            self._progress(f"{plan.name}: {motion.board_time_s - began_s:.0f} s")
+            passed_s = motion.board_time_s - began_s
+            self._progress(f"{plan.name}: {passed_s:.0f} of at most {seconds:.0f} s of this step")
             self._sleep(POLL_S)
             motion = client.motion()
         if motion.ended:
