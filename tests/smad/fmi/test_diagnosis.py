@@ -17,7 +17,7 @@ from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import MOST_BYTES, open_unit
 from smad.gap.plant import ModelPoint
 
-from .heater import MAP, heater_unit, run_file
+from .heater import MAP, compiled_unit, heater_unit, run_file
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +71,19 @@ def test_replays_do_not_depend_on_those_before_or_on_the_thread(unit: Path, tmp_
         again = list(pool.map(replay, points[::-1]))[::-1]
     for a, b in zip(once, again, strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def test_a_compiled_unit_without_python_gives_the_same(unit: Path, tmp_path: Path) -> None:
+    script, compiled = plant_of(unit, tmp_path), plant_of(compiled_unit(tmp_path, unit), tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    for capacity in (25.0, 35.0, 25.0):
+        point = ModelPoint({"capacity_J_K": capacity}, {"radiation": {"size": -6.0}})
+        one, other = (
+            plant.simulate(point, run, ["open"])["open:temperature_degC"]
+            for plant in (script, compiled)
+        )
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
+    compiled.close()
 
 
 def test_an_effect_that_is_off_leaves_the_replay_as_it_is(unit: Path, tmp_path: Path) -> None:
