@@ -16,8 +16,9 @@ from smad.fmi.map_file import read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import MOST_BYTES, open_unit
 from smad.gap.plant import ModelPoint
+from tests.smad.runlog.helpers import write_small_run
 
-from .heater import MAP, heater_unit, run_file
+from .heater import MAP, compiled_unit, heater_unit, run_file
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +72,19 @@ def test_replays_do_not_depend_on_those_before_or_on_the_thread(unit: Path, tmp_
         again = list(pool.map(replay, points[::-1]))[::-1]
     for a, b in zip(once, again, strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def test_a_compiled_unit_without_python_gives_the_same(unit: Path, tmp_path: Path) -> None:
+    script, compiled = plant_of(unit, tmp_path), plant_of(compiled_unit(tmp_path, unit), tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    for capacity in (25.0, 35.0, 25.0):
+        point = ModelPoint({"capacity_J_K": capacity}, {"radiation": {"size": -6.0}})
+        one, other = (
+            plant.simulate(point, run, ["open"])["open:temperature_degC"]
+            for plant in (script, compiled)
+        )
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
+    compiled.close()
 
 
 def test_an_effect_that_is_off_leaves_the_replay_as_it_is(unit: Path, tmp_path: Path) -> None:
@@ -209,6 +223,25 @@ def test_a_run_that_the_map_does_not_fit_is_told_in_one_line(
     with pytest.raises(FmiError) as caught:
         read_mapped(tmp_path / "a.csv", read_map(tmp_path / "map.toml"))
     assert words in str(caught.value)
+
+
+def test_a_run_log_is_read_by_its_channels_and_converted(unit: Path, tmp_path: Path) -> None:
+    log = write_small_run(tmp_path / "run.mcap", 50)
+    text = MAP.replace(
+        'variable = "power"', 'variable = "power"\ncolumn = "i_cmd_x_A"\nscale = 12.0'
+    )
+    text = text.replace(
+        'variable = "temperature"', 'variable = "temperature"\ncolumn = "rtd_x_degC"\noffset = 1.0'
+    )
+    plant = plant_of(unit, tmp_path, text)
+    run = read_mapped(log, read_map(tmp_path / "map.toml"))
+    np.testing.assert_allclose(run.inputs["power_W"], np.arange(50) / 1000)
+    np.testing.assert_allclose(run.outputs["temperature_degC"], 20 + np.arange(50) / 100)
+    shown = plant.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    plate = 22.0
+    for k in range(1, 50):
+        plate += 0.01 * (12.0 * k / 1000 - 0.8 * (plate - 22.0)) / 30.0
+    assert shown[-1] == pytest.approx(plate + 1.0, abs=1e-9)
 
 
 def test_a_unit_needs_its_map_and_is_written_no_model(
