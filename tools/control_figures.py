@@ -212,7 +212,12 @@ def spread(bench: Bench) -> None:
 
 
 TABLES: dict[str, Callable[[Bench], None]] = {
-    "hold": hold, "sine": sine, "step": step, "demo": demo, "frequency": frequency, "tune": tune,
+    "hold": hold,
+    "sine": sine,
+    "step": step,
+    "demo": demo,
+    "frequency": frequency,
+    "tune": tune,
     "spread": spread,
 }
 MINUTES = ("frequency", "spread")  # fmt: skip

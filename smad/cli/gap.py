@@ -268,8 +268,10 @@ def _clean_errors() -> Iterator[None]:
 
 def _read(paths: Sequence[Path]) -> list[GapRun]:
     from smad.gap.sma.signals import read_gap_run
+    from smad.runlog.bounds import Together
 
-    return [read_gap_run(path) for path in paths]
+    together = Together()
+    return [read_gap_run(path, together) for path in paths]
 
 
 def _diagnosed(
