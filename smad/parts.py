@@ -56,5 +56,6 @@ def missing(error: ModuleNotFoundError, arguments: Sequence[str] = ()) -> Missin
     )
     return MissingPartError(
         f"{package} is not installed, which {f'smad {command}' if command else 'this'} needs",
-        action=f"pip install 'smad[{EXTRA_OF_COMMAND.get(command, extra)}]'",
+        action=f"in the folder that smad was installed from: "
+        f"pip install '.[{EXTRA_OF_COMMAND.get(command, extra)}]'",
     )

@@ -31,6 +31,10 @@ MOST_BYTES = 400 * MOST_ROWS
 MOST_HEAD_CHARACTERS = 100_000
 """Of the line of names and the comments before it."""
 
+MOST_ARRAYS_BYTES = 500_000_000
+MOST_ARRAYS = 10_000
+"""Of the arrays of one baseline, unpacked, and how many they are."""
+
 _PIECE = 1_000_000
 DAMAGED = (OSError, EOFError, zlib.error)
 """What reading a file raises that is absent, cut short or damaged."""
