@@ -43,6 +43,7 @@ COMMANDS: Mapping[str, str] = {
     "run": "smad.cli.run:run",
     "tune": "smad.cli.tune:tune",
     "gap": "smad.cli.gap:gap",
+    "docs": "smad.cli.docs:docs",
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
 

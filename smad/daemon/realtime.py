@@ -86,7 +86,7 @@ def _fifo(priority: int) -> Measure:
             True,
             False,
             f"refused ({error.strerror}): needs CAP_SYS_NICE or an rtprio limit of {priority}; "
-            "docs/install/systemd.md grants it",
+            "smad docs install/systemd grants it",
         )
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and thread.native_id is not None:

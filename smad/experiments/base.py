@@ -127,6 +127,6 @@ def options_from(kind: type[Options], settings: Mapping[str, Any], experiment: s
             f"{experiment}: {field or 'a setting'} is not valid: {words}",
             value=settings.get(field, dict(settings)),
             limit=f"settings {known}",
-            action=f"see docs/experiments/{experiment}.md",
+            action=f"see smad docs experiments/{experiment}",
         ) from None
     return options

@@ -59,7 +59,7 @@ def read_mapping(path: str | Path) -> MappingFile:
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise LogImportError(
             f"mapping {path} is not valid: {error}",
-            action="docs/guide/run-logs.md shows a mapping file",
+            action="smad docs guide/run-logs shows a mapping file",
         ) from None
 
 

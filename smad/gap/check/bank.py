@@ -24,7 +24,7 @@ from smad.runlog.bounds import Together
 FORMAT = "smad-bank-1"
 _MOST_MANIFEST_BYTES = 16_000_000
 _GOLDEN = 0.6180339887498949
-_SEE = "see “A bank” in docs/withheld.md"
+_SEE = "see “A bank” in smad docs withheld"
 
 
 class BankRun(msgspec.Struct, frozen=True):
