@@ -35,7 +35,8 @@ class Stamps:
         self.returned_s = 0.0
         """By how much the latest stamp went back; 0 for all but a return."""
         self._ahead_since_s: float | None = None
-        self._begun_s: float | None = None
+        self._begun_s = 0.0
+        self._begins = True
         self._t_s = 0.0
         # Seconds since the beginning; Unix times have too few digits to add small steps to.
         self._passed_s = 0.0
@@ -43,7 +44,7 @@ class Stamps:
 
     def restart(self) -> None:
         """Begin anew with the next sample, as on a port just opened."""
-        self._begun_s = None
+        self._begins = True
         self._ahead_since_s = None
 
     def stamp(self, t_s: float, arrived_s: float, taken_s: float | None) -> float:
@@ -53,7 +54,7 @@ class Stamps:
         while that is unknown: then board time alone decides.
         """
         self.returned_s = 0.0
-        if self._begun_s is None:
+        if self._begins:
             self._begin(arrived_s)
         elif taken_s is not None and self._far_ahead(t_s, taken_s):
             self._begin(taken_s)
@@ -71,6 +72,7 @@ class Stamps:
         self.returned_s = self._latest_s - at_s if far else 0.0
         self._begun_s = at_s if far else max(at_s, self._latest_s)
         self._passed_s = 0.0
+        self._begins = False
         self._ahead_since_s = None
 
     def _far_ahead(self, t_s: float, taken_s: float) -> bool:
@@ -82,7 +84,6 @@ class Stamps:
         return t_s - self._ahead_since_s >= AHEAD_FOR_S
 
     def _correction_s(self, taken_s: float, step_s: float) -> float:
-        assert self._begun_s is not None
         late_s = taken_s - self._begun_s - self._passed_s
         if late_s > GAP_S:
             return late_s
