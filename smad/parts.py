@@ -74,5 +74,6 @@ def missing(
     )
     return MissingPartError(
         f"{package} is not installed, which {f'smad {command}' if command else 'this'} needs",
-        action=f"pip install 'smad[{extra or EXTRA_OF_COMMAND.get(command, smallest)}]'",
+        action="in the folder that smad was installed from: "
+        f"pip install '.[{extra or EXTRA_OF_COMMAND.get(command, smallest)}]'",
     )

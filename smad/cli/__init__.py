@@ -15,6 +15,7 @@ import click
 from firmware_protocol.nearest import instead
 from smad.errors import SmadError
 from smad.parts import missing
+from smad.survival import volunteer
 from smad.version import VERSION
 
 COMMANDS: Mapping[str, str] = {
@@ -44,8 +45,12 @@ COMMANDS: Mapping[str, str] = {
     "tune": "smad.cli.tune:tune",
     "gap": "smad.cli.gap:gap",
     "model": "smad.cli.model:model",
+    "docs": "smad.cli.docs:docs",
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
+
+READS_FILES = frozenset(("log", "gap"))
+"""Commands that are ended first when memory runs out: a file may hold more than it seems to."""
 
 _INTERRUPTED = 130
 _INTERNAL = 70
@@ -111,6 +116,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def execute(arguments: Sequence[str]) -> int:
     """Run one command; return its exit status. Errors become one line on standard error."""
+    if arguments and arguments[0] in READS_FILES:
+        volunteer()
     try:
         result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)
     except SmadError as error:

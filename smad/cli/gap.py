@@ -284,11 +284,14 @@ def _clean_errors() -> Iterator[None]:
 
 def _read(paths: Sequence[Path], among: Sequence[Path]) -> list[GapRun]:
     from smad.gap.sma.signals import read_gap_run
+    from smad.runlog.bounds import Together
 
+    together = Together()
+    runs = [read_gap_run(path, together) for path in paths]
     names = [_unlike(path, among) for path in paths]
     return [
-        dataclasses.replace(read_gap_run(path), name=name) if name else read_gap_run(path)
-        for path, name in zip(paths, names, strict=True)
+        dataclasses.replace(run, name=name) if name else run
+        for run, name in zip(runs, names, strict=True)
     ]
 
 

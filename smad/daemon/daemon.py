@@ -328,6 +328,8 @@ class Daemon:
             item = finished.popleft()
             row = self.status.row(item)
             stamp_s = self._stamps.stamp(row.t_s, item.host_s, self._taken_s(item.state))
+            if self._stamps.returned_s:
+                self._tell_of_return(self._stamps.returned_s)
             self.publisher.publish(row, stamp_s)
             self.recorder.row(row)
             self.watch.on_state(item.state)
@@ -340,6 +342,13 @@ class Daemon:
         else:
             armed = self.session.state is HostState.RUNNING
             self.collector.run(int(self._period_ns * _SPARE_SHARE), at_rest=not armed)
+
+    def _tell_of_return(self, returned_s: float) -> None:
+        text = (
+            "the computer's clock had leapt ahead and is back; "
+            f"timestamps of telemetry went back by {returned_s:.0f} s"
+        )
+        self.say("warning", text, {"returned_s": returned_s})
 
     def _taken_s(self, state: State) -> float | None:
         """Unix time when a sample was taken, by the fit of the clocks; None while unknown."""

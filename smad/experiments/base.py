@@ -124,7 +124,7 @@ def options_from(kind: type[Options], settings: Mapping[str, Any], experiment: s
     except msgspec.ValidationError as refused:
         known = [field.name for field in msgspec.structs.fields(kind)]
         foreign = next((name for name in settings if name not in known), None)
-        see = f"see docs/experiments/{experiment}.md"
+        see = f"see smad docs experiments/{experiment}"
         if foreign is not None:
             raise ExperimentError(
                 f"{experiment} has no setting {foreign}",

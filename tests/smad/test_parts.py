@@ -98,4 +98,4 @@ def test_a_missing_extra_is_named_in_one_line(command: list[str], extra: str) ->
     done = without_extras(command)
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.splitlines()
-    assert line.endswith(f"pip install 'smad[{extra}]'")
+    assert line.endswith(f"pip install '.[{extra}]'")

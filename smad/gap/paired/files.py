@@ -14,6 +14,7 @@ from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
 from smad.gap.plant import PlantModel
 from smad.gap.runs import GapRun
 from smad.gap.sma.signals import INPUTS, gap_run_of, table_run
+from smad.runlog.bounds import Together
 from smad.runlog.tables import KINDS
 
 _KINDS = (".mcap", *KINDS)
@@ -54,7 +55,10 @@ def read_folder(folder: Path) -> list[Found]:
         raise PairingError(
             f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
         )
-    return [Found(_stem(p), str(p.parent.relative_to(folder)), p, *_read(p)) for p in paths]
+    together = Together()
+    return [
+        Found(_stem(p), str(p.parent.relative_to(folder)), p, *_read(p, together)) for p in paths
+    ]
 
 
 def _files_below(folder: Path) -> Iterator[Path]:
@@ -78,13 +82,15 @@ def read_file(path: Path) -> GapRun:
     return _read(path)[0]
 
 
-def _read(path: Path) -> tuple[GapRun, str]:
+def _read(path: Path, together: Together | None = None) -> tuple[GapRun, str]:
     """A run with the serial number of its board, empty where the file does not tell."""
     if path.suffix != ".mcap":
-        return _checked(path, table_run(_stem(path), path)), ""
+        return _checked(path, table_run(_stem(path), path, together)), ""
     from smad.runlog.reader import read_run
 
     log = read_run(path)
+    if together is not None:
+        together.take(path, rows=len(log), columns=len(log.columns))
     return _checked(path, gap_run_of(log)), log.header.board.get("uid", "")
 
 
