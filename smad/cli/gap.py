@@ -19,6 +19,8 @@ from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
     hold_out_option,
+    leave_out_option,
+    remaining,
     runs_argument,
     some_runs_argument,
 )
@@ -63,6 +65,7 @@ gap.add_command(investigate)
 @runs_argument
 @hold_out_option
 @good_option
+@leave_out_option
 @_params
 @_variant
 @_seed
@@ -74,6 +77,7 @@ def diagnose(
     runs: tuple[Path, ...],
     hold_out: tuple[Path, ...],
     good: tuple[Path, ...],
+    leave_out: tuple[str, ...],
     params: str,
     variant: str,
     seed: int,
@@ -89,6 +93,9 @@ def diagnose(
     A RUN is a run log, a folder of them, or a quoted pattern. Give RUNs before --hold-out and
     --good, which take all that follows.
     """
+    runs, hold_out, good = remaining((runs, hold_out, good), leave_out)
+    if not runs:
+        raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     plant = _plant(params, variant)
     with _clean_errors():
         result = _diagnosed(plant, runs, good, hold_out, seed)

@@ -7,17 +7,17 @@ import numpy as np
 from smad.gap.fit.lsq import FitResult, solve_box
 from smad.gap.plant import Array, Mask
 
-_DISAGREEING = 3.0
+DISAGREEING = 3.0
 """Nats a cell from which runs are said to disagree."""
 
 
 def disagreement(fit: FitResult) -> str:
     """A sentence on runs that ask for other parameters than the others do; "" if none does."""
     gains = own_gains(fit)
-    if len(gains) < 2 or float(np.mean(gains)) < _DISAGREEING:
+    if len(gains) < 2 or float(np.mean(gains)) < DISAGREEING:
         return ""
     names = [run.name for run in fit.problem.dataset.runs]
-    apart = [name for name, gain in zip(names, gains, strict=True) if gain > _DISAGREEING]
+    apart = [name for name, gain in zip(names, gains, strict=True) if gain > DISAGREEING]
     verb = "asks" if len(apart) == 1 else "ask"
     return (
         f"{', '.join(apart)} {verb} for other parameters than the other runs do: half of a run "
@@ -36,12 +36,13 @@ def own_gains(fit: FitResult) -> list[float]:
     """
     ev = fit.problem.dataset
     together = fit.problem.cell_score(fit.z)
-    z = _by_own_halves(fit)
+    z = own_halves(fit)
     by_own = fit.problem.cell_score(z)
     return [float(np.mean((by_own - together)[ev.cell_run == k])) for k in range(len(ev.runs))]
 
 
-def _by_own_halves(fit: FitResult) -> Array:
+def own_halves(fit: FitResult) -> Array:
+    """White residuals of each half of a run as its other half predicts it; shape (rows,)."""
     ev = fit.problem.dataset
     z = np.array(fit.z, dtype=float)
     for k in range(len(ev.runs)):
@@ -51,11 +52,12 @@ def _by_own_halves(fit: FitResult) -> Array:
         middle = float(np.median(ev.t_s[rows]))
         early, late = rows & (ev.t_s < middle), rows & (ev.t_s >= middle)
         for asked, predicted in ((early, late), (late, early)):
-            z[predicted] = fit.z[predicted] - fit.A[predicted] @ _step(fit, asked)
+            z[predicted] = fit.z[predicted] - fit.A[predicted] @ step_of(fit, asked)
     return z
 
 
-def _step(fit: FitResult, rows: Mask) -> Array:
+def step_of(fit: FitResult, rows: Mask) -> Array:
+    """From the fit to what some rows alone ask for, one step; shape (coordinates,)."""
     lo, hi = fit.space.bounds()
     mean, precision = fit.space.prior()
     weighted = fit.A[rows] * fit.problem.row_weight(fit.z)[rows, None]

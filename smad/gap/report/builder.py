@@ -13,6 +13,7 @@ from importlib.metadata import version
 import numpy as np
 
 from smad.gap.compare.agreement import disagreement
+from smad.gap.compare.contradiction import agreement_of
 from smad.gap.compare.cells import hangs_on_cells
 from smad.gap.compare.localise import HeatMap, localise
 from smad.gap.compare.nextexp import confused, parting_experiments
@@ -37,6 +38,7 @@ from smad.gap.records import (
     Finding,
     LeftOutRecord,
     Outcome,
+    RunAgreement,
     Trace,
     ValueRecord,
     Verdict,
@@ -239,13 +241,23 @@ class Closing:
             left_out=list(left_out),
             model=dataclasses.asdict(model),
             budget=budget,
+            agreement=self.agreement,
         )
+
+    @cached_property
+    def agreement(self) -> list[RunAgreement]:
+        """Each run to fit by itself, before it is pooled with the others."""
+        asked = self.track.asked
+        models = [asked.base, asked.best, *asked.tried, self.selection.best]
+        fits = list({id(m.fit): m.fit for m in models}.values())
+        return agreement_of(fits, self.selection.best.fit, self.prepared.raw.left_out)
 
     def _findings(self) -> list[Finding]:
         """What is to be known of all runs together."""
+        told_apart = any(r.contradicts for r in self.agreement)
         fine = self.prepared.problem.dataset.detail is Detail.FINE
         told = {
-            "runs disagree": disagreement(self.selection.best.fit),
+            "runs disagree": "" if told_apart else disagreement(self.selection.best.fit),
             "own step": _OWN_STEP if fine else "",
             "cells": hangs_on_cells(self.selection, tied=self.track.tied),
         }
@@ -257,6 +269,8 @@ class Closing:
         base, best = self.selection.base, self.selection.best
         weighed = weigh(prepared, self.track)
         outcome, p = decide(weighed, settings)
+        if any(r.contradicts for r in self.agreement):
+            return Answer(Outcome.CONTRADICTING, 1.0, weighed, base)
         self.progress("intervals")
         if outcome not in NAMED:
             return Answer(outcome, p, weighed, base)
@@ -288,6 +302,8 @@ class Closing:
 
     def _experiments(self, answer: Answer) -> list[ExperimentRecord]:
         """Those that would part what the verdict leaves confused, best first."""
+        if answer.outcome is Outcome.CONTRADICTING:
+            return []
         question = confused(self.prepared, self.track, answer.outcome, answer.weighed.groups)
         if question is None:
             return []
@@ -301,7 +317,9 @@ class Closing:
         """
         prepared, final = self.prepared, answer.final
         named = sorted(final.names) if answer.named else []
-        quiet = answer.outcome in (Outcome.NO_GAP, Outcome.NO_EXCITATION)
+        quiet = answer.outcome in (
+            Outcome.NO_GAP, Outcome.NO_EXCITATION, Outcome.CONTRADICTING
+        )
         moved = not quiet and (not named or took.parameters)
         point = final.fit.point if moved else point_with(prepared, prepared.centre, final, named)
         what = [", ".join(named) or "no effect"]
@@ -351,6 +369,7 @@ class Closing:
             budget=budget,
             bounded=answer.bounded,
             since_good=self.shell.since_good,
+            agreement=self.agreement,
             further=any(f.kind == FURTHER for f in self.shell.findings),
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from smad.gap.records import Budget
+from smad.gap.records import Budget, RunAgreement
 from smad.report.page import Table
 
 TERMS = (
@@ -50,6 +50,16 @@ def budget_table(budget: Budget, caption: str = "") -> Table:
         if not row.signal or max(row.raw, row.left) >= _SHOWN
     ]
     return Table(header, rows, caption, frozenset(range(1, len(header))))
+
+
+def agreement_table(
+    runs: Sequence[RunAgreement],
+) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    """Header and rows of the gap by run; runs that contradict the others are marked."""
+    rows = [
+        (r.run, f"{r.gap:.2f}×", "contradicts the others" if r.contradicts else "") for r in runs
+    ]
+    return ("run", "gap at first", ""), rows
 
 
 _SHOWN = 0.35
