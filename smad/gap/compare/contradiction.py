@@ -1,0 +1,92 @@
+"""Which runs to fit contradict the rest: one set of values cannot serve all of them.
+
+A cause that only some runs have is hidden in the model without it, which describes none of them,
+and in the model with it, whose one strength is right for none. So the runs are judged under every
+single cause that was fitted, each with values of its own: half of a run predicts its other half.
+The model by which runs predict themselves best says whether one set of values would have done.
+Everything is one step of normal equations that the fits have left: nothing is replayed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.gap.compare.agreement import DISAGREEING, own_halves, step_of
+from smad.gap.data.replay import Dataset
+from smad.gap.fit.judge import excess_of
+from smad.gap.fit.lsq import FitResult
+from smad.gap.plant import Array, Mask
+from smad.gap.records import RunAgreement
+
+
+def agreement_of(fits: Sequence[FitResult], answer: FitResult, raw: Array) -> list[RunAgreement]:
+    """A record for each run of the fits, which are of the same runs.
+
+    `answer` is the fit that would answer for all runs, one of `fits` or better; `raw` the
+    prediction of the model as it was before, shape (rows,), for the gap of each run.
+    """
+    judged = [_Model.of(fit) for fit in fits]
+    best = max(judged, key=lambda m: float(m.own.sum()))
+    problem = answer.problem
+    ev = problem.dataset
+    pooled = problem.cell_score(answer.z)
+    count = len(ev.runs)
+    gains = [float(np.mean((best.own - pooled)[ev.cell_run == k])) for k in range(count)]
+    apart = best.apart() if count > 1 and float(np.mean(gains)) >= DISAGREEING else set()
+    squares = np.square(problem.scaled(raw))
+    return [
+        RunAgreement(
+            run=run.name,
+            gap=excess_of(problem, squares, None, run_rows(ev, k).astype(float)),
+            own_gain=gains[k],
+            contradicts=k in apart,
+        )
+        for k, run in enumerate(ev.runs)
+    ]
+
+
+def run_rows(ev: Dataset, run: int) -> Mask:
+    """The rows of one run; shape (rows,)."""
+    rows = np.zeros(ev.n, dtype=bool)
+    for s in ev.segments:
+        rows[s.rows] |= s.run == run
+    return rows
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A fit, and the score of each cell as the other half of its own run predicts it."""
+
+    fit: FitResult
+    own: Array
+
+    @classmethod
+    def of(cls, fit: FitResult) -> _Model:
+        return cls(fit, fit.problem.cell_score(own_halves(fit)))
+
+    def apart(self) -> set[int]:
+        """The fewest runs without which one set of values serves the others.
+
+        One after the other is left out, always the one that lets the rest be served best.
+        """
+        ev = self.fit.problem.dataset
+        kept, gone = set(range(len(ev.runs))), set[int]()
+        while len(kept) > 2:
+            lost = {k: self._lost(kept - {k}) for k in sorted(kept)}
+            odd = min(lost, key=lambda k: lost[k])
+            kept.remove(odd)
+            gone.add(odd)
+            if lost[odd] < DISAGREEING:
+                return gone
+        return gone | kept
+
+    def _lost(self, runs: set[int]) -> float:
+        """Nats a cell by which their own halves predict these runs better than all of them do."""
+        fit, ev = self.fit, self.fit.problem.dataset
+        rows = np.any([run_rows(ev, k) for k in runs], axis=0)
+        z = fit.z - fit.A @ step_of(fit, rows)
+        here = np.isin(ev.cell_run, sorted(runs))
+        return float(np.mean((self.own - fit.problem.cell_score(z))[here]))
