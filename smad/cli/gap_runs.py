@@ -82,9 +82,9 @@ runs_argument = click.argument(
 some_runs_argument = click.argument(
     "runs", nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
 )
-def remaining(
-    groups: Sequence[Sequence[Path]], left_out: Sequence[str]
-) -> list[tuple[Path, ...]]:
+
+
+def remaining(groups: Sequence[Sequence[Path]], left_out: Sequence[str]) -> list[tuple[Path, ...]]:
     """The groups without runs of these names: of a file, with or without its suffix, or its path.
 
     Raises BadParameter where a name is of none of them.

@@ -59,7 +59,11 @@ class FloorRecord(msgspec.Struct, frozen=True):
 
 
 class ValueRecord(msgspec.Struct, frozen=True):
-    """A fitted parameter of an effect, with its 95 % interval; `before` in known-good runs."""
+    """A fitted parameter of an effect, with its fit interval; `before` in known-good runs.
+
+    `low` to `high` is what the scatter of these runs alone leaves open at the 95 % level. What the
+    model leaves out (its form, steps, sensors) is not in it, so it holds the truth less often.
+    """
 
     effect: str
     name: str
@@ -373,7 +377,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
             (v.effect, v.name, f"{v.value:.4g} {v.unit}", f"{v.low:.4g} … {v.high:.4g}")
             for v in self.values
         ]
-        header = ("effect", "parameter", "value", "95 % interval") if values else ()
+        header = ("effect", "parameter", "value", "fit interval") if values else ()
         title = f"Gap diagnosis of {self.plant}: {self.verdict.outcome}"
         return notebook.table(title, header, values, self.verdict.plain)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.gap.compare.agreement import DISAGREEING, own_halves, step_of
+from smad.gap.compare.agreement import own_halves, step_of
 from smad.gap.data.replay import Dataset
 from smad.gap.fit.judge import excess_of
 from smad.gap.fit.lsq import FitResult
@@ -35,7 +35,11 @@ def agreement_of(fits: Sequence[FitResult], answer: FitResult, raw: Array) -> li
     pooled = problem.cell_score(answer.z)
     count = len(ev.runs)
     gains = [float(np.mean((best.own - pooled)[ev.cell_run == k])) for k in range(count)]
-    apart = best.apart() if count > 1 and float(np.mean(gains)) >= DISAGREEING else set()
+    apart = (
+        best.apart()
+        if count > 1 and any(_disagrees(ev, best.own - pooled, k) for k in range(count))
+        else set()
+    )
     squares = np.square(problem.scaled(raw))
     return [
         RunAgreement(
@@ -68,25 +72,39 @@ class _Model:
         return cls(fit, fit.problem.cell_score(own_halves(fit)))
 
     def apart(self) -> set[int]:
-        """The fewest runs without which one set of values serves the others.
+        """The runs without which one set of values serves the others.
 
-        One after the other is left out, always the one that lets the rest be served best.
+        One after the other is left out, always the one that lets the rest be served best. All of
+        them where no two agree.
         """
         ev = self.fit.problem.dataset
         kept, gone = set(range(len(ev.runs))), set[int]()
         while len(kept) > 2:
-            lost = {k: self._lost(kept - {k}) for k in sorted(kept)}
-            odd = min(lost, key=lambda k: lost[k])
+            gains = {k: self._gain(kept - {k}) for k in sorted(kept)}
+            odd = min(gains, key=lambda k: float(np.mean(gains[k][_cells(ev, kept - {k})])))
             kept.remove(odd)
             gone.add(odd)
-            if lost[odd] < DISAGREEING:
+            if not any(_disagrees(ev, gains[odd], k) for k in kept):
                 return gone
         return gone | kept
 
-    def _lost(self, runs: set[int]) -> float:
-        """Nats a cell by which their own halves predict these runs better than all of them do."""
+    def _gain(self, runs: set[int]) -> Array:
+        """Nats by which halves of runs predict each cell better than all of `runs` do."""
         fit, ev = self.fit, self.fit.problem.dataset
         rows = np.any([run_rows(ev, k) for k in runs], axis=0)
         z = fit.z - fit.A @ step_of(fit, rows)
-        here = np.isin(ev.cell_run, sorted(runs))
-        return float(np.mean((self.own - fit.problem.cell_score(z))[here]))
+        return np.asarray(self.own - fit.problem.cell_score(z), dtype=np.float64)
+
+
+def _cells(ev: Dataset, runs: set[int]) -> Mask:
+    return np.isin(ev.cell_run, sorted(runs))
+
+
+def _disagrees(ev: Dataset, gain: Array, run: int) -> bool:
+    """Whether values of its own gain a run what a cause must gain to enter.
+
+    The halves have not seen what they predict and the others' values have: without a contradiction
+    the gain is below zero on average.
+    """
+    own = ev.cell_run == run
+    return float(np.mean(gain[own])) > ev.settings.since_gain

@@ -60,6 +60,4 @@ def _one_state_at_a_time(d: Diagnosis, ask: str) -> list[Step]:
     if len(apart) < len(d.agreement):
         left_out = " ".join(f"--leave-out {shlex.quote(name)}" for name in apart)
         return [Step("ask again without them", f"{ask} {left_out}")]
-    return [
-        Step(f"ask without {name}", f"{ask} --leave-out {shlex.quote(name)}") for name in apart
-    ]
+    return [Step(f"ask without {name}", f"{ask} --leave-out {shlex.quote(name)}") for name in apart]

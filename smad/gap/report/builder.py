@@ -317,9 +317,7 @@ class Closing:
         """
         prepared, final = self.prepared, answer.final
         named = sorted(final.names) if answer.named else []
-        quiet = answer.outcome in (
-            Outcome.NO_GAP, Outcome.NO_EXCITATION, Outcome.CONTRADICTING
-        )
+        quiet = answer.outcome in (Outcome.NO_GAP, Outcome.NO_EXCITATION, Outcome.CONTRADICTING)
         moved = not quiet and (not named or took.parameters)
         point = final.fit.point if moved else point_with(prepared, prepared.centre, final, named)
         what = [", ".join(named) or "no effect"]

@@ -77,7 +77,7 @@ def _verdict(d: Diagnosis) -> list[Block]:
         *_table("The numbers behind it", ("", ""), _numbers(d.verdict.text)),
         *_table(
             "Parameters of the cause, fitted together with those of the model",
-            ("effect", "parameter", "value", "95 % interval", ""),
+            ("effect", "parameter", "value", "fit interval", ""),
             [
                 (x.effect, x.name, with_unit(f"{x.value:.4g}", x.unit), _interval(x), _remark(x))
                 for x in d.values
@@ -239,7 +239,7 @@ def _parameters(d: Diagnosis) -> list[Block]:
         *([Picture(figures.profiles(d), said)] if profiled else []),
         *_table(
             "Parameters of the model; intervals by bootstrap over runs and blocks",
-            ("parameter", "before", "after refit", "with the effects", "95 % interval", ""),
+            ("parameter", "before", "after refit", "with the effects", "fit interval", ""),
             [
                 (p.name, f"{p.before:.4g}", f"{p.refit:.4g}", with_unit(f"{p.final:.4g}", p.unit),
                  _interval(p), "at its bound" if p.at_bound else "")

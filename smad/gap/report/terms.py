@@ -21,7 +21,8 @@ TERMS = (
     ("ceiling", "the share that a curve fitted freely to the measured state takes: it names no "
      "cause, and shows how much any could explain"),
     ("probability", "of the named cause among those of the library and none, for these runs"),
-    ("interval", "where the value lies with 95 % probability, as far as these runs tell"),
+    ("fit interval", "what the scatter of these runs leaves open at the 95 % level; errors of the "
+     "model's form, its steps and the sensors are not in it, so it is too narrow where those count"),
     ("gain", "by how much the logarithm of the likelihood of runs held out rises; one unit of it "
      "is a nat"),
     ("cell", "a stretch of a few seconds of one signal, whose scale is judged as a whole"),

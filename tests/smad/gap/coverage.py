@@ -20,7 +20,9 @@ _SEEDS_APART = 10
 """Seeds of one repetition's runs; the next begins behind them."""
 
 
-def covered(effects: Sequence[str], repetitions: int, first: int = 0) -> tuple[Counter[str], Counter[str]]:
+def covered(
+    effects: Sequence[str], repetitions: int, first: int = 0
+) -> tuple[Counter[str], Counter[str]]:
     """How often each parameter's interval held the truth, and how often its effect was named.
 
     Keys are "effect.parameter". Repetitions that do not name the effect have no interval.
