@@ -15,7 +15,9 @@ OUTCOMES: dict[Outcome, str] = {
     Outcome.REFUSED: "not_enough_excitation",
     Outcome.CONTRADICTING: "not_enough_excitation",
 }
-"""Outcome of a diagnosis → outcome of a verdict file. Refused or contradicting runs support no answer either.
+"""Outcome of a diagnosis → outcome of a verdict file.
+
+Refused or contradicting runs support no answer either.
 """
 
 SILENT = frozenset(("no_gap", "parameters_only", "not_enough_excitation"))

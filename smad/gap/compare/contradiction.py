@@ -14,10 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.gap.compare.agreement import own_halves, step_of
 from smad.gap.data.replay import Dataset
 from smad.gap.fit.judge import excess_of
-from smad.gap.fit.lsq import FitResult
+from smad.gap.fit.lsq import FitResult, solve_box
 from smad.gap.plant import Array, Mask
 from smad.gap.records import RunAgreement
 
@@ -33,13 +32,16 @@ def agreement_of(fits: Sequence[FitResult], answer: FitResult, raw: Array) -> li
     problem = answer.problem
     ev = problem.dataset
     pooled = problem.cell_score(answer.z)
+    gained = best.own - pooled
     count = len(ev.runs)
-    gains = [float(np.mean((best.own - pooled)[ev.cell_run == k])) for k in range(count)]
-    apart = (
-        best.apart()
-        if count > 1 and any(_disagrees(ev, best.own - pooled, k) for k in range(count))
-        else set()
-    )
+    gains = [float(np.mean(gained[ev.cell_run == k])) for k in range(count)]
+    apart = set[int]()
+    if (
+        count > 1
+        and float(gained.sum()) > 0.0
+        and any(_disagrees(ev, gained, k) for k in range(count))
+    ):
+        apart = best.apart()
     squares = np.square(problem.scaled(raw))
     return [
         RunAgreement(
@@ -108,3 +110,26 @@ def _disagrees(ev: Dataset, gain: Array, run: int) -> bool:
     """
     own = ev.cell_run == run
     return float(np.mean(gain[own])) > ev.settings.since_gain
+
+
+def own_halves(fit: FitResult) -> Array:
+    """White residuals of each half of a run as its other half predicts it; shape (rows,)."""
+    ev = fit.problem.dataset
+    z = np.array(fit.z, dtype=float)
+    for k in range(len(ev.runs)):
+        rows = run_rows(ev, k)
+        middle = float(np.median(ev.t_s[rows]))
+        early, late = rows & (ev.t_s < middle), rows & (ev.t_s >= middle)
+        for asked, predicted in ((early, late), (late, early)):
+            z[predicted] = fit.z[predicted] - fit.A[predicted] @ step_of(fit, asked)
+    return z
+
+
+def step_of(fit: FitResult, rows: Mask) -> Array:
+    """From the fit to what some rows alone ask for, one step; shape (coordinates,)."""
+    lo, hi = fit.space.bounds()
+    mean, precision = fit.space.prior()
+    weighted = fit.A[rows] * fit.problem.row_weight(fit.z)[rows, None]
+    H = (fit.A[rows].T @ weighted).astype(float) + precision
+    g = (weighted.T @ fit.z[rows]).astype(float) - precision @ (fit.p - mean)
+    return solve_box(H, g, lo - fit.p, hi - fit.p)

@@ -12,9 +12,8 @@ from importlib.metadata import version
 
 import numpy as np
 
-from smad.gap.compare.agreement import disagreement
-from smad.gap.compare.contradiction import agreement_of
 from smad.gap.compare.cells import hangs_on_cells
+from smad.gap.compare.contradiction import agreement_of
 from smad.gap.compare.localise import HeatMap, localise
 from smad.gap.compare.nextexp import confused, parting_experiments
 from smad.gap.compare.select import Selection
@@ -254,10 +253,8 @@ class Closing:
 
     def _findings(self) -> list[Finding]:
         """What is to be known of all runs together."""
-        told_apart = any(r.contradicts for r in self.agreement)
         fine = self.prepared.problem.dataset.detail is Detail.FINE
         told = {
-            "runs disagree": "" if told_apart else disagreement(self.selection.best.fit),
             "own step": _OWN_STEP if fine else "",
             "cells": hangs_on_cells(self.selection, tied=self.track.tied),
         }

@@ -72,7 +72,7 @@ def _next(d: Diagnosis, asked: Asked | None) -> list[Block]:
 def _verdict(d: Diagnosis) -> list[Block]:
     limit = enough_d2(d.settings["odds"])
     return [
-        *_table("The gap of each run to fit, before they are pooled", *agreement_table(d.agreement)),
+        *_table("The gap of each run to fit, before pooling", *agreement_table(d.agreement)),
         *([] if d.budget is None else _budget(d.budget)),
         *_table("The numbers behind it", ("", ""), _numbers(d.verdict.text)),
         *_table(

@@ -22,7 +22,7 @@ TERMS = (
      "cause, and shows how much any could explain"),
     ("probability", "of the named cause among those of the library and none, for these runs"),
     ("fit interval", "what the scatter of these runs leaves open at the 95 % level; errors of the "
-     "model's form, its steps and the sensors are not in it, so it is too narrow where those count"),
+     "model's form, its steps and the sensors are not in it, so it may be too narrow"),
     ("gain", "by how much the logarithm of the likelihood of runs held out rises; one unit of it "
      "is a nat"),
     ("cell", "a stretch of a few seconds of one signal, whose scale is judged as a whole"),
