@@ -10,7 +10,7 @@ Everything is one step of normal equations that the fits have left: nothing is r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ def agreement_of(fits: Sequence[FitResult], answer: FitResult, raw: Array) -> li
     problem = answer.problem
     ev = problem.dataset
     pooled = problem.cell_score(answer.z)
+    best = best.or_as_it_was(problem.cell_score(problem.white(raw)))
     gained = best.own - pooled
     count = len(ev.runs)
     gains = [float(np.mean(gained[ev.cell_run == k])) for k in range(count)]
@@ -72,6 +73,18 @@ class _Model:
     @classmethod
     def of(cls, fit: FitResult) -> _Model:
         return cls(fit, fit.problem.cell_score(own_halves(fit)))
+
+    def or_as_it_was(self, score: Array) -> _Model:
+        """The same, but for runs that the model as it was predicts better, with score (cells,).
+
+        That has seen none of the runs. It counts for one that lacks what the others have: half of
+        the run need not find the way back from there in one step.
+        """
+        own, run = self.own.copy(), self.fit.problem.dataset.cell_run
+        for k in np.unique(run):
+            if score[run == k].sum() > own[run == k].sum():
+                own[run == k] = score[run == k]
+        return replace(self, own=own)
 
     def apart(self) -> set[int]:
         """The runs without which one set of values serves the others.

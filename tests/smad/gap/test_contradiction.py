@@ -11,7 +11,8 @@ from smad.cli.gap_runs import remaining
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.report import Asked, summary_lines
 from smad.gap.runs import GapRun
-from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
+from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, without
+from tests.smad.gap.coverage import covered
 
 
 def _mixed(effect: str, count: int) -> list[GapRun]:
@@ -59,6 +60,15 @@ def test_runs_of_one_state_do_not_contradict_each_other(effect: str) -> None:
     assert _apart(found) == set()
 
 
+@pytest.mark.parametrize("effect", ["sensor_lag", "coupling"])
+def test_runs_with_one_effect_that_the_library_lacks_do_not_contradict_each_other(
+    effect: str,
+) -> None:
+    found = ask(bank(OTHER, {effect: SHOWN[effect]}, seed=520), without(effect))
+    assert found.verdict.outcome is Outcome.UNKNOWN
+    assert _apart(found) == set()
+
+
 def test_the_words_give_the_gap_by_run_and_the_command_that_leaves_the_run_out() -> None:
     words = "\n".join(summary_lines(ask(_mixed("sensor_lag", 3)), Asked("runs")))
     assert words.startswith("Runs contradict each other")
@@ -78,3 +88,9 @@ def test_a_run_is_left_out_by_the_name_of_its_file_and_an_unknown_name_is_refuse
     assert remaining((runs, held), ["c.mcap"]) == [runs, ()]
     with pytest.raises(click.BadParameter, match="'d' is none of the runs given"):
         remaining((runs, held), ["d"])
+
+
+def test_the_coverage_command_counts_an_interval_for_each_repetition() -> None:
+    held, asked = covered(["sensor_lag"], 1)
+    assert asked == {"sensor_lag.tau_s": 1}
+    assert held["sensor_lag.tau_s"] in (0, 1)
