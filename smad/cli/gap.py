@@ -20,6 +20,8 @@ from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
     hold_out_option,
+    leave_out_option,
+    remaining,
     runs_argument,
     some_runs_argument,
 )
@@ -64,6 +66,7 @@ gap.add_command(investigate)
 @runs_argument
 @hold_out_option
 @good_option
+@leave_out_option
 @_params
 @_variant
 @_seed
@@ -77,6 +80,7 @@ def diagnose(
     runs: tuple[Path, ...],
     hold_out: tuple[Path, ...],
     good: tuple[Path, ...],
+    leave_out: tuple[str, ...],
     params: str,
     variant: str,
     seed: int,
@@ -94,6 +98,9 @@ def diagnose(
     A RUN is a run log, a folder of them, or a quoted pattern. Give RUNs before --hold-out and
     --good, which take all that follows.
     """
+    runs, hold_out, good = remaining((runs, hold_out, good), leave_out)
+    if not runs:
+        raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     if (fmu is None) != (map_path is None):
         raise click.UsageError("--fmu and --map belong together; give both")
     if fmu is not None and model_path is not None:
