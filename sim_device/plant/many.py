@@ -35,7 +35,8 @@ class PlantArray:
 
     `setup`, laws included, is what all begin with; `put` replaces one. `drive` (size, 7) is what
     the boards apply, columns DRIVE, SI, not checked; it is read by `advance`. With an `executor` of
-    threads the plants are advanced in `workers` parts. Each plant gives the numbers of `Plant` to the last bit.
+    threads the plants are advanced in `workers` parts. Each plant gives the numbers of `Plant` to
+    the last bit.
     """
 
     def __init__(
