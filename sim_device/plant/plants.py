@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from sim_device.plant import kernel
 from sim_device.plant.errors import InputError, SolverError
+from sim_device.plant.law_file import laws_as_tables
 from sim_device.plant.models import Model
 from sim_device.plant.replay import DEFAULT_STEP_S, OUTPUTS, Inputs, Replay
 
@@ -159,7 +160,10 @@ class Plants:
     def _model_digests(self) -> list[bytes]:
         return [
             hashlib.sha256(
-                json.dumps([m.parameters.digest(), m.variant, m.effects], sort_keys=True).encode()
+                json.dumps(
+                    [m.parameters.digest(), m.variant, m.effects, laws_as_tables(m.laws)],
+                    sort_keys=True,
+                ).encode()
             ).digest()
             for m in self.models
         ]
@@ -190,7 +194,7 @@ def _replayed(part: _Part, keep: Keep) -> list[Result]:
             replay = Replay(inputs, variant=model.variant, outputs=part.outputs)
             ready[j, model.variant] = replay
         try:
-            found = replay.run(model.parameters, model.effects, dt_s=part.dt_s)
+            found = replay.run(model.parameters, model.effects, model.laws, dt_s=part.dt_s)
         except SolverError:
             found = {name: np.full(inputs.t_s.size, np.nan) for name in part.outputs}
         results.append(keep(found))

@@ -10,6 +10,7 @@ import pytest
 from sim_device.plant.covariance import Covariance
 from sim_device.plant.draws import draw, draw_between
 from sim_device.plant.errors import ModelError
+from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import read_model, save_model
 
 NAMES = ("parameters.martensite_start", "effects.rtd_lag.tau_s", "mounting.side_resistance")
@@ -114,3 +115,15 @@ def test_ranges_by_hand_may_name_an_effect_that_the_model_is_without(tmp_path: P
     assert 0.8 <= drawn.parameters["film_scale"] <= 1.2
     with pytest.raises(ModelError, match=r"no value 'parameters\.nothing'"):
         draw_between(model, {"parameters.nothing": (0.0, 1.0)}, rng)
+
+
+def test_coefficients_of_laws_are_drawn_with_the_rest(tmp_path: Path) -> None:
+    warmer = Law("heat_into_wire", "x", (Term(name="constant", coefficient=0.3),))
+    (name,) = warmer.names
+    path = tmp_path / "better.toml"
+    save_model(path, laws=(warmer,), covariance=Covariance((name,), np.array([[0.01]])))
+    model = read_model(path)
+    rng = np.random.default_rng(3)
+    drawn = [draw(model, rng).laws[0].terms[0].coefficient for _ in range(300)]
+    assert np.mean(drawn) == pytest.approx(0.3, abs=0.02)
+    assert np.std(drawn) == pytest.approx(0.1, abs=0.02)

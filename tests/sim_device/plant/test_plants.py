@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 from sim_device.plant import Inputs, load_parameters, simulate
 from sim_device.plant.errors import InputError
+from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import Model
 from sim_device.plant.plants import Plants, Result
 
@@ -132,3 +134,12 @@ def test_what_cannot_be_replayed_is_refused() -> None:
         plants(outputs=("speed",))
     with pytest.raises(InputError, match="chunk"):
         Plants(models=MODELS, runs=RUNS, chunk=0)
+
+
+def test_a_model_with_a_law_is_replayed_with_it_and_kept_apart(tmp_path: Path) -> None:
+    warmer = Law("heat_into_wire", "x", (Term(name="constant", coefficient=0.3),))
+    bare = Model(A, "extended", {}, "A")
+    for model in (bare, replace(bare, laws=(warmer,))):
+        found = Plants(models=[model], runs=[run_of(2.0)]).replay(folder=tmp_path)[0][0]
+        alone = simulate(A, run_of(2.0), laws=model.laws)
+        assert np.array_equal(found["rtd_x_degC"], alone["rtd_x_degC"])
