@@ -95,6 +95,7 @@ class _LivePlayer:
         self._client = client
         self._bench = bench
         self._who = who
+        client.as_of(client.motion().generation)
         self._config = parse_config(client.config())
         board = client.status().board
         self._uid = "" if board is None else board.uid

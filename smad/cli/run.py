@@ -271,6 +271,7 @@ def _live(
     from smad.experiments.live import LiveDriver
 
     with ended_by_signals(), client(options["bench"]) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
         driver = LiveDriver(
             connected,
             fixture=options["fixture"],

@@ -69,6 +69,7 @@ def _session(
     from smad.experiments.tuning import tune_displacement, tune_temperature
 
     with ended_by_signals(), client(bench) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
         config = parse_config(connected.config()).control
         driver = LeasedDriver(
             connected,

@@ -110,18 +110,25 @@ class Client:
         return self._call(api.ResetTiming(), api.Timing)
 
     def arm(self) -> api.Motion:
-        """Arm the bench. What you ask for afterwards is refused once anybody has stopped it."""
+        """Arm the bench. What you ask for afterwards is refused once anybody has stopped it.
+
+        So is another arming: only after a disarm of this client, and no other stop, does it arm
+        again. A person starts it anew: with a new client, `clear`, or `as_of(None)`.
+        """
         motion = self._call(api.Arm(), api.Motion)
-        self._conversation.begin(motion.generation)
+        self._conversation.begin(motion.generation, known=motion.generation)
         return motion
 
-    def as_of(self, generation: int | None) -> None:
+    def as_of(self, generation: int | None) -> int | None:
         """Refuse what is asked from now on if a stop came after `generation`; None: after none.
 
-        For who passes on what a person asked: the person knew of the stops up to this one
-        (`Motion.generation`). The next arming is refused, too, also after a stop of ours.
+        For who passes on what a person asked, and for a program at its beginning: the person knew
+        of the stops up to this one (`Motion.generation`). The next arming is refused, too. None
+        starts anew. Returns the generation that was in force.
         """
+        before = self._conversation.known
         self._conversation.begin(generation, known=generation)
+        return before
 
     def disarm(self) -> api.Motion:
         """Current off, water on until cool; returns when the board is not armed any more.
@@ -129,17 +136,22 @@ class Client:
         Goes over the stop channel, which is served first. Raises BoardRefused when the board does
         not confirm within a second; the daemon goes on asking it.
         """
-        self._conversation.generation = None
-        return self._call(api.Disarm(), api.Motion, stop=True)
+        motion = self._call(api.Disarm(), api.Motion, stop=True)
+        self._conversation.stopped(motion.generation)
+        return motion
 
     def estop(self) -> api.Motion:
         """Everything off until the board's power is cycled; returns when the board says ESTOP."""
-        self._conversation.generation = None
         return self._call(api.EStop(), api.Motion, stop=True)
 
     def clear(self, fault: int | None = None) -> api.Motion:
-        """Acknowledge the latched fault (or the one of that number, if it is the latched one)."""
-        return self._call(api.Clear(fault=fault), api.Motion)
+        """Acknowledge the latched fault (or the one of that number, if it is the latched one).
+
+        A person has seen what stopped the bench: the next `arm` starts anew.
+        """
+        motion = self._call(api.Clear(fault=fault), api.Motion)
+        self._conversation.begin(None)
+        return motion
 
     def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
         """Follow trajectories one after the other; `queue` appends to what runs already."""

@@ -426,6 +426,7 @@ def test_after_arming_requests_carry_the_generation_and_in_control_the_lease(
     client: Client, daemon: FakeDaemon
 ) -> None:
     daemon.answers["arm"] = msgspec.structs.replace(MOTION, generation=7)
+    daemon.answers["disarm"] = msgspec.structs.replace(MOTION, generation=8)
     daemon.answers["control.take"] = api.Control(holder="Ada", yours=True, lease="secret")
     daemon.answers["control.release"] = api.Control()
     with client.in_control("Ada"), client.armed():
@@ -444,7 +445,7 @@ def test_after_arming_requests_carry_the_generation_and_in_control_the_lease(
         "disarm": ("secret", None),
         "control.release": ("secret", None),
     }
-    assert "generation" not in daemon.asked[-1]
+    assert daemon.asked[-1]["generation"] == 8
     assert "lease" not in daemon.asked[-1]
 
 
@@ -458,7 +459,7 @@ def test_an_arming_for_a_person_carries_the_generation_that_the_person_knew_of(
     client.disarm()
     client.arm()
     told = [request.get("generation") for request in daemon.asked if request["method"] == "arm"]
-    assert told == [4, None, 5]
+    assert told == [4, 0, 5]
 
 
 def test_waiting_ends_when_somebody_stopped_the_bench_and_armed_it_again() -> None:
