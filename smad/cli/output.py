@@ -87,11 +87,14 @@ lease_option = click.option(
 )
 
 
-def client(bench: str) -> Client:
-    """Return a client of the running daemon. Raises NoDaemon."""
+def client(bench: str, *, lasting: bool = False) -> Client:
+    """Return a client of the running daemon. Raises NoDaemon.
+
+    With `lasting` the bench stays armed after the command that arms it: no lease is taken.
+    """
     from smad.client import Client
 
-    return Client(bench)
+    return Client(bench, lease_s=None) if lasting else Client(bench)
 
 
 class Progress:
