@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from smad.gap.paired.programme import ProgrammeRun
     from smad.gap.paired.series import Play, Recorded
 
-LEASE_S = 10.0
+LEASE_S = 2.0
 _SEED_STEP = 100_003
 
 

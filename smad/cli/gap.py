@@ -348,13 +348,20 @@ def _list_catalogue() -> None:
 
 def _perform(name: str, seed: int, bench: str) -> None:
     """Carries an experiment out on the bench."""
+    from smad.cli.benches import LEASE_S
+    from smad.cli.leased import LeasedDriver
     from smad.cli.output import client
+    from smad.client.signals import ended_by_signals
     from smad.experiments.live import LiveDriver
     from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
-    with progress() as line:
-        LiveDriver(client(bench), progress=line.say).run(plan)
+    with ended_by_signals(), client(bench) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
+        driver = LiveDriver(connected, progress=line.say)
+        LeasedDriver(
+            connected, driver, lease_s=LEASE_S, progress=line.say, who="smad gap next"
+        ).run(plan)
     click.echo(f"done: {name}; the daemon has recorded it as {plan.name}")
 
 

@@ -80,7 +80,7 @@ bench_option = click.option(
 lease_option = click.option(
     "--lease",
     type=click.FloatRange(0.5, 3600.0),
-    default=10.0,
+    default=2.0,
     show_default=True,
     metavar="S",
     help="On a real bench: the daemon disarms when this program was silent for so long.",

@@ -181,8 +181,9 @@ class AsyncClient:
         Goes over the stop channel, which is served first. Raises BoardRefused when the board does
         not confirm within a second; the daemon goes on asking it.
         """
-        # From here on nothing keeps a bench armed whose disarm is not answered.
-        self._renewal.end()
+        if self._leased:
+            # From here on nothing keeps a bench armed whose disarm is not answered.
+            self._renewal.end()
         motion = await self._call(api.Disarm(), api.Motion, stop=True)
         self._conversation.stopped(motion.generation)
         if self._leased:
@@ -344,9 +345,11 @@ class AsyncClient:
     async def in_control(self, name: str, lease_s: float = 10.0) -> AsyncIterator[None]:
         """Have exclusive control for as long as the block lasts; raises NotInControl.
 
-        A program that dies inside it leaves a bench that is disarmed after `lease_s` of silence.
+        The lease is renewed in the background. A program that is killed inside the block leaves a
+        bench that is disarmed after `lease_s`.
         """
         await self.take_control(name, lease_s)
+        self._renewal.begin(self._conversation.lease, lease_s)
         try:
             yield
         finally:
