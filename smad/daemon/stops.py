@@ -61,6 +61,8 @@ class Stops:
         self._spawn = means.spawn
         self._on_begin = on_begin
         self._clock_us = means.clocks.us
+        self._armed = False
+        """Armed, or about to be, since the last stop."""
         self._confirmed = True
         self._confirmed_us: int | None = None
         """Board time of the confirmation, until a sample after it was published."""
@@ -92,19 +94,20 @@ class Stops:
                 action="wait until smad status shows that it is not armed, then arm again",
             )
 
-    def begin(self, why: str, *, by: str = "") -> None:
+    def begin(self, why: str, *, by: str = "", orderly: bool = False) -> None:
         """Begin a generation: end the motion, take back what was on its way to arm the board.
 
         `by` is what stopped it, as a noun; `why` where that is one. A run that is being recorded
-        is marked as cut when its motion was not over.
+        is marked as cut, unless its motion was over and who asked is `orderly`: is free to end it.
         """
         self.generation += 1
         self.why = why
         if not self.ended:
             # What comes later, such as the program's own disarm, follows from the first.
             self.ended = f"stopped by {by or why}"
-            if not self._controller.done:
+            if self._armed and not (orderly and self._controller.done):
                 self._say("note", f"{CUT}{self.ended}", {"generation": self.generation})
+        self._armed = False
         self._controller.command(Idle())
         self._on_begin()
         for event in self._session.withdraw_arming(self._clock_us()):
@@ -121,6 +124,7 @@ class Stops:
     def arming(self) -> None:
         """The board is about to be armed: what ended the last arming is over."""
         self.ended = ""
+        self._armed = True
 
     def estop(self, why: str) -> None:
         """Begin a stop that only a power cycle ends. Raises NotConnectedError without a port."""

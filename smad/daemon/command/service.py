@@ -228,7 +228,9 @@ class Service:
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Current off with the next sample, the board's DISARM; replies when it is not armed."""
-        self._stops.begin(f"disarm of {self._who(caller)}")
+        holder = self._lease.holder(self._clock_us())
+        orderly = holder is None or holder.secret == caller.lease
+        self._stops.begin(f"disarm of {self._who(caller)}", orderly=orderly)
         self._conditions.require_connected()
         return self._after(self._stops.until_disarmed())
 

@@ -116,7 +116,7 @@ PHASES: dict[str, Callable[[list[str]], bool]] = {
     "never": lambda asked: False,
     "before arming": lambda asked: _nth(asked, "arm", 1),
     "arming": lambda asked: _nth(asked, "arm", 1),
-    "warm-up": lambda asked: "record.start" not in asked and _polls_since(asked, "arm", 4),
+    "warm-up": lambda asked: "record.start" not in asked and _polls_since(asked, "arm", 1),
     "recording": lambda asked: _polls_since(asked, "record.start", 4),
     "last phase": _last,
     "between runs": lambda asked: _nth(asked, "arm", 2),

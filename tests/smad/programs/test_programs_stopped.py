@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import smad.client
 from smad.cli import root
 from smad.control.commands import Hold
+from smad.demo import job
 from smad.errors import SmadError
 from smad.runlog.reader import read_run
 from smad.runlog.schema import CUT
@@ -60,8 +61,6 @@ def _notebook(folder: Path) -> str:
 
 
 def _demo(folder: Path) -> str:
-    from smad.demo import job
-
     try:
         with smad.client.Client() as bench:
             job.run_cycle(bench, lambda text: None)
@@ -109,6 +108,7 @@ async def test_a_stop_ends_the_program_and_nothing_is_armed_afterwards(
         await rig.run_for(2.0)
         stage = Stage(rig, phase, stop)
         set_up(stage, monkeypatch)
+        monkeypatch.setattr(job, "ARM_DEADLINE_S", 0.1)
         program = PROGRAMS[name][0]
         said = await asyncio.get_running_loop().run_in_executor(None, program, tmp_path)
         assert stage.stopped, f"{name} never came to {phase}: {said}"
