@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--save", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
               help="Write the section of the configuration to a new file.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--lease", type=click.FloatRange(1.0, 600.0), default=10.0, show_default=True,
+@click.option("--lease", type=click.FloatRange(1.0, 600.0), default=2.0, show_default=True,
               metavar="S", help="Disarm when this command is silent for so long.")  # fmt: skip
 @bench_option
 def tune(
