@@ -323,7 +323,8 @@ class Motion(Struct, frozen=True, kw_only=True):
     displacement_mm: Annotated[float | None, Meta(description="where it is")]
     board_time_s: Annotated[float, Meta(description="board time of the last sample")]
     ended: Annotated[
-        str, Meta(description="why repeated inputs ended early; empty: they did not")
+        str,
+        Meta(description='why the motion ended early, such as "stopped by …"; empty: it did not'),
     ] = ""
     fault: Annotated[Fault | None, Meta(description="the latched fault")] = None
     generation: Annotated[

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from smad.gap.paired.programme import ProgrammeRun
     from smad.gap.paired.series import Play, Recorded
 
-LEASE_S = 10.0
+LEASE_S = 2.0
 _SEED_STEP = 100_003
 
 
@@ -97,6 +97,7 @@ class _LivePlayer:
         self._client = client
         self._bench = bench
         self._who = who
+        client.as_of(client.motion().generation)
         self._config = parse_config(client.config())
         board = client.status().board
         self._uid = "" if board is None else board.uid

@@ -17,8 +17,11 @@ _wait = click.option(
 @click.command()
 @bench_option
 def arm(bench: str) -> None:
-    """Let current through: the board checks itself and arms."""
-    with client(bench) as bench_client:
+    """Let current through: the board checks itself and arms.
+
+    It stays armed after this command, without a lease: nobody is missed, until somebody disarms.
+    """
+    with client(bench, lasting=True) as bench_client:
         bench_client.arm()
     click.echo("armed: current flows from now on when you command it; smad disarm ends it")
 

@@ -405,16 +405,22 @@ def _list_catalogue() -> None:
 
 def _perform(name: str, seed: int, bench: str) -> None:
     """Carries an experiment out on the bench."""
+    from smad.cli.benches import LEASE_S
+    from smad.cli.leased import LeasedDriver
     from smad.cli.output import client, shown
+    from smad.client.signals import ended_by_signals
     from smad.experiments.live import LiveDriver
     from smad.experiments.ready import require_ready
     from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
-    with client(bench) as connected, progress() as line:
+    with ended_by_signals(), client(bench) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
         require_ready(connected, extra="gap")
         driver = LiveDriver(connected, progress=line.say)
-        driver.run(plan)
+        LeasedDriver(
+            connected, driver, lease_s=LEASE_S, progress=line.say, who="smad gap next"
+        ).run(plan)
     click.echo(f"done: {name}, recorded to {shown(driver.log or plan.name)}")
 
 

@@ -81,18 +81,21 @@ bench_option = click.option(
 lease_option = click.option(
     "--lease",
     type=click.FloatRange(0.5, 3600.0),
-    default=10.0,
+    default=2.0,
     show_default=True,
     metavar="S",
     help="On a real bench: the daemon disarms when this program was silent for so long.",
 )
 
 
-def client(bench: str) -> Client:
-    """Return a client of the running daemon. Raises NoDaemon."""
+def client(bench: str, *, lasting: bool = False) -> Client:
+    """Return a client of the running daemon. Raises NoDaemon.
+
+    With `lasting` the bench stays armed after the command that arms it: no lease is taken.
+    """
     from smad.client import Client
 
-    return Client(bench)
+    return Client(bench, lease_s=None) if lasting else Client(bench)
 
 
 class Progress:

@@ -277,6 +277,7 @@ def _live(
     from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(options["bench"]) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
         require_ready(connected, extra="report")
         driver = LiveDriver(
             connected,

@@ -239,7 +239,7 @@ class Daemon:
         if state is HostState.FAULTED:
             return "the board has stopped already"
         hot = state in (HostState.RUNNING, HostState.READY)
-        self.stops.begin("the daemon is ending")
+        self.stops.begin("the daemon is ending", by="the end of the daemon")
         try:
             # Whatever died may be what lets the time of the wait itself run out.
             await asyncio.wait_for(self.stops.until_confirmed(), 2.0)
@@ -311,7 +311,9 @@ class Daemon:
 
     def _stop_found(self) -> None:
         text = "the board was found armed by somebody else; telling it to disarm"
-        self.stops.order("the board was found armed", text, {})
+        self.stops.order(
+            "the board was found armed", text, {}, by="the daemon, which found it armed"
+        )
 
     def _set_scales(self, scales: Any) -> None:
         self.control.scales = scales

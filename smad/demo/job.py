@@ -42,6 +42,7 @@ class Done:
 
 def run_cycle(client: Client, say: Say) -> Done:
     """Arm, record, run the cycle, disarm. Raises SmadError when the bench stops early."""
+    client.as_of(client.motion().generation)
     arm(client, say)
     began_s = client.motion().board_time_s
     recorder = client.start_recording("demo")
