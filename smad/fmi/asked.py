@@ -91,7 +91,7 @@ def _columns(path: Path, mapped: Map) -> dict[str, Any]:
     if path.name.endswith(KINDS):
         require_bounded(path)
         table = open_table(path)
-        found = table.columns([name for name in dict.fromkeys(wanted) if name in table.names])
+        found = dict(table.columns([n for n in dict.fromkeys(wanted) if n in table.names]))
         has = table.names
     else:
         run = read_run(path)
