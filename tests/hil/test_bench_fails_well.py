@@ -44,7 +44,7 @@ def test_a_device_that_loses_power_comes_back_watched_and_not_armed(hil: Hil) ->
     client.move(STEP)
     device.kill()
     wait_for(client, lambda s: s.link.state in ("disconnected", "sync"))
-    with pytest.raises(Stopped, match="not armed"):
+    with pytest.raises(Stopped, match="stopped by loss of the link"):
         client.wait_until_done()
     device.start()
     status = wait_for(client, lambda s: s.link.state == "monitor" and s.motion.mode == "SAFE")

@@ -415,6 +415,7 @@ EFFECT = Recipe(
         name="force_curve",
         title="the force sensor is not linear",
         subsystem="sensors",
+        places=("reading_force",),
         equation="F_r = F (1 + c F)",
         parameters=(
             EffectParameter(

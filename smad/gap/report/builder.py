@@ -238,8 +238,11 @@ class Closing:
             fitted=summary.fitted_records(self.track.asked, selection),
             places=selection.probability,
             left_out=list(left_out),
-            model=dataclasses.asdict(model)
-            | {"covariance": summary.covariance_record(answer.final, model, draws)},
+            model={
+                "theta": dict(model.theta),
+                "effects": {name: dict(values) for name, values in model.effects.items()},
+                "covariance": summary.covariance_record(answer.final, model, draws),
+            },
             budget=budget,
             agreement=self.agreement,
         )

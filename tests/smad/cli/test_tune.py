@@ -28,6 +28,12 @@ class Noting:
     def status(self) -> api.Status:
         return STATUS
 
+    def motion(self) -> api.Motion:
+        return STATUS.motion
+
+    def as_of(self, generation: int | None) -> None:
+        self.generation = generation
+
     def disarm(self) -> None:
         self.done.append("disarmed")
 

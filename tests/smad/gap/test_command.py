@@ -64,7 +64,9 @@ def test_next_prints_what_each_experiment_brings_and_all_of_them(
 def test_an_unknown_experiment_is_refused_with_the_known_ones() -> None:
     result = call("next", "--sim", "--run", "no such")
     assert isinstance(result.exception, SmadError)
-    assert "pump widths" in str(result.exception)
+    assert "smad gap next" in str(result.exception)
+    close = call("next", "--sim", "--run", "pump width")
+    assert "did you mean pump widths?" in str(close.exception)
 
 
 def test_a_recorded_experiment_is_a_run_that_verify_can_read(log: Path, tmp_path: Path) -> None:
