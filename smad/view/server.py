@@ -15,10 +15,11 @@ from urllib.parse import urlsplit
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
+from websockets.typing import Subprotocol
 
 from smad.client import AsyncClient
 from smad.errors import ConfigError
-from smad.view.access import HEADERS, Denied, Door
+from smad.view.access import HEADERS, PROTOCOL, Denied, Door
 from smad.view.page import Page, static_files
 from smad.view.source import TIMEOUT_S, Source
 from smad.view.tasks import end
@@ -30,6 +31,8 @@ LARGEST_MESSAGE = 16_384
 CLOSING_S = 1.0
 """How long the server waits at its end for a page to say goodbye; one that is asleep never does."""
 _WEBSOCKET = "/ws"
+_KEY_PLACE = b"{key}"
+"""Where `index.html` has the key; empty for who has but the cookie."""
 _log = logging.getLogger(__name__)
 
 
@@ -61,8 +64,10 @@ class LivePage:
         if isinstance(judged, Denied):
             return _response(judged.status, f"{judged.text}\n".encode())
         if judged.cookie:
-            # The token leaves the address bar, and so the history and what is shown on a screen.
-            return _response(HTTPStatus.SEE_OTHER, b"", Location="/", Set_Cookie=judged.cookie)
+            # The key is in this answer alone: who has but the cookie cannot ask for it.
+            kind, content = self._files["/"]
+            content = content.replace(_KEY_PLACE, judged.key.encode())
+            return _response(HTTPStatus.OK, content, Content_Type=kind, Set_Cookie=judged.cookie)
         if path == _WEBSOCKET:
             if self._pages >= MOST_PAGES:
                 return _response(
@@ -72,6 +77,8 @@ class LivePage:
         if path not in self._files:
             return _response(HTTPStatus.NOT_FOUND, b"There is no such page.\n")
         kind, content = self._files[path]
+        if path == "/":
+            content = content.replace(_KEY_PLACE, b"")
         return _response(HTTPStatus.OK, content, Content_Type=kind)
 
     async def talk(self, connection: ServerConnection) -> None:
@@ -79,7 +86,7 @@ class LivePage:
         request = connection.request
         assert request is not None
         judged = self._door.admit(request.path, _headers(request.headers), websocket=True)
-        if isinstance(judged, Denied):
+        if isinstance(judged, Denied) or judged.right is None:
             return
         self._pages += 1
         try:
@@ -118,6 +125,7 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
         page.talk,
         sock=listening,
         process_request=page.answer,
+        subprotocols=[Subprotocol(PROTOCOL)],
         compression=None,
         max_size=LARGEST_MESSAGE,
         max_queue=8,

@@ -20,7 +20,15 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from bench.browser import LivePage, browser, live_page, resize, running_daemon, what_is_missing
+from bench.browser import (
+    LivePage,
+    browser,
+    credentials_of,
+    live_page,
+    resize,
+    running_daemon,
+    what_is_missing,
+)
 from smad.client import Client
 from smad.processes.daemon import DaemonProcess
 from smad.runlog.reader import read_run
@@ -134,6 +142,21 @@ def test_the_strips_move_and_show_what_the_bench_does(page: Any, bench: Bench) -
     until(page, lambda d: all(now != before[name] for name, now in pictures(d).items()))
     assert bench.client.motion().running == "displacement"
     until(page, lambda d: "to the limit of 80" in d.page_source)
+
+
+def test_a_page_that_is_loaded_again_goes_on_and_a_new_tab_without_a_link_does_not(
+    page: Any, bench: Bench
+) -> None:
+    assert "token" not in page.current_url
+    page.refresh()
+    until(page, is_live)
+    key = page.execute_script("return sessionStorage.getItem('smad-key')")
+    page.execute_script("sessionStorage.clear()")
+    page.refresh()
+    until(page, lambda d: "open that link" in text_of(d, "lost-why"))
+    assert key not in page.page_source
+    page.get(bench.page.command)
+    until(page, is_live)
 
 
 def test_voltages_come_on_demand(page: Any) -> None:
@@ -262,11 +285,6 @@ def answered(page: LivePage, path: str, **headers: str) -> tuple[int, bytes]:
         connection.close()
 
 
-def cookie_of(link: str) -> str:
-    address = urlsplit(link)
-    return f"smad_view_{address.port}={address.query.partition('=')[2]}"
-
-
 @pytest.mark.parametrize(
     "path", ["/", "/view.js", "/vendor/uPlot.js", "/ws", "/?token=wrong", "/../page.py"]
 )
@@ -277,7 +295,8 @@ def test_a_stranger_gets_nothing(bench: Bench, path: str) -> None:
 
 
 def test_who_has_the_link_gets_the_files_that_are_served_and_no_others(bench: Bench) -> None:
-    cookie = cookie_of(bench.page.watch)
+    cookie, key = credentials_of(bench.page.watch)
+    assert key.encode() not in answered(bench.page, "/", Cookie=cookie)[1]
     assert answered(bench.page, "/view.js", Cookie=cookie)[0] == 200
     for path in ("/../page.py", "/%2e%2e/page.py", "/vendor", "/nothing", "//etc/passwd"):
         assert answered(bench.page, path, Cookie=cookie)[0] == 404
@@ -285,18 +304,30 @@ def test_who_has_the_link_gets_the_files_that_are_served_and_no_others(bench: Be
 
 
 @pytest.mark.parametrize(
-    ("origin", "with_cookie", "status"),
-    [("http://evil.example", True, 403), (None, True, 403), ("ours", False, 401)],
+    ("origin", "has_cookie", "has_key", "status"),
+    [
+        ("http://evil.example", True, True, 403),
+        (None, True, True, 403),
+        ("ours", False, True, 401),
+        ("ours", True, False, 401),
+    ],
 )
-def test_no_connection_from_another_page_or_without_the_token(
-    bench: Bench, origin: str | None, with_cookie: bool, status: int
+def test_no_connection_from_another_page_or_without_cookie_and_key(
+    bench: Bench, origin: str | None, has_cookie: bool, has_key: bool, status: int
 ) -> None:
     address = urlsplit(bench.page.command)
-    cookie = {"Cookie": cookie_of(bench.page.command)} if with_cookie else {}
+    held, key = credentials_of(bench.page.command)
+    cookie = {"Cookie": held} if has_cookie else {}
+    offered: Any = ["smad", f"key.{key}"] if has_key else ["smad"]
     given: Any = f"http://{address.netloc}" if origin == "ours" else origin
     with (
         pytest.raises(InvalidStatus) as refused,
-        connect(f"ws://{address.netloc}/ws", origin=given, additional_headers=cookie),
+        connect(
+            f"ws://{address.netloc}/ws",
+            origin=given,
+            additional_headers=cookie,
+            subprotocols=offered,
+        ),
     ):
         pass
     assert refused.value.response.status_code == status
