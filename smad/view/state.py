@@ -53,7 +53,6 @@ class Shown(Struct, frozen=True, kw_only=True):
 
     bench: str
     mode: str
-    mode_means: str
     armed: bool
     running: str
     limiter: str
@@ -80,7 +79,6 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
     return Shown(
         bench=status.bench,
         mode=motion.mode,
-        mode_means=MODE_MEANS.get(motion.mode, ""),
         armed=motion.armed,
         running=motion.running + (", done" if motion.done else ", under way"),
         limiter="" if status.limiter == "none" else status.limiter,

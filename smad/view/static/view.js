@@ -8,6 +8,7 @@ import { Strips, element, setText } from "./strips.js";
 const $ = (id) => document.getElementById(id);
 let strips = null;
 let status = null;
+let modes = {};
 
 const link = new Link({
   hello: begin,
@@ -25,8 +26,8 @@ function become(state, what = "", why = "") {
   document.body.dataset.link = state;
   setText($("lost-what"), what);
   setText($("lost-why"), why);
-  if ($("stop")) {
-    $("stop").disabled = state === "lost" || state === "away";
+  $("stop").disabled = state === "lost" || state === "away";
+  if ($("commands")) {
     $("commands").disabled = state !== "live";
     if (state !== "live") $("arming").close();
   }
@@ -34,6 +35,7 @@ function become(state, what = "", why = "") {
 
 function begin(hello) {
   strips?.close();
+  modes = hello.modes;
   strips = new Strips($("strips"), hello, () => link.send({ do: "drawn" }));
   setText($("bench"), hello.bench);
   document.title = `${hello.bench} – smad`;
@@ -79,7 +81,6 @@ function take(message) {
 function show(now) {
   document.body.dataset.generation = now.generation;
   mode(now.mode);
-  setText($("mode-means"), now.mode_means);
   setText($("running"), now.running + (now.limiter ? `, held down by ${now.limiter}` : ""));
   setText($("holder"), now.holder ? `${now.holder}, ${now.lease_left_s.toFixed(0)} s left` : "anybody");
   setText($("recording"), now.recorder_error
@@ -97,11 +98,12 @@ function show(now) {
   $("events").replaceChildren(...[...now.events].reverse().map((event) => element("li", {},
     element("time", { textContent: new Date(event.time_s * 1000).toLocaleTimeString([], { hour12: false }) }),
     ` ${event.text}`)));
-  if ($("stop")) offer(now);
+  if ($("commands")) offer(now);
 }
 
 function mode(name) {
   setText($("mode"), name || "–");
+  setText($("mode-means"), modes[name] ?? "");
   $("mode").dataset.mode = name;
 }
 

@@ -32,6 +32,7 @@ from bench.browser import (
 from smad.client import Client
 from smad.processes.daemon import DaemonProcess
 from smad.runlog.reader import read_run
+from smad.view.state import MODE_MEANS
 
 MISSING = what_is_missing()
 REQUIRED = bool(os.environ.get("SMAD_REQUIRE_BROWSER"))
@@ -180,6 +181,21 @@ def test_arming_takes_two_steps_and_shows_what_has_to_hold(page: Any, bench: Ben
     assert bench.client.status().control.holder == "live page"
 
 
+def test_badge_and_sentence_change_together(page: Any) -> None:
+    page.execute_script(
+        "window.pairs = new Set();"
+        "new MutationObserver(() => window.pairs.add(['mode', 'mode-means'].map((id) =>"
+        "document.getElementById(id).textContent).join(': ')))"
+        ".observe(document.getElementById('state'), {childList: true, subtree: true})"
+    )
+    arm(page)
+    click(page, "#stop")
+    until(page, lambda d: text_of(d, "mode") == "SAFE")
+    seen = {tuple(pair.split(": ")) for pair in page.execute_script("return [...window.pairs]")}
+    assert {mode for mode, _ in seen} >= {"ARMED", "SAFE"}
+    assert seen <= set(MODE_MEANS.items())
+
+
 def test_stop_disarms_while_others_flood(page: Any, bench: Bench) -> None:
     arm(page)
     generation = bench.client.motion().generation
@@ -257,19 +273,23 @@ def test_no_width_needs_sideways_scrolling(page: Any, width: int) -> None:
     assert 0 <= page.execute_script(STOP_BOX)[2] < 200
 
 
-def test_the_link_for_watching_has_no_button_that_commands(chromium: Any, bench: Bench) -> None:
+def test_the_link_for_watching_has_stop_and_no_other_button_that_commands(
+    chromium: Any, bench: Bench
+) -> None:
     chromium.get(bench.page.watch)
     until(chromium, is_live)
-    assert (
-        chromium.execute_script("return document.querySelectorAll('.command, #stop, #arm').length")
-        == 0
-    )
+    assert chromium.execute_script("return document.querySelectorAll('.command, #arm').length") == 0
     until(
         chromium,
         lambda d: (
             "mm" in d.execute_script("return document.querySelector('.strip .value').textContent")
         ),
     )
+    bench.client.arm()
+    until(chromium, lambda d: text_of(d, "mode") == "ARMED")
+    click(chromium, "#stop")
+    until(chromium, lambda d: text_of(d, "mode") in ("COOL", "SAFE"))
+    assert not bench.client.motion().armed
 
 
 def answered(page: LivePage, path: str, **headers: str) -> tuple[int, bytes]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 from collections.abc import AsyncIterator
 from typing import Any
@@ -10,13 +11,14 @@ from urllib.parse import urlsplit
 
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Origin, Subprotocol
 
 from bench.browser import credentials_of
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.view import page as pages
-from smad.view.server import LivePage, serving
+from smad.view import server
+from smad.view.server import KEPT_FOR_COMMAND, MOST_PAGES, LivePage, serving
 
 
 @pytest.fixture
@@ -61,3 +63,55 @@ async def test_with_the_cookie_alone_no_page_begins_so_nothing_is_commanded_or_a
         await opened(served.links.command, with_key=False)
     assert refused.value.response.status_code == 401
     assert begun == []
+
+
+async def fill(link: str) -> list[ClientConnection]:
+    """Open pages until there is no place for another."""
+    found: list[ClientConnection] = []
+    try:
+        while len(found) <= MOST_PAGES:
+            found.append(await opened(link))
+            await first_message(found[-1])
+    except InvalidStatus as refused:
+        assert refused.response.status_code == 503
+    return found
+
+
+async def test_pages_that_watch_leave_places_for_those_that_command(served: LivePage) -> None:
+    watching = await fill(served.links.watch)
+    assert len(watching) == MOST_PAGES - KEPT_FOR_COMMAND
+    commanding = await fill(served.links.command)
+    assert len(commanding) == KEPT_FOR_COMMAND
+
+
+async def test_no_more_pages_begin_when_many_knock_at_once(served: LivePage) -> None:
+    knocked = await asyncio.gather(
+        *(opened(served.links.watch) for _ in range(2 * MOST_PAGES)), return_exceptions=True
+    )
+    begun = 0
+    for connection in knocked:
+        if isinstance(connection, ClientConnection):
+            with contextlib.suppress(ConnectionClosed):
+                await first_message(connection)
+                begun += 1
+    assert begun == MOST_PAGES - KEPT_FOR_COMMAND
+
+
+async def test_a_page_that_answers_no_ping_loses_its_place(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(server, "MOST_PAGES", KEPT_FOR_COMMAND + 1)
+    monkeypatch.setattr(server, "PING_EVERY_S", 0.05)
+    monkeypatch.setattr(server, "PING_PATIENCE_S", 0.05)
+    async with serving("nobody", 0) as made:
+        asleep = await opened(made.links.watch)
+        await first_message(asleep)
+        # As a computer that fell asleep: what comes is read by nobody.
+        asleep.transport.pause_reading()
+        async with asyncio.timeout(30.0):
+            while True:
+                with contextlib.suppress(InvalidStatus):
+                    await opened(made.links.watch, ping_interval=None)
+                    break
+        asleep.transport.abort()
