@@ -9,6 +9,7 @@ const $ = (id) => document.getElementById(id);
 let strips = null;
 let status = null;
 let modes = {};
+let showGains = () => {};
 
 const link = new Link({
   hello: begin,
@@ -44,7 +45,7 @@ function begin(hello) {
   } else {
     moving(hello.trajectories);
     $("tune").replaceChildren();
-    buildLive($("tune"), hello.tuning, tune);
+    showGains = buildLive($("tune"), hello.tuning, tune);
   }
   const windows = hello.windows.map((w, i) => element("option", { value: i, textContent: w.label }));
   $("window").replaceChildren(...windows);
@@ -114,6 +115,7 @@ function offer(now) {
   $("clear").disabled = !now.trouble;
   $("idle").disabled = !now.armed;
   movable(now.armed);
+  showGains(now.gains);
   setText($("record-go"), now.recording ? "Stop recording" : "Record");
   $("record-name").hidden = now.recording;
   $("note").hidden = !now.recording;

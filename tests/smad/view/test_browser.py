@@ -30,6 +30,7 @@ from bench.browser import (
     what_is_missing,
 )
 from smad.client import Client
+from smad.control.commands import Tune
 from smad.processes.daemon import DaemonProcess
 from smad.runlog.reader import read_run
 from smad.view.state import MODE_MEANS
@@ -223,12 +224,18 @@ def test_stop_disarms_while_others_flood(page: Any, bench: Bench) -> None:
     assert motion.generation > generation
 
 
-def test_a_gain_is_set_and_marked(page: Any, bench: Bench) -> None:
+def test_a_gain_is_set_and_pages_show_what_is_in_force(page: Any, bench: Bench) -> None:
     page.execute_script(
         "const input = document.querySelector('#tune input[name=kp_A_per_mm]');"
         "input.value = 7; input.dispatchEvent(new Event('change'))"
     )
     until(page, lambda d: "kp_A_per_mm 7" in text_of(d, "said"))
+    # Somebody else changes it, and a page that is opened later shows what is in force.
+    shown = "return document.querySelector('#tune input[name=kp_A_per_mm]').value"
+    bench.client.tune(Tune(kp_A_per_mm=6.0))
+    until(page, lambda d: d.execute_script(shown) == "6")
+    page.refresh()
+    until(page, lambda d: d.execute_script(shown) == "6")
 
 
 def write(driver: Any, name: str, text: str) -> None:
