@@ -4,7 +4,7 @@ from http import HTTPStatus
 
 import pytest
 
-from smad.view.access import HEADERS, Admitted, Denied, Door
+from smad.view.access import HEADERS, Admitted, Denied, Door, Right
 
 PORT = 8787
 OURS = {"host": f"127.0.0.1:{PORT}"}
@@ -25,7 +25,8 @@ def from_page(door: Door, key: str, origin: str = f"http://127.0.0.1:{PORT}") ->
 
 
 def test_each_link_gives_a_cookie_for_files_and_a_key_for_its_right(door: Door) -> None:
-    for token, right in ((door.command, "command"), (door.watch, "watch")):
+    rights: tuple[tuple[str, Right], ...] = ((door.command, "command"), (door.watch, "watch"))
+    for token, right in rights:
         first = door.admit(f"/?token={token}", OURS, websocket=False)
         assert isinstance(first, Admitted)
         assert "HttpOnly; SameSite=Strict" in first.cookie
