@@ -15,7 +15,6 @@ from urllib.parse import urlsplit
 
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
-from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
@@ -92,10 +91,6 @@ class LivePage:
         assert request is not None
         judged = self._door.admit(request.path, _headers(request.headers), websocket=True)
         if isinstance(judged, Denied) or judged.right is None:
-            return
-        if full := self._full(judged.right):
-            # Several came at once: each saw the last place free when it knocked.
-            await connection.close(CloseCode.TRY_AGAIN_LATER, full)
             return
         self._open[judged.right] += 1
         try:

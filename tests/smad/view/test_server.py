@@ -30,8 +30,12 @@ async def served(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> AsyncIterato
 
 async def opened(link: str, *, with_key: bool = True, **more: Any) -> ClientConnection:
     cookie, key = await asyncio.to_thread(credentials_of, link)
+    return await knock(link, cookie, key if with_key else "", **more)
+
+
+async def knock(link: str, cookie: str, key: str, **more: Any) -> ClientConnection:
     address = f"127.0.0.1:{urlsplit(link).port}"
-    offered = [Subprotocol("smad")] + ([Subprotocol(f"key.{key}")] if with_key else [])
+    offered = [Subprotocol("smad")] + ([Subprotocol(f"key.{key}")] if key else [])
     return await connect(
         f"ws://{address}/ws",
         origin=Origin(f"http://{address}"),
@@ -86,8 +90,10 @@ async def test_pages_that_watch_leave_places_for_those_that_command(served: Live
 
 
 async def test_no_more_pages_begin_when_many_knock_at_once(served: LivePage) -> None:
+    link = served.links.watch
+    cookie, key = await asyncio.to_thread(credentials_of, link)
     knocked = await asyncio.gather(
-        *(opened(served.links.watch) for _ in range(2 * MOST_PAGES)), return_exceptions=True
+        *(knock(link, cookie, key) for _ in range(2 * MOST_PAGES)), return_exceptions=True
     )
     begun = 0
     for connection in knocked:
