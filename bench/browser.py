@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -12,6 +13,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 from smad.cli.start import SIMULATED_BAUDS
 from smad.client.endpoints import FOLDER_VARIABLE
@@ -102,6 +104,15 @@ def live_page(folder: Path) -> Iterator[LivePage]:
     finally:
         if page.process.poll() is None:
             page.end()
+
+
+def credentials_of(link: str) -> tuple[str, str]:
+    """Open a link as a browser does; return the cookie and the key that come with the page."""
+    with urlopen(link) as answer:
+        cookie = answer.headers["Set-Cookie"].partition(";")[0]
+        found = re.search(r'name="smad-key" content="([^"]*)"', answer.read().decode())
+    assert found is not None, "the page has no place for a key"
+    return cookie, found[1]
 
 
 @contextlib.contextmanager

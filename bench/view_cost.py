@@ -23,11 +23,12 @@ from urllib.parse import urlsplit
 import click
 import psutil
 from websockets.sync.client import connect
-from websockets.typing import Origin
+from websockets.typing import Origin, Subprotocol
 
 from bench.browser import (
     LivePage,
     browser,
+    credentials_of,
     frames_drawn,
     heap_MiB,
     live_page,
@@ -72,11 +73,12 @@ class PlainReader:
     def __init__(self, page: LivePage) -> None:
         self.frames = 0.0
         address = urlsplit(page.command)
-        token = address.query.partition("=")[2]
+        cookie, key = credentials_of(page.command)
         self._connection = connect(
             f"ws://{address.netloc}/ws",
             origin=Origin(f"http://{address.netloc}"),
-            additional_headers={"Cookie": f"smad_view_{address.port}={token}"},
+            additional_headers={"Cookie": cookie},
+            subprotocols=[Subprotocol("smad"), Subprotocol(f"key.{key}")],
         )
         self._thread = threading.Thread(target=self._read)
         self._thread.start()

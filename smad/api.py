@@ -353,6 +353,7 @@ class Status(Struct, frozen=True, kw_only=True):
     recorder: Annotated[RecorderStatus, Meta(description="the run log")]
     control: Annotated[Control, Meta(description="exclusive control")]
     events: Annotated[tuple[Entry, ...], Meta(description="what happened last, oldest first")]
+    gains: Annotated[Tune, Meta(description="gains and options in force")] = Tune()
 
     def _repr_html_(self) -> str:
         from smad import notebook

@@ -16,6 +16,7 @@ from smad.control.commands import (
     Tune,
     checked,
 )
+from smad.control.inforce import tune_of
 from smad.control.inputs import Departure, InputsMode
 from smad.control.limits import HostLimit, HostLimits, Trip
 from smad.control.modes import (
@@ -55,6 +56,7 @@ class Controller:
     ) -> None:
         self._config = config
         self._warm = config.temperature
+        self._gains = tune_of(config)
         self._limits_config = limits or LimitsConfig()
         self._limits = HostLimits(self._limits_config)
         self._displacement = DisplacementMode(config, self._limits_config)
@@ -85,6 +87,11 @@ class Controller:
         """The temperature that is held; nan when none is."""
         mode = self._mode
         return mode.target_degC if isinstance(mode, TemperatureMode) else float("nan")
+
+    @property
+    def gains(self) -> Tune:
+        """The gains and options in force: the configured ones, and what was tuned since."""
+        return self._gains
 
     @property
     def limiting(self) -> HostLimit:
@@ -125,6 +132,8 @@ class Controller:
             case Tune():
                 self._displacement.tune(command)
                 self._warm = _tuned(self._warm, command)
+                given = {k: v for k, v in msgspec.structs.asdict(command).items() if v is not None}
+                self._gains = msgspec.structs.replace(self._gains, **given)
         if not isinstance(command, Tune | Idle):
             self._departure = None
 

@@ -1,7 +1,10 @@
-"""Who is let in: a secret in the link or cookie, and only pages that this server gave out.
+"""Who is let in: three secrets for three places, and only pages that this server gave out.
 
-Pure. The secret keeps out other users of the machine; the checks of `Host` and `Origin` keep out
-other pages in the same browser, which can send requests here but choose neither header.
+Pure. The token of a link gives the page with a cookie and a key. The cookie gives files and
+nothing else: a browser shows it to every server on this host, whatever its port. The key stands
+in the page alone and gives the right on its WebSocket. The secrets keep out other users of the
+machine; the checks of `Host` and `Origin` keep out other pages in the same browser, which can send
+requests here but choose neither header.
 """
 
 from __future__ import annotations
@@ -15,6 +18,9 @@ from typing import Literal, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 Right = Literal["command", "watch"]
+
+PROTOCOL = "smad"
+"""The subprotocol of the page's WebSocket. The page offers `key.` and its key beside it."""
 
 HEADERS = {
     "Cache-Control": "no-store",
@@ -38,21 +44,31 @@ class Denied(NamedTuple):
 
 
 class Admitted(NamedTuple):
-    """What a request may do; `cookie` is to be set and the token taken out of the address."""
+    """What a request may do: open a WebSocket with `right`, or else read files.
 
-    right: Right
+    Who came with the token of a link gets the page with `cookie` to be set and `key` put into it.
+    """
+
+    right: Right | None = None
     cookie: str = ""
+    key: str = ""
 
 
 class Door:
     """The secrets of one server and the addresses it answers to.
 
-    `command` is empty where nobody may command (`smad view --watch-only`).
+    `command` and `watch` are the tokens of the links. `command` is empty where nobody may command
+    (`smad view --watch-only`).
     """
 
     def __init__(self, port: int, *, watch_only: bool = False) -> None:
         self.watch = secrets.token_urlsafe(32)
         self.command = "" if watch_only else secrets.token_urlsafe(32)
+        self.keys: Mapping[Right, str] = {
+            "command": "" if watch_only else secrets.token_urlsafe(32),
+            "watch": secrets.token_urlsafe(32),
+        }
+        self.cookie = secrets.token_urlsafe(32)
         # Cookies know no ports: two servers on one machine must not share a name.
         self.cookie_name = f"smad_view_{port}"
         self._hosts = frozenset(
@@ -68,35 +84,51 @@ class Door:
         origin = headers.get("origin", "")
         if (origin or websocket) and not self._is_ours(origin):
             return Denied(HTTPStatus.FORBIDDEN, "This request comes from another page.")
-        # No link is made of the token for the connection: a page has the cookie.
+        known = _same(_cookie_of(headers.get("cookie", ""), self.cookie_name), self.cookie)
+        # No link is made of the token for the connection: a page has cookie and key.
         given = None if websocket else _token_of(target)
-        if given is not None:
-            right = self._right(given)
-            cookie = f"{self.cookie_name}={given}; HttpOnly; SameSite=Strict; Path=/"
-        else:
-            right, cookie = self._right(_cookie_of(headers.get("cookie", ""), self.cookie_name)), ""
-        if right is None:
-            return Denied(
-                HTTPStatus.UNAUTHORIZED,
-                "This page needs the link that `smad view` printed, with its token.",
-            )
-        return Admitted(right, cookie)
+        if websocket:
+            key = _key_of(headers.get("sec-websocket-protocol", ""))
+            right = _right(key, self.keys["command"], self.keys["watch"])
+            if known and right is not None:
+                return Admitted(right)
+        elif given is not None:
+            right = _right(given, self.command, self.watch)
+            if right is not None:
+                cookie = f"{self.cookie_name}={self.cookie}; HttpOnly; SameSite=Strict; Path=/"
+                return Admitted(None, cookie, self.keys[right])
+        elif known:
+            return Admitted()
+        return Denied(
+            HTTPStatus.UNAUTHORIZED,
+            "This page needs the link that `smad view` printed, with its token.",
+        )
 
     def _is_ours(self, origin: str) -> bool:
         scheme, _, host = origin.partition("://")
         return scheme == "http" and host.lower() in self._hosts
 
-    def _right(self, given: str) -> Right | None:
-        # Both are compared, whatever the first says: the time taken tells nothing.
-        offered = given.encode("utf-8", "surrogateescape")
-        commands = bool(self.command) & hmac.compare_digest(offered, self.command.encode())
-        watches = hmac.compare_digest(offered, self.watch.encode())
-        return "command" if commands else "watch" if watches else None
+
+def _right(given: str, command: str, watch: str) -> Right | None:
+    # Both are compared, whatever the first says: the time taken tells nothing.
+    commands, watches = _same(given, command), _same(given, watch)
+    return "command" if commands else "watch" if watches else None
+
+
+def _same(given: str, secret: str) -> bool:
+    # An empty secret is one that nobody has.
+    offered = given.encode("utf-8", "surrogateescape")
+    return bool(secret) & hmac.compare_digest(offered, secret.encode())
 
 
 def _token_of(target: str) -> str | None:
     found = parse_qs(urlsplit(target).query, keep_blank_values=True).get("token")
     return None if found is None else found[0]
+
+
+def _key_of(offered: str) -> str:
+    names = (name.strip() for name in offered.split(","))
+    return next((name[4:] for name in names if name.startswith("key.")), "")
 
 
 def _cookie_of(header: str, name: str) -> str:

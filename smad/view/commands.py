@@ -93,8 +93,8 @@ class EndRecord(Ask, tag="end_record", frozen=True, kw_only=True):
 
 Command = Arm | Clear | Move | Rest | Gains | Note | Record | EndRecord
 Message = Drawn | Alive | LookAt | Stop | Command
-WATCHING = (Drawn, Alive, LookAt)
-"""What a page without the right to command may say."""
+WATCHING = (Drawn, Alive, LookAt, Stop)
+"""What a page without the right to command may say: anybody may stop."""
 
 decoder = msgspec.json.Decoder(Message)
 

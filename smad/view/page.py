@@ -26,7 +26,7 @@ from smad.view import commands, forms, strips
 from smad.view.access import Right
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor
 from smad.view.source import Source
-from smad.view.state import MODES, control_condition
+from smad.view.state import MODE_MEANS, MODES, control_condition
 from smad.view.tasks import end
 
 IN_FLIGHT = 2
@@ -37,7 +37,7 @@ MOST_STOPS = 8
 """Stops of one page at once; each has a connection of its own while another is under way."""
 FRESH_STATUSES = 2
 """So many statuses after arming, one has been asked for since, and knows of it."""
-_WATCH_ONLY = "this link is for watching: it commands nothing"
+_WATCH_ONLY = "this link is for watching and stopping: it commands nothing else"
 _encode = msgspec.json.Encoder().encode
 
 
@@ -243,6 +243,7 @@ def hello(source: Source, right: Right) -> dict[str, Any]:
         "type": "hello",
         "bench": source.bench,
         "right": right,
+        "modes": MODE_MEANS,
         "windows": [{"label": w.label, "span_s": w.span_s} for w in WINDOWS],
         "strips": strips.STRIPS,
         "limits": strips.limits(source.config),
@@ -257,7 +258,11 @@ def status_message(source: Source, *, ours: bool) -> dict[str, Any]:
     if now is not None:
         conditions = (*now.conditions, control_condition(now.holder, ours=ours))
         holder = "this page" if ours and now.holder else now.holder
-        now = msgspec.structs.replace(now, holder=holder, conditions=conditions)
+        # Frames and status name the mode of the newest sample: neither takes the other back.
+        known = now.mode
+        if source.mode is not None and not source.silent_s:
+            known = MODES.get(source.mode, known)
+        now = msgspec.structs.replace(now, mode=known, holder=holder, conditions=conditions)
     return {
         "type": "status",
         "away": source.why_away,

@@ -7,6 +7,7 @@ import contextlib
 import logging
 import os
 import socket
+from collections import Counter
 from collections.abc import AsyncIterator
 from http import HTTPStatus
 from typing import NamedTuple
@@ -15,21 +16,29 @@ from urllib.parse import urlsplit
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
+from websockets.typing import Subprotocol
 
 from smad.client import AsyncClient
 from smad.errors import ConfigError
-from smad.view.access import HEADERS, Denied, Door
+from smad.view.access import HEADERS, PROTOCOL, Denied, Door, Right
 from smad.view.page import Page, static_files
 from smad.view.source import TIMEOUT_S, Source
 from smad.view.tasks import end
 
 HOST = "127.0.0.1"
 MOST_PAGES = 16
+KEPT_FOR_COMMAND = 4
+"""Pages of the watching link leave so many of these places free."""
+PING_EVERY_S = 5.0
+PING_PATIENCE_S = 10.0
+"""A page that has not answered a ping for so long gives up its place."""
 LARGEST_MESSAGE = 16_384
 """Bytes that a page may send at once; a form is a few hundred."""
 CLOSING_S = 1.0
 """How long the server waits at its end for a page to say goodbye; one that is asleep never does."""
 _WEBSOCKET = "/ws"
+_KEY_PLACE = b"{key}"
+"""Where `index.html` has the key; empty for who has but the cookie."""
 _log = logging.getLogger(__name__)
 
 
@@ -47,7 +56,7 @@ class LivePage:
         self.source = Source(bench)
         self._bench = bench
         self._door = door
-        self._pages = 0
+        self._open: Counter[Right] = Counter()
         self._files = static_files()
         address = f"http://{HOST}:{port}/?token="
         self.links = Links(door.command and address + door.command, address + door.watch)
@@ -61,17 +70,19 @@ class LivePage:
         if isinstance(judged, Denied):
             return _response(judged.status, f"{judged.text}\n".encode())
         if judged.cookie:
-            # The token leaves the address bar, and so the history and what is shown on a screen.
-            return _response(HTTPStatus.SEE_OTHER, b"", Location="/", Set_Cookie=judged.cookie)
+            # The key is in this answer alone: who has but the cookie cannot ask for it.
+            kind, content = self._files["/"]
+            content = content.replace(_KEY_PLACE, judged.key.encode())
+            return _response(HTTPStatus.OK, content, Content_Type=kind, Set_Cookie=judged.cookie)
         if path == _WEBSOCKET:
-            if self._pages >= MOST_PAGES:
-                return _response(
-                    HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_PAGES} pages are open.\n".encode()
-                )
-            return None
+            assert judged.right is not None
+            full = self._full(judged.right)
+            return _response(HTTPStatus.SERVICE_UNAVAILABLE, f"{full}\n".encode()) if full else None
         if path not in self._files:
             return _response(HTTPStatus.NOT_FOUND, b"There is no such page.\n")
         kind, content = self._files[path]
+        if path == "/":
+            content = content.replace(_KEY_PLACE, b"")
         return _response(HTTPStatus.OK, content, Content_Type=kind)
 
     async def talk(self, connection: ServerConnection) -> None:
@@ -79,9 +90,9 @@ class LivePage:
         request = connection.request
         assert request is not None
         judged = self._door.admit(request.path, _headers(request.headers), websocket=True)
-        if isinstance(judged, Denied):
+        if isinstance(judged, Denied) or judged.right is None:
             return
-        self._pages += 1
+        self._open[judged.right] += 1
         try:
             await Page(
                 connection,
@@ -93,7 +104,11 @@ class LivePage:
             _log.exception("a page was closed by an error of the server")
             raise
         finally:
-            self._pages -= 1
+            self._open[judged.right] -= 1
+
+    def _full(self, right: Right) -> str:
+        most = MOST_PAGES - (KEPT_FOR_COMMAND if right == "watch" else 0)
+        return f"{most} pages are open." if self._open.total() >= most else ""
 
 
 @contextlib.asynccontextmanager
@@ -118,9 +133,12 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
         page.talk,
         sock=listening,
         process_request=page.answer,
+        subprotocols=[Subprotocol(PROTOCOL)],
         compression=None,
         max_size=LARGEST_MESSAGE,
         max_queue=8,
+        ping_interval=PING_EVERY_S,
+        ping_timeout=PING_PATIENCE_S,
         close_timeout=CLOSING_S,
         server_header=None,
         logger=quiet,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import PurePath
 
+import msgspec
 from msgspec import Struct
 
 from firmware_protocol.enums import BoardState, Fault
@@ -53,7 +54,6 @@ class Shown(Struct, frozen=True, kw_only=True):
 
     bench: str
     mode: str
-    mode_means: str
     armed: bool
     running: str
     limiter: str
@@ -72,6 +72,7 @@ class Shown(Struct, frozen=True, kw_only=True):
     missed: int
     events: tuple[api.Entry, ...]
     conditions: tuple[Condition, ...]
+    gains: Mapping[str, float | bool | str]
 
 
 def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float) -> Shown:
@@ -80,7 +81,6 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
     return Shown(
         bench=status.bench,
         mode=motion.mode,
-        mode_means=MODE_MEANS.get(motion.mode, ""),
         armed=motion.armed,
         running=motion.running + (", done" if motion.done else ", under way"),
         limiter="" if status.limiter == "none" else status.limiter,
@@ -99,6 +99,7 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
         missed=status.counts.missed,
         events=status.events[-EVENTS:],
         conditions=tuple(conditions(status, params, off_current_mA)),
+        gains={k: v for k, v in msgspec.structs.asdict(status.gains).items() if v is not None},
     )
 
 

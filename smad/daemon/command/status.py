@@ -129,6 +129,7 @@ class StatusReport:
             link=self._link_status(),
             board=self._board(),
             motion=self.motion(),
+            gains=self._control.controller.gains,
             limiter=self._limiter(),
             faults=() if state is None else tuple(f.name for f in faults_in(state.faults)),
             warnings=() if state is None else tuple(w.name for w in warnings_in(state.warnings)),

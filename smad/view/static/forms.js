@@ -12,18 +12,37 @@ export function build(host, form) {
   return () => Object.fromEntries(inputs.map(([field, input]) => [field.name, valueOf(field, input)]));
 }
 
-// As `build`, but each field is told on its own as soon as it was changed.
+// As `build`, but each field is told on its own as soon as it was changed. Returns a function that
+// shows what is in force; a field that somebody is changing is left to them.
 export function buildLive(host, form, changed) {
+  const rows = [];
+  const changing = new Set();
   for (const field of form.fields) {
     const input = inputOf(field);
     const row = labelled(field, input);
-    const tell = () => {
-      if (input.reportValidity()) changed(field, valueOf(field, input));
+    const tell = async () => {
+      if (!input.reportValidity()) return;
+      await changed(field, valueOf(field, input));
+      changing.delete(field);
     };
+    row.addEventListener("input", () => changing.add(field));
     input.addEventListener("change", tell);
     if (field.slider != null) row.append(sliderOf(field, input, tell));
     host.append(row);
+    rows.push([field, input]);
   }
+  return (inForce) => {
+    for (const [field, input] of rows) {
+      const value = inForce[field.name];
+      if (value == null || changing.has(field)) continue;
+      if (field.kind === "switch") input.checked = value;
+      else if (String(valueOf(field, input)) !== String(value)) {
+        input.value = value;
+        input.dispatchEvent(new Event("input"));
+        changing.delete(field);
+      }
+    }
+  };
 }
 
 function labelled(field, input) {

@@ -3,6 +3,16 @@
 const RETRY_MS = 1000;
 const PATIENCE_MS = 5000; // the server speaks twice a second
 
+// The key came with the page when its link was opened. The tab keeps it for when it is loaded again:
+// no cookie and no address has it, so no other server on this host is ever shown it.
+function keyOf() {
+  const given = document.querySelector("meta[name=smad-key]");
+  if (given.content) sessionStorage.setItem("smad-key", given.content);
+  given.remove();
+  if (location.search) history.replaceState(null, "", "/");
+  return sessionStorage.getItem("smad-key") ?? "";
+}
+
 export class Link {
   // `on` has a function for each type of message, and `lost(why)`.
   constructor(on) {
@@ -11,12 +21,17 @@ export class Link {
     this.lastId = 0;
     this.heardMs = 0;
     this.waiting = new Map();
+    this.key = keyOf();
+    if (!this.key) {
+      on.lost("This tab was not opened with a link that smad view printed: open that link here.");
+      return;
+    }
     setInterval(() => this.check(), 500);
     this.open();
   }
 
   open() {
-    const socket = new WebSocket(`ws://${location.host}/ws`);
+    const socket = new WebSocket(`ws://${location.host}/ws`, ["smad", `key.${this.key}`]);
     this.socket = socket;
     this.heardMs = performance.now();
     socket.onmessage = (event) => this.take(socket, event.data);

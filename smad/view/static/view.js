@@ -8,6 +8,8 @@ import { Strips, element, setText } from "./strips.js";
 const $ = (id) => document.getElementById(id);
 let strips = null;
 let status = null;
+let modes = {};
+let showGains = () => {};
 
 const link = new Link({
   hello: begin,
@@ -25,8 +27,8 @@ function become(state, what = "", why = "") {
   document.body.dataset.link = state;
   setText($("lost-what"), what);
   setText($("lost-why"), why);
-  if ($("stop")) {
-    $("stop").disabled = state === "lost" || state === "away";
+  $("stop").disabled = state === "lost" || state === "away";
+  if ($("commands")) {
     $("commands").disabled = state !== "live";
     if (state !== "live") $("arming").close();
   }
@@ -34,6 +36,7 @@ function become(state, what = "", why = "") {
 
 function begin(hello) {
   strips?.close();
+  modes = hello.modes;
   strips = new Strips($("strips"), hello, () => link.send({ do: "drawn" }));
   setText($("bench"), hello.bench);
   document.title = `${hello.bench} – smad`;
@@ -42,7 +45,7 @@ function begin(hello) {
   } else {
     moving(hello.trajectories);
     $("tune").replaceChildren();
-    buildLive($("tune"), hello.tuning, tune);
+    showGains = buildLive($("tune"), hello.tuning, tune);
   }
   const windows = hello.windows.map((w, i) => element("option", { value: i, textContent: w.label }));
   $("window").replaceChildren(...windows);
@@ -79,7 +82,6 @@ function take(message) {
 function show(now) {
   document.body.dataset.generation = now.generation;
   mode(now.mode);
-  setText($("mode-means"), now.mode_means);
   setText($("running"), now.running + (now.limiter ? `, held down by ${now.limiter}` : ""));
   setText($("holder"), now.holder ? `${now.holder}, ${now.lease_left_s.toFixed(0)} s left` : "anybody");
   setText($("recording"), now.recorder_error
@@ -97,11 +99,12 @@ function show(now) {
   $("events").replaceChildren(...[...now.events].reverse().map((event) => element("li", {},
     element("time", { textContent: new Date(event.time_s * 1000).toLocaleTimeString([], { hour12: false }) }),
     ` ${event.text}`)));
-  if ($("stop")) offer(now);
+  if ($("commands")) offer(now);
 }
 
 function mode(name) {
   setText($("mode"), name || "–");
+  setText($("mode-means"), modes[name] ?? "");
   $("mode").dataset.mode = name;
 }
 
@@ -112,6 +115,7 @@ function offer(now) {
   $("clear").disabled = !now.trouble;
   $("idle").disabled = !now.armed;
   movable(now.armed);
+  showGains(now.gains);
   setText($("record-go"), now.recording ? "Stop recording" : "Record");
   $("record-name").hidden = now.recording;
   $("note").hidden = !now.recording;

@@ -4,7 +4,7 @@ from http import HTTPStatus
 
 import pytest
 
-from smad.view.access import HEADERS, Admitted, Denied, Door
+from smad.view.access import HEADERS, Admitted, Denied, Door, Right
 
 PORT = 8787
 OURS = {"host": f"127.0.0.1:{PORT}"}
@@ -15,25 +15,54 @@ def door() -> Door:
     return Door(PORT)
 
 
-def with_cookie(door: Door, token: str, **more: str) -> dict[str, str]:
-    return {**OURS, "cookie": f"other=1; {door.cookie_name}={token}", **more}
+def with_cookie(door: Door, **more: str) -> dict[str, str]:
+    return {**OURS, "cookie": f"other=1; {door.cookie_name}={door.cookie}", **more}
 
 
-def test_each_link_gives_its_right_and_a_cookie_that_gives_the_same(door: Door) -> None:
-    for token, right in ((door.command, "command"), (door.watch, "watch")):
+def from_page(door: Door, key: str, origin: str = f"http://127.0.0.1:{PORT}") -> dict[str, str]:
+    offered = {"sec-websocket-protocol": f"smad, key.{key}"}
+    return with_cookie(door, origin=origin, **offered)
+
+
+def test_each_link_gives_a_cookie_for_files_and_a_key_for_its_right(door: Door) -> None:
+    rights: tuple[tuple[str, Right], ...] = ((door.command, "command"), (door.watch, "watch"))
+    for token, right in rights:
         first = door.admit(f"/?token={token}", OURS, websocket=False)
         assert isinstance(first, Admitted)
-        assert first.right == right
         assert "HttpOnly; SameSite=Strict" in first.cookie
         cookie = first.cookie.partition(";")[0]
         again = door.admit("/view.js", {**OURS, "cookie": cookie}, websocket=False)
-        assert again == Admitted(first.right)
+        assert again == Admitted()
+        headers = {**from_page(door, first.key), "cookie": cookie}
+        assert door.admit("/ws", headers, websocket=True) == Admitted(right)
 
 
-def test_the_two_secrets_differ_and_are_new_each_time(door: Door) -> None:
-    other = Door(PORT)
-    assert len({door.command, door.watch, other.command, other.watch}) == 4
-    assert min(map(len, (door.command, door.watch))) >= 43
+def secrets_of(door: Door) -> list[str]:
+    return [door.command, door.watch, door.cookie, *door.keys.values()]
+
+
+def test_all_secrets_differ_and_are_new_each_time(door: Door) -> None:
+    both = secrets_of(door) + secrets_of(Door(PORT))
+    assert len(set(both)) == 10
+    assert min(map(len, both)) >= 43
+
+
+def test_a_cookie_alone_gives_no_connection_no_key_and_is_no_token(door: Door) -> None:
+    for offered in ("", "smad", f"smad, key.{door.cookie}", "smad, key.", "smad, key.\udcff"):
+        headers = {**from_page(door, ""), "sec-websocket-protocol": offered}
+        judged = door.admit("/ws", headers, websocket=True)
+        assert isinstance(judged, Denied)
+        assert judged.status == HTTPStatus.UNAUTHORIZED
+    assert door.admit("/", with_cookie(door), websocket=False) == Admitted()
+    judged = door.admit(f"/?token={door.cookie}", with_cookie(door), websocket=False)
+    assert isinstance(judged, Denied)
+
+
+def test_a_link_token_is_no_key_and_a_key_alone_no_connection(door: Door) -> None:
+    assert isinstance(door.admit("/ws", from_page(door, door.command), websocket=True), Denied)
+    alone = from_page(door, door.keys["command"])
+    del alone["cookie"]
+    assert isinstance(door.admit("/ws", alone, websocket=True), Denied)
 
 
 @pytest.mark.parametrize("target", ["/", "/view.js", "/ws", "/?token=", "/?token=é", "/?x=1"])
@@ -60,17 +89,17 @@ def test_another_host_is_refused_even_with_the_token(door: Door, host: str) -> N
     "origin",
     ["", "null", "http://evil.example", "https://127.0.0.1:8787", "http://127.0.0.1:8788"],
 )
-def test_a_connection_from_another_page_is_refused_even_with_the_cookie(
+def test_a_connection_from_another_page_is_refused_even_with_cookie_and_key(
     door: Door, origin: str
 ) -> None:
-    judged = door.admit("/ws", with_cookie(door, door.command, origin=origin), websocket=True)
+    judged = door.admit("/ws", from_page(door, door.keys["command"], origin), websocket=True)
     assert isinstance(judged, Denied)
     assert judged.status == HTTPStatus.FORBIDDEN
 
 
 def test_our_own_page_may_connect_by_either_name(door: Door) -> None:
     for name in ("127.0.0.1", "localhost"):
-        headers = with_cookie(door, door.watch, origin=f"http://{name}:{PORT}")
+        headers = from_page(door, door.keys["watch"], f"http://{name}:{PORT}")
         headers["host"] = f"{name}:{PORT}"
         assert door.admit("/ws", headers, websocket=True) == Admitted("watch")
 
@@ -84,7 +113,9 @@ def test_a_page_for_watching_only_has_no_secret_that_commands() -> None:
     door = Door(PORT, watch_only=True)
     assert door.command == ""
     assert isinstance(door.admit("/?token=", OURS, websocket=False), Denied)
-    assert door.admit("/", with_cookie(door, door.watch), websocket=False) == Admitted("watch")
+    assert isinstance(door.admit("/ws", from_page(door, ""), websocket=True), Denied)
+    seen = door.admit("/ws", from_page(door, door.keys["watch"]), websocket=True)
+    assert seen == Admitted("watch")
 
 
 def test_nothing_from_elsewhere_runs_in_the_page() -> None:

@@ -20,10 +20,20 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from bench.browser import LivePage, browser, live_page, resize, running_daemon, what_is_missing
+from bench.browser import (
+    LivePage,
+    browser,
+    credentials_of,
+    live_page,
+    resize,
+    running_daemon,
+    what_is_missing,
+)
 from smad.client import Client
+from smad.control.commands import Tune
 from smad.processes.daemon import DaemonProcess
 from smad.runlog.reader import read_run
+from smad.view.state import MODE_MEANS
 
 MISSING = what_is_missing()
 REQUIRED = bool(os.environ.get("SMAD_REQUIRE_BROWSER"))
@@ -136,6 +146,21 @@ def test_the_strips_move_and_show_what_the_bench_does(page: Any, bench: Bench) -
     until(page, lambda d: "to the limit of 80" in d.page_source)
 
 
+def test_a_page_that_is_loaded_again_goes_on_and_a_new_tab_without_a_link_does_not(
+    page: Any, bench: Bench
+) -> None:
+    assert "token" not in page.current_url
+    page.refresh()
+    until(page, is_live)
+    key = page.execute_script("return sessionStorage.getItem('smad-key')")
+    page.execute_script("sessionStorage.clear()")
+    page.refresh()
+    until(page, lambda d: "open that link" in text_of(d, "lost-why"))
+    assert key not in page.page_source
+    page.get(bench.page.command)
+    until(page, is_live)
+
+
 def test_voltages_come_on_demand(page: Any) -> None:
     assert "voltage" not in pictures(page)
     click(page, "#on-demand input")
@@ -155,6 +180,21 @@ def test_arming_takes_two_steps_and_shows_what_has_to_hold(page: Any, bench: Ben
     assert bench.client.motion().armed is False
     arm(page)
     assert bench.client.status().control.holder == "live page"
+
+
+def test_badge_and_sentence_change_together(page: Any) -> None:
+    page.execute_script(
+        "window.pairs = new Set();"
+        "new MutationObserver(() => window.pairs.add(['mode', 'mode-means'].map((id) =>"
+        "document.getElementById(id).textContent).join(': ')))"
+        ".observe(document.getElementById('state'), {childList: true, subtree: true})"
+    )
+    arm(page)
+    click(page, "#stop")
+    until(page, lambda d: text_of(d, "mode") == "SAFE")
+    seen = {tuple(pair.split(": ")) for pair in page.execute_script("return [...window.pairs]")}
+    assert {mode for mode, _ in seen} >= {"ARMED", "SAFE"}
+    assert seen <= set(MODE_MEANS.items())
 
 
 def test_stop_disarms_while_others_flood(page: Any, bench: Bench) -> None:
@@ -184,12 +224,18 @@ def test_stop_disarms_while_others_flood(page: Any, bench: Bench) -> None:
     assert motion.generation > generation
 
 
-def test_a_gain_is_set_and_marked(page: Any, bench: Bench) -> None:
+def test_a_gain_is_set_and_pages_show_what_is_in_force(page: Any, bench: Bench) -> None:
     page.execute_script(
         "const input = document.querySelector('#tune input[name=kp_A_per_mm]');"
         "input.value = 7; input.dispatchEvent(new Event('change'))"
     )
     until(page, lambda d: "kp_A_per_mm 7" in text_of(d, "said"))
+    # Somebody else changes it, and a page that is opened later shows what is in force.
+    shown = "return document.querySelector('#tune input[name=kp_A_per_mm]').value"
+    bench.client.tune(Tune(kp_A_per_mm=6.0))
+    until(page, lambda d: d.execute_script(shown) == "6")
+    page.refresh()
+    until(page, lambda d: d.execute_script(shown) == "6")
 
 
 def write(driver: Any, name: str, text: str) -> None:
@@ -234,19 +280,23 @@ def test_no_width_needs_sideways_scrolling(page: Any, width: int) -> None:
     assert 0 <= page.execute_script(STOP_BOX)[2] < 200
 
 
-def test_the_link_for_watching_has_no_button_that_commands(chromium: Any, bench: Bench) -> None:
+def test_the_link_for_watching_has_stop_and_no_other_button_that_commands(
+    chromium: Any, bench: Bench
+) -> None:
     chromium.get(bench.page.watch)
     until(chromium, is_live)
-    assert (
-        chromium.execute_script("return document.querySelectorAll('.command, #stop, #arm').length")
-        == 0
-    )
+    assert chromium.execute_script("return document.querySelectorAll('.command, #arm').length") == 0
     until(
         chromium,
         lambda d: (
             "mm" in d.execute_script("return document.querySelector('.strip .value').textContent")
         ),
     )
+    bench.client.arm()
+    until(chromium, lambda d: text_of(d, "mode") == "ARMED")
+    click(chromium, "#stop")
+    until(chromium, lambda d: text_of(d, "mode") in ("COOL", "SAFE"))
+    assert not bench.client.motion().armed
 
 
 def answered(page: LivePage, path: str, **headers: str) -> tuple[int, bytes]:
@@ -262,11 +312,6 @@ def answered(page: LivePage, path: str, **headers: str) -> tuple[int, bytes]:
         connection.close()
 
 
-def cookie_of(link: str) -> str:
-    address = urlsplit(link)
-    return f"smad_view_{address.port}={address.query.partition('=')[2]}"
-
-
 @pytest.mark.parametrize(
     "path", ["/", "/view.js", "/vendor/uPlot.js", "/ws", "/?token=wrong", "/../page.py"]
 )
@@ -277,7 +322,8 @@ def test_a_stranger_gets_nothing(bench: Bench, path: str) -> None:
 
 
 def test_who_has_the_link_gets_the_files_that_are_served_and_no_others(bench: Bench) -> None:
-    cookie = cookie_of(bench.page.watch)
+    cookie, key = credentials_of(bench.page.watch)
+    assert key.encode() not in answered(bench.page, "/", Cookie=cookie)[1]
     assert answered(bench.page, "/view.js", Cookie=cookie)[0] == 200
     for path in ("/../page.py", "/%2e%2e/page.py", "/vendor", "/nothing", "//etc/passwd"):
         assert answered(bench.page, path, Cookie=cookie)[0] == 404
@@ -285,18 +331,30 @@ def test_who_has_the_link_gets_the_files_that_are_served_and_no_others(bench: Be
 
 
 @pytest.mark.parametrize(
-    ("origin", "with_cookie", "status"),
-    [("http://evil.example", True, 403), (None, True, 403), ("ours", False, 401)],
+    ("origin", "has_cookie", "has_key", "status"),
+    [
+        ("http://evil.example", True, True, 403),
+        (None, True, True, 403),
+        ("ours", False, True, 401),
+        ("ours", True, False, 401),
+    ],
 )
-def test_no_connection_from_another_page_or_without_the_token(
-    bench: Bench, origin: str | None, with_cookie: bool, status: int
+def test_no_connection_from_another_page_or_without_cookie_and_key(
+    bench: Bench, origin: str | None, has_cookie: bool, has_key: bool, status: int
 ) -> None:
     address = urlsplit(bench.page.command)
-    cookie = {"Cookie": cookie_of(bench.page.command)} if with_cookie else {}
+    held, key = credentials_of(bench.page.command)
+    cookie = {"Cookie": held} if has_cookie else {}
+    offered: Any = ["smad", f"key.{key}"] if has_key else ["smad"]
     given: Any = f"http://{address.netloc}" if origin == "ours" else origin
     with (
         pytest.raises(InvalidStatus) as refused,
-        connect(f"ws://{address.netloc}/ws", origin=given, additional_headers=cookie),
+        connect(
+            f"ws://{address.netloc}/ws",
+            origin=given,
+            additional_headers=cookie,
+            subprotocols=offered,
+        ),
     ):
         pass
     assert refused.value.response.status_code == status

@@ -10,6 +10,8 @@ import pytest
 from smad import api
 from smad.config import Config, ControlConfig
 from smad.control.commands import Samples, Trajectory, Tune
+from smad.control.controller import Controller
+from smad.control.inforce import tune_of
 from smad.runlog.schema import Row
 from smad.view import commands, forms, page, state, strips
 from smad.view.source import Source
@@ -104,11 +106,25 @@ def status(mode: str = "SAFE", fault: api.Fault | None = None, **row: Any) -> ap
         "sample": {**sample, **row}, "counts": dict.fromkeys(api.Counts.__struct_fields__, 0),
         "timing": {**spread, "round_trip_us": 100.0, "collections": 0}, "realtime": [],
         "recorder": {"recording": False}, "control": {}, "events": [],
+        "gains": {"mode": "tune", "kp_A_per_mm": 7.0},
     }  # fmt: skip
     return msgspec.convert(raw, type=api.Status)
 
 
 PARAMS = {"cold_cC": 4500.0, "brown_out_mV": 7500.0}
+
+
+def test_the_gains_that_a_page_shows_are_those_in_force() -> None:
+    assert state.shown(status(), PARAMS, 100.0).gains == {"kp_A_per_mm": 7.0}
+
+
+def test_a_controller_says_what_is_in_force_and_not_only_what_was_configured() -> None:
+    config = ControlConfig(kp_A_per_mm=3.0)
+    controller = Controller(config)
+    controller.command(Tune(kp_A_per_mm=7.0))
+    controller.command(Tune(feedforward=False))
+    expected = msgspec.structs.replace(tune_of(config), kp_A_per_mm=7.0, feedforward=False)
+    assert controller.gains == expected
 
 
 def failing(now: api.Status) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any, cast
 import pytest
 from websockets.asyncio.server import ServerConnection
 
+from firmware_protocol.enums import BoardState
 from smad import api
 from smad.client import AsyncClient, NotReady
 from smad.view.access import Right
@@ -254,7 +255,6 @@ async def test_a_page_that_goes_away_lets_its_lease_lapse() -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        {"do": "stop"},
         {"do": "arm"},
         {"do": "clear", "fault": 1},
         MOVE,
@@ -275,6 +275,30 @@ async def test_the_link_for_watching_commands_nothing(
     assert not done
     assert "watching" in text
     assert watcher.client.asked == []
+
+
+async def test_anybody_may_stop_also_by_the_link_for_watching(watcher: Rig) -> None:
+    watcher.browser.say({"do": "stop", "id": 7})
+    await watcher.settle()
+    assert watcher.browser.replies()[7] == (True, "stopped: the board is in COOL")
+    assert watcher.client.asked == ["disarm"]
+
+
+async def test_frames_and_status_name_one_mode_and_the_first_message_what_each_means(
+    rig: Rig,
+) -> None:
+    # The status was asked for before the stop; the samples know of it already.
+    rig.source.shown = shown(status("ARMED"), {}, 100.0)
+    rig.source.mode = int(BoardState.COOL)
+    await rig.frames_pass(1)
+    rig.source.version += 1
+    rig.source.feed.add(1000.0, (1.0,) * 12)
+    rig.browser.say({"do": "alive"})
+    await rig.settle()
+    await rig.frames_pass(2)
+    assert rig.browser.of("status")[-1]["status"]["mode"] == "COOL"
+    assert rig.browser.of("frame")[-1]["mode"] == "COOL"
+    assert rig.browser.of("hello")[0]["modes"].keys() == {state.name for state in BoardState}
 
 
 @pytest.mark.parametrize(
