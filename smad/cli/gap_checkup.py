@@ -145,7 +145,8 @@ def checkup(
 
     With --baseline the programme is played (or read, with --now) and compared with the baseline.
     With --good and --now run files are compared: run logs, CSV or Parquet with units in their
-    columns' names. Runs are paired by their inputs, and by name where several fit.
+    columns' names. Runs are paired by their inputs, and by name where several fit. A good run that
+    a stop cut is told of and left out.
     """
     import msgspec
 
@@ -180,13 +181,14 @@ def checkup(
 
 def _of_files(good: Path, now: Path | None) -> tuple[Paired, Verdict]:
     from smad.gap.paired.commission import checked_files
-    from smad.gap.paired.files import read_folder
+    from smad.gap.paired.files import read_folder, read_good
 
     assert now is not None
     with progress() as line:
         line.say("reading")
+        then = read_good(good, say)
         pairs, verdict, matched = checked_files(
-            new_plant(), read_folder(good), read_folder(now), progress=line.say
+            new_plant(), then, read_folder(now), progress=line.say
         )
     for text in matched.lines:
         click.echo(text, err=True)
