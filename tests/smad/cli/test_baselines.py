@@ -44,10 +44,13 @@ class Bench:
         self.folder = folder
         self.number = count(1)
         self.runs = 0
+        self.clients = 0
         self.fails_at = 0
 
     @contextlib.contextmanager
     def player(self, **options: object) -> Iterator[Play]:
+        self.clients += 1
+
         def play(run: ProgrammeRun, original: Path | None) -> Recorded:
             self.runs += 1
             if self.runs == self.fails_at:
@@ -144,6 +147,13 @@ def test_good_runs_and_those_of_another_bench_are_no_runs_of_now(
     assert "is the same recording as" in capsys.readouterr().err
     assert execute([*checkup, str(elsewhere)]) != 0
     assert "runs of two benches are mixed" in capsys.readouterr().err
+
+
+def test_one_client_plays_all_repeats_of_a_bench_and_knows_of_a_stop_between_them(
+    bench: Bench, tmp_path: Path
+) -> None:
+    assert execute(["gap", "commission", "--baseline", str(tmp_path / "baseline")]) == 0
+    assert (bench.runs, bench.clients) == (2, 1)
 
 
 STOP = "stopped by disarm of a client"
