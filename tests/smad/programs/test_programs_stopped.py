@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 
+import smad.client
+from smad.client import Refused, Stopped
+from smad.control.commands import DriveCurrent, Hold
 from smad.demo import job
 from smad.runlog.reader import read_run
 from smad.runlog.schema import CUT
@@ -49,6 +52,33 @@ async def test_a_stop_ends_the_program_and_nothing_is_armed_afterwards(
             texts = [event.text for event in read_run(path).events]
             if stop != "board fault":
                 assert any(t.startswith(CUT) and SAID[stop] in t for t in texts), texts
+
+
+async def test_who_armed_and_met_a_fault_gives_control_back_and_cannot_heat_afterwards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(2.0)
+        stage = Stage(rig, "moving", "board fault")
+        set_up(stage, monkeypatch)
+        said: list[str] = []
+
+        def program() -> None:
+            bench = smad.client.Client()
+            bench.arm()
+            bench.move(Hold(duration_s=20.0))
+            with pytest.raises(Stopped):
+                bench.wait_until_done()
+            said.append(bench.status().control.holder)
+            for again in (bench.arm, lambda: bench.current(DriveCurrent(i_x_A=1.0))):
+                with pytest.raises(Refused):
+                    again()
+            said.append(bench.status().control.holder)
+
+        await asyncio.get_running_loop().run_in_executor(None, program)
+        assert stage.stopped
+        assert said == ["", ""]
+        assert rig.said.count("→ ARMED") == 1
 
 
 ARMINGS = {
