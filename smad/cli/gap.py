@@ -24,6 +24,7 @@ from smad.cli.gap_runs import (
     remaining,
     runs_argument,
     some_runs_argument,
+    uncut,
 )
 from smad.cli.output import bench_option, progress
 
@@ -101,6 +102,7 @@ def diagnose(
     runs, hold_out, good = remaining((runs, hold_out, good), leave_out)
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
+    good = uncut(good)
     if (fmu is None) != (map_path is None):
         raise click.UsageError("--fmu and --map belong together; give both")
     if fmu is not None and model_path is not None:
@@ -251,6 +253,7 @@ def next_experiment(
         if not runs:
             _list_catalogue()
             return
+        good = uncut(good)
         result = _diagnosed(plant, runs, good, hold_out, seed)
     _print_verdict(result, _asked(runs, hold_out, good, None))
     from smad.gap.settings import enough_d2

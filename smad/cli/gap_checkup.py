@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from smad.gap.paired.difference import Paired
     from smad.gap.paired.files import Found
     from smad.gap.paired.programme import Programme
+    from smad.gap.paired.series import Play
     from smad.gap.paired.store import Baseline
     from smad.gap.paired.verdict import Verdict
     from smad.gap.runs import GapRun
@@ -87,18 +89,24 @@ def commission(
         require_same(folder, known.bench, whose, known.programme, programme)
     _require_its_runs(folder, programme)
     before = 0 if known is None else known.reference.repeats
-    while (have := len(finished(_good(folder), programme))) < before + repeats:
-        place = folder_for(folder, "good", programme, time.time)
-        originals = None if place.name == "good-1" else folder / "good-1"
-        number = int(place.name.removeprefix("good-"))
-        with player(sim=sim, seed=seed + number, effects=(), bench=bench) as play:
+    with contextlib.ExitStack() as stack:
+        # On a bench one client plays all repeats: a new one would not know of a stop before it.
+        play: Play | None = None
+        while (have := len(finished(_good(folder), programme))) < before + repeats:
+            place = folder_for(folder, "good", programme, time.time)
+            originals = None if place.name == "good-1" else folder / "good-1"
+            number = int(place.name.removeprefix("good-"))
+            if sim or play is None:
+                stack.close()
+                own = player(sim=sim, seed=seed + number, effects=(), bench=bench)
+                play = stack.enter_context(own)
             ended = play_series(place, programme, play, originals, say)
-        if ended:
-            raise BaselineError(
-                f"{place.name} is no repeat of good-1, and is left out: {ended}",
-                value=f"{have} repeats so far",
-                action="see what changed on the bench, then give the same command again",
-            )
+            if ended:
+                raise BaselineError(
+                    f"{place.name} is no repeat of good-1, and is left out: {ended}",
+                    value=f"{have} repeats so far",
+                    action="see what changed on the bench, then give the same command again",
+                )
     repeated = _read_repeats(finished(_good(folder), programme), programme)
     with progress() as line:
         reference = commissioned(plant, repeated, progress=line.say)
@@ -145,7 +153,8 @@ def checkup(
 
     With --baseline the programme is played (or read, with --now) and compared with the baseline.
     With --good and --now run files are compared: run logs, CSV or Parquet with units in their
-    columns' names. Runs are paired by their inputs, and by name where several fit.
+    columns' names. Runs are paired by their inputs, and by name where several fit. A good run that
+    a stop cut is told of and left out.
     """
     import msgspec
 
@@ -180,13 +189,14 @@ def checkup(
 
 def _of_files(good: Path, now: Path | None) -> tuple[Paired, Verdict]:
     from smad.gap.paired.commission import checked_files
-    from smad.gap.paired.files import read_folder
+    from smad.gap.paired.files import read_folder, read_good
 
     assert now is not None
     with progress() as line:
         line.say("reading")
+        then = read_good(good, say)
         pairs, verdict, matched = checked_files(
-            new_plant(), read_folder(good), read_folder(now), progress=line.say
+            new_plant(), then, read_folder(now), progress=line.say
         )
     for text in matched.lines:
         click.echo(text, err=True)

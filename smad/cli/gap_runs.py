@@ -115,3 +115,30 @@ good_option = click.option(
     "--good", multiple=True, callback=files, metavar="RUN…",
     help="Runs known to be good: files, patterns or folders, up to the next option.",
 )  # fmt: skip
+
+
+def uncut(good: Sequence[Path]) -> tuple[Path, ...]:
+    """The good runs without those that a stop cut, each of which is told of.
+
+    Raises BadParameter when there were some and none is left.
+    """
+    from smad.errors import SmadError
+    from smad.gap.paired.files import left_out
+    from smad.gap.paired.series import cut_by
+
+    whole: list[Path] = []
+    for path in good:
+        try:
+            cut = cut_by(path) if path.suffix == SUFFIX else ""
+        except SmadError:
+            # What is wrong with it is told when its rows are read.
+            cut = ""
+        if cut:
+            click.echo(left_out(path, cut), err=True)
+        else:
+            whole.append(path)
+    if good and not whole:
+        raise click.BadParameter(
+            "every good run was cut. Give runs that came to their end", param_hint="--good"
+        )
+    return tuple(whole)

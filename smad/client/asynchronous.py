@@ -17,7 +17,7 @@ from typing import Any
 from smad import api
 from smad.client.async_channel import AsyncChannel, pause
 from smad.client.endpoints import Connection
-from smad.client.errors import Refused
+from smad.client.errors import Refused, Stopped
 from smad.client.progress import Wait
 from smad.client.renewal import DEFAULT_LEASE_S, Renewal, program_name
 from smad.client.signals import ended_by_signals
@@ -380,8 +380,14 @@ class AsyncClient:
             motion = await self.motion()
             if progress is not None:
                 progress(motion)
-            if wait.over(motion, time.monotonic()):
-                return motion
+            try:
+                if wait.over(motion, time.monotonic()):
+                    return motion
+            except Stopped:
+                # Nothing of ours is armed: somebody else may clear the fault and begin anew.
+                if self._leased and not motion.armed:
+                    await self._return_lease()
+                raise
             await pause(POLL_S)
 
     def telemetry(

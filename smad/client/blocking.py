@@ -16,7 +16,7 @@ from typing import Any
 from smad import api
 from smad.client.channel import Channel, pause
 from smad.client.endpoints import Connection
-from smad.client.errors import Refused
+from smad.client.errors import Refused, Stopped
 from smad.client.progress import Wait
 from smad.client.renewal import DEFAULT_LEASE_S, Renewal, program_name
 from smad.client.signals import ended_by_signals
@@ -377,8 +377,14 @@ class Client:
             motion = self.motion()
             if progress is not None:
                 progress(motion)
-            if wait.over(motion, time.monotonic()):
-                return motion
+            try:
+                if wait.over(motion, time.monotonic()):
+                    return motion
+            except Stopped:
+                # Nothing of ours is armed: somebody else may clear the fault and begin anew.
+                if self._leased and not motion.armed:
+                    self._return_lease()
+                raise
             pause(POLL_S)
 
     def telemetry(

@@ -17,6 +17,7 @@ import zmq
 from firmware_protocol.enums import BoardState
 from smad.api import Arm, Reason
 from smad.client import Client, Refused
+from smad.client.renewal import DEFAULT_LEASE_S
 from smad.control.commands import DriveCurrent
 from smad.daemon.errors import TaskDied
 from smad.errors import RunLogError, SmadError
@@ -25,11 +26,12 @@ from smad.faults.catalogue import HOLD_BUDGET_J
 from smad.faults.crowd import crowd
 from smad.faults.lockstep import gate_open_after, states_after
 from smad.faults.oracle import Ending, Expectation, LogFound, Outcome, Then
+from smad.faults.program import GAVE_UP
 from smad.faults.rig import PATIENCE_S, Rig, rig_in
 from smad.faults.smalldisk import small_disk
 from smad.faults.trace import HOT
 from smad.faults.victim import DAEMON_PARTS, WALL_CLOCK_PART, WRITER_PART
-from smad.runlog.paths import newest_run
+from smad.gap.paired.series import cut_by
 from smad.runlog.reader import read_run
 
 FULL_W = 13.0
@@ -63,6 +65,8 @@ class HostFault:
     watch_s: float = 5.0
     after_stop_s: float = _AFTER_STOP_S
     part: str = ""
+    program: str = ""
+    """The program of `smad.faults.program` that arms and heats; empty: our own client does."""
     small_disk: bool = False
     descriptors: int | None = None
     """The daemon's limit on open files, if it is an unusual one."""
@@ -175,6 +179,27 @@ def _lapsed_takeover(rig: Rig, client: Client) -> str:
         other.close()
 
 
+def _kill_program(rig: Rig, client: Client) -> str:
+    (program,) = rig.programs
+    program.kill()
+    program.wait()
+    rig.wait("its lease is over", lambda: not client.status().control.holder)
+    return ""
+
+
+def _disarm_program(rig: Rig, client: Client) -> str:
+    """Disarm as somebody else; the program goes on to its next runs until it gives up."""
+    (program,) = rig.programs
+    assert rig.log is not None
+    if client.disarm().armed:
+        return "a disarm was acknowledged while the bench was armed"
+    said, _ = program.communicate(timeout=PATIENCE_S)
+    if GAVE_UP not in said:
+        return f"the program ended otherwise: {said!r}"
+    cut = cut_by(rig.log)
+    return "" if "disarm of a client" in cut else f"the log of the run says {cut!r} of what cut it"
+
+
 def _deaf_subscribers(rig: Rig, client: Client) -> str:
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     for _ in range(3):
@@ -252,6 +277,12 @@ _ROWS: tuple[HostFault, ...] = (
     HostFault("lapsed_takeover", "a lease lapses while another client asks for control",
               _lapsed_takeover, Then.DISARMS, budget_J=DEATH_BUDGET_J,
               words=(*_DAEMON_STAYS, "nothing was armed")),
+    HostFault("killed_program", "a program that armed is killed", _kill_program, Then.DISARMS,
+              budget_J=FULL_W * (DEFAULT_LEASE_S + 1.0), program="heats",
+              words=(*_DAEMON_STAYS, "nothing was armed")),
+    HostFault("stopped_program", "somebody disarms during the first of a program's three runs",
+              _disarm_program, Then.DISARMS, program="plays_on",
+              words=(*_DAEMON_STAYS, "nothing was armed")),
     HostFault("deaf_subscribers", "three subscribers never read, then die", _deaf_subscribers,
               Then.GOES_ON, watch_s=1.0,
               words=(*_DAEMON_STAYS, "disarmed, the board cools by itself")),
@@ -283,7 +314,7 @@ def run_host_fault(fault: HostFault, seed: int) -> Outcome:
         small_disk(Path(folder) / "disk") if fault.small_disk else contextlib.nullcontext() as disk,
         rig_in(Path(folder), seed, fault.part, disk, fault.descriptors) as rig,
     ):
-        client = rig.heat()
+        client = rig.heat_by_program(fault.program) if fault.program else rig.heat()
         onset_us = rig.bench.now_us
         not_refused = _begun(fault, rig, client)
         rig.watch(fault.watch_s, fault.after_stop_s)
@@ -351,11 +382,9 @@ def _outcome(fault: HostFault, rig: Rig, seen: _Seen) -> Outcome:
 
 
 def _log(rig: Rig) -> LogFound:
-    path = newest_run(rig.runs)
-    if path is None:
-        return LogFound(0, rig.flushed_rows, "there is none")
+    assert rig.log is not None
     try:
-        run = read_run(path)
+        run = read_run(rig.log)
     except RunLogError as error:
         return LogFound(0, rig.flushed_rows, str(error))
     return LogFound(len(run), rig.flushed_rows)

@@ -91,6 +91,8 @@ class Rig:
             else DaemonProcess(arguments, folder, descriptors=descriptors)
         )
         self.client: Client | None = None
+        self.programs: list[subprocess.Popen[str]] = []
+        self.log: Path | None = None
         self.flushed_rows = 0
 
     def _write_config(self, *, tcp: bool) -> Path:
@@ -112,15 +114,39 @@ class Rig:
 
     def heat(self) -> Client:
         """Arm, heat with 4 A, wait until rows of it are flushed. Raises SmadError."""
-        self.daemon.wait_until_ready()
-        self.client = client = Client(folder=self.folder, timeout_s=PATIENCE_S, lease_s=None)
+        client = self.ready()
         self.wait("the board lets itself be armed", lambda: _armed(client))
         client.current(DriveCurrent(i_x_A=_FULL_A))
+        self._until_heated(client)
+        return client
+
+    def heat_by_program(self, kind: str) -> Client:
+        """Let a program of this kind arm and heat; the client returned only watches."""
+        client = self.ready()
+        self.program(kind)
+        self._until_heated(client)
+        return client
+
+    def ready(self) -> Client:
+        """A client of the daemon once it lets the bench be armed. Raises SmadError."""
+        self.daemon.wait_until_ready()
+        self.client = client = Client(folder=self.folder, timeout_s=PATIENCE_S, lease_s=None)
+        self.wait("the link is up", lambda: client.status().link.state == "monitor")
+        return client
+
+    def program(self, kind: str, *more: str) -> subprocess.Popen[str]:
+        """Begin a program of `smad.faults.program`; it is killed with the rig at the latest."""
+        words = ["-m", "smad.faults.program", str(self.folder), kind, *more]
+        program = subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, text=True)
+        self.programs.append(program)
+        return program
+
+    def _until_heated(self, client: Client) -> None:
         self.wait("4 A flow", self._flowing)
         time.sleep(_HEATED_S)
-        self.flushed_rows = client.status().recorder.rows
+        recorder = client.status().recorder
+        self.log, self.flushed_rows = Path(recorder.path), recorder.rows
         time.sleep(_FLUSHED_WITHIN_S)
-        return client
 
     def _flowing(self) -> bool:
         return self.bench.board.outputs.applied_mA[0] > _FLOWING_mA
@@ -166,6 +192,9 @@ class Rig:
 
     def close(self) -> None:
         """End everything."""
+        for program in self.programs:
+            program.kill()
+            program.communicate()
         if self.client is not None:
             self.client.close()
         with contextlib.suppress(ProcessLookupError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from smad.gap.data.guards import same_recording
 from smad.gap.paired.errors import PairingError
 from smad.gap.paired.reference import input_spans
 from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
+from smad.gap.paired.series import cut_in
 from smad.gap.plant import PlantModel
 from smad.gap.runs import GapRun
 from smad.gap.sma.signals import INPUTS, gap_run_of, table_run
@@ -26,7 +27,7 @@ class Found:
     """A run of a folder: its name without folder and suffix, and the folder it lies in.
 
     `board` is the serial number of the board that it was recorded on, empty where the file does not
-    tell.
+    tell. `cut` says what stopped it while it was recorded, empty where nothing did.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Found:
     path: Path
     run: GapRun
     board: str = ""
+    cut: str = ""
 
     @classmethod
     def of(cls, path: Path, run: GapRun) -> Found:
@@ -61,6 +63,30 @@ def read_folder(folder: Path) -> list[Found]:
     ]
 
 
+def read_good(folder: Path, say: Callable[[str], None]) -> list[Found]:
+    """All runs of a folder that count as good; those that a stop cut are told of and left out.
+
+    Raises PairingError when that leaves none.
+    """
+    found = read_folder(folder)
+    for run in found:
+        if run.cut:
+            say(left_out(run.path, run.cut))
+    whole = [run for run in found if not run.cut]
+    if not whole:
+        raise PairingError(
+            f"every run in {folder} was cut",
+            limit="runs that came to their end",
+            action="play the runs again, and put them there",
+        )
+    return whole
+
+
+def left_out(log: Path, cut: str) -> str:
+    """What is said of a run that does not count as good because of what cut it."""
+    return f"{log} was cut ({cut}), and is left out of the good runs"
+
+
 def _files_below(folder: Path) -> Iterator[Path]:
     """Every file, by way of links too; a link to a folder that it lies in is not gone into."""
     for root, folders, names in os.walk(folder, followlinks=True):
@@ -82,16 +108,16 @@ def read_file(path: Path) -> GapRun:
     return _read(path)[0]
 
 
-def _read(path: Path, together: Together | None = None) -> tuple[GapRun, str]:
-    """A run with the serial number of its board, empty where the file does not tell."""
+def _read(path: Path, together: Together | None = None) -> tuple[GapRun, str, str]:
+    """A run, its board's serial number, and what cut it; empty where the file does not tell."""
     if path.suffix != ".mcap":
-        return _checked(path, table_run(_stem(path), path, together)), ""
+        return _checked(path, table_run(_stem(path), path, together)), "", ""
     from smad.runlog.reader import read_run
 
     log = read_run(path)
     if together is not None:
         together.take(path, rows=len(log), columns=len(log.columns))
-    return _checked(path, gap_run_of(log)), log.header.board.get("uid", "")
+    return _checked(path, gap_run_of(log)), log.header.board.get("uid", ""), cut_in(log)
 
 
 def _checked(path: Path, run: GapRun) -> GapRun:

@@ -19,7 +19,7 @@ import msgspec
 from smad.errors import SmadError
 from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.programme import Programme, ProgrammeRun
-from smad.runlog.reader import read_run
+from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CUT
 
 _STATE = "series.json"
@@ -157,7 +157,12 @@ def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:
 
 def cut_by(log: Path) -> str:
     """What cut a recorded run, "stopped by …"; empty for a run that came to its end."""
-    said = (event.text for event in read_run(log).events)
+    return cut_in(read_run(log))
+
+
+def cut_in(run: Run) -> str:
+    """What cut a run that was read, "stopped by …"; empty for one that came to its end."""
+    said = (event.text for event in run.events)
     return next((text.removeprefix(CUT) for text in said if text.startswith(CUT)), "")
 
 

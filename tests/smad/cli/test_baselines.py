@@ -12,12 +12,13 @@ import pytest
 
 import smad.cli.gap_checkup as commands
 from smad.cli import execute
+from smad.cli.gap_runs import uncut
 from smad.gap.paired.programme import Programme, ProgrammeRun
-from smad.gap.paired.series import Play, Recorded
+from smad.gap.paired.series import Play, Recorded, finished
 from smad.gap.paired.store import read_about
 from smad.gap.runs import GapRun
 from smad.runlog.header import RunHeader
-from smad.runlog.schema import Row
+from smad.runlog.schema import CUT, Event, Row
 from smad.runlog.writer import write_run
 from tests.smad.gap.paired.short import PLANT, SHORT, played
 
@@ -25,14 +26,15 @@ PROGRAMME = Programme("short", "one run", (replace(SHORT, quick=True),))
 OTHER = Programme("short", "another", (replace(SHORT, name="other"),))
 
 
-def write_log(path: Path, run: GapRun, board: str = "") -> None:
+def write_log(path: Path, run: GapRun, board: str = "", cut: str = "") -> None:
     columns = {"t_s": run.t_s, **run.inputs, **run.outputs}
     rows = [
         Row(**dict(zip(columns, values, strict=True)))
         for values in zip(*(c.tolist() for c in columns.values()), strict=True)
     ]
     header = RunHeader(source="sim", rate_hz=100.0, board={"uid": board} if board else {})
-    write_run(path, header, rows)
+    events = [Event(t_s=float(run.t_s[-1]), kind="note", text=f"{CUT}{cut}")] if cut else []
+    write_run(path, header, [*rows, *events])
 
 
 class Bench:
@@ -42,10 +44,13 @@ class Bench:
         self.folder = folder
         self.number = count(1)
         self.runs = 0
+        self.clients = 0
         self.fails_at = 0
 
     @contextlib.contextmanager
     def player(self, **options: object) -> Iterator[Play]:
+        self.clients += 1
+
         def play(run: ProgrammeRun, original: Path | None) -> Recorded:
             self.runs += 1
             if self.runs == self.fails_at:
@@ -142,3 +147,53 @@ def test_good_runs_and_those_of_another_bench_are_no_runs_of_now(
     assert "is the same recording as" in capsys.readouterr().err
     assert execute([*checkup, str(elsewhere)]) != 0
     assert "runs of two benches are mixed" in capsys.readouterr().err
+
+
+def test_one_client_plays_all_repeats_of_a_bench_and_knows_of_a_stop_between_them(
+    bench: Bench, tmp_path: Path
+) -> None:
+    assert execute(["gap", "commission", "--baseline", str(tmp_path / "baseline")]) == 0
+    assert (bench.runs, bench.clients) == (2, 1)
+
+
+STOP = "stopped by disarm of a client"
+
+
+def test_a_good_run_that_a_stop_cut_is_told_of_and_left_out_of_a_check_up(
+    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, now = tmp_path / "good", tmp_path / "now"
+    good.mkdir()
+    now.mkdir()
+    write_log(good / "whole.mcap", played(1))
+    write_log(good / "cut.mcap", played(2), cut=STOP)
+    write_log(now / "short.mcap", played(3))
+    command = ["gap", "checkup", "--good", str(good), "--now", str(now)]
+    assert execute(command) == 0
+    said = capsys.readouterr().err
+    assert f"cut.mcap was cut ({STOP}), and is left out of the good runs" in said
+    assert "repeats 1 good run: " in said
+    (good / "whole.mcap").unlink()
+    assert execute(command) != 0
+    assert "was cut; " in capsys.readouterr().err
+
+
+def test_a_diagnosis_takes_no_good_run_that_was_cut(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, cut, table = tmp_path / "whole.mcap", tmp_path / "cut.mcap", tmp_path / "table.csv"
+    write_log(whole, played(1))
+    write_log(cut, played(2), cut=STOP)
+    assert uncut([whole, cut, table]) == (whole, table)
+    assert f"cut.mcap was cut ({STOP})" in capsys.readouterr().err
+    assert execute(["gap", "diagnose", str(whole), "--good", str(cut)]) == 2
+    assert "every good run was cut" in capsys.readouterr().err
+
+
+def test_a_repeat_with_a_cut_run_is_no_part_of_a_baseline(bench: Bench, tmp_path: Path) -> None:
+    folder = tmp_path / "baseline"
+    assert commission(folder) == 0
+    cut = folder / "good-2" / "short.mcap"
+    cut.unlink()
+    write_log(cut, played(92), "board-1", cut=STOP)
+    assert finished([folder / "good-1", folder / "good-2"], PROGRAMME) == [folder / "good-1"]

@@ -1,18 +1,23 @@
 """The process campaign: two of its faults, whole, and that its table fits the daemon."""
 
 import importlib
+import signal
 import tempfile
 from pathlib import Path
 
 import pytest
 
+from firmware_protocol.enums import BoardState
 from smad.client import Refused
 from smad.faults.oracle import judge
 from smad.faults.process import HOST_FAULTS, run_host_fault
-from smad.faults.rig import rig_in
+from smad.faults.rig import PATIENCE_S, rig_in
 from smad.faults.smalldisk import small_disk
+from smad.faults.trace import HOT
 from smad.faults.victim import DAEMON_PARTS
 from smad.runlog.reader import read_run
+
+KILLED_AFTER_MS = (0, 20, 60, 150, 400)
 
 
 def test_a_daemon_killed_while_armed_leaves_a_safe_bench_and_a_readable_log() -> None:
@@ -34,6 +39,29 @@ def test_a_daemon_whose_controller_dies_disarms_and_says_so() -> None:
 def test_a_real_daemon_that_was_stopped_is_not_armed_again(name: str) -> None:
     outcome = run_host_fault(HOST_FAULTS[name], seed=1)
     assert judge(outcome) == []
+
+
+@pytest.mark.parametrize("name", ["killed_program", "stopped_program"])
+def test_a_program_that_is_killed_or_stopped_leaves_a_bench_that_stays_disarmed(name: str) -> None:
+    outcome = run_host_fault(HOST_FAULTS[name], seed=1)
+    assert judge(outcome) == []
+    assert outcome.safe_after_s is not None
+
+
+def test_a_program_that_is_killed_while_it_arms_leaves_nothing_armed_after_its_lease() -> None:
+    with (
+        tempfile.TemporaryDirectory(prefix="smad-arming-") as folder,
+        rig_in(Path(folder), 1) as rig,
+    ):
+        watcher = rig.ready()
+        for after_ms in KILLED_AFTER_MS:
+            rig.wait("it can be armed", lambda: rig.bench.board.state is BoardState.SAFE)
+            assert rig.program("dies_arming", str(after_ms)).wait(PATIENCE_S) == -signal.SIGKILL
+            rig.wait("the lease is over", lambda: not watcher.status().control.holder)
+            rig.wait("it is off", lambda: rig.bench.board.state not in HOT)
+            assert not watcher.motion().armed
+        # Else no program was killed late enough to be missed.
+        assert any(state in HOT for _, state, _ in rig.bench.trace.changes)
 
 
 def test_every_part_that_is_to_break_exists() -> None:

@@ -16,6 +16,7 @@ import msgspec
 import pytest
 
 import smad.client
+import smad.client.asynchronous
 import smad.client.blocking
 from sim_device.faults import FAULT_KINDS
 from smad.cli.leased import LeasedDriver
@@ -118,6 +119,7 @@ PHASES: dict[str, Callable[[list[str]], bool]] = {
     "arming": lambda asked: _nth(asked, "arm", 1),
     "warm-up": lambda asked: "record.start" not in asked and _polls_since(asked, "arm", 1),
     "recording": lambda asked: _polls_since(asked, "record.start", 4),
+    "moving": lambda asked: _polls_since(asked, "move", 2),
     "last phase": _last,
     "between runs": lambda asked: _nth(asked, "arm", 2),
 }
@@ -143,6 +145,11 @@ class _Channel:
         return reply
 
 
+class _AsyncChannel(_Channel):
+    async def call(self, params: Any, kind: Any, limit_s: float, *, stop: bool) -> Any:
+        return super().call(params, kind, limit_s, stop=stop)
+
+
 class _Renewal:
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
@@ -157,21 +164,31 @@ class _Renewal:
         self._stage.leases.discard(self._lease)
 
 
-def set_up(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let every client that the program makes talk to the stage's daemon."""
-    real = smad.client.blocking.Client
-
-    class StageClient(real):  # type: ignore[misc, valid-type]
+def _on(stage: Stage, real: Any, channel: type[_Channel]) -> type:
+    class StageClient(real):  # type: ignore[misc]
         def __init__(self, *names: Any, lease_s: float | None = 2.0, **options: Any) -> None:
             self.timeout_s = 5.0
             self.lease_s = lease_s
             self._leased = False
-            self._channel = _Channel(stage)  # type: ignore[assignment]
+            self._channel = channel(stage)
             self._conversation = self._channel.conversation
-            self._renewal = _Renewal(stage)  # type: ignore[assignment]
+            self._renewal = _Renewal(stage)
 
-    monkeypatch.setattr(smad.client, "Client", StageClient)
+    return StageClient
+
+
+def set_up(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every client that the program makes talk to the stage's daemon."""
+    for name, channel in (("Client", _Channel), ("AsyncClient", _AsyncChannel)):
+        monkeypatch.setattr(smad.client, name, _on(stage, getattr(smad.client, name), channel))
+
+    async def pause(seconds: float) -> None:
+        stage.sleep(seconds)
+
     monkeypatch.setattr(smad.client.blocking, "pause", stage.sleep)
+    monkeypatch.setattr(smad.client.asynchronous, "pause", pause)
     monkeypatch.setattr(time, "sleep", stage.sleep)
     for driver in (LiveDriver, LeasedDriver):
-        monkeypatch.setitem(driver.__init__.__kwdefaults__, "sleep", stage.sleep)
+        defaults = driver.__init__.__kwdefaults__
+        assert defaults is not None
+        monkeypatch.setitem(defaults, "sleep", stage.sleep)
