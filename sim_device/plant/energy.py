@@ -12,14 +12,16 @@ from sim_device.plant.setup import Setup
 class EnergyBook:
     """Both springs together, joule, from the start of the run.
 
-    heat_in + work_on + unequal = heat_to_water + heat_to_air + stored + omitted_work + closing.
+    heat_in + forced + work_on + unequal
+    = heat_to_water + heat_to_air + stored + omitted_work + closing.
     `stored` is a difference of states (sensible heat of wire, water and tube, latent and elastic
     energy), not a sum of flows, so `closing` is a real check: it is zero but for rounding.
 
     unequal: heat made by heat capacities and latent heats that differ between heating and cooling
     (the paper's do). omitted_work: transformation work that the paper's Eq. (15) leaves out of the
     heat balance. Both vanish with the conserving parameter set.
-    work_on: mechanical work done on the springs by what holds them.
+    work_on: mechanical work done on the springs by what holds them. forced: heat that a forcing or
+    a law puts into wire and water.
     """
 
     heat_in: float
@@ -29,10 +31,11 @@ class EnergyBook:
     heat_to_air: float
     stored: float
     omitted_work: float
+    forced: float = 0.0
 
     @property
     def closing(self) -> float:
-        income = self.heat_in + self.work_on + self.unequal
+        income = self.heat_in + self.work_on + self.unequal + self.forced
         return income - (self.heat_to_water + self.heat_to_air + self.stored + self.omitted_work)
 
 
@@ -76,4 +79,5 @@ def energy_book(start: k.State, end: k.State, setup: Setup) -> EnergyBook:
         heat_to_air=both("heat_to_air"),
         stored=stored_energy(end, setup) - stored_energy(start, setup),
         omitted_work=both("omitted_work"),
+        forced=both("heat_forced"),
     )

@@ -132,7 +132,9 @@ PLACES: tuple[Place, ...] = (
     ),
     _spring("transformation_shift", "shift of the transformation temperatures", "K", 1.0, *_MOVES),
     _spring("recoverable_strain", "recoverable strain, as deflection", "m", 5e-4, *_MOVES),
-    _spring("driven_current", "current that the driver makes", "A", 0.1, "i_{side}_A", "v_{side}_V"),
+    _spring(
+        "driven_current", "current that the driver makes", "A", 0.1, "i_{side}_A", "v_{side}_V"
+    ),
     _spring("resistance", "resistance, a share of it", "1", 0.05, "v_{side}_V"),
     _pair("force_cell_on_x", "force between the springs, force cell beside X", "N", 0.05, *_MOVES),
     _pair("force_cell_on_y", "force between the springs, force cell beside Y", "N", 0.05, *_MOVES),

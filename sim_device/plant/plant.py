@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from sim_device.plant import kernel as k
 from sim_device.plant.energy import EnergyBook, energy_book
 from sim_device.plant.errors import InputError, SolverError
+from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.records import Drive, PlantTruth, Readings
 from sim_device.plant.setup import Setup
@@ -27,6 +28,7 @@ _SENSED = slice(
     k.place_of(k.State, "shared.sensed.i_x"), k.place_of(k.State, "shared.sensed.force") + 1
 )
 _DRIVE = slice(k.place_of(k.Work, "drive.i_x"), k.place_of(k.Work, "drive.stage") + 1)
+_FORCES = k.place_of(k.Work, "forces")
 _CURRENT_X, _CURRENT_Y = k.place_of(k.State, "x.current"), k.place_of(k.State, "y.current")
 _GIVEN_INLET = k.place_of(k.State, "shared.given_inlet")
 _GIVEN_AIR = k.place_of(k.State, "shared.given_air")
@@ -48,8 +50,9 @@ class Plant:
     parameters: from `load_parameters`. variant: "extended", or "printed" (the paper's constant
     water temperature and rounded properties). fixture: "antagonistic", "stretch" (spring X pulled
     by the stage), "blocked" (spring X held at δ0 + stage). cooling: "water" (in the tube) or "air"
-    (bare wire). effects: name to parameters, see `sim_device.plant.effects`. seed: of the sensor
-    noise. max_step_s: longest substep.
+    (bare wire). effects: name to parameters, see `sim_device.plant.effects`. laws: what is missing
+    at places of the model, see `sim_device.plant.laws`. seed: of the sensor noise. max_step_s:
+    longest substep.
     """
 
     def __init__(
@@ -60,6 +63,7 @@ class Plant:
         fixture: str = "antagonistic",
         cooling: str = "water",
         effects: Mapping[str, Mapping[str, float]] | None = None,
+        laws: Sequence[Law] = (),
         seed: int = 0,
         max_step_s: float = MAX_STEP_S,
         temperature_K: float | None = None,
@@ -67,7 +71,12 @@ class Plant:
         self.parameters = parameters
         self.variant = variant
         setup = Setup.make(
-            parameters, variant=variant, fixture=fixture, cooling=cooling, effects=effects or {}
+            parameters,
+            variant=variant,
+            fixture=fixture,
+            cooling=cooling,
+            effects=effects or {},
+            laws=laws,
         )
         self.effects = setup.effects
         self._setup = setup
@@ -76,6 +85,9 @@ class Plant:
         self._row = k.numbers(self._state)
         self._ring = setup.ring()
         self._work = k.zeros(k.Work)
+        self._memory = setup.memory()
+        k.numbers(self._work)[_FORCES] = 1.0 if len(laws) else 0.0
+        self.laws = tuple(laws)
         self._drive = k.numbers(self._work)[_DRIVE]
         self._last: Drive | None = None
         self._max_step_s = max_step_s
@@ -102,7 +114,15 @@ class Plant:
         steps = max(1, math.ceil(dt_s / self._max_step_s - 1e-9))
         setup = self._setup
         status = k.advance(
-            self._state, self._work, setup.model, self._ring, setup.table, dt_s / steps, steps
+            self._state,
+            self._work,
+            setup.model,
+            self._ring,
+            setup.table,
+            setup.laws,
+            self._memory,
+            dt_s / steps,
+            steps,
         )
         if status != k.OK:
             raise solver_error(status, self._row)

@@ -15,7 +15,9 @@ import numpy.typing as npt
 from sim_device.plant import kernel as k
 from sim_device.plant.effects.registry import EffectValues
 from sim_device.plant.errors import InputError
+from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.places import PLACES, SLOTS, Key, check_place_needs, keys_of
 from sim_device.plant.plant import solver_error
 from sim_device.plant.setup import Setup
 
@@ -25,6 +27,7 @@ _LARGEST = sys.float_info.max
 DEFAULT_STEP_S = 1e-3
 _NO_VALUES: Mapping[str, Array] = {}
 _NO_EFFECTS: EffectValues = {}
+_NO_FORCING: Mapping[Key, npt.ArrayLike] = {}
 
 # Output name -> number of the kernel's `State` and what is taken off it.
 OUTPUTS: dict[str, tuple[str, float]] = {
@@ -59,6 +62,38 @@ for _side in ("x", "y"):
         f"heat_to_air_{_side}_J": (f"{_side}.heat_to_air", 0.0),
         f"work_on_{_side}_J": (f"{_side}.work_on", 0.0),
     }
+# State of a trajectory, as `laws.own_states` knows it -> numbers of the kernel's `State` whose sum
+# it is. What a channel reads is that before anything is forced there.
+TRAJECTORY: dict[str, tuple[str, ...]] = {
+    "displacement": ("shared.displacement",),
+    "velocity": ("shared.speed",),
+    "time": ("shared.time",),
+}
+_SENSED = {
+    "reading_current": "i_{}", "reading_voltage": "v_{}", "reading_rtd": "rtd_{}",
+    "reading_inlet": "rtd_inlet", "reading_ambient": "rtd_air",
+    "reading_displacement": "displacement", "reading_force": "force",
+}  # fmt: skip
+for _side in ("x", "y"):
+    TRAJECTORY |= {
+        f"wire.{_side}": (f"{_side}.T_wire",),
+        f"water.{_side}": (f"{_side}.T_water",),
+        f"current.{_side}": (f"{_side}.current",),
+        f"duty.{_side}": (f"{_side}.duty",),
+        f"fraction.{_side}": (f"{_side}.memory.xi_S", f"{_side}.memory.xi_T"),
+        f"force.{_side}": (f"{_side}.tension",),
+        f"wire_rate.{_side}": (f"{_side}.T_wire_rate",),
+        f"fraction_rate.{_side}": (f"{_side}.fraction_rate",),
+        f"transformed.{_side}": (f"{_side}.cycles",),
+    }
+for _entry in PLACES:
+    if _entry.reading:
+        for _side in _entry.sides:
+            _channel = _SENSED[_entry.name].format(_side)
+            TRAJECTORY[f"{_entry.name}.{_side}"] = (f"shared.raw.{_channel}",)
+            TRAJECTORY[f"{_entry.name}_rate.{_side}"] = (f"shared.raw_rate.{_channel}",)
+
+Forcing = Mapping[Key, npt.ArrayLike]
 FEEDS: dict[str, int] = {
     "i_A": 2, "temperature_K": 2, "force_N": 1, "displacement_m": 1, "surroundings_K": 2,
 }  # fmt: skip
@@ -158,6 +193,8 @@ def simulate(
     cooling: str = "water",
     effects: EffectValues = _NO_EFFECTS,
     feeds: Mapping[str, Array] = _NO_VALUES,
+    forcing: Forcing = _NO_FORCING,
+    laws: Sequence[Law] = (),
     dt_s: float = DEFAULT_STEP_S,
     temperature_K: float | None = None,
     outputs: Sequence[str] = tuple(OUTPUTS),
@@ -173,12 +210,22 @@ def simulate(
     were, held over each sample, while the outputs of those RTDs stay the plant's own. The others
     are interpolated linearly between samples; smooth noisy temperatures first, since noise ratchets
     a hysteresis.
+    forcing: what is added at places of the model, see `places`: one series (n,) for each (place,
+    side), row k in force over the interval that ends at t_s[k], or in the reading of t_s[k]. What
+    comes before a feed is replaced by it, the forcing included. laws: the same, made by the plant
+    from its own states, see `laws`.
     Without feeds the result is that of `Plant` driven sample by sample, to the last bit.
     Raises InputError, EffectError, ModelError, and SolverError with time and state.
     """
     return Replay(
-        inputs, variant=variant, fixture=fixture, cooling=cooling, feeds=feeds, outputs=outputs
-    ).run(parameters, effects, dt_s=dt_s, temperature_K=temperature_K)
+        inputs,
+        variant=variant,
+        fixture=fixture,
+        cooling=cooling,
+        feeds=feeds,
+        forcing=forcing,
+        outputs=outputs,
+    ).run(parameters, effects, laws, dt_s=dt_s, temperature_K=temperature_K)
 
 
 DRIVEN: tuple[str, ...] = ("i_x_A", "i_y_A", "true_i_x_A", "true_i_y_A")
@@ -206,11 +253,15 @@ class Replay:
         fixture: str = "antagonistic",
         cooling: str = "water",
         feeds: Mapping[str, Array] = _NO_VALUES,
+        forcing: Forcing = _NO_FORCING,
         outputs: Sequence[str] = tuple(OUTPUTS),
     ) -> None:
         self.inputs = inputs
         self._options = {"variant": variant, "fixture": fixture, "cooling": cooling}
         self._flags, self._rows = _feed_rows(feeds, inputs.t_s.size)
+        for name, _ in forcing:
+            check_place_needs(name, self._options)
+        self._forcing = forcing_rows(forcing, inputs.t_s.size)
         unknown = [name for name in outputs if name not in OUTPUTS]
         if unknown:
             raise InputError(f"output {unknown[0]!r} is unknown; known are {', '.join(OUTPUTS)}")
@@ -222,26 +273,40 @@ class Replay:
         self,
         parameters: ParameterSet,
         effects: EffectValues = _NO_EFFECTS,
+        laws: Sequence[Law] = (),
         *,
         dt_s: float = DEFAULT_STEP_S,
         temperature_K: float | None = None,
     ) -> dict[str, Array]:
         """One replay; arguments and result as of `simulate`. Safe to call from several threads."""
         return self.run_setup(
-            self.setup(parameters, effects), dt_s=dt_s, temperature_K=temperature_K
+            self.setup(parameters, effects, laws), dt_s=dt_s, temperature_K=temperature_K
         )
 
-    def setup(self, parameters: ParameterSet, effects: EffectValues = _NO_EFFECTS) -> Setup:
-        """What the kernel needs of parameters and effects; serves any replay of the same options.
+    def setup(
+        self,
+        parameters: ParameterSet,
+        effects: EffectValues = _NO_EFFECTS,
+        laws: Sequence[Law] = (),
+    ) -> Setup:
+        """What the kernel needs of parameters, effects and laws; serves all replays alike.
 
-        Raises EffectError and ModelError.
+        Raises EffectError, ModelError and InputError.
         """
-        return Setup.make(parameters, effects=effects, **self._options)
+        return Setup.make(parameters, effects=effects, laws=laws, **self._options)
 
     def run_setup(
         self, setup: Setup, *, dt_s: float = DEFAULT_STEP_S, temperature_K: float | None = None
     ) -> dict[str, Array]:
         """As `run`, with a setup that has been made already."""
+        columns = self._columns(setup, dt_s, temperature_K)
+        return {
+            name: column - OUTPUTS[name][1] if OUTPUTS[name][1] else column
+            for name, column in zip(self._outputs, columns, strict=True)
+        }
+
+    def _columns(self, setup: Setup, dt_s: float, temperature_K: float | None) -> Array:
+        """The numbers of the state at `_places`, a row each."""
         if not 0.0 < dt_s < math.inf:
             raise InputError(f"dt_s = {dt_s} s; a substep must be positive and finite")
         env = self.inputs.environment(setup.parameters)
@@ -260,6 +325,9 @@ class Replay:
             self._rows,
             self.inputs.rows,
             env,
+            self._forcing,
+            setup.laws,
+            setup.memory(),
             self.inputs.t_s,
             dt_s,
             row,
@@ -268,11 +336,7 @@ class Replay:
         )
         if status != k.OK:
             raise solver_error(status, row)
-        columns = np.ascontiguousarray(out.T)
-        return {
-            name: column - OUTPUTS[name][1] if OUTPUTS[name][1] else column
-            for name, column in zip(self._outputs, columns, strict=True)
-        }
+        return np.ascontiguousarray(out.T)
 
     def run_many(
         self,
@@ -298,6 +362,34 @@ class Replay:
 
 def _whole(result: dict[str, Array]) -> object:
     return result
+
+
+def trajectory(replay: Replay, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) -> dict[str, Array]:
+    """All states that a law may depend on, (n,) each, by the names of TRAJECTORY.
+
+    `replay` is made with the inputs (feeds, forcing); what it puts out does not matter.
+    """
+    whole = copy.copy(replay)
+    paths = list(dict.fromkeys(path for parts in TRAJECTORY.values() for path in parts))
+    n = replay.inputs.t_s.size
+    # Only under a forcing are readings kept as they were before it.
+    forcing = replay._forcing if len(replay._forcing) else np.zeros((n, k.FORCED_SLOTS))
+    whole._forcing = forcing
+    whole._places = np.array([k.place_of(k.State, path) for path in paths], dtype=np.int64)
+    columns = dict(zip(paths, whole._columns(setup, dt_s, None), strict=True))
+    return {
+        name: np.asarray(sum(columns[path] for path in parts)) for name, parts in TRAJECTORY.items()
+    }
+
+
+def forcing_rows(forcing: Forcing, n: int) -> Array:
+    """Forcing as the kernel takes it, (n, FORCED_SLOTS), or no row. Raises InputError."""
+    rows = np.zeros((n if forcing else 0, k.FORCED_SLOTS))
+    for (name, side), series in forcing.items():
+        values = _checked(f"forcing of {name}.{side}", series, (n,))
+        for key in keys_of(name, side):
+            rows[:, SLOTS[key]] += values
+    return rows if rows.any() else rows[:0]
 
 
 def _feed_rows(feeds: Mapping[str, Array], n: int) -> tuple[Array, Array]:

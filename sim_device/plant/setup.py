@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +18,9 @@ from sim_device.plant.effects.registry import (
     effect_terms,
     resolve,
 )
+from sim_device.plant.laws import Law, law_table
 from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.places import check_place_needs
 from sim_device.plant.water import film_table
 
 Array = npt.NDArray[np.float64]
@@ -25,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Setup:
-    """What the kernel takes: `model`, an array of one record, and the film table.
+    """What the kernel takes: `model`, an array of one record, the film table, and laws as a table.
 
     `effects` are those as resolved. `late`: some channel is read late. `latest_rest` is the latest
     state at rest, by its temperature. The arrays must not be changed.
@@ -38,6 +41,8 @@ class Setup:
     model: Any
     table: Array
     late: bool
+    laws: Array
+    options: Mapping[str, str]
     latest_rest: dict[float | None, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -49,8 +54,11 @@ class Setup:
         fixture: str,
         cooling: str,
         effects: EffectValues,
+        laws: Sequence[Law] = (),
     ) -> Setup:
-        """Raises ModelError for an unknown option and EffectError for a refused effect."""
+        """Raises ModelError for an unknown option, EffectError and InputError for a refused effect
+        or law.
+        """
         options = {"variant": variant, "fixture": fixture, "cooling": cooling}
         constants = kernel_constants(parameters, **options)
         resolved = resolve(effects)
@@ -66,7 +74,11 @@ class Setup:
         if terms_x["unified"] > 0.0:
             k.lay_curves(model)
         late = terms_x["late"] > 0.0
-        return cls(parameters, resolved, fixture, cooling, model, film_table(variant), late)
+        for law in laws:
+            check_place_needs(law.place, options)
+        table = film_table(variant)
+        terms = law_table(laws)
+        return cls(parameters, resolved, fixture, cooling, model, table, late, terms, options)
 
     @property
     def p(self) -> k.Constants:
@@ -89,6 +101,10 @@ class Setup:
         """Conductance from a metre of wire to its water, Eqs (19)-(25), at a duty of the pump."""
         speed = duty * float(self.p.flow_max * self.p.per_annulus)
         return float(k.film_conductance_of(self.model, wire_K, water_K, speed, self.table))
+
+    def memory(self) -> Array:
+        """What the terms of the laws remember, before they have seen anything."""
+        return np.zeros((len(self.laws), k.MEMORY_COLUMNS))
 
     def ring(self) -> Array:
         """Room for the history of the samples, as much as late channels need."""

@@ -7,6 +7,7 @@ quantities are SI. Only what this package exports is called from outside.
 """
 
 from sim_device.plant.kernel.curves import lay_curves
+from sim_device.plant.kernel.forcing import FIRST_READING, MEMORY_COLUMNS
 from sim_device.plant.kernel.layout import copied, fill, filled, numbers, place_of, zeros
 from sim_device.plant.kernel.model import (
     ANTAGONISTIC,
@@ -22,7 +23,15 @@ from sim_device.plant.kernel.model import (
 from sim_device.plant.kernel.probes import compliance_of, film_conductance_of, outer_curve
 from sim_device.plant.kernel.replay import replay, replay_drivers
 from sim_device.plant.kernel.rest import Mounting, rest
-from sim_device.plant.kernel.state import CELLS, RING_COLUMNS, RING_ROWS, TURNS, State, Work
+from sim_device.plant.kernel.state import (
+    CELLS,
+    FORCED_SLOTS,
+    RING_COLUMNS,
+    RING_ROWS,
+    TURNS,
+    State,
+    Work,
+)
 from sim_device.plant.kernel.step import NOT_CONVERGED, NOT_FINITE, OK, advance
 
 __all__ = [
@@ -30,6 +39,9 @@ __all__ = [
     "BLOCKED",
     "CELLS",
     "CURVE_SIZE",
+    "FIRST_READING",
+    "FORCED_SLOTS",
+    "MEMORY_COLUMNS",
     "NOT_CONVERGED",
     "NOT_FINITE",
     "OK",

@@ -100,6 +100,7 @@ def accept_substep(
     s.work_heat = p.work_share * lost * p.per_length
     s.T_wire_rate = (w.T_end - T_old) / dt
     s.transforms = 1.0 if change != 0.0 else 0.0
+    s.fraction_rate = change / dt
     s.T_wire = w.T_end
     s.memory.xi_S = w.xi_S
     s.memory.xi_T = w.xi_T

@@ -144,7 +144,7 @@ def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: 
 def solve_sliding_pair(
     rub: float, guess: float, state: State, work: Work, model: Model, dt: float
 ) -> tuple[float, float, float]:
-    """The pair with friction `rub` (signed), drag, tube stiffness and a tendon that gives.
+    """The pair with friction `rub` (signed), drag, tube stiffness, forcing, a tendon that gives.
 
     Unknown is the tension of X; that of Y is less by what resists the motion. Returns
     (tension of X, of Y, displacement), tension -1 when it is not found.
@@ -157,7 +157,8 @@ def solve_sliding_pair(
     F = guess if guess > 0.0 else 0.0
     before = state.shared.displacement
     wet = 0.5 * (x.filled + y.filled)
-    drag = e.drag * wet / dt
+    drag = (e.drag * wet + work.between_slope) / dt
+    rub += work.between
     mounted = stretch_of_tendon(p.F0, e)[0]
     for n in range(ITERATIONS):
         set_tension(F, wx, model)
@@ -207,7 +208,7 @@ def solve_resisted_pair(
         F_y = solve_tension(p.delta_0 + u, y.tension, y, work.y, model)
         if F_x < 0.0 or F_y < 0.0:
             return -1.0, 0.0, 0.0
-        pull = F_x - F_y - 2.0 * e.tube_stiffness * u
+        pull = F_x - F_y - 2.0 * e.tube_stiffness * u - work.between
         if abs(pull) <= hold:
             return F_x, F_y, u
         rub = friction_at(g.tension, g.speed, e)

@@ -32,6 +32,7 @@ def set_conductances(
     p: Constants,
     e: Effects,
     table: npt.NDArray[np.float64],
+    forces: bool,
     dt: float,
 ) -> None:
     """Conductances from the wire to water and air at the extrapolated midpoint, into scratch."""
@@ -45,11 +46,15 @@ def set_conductances(
         g_dry = (1.0 - s.filled) * p.gap_conductance
         if e.film_exponent != 0.0:
             g_water = g_water * convection_factor(middle - surround, e.film_exponent, e)
+        if forces:
+            g_water = g_water * w.forced_film
         w.g_water = g_water
     else:
         g_dry = air_conductance(middle, g.T_air, p)
         if e.film_exponent != 0.0:
             g_dry = g_dry * convection_factor(middle - g.T_air, e.film_exponent, e)
+        if forces:
+            g_dry = g_dry * w.forced_film
     if e.end_loss > 0.0:
         g_dry += e.end_loss * p.per_length
     w.g_dry = g_dry
@@ -70,7 +75,7 @@ def eliminate_water(
     if e.loss_exponent != 0.0:
         g_loss = g_loss * convection_factor(middle_water - g.T_air, e.loss_exponent, e)
     stiff = inertia + w.g_water + g_flow + g_loss
-    right = inertia * s.T_water + g_flow * g.T_inlet + g_loss * g.T_air
+    right = inertia * s.T_water + g_flow * g.T_inlet + g_loss * g.T_air + w.forced_water
     w.g_wall = 0.0
     if e.wall_ratio > 0.0:
         wall = e.wall_ratio * p.water_capacity
@@ -98,6 +103,7 @@ def set_up_heat_balance(
     g: Shared,
     model: Model,
     table: npt.NDArray[np.float64],
+    forces: bool,
     dt: float,
 ) -> None:
     """T* and λ of one spring over the substep, Eqs (15)-(18), into scratch."""
@@ -105,10 +111,10 @@ def set_up_heat_balance(
     T = s.T_wire
     power = s.current * s.current * s.resistance * p.per_length
     per_dt = 1.0 / dt
-    gain = s.work_heat * per_dt
+    gain = s.work_heat * per_dt + w.forced_heat
     if e.crosstalk > 0.0:
         gain += e.crosstalk * p.per_length * (other.T_wire - T)
-    set_conductances(s, w, g, p, e, table, dt)
+    set_conductances(s, w, g, p, e, table, forces, dt)
     warms = p.warms > 0.0
     net = power + gain - w.g_dry * (T - g.T_air)
     net = net - w.g_water * (T - (s.T_water if warms else g.T_inlet))
@@ -138,7 +144,7 @@ def set_up_heat_balance(
 @inlined
 def prepare_parts(s: Spring, w: SpringWork, p: Constants, e: Effects, dt: float) -> None:
     """What the kinetics need of the start of the substep, and first guesses of temperature."""
-    w.T_shift = e.fatigue_shift * s.cycles
+    w.T_shift = e.fatigue_shift * s.cycles + w.forced_shift
     w.rounds = 0.0
     guess = w.T_star
     if s.transforms > 0.0:
@@ -183,12 +189,13 @@ def prepare_spring(
     g: Shared,
     model: Model,
     table: npt.NDArray[np.float64],
+    forces: bool,
     dt: float,
 ) -> None:
     """Heat balance of one spring over the substep, or its fed temperature, into scratch."""
     p, e = model.p, model.x
     if w.fed == 0.0 or e.front > 0.0:
-        set_up_heat_balance(s, other, w, g, model, table, dt)
+        set_up_heat_balance(s, other, w, g, model, table, forces, dt)
     if e.front > 0.0:
         # A cell has its own latent heat for half the step, on average, and loses some of it.
         soft = 2.0 * w.latent_factor / (2.0 * w.capacity + dt * (w.g_water + w.g_dry))
@@ -222,6 +229,7 @@ def book_heat(
         s.T_water_rate = (new_water - T_water) * per_dt
         s.T_water = new_water
         carried = length * dt * w.g_flow * (middle_water + w.leaves_warmer - g.T_inlet)
+        s.heat_forced += length * dt * w.forced_water
         s.heat_to_air += length * dt * w.g_loss * (middle_water - g.T_air)
         if w.g_wall > 0.0:
             given = dt * w.g_wall * (middle_water - s.T_wall)
@@ -232,6 +240,7 @@ def book_heat(
     g.reservoir_rise += e.inverse_reservoir * carried
     s.heat_to_air += length * dt * w.g_dry * (middle - g.T_air)
     s.heat_in += length * dt * w.power
+    s.heat_forced += length * dt * w.forced_heat
     latent = (p.latent_heating if change < 0.0 else p.latent_cooling) * w.latent_factor
     s.unequal_heat += length * (
         (p.capacity_heating - w.capacity) * (w.T_end - s.T_wire)

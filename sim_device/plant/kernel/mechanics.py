@@ -36,12 +36,13 @@ def end_fraction(F: float, s: Spring, p: Constants) -> tuple[float, float]:
 def inelastic_deflection(
     F: float, xi_S: float, s: Spring, p: Constants, e: Effects
 ) -> tuple[float, float, float]:
-    """Deflection at no load and its slopes with ξ_S and F: δ_L ξ_S, and what effects add."""
+    """Deflection at no load and its slopes with ξ_S and F: δ_L ξ_S, and what effects and
+    a forcing add."""
     reach = p.delta_L
     if e.adds_strain == 0.0:
-        return reach * xi_S, reach, 0.0
+        return reach * xi_S + s.forced_deflection, reach, 0.0
     reach = reach * (1.0 - e.fatigue_shrink * s.cycles)
-    extra = e.r_strain * p.delta_L * s.r_fraction + e.elongation * s.cycles
+    extra = e.r_strain * p.delta_L * s.r_fraction + e.elongation * s.cycles + s.forced_deflection
     if e.cold_ends > 0.0:
         end, end_F = end_fraction(F, s, p)
         part = (1.0 - e.cold_ends) * reach

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant.kernel.compiled import entry, inlined
+from sim_device.plant.kernel.forcing import force_readings
 from sim_device.plant.kernel.layout import OneRecord
-from sim_device.plant.kernel.state import Driven, Feeds
+from sim_device.plant.kernel.state import FORCED_SLOTS, Driven, Feeds, Work
 from sim_device.plant.kernel.step import OK, advance, wake_sensors
 from sim_device.plant.kernel.supply import drive_current
 
@@ -57,6 +58,14 @@ def count_substeps(span: float, dt_max: float) -> int:
     return max(math.ceil(span / dt_max - 1e-9), 1)
 
 
+@inlined
+def load_forcing(work: Work, forcing: Array, k: int) -> None:
+    """Forcing of the sample that ends at row k, by slot."""
+    if forcing.shape[0] > 0:
+        for j in range(FORCED_SLOTS):
+            work.held[j] = forcing[k, j]
+
+
 @entry
 def replay(
     states: OneRecord,
@@ -68,6 +77,9 @@ def replay(
     rows: Array,
     drives: Array,
     env: Array,
+    forcing: Array,
+    laws: Array,
+    memory: Array,
     times: Array,
     dt_max: float,
     flat: Array,
@@ -77,22 +89,29 @@ def replay(
     """Advance through recorded samples; row k of `drives` is in force up to times[k].
 
     flags (5,) and rows (n, 8): which signals are fed, and the signals, see `load_feeds`. env
-    (n, 2): inlet and ambient, K. flat: the numbers of the state. out (n, len(slots)): those of them
-    at `slots` after each sample. Returns (status, row it stopped at).
+    (n, 2): inlet and ambient, K. forcing (n, FORCED_SLOTS), or no row: what is forced at each
+    place. laws (m, 17), memory (m, 4): as of `advance`. flat: the numbers of the state.
+    out (n, len(slots)): those of them at `slots` after each sample. Returns (status, row it
+    stopped at).
     """
     state, work, model = states[0], works[0], models[0]
     n = times.shape[0]
+    work.forces = 1.0 if forcing.shape[0] > 0 or laws.shape[0] > 0 else 0.0
     for k in range(n):
         state.shared.given_inlet = env[k, 0]
         state.shared.given_air = env[k, 1]
         if k == 0:
             wake_sensors(state, model, ring)
+            if work.forces > 0.0:
+                load_forcing(work, forcing, k)
+                force_readings(state, work, laws, memory, 0.0)
         else:
             span = times[k] - times[k - 1]
             steps = count_substeps(span, dt_max)
             load_feeds(work.feeds, flags, rows, k)
             load_drive(work.drive, drives[k])
-            status = advance(states, works, models, ring, table, span / steps, steps)
+            load_forcing(work, forcing, k)
+            status = advance(states, works, models, ring, table, laws, memory, span / steps, steps)
             if status != OK:
                 return status, k
         for j in range(slots.shape[0]):

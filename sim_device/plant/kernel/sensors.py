@@ -105,7 +105,7 @@ def read_encoder(g: Shared, e: Effects) -> float:
 def read_force(state: State, p: Constants, e: Effects, dt: float) -> float:
     """Tension as the force sensor gives it, N: of the tendon, the mean of what pulls on both."""
     g = state.shared
-    F = g.tension
+    F = g.tension + g.forced_cell
     if e.reads_x != 0.0 and p.fixture == ANTAGONISTIC:
         F += e.reads_x * (state.x.tension - state.y.tension)
     if e.creep_share != 0.0:
@@ -130,8 +130,8 @@ def read_sensors(state: State, model: Model, ring: Ring, dt: float) -> None:
     seen.rtd_x = read_rtd(x, g.T_air, model.x, dt)
     seen.rtd_y = read_rtd(y, g.T_air, model.y, dt)
     # Not what is fed: these are what the plant itself would show.
-    seen.rtd_inlet = g.given_inlet + g.reservoir_rise
-    seen.rtd_air = g.given_air + g.air_rise
+    seen.rtd_inlet = g.given_inlet + g.reservoir_rise + g.forced_inlet
+    seen.rtd_air = g.given_air + g.air_rise + g.forced_air
     seen.displacement = read_encoder(g, model.x)
     seen.force = read_force(state, model.p, model.x, dt)
     if model.x.late > 0.0:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Annotated
 
 CELLS = 5  # parts of a spring along its tube, with effect cooling_front
+FORCED_SLOTS = 32  # places and sides, as in `places.SLOTS`
 TURNS = 6  # turns of either kind that unified_kinetics remembers
 
 # History of the samples, for channels that are read late: rows of t, T_x, T_y, u, F.
@@ -46,6 +47,7 @@ class Spring:
     T_water_rate: float
     memory: Memory  # of a spring without cells; with cells its fractions are their means
     transforms: float  # 1 while the fractions change
+    fraction_rate: float  # of martensite in the last substep, 1/s
     cycles: float  # transformation cycles so far: half the sum of |Δξ|
     r_fraction: float  # R-phase
     r_progress: float  # its progress on cooling
@@ -55,6 +57,7 @@ class Spring:
     deflection: float  # m
     current: float  # A
     resistance: float  # Ohm
+    duty: float  # asked of its pump, 0 to 1
     flow: float  # of water, m3/s
     filled: float  # share of the tube that holds water
     wetted: float  # share of the wire that flowing water touches
@@ -72,6 +75,9 @@ class Spring:
     unequal_heat: float  # made by capacities and latent heats that differ with direction
     work_on: float  # mechanical work done on the spring
     omitted_work: float  # transformation work that the heat balance leaves out
+    heat_forced: float  # put in by a forcing
+    forced_deflection: float  # m
+    forced_current: float  # part of `current` that a forcing added, A
     # Cells from the inlet on: distance from the means, K; last rates of the wire, but for what the
     # front moves, K/s.
     wire_off: Annotated[list[float], CELLS]
@@ -115,7 +121,12 @@ class Shared:
     slip_from: float  # displacement at the last sample, m
     samples: float
     rounds: float  # evaluations of the kinetics so far, all parts together
+    forced_inlet: float  # K
+    forced_air: float
+    forced_cell: float  # what a force between the springs adds to the force sensor's, N
     sensed: Sensed
+    raw: Sensed  # under a forcing: what the sensors gave before it, and the rates of that
+    raw_rate: Sensed
 
 
 class State:
@@ -184,6 +195,10 @@ class SpringWork:
     water_right: float  # middle of the water = (water_right + g_water middle of the wire) per_water
     per_water: float  # 0 without a water node
     power: float  # W/m
+    forced_heat: float  # into the wire and into the water, W/m
+    forced_water: float
+    forced_film: float  # factor on the film
+    forced_shift: float  # of the transformation temperatures, K
     leaves_warmer: float  # how much warmer than its mean the water leaves, K
     T_end: float  # mean temperature of the wire at the end, K
     xi_S: float  # mean fractions
@@ -244,3 +259,12 @@ class Work:
     y: SpringWork
     feeds: Feeds
     drive: Driven
+    forces: float  # 1 when something is forced; nothing below is read otherwise
+    # Force between the springs at rest, and what it gains with the velocity: N, N s/m. Then the
+    # same of what the force sensor reads beyond their mean.
+    between: float
+    between_slope: float
+    cell: float
+    cell_slope: float
+    held: Annotated[list[float], FORCED_SLOTS]  # forcing of the sample
+    forced: Annotated[list[float], FORCED_SLOTS]  # of the substep, with what laws add

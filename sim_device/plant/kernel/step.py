@@ -10,6 +10,18 @@ import numpy.typing as npt
 from sim_device.plant.kernel.accept import accept_motion, accept_substep
 from sim_device.plant.kernel.compiled import compiled, entry, inlined
 from sim_device.plant.kernel.equilibrium import solve_pair, solve_resisted_pair, solve_tension
+from sim_device.plant.kernel.forcing import (
+    CURRENT,
+    FLOW_BEFORE,
+    FLOW_BEHIND,
+    RESISTANCE,
+    force_current,
+    force_flow,
+    force_places,
+    force_readings,
+    force_resistance,
+    forced_duty,
+)
 from sim_device.plant.kernel.heat import prepare_spring
 from sim_device.plant.kernel.layout import OneRecord
 from sim_device.plant.kernel.mechanics import (
@@ -41,7 +53,7 @@ def move_pair(u: float, state: State, work: Work, model: Model, dt: float) -> in
     if work.feeds.feeds_displacement > 0.0:
         F_x = solve_tension(delta_0 - u, x.tension, x, wx, model)
         F_y = solve_tension(delta_0 + u, y.tension, y, wy, model)
-    elif model.x.resists > 0.0:
+    elif model.x.resists > 0.0 or work.between != 0.0 or work.between_slope > 0.0:
         guess = x.tension + dt * g.tension_rate
         F_x, F_y, u = solve_resisted_pair(guess, state, work, model, dt)
     else:
@@ -53,6 +65,7 @@ def move_pair(u: float, state: State, work: Work, model: Model, dt: float) -> in
     accept_substep(F_x, x, wx, g, model, dt)
     accept_substep(F_y, y, wy, g, model, dt)
     accept_motion(g, u, 0.5 * (F_x + F_y), dt)
+    g.forced_cell = work.cell + work.cell_slope * g.speed
     return OK
 
 
@@ -78,6 +91,10 @@ def move_single(state: State, work: Work, model: Model, dt: float) -> int:
         F += 0.5 * e.drag * x.filled * speed + e.tube_stiffness * stage
         if abs(speed) > REST_SPEED:
             F += 0.5 * math.copysign(friction_at(F_x, speed, e), speed)
+    if work.forces > 0.0:
+        F += 0.5 * work.between
+        g.forced_cell = work.cell
+    if e.resists > 0.0 or work.forces > 0.0:
         F = max(F, 0.0)
     accept_substep(F_x, x, work.x, g, model, dt)
     accept_substep(0.0, y, work.y, g, model, dt)
@@ -93,6 +110,9 @@ def move_fed(F: float, u: float, state: State, work: Work, model: Model, dt: flo
     )  # fmt: skip
     pair = p.fixture == ANTAGONISTIC
     push = resistance_to_motion(F, u, g, e, dt) if e.resists > 0.0 else 0.0
+    if work.forces > 0.0:
+        push += work.between
+        g.forced_cell = work.cell
     tension = F + 0.5 * push if F + 0.5 * push > 0.0 else 0.0
     other = F - 0.5 * push if pair and F - 0.5 * push > 0.0 else 0.0
     set_tension(tension, wx, model)
@@ -138,8 +158,8 @@ def set_surroundings(state: State, work: Work, model: Model, dt: float) -> None:
     """Inlet and air in this substep: as given, with what effects add, or as fed."""
     g = state.shared
     g.air_rise += model.x.air_drift * dt
-    g.T_inlet = g.given_inlet + g.reservoir_rise
-    g.T_air = g.given_air + g.air_rise
+    g.T_inlet = g.given_inlet + g.reservoir_rise + g.forced_inlet
+    g.T_air = g.given_air + g.air_rise + g.forced_air
     if work.feeds.feeds_surroundings > 0.0:
         g.T_inlet = work.feeds.T_inlet
         g.T_air = work.feeds.T_air
@@ -149,16 +169,36 @@ def set_surroundings(state: State, work: Work, model: Model, dt: float) -> None:
 def supply_springs(state: State, work: Work, model: Model, dt: float) -> None:
     """Water and current that both springs get in this substep."""
     x, y, p, drive, feeds = state.x, state.y, model.p, work.drive, work.feeds
-    run_pump(x, p, model.x, drive.duty_x, 1.0, dt)
-    run_pump(y, p, model.y, drive.duty_y, -1.0, dt)
+    forces = work.forces > 0.0
+    x.duty = drive.duty_x
+    y.duty = drive.duty_y
+    if forces:
+        run_pump(x, p, model.x, forced_duty(x.duty, FLOW_BEFORE, work), 1.0, dt)
+        run_pump(y, p, model.y, forced_duty(y.duty, FLOW_BEFORE + 1, work), -1.0, dt)
+        force_flow(x, FLOW_BEHIND, work, p)
+        force_flow(y, FLOW_BEHIND + 1, work, p)
+        # A lagging driver follows what it makes itself.
+        x.current -= x.forced_current
+        y.current -= y.forced_current
+    else:
+        run_pump(x, p, model.x, x.duty, 1.0, dt)
+        run_pump(y, p, model.y, y.duty, -1.0, dt)
     supply_water(x, y, p, model.x, drive.drain_x, dt)
     supply_water(y, x, p, model.y, drive.drain_y, dt)
     if feeds.feeds_current > 0.0:
         apply_current(x, p, model.x, feeds.x.current)
         apply_current(y, p, model.y, feeds.y.current)
     else:
-        apply_current(x, p, model.x, drive_current(x, p, model.x, drive.i_x, dt))
-        apply_current(y, p, model.y, drive_current(y, p, model.y, drive.i_y, dt))
+        i_x = drive_current(x, p, model.x, drive.i_x, dt)
+        i_y = drive_current(y, p, model.y, drive.i_y, dt)
+        if forces:
+            i_x = force_current(x, i_x, CURRENT, work)
+            i_y = force_current(y, i_y, CURRENT + 1, work)
+        apply_current(x, p, model.x, i_x)
+        apply_current(y, p, model.y, i_y)
+    if forces:
+        force_resistance(x, RESISTANCE, work)
+        force_resistance(y, RESISTANCE + 1, work)
 
 
 @compiled
@@ -172,12 +212,13 @@ def advance_substep(
     ratchet; the three are solved at once.
     """
     x, y, g, feeds = state.x, state.y, state.shared, work.feeds
+    forces = work.forces > 0.0
     set_surroundings(state, work, model, dt)
     supply_springs(state, work, model, dt)
     take_feed(work.x, feeds.x, feeds.feeds_temperature, share)
     take_feed(work.y, feeds.y, feeds.feeds_temperature, share)
-    prepare_spring(x, y, work.x, g, model, table, dt)
-    prepare_spring(y, x, work.y, g, model, table, dt)
+    prepare_spring(x, y, work.x, g, model, table, forces, dt)
+    prepare_spring(y, x, work.y, g, model, table, forces, dt)
     g.time += dt
     u = g.displacement
     if feeds.feeds_displacement > 0.0:
@@ -199,19 +240,28 @@ def advance(
     models: OneRecord,
     ring: Array,
     table: Array,
+    laws: Array,
+    memory: Array,
     dt: float,
     steps: int,
 ) -> int:
     """Advance the state by one sample of `steps` substeps of `dt`. Returns a status.
 
-    Takes arrays of one record each; what the board applies is `works[0].drive`.
+    Takes arrays of one record each; what the board applies is `works[0].drive`. laws (m, 17):
+    terms, see `laws.law_table`; memory (m, 4): what they remember. They act where
+    `works[0].forces` is 1.
     """
     state, work, model = states[0], works[0], models[0]
     for k in range(steps):
+        # What is held over the sample needs it but once.
+        if work.forces > 0.0 and (k == 0 or laws.shape[0] > 0):
+            force_places(state, work, model.p, laws, memory)
         status = advance_substep(state, work, model, table, (k + 1.0) / steps, dt)
         if status != OK:
             return status
     read_sensors(state, model, ring, dt * steps)
+    if work.forces > 0.0:
+        force_readings(state, work, laws, memory, dt * steps)
     x, y, g = state.x, state.y, state.shared
     seen = g.sensed.rtd_x + g.sensed.rtd_y + g.tension + g.displacement
     if not math.isfinite(x.T_wire + y.T_wire + x.T_water + y.T_water + seen):

@@ -126,3 +126,6 @@ def apply_current(s: Spring, p: Constants, e: Effects, current: float) -> None:
         factor = 1.0 + e.resistivity_T * (s.T_wire - p.T_ref)
         factor += e.resistivity_xi * (0.5 - xi) + e.r_resistivity * s.r_fraction
         s.resistance = p.resistance_per_m * p.length * factor
+    else:
+        # Anew: a forcing may have changed it.
+        s.resistance = p.resistance_per_m * p.length
