@@ -18,6 +18,30 @@ Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
+class FoldRows:
+    """Rows (n,), responses (k, n) and the number of each row's fold (n,), negative for none."""
+
+    rows: Array
+    responses: Array
+    fold: Index
+
+    @property
+    def count(self) -> int:
+        """How many rows are in a fold."""
+        return int((self.fold >= 0).sum())
+
+    @property
+    def square(self) -> float:
+        """Sum of squares of the rows in a fold."""
+        kept = self.rows[self.fold >= 0]
+        return float(kept @ kept)
+
+    def of(self, columns: Sequence[int] | Index) -> FoldProducts:
+        """The products of some responses, in the order given. The rest costs nothing."""
+        return fold_products(self.rows, self.responses[np.asarray(columns)], self.fold)
+
+
+@dataclass(frozen=True)
 class FoldProducts:
     """Inner products of f folds and k responses.
 

@@ -48,7 +48,9 @@ class Responses:
 
     def candidates(self) -> list[Candidate]:
         """Each place on each of its sides, and on both where it has two."""
-        out = [_candidate(law, np.asarray(c)) for law, c in zip(self.laws, self.columns, strict=True)]
+        out = [
+            _candidate(law, np.asarray(c)) for law, c in zip(self.laws, self.columns, strict=True)
+        ]
         by_place: dict[str, list[Candidate]] = {}
         for candidate in out:
             by_place.setdefault(candidate.place, []).append(candidate)
@@ -75,7 +77,8 @@ def responses(
 ) -> Responses:
     """Responses of all places at `point`. Terms that the model cannot replay have response 0."""
     states = [plant.trajectory(point, p.run) for p in runs]
-    bases = [_binned(plant, plant.forced(point, p.run, {}), p) for p in runs]
+    replayed = [_Replayed(plant, point, p) for p in runs]
+    bases = [r.readings({}) for r in replayed]
     laws: list[Law] = []
     columns: list[range] = []
     found: list[list[Array]] = [[] for _ in runs]
@@ -87,22 +90,46 @@ def responses(
             laws.append(Law(place.name, side, terms))
             columns.append(range(count, count + len(terms)))
             count += len(terms)
-            of = _reading if place.reading else _replayed
-            for own, p, s, base in zip(found, runs, states, bases, strict=True):
-                X = design_matrix(place.name, side, s, terms, p.run.t_s)
+            for own, r, s, base in zip(found, replayed, states, bases, strict=True):
+                X = design_matrix(place.name, side, s, terms, r.played.run.t_s)
                 forcing = place.scale * as_forcing(place.name, X)
-                own.append(of(plant, point, p, (place.name, side), forcing, base))
+                of = r.of_reading if place.reading else r.of_place
+                own.append(of((place.name, side), forcing, base))
     return Responses(
         laws=tuple(laws), columns=tuple(columns), runs=tuple(np.concatenate(f) for f in found)
     )
 
 
-def _binned(plant: PlantModel, outputs: Mapping[str, Array], played: Played) -> Array:
-    """Outputs of a replay on the grid, (bins, channels)."""
-    view = next(v for v in plant.views if v.open_loop)
-    key = {o.channel: o.key for o in view.outputs}
-    series = np.stack([outputs[key[c.name]] for c in plant.channels])
-    return _means(series, played).T
+@dataclass(frozen=True)
+class _Replayed:
+    """One run at the reference point, and what forcings change of it."""
+
+    plant: PlacesPlant
+    point: ModelPoint
+    played: Played
+
+    def readings(self, forcing: Mapping[Key, Array]) -> Array:
+        """The forced prediction on the grid, (bins, channels)."""
+        outputs = self.plant.forced(self.point, self.played.run, forcing)
+        view = next(v for v in self.plant.views if v.open_loop)
+        key = {o.channel: o.key for o in view.outputs}
+        series = np.stack([outputs[key[c.name]] for c in self.plant.channels])
+        return _means(series, self.played).T
+
+    def of_place(self, key: Key, forcing: Array, base: Array) -> Array:
+        """What each column of `forcing` (n, k) changes, (k, bins, channels), a replay for each."""
+        out = np.zeros((forcing.shape[1], *base.shape), dtype=np.float32)
+        for k, series in enumerate(forcing.T):
+            moved = self.readings({key: series})
+            if finite([moved]):
+                out[k] = moved - base
+        return out
+
+    def of_reading(self, key: Key, forcing: Array, base: Array) -> Array:
+        """The same for a place of a reading, by what a constant of 1 does there."""
+        share = np.median(self.readings({key: np.ones(len(forcing))}) - base, axis=0)
+        means = _means(forcing.T, self.played)
+        return np.asarray(means[:, :, None] * share, dtype=np.float32)
 
 
 def _means(series: Array, played: Played) -> Array:
@@ -113,26 +140,3 @@ def _means(series: Array, played: Played) -> Array:
     return np.array(
         [np.bincount(at[inside], s[inside], minlength=played.bins) / count for s in series]
     )
-
-
-def _replayed(
-    plant: PlacesPlant, point: ModelPoint, played: Played, key: Key, forcing: Array, base: Array
-) -> Array:
-    """What each column of `forcing` (n, k) changes, (k, bins, channels), float32."""
-    out = np.zeros((forcing.shape[1], *base.shape), dtype=np.float32)
-    for k, series in enumerate(forcing.T):
-        moved = _binned(plant, plant.forced(point, played.run, {key: series}), played)
-        if finite([moved]):
-            out[k] = moved - base
-    return out
-
-
-def _reading(
-    plant: PlacesPlant, point: ModelPoint, played: Played, key: Key, forcing: Array, base: Array
-) -> Array:
-    """The same for a place of a reading, by what a constant of 1 does there."""
-    one = np.ones(len(forcing))
-    moved = _binned(plant, plant.forced(point, played.run, {key: one}), played) - base
-    share = np.median(moved, axis=0)
-    means = _means(forcing.T, played)
-    return np.asarray(means[:, :, None] * share, dtype=np.float32)

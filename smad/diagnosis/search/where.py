@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array, FoldProducts, Index
+from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.gaussian import HeldOut, held_out
 
 NEAR = 0.9
@@ -22,7 +22,7 @@ LEVEL = 0.05
 """How often a place may be told of a bench that has none."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """A hypothesis of where: `columns` (k,) of the responses, `precision` (k,) of their priors."""
 
@@ -49,6 +49,11 @@ class Scored:
         """Share of the held-out rows' sum of squares that the candidate takes."""
         return self.held_out.share
 
+    @property
+    def taken(self) -> float:
+        """The same, in squares of rows."""
+        return float(self.held_out.taken.sum())
+
 
 @dataclass(frozen=True)
 class Step:
@@ -71,46 +76,36 @@ class Where:
     steps: tuple[Step, ...]
 
 
-def where(products: FoldProducts, candidates: Sequence[Candidate]) -> Where:
+def where(rows: FoldRows, candidates: Sequence[Candidate]) -> Where:
     """Return candidates by held-out share, and the places that add to each other.
 
-    A place enters while what it adds to the held-out rows is significant: by a one-sided t test over
-    the folds at `LEVEL`, shared among the candidates that it was the best of (Bonferroni).
+    A place enters while what it adds to the held-out rows speaks for it: half of that, over the
+    variance that a row has with it, is the log predictive density it gains (Geisser 1975). It must
+    exceed that of `LEVEL`, shared among the candidates that it was the best of.
     """
-    ranked = sorted(
-        (Scored(c, held_out(products.only(c.columns), c.precision)) for c in candidates),
-        key=lambda s: -s.share,
-    )
+    ranked = sorted((_beside(rows, (), c) for c in candidates), key=lambda s: -s.share)
     steps: list[Step] = []
-    taken = np.zeros(products.folds)
+    taken = 0.0
     now: list[Candidate] = []
     scored = ranked
     while scored and len(steps) < MOST_PLACES:
         best = scored[0]
-        added = best.held_out.taken - taken
-        if added.sum() <= _by_chance(added, len(scored)):
+        added = best.taken - taken
+        variance = max((rows.square - best.taken) / max(rows.count, 1), 1.0)
+        if added / (2.0 * variance) <= np.log(len(scored) / LEVEL):
             break
         # What stands beside the chosen place is compared by what it adds, not by what all take.
-        least = taken.sum() + NEAR * added.sum()
-        near = tuple(s.candidate for s in scored if s.held_out.taken.sum() >= least)
+        least = taken + NEAR * added
+        near = tuple(s.candidate for s in scored if s.taken >= least)
         steps.append(Step(best.candidate, near, best.share))
         now.append(best.candidate)
-        taken = best.held_out.taken
+        taken = best.taken
         rest = [s.candidate for s in ranked if s.candidate not in now]
-        scored = sorted((_beside(products, now, c) for c in rest), key=lambda s: -s.share)
+        scored = sorted((_beside(rows, now, c) for c in rest), key=lambda s: -s.share)
     return Where(tuple(ranked), tuple(steps))
 
 
-def _by_chance(added: Array, candidates: int) -> float:
-    """What the best of so many candidates adds by chance, from the spread over the folds."""
-    from scipy.stats import t
-
-    folds = len(added)
-    quantile = float(t.ppf(1.0 - LEVEL / candidates, folds - 1))
-    return quantile * float(np.sqrt(folds) * np.std(added, ddof=1))
-
-
-def _beside(products: FoldProducts, now: Sequence[Candidate], further: Candidate) -> Scored:
+def _beside(rows: FoldRows, now: Sequence[Candidate], further: Candidate) -> Scored:
     columns = np.concatenate([c.columns for c in (*now, further)])
     precision = np.concatenate([c.precision for c in (*now, further)])
-    return Scored(further, held_out(products.only(columns), precision))
+    return Scored(further, held_out(rows.of(columns), precision))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from smad.diagnosis.numerics.folds import fold_products
+from smad.diagnosis.numerics.folds import FoldRows, fold_products
 from smad.diagnosis.numerics.gaussian import held_out, log_evidence, posterior
 
 
@@ -30,7 +30,7 @@ def test_rows_of_no_fold_count_nowhere():
 
 def test_a_choice_of_columns_has_the_products_of_these_columns():
     rows, responses, fold, _ = problem(2)
-    chosen = fold_products(rows, responses, fold).only([3, 1])
+    chosen = FoldRows(rows, responses, fold).of([3, 1])
     again = fold_products(rows, responses[[3, 1]], fold)
     assert chosen.gram == pytest.approx(again.gram)
     assert chosen.against == pytest.approx(again.against)

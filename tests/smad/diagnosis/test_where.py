@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from smad.diagnosis.numerics.folds import fold_products
+from smad.diagnosis.numerics.folds import FoldRows
 from smad.diagnosis.search.where import Candidate, where
 
 FOLDS, N, K = 8, 4000, 5
@@ -19,11 +19,11 @@ def bench(seed, *, strengths, alike=None):
         law = rng.standard_normal(K)
         added = law @ responses[place * K : place * K + K]
         rows = rows + strength * added / added.std()
-    products = fold_products(rows, responses, np.arange(N) * FOLDS // N)
+    laid = FoldRows(rows, responses, np.arange(N) * FOLDS // N)
     candidates = [
         Candidate(f"place-{i}", "both", np.arange(i * K, i * K + K), np.ones(K)) for i in range(6)
     ]
-    return products, candidates
+    return laid, candidates
 
 
 @pytest.mark.parametrize("place", range(6))
@@ -35,8 +35,9 @@ def test_the_place_of_a_law_comes_first(place):
 
 
 def test_a_bench_without_a_change_has_no_place():
-    told = sum(bool(where(*bench(seed, strengths={})).steps) for seed in range(30))
-    assert told <= 1
+    told = sum(bool(where(*bench(seed, strengths={})).steps) for seed in range(60))
+    # One in twenty is what `LEVEL` allows.
+    assert told <= 6
 
 
 def test_two_places_are_found_one_beside_the_other():
@@ -51,8 +52,8 @@ def test_places_that_respond_alike_are_told_together():
 
 
 def test_the_order_of_the_candidates_changes_nothing():
-    products, candidates = bench(7, strengths={2: 1.0, 5: 0.4})
-    one, other = where(products, candidates), where(products, candidates[::-1])
+    laid, candidates = bench(7, strengths={2: 1.0, 5: 0.4})
+    one, other = where(laid, candidates), where(laid, candidates[::-1])
     assert [s.candidate.name for s in one.ranked] == [s.candidate.name for s in other.ranked]
     assert [s.chosen.name for s in one.steps] == [s.chosen.name for s in other.steps]
 
