@@ -45,12 +45,14 @@ class FoldRows:
 class FoldProducts:
     """Inner products of f folds and k responses.
 
-    `gram` (f, k, k) is AAᵀ, `against` (f, k) is Ar, `square` (f,) is rᵀr of each fold.
+    `gram` (f, k, k) is AAᵀ, `against` (f, k) is Ar, `square` (f,) is rᵀr and `count` (f,) the number
+    of rows of each fold.
     """
 
     gram: Array
     against: Array
     square: Array
+    count: Array
 
     @property
     def folds(self) -> int:
@@ -72,9 +74,10 @@ def fold_products(rows: Array, responses: Array, fold: Index) -> FoldProducts:
     combinations of nearly equal responses.
     """
     folds, k = int(fold.max(initial=-1)) + 1, len(responses)
-    gram, against, square = np.zeros((folds, k, k)), np.zeros((folds, k)), np.zeros(folds)
+    gram, against = np.zeros((folds, k, k)), np.zeros((folds, k))
+    square, count = np.zeros(folds), np.zeros(folds)
     for f in range(folds):
         own = fold == f
         A, r = responses[:, own], rows[own]
-        gram[f], against[f], square[f] = A @ A.T, A @ r, r @ r
-    return FoldProducts(gram, against, square)
+        gram[f], against[f], square[f], count[f] = A @ A.T, A @ r, r @ r, len(r)
+    return FoldProducts(gram, against, square, count)

@@ -1,8 +1,9 @@
-"""Linear-Gaussian inference from inner products: r = Aᵀx + e, e ~ N(0, I), x ~ N(0, (λD)⁻¹).
+"""Linear-Gaussian inference from inner products: r = Aᵀx + e, e ~ N(0, vI), x ~ N(0, v(λD)⁻¹).
 
 D is the diagonal of prior precisions of the responses (1 is a main effect, more is shrunk more),
-λ the ridge. The ridge is chosen by leaving folds out, and what a choice takes of held-out rows is
-measured on folds that had no part in the choice (nested cross-validation, Stone 1974).
+λ the ridge, v the variance of a row. Ridge and variance are those of the largest evidence (type-II
+maximum likelihood, MacKay 1992). What responses take of a fold is measured with coefficients,
+ridge and variance of the other folds.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from smad.diagnosis.numerics.folds import Array, FoldProducts
 
-RIDGES: Array = np.geomspace(1e-6, 1e3, 10)
+RIDGES: Array = np.geomspace(1e-7, 1e4, 34)
 """Ridges that are tried, in mean squared lengths of the responses."""
 _LEAST = 1e-12
 
@@ -23,8 +24,8 @@ class HeldOut:
     """What responses take of rows that they were not fitted to.
 
     `taken` (f,) is what each fold's sum of squares loses to coefficients of the other folds
-    (negative where it grows), `share` their sum over the sum of squares of all folds, `ridge` the
-    one that all folds together choose.
+    (negative where it grows), `share` their sum over the sum of squares of all folds, `ridge` that
+    of all folds together.
     """
 
     share: float
@@ -43,29 +44,20 @@ class Posterior:
 def held_out(products: FoldProducts, precision: Array) -> HeldOut:
     """Return what the responses take of held-out folds; `precision` (k,) is the diagonal of D.
 
-    Raises ValueError for fewer than three folds: one is held out, one chooses the ridge.
+    Raises ValueError for fewer than two folds.
     """
-    if products.folds < 3:
-        raise ValueError(f"{products.folds} folds; nested leaving-out needs 3 or more")
+    if products.folds < 2:
+        raise ValueError(f"{products.folds} folds; leaving one out needs 2 or more")
     gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
-    scale = _scale(gram, precision)
-    inner = np.zeros((products.folds, len(RIDGES)))
+    square, count = float(products.square.sum()), float(products.count.sum())
     taken = np.zeros(products.folds)
     for f in range(products.folds):
-        rest_gram, rest_against = gram - products.gram[f], against - products.against[f]
-        others = [j for j in range(products.folds) if j != f]
-        gained = sum(
-            _Ridges.of(rest_gram - products.gram[j], rest_against - products.against[j], precision)
-            .taken(products.gram[j], products.against[j], scale)
-            for j in others
-        )  # fmt: skip
-        best = int(np.argmax(gained))
-        fitted = _Ridges.of(rest_gram, rest_against, precision)
-        own = fitted.taken(products.gram[f], products.against[f], scale)
-        inner[f], taken[f] = own, own[best]
-    total = float(products.square.sum())
-    ridge = float(RIDGES[int(np.argmax(inner.sum(axis=0)))] * scale)
-    return HeldOut(float(taken.sum()) / max(total, _LEAST), taken, ridge)
+        rest = _Spectrum.of(gram - products.gram[f], against - products.against[f], precision)
+        ridge = rest.ridge(square - products.square[f], count - products.count[f])
+        x = rest.coefficients(ridge)
+        taken[f] = 2.0 * x @ products.against[f] - x @ products.gram[f] @ x
+    whole = _Spectrum.of(gram, against, precision).ridge(square, count)
+    return HeldOut(float(taken.sum()) / max(square, _LEAST), taken, whole)
 
 
 def posterior(products: FoldProducts, precision: Array, ridge: float) -> Posterior:
@@ -88,14 +80,9 @@ def log_evidence(products: FoldProducts, precision: Array, ridge: float) -> floa
     return 0.5 * float(scaled @ np.linalg.solve(inner, scaled)) - 0.5 * float(log_det)
 
 
-def _scale(gram: Array, precision: Array) -> float:
-    """Mean squared length of a response, each over its prior precision."""
-    return float(np.mean(np.diag(gram) / precision)) + _LEAST
-
-
 @dataclass(frozen=True)
-class _Ridges:
-    """Coefficients for every ridge from one eigendecomposition: D^(−½) G D^(−½) = Q Λ Qᵀ."""
+class _Spectrum:
+    """D^(−½) G D^(−½) = Q Λ Qᵀ, from which coefficients and evidence of every ridge follow."""
 
     values: Array
     vectors: Array
@@ -103,13 +90,22 @@ class _Ridges:
     weight: Array
 
     @classmethod
-    def of(cls, gram: Array, against: Array, precision: Array) -> _Ridges:
+    def of(cls, gram: Array, against: Array, precision: Array) -> _Spectrum:
         w = 1.0 / np.sqrt(precision)
         values, Q = np.linalg.eigh(w[:, None] * gram * w[None, :])
         return cls(np.maximum(values, 0.0), Q, Q.T @ (w * against), w)
 
-    def taken(self, gram: Array, against: Array, scale: float) -> Array:
-        """What they take of other rows, for each of `RIDGES`; shape (ridges,)."""
-        x = self.rotated[None, :] / (self.values[None, :] + scale * RIDGES[:, None])
-        x = (x @ self.vectors.T) * self.weight
-        return np.asarray(2.0 * x @ against - np.einsum("ri,ri->r", x @ gram, x))
+    def ridge(self, square: float, count: float) -> float:
+        """Return the ridge of the largest evidence, the rows' variance at its own maximum.
+
+        −½ Σ log(1 + Λᵢ/λ) − ½ n log(rᵀr − Σ (Qᵀb)ᵢ²/(Λᵢ + λ)).
+        """
+        ridges = RIDGES * (float(self.values.mean()) + _LEAST)
+        summed = self.values[None, :] + ridges[:, None]
+        left = np.maximum(square - (self.rotated**2 / summed).sum(axis=1), _LEAST)
+        determinant = np.log(summed / ridges[:, None]).sum(axis=1)
+        return float(ridges[int(np.argmin(determinant + count * np.log(left)))])
+
+    def coefficients(self, ridge: float) -> Array:
+        """Return the mean of the coefficients, shape (k,)."""
+        return np.asarray(self.weight * (self.vectors @ (self.rotated / (self.values + ridge))))

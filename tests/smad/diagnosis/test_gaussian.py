@@ -91,7 +91,7 @@ def test_the_share_does_not_depend_on_the_units_of_the_responses():
     assert other.share == pytest.approx(one.share)
 
 
-def test_two_folds_are_refused():
-    rows, responses, fold, _ = problem(8, folds=2)
-    with pytest.raises(ValueError, match="2 folds"):
+def test_a_single_fold_is_refused():
+    rows, responses, fold, _ = problem(8, folds=1)
+    with pytest.raises(ValueError, match="1 folds"):
         held_out(fold_products(rows, responses, fold), np.ones(4))
