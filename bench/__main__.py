@@ -18,6 +18,7 @@ BENCHMARKS = {
     "view_stop": "a click on STOP of the live page, idle and under floods",
     "view_cost": "setpoint age with the live page open and closed, in pairs",
     "gap": "the diagnosis",
+    "envs": "steps of many environments, and replays on executors",
     "footprint": "what pip installs, in MB, and how long a client takes to import",
 }
 """By module of this folder."""

@@ -43,7 +43,7 @@ def what_is_missing() -> str:
     if not all(map(shutil.which, _PROGRAMS)):
         return "install a browser to try the live page in: apt-get install chromium chromium-driver"
     if importlib.util.find_spec("selenium") is None:
-        return "install what drives the browser: pip install 'smad[test]'"
+        return "install what drives the browser: pip install '.[test]'"
     return ""
 
 

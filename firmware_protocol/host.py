@@ -56,10 +56,14 @@ class HostSession:
     """One board on one port: bytes and time in, bytes and events out.
 
     `nonce` should differ from run to run (a random number): it tells the board's answers to this
-    host from those to an earlier one. `now_us` is any monotonic clock.
+    host from those to an earlier one. `now_us` is any monotonic clock. `patience` multiplies how
+    long a silent board is waited for: 1 is right for a bench; more is for a simulated board that
+    runs on virtual time, where a busy machine keeps it from answering and nothing moves meanwhile.
     """
 
-    def __init__(self, *, nonce: int, codec: Codec = CODEC) -> None:
+    def __init__(self, *, nonce: int, codec: Codec = CODEC, patience: int = 1) -> None:
+        self._silence_us = patience * SILENCE_US
+        self._timeout_limit = patience * TIMEOUT_LIMIT
         self.board: m.Ident | None = None
         self.incompatible: e.Incompatible | None = None
         self.session = 0
@@ -247,7 +251,7 @@ class HostSession:
         if self._mirror is None:
             return
         self._mirror.tick(now_us)
-        if now_us - self._heard_us >= SILENCE_US:
+        if now_us - self._heard_us >= self._silence_us:
             silent_us = now_us - self._heard_us
             self._restart(e.LinkLost(silent_us), e.FailureReason.LINK_LOST, events)
             return
@@ -259,7 +263,7 @@ class HostSession:
     def _on_timeout(self, given_up: Pending, now_us: int, events: list[e.HostEvent]) -> None:
         self.stats.timeouts += 1
         self._fail(given_up, e.FailureReason.TIMEOUT, events)
-        if self._requests.timeouts_in_a_row >= TIMEOUT_LIMIT:
+        if self._requests.timeouts_in_a_row >= self._timeout_limit:
             # Its sequence numbers and ours may have drifted too far apart to be trusted.
             self._restart(e.LinkLost(now_us - self._heard_us), e.FailureReason.LINK_LOST, events)
         elif given_up.internal:

@@ -170,7 +170,7 @@ class ParameterStore:
             )
         if (axis, number) not in self.values:
             raise ParameterRefusedError(
-                f"axis {axis} has no parameter {number}; docs/protocol.md lists them",
+                f"axis {axis} has no parameter {number}; smad docs protocol lists them",
                 ErrorCode.UNKNOWN_PARAMETER,
                 number,
                 0,

@@ -28,6 +28,7 @@ from sim_device.faults import NEVER, Injection, Scheduler
 from sim_device.hardware import Hardware
 from sim_device.line import Line
 from sim_device.plant import Drive, ParameterSet, Plant, load_parameters
+from sim_device.plant.laws import Law
 
 WATCHDOG_US = 100_000
 UART_BYTES = 512
@@ -39,8 +40,8 @@ SPLIT_LEAST_US = 200
 class SimulatedBench:
     """A bench on virtual time; `now_us` is the time that the plant has lived.
 
-    parameters: of the plant (None: the built-in set A). variant, effects, fixture, cooling: as for
-    Plant. rate_hz: samples per second. seed: of noise, tokens and damage on the line.
+    parameters: of the plant (None: the built-in set A). variant, effects, laws, fixture, cooling:
+    as for Plant. rate_hz: samples per second. seed: of noise, tokens and damage on the line.
     faults: injections, see `sim_device.faults`. clock_start_us: board time at power-up.
     """
 
@@ -50,6 +51,7 @@ class SimulatedBench:
         parameters: ParameterSet | None = None,
         variant: str = "extended",
         effects: Mapping[str, Mapping[str, float]] | None = None,
+        laws: Sequence[Law] = (),
         fixture: str = "antagonistic",
         cooling: str = "water",
         rate_hz: int = 100,
@@ -64,6 +66,7 @@ class SimulatedBench:
             fixture=fixture,
             cooling=cooling,
             effects=effects or {},
+            laws=laws,
             seed=seed,
         )
         self.now_us = 0

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from firmware_protocol.enums import Fault, ResetCause
+from firmware_protocol.nearest import instead
 from sim_device import foreign
 from sim_device.board import Board
 from sim_device.errors import FaultSpecError
@@ -377,6 +378,11 @@ def list_faults() -> str:
     return "\n".join(lines)
 
 
+def _no_such(name: str) -> FaultSpecError:
+    told = instead(name, FAULT_KINDS, "smad sim --fault list shows them")
+    return FaultSpecError(f"no fault is named {name!r}; {told}")
+
+
 def injection(name: str, at_s: float, **parameters: float) -> Injection:
     """Return the injection of row `name` at `at_s`; `lasts` (s) is how long, by default for ever.
 
@@ -384,13 +390,13 @@ def injection(name: str, at_s: float, **parameters: float) -> Injection:
     """
     kind = FAULT_KINDS.get(name)
     if kind is None:
-        raise FaultSpecError(f"no fault is named {name!r}; there are {', '.join(FAULT_KINDS)}")
+        raise _no_such(name)
     lasts_s = parameters.pop("lasts", math.inf)
     unknown = set(parameters) - set(kind.parameters)
     if unknown:
-        known = ", ".join((*kind.parameters, "lasts"))
+        other = min(unknown)
         raise FaultSpecError(
-            f"{name} has no parameter {', '.join(sorted(unknown))}; it has {known}"
+            f"{name} has no parameter {other}; {instead(other, (*kind.parameters, 'lasts'))}"
         )
     if not 0 <= at_s < math.inf or not lasts_s > 0:
         raise FaultSpecError(
@@ -415,7 +421,7 @@ def parse_injection(text: str) -> Injection:
     head, _, tail = text.partition(":")
     name, at, time = head.partition("@")
     if name not in FAULT_KINDS:
-        raise FaultSpecError(f"no fault is named {name!r}; there are {', '.join(FAULT_KINDS)}")
+        raise _no_such(name)
     if not at:
         raise FaultSpecError(f"{text!r} gives no time; write NAME@seconds[:parameter=value,...]")
     try:

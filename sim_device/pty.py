@@ -32,6 +32,8 @@ LATE_MOST_S = 0.05
 LATE_MOST_PERIODS = 5
 WAIT_MOST_S = 0.1
 """Longest wait at a time, so that a signal is noticed."""
+HOST_TIMEOUT_S = 2.0
+"""So long a board that is paced by its host waits for a setpoint before it goes on alone."""
 HEATING = (BoardState.ARMED, BoardState.HOLD)
 
 
@@ -60,7 +62,7 @@ class Server:
         *,
         speed: float = 1.0,
         paced_by_host: bool = False,
-        host_timeout_s: float = 2.0,
+        host_timeout_s: float = HOST_TIMEOUT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if not 0.0 < speed <= 1000.0:
@@ -187,7 +189,7 @@ def serve(
     symlink: Path | None = None,
     transport: str = "pty",
     paced_by_host: bool = False,
-    host_timeout_s: float = 2.0,
+    host_timeout_s: float = HOST_TIMEOUT_S,
     max_seconds: float | None = None,
     on_ready: Callable[[str], None] | None = None,
     handle_signals: bool = True,

@@ -294,7 +294,8 @@ class RecorderStatus(Struct, frozen=True, kw_only=True):
     """The run log being written."""
 
     recording: Annotated[bool, Meta(description="a log is open and takes rows")]
-    path: Annotated[str, Meta(description="the file, or the last one")] = ""
+    path: Annotated[str, Meta(description="the file, or the last one; absolute")] = ""
+    folder: Annotated[str, Meta(description="where run logs are written; absolute")] = ""
     rows: Annotated[int, Meta(description="samples written or waiting")] = 0
     dropped: Annotated[int, Meta(description="samples lost because the disk was too slow")] = 0
     error: Annotated[str, Meta(description="why recording stopped, if it failed")] = ""
@@ -322,7 +323,8 @@ class Motion(Struct, frozen=True, kw_only=True):
     displacement_mm: Annotated[float | None, Meta(description="where it is")]
     board_time_s: Annotated[float, Meta(description="board time of the last sample")]
     ended: Annotated[
-        str, Meta(description="why repeated inputs ended early; empty: they did not")
+        str,
+        Meta(description='why the motion ended early, such as "stopped by …"; empty: it did not'),
     ] = ""
     fault: Annotated[Fault | None, Meta(description="the latched fault")] = None
     generation: Annotated[

@@ -5,6 +5,17 @@ from __future__ import annotations
 import re
 
 _BOUND = re.compile(r"Expected `(?:float|int)` (?P<side>[<>]=?) (?P<limit>[-+.0-9e]+)")
+_KIND = re.compile(r"Expected `(?P<wanted>[a-z]+)`, got `(?P<given>[a-z]+)`")
+_KINDS = {
+    "bool": "true or false",
+    "float": "a number",
+    "int": "a whole number",
+    "str": "text",
+    "array": "a list",
+    "object": "a table of names and values",
+    "null": "nothing",
+}
+"""Types of a schema, as a person calls what they allow."""
 _SIDES = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 _UNITS = (
     ("_mm_per_s", "mm/s"),
@@ -19,11 +30,15 @@ _UNITS = (
 
 
 def in_words(cause: str) -> str:
-    """Return what msgspec says of a number out of range in words; anything else as it is."""
+    """Return what msgspec says of a range or a type in words; anything else as it is."""
     bound = _BOUND.fullmatch(cause)
-    if bound is None:
+    if bound is not None:
+        return f"it has to be {_SIDES[bound['side']]} {float(bound['limit']):g}"
+    kind = _KIND.fullmatch(cause)
+    if kind is None or kind["wanted"] not in _KINDS:
         return cause
-    return f"it has to be {_SIDES[bound['side']]} {float(bound['limit']):g}"
+    given = _KINDS.get(kind["given"], kind["given"])
+    return f"it has to be {_KINDS[kind['wanted']]}, not {given}"
 
 
 def unit_of(name: str) -> str:

@@ -9,22 +9,37 @@ from typing import Any
 from smad.errors import MissingPartError
 
 EXTRA_OF: Mapping[str, str] = {
+    "fmpy": "fmi",
+    "gymnasium": "env",
     "jinja2": "log",
     "matplotlib": "report",
     "numba": "sim",
     "numpy": "log",
     "pandas": "notebook",
     "pyarrow": "export",
+    "pythonfmu": "fmi",
+    "rosbags": "ros",
     "scipy": "export",
     "threadpoolctl": "gap",
 }
 """Package -> the smallest extra that brings it."""
+_LOG = ("jinja2", "numpy")
+_SIM = (*_LOG, "numba", "scipy")
+_REPORT = (*_SIM, "matplotlib")
+BROUGHT_BY: Mapping[str, Sequence[str]] = {
+    "log": _LOG,
+    "sim": _SIM,
+    "report": _REPORT,
+    "gap": (*_REPORT, "threadpoolctl"),
+}
+"""Extra -> every package that it brings, for the extras of commands that heat a bench."""
 EXTRA_OF_COMMAND: Mapping[str, str] = {
     "demo": "sim",
     "faults": "sim",
     "gap": "gap",
     "log export": "export",
     "log import": "export",
+    "model": "fmi",
     "run": "report",
     "sim": "sim",
     "start": "sim",
@@ -42,19 +57,23 @@ def part(name: str) -> Any:
         raise told if told is not None else error from None
 
 
-def missing(error: ModuleNotFoundError, arguments: Sequence[str] = ()) -> MissingPartError | None:
+def missing(
+    error: ModuleNotFoundError, arguments: Sequence[str] = (), *, extra: str = ""
+) -> MissingPartError | None:
     """Return what to say of an import that failed; None when it is not for want of an extra.
 
-    `arguments` are those of the command that needed it, if it was one.
+    `arguments` are those of the command that needed it, if it was one; `extra` is the one to
+    advise where that is known.
     """
     package = (error.name or "").partition(".")[0]
-    extra = EXTRA_OF.get(package)
-    if extra is None:
+    smallest = EXTRA_OF.get(package)
+    if smallest is None:
         return None
     command = next(
         (name for name in (" ".join(arguments[:2]), *arguments[:1]) if name in EXTRA_OF_COMMAND), ""
     )
     return MissingPartError(
         f"{package} is not installed, which {f'smad {command}' if command else 'this'} needs",
-        action=f"pip install 'smad[{EXTRA_OF_COMMAND.get(command, extra)}]'",
+        action="in the folder that smad was installed from: "
+        f"pip install '.[{extra or EXTRA_OF_COMMAND.get(command, smallest)}]'",
     )

@@ -12,6 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from smad import pages
+from smad.errors import SmadError
+
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = {"firmware_protocol": 0, "sim_device": 1, "smad": 2, "firmware": 2}
 
@@ -220,6 +223,38 @@ def test_every_data_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None
         if path.is_file() and "__pycache__" not in path.parts
     }
     assert wanted <= inside
+    with zipfile.ZipFile(wheel) as packed:
+        (about,) = (name for name in inside if name.endswith(".dist-info/METADATA"))
+        metadata = packed.read(about).decode()
+    for line in ("Author: the smad authors", "Keywords: ", "Classifier: Typing :: Typed"):
+        assert f"\n{line}" in metadata
+    for package in packages["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]:
+        assert f"{package}/py.typed" in inside
+    shipped = {n.removeprefix("smad/data/docs/") for n in inside if n.startswith("smad/data/docs/")}
+    assert {f"{page}.md" for page in cited_pages()} <= shipped
+
+
+def cited_pages() -> set[str]:
+    """Pages that messages refer to, as `smad docs PAGE`."""
+    sources = [p for room in ("smad", "firmware_protocol") for p in (ROOT / room).rglob("*.py")]
+    found = {n for p in sources for n in re.findall(r"smad docs ([a-z][a-z0-9/-]+)", p.read_text())}
+    return {name for name in found if not name.endswith("/")}
+
+
+def test_every_page_that_a_message_refers_to_is_printed_by_its_command() -> None:
+    cited = cited_pages()
+    assert len(cited) > 5
+    for name in cited:
+        assert pages.text(name).startswith("# ")
+    with pytest.raises(SmadError, match=r"no such page; got guide/client; allowed: guide/clients"):
+        pages.text("guide/client")
+
+
+def test_the_authors_and_keywords_of_the_package_are_those_of_the_citation() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    citation = (ROOT / "CITATION.cff").read_text()
+    for word in [*project["keywords"], *(author["name"] for author in project["authors"])]:
+        assert word in citation
 
 
 def test_every_room_that_the_architecture_page_names_is_there() -> None:

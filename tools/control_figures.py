@@ -1,9 +1,9 @@
 """The figures of the displacement loop on the shipped plants, on virtual time.
 
-    python tools/control_figures.py [hold sine step frequency demo tune]
+    python tools/control_figures.py [hold sine step frequency demo tune spread]
                                     [--parameters A|B] [--rate HZ]
 
-Without a name: all of them but `frequency`, which takes minutes.
+Without a name: all of them but `frequency` and `spread`, which take minutes.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import msgspec
 from sim_device.plant import load_parameters
 from smad.config import ControlConfig
 from smad.control.commands import Step, Trajectory, Tune
+from smad.control.tuning.tuned import Trial
 from smad.demo.job import CYCLE, DWELL_S, LENGTH_S
 from smad.experiments.inverse import feedforward_of
 
@@ -183,9 +184,43 @@ def tune(bench: Bench) -> None:
     print("\n".join(lines(tune_displacement(driver, config.control))))
 
 
+SEEDS = range(1, 13)
+
+
+def spread(bench: Bench) -> None:
+    """The gains that `smad tune` gives on the plant itself with other noise, and its verdict."""
+    from smad.config import Config, LinkConfig
+    from smad.experiments.tuning import tune_displacement
+    from smad.experiments.virtual import VirtualDriver
+
+    config = Config(link=LinkConfig(rate_hz=bench.rate_hz), control=bench.config)
+    row = "| {:>4} | {:>7} | {:>12} | {:>8} | {:>6} | {:>6} | {:>8} |"
+    print(row.format("seed", "kp A/mm", "ki A/(mm s)", "delay ms", "R² now", "R² new", "verdict"))
+    for seed in SEEDS:
+        driver = VirtualDriver(bench.parameters, config=config, seed=seed)
+        session = tune_displacement(driver, config.control)
+        gains, delay_s = session.tuned.after, max(m.delay_s for m in session.tuned.models.values())
+        assert session.trials is not None
+        now, new = (trial.r2 for trial in session.trials if isinstance(trial, Trial))
+        print(
+            row.format(
+                seed, f"{gains.kp:g}", f"{gains.ki:g}", f"{1e3 * delay_s:.1f}", f"{now:.4f}",
+                f"{new:.4f}", "rejected" if session.worse else "accepted",
+            ),
+            flush=True,
+        )  # fmt: skip
+
+
 TABLES: dict[str, Callable[[Bench], None]] = {
-    "hold": hold, "sine": sine, "step": step, "demo": demo, "frequency": frequency, "tune": tune,
-}  # fmt: skip
+    "hold": hold,
+    "sine": sine,
+    "step": step,
+    "demo": demo,
+    "frequency": frequency,
+    "tune": tune,
+    "spread": spread,
+}
+MINUTES = ("frequency", "spread")  # fmt: skip
 
 
 def main() -> None:
@@ -200,7 +235,7 @@ def main() -> None:
         parser.error(f"no table {unknown[0]}; there are: {', '.join(TABLES)}")
     bench = Bench(chosen.parameters, chosen.rate)
     print(bench.title)
-    for name in chosen.tables or [name for name in TABLES if name != "frequency"]:
+    for name in chosen.tables or [name for name in TABLES if name not in MINUTES]:
         print(flush=True)
         TABLES[name](bench)
 

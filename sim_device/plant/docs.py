@@ -12,6 +12,7 @@ from pathlib import Path
 from sim_device.plant.effects.record import EffectParameter
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.parameters import load_parameters
+from sim_device.plant.places import BOTH, PLACES, STATES
 from sim_device.plant.units import UNITS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "physics.md"
@@ -59,15 +60,17 @@ def _described(parameter: EffectParameter) -> str:
 def effects_table() -> str:
     """Every entry of the effect registry."""
     lines = [
-        "| effect | subsystem | equation | parameters | shows in | confused with; told apart by |"
+        "| effect | subsystem | places | equation | parameters | shows in |"
+        " confused with; told apart by |"
         " reference |",
-        "|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for entry in EFFECTS:
         needs = "; ".join(f"needs {option} {' or '.join(known)}" for option, known in entry.needs)
         cells = (
             f"`{entry.name}`: {entry.title}" + (f" ({needs})" if needs else ""),
             entry.subsystem,
+            ", ".join(f"`{name}`" for name in entry.places),
             entry.equation.replace("|", "\\|"),
             "; ".join(_described(parameter) for parameter in entry.parameters),
             ", ".join(entry.signals),
@@ -78,10 +81,35 @@ def effects_table() -> str:
     return "\n".join(lines)
 
 
+def places_table() -> str:
+    """Every place of the model, and the states that laws may depend on."""
+    lines = [
+        "| place | what is forced | unit | typical size | sides | touches first |",
+        "|---|---|---|---|---|---|",
+    ]
+    for entry in PLACES:
+        needs = "; ".join(f"needs {option} {' or '.join(known)}" for option, known in entry.needs)
+        shown = ", ".join(f"`{channel}`" for channel in entry.channels_of(BOTH))
+        lines.append(
+            f"| `{entry.name}` | {entry.label}{f' ({needs})' if needs else ''} | {entry.unit} |"
+            f" {entry.scale:g} | {', '.join(entry.sides)} | {shown} |"
+        )
+    return "\n".join(lines)
+
+
+def states_table() -> str:
+    """Every state that a law may depend on."""
+    lines = ["| state | what it is | unit |", "|---|---|---|"]
+    lines += [f"| `{s.name}` | {s.label} | {s.unit or 'of the channel'} |" for s in STATES]
+    return "\n".join(lines)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "parameters": parameter_table,
     "differences": differences_table,
     "effects": effects_table,
+    "places": places_table,
+    "states": states_table,
 }
 
 

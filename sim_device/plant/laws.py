@@ -27,9 +27,9 @@ Support = Mapping[str, tuple[float, float]]
 KINDS = {"line": 1, "bend": 2, "hat": 3, "sign": 4}
 """z, max(z, 0), max(1 - |z|, 0), tanh(z), of z = (state - centre)/scale."""
 LAGS_S = (1.0, 10.0)
-MOST_TERMS = 512
+MOST_TERMS = 2048
 """Terms of all laws of a plant together, a law of both springs counting twice."""
-REST_SPEED = 2e-4
+REST_SPEED = 5e-5
 """m/s at which the sign of a velocity is three quarters of itself."""
 _BENDS = (1.0 / 3.0, 2.0 / 3.0)
 _NAME = re.compile(r"[a-z][a-z0-9_]*\Z")
@@ -257,6 +257,7 @@ def check_laws(laws: Sequence[Law]) -> None:
             raise InputError(f"{where}: there are two; put their terms into one")
         seen.add((law.place, law.side))
         names = [term.name for term in law.terms]
+        supports: dict[str, tuple[float, float]] = {}
         for term in law.terms:
             if not _NAME.match(term.name) or names.count(term.name) > 1:
                 raise InputError(
@@ -273,6 +274,9 @@ def check_laws(laws: Sequence[Law]) -> None:
             _known_states(law.place, [factor.state for factor in term.factors])
             for factor in term.factors:
                 _check_factor(f"{where}: {term.name}", factor)
+                span = (factor.low, factor.high)
+                if supports.setdefault(factor.state, span) != span:
+                    raise InputError(f"{where}: {factor.state} has two supports; give it one")
     if count > MOST_TERMS:
         raise InputError(f"the laws have {count} terms; at most {MOST_TERMS} are taken together")
 

@@ -1,22 +1,26 @@
-"""Model files: a parameter set, what differs from it, and the effects that belong to a bench."""
+"""Model files: a parameter set, what differs from it, the effects and the laws of a bench."""
 
 from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from sim_device.plant.constants import VARIANTS
+from sim_device.plant.covariance import Covariance, plain, read_covariance, toml_lines
 from sim_device.plant.effects.registry import Resolved, resolve
 from sim_device.plant.errors import ModelError
+from sim_device.plant.law_file import laws_as_tables, laws_as_toml, laws_from_tables
+from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet, built_in_sets, load_parameters
 from sim_device.plant.textfile import TextFileError, beside, parsed, quoted
 
-_KEYS = {"format", "base", "variant", "overrides", "mounting", "effects", "note"}
+_ARRAYS = {"laws", "covariance"}
+_KEYS = {"format", "base", "variant", "overrides", "mounting", "effects", "note"} | _ARRAYS
 MOUNTING = {
     "side_resistance": "by what share spring Y has more resistance than spring X",
     "displacement_zero_mm": "what the encoder reads at the middle of the stroke",
@@ -28,10 +32,11 @@ FORMAT = "smad-model-1"
 
 @dataclass(frozen=True)
 class Model:
-    """What a model file says: parameters with overrides applied, variant, effects as resolved.
+    """What a model file says: parameters with overrides applied, variant, effects as resolved,
+    laws.
 
     `base` names the parameter file it starts from, `overrides` (SI) what differs; `mounting` has
-    entries of MOUNTING.
+    entries of MOUNTING. `covariance` is over names of `quantities`, None where it is not known.
     """
 
     parameters: ParameterSet
@@ -41,6 +46,18 @@ class Model:
     overrides: dict[str, float] = field(default_factory=dict)
     note: str = ""
     mounting: dict[str, float] = field(default_factory=dict)
+    laws: tuple[Law, ...] = ()
+    covariance: Covariance | None = None
+
+
+def quantities(model: Model) -> dict[str, float]:
+    """All values of a model by the names that a covariance uses, SI."""
+    values = {f"parameters.{name}": model.parameters[name] for name in model.parameters.names}
+    for name, own in model.effects.items():
+        values |= {f"effects.{name}.{key}": value for key, value in own.items()}
+    for law in model.laws:
+        values |= {n: t.coefficient for n, t in zip(law.names, law.terms, strict=True)}
+    return values | {f"mounting.{name}": model.mounting.get(name, 0.0) for name in MOUNTING}
 
 
 def load_model(path: str | Path) -> tuple[ParameterSet, str, Resolved]:
@@ -54,7 +71,8 @@ def read_model(path: str | Path) -> Model:
 
     Keys: format (must be "smad-model-1"), base (a built-in set or a parameter file, relative to
     the model file), variant, overrides (name to SI value), mounting (of MOUNTING, name to value),
-    effects (name to parameters), note.
+    effects (name to parameters), laws (see `law_file`), covariance (names, and matrix as rows),
+    note.
     Raises ModelError for the file itself, ParameterError and EffectError for what it asks for.
     """
     path = Path(path)
@@ -80,7 +98,7 @@ def read_model(path: str | Path) -> Model:
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             raise ModelError(f"{path.name}: mounting.{name} is {value!r}, not a number")
     source = base if base in built_in_sets() else beside(path, base) or base
-    return Model(
+    model = Model(
         load_parameters(source).replace(**overrides),
         variant,
         resolve(effects),
@@ -88,7 +106,15 @@ def read_model(path: str | Path) -> Model:
         overrides,
         str(raw.get("note", "")),
         {name: float(value) for name, value in mounting.items()},
+        _laws(path, raw),
     )
+    if "covariance" not in raw:
+        return model
+    try:
+        known = read_covariance(_table(path, raw, "covariance"), quantities(model))
+    except ModelError as error:
+        raise ModelError(f"{path.name}: {error}") from None
+    return replace(model, covariance=known)
 
 
 def save_model(
@@ -99,6 +125,8 @@ def save_model(
     overrides: Mapping[str, float] | None = None,
     effects: Mapping[str, Mapping[str, float]] | None = None,
     mounting: Mapping[str, float] | None = None,
+    laws: Sequence[Law] = (),
+    covariance: Covariance | None = None,
     note: str = "",
 ) -> None:
     """Write a model file (TOML, or JSON if the name ends so) and check that it can be read.
@@ -113,6 +141,10 @@ def save_model(
     if mounting:
         raw["mounting"] = {name: float(value) for name, value in mounting.items()}
     raw["effects"] = resolve(effects or {})
+    if laws:
+        raw["laws"] = laws_as_tables(laws)
+    if covariance is not None:
+        raw["covariance"] = plain(covariance)
     text = json.dumps(raw, indent=2) + "\n" if path.suffix == ".json" else _toml(raw)
     trial = path.with_name(f".{path.name}.new{path.suffix}")
     trial.write_text(text, encoding="utf-8")
@@ -125,12 +157,17 @@ def save_model(
 
 def _toml(raw: Mapping[str, Any]) -> str:
     tables = ("overrides", "mounting")
-    lines = [f"{key} = {quoted(raw[key])}" for key in raw if key not in (*tables, "effects")]
+    lines = [
+        f"{key} = {quoted(raw[key])}" for key in raw if key not in (*tables, "effects", *_ARRAYS)
+    ]
     for table in (t for t in tables if t in raw):
         lines += ["", f"[{table}]", *(f"{name} = {value!r}" for name, value in raw[table].items())]
     for name, values in raw["effects"].items():
         lines += ["", f"[effects.{name}]"]
         lines += [f"{key} = {value!r}" for key, value in values.items()]
+    lines += laws_as_toml(raw.get("laws", ()))
+    if "covariance" in raw:
+        lines += ["", *toml_lines(raw["covariance"])]
     return "\n".join(lines) + "\n"
 
 
@@ -152,6 +189,13 @@ def _json(text: str) -> Any:
     # JSON can name half a character, which no file, terminal or log can hold. Raises ValueError.
     json.dumps(raw, ensure_ascii=False).encode("utf-8")
     return raw
+
+
+def _laws(path: Path, raw: Mapping[str, Any]) -> tuple[Law, ...]:
+    try:
+        return laws_from_tables(raw.get("laws", []))
+    except ModelError as error:
+        raise ModelError(f"{path.name}: {error}") from None
 
 
 def _table(path: Path, raw: Mapping[str, Any], key: str) -> dict[str, Any]:

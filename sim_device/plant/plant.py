@@ -22,9 +22,13 @@ _REASONS = {
     k.NOT_CONVERGED: "the equilibrium of temperature, fractions and force was not found",
     k.NOT_FINITE: "the state is no longer finite",
 }
-_NOISES = 10
+NOISE_OF_READINGS = (
+    *("noise_current",) * 2, *("noise_voltage",) * 2, *("noise_temperature",) * 4,
+    "noise_displacement", "noise_force",
+)  # fmt: skip
+"""Parameter with the noise of each number of SENSED."""
 # Where the numbers of the state and of the drive stand in their rows.
-_SENSED = slice(
+SENSED = slice(
     k.place_of(k.State, "shared.sensed.i_x"), k.place_of(k.State, "shared.sensed.force") + 1
 )
 _DRIVE = slice(k.place_of(k.Work, "drive.i_x"), k.place_of(k.Work, "drive.stage") + 1)
@@ -92,10 +96,7 @@ class Plant:
         self._last: Drive | None = None
         self._max_step_s = max_step_s
         self._rng = np.random.default_rng(seed)
-        names = (*("current",) * 2, *("voltage",) * 2, *("temperature",) * 4)
-        self._sigma = np.array(
-            [parameters[f"noise_{name}"] for name in (*names, "displacement", "force")]
-        )
+        self._sigma = np.array([parameters[name] for name in NOISE_OF_READINGS])
         self._supply_V = parameters["supply_voltage"]
         self._supply_Ohm = parameters["supply_resistance"]
 
@@ -129,8 +130,8 @@ class Plant:
 
     def read(self) -> Readings:
         """What the sensors say now. Every call draws new noise from the seed."""
-        seen = self._row[_SENSED].tolist()
-        noise = (self._rng.standard_normal(_NOISES) * self._sigma).tolist()
+        seen = self._row[SENSED].tolist()
+        noise = (self._rng.standard_normal(len(NOISE_OF_READINGS)) * self._sigma).tolist()
         i_x, i_y, v_x, v_y, t_x, t_y, t_in, t_air, u, force = map(operator.add, seen, noise)
         drawn = self._row[_CURRENT_X] + self._row[_CURRENT_Y]
         return Readings(
@@ -156,6 +157,13 @@ class Plant:
     def truth(self) -> PlantTruth:
         """The state behind the readings."""
         return truth_of(self._row)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The numbers of the kernel's state, to read at `kernel.place_of`; not for writing."""
+        seen = self._row.view()
+        seen.flags.writeable = False
+        return seen
 
     @property
     def energy(self) -> EnergyBook:

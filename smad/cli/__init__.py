@@ -12,8 +12,10 @@ from collections.abc import Mapping, Sequence
 
 import click
 
+from firmware_protocol.nearest import instead
 from smad.errors import SmadError
 from smad.parts import missing
+from smad.survival import volunteer
 from smad.version import VERSION
 
 COMMANDS: Mapping[str, str] = {
@@ -42,8 +44,13 @@ COMMANDS: Mapping[str, str] = {
     "run": "smad.cli.run:run",
     "tune": "smad.cli.tune:tune",
     "gap": "smad.cli.gap:gap",
+    "model": "smad.cli.model:model",
+    "docs": "smad.cli.docs:docs",
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
+
+READS_FILES = frozenset(("log", "gap"))
+"""Commands that are ended first when memory runs out: a file may hold more than it seems to."""
 
 _INTERRUPTED = 130
 _INTERNAL = 70
@@ -75,11 +82,8 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that is called; one misspelt is answered with the nearest."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            import difflib
-
-            near = difflib.get_close_matches(args[0], COMMANDS, n=2)
-            hint = f" Did you mean {' or '.join(near)}?" if near else ""
-            ctx.fail(f"There is no command {args[0]!r}.{hint}")
+            told = instead(args[0], COMMANDS, "smad --help lists them")
+            ctx.fail(f"There is no command {args[0]!r}; {told}")
         return super().resolve_command(ctx, args)
 
 
@@ -112,6 +116,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def execute(arguments: Sequence[str]) -> int:
     """Run one command; return its exit status. Errors become one line on standard error."""
+    if arguments and arguments[0] in READS_FILES:
+        volunteer()
     try:
         result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)
     except SmadError as error:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from smad.gap.paired.programme import ProgrammeRun
     from smad.gap.paired.series import Play, Recorded
 
-LEASE_S = 10.0
+LEASE_S = 2.0
 _SEED_STEP = 100_003
 
 
@@ -79,8 +79,10 @@ def live(bench: str, *, who: str) -> Iterator[Play]:
     come back to where the recorded run began is told of and played all the same.
     """
     from smad.cli.output import client
+    from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(bench) as connected:
+        require_ready(connected, extra="gap")
         player = _LivePlayer(connected, bench, who)
         try:
             yield player
@@ -95,6 +97,7 @@ class _LivePlayer:
         self._client = client
         self._bench = bench
         self._who = who
+        client.as_of(client.motion().generation)
         self._config = parse_config(client.config())
         board = client.status().board
         self._uid = "" if board is None else board.uid

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from firmware_protocol.nearest import instead
 from smad.cli import complete
 from smad.cli.output import NEGATIVE, bench_option, checked, client, described, wait_for_motion
 
@@ -16,8 +17,11 @@ _wait = click.option(
 @click.command()
 @bench_option
 def arm(bench: str) -> None:
-    """Let current through: the board checks itself and arms."""
-    with client(bench) as bench_client:
+    """Let current through: the board checks itself and arms.
+
+    It stays armed after this command, without a lease: nobody is missed, until somebody disarms.
+    """
+    with client(bench, lasting=True) as bench_client:
         bench_client.arm()
     click.echo("armed: current flows from now on when you command it; smad disarm ends it")
 
@@ -51,8 +55,8 @@ def _fault(ctx: click.Context, param: click.Parameter, value: str | None) -> int
     if number is None and value.isdecimal() and int(value) in by_name.values():
         number = int(value)
     if number is None:
-        names = ", ".join(by_name)
-        raise click.BadParameter(f"there is no fault {value!r}; there are {names}", ctx, param)
+        told = instead(value, by_name, "smad faults list shows them")
+        raise click.BadParameter(f"there is no fault {value!r}; {told}", ctx, param)
     return number
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from firmware_protocol.nearest import instead
 from smad.cli import complete
 from smad.cli.output import Finite, bench_option, client, progress
 from smad.errors import CommandError
@@ -91,8 +92,9 @@ def run_command(
     In lockstep the board and the daemon's control task run on virtual time; faults of the host
     are tried on a real daemon process. Exit status 1 if anything breaks the oracle.
     """
+    from smad.cli.tables import print_table
     from smad.faults import report
-    from smad.report.page import text_table, write_page
+    from smad.report.page import write_page
 
     began_s = time.monotonic()
     results: list[Judged] = []
@@ -110,8 +112,8 @@ def run_command(
         command=_described(asked.params),
         results=tuple(results),
     )
-    click.echo(text_table(report.table_of(report.by_fault(run.results))))
-    click.echo(text_table(report.table_of(report.by_group(run.results))))
+    print_table(report.table_of(report.by_fault(run.results)))
+    print_table(report.table_of(report.by_group(run.results)))
     _write(report.json_of(run), json_path)
     if html_path is not None:
         write_page(report.page_of(run), html_path)
@@ -143,11 +145,11 @@ def soak(
     """
     from dataclasses import replace
 
+    from smad.cli.tables import print_table
     from smad.client.signals import ended_by_signals
     from smad.faults.soak import report
     from smad.faults.soak.found import FULL
     from smad.faults.soak.run import run_stage
-    from smad.report.page import text_table
 
     chosen = [stage for stage in FULL if rate is None or stage.rate_hz == int(rate)]
     if seconds is not None:
@@ -159,7 +161,7 @@ def soak(
         line.done()
     for found in results:
         click.echo(report.facts(found))
-        click.echo(text_table(report.table_of(found)))
+        print_table(report.table_of(found))
         for command in found.not_logged[:_SHOWN]:
             click.echo(f"NOT LOGGED {command}")
     _write(report.json_of(results), json_path)
@@ -184,16 +186,16 @@ def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
     Strangers' keys, replayed, malformed and huge messages, a crowd of connections. Exit status 1
     if one is carried out or not told, costs a sample, or leaves something behind.
     """
+    from smad.cli.tables import print_table
     from smad.client.signals import ended_by_signals
     from smad.faults.fort import Scale
     from smad.faults.hostile import json_of, run_attacks, table_of
-    from smad.report.page import text_table
 
     scale = Scale(messages=messages, connections=connections)
     with ended_by_signals(), progress() as line:
         held = run_attacks(scale, line.say)
         line.done()
-    click.echo(text_table(table_of(held)))
+    print_table(table_of(held))
     _write(json_of(held), json_path)
     ok = not any(one.failures for one in held)
     click.echo("the daemon stood every attack" if ok else "an attack did harm")
@@ -214,7 +216,7 @@ def _chosen(
         if name not in known:
             raise CommandError(
                 "there is no such fault in the campaign asked for", value=name,
-                limit=", ".join(sorted(known)), action="smad sim --help says how to inject by hand",
+                action=instead(name, sorted(known), "smad sim --help says how to inject by hand"),
             )  # fmt: skip
     wanted = known if not only else set(only)
     return (
@@ -284,7 +286,11 @@ def _fault(name: str) -> object:
         if wanted in (fault.name, str(int(fault))):
             return fault
     raise CommandError(
-        "there is no fault of this name or number", value=name, action="see smad faults list"
+        "there is no fault of this name or number",
+        value=name,
+        action=instead(
+            name, [f.name.lower() for f in Fault if f], "smad faults list shows them all"
+        ),
     )
 
 

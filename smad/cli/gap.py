@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shlex
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,8 @@ from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
     hold_out_option,
+    leave_out_option,
+    remaining,
     runs_argument,
     some_runs_argument,
 )
@@ -63,23 +66,29 @@ gap.add_command(investigate)
 @runs_argument
 @hold_out_option
 @good_option
+@leave_out_option
 @_params
 @_variant
 @_seed
 @click.option("--json", "json_path", type=_OUT, help="Write the whole diagnosis here.")
 @click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
 @click.option("--apply", "model_path", type=_OUT, help="Write the improved model here.")
+@click.option("--fmu", type=_RUN, help="The model is this unit of FMI 2.0; needs --map.")
+@click.option("--map", "map_path", type=_RUN, help="With --fmu: what its variables are (TOML).")
 def diagnose(
     *,
     runs: tuple[Path, ...],
     hold_out: tuple[Path, ...],
     good: tuple[Path, ...],
+    leave_out: tuple[str, ...],
     params: str,
     variant: str,
     seed: int,
     json_path: Path | None,
     html_path: Path | None,
     model_path: Path | None,
+    fmu: Path | None,
+    map_path: Path | None,
 ) -> None:
     """Say where model and RUNs disagree, because of what, and how much of the gap goes.
 
@@ -89,10 +98,23 @@ def diagnose(
     A RUN is a run log, a folder of them, or a quoted pattern. Give RUNs before --hold-out and
     --good, which take all that follows.
     """
-    plant = _plant(params, variant)
+    runs, hold_out, good = remaining((runs, hold_out, good), leave_out)
+    if not runs:
+        raise click.UsageError("--leave-out leaves no run to fit; give more runs")
+    if (fmu is None) != (map_path is None):
+        raise click.UsageError("--fmu and --map belong together; give both")
+    if fmu is not None and model_path is not None:
+        raise click.UsageError("--apply writes a model of the spring pair; leave it out with --fmu")
+    plant = None if fmu is not None else _plant(params, variant)
     with _clean_errors():
-        result = _diagnosed(plant, runs, good, hold_out, seed)
-        asked = _asked(runs, hold_out, good, model_path)
+        if plant is None:
+            assert fmu is not None
+            assert map_path is not None
+            result = _of_unit((fmu, map_path), runs, good, hold_out, seed)
+        else:
+            result = _diagnosed(plant, runs, good, hold_out, seed)
+        # Of a plant that is not ours, no command but this one is known.
+        asked = None if plant is None else _asked(runs, hold_out, good, model_path)
         _print_verdict(result, asked)
         if json_path is not None:
             json_path.write_bytes(result.to_json())
@@ -101,7 +123,7 @@ def diagnose(
             from smad.report.page import write_page
 
             write_page(page_of(result, asked), html_path)
-        if model_path is not None:
+        if model_path is not None and plant is not None:
             from smad.gap.apply import apply
 
             apply(result, plant, model_path)
@@ -127,6 +149,7 @@ def effects(*, variant: str, as_json: bool) -> None:
     for e in library:
         click.echo(f"{e.name}  ({e.sub_model}: {', '.join(e.signals)})")
         click.echo(f"    {e.title}: {e.equation}")
+        click.echo(f"    places: {', '.join(e.places)}")
         for q in e.parameters:
             kind = "" if q.strength else ", shape"
             high = with_unit(f"{q.high:g}", q.unit)
@@ -152,7 +175,7 @@ def verify(
     with _clean_errors():
         from smad.gap.verify import verified
 
-        rows = verified(plant, _read(runs), plant.load_model(model_path))
+        rows = verified(plant, _read(runs, runs), plant.load_model(model_path))
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=1).decode())
         return
@@ -266,10 +289,27 @@ def _clean_errors() -> Iterator[None]:
         raise GapError(str(error)) from error
 
 
-def _read(paths: Sequence[Path]) -> list[GapRun]:
+def _read(paths: Sequence[Path], among: Sequence[Path]) -> list[GapRun]:
     from smad.gap.sma.signals import read_gap_run
+    from smad.runlog.bounds import Together
 
-    return [read_gap_run(path) for path in paths]
+    together = Together()
+    runs = [read_gap_run(path, together) for path in paths]
+    names = [_unlike(path, among) for path in paths]
+    return [
+        dataclasses.replace(run, name=name) if name else run
+        for run, name in zip(runs, names, strict=True)
+    ]
+
+
+def _unlike(path: Path, paths: Sequence[Path]) -> str:
+    """A name with as much of the folder as tells two files of one name apart; empty: no need."""
+    alike = [p for p in paths if p != path and p.name == path.name]
+    parts = path.absolute().parts
+    for k in range(2, len(parts) + 1):
+        if not any(p.absolute().parts[-k:] == parts[-k:] for p in alike):
+            return "/".join((*parts[-k:-1], path.stem)) if alike else ""
+    return ""
 
 
 def _diagnosed(
@@ -288,7 +328,8 @@ def _diagnosed(
     with progress() as line:
         say: Callable[[str], None] = line.say
         say("reading")
-        asked, known, held = _read(runs), _read(good), _read(hold_out)
+        everything = (*runs, *good, *hold_out)
+        asked, known, held = (_read(some, everything) for some in (runs, good, hold_out))
         found = diagnose(
             asked,
             plant=plant,
@@ -300,6 +341,21 @@ def _diagnosed(
         now = [Found.of(*x) for x in zip((*runs, *hold_out), (*asked, *held), strict=True)]
         then = [Found.of(*x) for x in zip(good, known, strict=True)]
         return msgspec.structs.replace(found, repeated=repeated(plant, then, now, say))
+
+
+def _of_unit(
+    unit: tuple[Path, Path],
+    runs: Sequence[Path],
+    good: Sequence[Path],
+    hold_out: Sequence[Path],
+    seed: int,
+) -> Diagnosis:
+    from smad.fmi.asked import diagnose_unit
+
+    with progress() as line:
+        return diagnose_unit(
+            *unit, runs, good=good, hold_out=hold_out, seed=seed, progress=line.say
+        )
 
 
 def _asked(
@@ -314,13 +370,14 @@ def _asked(
     return Asked(shlex.join(words), "" if model is None else str(model))
 
 
-def _print_verdict(result: Diagnosis, asked: Asked) -> None:
+def _print_verdict(result: Diagnosis, asked: Asked | None) -> None:
     from smad.gap.report import summary_lines
 
     headline, *rest = summary_lines(result, asked)
+    width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
-        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=100))
+        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
 
 
 def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None:
@@ -348,14 +405,23 @@ def _list_catalogue() -> None:
 
 def _perform(name: str, seed: int, bench: str) -> None:
     """Carries an experiment out on the bench."""
-    from smad.cli.output import client
+    from smad.cli.benches import LEASE_S
+    from smad.cli.leased import LeasedDriver
+    from smad.cli.output import client, shown
+    from smad.client.signals import ended_by_signals
     from smad.experiments.live import LiveDriver
+    from smad.experiments.ready import require_ready
     from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
-    with progress() as line:
-        LiveDriver(client(bench), progress=line.say).run(plan)
-    click.echo(f"done: {name}; the daemon has recorded it as {plan.name}")
+    with ended_by_signals(), client(bench) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
+        require_ready(connected, extra="gap")
+        driver = LiveDriver(connected, progress=line.say)
+        LeasedDriver(
+            connected, driver, lease_s=LEASE_S, progress=line.say, who="smad gap next"
+        ).run(plan)
+    click.echo(f"done: {name}, recorded to {shown(driver.log or plan.name)}")
 
 
 def _simulated_point(

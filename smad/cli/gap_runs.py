@@ -82,6 +82,31 @@ runs_argument = click.argument(
 some_runs_argument = click.argument(
     "runs", nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
 )
+
+
+def remaining(groups: Sequence[Sequence[Path]], left_out: Sequence[str]) -> list[tuple[Path, ...]]:
+    """The groups without runs of these names: of a file, with or without its suffix, or its path.
+
+    Raises BadParameter where a name is of none of them.
+    """
+    known = {word for group in groups for path in group for word in _words(path)}
+    for name in left_out:
+        if name not in known:
+            names = ", ".join(sorted({path.name for group in groups for path in group}))
+            raise click.BadParameter(
+                f"{name!r} is none of the runs given. They are: {names}", param_hint="--leave-out"
+            )
+    return [tuple(p for p in group if not _words(p) & set(left_out)) for group in groups]
+
+
+def _words(path: Path) -> set[str]:
+    return {str(path), path.name, path.stem}
+
+
+leave_out_option = click.option(
+    "--leave-out", multiple=True, metavar="RUN",
+    help="A run among those given that is left out, by the name that the answer gives it.",
+)  # fmt: skip
 hold_out_option = click.option(
     "--hold-out", multiple=True, callback=files, metavar="RUN…",
     help="Runs to judge on, never fitted to: files, patterns or folders, up to the next option.",

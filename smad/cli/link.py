@@ -47,7 +47,7 @@ def test(duration_s: float, bench: str) -> None:
             "the link is not clean",
             value=f"{lost} losses in {samples} samples",
             limit="0",
-            action="try another cable or USB port, or a lower rate; see docs/guide/daemon.md",
+            action="try another cable or USB port, or a lower rate; see smad docs guide/daemon",
         )
 
 

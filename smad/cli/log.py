@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+import shlex
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
@@ -14,7 +16,9 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
+from smad.cli.tables import fitted
 from smad.errors import RunLogError
+from smad.writable import require_writable
 
 if TYPE_CHECKING:
     from smad.runlog.overview import Overview
@@ -48,12 +52,14 @@ log.add_command(layouts)
 
 
 @log.command("list")
+@click.argument("place", metavar="[FOLDER]", required=False)
 @_folder
 @_json
-def list_command(folder: str, as_json: bool) -> None:
-    """List the run logs of a folder."""
+def list_command(place: str | None, folder: str, as_json: bool) -> None:
+    """List the run logs of FOLDER; left out, those of --folder."""
     from smad.runlog.overview import list_runs
 
+    folder = place or folder
     runs = list_runs(folder)
     if as_json:
         _print_json(runs)
@@ -82,8 +88,13 @@ def show(path: Path | None, folder: str, as_json: bool) -> None:
     summary = summarise(run)
     if as_json:
         _print_json(summary)
-    else:
-        _print_summary(summary)
+        return
+    _print_summary(summary)
+    if run.cut_short or run.damaged:
+        click.echo(
+            "\nthe log is not whole: this is what could be read of it; to write that as a whole "
+            "log: " + shlex.join(["smad", "log", "recover", summary.path])
+        )
 
 
 @log.command()
@@ -92,12 +103,14 @@ def show(path: Path | None, folder: str, as_json: bool) -> None:
 @click.option(
     "--to",
     "suffix",
-    type=click.Choice(["csv", "parquet", "mat"]),
+    type=click.Choice(["csv", "parquet", "mat", "rosbag2"]),
     default="csv",
     show_default=True,
     help="Format, where --output does not name it.",
 )
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="File, or folder of a bag, to write."
+)
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 @_json
 def export(
@@ -109,14 +122,22 @@ def export(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where."""
+    """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where.
+
+    rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages.
+    """
     from smad.runlog.export import export_run
     from smad.runlog.reader import read_run
+    from smad.runlog.rosbag import SUFFIX, export_bag
 
     source = _resolve(path, folder)
     with _progress("reading") as progress:
         run = read_run(source, progress=progress)
-    files = export_run(run, output or source.with_suffix(f".{suffix}"), overwrite=overwrite)
+    target = output or source.with_suffix(f".{suffix}")
+    if suffix == "rosbag2" or target.suffix == SUFFIX:
+        files = [export_bag(run, target, overwrite=overwrite)]
+    else:
+        files = export_run(run, target, overwrite=overwrite)
     if as_json:
         _print_json({"files": [str(file) for file in files], "rows": len(run), "notes": run.notes})
         return
@@ -180,6 +201,8 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
     """Make a run log from a CSV or Parquet file with units in its column names."""
     from smad.runlog.importer import import_table, read_mapping
 
+    if output is not None:
+        require_writable(output)
     rules = read_mapping(mapping) if mapping is not None else None
     done = import_table(source, output or source.with_suffix(".mcap"), rules)
     if as_json:
@@ -202,6 +225,8 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
     """Rewrite a log that was cut or damaged as a whole one, and say what was lost."""
     from smad.runlog.recover import recover as recover_log
 
+    if output is not None:
+        require_writable(output)
     with _progress("recovering") as progress:
         done = recover_log(_resolve(path, folder), output, progress=progress)
     if as_json:
@@ -251,6 +276,10 @@ def _print_notes(notes: Sequence[str]) -> None:
 def _print_table(
     names: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
 ) -> None:
+    if sys.stdout.isatty():
+        numeric = [at for at in range(len(names)) if at not in left]
+        click.echo(fitted(names, rows, numeric, shutil.get_terminal_size().columns), nl=False)
+        return
     widths = [max(map(len, column)) for column in zip(names, *rows, strict=True)]
     for row in (names, *rows):
         cells = [

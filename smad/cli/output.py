@@ -7,6 +7,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -80,18 +81,21 @@ bench_option = click.option(
 lease_option = click.option(
     "--lease",
     type=click.FloatRange(0.5, 3600.0),
-    default=10.0,
+    default=2.0,
     show_default=True,
     metavar="S",
     help="On a real bench: the daemon disarms when this program was silent for so long.",
 )
 
 
-def client(bench: str) -> Client:
-    """Return a client of the running daemon. Raises NoDaemon."""
+def client(bench: str, *, lasting: bool = False) -> Client:
+    """Return a client of the running daemon. Raises NoDaemon.
+
+    With `lasting` the bench stays armed after the command that arms it: no lease is taken.
+    """
     from smad.client import Client
 
-    return Client(bench)
+    return Client(bench, lease_s=None) if lasting else Client(bench)
 
 
 class Progress:
@@ -171,6 +175,14 @@ def described(motion: Motion) -> str:
     if motion.fault is not None:
         parts.append(f"fault {motion.fault.name}")
     return ", ".join(parts)
+
+
+def shown(path: str | Path) -> str:
+    """A path as a person here reads it: from this folder on where it is below it, else whole."""
+    try:
+        return str(Path(path).relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)
 
 
 def good(text: str) -> str:

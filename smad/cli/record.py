@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from smad.cli.output import bench_option, client
+from smad.cli.output import bench_option, client, shown
 
 
 @click.group()
@@ -22,7 +22,7 @@ def start(name: str, bench: str) -> None:
     """
     with client(bench) as bench_client:
         status = bench_client.start_recording(name)
-    click.echo(f"recording to {status.path}")
+    click.echo(f"recording to {shown(status.path)}")
 
 
 @record.command()
@@ -32,7 +32,7 @@ def stop(bench: str) -> None:
     with client(bench) as bench_client:
         status = bench_client.stop_recording()
     lost = f", {status.dropped} samples lost" if status.dropped else ""
-    click.echo(f"{status.path}: {status.rows} samples{lost}")
+    click.echo(f"{shown(status.path)}: {status.rows} samples{lost}")
     if status.error:
         click.echo(f"smad: {status.error}", err=True)
         raise SystemExit(1)

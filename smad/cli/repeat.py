@@ -100,10 +100,13 @@ def _live(
     from smad.cli.output import client
     from smad.client.signals import ended_by_signals
     from smad.config import parse_config
-    from smad.experiments.errors import EndedEarlyError, TrippedError
+    from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
+    from smad.experiments.ready import require_ready
     from smad.experiments.replayer import Directly, Replayer
 
     with ended_by_signals(), client(bench) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
+        require_ready(connected, extra="log")
         found.require_fit(parse_config(connected.config()))
         if not other_bench:
             board = connected.status().board
@@ -119,7 +122,7 @@ def _live(
         )
         try:
             leased.run(found.plan(name))
-        except (EndedEarlyError, TrippedError):
+        except (EndedEarlyError, StoppedError, TrippedError):
             if driver.log is not None:
                 click.echo(f"recorded until then: {driver.log}", err=True)
             raise

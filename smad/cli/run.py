@@ -13,6 +13,7 @@ from smad.cli.output import bench_option, lease_option, progress
 from smad.errors import SmadError
 
 if TYPE_CHECKING:
+    from sim_device.plant.models import Model
     from sim_device.plant.parameters import ParameterSet
     from smad.experiments.base import Experiment
     from smad.experiments.campaign import CampaignResult
@@ -95,9 +96,8 @@ class _Run(click.Command):
 @click.option(
     "--report",
     type=click.Path(dir_okay=False, path_type=Path),
-    default=Path("experiments.html"),
-    show_default=True,
-    help="Where the page goes.",
+    help="Where the page goes; by default experiments.html, or experiments-2.html and so on where "
+    "there is one already.",
 )
 @click.option(
     "--save-parameters",
@@ -124,27 +124,35 @@ def run(names: tuple[str, ...], **options: Any) -> None:
 
     `smad run repeat RUN` plays the inputs of a recorded run again (smad run repeat --help).
     """
+    from smad.experiments.ready import require_ready
+    from smad.runlog.paths import free_path
+
     if options["listing"]:
         _print_list(as_json=options["as_json"])
         return
-    model, variant, effects = _model(options["parameters"], options["model"])
+    given = _model(options["parameters"], options["model"])
+    model = given.parameters
     if options["feedforward"]:
-        click.echo(_feedforward_section(model, variant), nl=False)
+        click.echo(_feedforward_section(model, given.variant), nl=False)
         return
     experiments = _experiments(names, options["settings"])
+    if options["report"] is None:
+        options["report"] = free_path(Path("experiments.html"))
+    require_ready(extra="report", outputs=[options["report"], options["save_parameters"]])
     if options["logs"]:
         result, facts = _from_logs(experiments, model, options["logs"])
     elif options["sim"]:
-        result, facts = _simulated(experiments, model, variant, effects, options)
+        result, facts = _simulated(experiments, given, options)
     else:
         result, facts = _live(experiments, model, options)
     _finish(result, model, facts, options)
 
 
 def _print_list(*, as_json: bool) -> None:
+    from smad.cli.tables import print_table
     from smad.experiments.driver import PARTS
     from smad.experiments.registry import EXPERIMENTS, make_experiment
-    from smad.report.page import Table, text_table
+    from smad.report.page import Table
 
     experiments = [make_experiment(name) for name in EXPERIMENTS]
     if as_json:
@@ -156,7 +164,7 @@ def _print_list(*, as_json: bool) -> None:
     for experiment in experiments:
         needs = [PARTS[part] for part in sorted(experiment.requirements())]
         rows.append((experiment.name, experiment.title, ", ".join(needs) or "a data file"))
-    click.echo(text_table(Table(("name", "what", "needs"), rows)))
+    print_table(Table(("name", "what", "needs"), rows))
 
 
 def _print_json(value: object) -> None:
@@ -165,21 +173,18 @@ def _print_json(value: object) -> None:
     click.echo(msgspec.json.format(msgspec.json.encode(value, order="sorted"), indent=2))
 
 
-def _model(
-    parameters: str, model_file: Path | None
-) -> tuple[ParameterSet, str, dict[str, dict[str, float]]]:
-    """Parameters, variant and effects of the simulated bench."""
+def _model(parameters: str, model_file: Path | None) -> Model:
+    """Parameters, variant, effects and laws of the simulated bench."""
     from sim_device.plant.errors import PlantError
-    from sim_device.plant.models import load_model
+    from sim_device.plant.models import Model, read_model
     from sim_device.plant.parameters import load_parameters
 
     try:
         if model_file is None:
-            return load_parameters(parameters), "extended", {}
-        loaded, variant, effects = load_model(model_file)
+            return Model(load_parameters(parameters), "extended", {}, parameters)
+        return read_model(model_file)
     except PlantError as error:
         raise SmadError(str(error)) from None
-    return loaded, variant, {name: dict(values) for name, values in effects.items()}
 
 
 def _feedforward_section(model: ParameterSet, variant: str) -> str:
@@ -219,9 +224,7 @@ Facts = list[tuple[str, str]]
 
 def _simulated(
     experiments: Sequence[Experiment[Any]],
-    model: ParameterSet,
-    variant: str,
-    effects: dict[str, dict[str, float]],
+    given: Model,
     options: dict[str, Any],
 ) -> tuple[CampaignResult, Facts]:
     import os
@@ -239,19 +242,21 @@ def _simulated(
     if file is None:
         # The inverse of the very model that is simulated, as a user would configure it.
         control = msgspec.structs.replace(
-            config.control, feedforward=feedforward_of(model, variant)
+            config.control, feedforward=feedforward_of(given.parameters, given.variant)
         )
         config = msgspec.structs.replace(config, control=control)
+    model = given.parameters
     bench = Bench(
         model,
         config,
         options["seed"],
-        variant,
-        effects,
+        given.variant,
+        given.effects,
+        given.laws,
         frozenset(options["lacking"]),
         options["save_logs"],
     )
-    facts = [("bench", f"simulated, {variant}, seed {options['seed']}")]
+    facts = [("bench", f"simulated, {given.variant}, seed {options['seed']}")]
     jobs = options["jobs"] or os.cpu_count() or 1
     trials = sum(len(experiment.trials()) for experiment in experiments)
     with progress() as line:
@@ -269,8 +274,11 @@ def _live(
     from smad.client.signals import ended_by_signals
     from smad.experiments.campaign import run_on
     from smad.experiments.live import LiveDriver
+    from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(options["bench"]) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
+        require_ready(connected, extra="report")
         driver = LiveDriver(
             connected,
             fixture=options["fixture"],
@@ -317,12 +325,12 @@ def _finish(
 
 
 def _print_tables(result: CampaignResult, model: ParameterSet, given: ParameterSet | None) -> None:
+    from smad.cli.tables import print_table
     from smad.experiments.report import comparison_table, recovery_table
-    from smad.report.page import text_table
 
-    click.echo(text_table(comparison_table(result)))
+    print_table(comparison_table(result))
     if result.estimates:
-        click.echo(text_table(recovery_table(result.estimates, model, given)))
+        print_table(recovery_table(result.estimates, model, given))
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -75,6 +75,8 @@ class SimulatorError(SmadError):
 )
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after so long.")
 @click.option("--transport", default="pty", show_default=True, help="pty, or fd:N (a socket).")
+@click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
+              help="With --paced-by-host: wait so many times as long for a setpoint.")  # fmt: skip
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
 def sim(
     *,
@@ -91,6 +93,7 @@ def sim(
     store_path: Path | None,
     seconds: float | None,
     transport: str,
+    patience: int,
     parent: int | None,
 ) -> None:
     """Run the simulated bench alone; prints the name of its port.
@@ -99,7 +102,7 @@ def sim(
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
-    from sim_device.pty import serve
+    from sim_device.pty import HOST_TIMEOUT_S, serve
     from smad.config import Config, load_config
 
     if "list" in faults:
@@ -139,6 +142,7 @@ def sim(
                 symlink=symlink,
                 transport=transport,
                 paced_by_host=paced_by_host,
+                host_timeout_s=patience * HOST_TIMEOUT_S,
                 max_seconds=seconds,
                 on_ready=_announce,
             )
@@ -173,20 +177,22 @@ def build(
     from sim_device.faults import parse_injection
     from sim_device.plant import load_parameters
     from sim_device.plant.effects.registry import from_text
-    from sim_device.plant.models import load_model
+    from sim_device.plant.models import read_model
 
     plant = config.plant
     if model_path is not None:
-        parameters, variant, own = load_model(model_path)
+        model = read_model(model_path)
+        parameters, variant, own, laws = model.parameters, model.variant, model.effects, model.laws
     else:
         file = plant.parameter_file
         parameters = load_parameters(Path(file) if file else "A")
-        variant, own = plant.variant, plant.effects
+        variant, own, laws = plant.variant, plant.effects, ()
     make = SimulatedBench if firmware == "python" else _with_firmware(firmware, store_path)
     return make(
         parameters=parameters,
         variant=variant,
         effects={**own, **dict(from_text(text) for text in effects)},
+        laws=laws,
         fixture=plant.fixture,
         rate_hz=rate_hz,
         seed=seed,

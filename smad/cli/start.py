@@ -41,6 +41,9 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
     help="With --sim: the board, see smad sim --help.",
 )
 @click.option("--fd", type=int, hidden=True, help="An inherited socket instead of a port.")
+@click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
+              help="With --paced-by-host: both ends wait so many times as long for each other.",
+)  # fmt: skip
 @click.option("--trace", "trace_path", type=click.Path(path_type=Path), hidden=True)
 @click.option("--no-realtime", is_flag=True, help="Ask for no real-time measures.")
 def start(
@@ -57,6 +60,7 @@ def start(
     faults: tuple[str, ...],
     firmware: str,
     fd: int | None,
+    patience: int,
     trace_path: Path | None,
     no_realtime: bool,
 ) -> int:
@@ -97,7 +101,13 @@ def start(
         speed_ratio=plant.speed_ratio if speed is None else speed,
     )
     return _on_simulation(
-        config, path, reread, paced_by_host=paced_by_host, faults=faults, firmware=firmware
+        config,
+        path,
+        reread,
+        paced_by_host=paced_by_host,
+        patience=patience,
+        faults=faults,
+        firmware=firmware,
     )
 
 
@@ -154,6 +164,7 @@ def _on_simulation(
     reread: Callable[[], Config] | None,
     *,
     paced_by_host: bool,
+    patience: int,
     faults: tuple[str, ...],
     firmware: str,
 ) -> int:
@@ -161,13 +172,13 @@ def _on_simulation(
     from smad.client.endpoints import default_folder, prepare_folder
     from smad.processes.simulator import simulated_bench
 
-    folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
+    folder = Path(config.daemon.ipc_dir or default_folder()).absolute()
     prepare_folder(folder)
     arguments = ["--seed", str(config.plant.seed), "--rate", str(config.link.rate_hz)]
     arguments += ["--speed", str(config.plant.speed_ratio)]
     arguments += ["--firmware", firmware]
     arguments += [] if path is None else ["--config", str(path)]
-    arguments += ["--paced-by-host"] if paced_by_host else []
+    arguments += ["--paced-by-host", "--patience", str(patience)] if paced_by_host else []
     arguments += [word for text in faults for word in ("--fault", text)]
     if config.plant.speed_ratio != 1.0 or paced_by_host:
         # Time that is not the wall's needs no priority; a loop that never sleeps would take a core.
@@ -176,7 +187,7 @@ def _on_simulation(
     with progress() as line, simulated_bench(arguments, symlink, waiting=line.say) as port:
         line.done()
         config = replaced(config, "link", port=port, baud=SIMULATED_BAUDS[firmware])
-        return _run(config, _parameter_text(config), reread)
+        return _run(config, _parameter_text(config), reread, patience=patience)
 
 
 def _parameter_text(config: Config) -> str:
@@ -194,6 +205,7 @@ def _run(
     *,
     trace_path: Path | None = None,
     fd: int | None = None,
+    patience: int = 1,
 ) -> int:
     from smad.daemon.lifecycle import run
     from smad.daemon.link.port import PortFinder, SocketTransport, Transport, open_serial
@@ -219,6 +231,7 @@ def _run(
         reread=reread,
         check_baud=fd is None,
         trace=None if trace_path is None else Trace(trace_path),
+        patience=patience,
     )
     click.echo(f"smad: {ended.line}", err=True)
     return ended.status

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.api import Percentiles, Status
-from smad.cli.output import bad, bench_option, client, good, warned
+from smad.cli.output import bad, bench_option, client, good, shown, warned
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -151,9 +151,9 @@ def _link(now: Status) -> Iterator[str]:
 def _record(now: Status) -> Iterator[str]:
     recorder = now.recorder
     if recorder.recording:
-        yield _line("recording", f"{recorder.path}, {recorder.rows} samples")
+        yield _line("recording", f"{shown(recorder.path)}, {recorder.rows} samples")
     elif recorder.path:
-        yield _line("run log", f"{recorder.path}, {recorder.rows} samples")
+        yield _line("run log", f"{shown(recorder.path)}, {recorder.rows} samples")
     if recorder.error:
         yield _line("", bad(recorder.error))
 

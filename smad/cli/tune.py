@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--save", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
               help="Write the section of the configuration to a new file.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--lease", type=click.FloatRange(1.0, 600.0), default=10.0, show_default=True,
+@click.option("--lease", type=click.FloatRange(1.0, 600.0), default=2.0, show_default=True,
               metavar="S", help="Disarm when this command is silent for so long.")  # fmt: skip
 @bench_option
 def tune(
@@ -36,10 +36,13 @@ def tune(
     Nothing is changed without --apply or --save, and nothing when the trial goes worse than with
     the gains you have.
     """
+    from smad.experiments.ready import require_ready
+
     if save is not None and save.exists():
         raise CommandError(
             f"{save} exists", action="name a new file, and copy the section from it; nothing moved"
         )
+    require_ready(outputs=[save])
     session = _session(loop, spring, trial=trial, apply=apply, lease_s=lease, bench=bench)
     section = session.tuned.toml()
     if save is not None and not session.worse:
@@ -66,9 +69,12 @@ def _session(
     from smad.config import parse_config
     from smad.control.commands import Tune
     from smad.experiments.live import LiveDriver
+    from smad.experiments.ready import require_ready
     from smad.experiments.tuning import tune_displacement, tune_temperature
 
     with ended_by_signals(), client(bench) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
+        require_ready(connected, extra="sim")
         config = parse_config(connected.config()).control
         driver = LeasedDriver(
             connected,

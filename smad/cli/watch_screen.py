@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 from firmware_protocol import enums
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Entry, Status
+from smad.cli.output import shown
 from smad.runlog.schema import Row
 from smad.view.strips import STRIPS, Curve, Strip
 
@@ -147,7 +148,7 @@ def _facts(now: Status) -> Iterator[Line]:
     if recorder.error:
         yield Line(f"run log: {recorder.error}", "bad")
     elif recorder.recording:
-        yield Line(f"recording {recorder.path}")
+        yield Line(f"recording {shown(recorder.path)}")
     if now.control.holder:
         yield Line(f"in control: {now.control.holder}, {now.control.left_s:.0f} s left")
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
@@ -17,6 +18,7 @@ from smad.client.channel import Channel, pause
 from smad.client.endpoints import Connection
 from smad.client.errors import Refused
 from smad.client.progress import Wait
+from smad.client.renewal import DEFAULT_LEASE_S, Renewal, program_name
 from smad.client.signals import ended_by_signals
 from smad.client.wire import Keys, Reply, find_daemon, remote
 from smad.control.commands import (
@@ -43,6 +45,10 @@ class Client:
     Finds a daemon on this machine by `bench` (and `folder`, where that is not the usual one).
     `Client.remote(...)` reaches one on another machine.
 
+    Who arms has exclusive control from before it arms until it disarms, under a lease of `lease_s`
+    that is renewed in the background: a program that is killed leaves a bench that is disarmed
+    after so long. None: no lease, nobody is missed, and other clients may command.
+
     Raises NoDaemon when none is running. Every method may raise NoAnswer after `timeout_s`, and
     Refused (NotReady, NotInControl, BoardRefused) when the daemon refuses.
     """
@@ -53,8 +59,9 @@ class Client:
         *,
         folder: str | Path | None = None,
         timeout_s: float = DEFAULT_TIMEOUT_S,
+        lease_s: float | None = DEFAULT_LEASE_S,
     ) -> None:
-        self._open(find_daemon(bench, folder), None, timeout_s)
+        self._open(find_daemon(bench, folder), None, timeout_s, lease_s)
 
     @classmethod
     def remote(
@@ -65,15 +72,25 @@ class Client:
         *,
         telemetry: str = "",
         timeout_s: float = DEFAULT_TIMEOUT_S,
+        lease_s: float | None = DEFAULT_LEASE_S,
     ) -> Client:
         """A client of a daemon on another machine: `tcp://host:port` for commands and for stops."""
         client = cls.__new__(cls)
-        client._open(remote(address, stop_address, telemetry, keys), keys, timeout_s)
+        connection = remote(address, stop_address, telemetry, keys)
+        client._open(connection, keys, timeout_s, lease_s)
         return client
 
-    def _open(self, connection: Connection, keys: Keys | None, timeout_s: float) -> None:
+    def _open(
+        self, connection: Connection, keys: Keys | None, timeout_s: float, lease_s: float | None
+    ) -> None:
         self.connection = connection
         self.timeout_s = timeout_s
+        self.lease_s = lease_s
+        self._leased = False
+        """Whether the lease is the one that arming takes by itself."""
+        self._renewal = Renewal(connection, keys)
+        # A client that nobody has any more is none that could be missed.
+        weakref.finalize(self, self._renewal.end)
         self._channel = Channel(connection, keys)
         self._conversation = self._channel.conversation
 
@@ -89,7 +106,8 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Give the sockets back; the bench goes on as it is."""
+        """Give the sockets back. What was armed under our lease is disarmed when that lapses."""
+        self._renewal.end()
         self._channel.close()
 
     def status(self) -> api.Status:
@@ -110,18 +128,51 @@ class Client:
         return self._call(api.ResetTiming(), api.Timing)
 
     def arm(self) -> api.Motion:
-        """Arm the bench. What you ask for afterwards is refused once anybody has stopped it."""
-        motion = self._call(api.Arm(), api.Motion)
-        self._conversation.begin(motion.generation)
+        """Arm the bench. What you ask for afterwards is refused once anybody has stopped it.
+
+        So is another arming: only after a disarm of this client, and no other stop, does it arm
+        again. A person starts it anew: with a new client, `clear`, or `as_of(None)`.
+        """
+        # Before anything is armed: who is killed while it arms is missed, too.
+        if self._leased or (self.lease_s is not None and not self._conversation.lease):
+            self._take_lease()
+        try:
+            motion = self._call(api.Arm(), api.Motion)
+        except Refused as refused:
+            if self._leased and refused.reason is not api.Reason.ARMED:
+                self._return_lease()
+            raise
+        except BaseException:
+            # It may be armed: only the lease's end is sure to disarm it now.
+            if self._leased:
+                self._renewal.end()
+            raise
+        self._conversation.begin(motion.generation, known=motion.generation)
         return motion
 
-    def as_of(self, generation: int | None) -> None:
+    def _take_lease(self) -> None:
+        lease_s = DEFAULT_LEASE_S if self.lease_s is None else self.lease_s
+        self.take_control(program_name(), lease_s)
+        self._leased = True
+        self._renewal.begin(self._conversation.lease, lease_s)
+
+    def _return_lease(self) -> None:
+        # Without an answer it lapses.
+        with contextlib.suppress(SmadError):
+            self.release_control()
+        self._conversation.lease = ""
+        self._leased = False
+
+    def as_of(self, generation: int | None) -> int | None:
         """Refuse what is asked from now on if a stop came after `generation`; None: after none.
 
-        For who passes on what a person asked: the person knew of the stops up to this one
-        (`Motion.generation`). The next arming is refused, too, also after a stop of ours.
+        For who passes on what a person asked, and for a program at its beginning: the person knew
+        of the stops up to this one (`Motion.generation`). The next arming is refused, too. None
+        starts anew. Returns the generation that was in force.
         """
+        before = self._conversation.known
         self._conversation.begin(generation, known=generation)
+        return before
 
     def disarm(self) -> api.Motion:
         """Current off, water on until cool; returns when the board is not armed any more.
@@ -129,17 +180,27 @@ class Client:
         Goes over the stop channel, which is served first. Raises BoardRefused when the board does
         not confirm within a second; the daemon goes on asking it.
         """
-        self._conversation.generation = None
-        return self._call(api.Disarm(), api.Motion, stop=True)
+        if self._leased:
+            # From here on nothing keeps a bench armed whose disarm is not answered.
+            self._renewal.end()
+        motion = self._call(api.Disarm(), api.Motion, stop=True)
+        self._conversation.stopped(motion.generation)
+        if self._leased:
+            self._return_lease()
+        return motion
 
     def estop(self) -> api.Motion:
         """Everything off until the board's power is cycled; returns when the board says ESTOP."""
-        self._conversation.generation = None
         return self._call(api.EStop(), api.Motion, stop=True)
 
     def clear(self, fault: int | None = None) -> api.Motion:
-        """Acknowledge the latched fault (or the one of that number, if it is the latched one)."""
-        return self._call(api.Clear(fault=fault), api.Motion)
+        """Acknowledge the latched fault (or the one of that number, if it is the latched one).
+
+        A person has seen what stopped the bench: the next `arm` starts anew.
+        """
+        motion = self._call(api.Clear(fault=fault), api.Motion)
+        self._conversation.begin(None)
+        return motion
 
     def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
         """Follow trajectories one after the other; `queue` appends to what runs already."""
@@ -230,12 +291,15 @@ class Client:
         When you fall silent for `lease_s` while the bench is armed, it is disarmed. Control of a
         bench that somebody else armed is refused: disarm it first.
         """
+        self._renewal.end()
+        self._leased = False
         control = self._call(api.TakeControl(name=name, lease_s=lease_s), api.Control)
         self._conversation.lease = control.lease
         return control
 
     def release_control(self) -> api.Control:
         """Give exclusive control back."""
+        self._renewal.end()
         control = self._call(api.ReleaseControl(), api.Control)
         self._conversation.lease = ""
         return control
@@ -245,7 +309,7 @@ class Client:
         """Armed for as long as the block lasts: disarmed at its end, on an exception, on ctrl-C.
 
         And on SIGTERM and SIGHUP, where the program has no handler of its own for them. One that
-        is killed cannot disarm; inside `in_control` the daemon misses it and does.
+        is killed cannot disarm; the daemon misses it and does, within the lease.
         """
         refused = False
         with ended_by_signals():
@@ -278,9 +342,11 @@ class Client:
     def in_control(self, name: str, lease_s: float = 10.0) -> Iterator[None]:
         """Have exclusive control for as long as the block lasts; raises NotInControl.
 
-        A program that dies inside it leaves a bench that is disarmed after `lease_s` of silence.
+        The lease is renewed in the background. A program that is killed inside the block leaves a
+        bench that is disarmed after `lease_s`.
         """
         self.take_control(name, lease_s)
+        self._renewal.begin(self._conversation.lease, lease_s)
         try:
             yield
         finally:

@@ -93,7 +93,7 @@ class Endpoints:
 def default_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """Return the folder of a daemon that a user starts."""
     if named := environment.get(FOLDER_VARIABLE):
-        return Path(named)
+        return Path(named).absolute()
     if runtime := environment.get("XDG_RUNTIME_DIR"):
         return Path(runtime) / "smad"
     return Path(f"/tmp/smad-{os.getuid()}")

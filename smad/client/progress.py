@@ -22,19 +22,20 @@ class Wait:
         Raises Stopped when the board is not armed any more, or was stopped and armed by somebody
         else since; NoAnswer when the time is over.
         """
-        if self._generation is not None and motion.armed and motion.generation != self._generation:
+        since = self._generation is not None and motion.generation != self._generation
+        if since and motion.armed:
             raise Stopped(
                 "the motion ended early: the bench was stopped, and has been armed again since",
                 action="see smad status for what happened; disarm, arm and start again",
             )
         fault = motion.fault
-        if not motion.armed or fault is not None:
+        if not motion.armed or since or fault is not None:
             raise Stopped(
                 "the motion ended early: "
                 + (
                     f"the {fault.by} stopped with {fault.name}"
                     if fault
-                    else "the bench is not armed"
+                    else motion.ended or "the bench is not armed"
                 ),
                 value=f"board in {motion.mode}",
                 action="smad faults explain says what to do"

@@ -51,8 +51,8 @@ class Conversation:
 
     `lease` is the secret of our exclusive control (empty: none). `generation` is the one in which
     we armed (None: we did not): what we ask for after that is refused once a stop has come.
-    `known` is the one that a person knew of for whom we ask (None: we were not told): the next
-    arming, which else begins anew, is then refused as well.
+    `known` is the last one that this program knows of (None: it began to look at nothing yet): an
+    arming of a program that does not know of a stop is refused, until a person starts it anew.
     """
 
     def __init__(self) -> None:
@@ -65,6 +65,14 @@ class Conversation:
         """Set the generation of what is asked for from now on, and of the next arming."""
         self.generation = generation
         self.known = known
+
+    def stopped(self, generation: int) -> None:
+        """Note the generation that our own stop ended in.
+
+        Ours made one. Where more have come, somebody else's stop was among them, and stays unknown.
+        """
+        if self.known is not None and generation == self.known + 1:
+            self.begin(generation, known=generation)
 
     def request(self, params: Struct) -> tuple[int, bytes]:
         """Return the id and the bytes of a request.

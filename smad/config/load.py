@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
 from pathlib import Path
@@ -10,6 +9,8 @@ from typing import Any, NoReturn
 
 import msgspec
 
+from firmware_protocol.nearest import instead
+from smad.bounds import in_words
 from smad.config.describe import find_section
 from smad.config.model import Config
 from smad.errors import ConfigError
@@ -85,7 +86,7 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
         ) from None
     if key is None:
         # A check of several keys together; its message says what to do.
-        raise ConfigError(f"{source}: [{path}] {cause}") from None
+        raise ConfigError(f"{source}: [{path}] {in_words(cause)}") from None
     raise ConfigError(
         f"{source}: {path} is not allowed",
         value=_value_at(text, section_name, name),
@@ -97,11 +98,9 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
 def _refuse_unknown(name: str, path: str, source: str) -> NoReturn:
     section = find_section(path)
     known = [key.name for key in section.keys] if section else list(Config.__struct_fields__)
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
     raise ConfigError(
         f"{source}: unknown key {f'{path}.{name}'.lstrip('.')}",
-        limit=", ".join(known),
-        action=f"did you mean {close[0]}?" if close else _HELP,
+        action=instead(name, known, _HELP),
     ) from None
 
 

@@ -144,7 +144,7 @@ def _tripped(trip: Trip, board_time_s: float) -> BenchStoppedError:
         f"a limit of the host ended the motion after {board_time_s:.2f} s",
         value=f"{str(trip.limit.name).lower()}, {trip.measured:.4g}",
         limit=f"{trip.allowed:g}",
-        action="see [limits] in docs/guide/configuration.md",
+        action="see [limits] in smad docs guide/configuration",
     )
 
 

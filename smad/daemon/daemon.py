@@ -65,7 +65,7 @@ class Process:
 
     `nonce` tells the board's answers to this daemon from those to an earlier one. `reserve` is a
     block in which descriptors of the reserve may be used. `parameter_text` is the parameter file
-    of a simulated bench, None on a real one.
+    of a simulated bench, None on a real one. `patience` is that of the session with the board.
     """
 
     loop: asyncio.AbstractEventLoop
@@ -75,6 +75,7 @@ class Process:
     nonce: int
     reserve: Reserve = nullcontext
     parameter_text: str | None = None
+    patience: int = 1
     trace: Trace | None = None
     clocks: Clocks = field(default_factory=Clocks)
 
@@ -112,7 +113,7 @@ class Daemon:
 
     def _towards_the_board(self, opener: Callable[[], Transport], process: Process) -> BoardSide:
         config = self.config
-        self.session = HostSession(nonce=process.nonce)
+        self.session = HostSession(nonce=process.nonce, patience=process.patience)
         self.link = Link(
             opener,
             loop=self.loop,
@@ -238,7 +239,7 @@ class Daemon:
         if state is HostState.FAULTED:
             return "the board has stopped already"
         hot = state in (HostState.RUNNING, HostState.READY)
-        self.stops.begin("the daemon is ending")
+        self.stops.begin("the daemon is ending", by="the end of the daemon")
         try:
             # Whatever died may be what lets the time of the wait itself run out.
             await asyncio.wait_for(self.stops.until_confirmed(), 2.0)
@@ -301,7 +302,7 @@ class Daemon:
         if isinstance(event, BoardRestarted):
             self.stops.link_lost("the board restarted")
         elif isinstance(event, LinkLost):
-            self.stops.link_lost("the board fell silent")
+            self.stops.link_lost(f"the board fell silent for {event.silent_us / 1000:.0f} ms")
         self.watch.on_event(event)
 
     def _on_stop_begun(self) -> None:
@@ -310,7 +311,9 @@ class Daemon:
 
     def _stop_found(self) -> None:
         text = "the board was found armed by somebody else; telling it to disarm"
-        self.stops.order("the board was found armed", text, {})
+        self.stops.order(
+            "the board was found armed", text, {}, by="the daemon, which found it armed"
+        )
 
     def _set_scales(self, scales: Any) -> None:
         self.control.scales = scales
@@ -327,6 +330,8 @@ class Daemon:
             item = finished.popleft()
             row = self.status.row(item)
             stamp_s = self._stamps.stamp(row.t_s, item.host_s, self._taken_s(item.state))
+            if self._stamps.returned_s:
+                self._tell_of_return(self._stamps.returned_s)
             self.publisher.publish(row, stamp_s)
             self.recorder.row(row)
             self.watch.on_state(item.state)
@@ -339,6 +344,13 @@ class Daemon:
         else:
             armed = self.session.state is HostState.RUNNING
             self.collector.run(int(self._period_ns * _SPARE_SHARE), at_rest=not armed)
+
+    def _tell_of_return(self, returned_s: float) -> None:
+        text = (
+            "the computer's clock had leapt ahead and is back; "
+            f"timestamps of telemetry went back by {returned_s:.0f} s"
+        )
+        self.say("warning", text, {"returned_s": returned_s})
 
     def _taken_s(self, state: State) -> float | None:
         """Unix time when a sample was taken, by the fit of the clocks; None while unknown."""

@@ -76,17 +76,21 @@ def run(
     reread: Callable[[], Config] | None = None,
     check_baud: bool = True,
     trace: Trace | None = None,
+    patience: int = 1,
 ) -> Ended:
     """Run a daemon until a signal, and return how it ended.
 
     `reread` reads the configuration file again, if there is one: on SIGHUP, for the list of keys.
     `parameter_text` marks a simulated bench. `check_baud` off: the transport has no baud rate.
-    `trace` is for a benchmark: every step's time, saved at the end.
+    `trace` is for a benchmark: every step's time, saved at the end. `patience` multiplies how long
+    a silent board is waited for (`HostSession`).
     Raises SmadError when it cannot start.
     """
     if check_baud:
         check_rate(config.link.rate_hz, config.link.baud)
-    return asyncio.run(_Life(config, opener, parameter_text, reread, trace).live())
+    return asyncio.run(
+        _Life(config, opener, parameter_text, reread, trace, patience=patience).live()
+    )
 
 
 class _Life:
@@ -97,13 +101,16 @@ class _Life:
         parameter_text: str | None,
         reread: Callable[[], Config] | None,
         trace: Trace | None,
+        *,
+        patience: int,
     ) -> None:
+        self._patience = patience
         self._config = config
         self._opener = opener
         self._parameter_text = parameter_text
         self._reread = reread
         self._trace = trace
-        folder = Path(config.daemon.ipc_dir) if config.daemon.ipc_dir else default_folder()
+        folder = Path(config.daemon.ipc_dir or default_folder()).absolute()
         self._endpoints = Endpoints(folder, config.daemon.bench)
         self._journal = Journal()
         self._notifier = Notifier()
@@ -133,6 +140,7 @@ class _Life:
                 nonce=secrets.randbits(32),
                 reserve=self._descriptors.reserve,
                 parameter_text=self._parameter_text,
+                patience=self._patience,
                 trace=self._trace,
             ),
         )

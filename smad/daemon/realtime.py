@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from smad import survival
 from smad.api import Measure
 from smad.config import RealtimeConfig
 
@@ -67,6 +68,7 @@ def take(config: RealtimeConfig) -> Realtime:
         _open_files(),
         _switch_interval(),
         _freeze_gc(config.freeze_gc),
+        _survival(),
         _fifo(config.fifo_priority),
     )
     return Realtime(measures, latency_fd)
@@ -84,7 +86,7 @@ def _fifo(priority: int) -> Measure:
             True,
             False,
             f"refused ({error.strerror}): needs CAP_SYS_NICE or an rtprio limit of {priority}; "
-            "docs/install/systemd.md grants it",
+            "smad docs install/systemd grants it",
         )
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and thread.native_id is not None:
@@ -164,6 +166,21 @@ def _open_files() -> Measure:
     now, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     # A crowd of clients must not use up the descriptors that reopening the port needs.
     return Measure("open files", True, now >= ceiling, f"limit {now}")
+
+
+def _survival() -> Measure:
+    name = "ended last when memory runs out"
+    before = survival.score()
+    now = survival.protect()
+    if now is None:
+        return Measure(name, False, False, "this system has no oom_score_adj")
+    granted = now <= survival.LAST
+    # Quietly: a daemon that is started by hand is never granted it, and needs no line about it.
+    asked = granted or (before is not None and before < 0)
+    said = f"oom_score_adj {now}"
+    return Measure(
+        name, asked, granted, said if granted else f"{said}; OOMScoreAdjust= in systemd grants it"
+    )
 
 
 def _freeze_gc(wanted: bool) -> Measure:

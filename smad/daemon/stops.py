@@ -22,6 +22,7 @@ from smad.daemon.errors import Refusal
 from smad.daemon.link.requests import BoardRequests
 from smad.daemon.link.watch import BoardWatch
 from smad.daemon.means import Means
+from smad.runlog.schema import CUT
 
 PATIENCE_US = 1_000_000
 """How long a reply to a stop waits for the board."""
@@ -49,6 +50,8 @@ class Stops:
     ) -> None:
         self.generation = 0
         self.why = ""
+        self.ended = ""
+        """What ended the last arming, "stopped by …"; empty from an arming until then."""
         self._session = control.session
         self._controller = control.controller
         self._requests = requests
@@ -58,6 +61,8 @@ class Stops:
         self._spawn = means.spawn
         self._on_begin = on_begin
         self._clock_us = means.clocks.us
+        self._armed = False
+        """Armed, or about to be, since the last stop."""
         self._confirmed = True
         self._confirmed_us: int | None = None
         """Board time of the confirmation, until a sample after it was published."""
@@ -89,10 +94,20 @@ class Stops:
                 action="wait until smad status shows that it is not armed, then arm again",
             )
 
-    def begin(self, why: str) -> None:
-        """Begin a generation: end the motion, take back what was on its way to arm the board."""
+    def begin(self, why: str, *, by: str = "", orderly: bool = False) -> None:
+        """Begin a generation: end the motion, take back what was on its way to arm the board.
+
+        `by` is what stopped it, as a noun; `why` where that is one. A run that is being recorded
+        is marked as cut, unless its motion was over and who asked is `orderly`: is free to end it.
+        """
         self.generation += 1
         self.why = why
+        if not self.ended:
+            # What comes later, such as the program's own disarm, follows from the first.
+            self.ended = f"stopped by {by or why}"
+            if self._armed and not (orderly and self._controller.done):
+                self._say("note", f"{CUT}{self.ended}", {"generation": self.generation})
+        self._armed = False
         self._controller.command(Idle())
         self._on_begin()
         for event in self._session.withdraw_arming(self._clock_us()):
@@ -101,14 +116,19 @@ class Stops:
         self._confirmed_us = None
         self._ask()
 
-    def order(self, why: str, text: str, data: dict[str, Any]) -> None:
+    def order(self, why: str, text: str, data: dict[str, Any], *, by: str) -> None:
         """Stop on the daemon's own account, and tell why."""
         self._say("disarm", text, data)
-        self.begin(why)
+        self.begin(why, by=by)
 
-    def estop(self) -> None:
+    def arming(self) -> None:
+        """The board is about to be armed: what ended the last arming is over."""
+        self.ended = ""
+        self._armed = True
+
+    def estop(self, why: str) -> None:
         """Begin a stop that only a power cycle ends. Raises NotConnectedError without a port."""
-        self.begin("estop")
+        self.begin(why)
         self._session.send_estop()
 
     async def until_confirmed(self) -> None:
@@ -148,14 +168,15 @@ class Stops:
 
     def link_lost(self, why: str) -> None:
         """The session is over, and with it whatever could have armed the board."""
-        self.begin(why)
+        self.begin(why, by=f"loss of the link: {why}")
         self._look()
 
     def on_sample(self, state: State) -> None:
         """A sample was published: the mode of the board may be another."""
         stopped = state.mode in STOPPED
         if stopped and not self._stopped:
-            self.begin(f"the board went into {BoardState(state.mode).name}")
+            name = BoardState(state.mode).name
+            self.begin(f"the board went into {name}", by=f"the board, which went into {name}")
         self._stopped = stopped
         if stopped:
             # From these, no request that is still on its way leads back to ARMED.

@@ -65,8 +65,11 @@ def sinusoid(run: Run) -> tuple[Array, Array, Array]:
     return t[part], reference[part], column(run, "displacement_mm")[part]
 
 
-def table(run: Run, paced: Status, real: Status) -> Rows:
-    """Return the demo's table: what was measured, and its value with unit."""
+def table(run: Run, paced: Status, real: Status | str) -> Rows:
+    """Return the demo's table: what was measured, and its value with unit.
+
+    `real` is the status after the run in real time, or why there was none.
+    """
     still = segments(column(run, "t_s"), column(run, "reference_mm"))
     up = step_of(run, next(s for s in still if s.target_mm == STEP_MM))
     down = step_of(run, next(s for s in still if s.target_mm == -STEP_MM))
@@ -74,8 +77,12 @@ def table(run: Run, paced: Status, real: Status) -> Rows:
     columns = run.columns
     degrees = max(peak(columns["rtd_x_degC"]), peak(columns["rtd_y_degC"]))
     amperes = max(peak(columns["i_meas_x_A"]), peak(columns["i_meas_y_A"]))
-    missed = paced.counts.missed + real.counts.missed
-    samples = paced.counts.samples + real.counts.samples
+    counts = [one.counts for one in (paced, real) if not isinstance(one, str)]
+    missed, samples = sum(c.missed for c in counts), sum(c.samples for c in counts)
+    if isinstance(real, str):
+        age = own = f"not measured: {real}"
+    else:
+        age, own = _spread(real.timing.setpoint_age), _spread(real.timing.own_share)
     return [
         (
             f"tracking R², {AMPLITUDE_MM:g} mm sinusoid of {PERIOD_S:g} s",
@@ -87,8 +94,8 @@ def table(run: Run, paced: Status, real: Status) -> Rows:
         (f"settling time (5 %), +{STEP_MM:g} → −{STEP_MM:g} mm", _seconds(down.settling_time_s)),
         ("peak temperature of a spring", f"{degrees:.1f} °C"),
         ("peak current, measured", f"{amperes:.2f} A"),
-        ("setpoint age at the board: p50, p99, p99.9", _spread(real.timing.setpoint_age)),
-        ("the daemon's share: p50, p99, p99.9", _spread(real.timing.own_share)),
+        ("setpoint age at the board: p50, p99, p99.9", age),
+        ("the daemon's share: p50, p99, p99.9", own),
         ("missed samples", f"{missed} of {samples}"),
     ]
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from smad.api import Motion, Status
-from smad.client import Client, NotReady, Refused
+from smad.client import BoardRefused, Client, NotReady, Refused, Stopped
 from smad.control.commands import Hold, Sine, Step, Trajectory
+from smad.errors import SmadError
 
 STEP_MM = 10.0
 DWELL_S = 20.0
@@ -16,7 +18,7 @@ REST_S = 10.0
 AMPLITUDE_MM = 2.0
 PERIOD_S = 7.0
 CYCLES = 4
-ARM_DEADLINE_S = 30.0
+ARM_DEADLINE_S = 120.0
 
 CYCLE: tuple[Trajectory, ...] = (
     Step(displacement_mm=STEP_MM, duration_s=DWELL_S),
@@ -40,6 +42,7 @@ class Done:
 
 def run_cycle(client: Client, say: Say) -> Done:
     """Arm, record, run the cycle, disarm. Raises SmadError when the bench stops early."""
+    client.as_of(client.motion().generation)
     arm(client, say)
     began_s = client.motion().board_time_s
     recorder = client.start_recording("demo")
@@ -65,10 +68,48 @@ def run_in_real_time(client: Client, seconds: float, say: Say) -> Status:
     return status
 
 
+def measured(client: Client, seconds: float, say: Say) -> Status | str:
+    """Return `run_in_real_time`, or why the machine was too busy for it.
+
+    What is measured there is delay by the wall clock, so a board that is kept from running is
+    judged by it; the demo itself has been carried out by then.
+    """
+    try:
+        return run_in_real_time(client, seconds, say)
+    except (Stopped, NotReady, BoardRefused) as error:
+        return _why(client) or error.cause
+
+
+@contextlib.contextmanager
+def told_by(client: Client) -> Iterator[None]:
+    """Give an error of the bench the words of the daemon's journal, while there is one to ask."""
+    try:
+        yield
+    except (Stopped, NotReady, BoardRefused) as error:
+        why = _why(client)
+        if why and why not in error.cause:
+            error.cause = f"{error.cause}: {why}"
+            error.action = "a busy machine may be the cause; run the demo again"
+        raise
+
+
+def _why(client: Client) -> str:
+    """What the daemon's journal says last of what stopped the bench; empty: nothing."""
+    with contextlib.suppress(SmadError):
+        words = [entry.text for entry in client.status().events if _says_why(entry.text)]
+        return words[-1] if words else ""
+    return ""
+
+
+def _says_why(text: str) -> bool:
+    """Whether an event is the cause of a stop, and not what follows from it."""
+    return any(word in text for word in ("silent", "stopped", "lost", "restarted"))
+
+
 def arm(client: Client, say: Say) -> None:
     """Arm as soon as the board allows it: its clock and ours need a moment to align.
 
-    Raises Refused with the board's reason when it still refuses after half a minute.
+    Raises Refused with the board's reason when it still refuses after two minutes.
     """
     deadline = time.monotonic() + ARM_DEADLINE_S
     while True:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 import msgspec
 from msgspec import Struct
 
+from firmware_protocol.nearest import instead
 from sim_device.plant.parameters import ParameterSet
 from smad.bounds import field_and_words
 from smad.control.commands import Tune
@@ -121,12 +122,18 @@ def options_from(kind: type[Options], settings: Mapping[str, Any], experiment: s
     try:
         options: Options = msgspec.convert(settings, type=kind, strict=False)
     except msgspec.ValidationError as refused:
-        known = ", ".join(field.name for field in msgspec.structs.fields(kind)) or "none"
+        known = [field.name for field in msgspec.structs.fields(kind)]
+        foreign = next((name for name in settings if name not in known), None)
+        see = f"see smad docs experiments/{experiment}"
+        if foreign is not None:
+            raise ExperimentError(
+                f"{experiment} has no setting {foreign}",
+                action=f"{instead(foreign, known)} ({see})",
+            ) from None
         field, words = field_and_words(str(refused))
         raise ExperimentError(
             f"{experiment}: {field or 'a setting'} is not valid: {words}",
             value=settings.get(field, dict(settings)),
-            limit=f"settings {known}",
-            action=f"see docs/experiments/{experiment}.md",
+            action=see,
         ) from None
     return options

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, field
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_device.plant.errors import PlantError
+from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet
 from smad.config import Config
 from smad.experiments.base import Experiment, Findings
@@ -29,6 +31,7 @@ class Bench:
     seed: int = 0
     variant: str = "extended"
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    laws: tuple[Law, ...] = ()
     lacking: frozenset[str] = frozenset()
     folder: Path | None = None
 
@@ -40,6 +43,7 @@ class Bench:
             seed=self.seed,
             variant=self.variant,
             effects=self.effects,
+            laws=self.laws,
             lacking=self.lacking,
             folder=self.folder,
             progress=progress,
@@ -95,10 +99,13 @@ def run_on(
     for experiment in experiments:
         experiment.check(driver)
     outcomes: dict[str, dict[str, Any]] = {}
+    total, began_s = sum(len(e.trials()) for e in experiments), time.monotonic()
     for experiment in experiments:
         done = outcomes.setdefault(experiment.name, {})
         for trial in experiment.trials():
-            progress(trial)
+            count = sum(map(len, outcomes.values()))
+            rest = left(count, total, time.monotonic() - began_s)
+            progress(f"run {count + 1} of {total}: {trial}{rest}")
             done[trial] = experiment.conduct(trial, driver)
     return conclude_all(experiments, outcomes, model)
 
@@ -133,6 +140,16 @@ def conclude_all(
     return CampaignResult(tuple(results), tuple(estimates.values()), current)
 
 
+def left(done: int, total: int, took_s: float) -> str:
+    """Return how long the rest may take, at the pace so far; empty before the first is done."""
+    if not 0 < done < total:
+        return ""
+    rest_s = took_s / done * (total - done)
+    return (
+        f"; about {rest_s:.0f} s left" if rest_s < 120.0 else f"; about {rest_s / 60:.0f} min left"
+    )
+
+
 def _conduct_one(experiment: Experiment[Any], trial: str, bench: Bench) -> Any:
     return experiment.conduct(trial, bench.driver())
 
@@ -160,11 +177,13 @@ def _conduct_there(
         for trial in experiment.trials()
     }
     outcomes: dict[str, dict[str, Any]] = {experiment.name: {} for experiment in experiments}
+    began_s = time.monotonic()
     try:
         for count, future in enumerate(as_completed(places), 1):
             name, trial = places[future]
             outcomes[name][trial] = future.result()
-            progress(f"{count} of {len(places)} runs done, last {trial}")
+            rest = left(count, len(places), time.monotonic() - began_s)
+            progress(f"{count} of {len(places)} runs done, last {trial}{rest}")
     except BaseException:
         for future in places:
             future.cancel()

@@ -63,7 +63,7 @@ def read_dsc(path: Path) -> DscData:
                 f"{path.name} has no column {name}",
                 value=", ".join(header) or "no header line",
                 limit=", ".join((*COLUMNS, "baseline_mW (optional)")),
-                action="see docs/experiments/dsc.md for the form",
+                action="see smad docs experiments/dsc for the form",
             )
     table = np.array([_numbers(row, len(header), path, k) for k, row in enumerate(rows[1:], 2)])
     if len(table) < 200:

@@ -21,5 +21,9 @@ class TrippedError(ExperimentError):
     """Board or host stopped the bench by a fault during a run; what was recorded is kept."""
 
 
+class StoppedError(ExperimentError):
+    """Somebody, or a lost link, stopped the bench during a run; what was recorded is cut."""
+
+
 class DataFileError(ExperimentError):
     """A data file (such as a calorimeter's) is not in the documented form."""

@@ -28,12 +28,14 @@ from smad.experiments.errors import (
     BenchLacksError,
     EndedEarlyError,
     ExperimentError,
+    StoppedError,
     TrippedError,
 )
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
 from smad.runlog.reader import read_run
+from smad.runlog.schema import CUT
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -74,6 +76,7 @@ class LiveDriver:
         self._cooling = cooling
         self._progress = progress or (lambda text: None)
         self._sleep = sleep
+        self._generation = 0
 
     def parts(self) -> frozenset[str]:
         status = self._client.status()
@@ -103,8 +106,10 @@ class LiveDriver:
                 action="nothing was moved; mount them so and say so with --fixture and --air",
             )
         client = self._client
-        if not client.motion().armed:
-            client.arm()
+        motion = client.motion()
+        if not motion.armed:
+            motion = client.arm()
+        self._generation = motion.generation
         before = parse_config(client.config()).control
         try:
             self.rest(plan)
@@ -112,10 +117,9 @@ class LiveDriver:
                 client.stop_recording()
             client.start_recording(log_name(plan), plan.repeats)
             try:
-                self._carry_out(plan)
-            except NotReady:
-                # A stop came before what was sent; a fault is told by its name.
-                self._require_armed(plan, client.motion())
+                self._carry_out_armed(plan)
+            except StoppedError as error:
+                client.note(f"{CUT}{error.cause}"[:500])
                 raise
             finally:
                 client.idle()
@@ -130,6 +134,16 @@ class LiveDriver:
         finally:
             self._tune_back(tune_of(before))
         return recording_of(read_run(self.log))
+
+    def _carry_out_armed(self, plan: Plan) -> None:
+        client = self._client
+        try:
+            self._carry_out(plan)
+        except NotReady:
+            # A stop came before what was sent; a fault is told by its name.
+            self._require_armed(plan, client.motion())
+            raise
+        self._require_armed(plan, client.motion())
 
     def _carry_out(self, plan: Plan) -> None:
         client = self._client
@@ -194,11 +208,15 @@ class LiveDriver:
         client = self._client
         motion = client.motion()
         began_s = motion.board_time_s
-        while not over(motion):
+        while True:
+            # A stopped bench is idle, and so done: whether it was stopped comes first.
             self._require_armed(plan, motion)
+            if over(motion):
+                break
             if motion.board_time_s - began_s >= seconds:
                 return False
-            self._progress(f"{plan.name}: {motion.board_time_s - began_s:.0f} s")
+            passed_s = motion.board_time_s - began_s
+            self._progress(f"{plan.name}: {passed_s:.0f} of at most {seconds:.0f} s of this step")
             self._sleep(POLL_S)
             motion = client.motion()
         if motion.ended:
@@ -208,14 +226,14 @@ class LiveDriver:
             )
         return True
 
-    @staticmethod
-    def _require_armed(plan: Plan, motion: api.Motion) -> None:
-        if motion.armed:
+    def _require_armed(self, plan: Plan, motion: api.Motion) -> None:
+        if motion.armed and motion.generation == self._generation:
             return
         fault = "no fault" if motion.fault is None else motion.fault.name
-        kind = ExperimentError if motion.fault is None else TrippedError
+        kind = StoppedError if motion.fault is None else TrippedError
         raise kind(
-            f"run {plan.name}: the board left ARMED",
+            f"run {plan.name}: the board left ARMED"
+            + (f", {motion.ended}" if motion.ended else ""),
             value=f"{motion.mode}, {fault}",
             action="see `smad status` and `smad faults explain`",
         )
@@ -225,8 +243,11 @@ class LiveDriver:
         try:
             self._client.tune(before)
         except NotReady:
-            self._client.as_of(None)
-            self._client.tune(before)
+            known = self._client.as_of(None)
+            try:
+                self._client.tune(before)
+            finally:
+                self._client.as_of(known)
 
     def rest(self, plan: Plan) -> None:
         """Bring the springs to where a plan begins: cold, the stage back, no detwinned martensite.

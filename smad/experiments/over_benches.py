@@ -66,7 +66,7 @@ class Group:
     @property
     def title(self) -> str:
         """Which benches under which conditions."""
-        many = f", {self.benches} benches" if self.benches > 1 else ""
+        many = f", {self.benches} simulated benches" if self.benches > 1 else ""
         return f"{self.kind}{many}, {self.rate_Hz} Hz, noise ×{self.noise:g}"
 
 

@@ -6,6 +6,7 @@ import importlib
 from collections.abc import Mapping
 from typing import Any
 
+from firmware_protocol.nearest import instead
 from smad.experiments.base import Experiment, options_from
 from smad.experiments.errors import ExperimentError
 
@@ -29,8 +30,7 @@ def make_experiment(name: str, settings: Mapping[str, Any] | None = None) -> Exp
         raise ExperimentError(
             "there is no such experiment",
             value=name,
-            limit=", ".join(EXPERIMENTS),
-            action="`smad run --list` shows what each needs",
+            action=f"{instead(name, EXPERIMENTS)} (smad run --list shows what each needs)",
         )
     module, _, attribute = EXPERIMENTS[name].partition(":")
     kind: type[Experiment[Any]] = getattr(importlib.import_module(module), attribute)

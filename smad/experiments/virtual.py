@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
 from firmware_protocol.messages import Setpoint, State
+from firmware_protocol.nearest import instead
+from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet, parameters_text
 from smad.config import Config, config_to_toml
 from smad.control.controller import Controller
@@ -43,6 +45,7 @@ class VirtualDriver:
         seed: int = 0,
         variant: str = "extended",
         effects: Mapping[str, Mapping[str, float]] | None = None,
+        laws: Sequence[Law] = (),
         lacking: frozenset[str] = frozenset(),
         folder: Path | None = None,
         progress: Progress | None = None,
@@ -52,6 +55,7 @@ class VirtualDriver:
         self._seed = seed
         self._variant = variant
         self._effects = effects or {}
+        self._laws = tuple(laws)
         self._lacking = _known_parts(lacking)
         self._folder = folder
         self._progress = progress
@@ -100,6 +104,7 @@ class VirtualDriver:
                 parameters=self._parameters,
                 variant=self._variant,
                 effects=self._effects,
+                laws=self._laws,
                 fixture=plan.fixture,
                 cooling=plan.cooling,
                 rate_hz=self._config.link.rate_hz,
@@ -160,8 +165,7 @@ def _known_parts(lacking: frozenset[str]) -> frozenset[str]:
         raise ExperimentError(
             "the simulated bench has no such part to take away",
             value=", ".join(unknown),
-            limit=", ".join(PARTS),
-            action="name one of them",
+            action=instead(unknown[0], PARTS, f"they are {', '.join(PARTS)}"),
         )
     return lacking
 

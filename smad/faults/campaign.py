@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
+from firmware_protocol.nearest import instead
 from smad.errors import CommandError
 from smad.faults.catalogue import ROWS, Row
 from smad.faults.lockstep import Case, drawn_case, run_case
@@ -26,11 +27,14 @@ def chosen_rows(only: Sequence[str]) -> tuple[Row, ...]:
     if not only:
         return tuple(ROWS.values())
     found: dict[str, Row] = {}
+    known = {own for row in ROWS.values() for own in (row.name, row.kind.name)}
     for name in only:
         rows = [row for row in ROWS.values() if name in (row.name, row.kind.name)]
         if not rows:
             raise CommandError(
-                "no fault of the campaign has this name", value=name, limit=", ".join(ROWS)
+                "no fault of the campaign has this name",
+                value=name,
+                action=instead(name, known, "docs/guide/fault-campaign.md lists them"),
             )
         found.update({row.name: row for row in rows})
     return tuple(found.values())

@@ -56,7 +56,7 @@ class Fort:
         config.write_text(config_to_toml(self._config(port)))
         self.daemon = DaemonProcess(["--config", str(config)], folder)
         self.daemon.wait_until_ready()
-        self.client = Client(folder=folder, timeout_s=PATIENCE_S)
+        self.client = Client(folder=folder, timeout_s=PATIENCE_S, lease_s=None)
         self.slowest_s = 0.0
         self._listened = 0
 

@@ -113,7 +113,7 @@ class Rig:
     def heat(self) -> Client:
         """Arm, heat with 4 A, wait until rows of it are flushed. Raises SmadError."""
         self.daemon.wait_until_ready()
-        self.client = client = Client(folder=self.folder, timeout_s=PATIENCE_S)
+        self.client = client = Client(folder=self.folder, timeout_s=PATIENCE_S, lease_s=None)
         self.wait("the board lets itself be armed", lambda: _armed(client))
         client.current(DriveCurrent(i_x_A=_FULL_A))
         self.wait("4 A flow", self._flowing)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
 
 from smad.gap.errors import PlantMismatch
-from smad.gap.plant import ModelPoint
+from smad.gap.plant import ModelPoint, Uncertainty
 from smad.gap.records import Diagnosis
 
 
@@ -17,6 +19,23 @@ class Savable(Protocol):
     def name(self) -> str: ...
     def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
     def load_model(self, path: Path) -> ModelPoint: ...
+
+
+@runtime_checkable
+class SavesUncertainty(Protocol):
+    """What such a plant has beside, if its model files say how uncertain their values are."""
+
+    def save_uncertain(
+        self, point: ModelPoint, uncertainty: Uncertainty, path: Path, note: str
+    ) -> None: ...
+
+
+def uncertainty_of(diagnosis: Diagnosis) -> Uncertainty | None:
+    """What the diagnosis left uncertain; None for one that was made without it."""
+    known: dict[str, Any] | None = diagnosis.model.get("covariance")
+    if not known:
+        return None
+    return Uncertainty(tuple(known["names"]), np.array(known["matrix"], dtype=np.float64))
 
 
 def model_point(diagnosis: Diagnosis) -> ModelPoint:
@@ -47,5 +66,9 @@ def apply(diagnosis: Diagnosis, plant: Savable, path: Path) -> ModelPoint:
             action="apply it to the plant it was made with",
         )
     point = model_point(diagnosis)
-    plant.save_model(point, path, diagnosis.verdict.plain)
+    note, uncertainty = diagnosis.verdict.plain, uncertainty_of(diagnosis)
+    if uncertainty is not None and isinstance(plant, SavesUncertainty):
+        plant.save_uncertain(point, uncertainty, path, note)
+    else:
+        plant.save_model(point, path, note)
     return point

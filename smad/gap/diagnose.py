@@ -8,6 +8,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
 
+from firmware_protocol.nearest import instead
 from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide
 from smad.gap.compare.weigh import weigh
@@ -95,8 +96,7 @@ def _library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect
         raise PlantMismatch(
             "a candidate is no effect of this plant",
             value=foreign[0],
-            limit=", ".join(sorted(known)),
-            action="name effects of the plant's library",
+            action=instead(foreign[0], sorted(known), "name effects of the plant's library"),
         )
     return [e for e in plant.effects if candidates is None or e.name in candidates]
 

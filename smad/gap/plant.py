@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +109,7 @@ class Effect:
     """A candidate cause: an entry of the plant's library.
 
     `law`: a good bench follows it too, more or less (no driver is without lag), so that known-good
-    runs are asked for its value before anything else.
+    runs are asked for its value before anything else. `places`: where it acts, by name.
     """
 
     name: str
@@ -122,6 +122,7 @@ class Effect:
     separates: str = ""
     reference: str = ""
     law: bool = False
+    places: tuple[str, ...] = ()
 
     def at(self, level: float = 1.0) -> dict[str, float]:
         """Parameter values with every strength at `level` times its typical value."""
@@ -160,10 +161,25 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class ModelPoint:
-    """A point of the model space: parameters by name, effects that are on with their values."""
+    """A point of the model space: parameters by name, effects that are on with their values.
+
+    laws: what is missing at places, as the plant itself writes it.
+    """
 
     theta: Mapping[str, float]
     effects: EffectValues = field(default_factory=dict)
+    laws: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
+    """What a diagnosis left uncertain: covariance (k, k) of values in the plant's own units.
+
+    A name is that of a parameter, or EFFECT.PARAMETER.
+    """
+
+    names: tuple[str, ...]
+    covariance: Array
 
 
 class PlantModel(Protocol):

@@ -12,7 +12,7 @@ from smad import notebook
 
 
 class Outcome(StrEnum):
-    """The seven verdicts, and the case in which no run could be used at all."""
+    """The seven verdicts, and the cases in which the runs support none."""
 
     NO_GAP = "no gap"
     PARAMETERS = "parameters only"
@@ -22,6 +22,7 @@ class Outcome(StrEnum):
     UNKNOWN = "unknown"
     NO_EXCITATION = "not enough excitation"
     REFUSED = "runs refused"
+    CONTRADICTING = "runs contradict each other"
 
 
 HALF_CHI2_95 = 1.92
@@ -58,7 +59,11 @@ class FloorRecord(msgspec.Struct, frozen=True):
 
 
 class ValueRecord(msgspec.Struct, frozen=True):
-    """A fitted parameter of an effect, with its 95 % interval; `before` in known-good runs."""
+    """A fitted parameter of an effect, with its fit interval; `before` in known-good runs.
+
+    `low` to `high` is what the scatter of these runs alone leaves open at the 95 % level. What the
+    model leaves out (its form, steps, sensors) is not in it, so it holds the truth less often.
+    """
 
     effect: str
     name: str
@@ -236,6 +241,22 @@ class RunGap(msgspec.Struct, frozen=True):
     final: float
 
 
+class RunAgreement(msgspec.Struct, frozen=True, kw_only=True):
+    """One run to fit, before it is pooled with the others.
+
+    `gap` is that of the model as it was, in floors. `own_gain` says by how many nats a cell the
+    run's own halves predict each other better than the answer for all runs describes it, under the
+    cause by which runs predict themselves best; above a few the runs are not of one state.
+    `contradicts`: without this run, and the others so marked, one set of values serves the rest.
+    Where all runs are marked, none agrees with another.
+    """
+
+    run: str
+    gap: float
+    own_gain: float
+    contradicts: bool
+
+
 class Budget(msgspec.Struct, frozen=True):
     """Where the gap goes on the runs judged: raw, parameters, each cause in turn, rest, noise.
 
@@ -348,6 +369,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
     left_out: list[LeftOutRecord] = []
     laws: list[LawRecord] = []
     budget: Budget | None = None
+    agreement: list[RunAgreement] = []
     repeated: RepeatedRecord | None = None
 
     def _repr_html_(self) -> str:
@@ -355,7 +377,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
             (v.effect, v.name, f"{v.value:.4g} {v.unit}", f"{v.low:.4g} … {v.high:.4g}")
             for v in self.values
         ]
-        header = ("effect", "parameter", "value", "95 % interval") if values else ()
+        header = ("effect", "parameter", "value", "fit interval") if values else ()
         title = f"Gap diagnosis of {self.plant}: {self.verdict.outcome}"
         return notebook.table(title, header, values, self.verdict.plain)
 

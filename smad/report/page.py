@@ -119,7 +119,6 @@ def write_page(page: Page, path: Path) -> Path:
     """
     text = render(page)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)

@@ -1,15 +1,17 @@
-"""How much a file of one run may hold: looked at in pieces of a megabyte before it is read whole.
+"""How much a file of one run may hold, and all runs together: looked at before it is read.
 
-A gzip of a few megabytes can unpack to gigabytes, and a table comes from somebody else.
+A gzip of a few megabytes can unpack to gigabytes, and a table comes from somebody else. So the
+line of names is counted before it is split, a packed text is unpacked in pieces of a megabyte that
+are not kept, and a Parquet file tells its rows and columns in its footer.
 """
 
 from __future__ import annotations
 
 import gzip
+import zlib
 from pathlib import Path
 
-from smad.errors import LogImportError
-from smad.runlog.csv_table import DAMAGED
+from smad.errors import LogImportError, RunLogError
 
 LONGEST_RUN_S = 3600.0
 FASTEST_HZ = 500.0
@@ -20,53 +22,62 @@ MOST_COLUMNS = 200
 MOST_CELLS = 40 * MOST_ROWS
 """A run log has 32 channels."""
 
+MOST_CELLS_TOGETHER = 2 * MOST_CELLS
+"""Of all runs that are held at once: 1.2 GB of numbers."""
+
 MOST_BYTES = 400 * MOST_ROWS
 """Unpacked. All channels of a run log take less than that as text."""
 
+MOST_HEAD_CHARACTERS = 100_000
+"""Of the line of names and the comments before it."""
+
+MOST_ARRAYS_BYTES = 500_000_000
+MOST_ARRAYS = 10_000
+"""Of the arrays of one baseline, unpacked, and how many they are."""
+
 _PIECE = 1_000_000
+DAMAGED = (OSError, EOFError, zlib.error)
+"""What reading a file raises that is absent, cut short or damaged."""
 
 
-def require_bounded(path: Path) -> None:
-    """Raises LogImportError when a table unpacks to more than a run can be, or is damaged."""
-    try:
-        if path.suffix == ".parquet":
-            _look_at_parquet(path)
-        else:
-            _look_at_text(path)
-    except DAMAGED as error:
-        said = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise LogImportError(
-            f"cannot read {path}: it is missing, cut short or damaged ({said})",
-            action="restore the file",
-        ) from error
+class Together:
+    """How many cells are left for runs that are held at once."""
+
+    def __init__(self, most_cells: int = MOST_CELLS_TOGETHER) -> None:
+        self._most = most_cells
+        self._taken = 0
+
+    def take(self, path: Path, *, rows: int, columns: int) -> None:
+        """Count one run in. Raises RunLogError when there are more than may be held."""
+        self._taken += rows * columns
+        if self._taken > self._most:
+            raise RunLogError(
+                f"with {path} the runs are more than can be held at once",
+                value=f"{self._taken} cells (rows × columns)",
+                limit=f"{self._most} cells",
+                action="give fewer runs, or shorter ones",
+            )
 
 
-def _look_at_text(path: Path) -> None:
+def require_bounded_text(path: Path, columns: int) -> int:
+    """Return how many rows a text has at most.
+
+    Raises LogImportError when it unpacks to more than a run can be, or is damaged.
+    """
     rows = size = 0
-    columns = 1
-    with (gzip.open if path.suffix == ".gz" else open)(path, "rb") as file:
-        while piece := file.read(_PIECE):
-            size += len(piece)
-            if not rows:
-                columns += max(piece.partition(b"\n")[0].count(d) for d in (b",", b";", b"\t"))
-            rows += piece.count(b"\n")
-            _require(path, columns=columns, rows=rows, size=size)
-
-
-def _look_at_parquet(path: Path) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     try:
-        with pq.ParquetFile(path) as file:
-            data = file.metadata
-            size = sum(data.row_group(i).total_byte_size for i in range(data.num_row_groups))
-            _require(path, columns=data.num_columns, rows=data.num_rows, size=size)
-    except pa.ArrowException as error:
-        raise OSError(str(error)) from error
+        with (gzip.open if path.suffix == ".gz" else open)(path, "rb") as file:
+            while piece := file.read(_PIECE):
+                size += len(piece)
+                rows += max(piece.count(b"\n"), piece.count(b"\r"))
+                require_bounded(path, columns=columns, rows=rows, size=size)
+    except DAMAGED as error:
+        raise damaged(path, error) from error
+    return rows + 1
 
 
-def _require(path: Path, *, columns: int, rows: int, size: int) -> None:
+def require_bounded(path: Path, *, columns: int = 0, rows: int = 0, size: int = 0) -> None:
+    """Raises LogImportError when these are more than a run can have."""
     for what, value, most in (
         ("columns", columns, MOST_COLUMNS),
         ("rows", rows, MOST_ROWS),
@@ -80,3 +91,14 @@ def _require(path: Path, *, columns: int, rows: int, size: int) -> None:
                 limit=f"{most} {what}",
                 action="cut the run, or leave the file out",
             )
+
+
+def damaged(path: Path, error: Exception) -> LogImportError:
+    """What to say of a file whose reading raised one of DAMAGED."""
+    said = (
+        getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
+    )
+    return LogImportError(
+        f"cannot read {path}: it is missing, cut short or damaged ({said})",
+        action="restore the file",
+    )

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import msgspec
 
+from firmware_protocol.nearest import instead
 from smad.errors import LogImportError
 from smad.runlog.schema import CHANNELS
 from smad.runlog.units import units_for
@@ -56,6 +57,8 @@ ALIASES: Mapping[str, str] = _aliases()
 
 _Factor = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
+_ALL = "docs/guide/run-logs.md has them all"
+
 
 class ColumnRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What one column is. Value in `unit` = number in the file · `scale` + `offset`.
@@ -88,8 +91,8 @@ def assign(names: Iterable[str], given: Mapping[str, ColumnRule]) -> Assignment:
     if absent:
         raise LogImportError(
             f"the mapping names column {absent[0]!r}, which the file does not have",
-            limit=", ".join(names),
-            action="correct the mapping file",
+            action="correct the mapping file: "
+            + instead(absent[0], names, f"the first are {', '.join(names[:5])}"),
         )
     rules: dict[str, ColumnRule] = {}
     ignored = []
@@ -147,8 +150,7 @@ def _checked(name: str, rule: ColumnRule) -> ColumnRule:
         raise LogImportError(
             f"the mapping of column {name!r} names an unknown channel",
             value=rule.channel,
-            limit=", ".join(CHANNELS),
-            action="correct the mapping file",
+            action=f"correct the mapping file: {instead(rule.channel, CHANNELS, _ALL)}",
         )
     unit = rule.unit or channel.unit
     if unit not in units_for(channel.unit):

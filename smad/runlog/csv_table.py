@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import gzip
-import zlib
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
+from smad.runlog.bounds import (
+    DAMAGED,
+    MOST_HEAD_CHARACTERS,
+    require_bounded,
+    require_bounded_text,
+)
 
 if TYPE_CHECKING:
     import pyarrow
@@ -23,8 +29,6 @@ if TYPE_CHECKING:
 _DELIMITERS: tuple[str, ...] = (",", ";", "\t")
 _NOTHING = ["", "nan", "NaN", "NAN", "NA", "null", "NULL", "None"]
 _COMMENT = "#"
-DAMAGED = (OSError, EOFError, zlib.error)
-"""What reading a file raises that is absent, cut short or damaged."""
 
 
 class CsvFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -46,16 +50,29 @@ class CsvTable:
     names_line: int
     delimiter: str
     decimal: str
+    most_rows: int
+    """How many rows there are at most."""
 
-    def columns(self, wanted: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
         """The columns named, each of shape (rows,), NaN where a cell is empty.
 
         Raises LogImportError for a row of another length, text in numbers, or no rows.
         """
-        table = self._texts(list(wanted))
-        if not table.num_rows:
+        columns = {name: np.empty(self.most_rows) for name in wanted}
+        rows = 0
+        for batch in self._batches(list(columns)):
+            end = rows + batch.num_rows
+            if end > self.most_rows:
+                raise LogImportError(
+                    f"{self.path} became longer while it was read", action="try again"
+                )
+            for name, values in columns.items():
+                values[rows:end] = self._numbers(name, batch[name], rows)
+            rows = end
+        if not rows:
             raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
-        return {name: self._numbers(name, table[name]) for name in table.column_names}
+        for name in tuple(columns):
+            yield name, columns.pop(name)[:rows]
 
     def place_of(self, row: int) -> str:
         """The line of the file on which that row (from 0) ends."""
@@ -72,12 +89,13 @@ class CsvTable:
                         return self.names_line + line
             return self.names_line + reader.line_num
 
-    def _texts(self, wanted: list[str]) -> pyarrow.Table:
+    def _batches(self, wanted: list[str]) -> Iterator[pyarrow.RecordBatch]:
+        """The columns as text, a megabyte of the file at a time."""
         import pyarrow as pa
         from pyarrow import csv as arrow_csv
 
         try:
-            return arrow_csv.read_csv(
+            yield from arrow_csv.open_csv(
                 str(self.path),
                 arrow_csv.ReadOptions(
                     use_threads=False, skip_rows=self.names_line, column_names=self.names
@@ -96,9 +114,7 @@ class CsvTable:
             ) from error
         except pa.ArrowInvalid as error:
             if "Empty CSV" in str(error):
-                raise LogImportError(
-                    f"{self.path} holds no rows", action="there is nothing to import"
-                ) from None
+                return
             raise LogImportError(
                 f"{self.path} is no table: {self._first_bad_row() or error}",
                 action="correct the line",
@@ -116,7 +132,8 @@ class CsvTable:
             return str(error)
         return ""
 
-    def _numbers(self, name: str, texts: pyarrow.ChunkedArray) -> NDArray[np.float64]:
+    def _numbers(self, name: str, texts: pyarrow.Array, before: int) -> NDArray[np.float64]:
+        """The numbers of a piece of a column that `before` rows stand before."""
         import pyarrow as pa
         from pyarrow import compute
 
@@ -125,12 +142,15 @@ class CsvTable:
             plain = compute.replace_substring(plain, ",", ".")
         plain = compute.replace_substring_regex(plain, r"^\+", "")
         try:
-            values: NDArray[np.float64] = compute.cast(plain, pa.float64()).to_numpy()
+            values: NDArray[np.float64] = compute.cast(plain, pa.float64()).to_numpy(
+                zero_copy_only=False
+            )
         except pa.ArrowInvalid:
-            self._refuse(name, *_first_text(plain))
+            row, text = _first_text(plain)
+            self._refuse(name, before + row, text)
         infinite = np.flatnonzero(np.isinf(values))
         if len(infinite):
-            self._refuse(name, int(infinite[0]), "an infinite number")
+            self._refuse(name, before + int(infinite[0]), "an infinite number")
         return values
 
     def _refuse(self, name: str, row: int, value: str) -> None:
@@ -150,7 +170,7 @@ def open_csv(path: Path, form: CsvFormat) -> CsvTable:
     """
     try:
         with _opened(path) as file:
-            number, line = _names_line(file)
+            number, line = _names_line(path, file)
     except DAMAGED as error:
         said = getattr(error, "strerror", None) or error
         raise LogImportError(f"cannot read {path}: {said}", action="check the file") from error
@@ -162,18 +182,20 @@ def open_csv(path: Path, form: CsvFormat) -> CsvTable:
         raise LogImportError(f"{path} is empty", action="there is nothing to import")
     likely = max(_DELIMITERS, key=line.count)
     delimiter = form.delimiter or likely
+    require_bounded(path, columns=line.count(delimiter) + 1)
     try:
         names = [name.strip() for name in next(csv.reader([line], delimiter=delimiter))]
     except csv.Error as error:
         raise LogImportError(
             f"{path}, line {number}: {error}", action="write the names of the columns there"
         ) from None
-    twin = next((name for name in names if names.count(name) > 1), None)
+    twin = next((name for name, count in Counter(names).items() if count > 1), None)
     if twin is not None:
         raise LogImportError(
             f"{path}, line {number}: two columns are named {twin!r}", action="rename one"
         )
-    return CsvTable(path, names, number, delimiter, form.decimal)
+    rows = require_bounded_text(path, len(names))
+    return CsvTable(path, names, number, delimiter, form.decimal, rows)
 
 
 def _opened(path: Path, errors: str = "strict") -> TextIO:
@@ -182,8 +204,19 @@ def _opened(path: Path, errors: str = "strict") -> TextIO:
     return cast(TextIO, how(path, "rt", encoding="utf-8-sig", errors=errors, newline=""))
 
 
-def _names_line(lines: Iterable[str]) -> tuple[int, str]:
-    for number, line in enumerate(lines, start=1):
+def _names_line(path: Path, file: TextIO) -> tuple[int, str]:
+    """The number of the first line that is no comment, and the line itself."""
+    number, left = 0, MOST_HEAD_CHARACTERS
+    while line := file.readline(left + 1):
+        number += 1
+        left -= len(line)
+        if left < 0:
+            raise LogImportError(
+                f"{path}: its line of names does not end",
+                value=f"more than {MOST_HEAD_CHARACTERS} characters",
+                limit=f"{MOST_HEAD_CHARACTERS} characters",
+                action="leave out columns and comments that are not needed",
+            )
         if line.strip() and not line.startswith(_COMMENT):
             return number, line
     return 1, ""
@@ -195,7 +228,7 @@ def _after(lines: Iterator[str], count: int) -> Iterator[str]:
     return lines
 
 
-def _first_text(values: pyarrow.ChunkedArray) -> tuple[int, str]:
+def _first_text(values: pyarrow.Array) -> tuple[int, str]:
     import pyarrow as pa
 
     for row, value in enumerate(values):

@@ -24,6 +24,7 @@ from smad.errors import RunLogError
 from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Column, Run, recorded
 from smad.runlog.schema import CHANNELS
+from smad.writable import require_writable
 
 if TYPE_CHECKING:
     import pyarrow
@@ -52,9 +53,10 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
     taken = next((path for path in files if path.exists()), None)
     if taken is not None and not overwrite:
         raise RunLogError(f"{taken} is there already", action="use --overwrite or another name")
+    for path in files:
+        require_writable(path)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
         write(run, temporary)
         if len(files) > 1:
             files[1].write_bytes(msgspec.json.format(header_document(run), indent=2) + b"\n")

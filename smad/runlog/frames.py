@@ -23,7 +23,7 @@ def data_frame(
     Raises MissingPartError without pandas.
     """
     pd = part("pandas")
-    frame = pd.DataFrame(
+    frame: pandas.DataFrame = pd.DataFrame(
         {name: _series(pd, name, column, recorded[name]) for name, column in columns.items()}
     )
     frame.attrs["units"] = {name: CHANNELS[name].unit for name in columns}

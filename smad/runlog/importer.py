@@ -20,6 +20,8 @@ from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
 from smad.runlog.tables import channels_of, open_table
 from smad.runlog.writer import write_run
 
+_ROWS_AT_ONCE = 10_000
+
 
 class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A mapping file (TOML): `[csv]`, and `[columns."name in the file"]` with a rule each."""
@@ -57,7 +59,7 @@ def read_mapping(path: str | Path) -> MappingFile:
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise LogImportError(
             f"mapping {path} is not valid: {error}",
-            action="docs/guide/run-logs.md shows a mapping file",
+            action="smad docs guide/run-logs shows a mapping file",
         ) from None
 
 
@@ -139,9 +141,12 @@ def _header(
 
 def _records(columns: Mapping[str, NDArray[np.float64]], beside: _Beside) -> Iterator[Record]:
     names = list(columns)
-    lists = [_plain_list(name, column) for name, column in columns.items()]
-    for values in zip(*lists, strict=True):
-        yield Row(**dict(zip(names, values, strict=True)))
+    for start in range(0, len(columns["t_s"]), _ROWS_AT_ONCE):
+        part = slice(start, start + _ROWS_AT_ONCE)
+        # As Python's numbers the whole table would take several times its size.
+        lists = [_plain_list(name, column[part]) for name, column in columns.items()]
+        for values in zip(*lists, strict=True):
+            yield Row(**dict(zip(names, values, strict=True)))
     yield from beside.events
     yield from beside.link
 

@@ -131,13 +131,16 @@ def read_run(path: str | Path, *, progress: Progress = no_progress) -> Run:
         raise RunLogError(
             f"{path} is no run log: it does not begin as an MCAP file",
             value=f"{size} bytes",
-            action="use `smad log import` for logs of other programs",
+            action="use `smad log import` for logs of other programs"
+            if size
+            else "nothing was recorded into it; leave it out",
         ) from None
     if not intake.has_rows_channel:
         raise RunLogError(
             f"{path} is no run log: it has no channel {ROW_TOPIC}",
             value=f"{size} bytes",
-            action="it was cut before the first sample, or another program wrote it",
+            action="it was cut before the first sample, so nothing can be recovered; or another "
+            "program wrote it",
         )
     run = intake.finish(path, damage)
     progress(1.0)

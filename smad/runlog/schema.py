@@ -122,6 +122,9 @@ EventKind = Literal[
     "command", "state", "arm", "disarm", "fault", "warning", "link", "record", "import", "note"
 ]
 
+CUT = "cut: "
+"""How the text of an event begins that says what cut a run: it is no example of anything."""
+
 
 class Event(Struct, kw_only=True, omit_defaults=True):
     """Something that happened once: a command received, a fault, arming, a person's note."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.runlog.bounds import require_bounded
+from smad.runlog.bounds import Together, require_bounded
 from smad.runlog.column_names import Assignment, ColumnRule, assign
 from smad.runlog.csv_table import CsvFormat, open_csv
 from smad.runlog.schema import CHANNELS
@@ -33,8 +34,14 @@ class ForeignTable(Protocol):
     @property
     def names(self) -> list[str]: ...
 
-    def columns(self, wanted: Iterable[str]) -> dict[str, NDArray[np.float64]]:
-        """The columns named, each of shape (rows,), NaN where nothing stands."""
+    @property
+    def most_rows(self) -> int: ...
+
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+        """The columns named, each of shape (rows,), NaN where nothing stands.
+
+        One by one, so that whoever converts them need not hold all of them twice.
+        """
 
     def place_of(self, row: int) -> str:
         """Where that row (from 0) is to be found."""
@@ -46,19 +53,39 @@ class ParquetTable:
 
     path: Path
     names: list[str]
+    most_rows: int
 
-    def columns(self, wanted: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
         """The columns named. Raises LogImportError for text in one, and without rows."""
         import pyarrow as pa
         from pyarrow import parquet
 
+        wanted = list(wanted)
+        if not self.most_rows:
+            raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
         try:
-            table = parquet.read_table(self.path, columns=list(wanted))
+            with parquet.ParquetFile(self.path) as file:
+                kinds = {name: file.schema_arrow.field(name).type for name in wanted}
+            for name, kind in kinds.items():
+                # A list may hold any number of values in a row, and none of them is read.
+                self._require_plain(name, kind)
+            # A text that repeats stays one text, however long it is.
+            texts = [n for n, kind in kinds.items() if not pa.types.is_primitive(kind)]
+            with parquet.ParquetFile(self.path, read_dictionary=texts) as file:
+                for name in wanted:
+                    yield name, self._numbers(name, file.read([name])[0])
         except (OSError, pa.ArrowException) as error:
             raise _unreadable(self.path, error) from error
-        if not table.num_rows:
-            raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
-        return {name: self._numbers(name, table[name]) for name in table.column_names}
+
+    def _require_plain(self, name: str, kind: pyarrow.DataType) -> None:
+        import pyarrow as pa
+
+        if pa.types.is_nested(kind):
+            raise LogImportError(
+                f"{self.path}: column {name!r} is not a number",
+                value=str(kind),
+                action="write it as numbers, one in a row",
+            )
 
     def place_of(self, row: int) -> str:
         return f"row {row + 1}"
@@ -67,6 +94,9 @@ class ParquetTable:
         import pyarrow as pa
 
         try:
+            if pa.types.is_dictionary(column.type):
+                parts = [c.dictionary.cast(pa.float64()).take(c.indices) for c in column.chunks]
+                column = pa.chunked_array(parts, pa.float64())
             return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
         except pa.ArrowException as error:
             raise LogImportError(
@@ -89,13 +119,20 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
 
     try:
         with parquet.ParquetFile(path) as file:
+            about = file.metadata
+            require_bounded(
+                path,
+                columns=about.num_columns,
+                rows=about.num_rows,
+                size=sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups)),
+            )
             names = file.schema_arrow.names
     except (OSError, pa.ArrowException) as error:
         raise _unreadable(path, error) from error
-    twin = next((name for name in names if names.count(name) > 1), None)
+    twin = next((name for name, count in Counter(names).items() if count > 1), None)
     if twin is not None:
         raise LogImportError(f"{path}: two columns are named {twin!r}", action="rename one")
-    return ParquetTable(path, names)
+    return ParquetTable(path, names, about.num_rows)
 
 
 def _unreadable(path: Path, error: Exception) -> LogImportError:
@@ -104,14 +141,16 @@ def _unreadable(path: Path, error: Exception) -> LogImportError:
     )
 
 
-def read_channels(path: Path) -> dict[str, NDArray[np.float64]]:
+def read_channels(path: Path, together: Together | None = None) -> dict[str, NDArray[np.float64]]:
     """Channels of the table of one run, which may hold no more than a run can.
 
-    Missing samples are NaN. Raises LogImportError for a file that cannot be used.
+    Missing samples are NaN. `together` counts the runs that are held at once. Raises
+    LogImportError for a file that cannot be used, RunLogError for one too many.
     """
-    if path.name.endswith(KINDS):
-        require_bounded(path)
-    return channels_of(open_table(path))[0]
+    table = open_table(path)
+    if together is not None:
+        together.take(path, rows=table.most_rows, columns=min(len(table.names), len(CHANNELS)))
+    return channels_of(table)[0]
 
 
 def channels_of(
@@ -136,7 +175,7 @@ def _converted(table: ForeignTable, assignment: Assignment) -> dict[str, NDArray
             limit="t_s, time_s, time_ms …",
             action="name the column time_s, or use a mapping file",
         )
-    for name, values in table.columns(assignment.rules).items():
+    for name, values in table.columns(assignment.rules):
         rule = assignment.rules[name]
         channel = CHANNELS[rule.channel]
         converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)

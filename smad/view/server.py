@@ -87,7 +87,7 @@ class LivePage:
                 connection,
                 judged.right,
                 self.source,
-                lambda: AsyncClient(self._bench, timeout_s=TIMEOUT_S),
+                lambda: AsyncClient(self._bench, timeout_s=TIMEOUT_S, lease_s=None),
             ).run()
         except Exception:
             _log.exception("a page was closed by an error of the server")

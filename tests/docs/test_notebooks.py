@@ -20,7 +20,7 @@ from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "examples/notebooks").glob("*.ipynb"))
-SLOW = {"gap_diagnosed"}
+SLOW = {"gap_diagnosed", "policy_trained"}
 ALL = "SMAD_ALL_NOTEBOOKS"
 CELL_S = 240
 

@@ -16,6 +16,7 @@ from firmware_protocol.errors import (
     QueueFullError,
 )
 from firmware_protocol.events import HostState
+from firmware_protocol.host import SILENCE_US, HostSession
 from firmware_protocol.parameters import BY_NAME
 from tests.firmware_protocol.pair import IDENT, SAMPLE, STEP_US, TOKEN, Pair, TestBoard, setpoint
 
@@ -428,3 +429,17 @@ def test_two_axes_are_watched_together_and_the_worse_one_counts() -> None:
     pair.move()
     pair.move()
     assert pair.host.state is HostState.FAULTED
+
+
+@pytest.mark.parametrize("patience", [1, 60])
+def test_a_silent_board_is_given_up_after_the_patience_of_its_host(patience: int) -> None:
+    pair = Pair()
+    pair.host = HostSession(nonce=1, patience=patience)
+    pair.host.connect(pair.now_us)
+    pair.run(2)
+    assert pair.host.state is HostState.MONITOR
+    heard_us = pair.now_us
+    pair.host.tick(heard_us + patience * SILENCE_US - STEP_US)
+    assert pair.host.state is HostState.MONITOR
+    lost = pair.host.tick(heard_us + patience * SILENCE_US + STEP_US)
+    assert any(isinstance(event, e.LinkLost) for event in lost)

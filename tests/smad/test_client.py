@@ -5,6 +5,7 @@ import inspect
 import os
 import pickle
 import signal
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -43,7 +44,7 @@ def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
 
 @pytest.fixture
 def client(daemon: FakeDaemon, tmp_path: Path) -> Iterator[Client]:
-    with Client(folder=tmp_path, timeout_s=30.0) as client:
+    with Client(folder=tmp_path, timeout_s=30.0, lease_s=None) as client:
         yield client
 
 
@@ -406,7 +407,7 @@ def test_a_signal_that_the_program_ignores_is_left_to_it(client: Client) -> None
 async def test_an_armed_block_of_the_async_client_disarms_when_it_is_cancelled(
     daemon: FakeDaemon, tmp_path: Path
 ) -> None:
-    async with AsyncClient(folder=tmp_path, timeout_s=30.0) as client:
+    async with AsyncClient(folder=tmp_path, timeout_s=30.0, lease_s=None) as client:
         inside = asyncio.Event()
 
         async def experiment() -> None:
@@ -426,6 +427,7 @@ def test_after_arming_requests_carry_the_generation_and_in_control_the_lease(
     client: Client, daemon: FakeDaemon
 ) -> None:
     daemon.answers["arm"] = msgspec.structs.replace(MOTION, generation=7)
+    daemon.answers["disarm"] = msgspec.structs.replace(MOTION, generation=8)
     daemon.answers["control.take"] = api.Control(holder="Ada", yours=True, lease="secret")
     daemon.answers["control.release"] = api.Control()
     with client.in_control("Ada"), client.armed():
@@ -444,7 +446,7 @@ def test_after_arming_requests_carry_the_generation_and_in_control_the_lease(
         "disarm": ("secret", None),
         "control.release": ("secret", None),
     }
-    assert "generation" not in daemon.asked[-1]
+    assert daemon.asked[-1]["generation"] == 8
     assert "lease" not in daemon.asked[-1]
 
 
@@ -458,7 +460,7 @@ def test_an_arming_for_a_person_carries_the_generation_that_the_person_knew_of(
     client.disarm()
     client.arm()
     told = [request.get("generation") for request in daemon.asked if request["method"] == "arm"]
-    assert told == [4, None, 5]
+    assert told == [4, 0, 5]
 
 
 def test_waiting_ends_when_somebody_stopped_the_bench_and_armed_it_again() -> None:
@@ -491,3 +493,71 @@ def test_a_client_works_after_its_process_was_found_by_the_environment(
     monkeypatch.setenv("SMAD_RUNTIME_DIR", os.fspath(tmp_path))
     with Client(timeout_s=30.0) as client:
         assert client.motion() == MOTION
+
+
+def _leasing(daemon: FakeDaemon, folder: Path) -> Client:
+    daemon.answers["control.take"] = api.Control(holder="me", yours=True, lease="secret")
+    daemon.answers["control.release"] = api.Control()
+    daemon.answers["arm"] = daemon.answers["disarm"] = MOTION
+    return Client(folder=folder, timeout_s=30.0, lease_s=0.5)
+
+
+def test_who_arms_has_a_lease_before_it_arms_and_gives_it_back_once_it_is_disarmed(
+    daemon: FakeDaemon, tmp_path: Path
+) -> None:
+    with _leasing(daemon, tmp_path) as client, client.armed():
+        pass
+    told = [(r["method"], r.get("lease")) for r in daemon.asked if r["method"] != "motion"]
+    assert told == [
+        ("control.take", None),
+        ("arm", "secret"),
+        ("disarm", "secret"),
+        ("control.release", "secret"),
+    ]
+    assert daemon.asked[0]["params"]["lease_s"] == 0.5
+
+
+def test_a_lease_is_renewed_while_its_program_computes(daemon: FakeDaemon, tmp_path: Path) -> None:
+    renewed = threading.Event()
+
+    def motion(request: dict[str, object]) -> api.Motion:
+        if request.get("lease") == "secret":
+            renewed.set()
+        return MOTION
+
+    with _leasing(daemon, tmp_path) as client, client.armed():
+        daemon.answers["motion"] = motion
+        assert renewed.wait(60.0)
+
+
+def test_an_arming_that_is_refused_gives_the_lease_back(daemon: FakeDaemon, tmp_path: Path) -> None:
+    with _leasing(daemon, tmp_path) as client:
+        daemon.answers["arm"] = api.ErrorData(reason=api.Reason.BOARD_REFUSED, cause="too warm")
+        with pytest.raises(BoardRefused):
+            client.arm()
+        client.motion()
+        assert "lease" not in daemon.asked[-1]
+
+
+def test_a_program_that_knows_of_no_other_stop_than_its_own_arms_again(
+    daemon: FakeDaemon, client: Client
+) -> None:
+    for at in (3, 5, 7):
+        daemon.answers["arm"] = msgspec.structs.replace(MOTION, generation=at - 1)
+        daemon.answers["disarm"] = msgspec.structs.replace(MOTION, generation=at)
+        client.arm()
+        client.disarm()
+    told = [request.get("generation") for request in daemon.asked if request["method"] == "arm"]
+    # The last disarm but one ended in the fifth, and the arming after it knows of that only.
+    assert told == [None, 3, 5]
+
+
+def test_a_stop_of_somebody_else_beside_our_own_stays_unknown(
+    daemon: FakeDaemon, client: Client
+) -> None:
+    daemon.answers["arm"] = msgspec.structs.replace(MOTION, generation=2)
+    daemon.answers["disarm"] = msgspec.structs.replace(MOTION, generation=4)
+    client.arm()
+    client.disarm()
+    client.arm()
+    assert daemon.asked[-1]["generation"] == 2

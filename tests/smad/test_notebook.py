@@ -56,5 +56,5 @@ def test_a_run_in_pandas_has_board_time_words_and_gaps(tmp_path: Path) -> None:
 def test_without_pandas_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = read_run(write_small_run(tmp_path / "run.mcap", 10))
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingPartError, match=r"pip install 'smad\[notebook\]'"):
+    with pytest.raises(MissingPartError, match=r"pip install '\.\[notebook\]'"):
         run.to_pandas()

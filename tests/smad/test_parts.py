@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from smad.parts import EXTRA_OF, EXTRA_OF_COMMAND
+from smad.parts import BROUGHT_BY, EXTRA_OF, EXTRA_OF_COMMAND
 from tests.smad.runlog.helpers import write_small_run
 
 PROJECT = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text())
@@ -40,6 +40,20 @@ def test_each_package_of_an_extra_is_known_and_no_other() -> None:
     assert {name for name in brought if not name.startswith("smad")} == set(EXTRA_OF)
     needed = {package(line) for line in PROJECT["project"]["dependencies"]}
     assert not needed & set(EXTRA_OF)
+
+
+@pytest.mark.parametrize("extra", BROUGHT_BY)
+def test_what_an_extra_brings_is_what_the_project_says(extra: str) -> None:
+    extras = PROJECT["project"]["optional-dependencies"]
+
+    def brought(name: str) -> set[str]:
+        found: set[str] = set()
+        for one in map(package, extras[name]):
+            below = one.removeprefix("smad[").removesuffix("]")
+            found |= {one} if below == one else brought(below)
+        return found
+
+    assert set(BROUGHT_BY[extra]) == brought(extra)
 
 
 def test_a_bench_computer_needs_no_extra(tmp_path: Path) -> None:
@@ -84,4 +98,4 @@ def test_a_missing_extra_is_named_in_one_line(command: list[str], extra: str) ->
     done = without_extras(command)
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.splitlines()
-    assert line.endswith(f"pip install 'smad[{extra}]'")
+    assert line.endswith(f"pip install '.[{extra}]'")

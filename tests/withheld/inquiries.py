@@ -145,8 +145,9 @@ _ENDS = (
 def table(cases: Sequence[dict[str, Any]]) -> str:
     """How they ended, as Markdown."""
     lines = [
-        "| the trouble | benches | settled rightly | right name and a wrong one | settled wrongly "
-        "| not noticed | called unknown | not settled | minutes of bench time, median (most) |",
+        "| the trouble | simulated benches | settled rightly | right name and a wrong one "
+        "| settled wrongly | not noticed | called unknown | not settled "
+        "| minutes of bench time, median (most) |",
         "|---|" + "---:|" * 8,
     ]
     listed = [c for c in cases if c["listed"]]

@@ -16,8 +16,8 @@ _QUIET = {"none": "no_gap", "parameters": "parameters_only"}
 _MOST_MISTAKES = 40
 
 CAVEAT = (
-    "Every figure is about the family of benches that this bank was made with, until a real bench "
-    "says otherwise."
+    "Every figure is about the family of simulated benches that this bank was made with, until a "
+    "real bench says otherwise."
 )
 
 

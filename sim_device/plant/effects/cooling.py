@@ -12,6 +12,7 @@ WATER: tuple[Effect, ...] = (
         name="water_warming",
         title="the water in the tube warms up (missing from the printed model)",
         subsystem="water",
+        places=("heat_into_wire",),
         equation="(1/κ) C_w′ dT_w/dt = h π d (T − T_w) − (Qρc/L)(T_w − T_in) − UA′ (T_w − T_a)",
         parameters=(
             EffectParameter(
@@ -35,6 +36,7 @@ WATER: tuple[Effect, ...] = (
         name="water_drainage",
         title="water leaves the tube after the pump stops",
         subsystem="water",
+        places=("film", "heat_into_water"),
         equation="dw/dt = −(w − (1 − s))/τ while the pump rests; it refills the tube",
         parameters=(
             EffectParameter(
@@ -70,6 +72,7 @@ WATER: tuple[Effect, ...] = (
         name="air_pockets",
         title="air bubbles cut the cooling by a different share at each start of the pump",
         subsystem="water",
+        places=("film", "flow_before_pump", "flow_behind_pump"),
         equation="h → h (1 − s v_n), Q → Q (1 − s v_n), v_n scattered in 0 to 1 with the n-th"
         " start after 0.2 s or more at rest",
         parameters=(
@@ -95,6 +98,7 @@ WATER: tuple[Effect, ...] = (
         name="pump_lag",
         title="the pump starts late and spins up",
         subsystem="water",
+        places=("flow_before_pump", "flow_behind_pump"),
         equation="Q = 0 for t_d after the start, then τ dQ/dt = Q_c − Q",
         parameters=(
             EffectParameter(
@@ -130,6 +134,7 @@ WATER: tuple[Effect, ...] = (
         name="flow_shortfall",
         title="less water flows than the pump's data say",
         subsystem="water",
+        places=("flow_before_pump", "flow_behind_pump"),
         equation="Q → (1 − s) Q",
         parameters=(
             EffectParameter(
@@ -154,6 +159,7 @@ WATER: tuple[Effect, ...] = (
         name="uneven_flow",
         title="one tube gets more water than the other",
         subsystem="water",
+        places=("flow_before_pump", "flow_behind_pump"),
         equation="Q_X → (1 + s) Q_X, Q_Y → (1 − s) Q_Y",
         parameters=(
             EffectParameter(
@@ -177,6 +183,7 @@ WATER: tuple[Effect, ...] = (
         name="reservoir_warming",
         title="the heat carried off warms the reservoir",
         subsystem="water",
+        places=("inlet_water",),
         equation="T_in = T_in,0 + Q_out/C_r, C_r the heat capacity of the reservoir",
         parameters=(
             EffectParameter(
@@ -200,6 +207,7 @@ WATER: tuple[Effect, ...] = (
         name="valve_leak",
         title="part of one side's water reaches the other side",
         subsystem="water",
+        places=("flow_before_pump", "flow_behind_pump"),
         equation="Q_X → Q_X + s Q_Y, Q_Y → Q_Y + s Q_X",
         parameters=(
             EffectParameter(

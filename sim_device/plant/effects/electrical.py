@@ -9,6 +9,7 @@ ELECTRICAL: tuple[Effect, ...] = (
         name="driver_gain",
         title="gain error of the current driver",
         subsystem="actuator",
+        places=("driven_current",),
         equation="I = (1 + g) I_c",
         parameters=(
             EffectParameter(
@@ -32,6 +33,7 @@ ELECTRICAL: tuple[Effect, ...] = (
         name="driver_lag",
         title="lag of the current driver",
         subsystem="actuator",
+        places=("driven_current",),
         equation="τ dI/dt = I_c − I",
         parameters=(
             EffectParameter(
@@ -56,6 +58,7 @@ ELECTRICAL: tuple[Effect, ...] = (
         name="driver_saturation",
         title="driver or supply runs out of headroom towards the largest current",
         subsystem="actuator",
+        places=("driven_current",),
         equation="I = I_c/[1 + (I_c/I_s)^n]^(1/n), (I_max/I_s)^n = (1 − s)^−n − 1, so that I = (1"
         " − s) I_max"
         " at I_c = I_max of the parameter file",
@@ -94,6 +97,7 @@ ELECTRICAL: tuple[Effect, ...] = (
         name="phase_resistivity",
         title="resistance depends on temperature and phase",
         subsystem="electrical",
+        places=("resistance",),
         equation="R = R0 [1 + α (T − T_ref) + β (½ − ξ)]",
         parameters=(
             EffectParameter(
@@ -127,6 +131,7 @@ ELECTRICAL: tuple[Effect, ...] = (
         name="contact_resistance",
         title="resistance of leads and crimps in the voltage reading",
         subsystem="electrical",
+        places=("reading_voltage",),
         equation="V = I (R + R_c)",
         parameters=(
             EffectParameter(
@@ -150,6 +155,7 @@ ELECTRICAL: tuple[Effect, ...] = (
         name="current_offset",
         title="offset of the current sensor",
         subsystem="sensors",
+        places=("reading_current",),
         equation="I_meas = I + I_o",
         parameters=(
             EffectParameter(

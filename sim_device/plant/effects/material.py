@@ -17,6 +17,7 @@ PHASE: tuple[Effect, ...] = (
         name="minor_loop",
         title="partial transformations follow another law",
         subsystem="phase",
+        places=("transformation_shift", "recoverable_strain"),
         equation="ratios of Eqs (11), (13) raised to 1 + κ p, p the untransformed share when the"
         " leg began;"
         " a share m of the wire rests until the outer curve reaches its fraction",
@@ -52,6 +53,7 @@ PHASE: tuple[Effect, ...] = (
         name="transformation_fatigue",
         title="transformation temperatures and strain change with each cycle",
         subsystem="phase",
+        places=("transformation_shift", "recoverable_strain"),
         equation="A_S, A_F, M_S, M_F → … + s n;  δ_L → δ_L (1 − l n), n = ½ ∫|dξ|",
         parameters=(
             EffectParameter(
@@ -84,6 +86,7 @@ PHASE: tuple[Effect, ...] = (
         name="r_phase",
         title="an intermediate R-phase on cooling",
         subsystem="phase",
+        places=("recoverable_strain", "resistance"),
         equation="austenite → R from M_S + a to M_S + a − w on cooling; δ += ε δ_L q, R += ρ q R0",
         parameters=(
             EffectParameter(
@@ -138,6 +141,7 @@ PHASE: tuple[Effect, ...] = (
         name="unified_kinetics",
         title="one law for twinned and detwinned martensite, which remembers where it turned",
         subsystem="phase",
+        places=("transformation_shift", "recoverable_strain"),
         equation="ξ from a = (T − A_S − τ/C_A)/(A_F − A_S) and c = (M_S + (τ − τ_0)/C_M − T)/(M_S"
         " − M_F),"
         " τ_0 at F0, on curves that mix f with a logistic one (share t), scaled to pass through"
@@ -178,6 +182,7 @@ PHASE: tuple[Effect, ...] = (
         name="stress_latent",
         title="latent heat depends on stress",
         subsystem="phase",
+        places=("heat_into_wire",),
         equation="L → L [1 + λ (τ − τ_0)/100 MPa], τ_0 at F0",
         parameters=(
             EffectParameter(
@@ -203,6 +208,7 @@ MECHANICS: tuple[Effect, ...] = (
         name="tube_friction",
         title="the spring rubs in its tube",
         subsystem="mechanics",
+        places=("force_cell_on_x", "force_cell_on_y"),
         equation="|F_X − F_Y| ≤ (F_c + μ F) [1 + s exp(−|u̇|/v_s)], equal to it when moving;"
         " F_r = a F_X + (1 − a) F_Y",
         parameters=(
@@ -271,6 +277,7 @@ MECHANICS: tuple[Effect, ...] = (
         name="viscous_drag",
         title="water in the tube drags on the coils",
         subsystem="mechanics",
+        places=("force_cell_on_x", "force_cell_on_y"),
         equation="F_X − F_Y = c w u̇, w the filled share",
         parameters=(
             EffectParameter(
@@ -294,6 +301,7 @@ MECHANICS: tuple[Effect, ...] = (
         name="tendon_slack",
         title="the tendon straightens before it carries",
         subsystem="mechanics",
+        places=("recoverable_strain",),
         equation="δ_X + δ_Y + s [exp(−F0/F_s) − exp(−F/F_s)] = 2 δ0",
         parameters=(
             EffectParameter(
@@ -328,6 +336,7 @@ MECHANICS: tuple[Effect, ...] = (
         name="tendon_compliance",
         title="the tendon stretches",
         subsystem="mechanics",
+        places=("recoverable_strain",),
         equation="δ_X + δ_Y + c (F − F0) = 2 δ0",
         parameters=(
             EffectParameter(
@@ -351,6 +360,7 @@ MECHANICS: tuple[Effect, ...] = (
         name="tube_stiffness",
         title="the tube is a spring in parallel",
         subsystem="mechanics",
+        places=("force_cell_on_x", "force_cell_on_y"),
         equation="F = F_spring + k_p (δ − δ0)",
         parameters=(
             EffectParameter(
@@ -374,6 +384,7 @@ MECHANICS: tuple[Effect, ...] = (
         name="residual_elongation",
         title="the spring keeps a little elongation from each cycle",
         subsystem="mechanics",
+        places=("recoverable_strain",),
         equation="δ += e n, n = ½ ∫|dξ|",
         parameters=(
             EffectParameter(

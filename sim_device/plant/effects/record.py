@@ -68,6 +68,7 @@ class EffectParameter:
 class Effect:
     """One candidate effect.
 
+    places: where in the model it acts, entries of `sim_device.plant.places`, the main one first.
     signals: measured channels that it moves. confused_with: other entries that look alike in
     routine runs. separated_by: the experiment that tells them apart. needs: what the plant must be
     for the effect to act (variant, cooling, fixture), as option to allowed values. law: a good
@@ -78,6 +79,7 @@ class Effect:
     name: str
     title: str
     subsystem: Subsystem
+    places: tuple[str, ...]
     equation: str
     parameters: tuple[EffectParameter, ...]
     signals: tuple[str, ...]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from firmware_protocol.nearest import instead
 from sim_device.plant.effects.cooling import WATER
 from sim_device.plant.effects.electrical import ELECTRICAL
 from sim_device.plant.effects.material import MECHANICS, PHASE
@@ -44,8 +45,8 @@ def effect(name: str) -> Effect:
     try:
         return _BY_NAME[name]
     except KeyError:
-        known = ", ".join(_BY_NAME)
-        raise EffectError(f"effect {name!r} is not in the registry; known are {known}") from None
+        told = instead(name, _BY_NAME, "smad gap effects lists them")
+        raise EffectError(f"effect {name!r} is not in the registry; {told}") from None
 
 
 def resolve(effects: EffectValues) -> Resolved:
@@ -78,8 +79,8 @@ def from_text(text: str) -> tuple[str, dict[str, float]]:
 def _complete(entry: Effect, values: Mapping[str, float]) -> dict[str, float]:
     for name in values:
         if entry.parameter(name) is None:
-            known = ", ".join(parameter.name for parameter in entry.parameters)
-            raise EffectError(f"effect {entry.name} has no parameter {name!r}; it has {known}")
+            told = instead(name, [parameter.name for parameter in entry.parameters])
+            raise EffectError(f"effect {entry.name} has no parameter {name!r}; {told}")
     chosen = {}
     for parameter in entry.parameters:
         value = values.get(parameter.name)

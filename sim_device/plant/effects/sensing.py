@@ -9,6 +9,7 @@ SENSORS: tuple[Effect, ...] = (
         name="rtd_lag",
         title="the RTD follows the wire late",
         subsystem="sensors",
+        places=("reading_rtd",),
         equation="τ dT_r/dt = T − T_r",
         parameters=(
             EffectParameter(
@@ -33,6 +34,7 @@ SENSORS: tuple[Effect, ...] = (
         name="rtd_offset",
         title="constant error of the RTDs",
         subsystem="sensors",
+        places=("reading_rtd",),
         equation="T_r = T + T_o",
         parameters=(
             EffectParameter(
@@ -56,6 +58,7 @@ SENSORS: tuple[Effect, ...] = (
         name="rtd_stem",
         title="the RTD loses heat along its stem",
         subsystem="sensors",
+        places=("reading_rtd",),
         equation="T_r = T − ε (T − T_a)",
         parameters=(
             EffectParameter(
@@ -79,6 +82,7 @@ SENSORS: tuple[Effect, ...] = (
         name="encoder_backlash",
         title="play between tendon and encoder",
         subsystem="sensors",
+        places=("reading_displacement",),
         equation="u_r = play of width b on u",
         parameters=(
             EffectParameter(
@@ -103,6 +107,7 @@ SENSORS: tuple[Effect, ...] = (
         name="encoder_slip",
         title="the tendon slips on the encoder",
         subsystem="sensors",
+        places=("reading_displacement",),
         equation="du_r = (1 − s) du for du > 0, du_r = du otherwise",
         parameters=(
             EffectParameter(
@@ -125,6 +130,7 @@ SENSORS: tuple[Effect, ...] = (
         name="force_offset",
         title="zero error of the force sensor",
         subsystem="sensors",
+        places=("reading_force",),
         equation="F_r = F + F_o",
         parameters=(
             EffectParameter(
@@ -147,6 +153,7 @@ SENSORS: tuple[Effect, ...] = (
         name="force_gain",
         title="gain error of the force sensor",
         subsystem="sensors",
+        places=("reading_force",),
         equation="F_r = (1 + g) F",
         parameters=(
             EffectParameter(
@@ -169,6 +176,7 @@ SENSORS: tuple[Effect, ...] = (
         name="force_creep",
         title="the force sensor creeps under load",
         subsystem="sensors",
+        places=("reading_force",),
         equation="F_r = F + c (z − F0), τ dz/dt = F − z",
         parameters=(
             EffectParameter(
@@ -202,6 +210,7 @@ SENSORS: tuple[Effect, ...] = (
         name="channel_delay",
         title="sensor channels arrive late",
         subsystem="timing",
+        places=("reading_rtd", "reading_displacement", "reading_force"),
         equation="y_r(t) = y(t − d), one delay each for temperature, displacement and force",
         parameters=(
             EffectParameter(
@@ -245,6 +254,7 @@ SENSORS: tuple[Effect, ...] = (
         name="clock_skew",
         title="the sensors' clock runs slow against the board's",
         subsystem="timing",
+        places=("reading_rtd", "reading_displacement", "reading_force"),
         equation="y_r(t) = y(t − s t)",
         parameters=(
             EffectParameter(

@@ -15,6 +15,7 @@ THERMAL: tuple[Effect, ...] = (
         name="ambient_drift",
         title="the room warms or cools during a run",
         subsystem="thermal",
+        places=("ambient_air",),
         equation="T_a(t) = T_a + r t",
         parameters=(
             EffectParameter(
@@ -37,6 +38,7 @@ THERMAL: tuple[Effect, ...] = (
         name="cold_ends",
         title="wire ends at the crimps stay cold",
         subsystem="thermal",
+        places=("recoverable_strain", "heat_into_wire"),
         equation="δ = (1 − s) δ(ξ, ξ_S) + s δ(1, ξ_S,cold), ξ_S,cold by Eq. (12);"
         " the crimps, as warm as the air, take q = G (T − T_a)",
         parameters=(
@@ -71,6 +73,7 @@ THERMAL: tuple[Effect, ...] = (
         name="temperature_spread",
         title="temperature is not uniform along and across the wire",
         subsystem="thermal",
+        places=("transformation_shift", "recoverable_strain"),
         equation="f(a) → ½ f(a) + ¼ [f(a − Δ) + f(a + Δ)], Δ = ΔT/(A_F − A_S)",
         parameters=(
             EffectParameter(
@@ -94,6 +97,7 @@ THERMAL: tuple[Effect, ...] = (
         name="cooling_front",
         title="the water cools the wire from its inlet on",
         subsystem="thermal",
+        places=("heat_into_water", "reading_rtd"),
         equation="five cells along the tube, C_w′ dT_w,i/dt = h π d (T_i − T_w,i) − …"
         " − 5 (Qρc/L)(T_w,i − T_w,i−1); RTD: T_r = T + s (T_z − T), outflow: T_w + s (T_w,5 − T_w)",
         parameters=(
@@ -130,6 +134,7 @@ THERMAL: tuple[Effect, ...] = (
         name="convection_exponent",
         title="film coefficient depends on the temperature difference in another way",
         subsystem="thermal",
+        places=("film", "heat_into_water"),
         equation="h → h (|ΔT|/ΔT_0)^n;  UA′ → UA′ (|T_w − T_a|/ΔT_0)^m",
         parameters=(
             EffectParameter(
@@ -174,6 +179,7 @@ THERMAL: tuple[Effect, ...] = (
         name="thermal_crosstalk",
         title="heat passes from one spring to the other",
         subsystem="thermal",
+        places=("heat_into_wire",),
         equation="q = G_x (T_other − T)",
         parameters=(
             EffectParameter(
@@ -196,6 +202,7 @@ THERMAL: tuple[Effect, ...] = (
         name="tube_wall",
         title="the silicone tube stores heat",
         subsystem="thermal",
+        places=("heat_into_water",),
         equation="κ C_w′ dT_t/dt = G_t (T_w − T_t), taken from the water",
         parameters=(
             EffectParameter(

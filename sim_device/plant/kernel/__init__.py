@@ -6,9 +6,11 @@ Equation numbers are those of Cheng et al., J. Intell. Mater. Syst. Struct. 28(1
 quantities are SI. Only what this package exports is called from outside.
 """
 
+from sim_device.plant.kernel.compiled import text_digest
 from sim_device.plant.kernel.curves import lay_curves
 from sim_device.plant.kernel.forcing import FIRST_READING, MEMORY_COLUMNS
 from sim_device.plant.kernel.layout import copied, fill, filled, numbers, place_of, zeros
+from sim_device.plant.kernel.many import advance_many
 from sim_device.plant.kernel.model import (
     ANTAGONISTIC,
     BLOCKED,
@@ -58,6 +60,7 @@ __all__ = [
     "State",
     "Work",
     "advance",
+    "advance_many",
     "compliance_of",
     "copied",
     "fill",
@@ -70,5 +73,6 @@ __all__ = [
     "replay",
     "replay_drivers",
     "rest",
+    "text_digest",
     "zeros",
 ]

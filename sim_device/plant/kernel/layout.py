@@ -38,11 +38,11 @@ def dtype_of(layout: type) -> Dtype:
     return np.dtype((np.record, np.dtype(fields, align=True)))
 
 
-def zeros(layout: type) -> OneRecord:
-    """An array of one such record, all zero. Its only element reads and writes by name."""
+def zeros(layout: type, count: int = 1) -> OneRecord:
+    """An array of `count` such records, all zero. An element reads and writes by name."""
     # By way of numbers: numpy makes and copies records field by field, ten times as slowly.
     dtype = dtype_of(layout)
-    return np.zeros(dtype.itemsize // _NUMBER.itemsize).view(dtype)
+    return np.zeros(count * (dtype.itemsize // _NUMBER.itemsize)).view(dtype)
 
 
 def numbers(records: OneRecord) -> Array:

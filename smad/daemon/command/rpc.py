@@ -258,7 +258,7 @@ def _bad_params(name: str, data: bytes, message: str) -> Refusal:
         Reason.INVALID,
         f"{name}: {field or 'the request'} is not valid: {in_words(cause)}",
         value=_value_at(data, path.rstrip("`")),
-        action="nothing was changed; docs/guide/clients.md lists the fields",
+        action="nothing was changed; smad docs guide/clients lists the fields",
     )
 
 
@@ -275,7 +275,7 @@ def _unknown(name: str) -> Refusal:
         Reason.UNKNOWN_METHOD,
         "there is no such method",
         value=name,
-        action="docs/guide/clients.md lists them all",
+        action="smad docs guide/clients lists them all",
     )
 
 

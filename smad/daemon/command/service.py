@@ -177,10 +177,11 @@ class Service:
             silent_s = gone.duration_us * 1e-6
             cause = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s"
             data = {"holder": gone.name, "silent_s": silent_s}
-            self._stops.order(cause, f"{cause}; disarming", data)
+            by = f"a lapsed lease: {cause}"
+            self._stops.order(cause, f"{cause}; disarming", data, by=by)
         if self._dead_man.expired(now_us):
             cause = "the client that armed has fallen silent"
-            self._stops.order(cause, f"{cause}; disarming", {})
+            self._stops.order(cause, f"{cause}; disarming", {}, by=f"the dead-man: {cause}")
 
     def arm(self, params: api.Arm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Ask the board for a token, begin the run log, confirm."""
@@ -217,6 +218,7 @@ class Service:
             still_wanted()
         self._say("command", "arm", api.logged_details(params))
         self._say("arm", "arming", {})
+        self._stops.arming()
         await self._requests.ask(ArmConfirm(axis, token.token))
         still_wanted()
         self._dead_man.watch(caller.client, self._clock_us())
@@ -226,18 +228,27 @@ class Service:
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Current off with the next sample, the board's DISARM; replies when it is not armed."""
-        self._stops.begin("disarm")
+        holder = self._lease.holder(self._clock_us())
+        orderly = holder is None or holder.secret == caller.lease
+        self._stops.begin(f"disarm of {self._who(caller)}", orderly=orderly)
         self._conditions.require_connected()
         return self._after(self._stops.until_disarmed())
 
     def estop(self, params: api.EStop, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Three copies at once, and again until the board says ESTOP; replies when it does."""
         if self._control.session.state is HostState.DISCONNECTED:
-            self._stops.begin("estop")
+            self._stops.begin(f"estop of {self._who(caller)}")
             raise not_connected("ESTOP cannot be sent", "cut the power")
-        self._stops.estop()
+        self._stops.estop(f"estop of {self._who(caller)}")
         self._control.flush()
         return self._after(self._stops.until_estop())
+
+    def _who(self, caller: Caller) -> str:
+        """A stop's caller in words: only who has control has told its name."""
+        now_us = self._clock_us()
+        holder = self._lease.holder(now_us)
+        # A stop may carry anything in place of a secret.
+        return holder.name if holder and holder.secret == caller.lease else "a client"
 
     async def _after(self, stopped: Awaitable[None]) -> api.Motion:
         await stopped

@@ -98,7 +98,8 @@ class StatusReport:
             reference_mm=_mm(controller.reference_m),
             displacement_mm=None if last is None else _mm(last.sample.displacement_m),
             board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
-            ended="" if controller.departure is None else controller.departure.in_words(),
+            ended=self._stops.ended
+            or ("" if controller.departure is None else controller.departure.in_words()),
             fault=fault,
             generation=self._stops.generation,
         )

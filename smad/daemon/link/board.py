@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from firmware_protocol.enums import Capability
 from firmware_protocol.messages import FaultReport, Ident, Message, ParamGet, ParamSet, ParamValue
+from firmware_protocol.nearest import instead
 from firmware_protocol.parameters import (
     BY_NAME,
     LIMIT_PARAMETERS,
@@ -135,8 +136,7 @@ def _named(name: str) -> Parameter:
             Reason.INVALID,
             "there is no parameter of this name",
             value=name,
-            limit=", ".join(BY_NAME),
-            action="see smad params list",
+            action=instead(name, BY_NAME, "smad params list shows them"),
         )
     return parameter
 

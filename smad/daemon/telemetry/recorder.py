@@ -39,6 +39,8 @@ class Recorder:
         wall_clock: Callable[[], float],
     ) -> None:
         self._config = config
+        # A client may be in another folder than the daemon: what it is told is absolute.
+        self._folder = Path(config.folder).absolute()
         self._header = header
         self._wall_clock = wall_clock
         self._writer: RunWriter | None = None
@@ -72,6 +74,7 @@ class Recorder:
         return RecorderStatus(
             recording=self.recording,
             path=self._path,
+            folder=str(self._folder),
             rows=self._rows,
             dropped=self._dropped,
             error=self._error,
@@ -141,7 +144,7 @@ class Recorder:
         when = datetime.fromtimestamp(self._wall_clock())
         try:
             return RunWriter(
-                new_run_path(Path(config.folder), name, when),
+                new_run_path(self._folder, name, when),
                 msgspec.structs.replace(self._header(name), repeats=repeats),
                 flush_interval_s=config.flush_interval_s,
                 queue_rows=config.queue_rows,

@@ -109,7 +109,7 @@ def hypotheses(verdict: Verdict, places: Mapping[str, Mapping[str, float]]) -> l
     the diagnosis gives to *unknown* is taken off all of them in proportion.
     """
     outcome = verdict.outcome
-    if outcome in (Outcome.NO_EXCITATION, Outcome.REFUSED):
+    if outcome in (Outcome.NO_EXCITATION, Outcome.REFUSED, Outcome.CONTRADICTING):
         return []
     sets = _sets(places)
     if outcome in _QUIET:

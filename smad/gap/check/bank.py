@@ -15,15 +15,16 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from smad.errors import LogImportError
+from smad.errors import RunLogError
 from smad.gap.check.errors import BankError
 from smad.gap.runs import GapRun
 from smad.gap.sma.signals import CHANNELS, INPUTS, table_run
+from smad.runlog.bounds import Together
 
 FORMAT = "smad-bank-1"
 _MOST_MANIFEST_BYTES = 16_000_000
 _GOLDEN = 0.6180339887498949
-_SEE = "see “A bank” in docs/withheld.md"
+_SEE = "see “A bank” in smad docs withheld"
 
 
 class BankRun(msgspec.Struct, frozen=True):
@@ -202,16 +203,17 @@ def read_case(bank: Bank, case: Case) -> CaseRuns:
     """The runs of a case. Raises BankError, naming the file, when one cannot be read."""
     stems = [PurePosixPath(r.file).name.split(".")[0] for r in used(case)]
     runs = CaseRuns([], [], [])
+    together = Together()
     for run, stem in zip(used(case), stems, strict=True):
         name = stem if stems.count(stem) == 1 else run.file
-        getattr(runs, run.role).append(_run(name, bank.folder / run.file))
+        getattr(runs, run.role).append(_run(name, bank.folder / run.file, together))
     return runs
 
 
-def _run(name: str, path: Path) -> GapRun:
+def _run(name: str, path: Path, together: Together) -> GapRun:
     try:
-        run = table_run(name, path)
-    except LogImportError as error:
+        run = table_run(name, path, together)
+    except RunLogError as error:
         raise BankError(f"run file {path} cannot be used: {error}") from error
     absent = [s.name for s in INPUTS if s.name not in run.inputs]
     if not run.outputs:

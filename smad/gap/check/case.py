@@ -18,6 +18,7 @@ import msgspec
 import sim_device.plant
 import smad.control
 import smad.gap
+from firmware_protocol.nearest import instead
 from smad.errors import SmadError
 from smad.gap.check.answer import answer
 from smad.gap.check.bank import Bank, Case, read_case
@@ -59,8 +60,7 @@ class How:
             raise CheckError(
                 "the library has no such effect",
                 value=foreign[0],
-                limit=", ".join(library),
-                action="see smad gap effects",
+                action=instead(foreign[0], library, "smad gap effects lists them"),
             )
 
 

@@ -93,5 +93,5 @@ def read_key(path: Path) -> tuple[Key, str]:
             f"{path} is not a key",
             value=str(error),
             limit=FORMAT,
-            action="see “A key” in docs/withheld.md",
+            action="see “A key” in smad docs withheld",
         ) from error

@@ -13,8 +13,12 @@ OUTCOMES: dict[Outcome, str] = {
     Outcome.UNKNOWN: "unknown",
     Outcome.NO_EXCITATION: "not_enough_excitation",
     Outcome.REFUSED: "not_enough_excitation",
+    Outcome.CONTRADICTING: "not_enough_excitation",
 }
-"""Outcome of a diagnosis → outcome of a verdict file. Refused runs support no answer either."""
+"""Outcome of a diagnosis → outcome of a verdict file.
+
+Refused or contradicting runs support no answer either.
+"""
 
 SILENT = frozenset(("no_gap", "parameters_only", "not_enough_excitation"))
 """Outcomes that do not claim a structural gap."""

@@ -175,7 +175,7 @@ def read_verdict_file(path: Path) -> VerdictFile:
             f"{path} is not a verdict file",
             value=str(error),
             limit=FORMAT,
-            action="see “Verdicts” in docs/withheld.md for the form",
+            action="see “Verdicts” in smad docs withheld for the form",
         ) from error
     for case, verdict in file.verdicts.items():
         _checked(case, verdict)

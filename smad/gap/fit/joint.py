@@ -64,7 +64,7 @@ class JointFit:
 
 @dataclass(frozen=True)
 class Interval:
-    """A fitted parameter of an effect with its 95 % interval.
+    """A fitted parameter of an effect with its fit interval.
 
     `profile` holds (value, rise of the negative log-likelihood). `identifiable` is False where the
     profile never rises to the 95 % level inside the range on either side.
@@ -211,7 +211,7 @@ def independent_share(fit: FitResult) -> float:
 
 
 def intervals(joint: JointFit, seed: int, form_share: float = 0.0) -> list[Interval]:
-    """95 % intervals of the parameters of every effect in a joint fit.
+    """Fit intervals of the parameters of every effect in a joint fit, from scatter alone.
 
     `form_share` is the share of a strength that another form of the same law may differ by.
     """

@@ -78,7 +78,7 @@ def checked_files(
         raise PairingError(
             "no run of now has the inputs of a good one",
             value=f"{len(good)} good, {len(now)} now",
-            action="play the same programme on both days; docs/guide/check-up.md says how",
+            action="play the same programme on both days; smad docs guide/check-up says how",
         )
     reference = commissioned(plant, matched.groups, progress=progress)
     return *judged(plant, reference, matched.now, progress=progress), matched

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
 from smad.gap.plant import PlantModel
 from smad.gap.runs import GapRun
 from smad.gap.sma.signals import INPUTS, gap_run_of, table_run
+from smad.runlog.bounds import Together
 from smad.runlog.tables import KINDS
 
 _KINDS = (".mcap", *KINDS)
@@ -40,17 +42,32 @@ class Found:
 
 
 def read_folder(folder: Path) -> list[Found]:
-    """All runs of a folder and its subfolders, by path. Raises PairingError when there is none."""
+    """All runs of a folder and its subfolders, by path; links to folders are followed.
+
+    Raises PairingError when there is none.
+    """
     if not folder.is_dir():
         raise PairingError(
             f"{folder} is no folder", action="give the folder that holds the run files"
         )
-    paths = sorted(p for p in folder.rglob("*") if p.is_file() and p.name.endswith(_KINDS))
+    paths = sorted(p for p in _files_below(folder) if p.is_file() and p.name.endswith(_KINDS))
     if not paths:
         raise PairingError(
             f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
         )
-    return [Found(_stem(p), str(p.parent.relative_to(folder)), p, *_read(p)) for p in paths]
+    together = Together()
+    return [
+        Found(_stem(p), str(p.parent.relative_to(folder)), p, *_read(p, together)) for p in paths
+    ]
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """Every file, by way of links too; a link to a folder that it lies in is not gone into."""
+    for root, folders, names in os.walk(folder, followlinks=True):
+        here = Path(root)
+        above = {here.resolve(), *here.resolve().parents}
+        folders[:] = [name for name in folders if (here / name).resolve() not in above]
+        yield from (here / name for name in names)
 
 
 def _stem(path: Path) -> str:
@@ -65,13 +82,15 @@ def read_file(path: Path) -> GapRun:
     return _read(path)[0]
 
 
-def _read(path: Path) -> tuple[GapRun, str]:
+def _read(path: Path, together: Together | None = None) -> tuple[GapRun, str]:
     """A run with the serial number of its board, empty where the file does not tell."""
     if path.suffix != ".mcap":
-        return _checked(path, table_run(_stem(path), path)), ""
+        return _checked(path, table_run(_stem(path), path, together)), ""
     from smad.runlog.reader import read_run
 
     log = read_run(path)
+    if together is not None:
+        together.take(path, rows=len(log), columns=len(log.columns))
     return _checked(path, gap_run_of(log)), log.header.board.get("uid", "")
 
 
@@ -154,8 +173,10 @@ def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> Non
         for found in runs:
             same = next((k for k in known if same_recording(k.run, found.run)), None)
             if same is not None:
+                linked = found.path.resolve() == same.path.resolve()
                 raise PairingError(
-                    f"{found.path} is the same recording as {same.path}",
+                    f"{found.path} is the same recording as {same.path}"
+                    + (": one is a link to the other" if linked else ""),
                     action="give runs of now that are not among the good ones"
                     if role == "now"
                     else "leave one out: a bench repeats itself less well than a copy does",

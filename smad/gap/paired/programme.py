@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from firmware_protocol.nearest import instead
 from smad.gap.paired.errors import ProgrammeError
 from smad.gap.plant import Array
 from smad.gap.runs import GapRun
@@ -128,8 +129,7 @@ class Programme:
         raise ProgrammeError(
             f"programme {self.name} has no such run",
             value=name,
-            limit=", ".join(r.name for r in self.runs),
-            action="choose one of these",
+            action=instead(name, [r.name for r in self.runs], "its runs.json has their names"),
         )
 
 

@@ -16,8 +16,11 @@ from pathlib import Path
 
 import msgspec
 
+from smad.errors import SmadError
 from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.programme import Programme, ProgrammeRun
+from smad.runlog.reader import read_run
+from smad.runlog.schema import CUT
 
 _STATE = "series.json"
 
@@ -110,7 +113,7 @@ def play_series(
     BaselineError for a full disk, and whatever `play` raises; what was finished is kept then.
     """
     state = read_state(folder) or State(programme.digest, time.time())
-    there = [run for run in programme.runs if (folder / f"{run.name}.mcap").exists()]
+    there = [run for run in programme.runs if _whole(folder / f"{run.name}.mcap")]
     if there:
         say(f"{folder.name}: goes on after {there[-1].name}, begun {_clock(state.began_unix_s)}")
     for run in programme.runs:
@@ -147,9 +150,25 @@ def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:
     return [
         folder
         for folder in folders
-        if all((folder / f"{run.name}.mcap").exists() for run in programme.runs)
+        if all(_whole(folder / f"{run.name}.mcap") for run in programme.runs)
         and not getattr(read_state(folder), "ended", "")
     ]
+
+
+def cut_by(log: Path) -> str:
+    """What cut a recorded run, "stopped by …"; empty for a run that came to its end."""
+    said = (event.text for event in read_run(log).events)
+    return next((text.removeprefix(CUT) for text in said if text.startswith(CUT)), "")
+
+
+def _whole(log: Path) -> bool:
+    if not log.exists():
+        return False
+    try:
+        return not cut_by(log)
+    except SmadError:
+        # What is wrong with it is told when its rows are read.
+        return True
 
 
 def keep(log: Path, target: Path) -> None:

@@ -16,6 +16,7 @@ from zipfile import BadZipFile
 import msgspec
 import numpy as np
 
+from smad.gap.paired.arrays import read_arrays, require_fitting
 from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.floor import Floor
 from smad.gap.paired.model import Atom, Played
@@ -30,6 +31,11 @@ _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes", "signatures")
 _ANEW = "commission again in the same folder: it is computed anew from the runs that are there"
+_BROKEN = (
+    OSError, ValueError, KeyError, IndexError, EOFError, BadZipFile, NotImplementedError,
+    RuntimeError, zlib.error,
+)  # fmt: skip
+"""What unpacking raises of a file that is damaged, encrypted or of another kind."""
 _FIRST = ("values", "valid", "inputs", "covered")
 
 
@@ -142,12 +148,12 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
             action=_ANEW,
         )
     try:
-        with np.load(folder / _ARRAYS, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = read_arrays(folder / _ARRAYS)
+        require_fitting(about, plant, arrays)
         runs = tuple(_run(k, x, arrays) for k, x in enumerate(about.runs))
         sd, rho, day_sd, gauge = (arrays[f"floor.{n}"] for n in _FLOOR)
         floor = Floor(sd, rho, day_sd, about.degrees, gauge)
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
+    except _BROKEN as error:
         said = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
     atoms = tuple(Atom(a.entry, a.strength, a.level, a.variant, a.values) for a in about.atoms)

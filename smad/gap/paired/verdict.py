@@ -288,7 +288,7 @@ def _lost(paired: Paired) -> str:
 
 UNCALIBRATED = (
     "the probabilities are relative to the library and not calibrated yet: on development benches"
-    " they were too sure (docs/guide/check-up.md)"
+    " they were too sure (smad docs guide/check-up)"
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 
 from smad.gap.records import NAMED, Diagnosis, Outcome
@@ -35,6 +36,8 @@ def advice(d: Diagnosis, asked: Asked | None) -> list[Step]:
     ask = f"smad gap diagnose {asked.arguments}"
     if v.outcome is Outcome.REFUSED:
         return [Step("mend what the runs were refused for, and ask again", ask)]
+    if v.outcome is Outcome.CONTRADICTING:
+        return _one_state_at_a_time(d, ask)
     if v.outcome is Outcome.NO_EXCITATION:
         return [Step("list the runs that move more, and record some", "smad gap next")]
     steps = [Step(f"record: {x.title}", x.command) for x in d.experiments]
@@ -49,3 +52,12 @@ def advice(d: Diagnosis, asked: Asked | None) -> list[Step]:
         verify = f"smad gap verify --model {model} NEW_RUN…"
         steps.append(Step("try it on runs that are new to it", verify))
     return steps
+
+
+def _one_state_at_a_time(d: Diagnosis, ask: str) -> list[Step]:
+    """Ask again without the runs that contradict the others, or for each run by itself."""
+    apart = [r.run for r in d.agreement if r.contradicts]
+    if len(apart) < len(d.agreement):
+        left_out = " ".join(f"--leave-out {shlex.quote(name)}" for name in apart)
+        return [Step("ask again without them", f"{ask} {left_out}")]
+    return [Step(f"ask without {name}", f"{ask} --leave-out {shlex.quote(name)}") for name in apart]

@@ -12,8 +12,8 @@ from importlib.metadata import version
 
 import numpy as np
 
-from smad.gap.compare.agreement import disagreement
 from smad.gap.compare.cells import hangs_on_cells
+from smad.gap.compare.contradiction import agreement_of
 from smad.gap.compare.localise import HeatMap, localise
 from smad.gap.compare.nextexp import confused, parting_experiments
 from smad.gap.compare.select import Selection
@@ -37,6 +37,7 @@ from smad.gap.records import (
     Finding,
     LeftOutRecord,
     Outcome,
+    RunAgreement,
     Trace,
     ValueRecord,
     Verdict,
@@ -237,15 +238,24 @@ class Closing:
             fitted=summary.fitted_records(self.track.asked, selection),
             places=selection.probability,
             left_out=list(left_out),
-            model=dataclasses.asdict(model),
+            model=dataclasses.asdict(model)
+            | {"covariance": summary.covariance_record(answer.final, model, draws)},
             budget=budget,
+            agreement=self.agreement,
         )
+
+    @cached_property
+    def agreement(self) -> list[RunAgreement]:
+        """Each run to fit by itself, before it is pooled with the others."""
+        asked = self.track.asked
+        models = [asked.base, asked.best, *asked.tried, self.selection.best]
+        fits = list({id(m.fit): m.fit for m in models}.values())
+        return agreement_of(fits, self.selection.best.fit, self.prepared.raw.left_out)
 
     def _findings(self) -> list[Finding]:
         """What is to be known of all runs together."""
         fine = self.prepared.problem.dataset.detail is Detail.FINE
         told = {
-            "runs disagree": disagreement(self.selection.best.fit),
             "own step": _OWN_STEP if fine else "",
             "cells": hangs_on_cells(self.selection, tied=self.track.tied),
         }
@@ -257,6 +267,8 @@ class Closing:
         base, best = self.selection.base, self.selection.best
         weighed = weigh(prepared, self.track)
         outcome, p = decide(weighed, settings)
+        if any(r.contradicts for r in self.agreement):
+            return Answer(Outcome.CONTRADICTING, 1.0, weighed, base)
         self.progress("intervals")
         if outcome not in NAMED:
             return Answer(outcome, p, weighed, base)
@@ -288,6 +300,8 @@ class Closing:
 
     def _experiments(self, answer: Answer) -> list[ExperimentRecord]:
         """Those that would part what the verdict leaves confused, best first."""
+        if answer.outcome is Outcome.CONTRADICTING:
+            return []
         question = confused(self.prepared, self.track, answer.outcome, answer.weighed.groups)
         if question is None:
             return []
@@ -301,7 +315,7 @@ class Closing:
         """
         prepared, final = self.prepared, answer.final
         named = sorted(final.names) if answer.named else []
-        quiet = answer.outcome in (Outcome.NO_GAP, Outcome.NO_EXCITATION)
+        quiet = answer.outcome in (Outcome.NO_GAP, Outcome.NO_EXCITATION, Outcome.CONTRADICTING)
         moved = not quiet and (not named or took.parameters)
         point = final.fit.point if moved else point_with(prepared, prepared.centre, final, named)
         what = [", ".join(named) or "no effect"]
@@ -351,6 +365,7 @@ class Closing:
             budget=budget,
             bounded=answer.bounded,
             since_good=self.shell.since_good,
+            agreement=self.agreement,
             further=any(f.kind == FURTHER for f in self.shell.findings),
         )
 

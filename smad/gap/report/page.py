@@ -8,7 +8,7 @@ from smad.gap.records import Budget, Diagnosis, Outcome, ParameterRecord, ValueR
 from smad.gap.report import figures
 from smad.gap.report.advice import Asked, advice
 from smad.gap.report.plain import repeated_lines
-from smad.gap.report.terms import TERMS, budget_remarks, budget_table, with_unit
+from smad.gap.report.terms import TERMS, agreement_table, budget_remarks, budget_table, with_unit
 from smad.gap.settings import enough_d2
 from smad.report.page import Block, Code, Page, Picture, Section, Table, Text, text_table
 
@@ -21,6 +21,7 @@ _TITLES = {
     Outcome.UNKNOWN: "Unknown cause",
     Outcome.NO_EXCITATION: "Not enough excitation",
     Outcome.REFUSED: "Runs refused",
+    Outcome.CONTRADICTING: "Runs contradict each other",
 }
 _SETTLED = (Outcome.NO_GAP, Outcome.PARAMETERS, Outcome.EFFECT)
 
@@ -71,11 +72,12 @@ def _next(d: Diagnosis, asked: Asked | None) -> list[Block]:
 def _verdict(d: Diagnosis) -> list[Block]:
     limit = enough_d2(d.settings["odds"])
     return [
+        *_table("The gap of each run to fit, before pooling", *agreement_table(d.agreement)),
         *([] if d.budget is None else _budget(d.budget)),
         *_table("The numbers behind it", ("", ""), _numbers(d.verdict.text)),
         *_table(
             "Parameters of the cause, fitted together with those of the model",
-            ("effect", "parameter", "value", "95 % interval", ""),
+            ("effect", "parameter", "value", "fit interval", ""),
             [
                 (x.effect, x.name, with_unit(f"{x.value:.4g}", x.unit), _interval(x), _remark(x))
                 for x in d.values
@@ -237,7 +239,7 @@ def _parameters(d: Diagnosis) -> list[Block]:
         *([Picture(figures.profiles(d), said)] if profiled else []),
         *_table(
             "Parameters of the model; intervals by bootstrap over runs and blocks",
-            ("parameter", "before", "after refit", "with the effects", "95 % interval", ""),
+            ("parameter", "before", "after refit", "with the effects", "fit interval", ""),
             [
                 (p.name, f"{p.before:.4g}", f"{p.refit:.4g}", with_unit(f"{p.final:.4g}", p.unit),
                  _interval(p), "at its bound" if p.at_bound else "")
@@ -321,6 +323,11 @@ def summary_lines(d: Diagnosis, asked: Asked | None = None) -> Sequence[str]:
         lines += ["", "Next:"]
     for step in steps:
         lines += [f"  # {step.why}", *([f"  {step.command}"] if step.command else [])]
+    if len(d.agreement) > 1:
+        header, rows = agreement_table(d.agreement)
+        by_run = text_table(Table(header, rows, "", frozenset({1})))
+        lines += ["", "Gap by run, before they are pooled, in noise floors:"]
+        lines += [f"  {line}" for line in by_run.splitlines()]
     if d.budget is not None:
         table = text_table(budget_table(d.budget))
         lines += ["", f"Where the gap goes, on {d.judged_on}, in noise floors:"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from smad.gap.records import Budget, Diagnosis, Outcome, ValueRecord
+from smad.gap.records import Budget, Diagnosis, Outcome, RunAgreement, ValueRecord
 from smad.gap.report.terms import with_unit
 
 _TOLD = 0.005
@@ -28,13 +28,16 @@ def plain(
     bounded: Sequence[str] = (),
     since_good: bool = False,
     further: bool = False,
+    agreement: Sequence[RunAgreement] = (),
 ) -> str:
     """What the diagnosis says, and how much of the gap goes with it.
 
     `titles` are those of the library's effects, `effects` those named, `group` what the first of
     them cannot be told from, `bounded` those that ran into the bound of their range, `further`
-    whether the runs go where no known-good run was.
+    whether the runs go where no known-good run was, `agreement` what each run says by itself.
     """
+    if outcome is Outcome.CONTRADICTING:
+        return contradicting(agreement)
     if outcome is Outcome.NO_EXCITATION:
         return _TOO_LITTLE
     if outcome is Outcome.NO_GAP:
@@ -56,6 +59,20 @@ def plain(
         said += "."
     not_new = [_NOT_NEW] if since_good and further else []
     return " ".join([said, *not_new, _goes(outcome, titles, budget)])
+
+
+def contradicting(agreement: Sequence[RunAgreement]) -> str:
+    """Which runs contradict the others, or that none agrees with another."""
+    apart = [r.run for r in agreement if r.contradicts]
+    if len(apart) == len(agreement):
+        said = f"{' and '.join(apart)} contradict each other"
+    else:
+        verb = "contradicts" if len(apart) == 1 else "contradict"
+        said = f"{', '.join(apart)} {verb} the other runs"
+    return (
+        f"{said}: one set of values cannot serve all of them. The bench was changed between them, "
+        "or they are of two benches. No cause is named from such runs together."
+    )
 
 
 def _capital(said: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from smad.gap.fit.joint import Interval
 from smad.gap.fit.judge import excess_by_key, shrink
 from smad.gap.fit.lsq import Problem
 from smad.gap.fit.stages import Prepared
-from smad.gap.plant import Array, EffectValues, PlantModel, units
+from smad.gap.plant import Array, EffectValues, ModelPoint, PlantModel, units
 from smad.gap.records import (
     CandidateRecord,
     CellRecord,
@@ -150,6 +151,26 @@ def parameter_records(prepared: Prepared, best: Hypothesis, draws: Array) -> lis
         values = (before, refitted, final, low, high)
         out.append(ParameterRecord(q.name, q.unit, *values, fit.at_bound[i]))
     return out
+
+
+def covariance_record(best: Hypothesis, model: ModelPoint, draws: Array) -> dict[str, Any]:
+    """Covariance of the values that `model` has over the bootstrap of the best fit, in their own
+    units.
+
+    Parameters by name, those of effects as EFFECT.PARAMETER: see `smad.gap.plant.Uncertainty`.
+    """
+    space = best.fit.space
+    names = [q.name for q in space.theta]
+    names += [f"{e.name}.{q.name}" for e in space.effects for q in e.parameters]
+    scale = np.array([space.value(i, 1.0) - space.value(i, 0.0) for i in range(space.size)])
+    matrix = np.atleast_2d(np.cov(draws, rowvar=False)) * np.outer(scale, scale)
+    known = [
+        i for i, name in enumerate(names)
+        if i < space.n_theta or name.partition(".")[0] in model.effects
+    ]  # fmt: skip
+    return {
+        "names": [names[i] for i in known], "matrix": matrix[np.ix_(known, known)].tolist(),
+    }  # fmt: skip
 
 
 def law_records(prepared: Prepared, best: Hypothesis) -> list[LawRecord]:

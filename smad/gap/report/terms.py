@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from smad.gap.records import Budget
+from smad.gap.records import Budget, RunAgreement
 from smad.report.page import Table
 
 TERMS = (
@@ -21,7 +21,8 @@ TERMS = (
     ("ceiling", "the share that a curve fitted freely to the measured state takes: it names no "
      "cause, and shows how much any could explain"),
     ("probability", "of the named cause among those of the library and none, for these runs"),
-    ("interval", "where the value lies with 95 % probability, as far as these runs tell"),
+    ("fit interval", "what the scatter of these runs leaves open at the 95 % level; errors of the "
+     "model's form, its steps and the sensors are not in it, so it may be too narrow"),
     ("gain", "by how much the logarithm of the likelihood of runs held out rises; one unit of it "
      "is a nat"),
     ("cell", "a stretch of a few seconds of one signal, whose scale is judged as a whole"),
@@ -50,6 +51,16 @@ def budget_table(budget: Budget, caption: str = "") -> Table:
         if not row.signal or max(row.raw, row.left) >= _SHOWN
     ]
     return Table(header, rows, caption, frozenset(range(1, len(header))))
+
+
+def agreement_table(
+    runs: Sequence[RunAgreement],
+) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    """Header and rows of the gap by run; runs that contradict the others are marked."""
+    rows = [
+        (r.run, f"{r.gap:.2f}×", "contradicts the others" if r.contradicts else "") for r in runs
+    ]
+    return ("run", "gap at first", ""), rows
 
 
 _SHOWN = 0.35

@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from firmware_protocol.nearest import instead
 from smad.control.commands import (
     DriveCurrent,
     Follow,
@@ -231,7 +232,6 @@ def timeline_named(name: str) -> Timeline:
         raise GapError(
             "no such experiment in the catalogue",
             value=name,
-            limit=", ".join(_BY_NAME),
-            action="choose one of these",
+            action=instead(name, _BY_NAME, "smad gap next names the one to play"),
         )
     return _BY_NAME[name]

@@ -6,7 +6,7 @@ only is worked out once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -15,6 +15,7 @@ import numpy as np
 
 from sim_device.plant import ParameterSet
 from sim_device.plant.effects.registry import EFFECTS
+from sim_device.plant.laws import Law
 from sim_device.plant.replay import Inputs
 from sim_device.plant.setup import Setup
 from smad.gap.plant import Array, EffectValues, ModelPoint
@@ -61,6 +62,7 @@ class GivenPoint:
         self.variant, self.nominal = plant.variant, plant.parameter_set
         self.parameters = plant.set_of(point.theta)
         self.effects = plant.acting(point)
+        self.laws: tuple[Law, ...] = point.laws
         self.zero_mm = point.theta.get("displacement_zero", 0.0)
         # Heat and voltage go with the resistance of each spring.
         self.root = {"x": 1.0, "y": (1.0 + point.theta.get("side_resistance", 0.0)) ** 0.5}
@@ -69,15 +71,17 @@ class GivenPoint:
     @cached_property
     def setup(self) -> Setup:
         """Of the whole plant."""
-        return self._setup(self.effects)
+        return self._setup(self.effects, self.laws)
 
     @cached_property
     def driver(self) -> Setup:
         """Of what moves the currents alone."""
         return self._setup(self.moving)
 
-    def _setup(self, effects: EffectValues) -> Setup:
-        return Setup.make(self.parameters, variant=self.variant, effects=effects, **_OPTIONS)
+    def _setup(self, effects: EffectValues, laws: Sequence[Law] = ()) -> Setup:
+        return Setup.make(
+            self.parameters, variant=self.variant, effects=effects, laws=laws, **_OPTIONS
+        )
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from firmware_protocol.nearest import instead
 from sim_device.plant import ParameterSet, load_parameters
+from sim_device.plant.covariance import Covariance
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import PlantError
 from sim_device.plant.parameters import spring_factors
 from smad.gap.errors import PlantMismatch
+from smad.gap.places import Forcing, Place
 from smad.gap.plant import (
     Array,
     Effect,
@@ -21,11 +24,13 @@ from smad.gap.plant import (
     Experiment,
     ModelPoint,
     Parameter,
+    Uncertainty,
 )
 from smad.gap.runs import GapRun
 from smad.gap.sma import catalogue, signals
 from smad.gap.sma.given import GivenPoint, GivenRun
 from smad.gap.sma.passes import KeptDrivers, Passes
+from smad.gap.sma.places import places_of_pair
 from smad.gap.sma.recent import Recent
 from smad.gap.sma.recorded import recorded
 
@@ -84,6 +89,7 @@ _MOUNTING = (
     Parameter("displacement_zero", "mm", 0.0, -2.0, 2.0, 0.15, "mechanics"),
 )
 _FLOW_EFFECT = "uneven_flow"
+_FLOW_SHARE = (_FLOW_EFFECT, ".", "share")
 # What of these a model file keeps as mounting, and its name there; the flow is kept as an effect.
 _KEPT_APART = {
     "side_resistance": "side_resistance",
@@ -164,6 +170,7 @@ class SmaPlant:
                 e.separated_by,
                 e.reference,
                 e.law,
+                e.places,
             )
             for e in EFFECTS
             if self.variant in dict(e.needs).get("variant", (self.variant,))
@@ -175,11 +182,29 @@ class SmaPlant:
     ) -> dict[str, Array]:
         """See `PlantModel`. A point that the plant refuses or cannot solve gives NaN."""
         try:
-            given = self.given_points.of(point, lambda: GivenPoint(self, point))
-            return Passes(given, run, fast, self.given_runs, self.kept).views(views)
+            return self._passes(point, run, fast=fast).views(views)
         except PlantError:
             keys = [o.key for v in self.views if v.name in views for o in v.outputs]
             return {key: np.full(len(run.t_s), np.nan) for key in keys}
+
+    @cached_property
+    def places(self) -> Sequence[Place]:
+        return places_of_pair(self.variant)
+
+    def trajectory(self, point: ModelPoint, run: GapRun) -> Mapping[str, Array]:
+        """States of the run replayed in open loop, SI, by the names of the plant's trajectory.
+
+        Raises PlantError where the plant refuses the point or cannot solve it, as `forced` does.
+        """
+        return self._passes(point, run).trajectory()
+
+    def forced(self, point: ModelPoint, run: GapRun, forcing: Forcing) -> dict[str, Array]:
+        """Channels of the run in open loop under a forcing, see `smad.gap.places`."""
+        return self._passes(point, run).forced(forcing)
+
+    def _passes(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> Passes:
+        given = self.given_points.of(point, lambda: GivenPoint(self, point))
+        return Passes(given, run, fast, self.given_runs, self.kept)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(
@@ -198,8 +223,9 @@ class SmaPlant:
             raise PlantMismatch(
                 "a parameter is not one that this plant refits",
                 value=unknown[0],
-                limit=", ".join(sorted(known)),
-                action="use a model file made with the same plant",
+                action=instead(
+                    unknown[0], sorted(known), "use a model file made with the same plant"
+                ),
             )
         mounting = {p.name for p in _MOUNTING}
         values = {k: float(v) for k, v in theta.items() if k not in mounting}
@@ -226,6 +252,33 @@ class SmaPlant:
 
         It carries every parameter that differs from the built-in set A, so that it stands alone.
         """
+        self._save(point, None, path, note)
+
+    def save_uncertain(
+        self, point: ModelPoint, uncertainty: Uncertainty, path: Path, note: str
+    ) -> None:
+        """As `save_model`, with the covariance of what the file has."""
+        self._save(point, self._covariance(point, uncertainty), path, note)
+
+    def _covariance(self, point: ModelPoint, uncertainty: Uncertainty) -> Covariance:
+        """The covariance in a model file's names: there the flow of a side is an effect's share."""
+        acting = self.acting(point)
+        rows: dict[str, Array] = {}
+        for name, unit in zip(uncertainty.names, np.eye(len(uncertainty.names)), strict=True):
+            which, _, parameter = _FLOW_SHARE if name == "side_flow" else name.partition(".")
+            if not parameter:
+                table = "mounting" if which in _KEPT_APART else "parameters"
+                rows[f"{table}.{_KEPT_APART.get(which, which)}"] = unit
+            elif which in acting:
+                key = f"effects.{which}.{parameter}"
+                rows[key] = rows.get(key, np.zeros(unit.size)) + unit
+        moves = np.array(list(rows.values()))
+        matrix = moves @ uncertainty.covariance @ moves.T
+        return Covariance(tuple(rows), 0.5 * (matrix + matrix.T))
+
+    def _save(
+        self, point: ModelPoint, covariance: Covariance | None, path: Path, note: str
+    ) -> None:
         from sim_device.plant.models import save_model
 
         base, own = load_parameters("A"), self.set_of(point.theta)
@@ -240,6 +293,8 @@ class SmaPlant:
                 for name, key in _KEPT_APART.items()
                 if point.theta.get(name, 0.0) != 0.0
             },
+            laws=point.laws,
+            covariance=covariance,
             note=note,
         )
 
@@ -270,7 +325,7 @@ class SmaPlant:
                 )
         theta = {n: model.parameters[n] for n in REFITTED}
         theta |= {n: model.mounting[key] for n, key in _KEPT_APART.items() if key in model.mounting}
-        return ModelPoint(theta, model.effects)
+        return ModelPoint(theta, model.effects, model.laws)
 
     def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]:
         """Effects of a point, with what its parameters say of the two sides."""

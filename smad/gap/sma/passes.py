@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from sim_device.plant.errors import SolverError
-from sim_device.plant.replay import Replay, drivers
+from sim_device.plant.replay import DRIVEN, Replay, drivers, trajectory
+from smad.gap.places import Forcing
 from smad.gap.plant import Array
 from smad.gap.runs import GapRun
 from smad.gap.sma import signals
@@ -92,6 +93,15 @@ class Passes:
             out["phase:Y"] = held["spring_force_y_N"] + apart + sensor
         return out
 
+    def forced(self, forcing: Forcing) -> dict[str, Array]:
+        """Channels in open loop under a forcing."""
+        return self._measured(self._pass({}, _OPEN, forcing))
+
+    def trajectory(self) -> dict[str, Array]:
+        """All states that a law may depend on, in open loop."""
+        replay = Replay(self.inputs, variant=self.given.variant)
+        return trajectory(replay, self.given.setup, dt_s=self.dt_s)
+
     def _measured(self, result: Mapping[str, Array]) -> dict[str, Array]:
         """Outputs of the plant under the names and units of the run log.
 
@@ -110,14 +120,25 @@ class Passes:
     def _shown_mm(self, result: Mapping[str, Array]) -> Array:
         return 1e3 * result["displacement_m"] + self.given.zero_mm
 
-    def _pass(self, feeds: Mapping[str, Array], outputs: tuple[str, ...]) -> dict[str, Array]:
+    def _pass(
+        self,
+        feeds: Mapping[str, Array],
+        outputs: tuple[str, ...],
+        forcing: Forcing | None = None,
+    ) -> dict[str, Array]:
         """One kernel call. A fed temperature that rests on a kink of the kinetics can leave the
         kernel without a solution; a few millikelvin, or another step, take it off the kink."""
         for nudge_K, share in _RETRIES:
             nudged = dict(feeds)
             if "temperature_K" in feeds:
                 nudged["temperature_K"] = feeds["temperature_K"] + nudge_K
-            replay = Replay(self.inputs, variant=self.given.variant, feeds=nudged, outputs=outputs)
+            replay = Replay(
+                self.inputs,
+                variant=self.given.variant,
+                feeds=nudged,
+                forcing=forcing or {},
+                outputs=outputs,
+            )
             try:
                 result = replay.run_setup(self.given.setup, dt_s=share * self.dt_s)
                 return self._as_sampled(result)
@@ -149,6 +170,11 @@ class Passes:
         A driver answers within milliseconds: of a thinned run they are those of the whole run.
         """
         whole, kept = self.whole, self.kept
+        if any(law.place in _OF_CURRENTS for law in self.given.laws):
+            # These depend on the rest of the plant.
+            inputs = self._given_run(whole).inputs(self.given)
+            replay = Replay(inputs, variant=self.given.variant, outputs=DRIVEN)
+            return replay.run_setup(self.given.setup, dt_s=self.dt_s)
         key = (
             id(whole), self.given.variant, self.given.parameters["current_max"], self.root["y"],
             tuple((k, *v.items()) for k, v in self.given.moving.items()),
@@ -200,6 +226,7 @@ class Passes:
 
 
 _RTDS = ("rtd_x_degC", "rtd_y_degC", "rtd_inlet_degC", "rtd_ambient_degC")
+_OF_CURRENTS = ("driven_current", "reading_current")
 # What is read of each pass.
 _OPEN = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", *_RTDS, "displacement_m", "force_N")
 _HEATED = (*_RTDS, "T_x_K", "T_y_K")

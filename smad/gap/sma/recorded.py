@@ -45,7 +45,13 @@ def recorded(
     if not noise:
         quiet = ("current", "voltage", "temperature", "displacement", "force")
         parameters = parameters.replace(**{f"noise_{name}": 0.0 for name in quiet})
-    plant = Plant(parameters, variant=model.variant, effects=model.within(point.effects), seed=seed)
+    plant = Plant(
+        parameters,
+        variant=model.variant,
+        effects=model.within(point.effects),
+        laws=point.laws,
+        seed=seed,
+    )
     controller = Controller(_CONTROL, LimitsConfig())
     n = round((timeline.duration_s if duration_s is None else duration_s) * RATE_HZ)
     rows = np.empty((n, len(_NAMES)))

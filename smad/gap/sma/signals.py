@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 
 from smad.gap.plant import Array, Channel, Mask, Output, Signal, View
 from smad.gap.runs import GapRun, bridged
+from smad.runlog.bounds import Together
 from smad.runlog.tables import read_channels
 
 if TYPE_CHECKING:
@@ -212,14 +213,15 @@ def run_from_columns(
     return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes)
 
 
-def table_run(name: str, path: Path) -> GapRun:
+def table_run(name: str, path: Path, together: Together | None = None) -> GapRun:
     """A table made elsewhere (`smad.runlog.tables`) as a run of the diagnosis.
 
     Rows with a `valid` of 0 are not valid, and what was read in them is no more to be fed to a
     model than to be compared with it. A run without other rows keeps its channels: its admission
-    refuses it, and wants to see them. Raises LogImportError for a file that cannot be used.
+    refuses it, and wants to see them. Raises LogImportError for a file that cannot be used, and
+    RunLogError where it is one too many of those held `together`.
     """
-    columns = dict(read_channels(path))
+    columns = read_channels(path, together)
     flagged = columns.pop("valid", None)
     if flagged is None:
         return run_from_columns(name, columns)
@@ -241,16 +243,19 @@ def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
     return column if np.isfinite(column).any() else None
 
 
-def read_gap_run(path: Path) -> GapRun:
+def read_gap_run(path: Path, together: Together | None = None) -> GapRun:
     """A run log or a table as a run of the diagnosis.
 
     Raises RunLogError (of a table LogImportError) when it cannot be read at all.
     """
     if path.suffix != ".mcap":
-        return table_run(path.name.split(".")[0], path)
+        return table_run(path.name.split(".")[0], path, together)
     from smad.runlog.reader import read_run
 
-    return gap_run_of(read_run(path))
+    log = read_run(path)
+    if together is not None:
+        together.take(path, rows=len(log), columns=len(log.columns))
+    return gap_run_of(log)
 
 
 def gap_run_of(log: Run) -> GapRun:

@@ -7,8 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
+from sim_device.plant import Inputs, load_parameters, simulate
+from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import save_model
 from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, root
@@ -399,6 +402,22 @@ def test_the_simulated_bench_is_that_of_a_model_file(tmp_path: Path) -> None:
     bench = build(Config(), rate_hz=100, seed=0, model_path=path)
     assert bench.plant.parameters["modulus_austenite"] == 20e9
     assert bench.plant.variant == "printed"
+
+
+def test_a_law_in_a_model_file_warms_the_simulated_bench_as_its_forcing_warms_the_replay(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "better.toml"
+    save_model(path, laws=[Law("heat_into_wire", "x", (Term(name="constant", coefficient=1.0),))])
+    bench = build(Config(), rate_hz=100, seed=0, model_path=path)
+    for _ in range(300):
+        bench.step()
+    times = np.arange(301) * 0.01
+    still = Inputs(times, np.zeros((301, 2)), np.zeros((301, 2)))
+    forced = simulate(load_parameters("A"), still, forcing={("heat_into_wire", "x"): np.ones(301)})
+    rise = bench.plant.truth.T_K[0] - bench.plant.truth.T_K[1]
+    assert rise == pytest.approx(forced["T_x_K"][-1] - forced["T_y_K"][-1], rel=0.02)
+    assert rise > 0.3
 
 
 def test_effects_of_the_command_line_join_those_of_the_model(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from smad.errors import SmadError
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("statsu", "There is no command 'statsu'. Did you mean status or start? See smad --help."),
+        ("statsu", "There is no command 'statsu'; did you mean status or start? See smad --help."),
         ("log shwo", "Did you mean 'show'? See smad log --help."),
         ("pump x 50", "50 is not within 0 to 1 (0% to 100%)"),
         ("pump x 101%", "101% is not within 0 to 1"),
@@ -31,7 +31,8 @@ from smad.errors import SmadError
         ("heat x 500", "'DEGC': 500 °C: it has to be at most 120 °C"),
         ("heat x 50 --for -1", "'--for': -1 s: it has to be above 0 s"),
         ("current y 50", "'A': 50 A: it has to be at most 4 A"),
-        ("clear nosuch", "there is no fault 'nosuch'; there are self_test, "),
+        ("clear nosuch", "there is no fault 'nosuch'; there are 31; smad faults list shows them."),
+        ("clear over-temprature", "there is no fault 'over-temprature'; did you mean "),
         ("clear 0", "there is no fault '0'"),
     ],
 )
@@ -57,6 +58,8 @@ def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> N
         ("Expected `float` <= 1.0", "it has to be at most 1"),
         ("Expected `int` >= 1", "it has to be at least 1"),
         ("Expected `float` > 0.0", "it has to be above 0"),
+        ("Expected `bool`, got `str`", "it has to be true or false, not text"),
+        ("Expected `float`, got `null`", "it has to be a number, not nothing"),
         ("Invalid enum value 'z'", "Invalid enum value 'z'"),
     ],
 )

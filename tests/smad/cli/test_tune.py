@@ -7,12 +7,14 @@ from typing import Any
 
 import pytest
 
+from smad import api
 from smad.cli import execute
 from smad.config import Config, config_to_toml
 from smad.control.commands import Tune
 from smad.control.tuning.tuned import Trial
 from smad.experiments.tuning import Session, tune_displacement
 from smad.experiments.virtual import VirtualDriver
+from tests.smad.cli.test_commands import STATUS
 
 
 class Noting:
@@ -22,6 +24,9 @@ class Noting:
 
     def config(self) -> str:
         return config_to_toml(Config())
+
+    def status(self) -> api.Status:
+        return STATUS
 
     def disarm(self) -> None:
         self.done.append("disarmed")

@@ -40,6 +40,8 @@ class Rig:
         self.plugged = True
         self.lost_us = 0
         """By how much the board's clock is behind: add to it to let the board stand still."""
+        self.wall_off_s = 0.0
+        """By how much the host's wall clock is wrong."""
         self.journal = Journal(stream=io.StringIO())
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._board_end: socket.socket | None = None
@@ -54,13 +56,16 @@ class Rig:
                 notifier=Notifier({}),
                 nonce=7,
                 parameter_text="",
-                clocks=Clocks(self.now_us, lambda: 1_700_000_000.0 + self.now_us() * 1e-6),
+                clocks=Clocks(self.now_us, self._wall_s),
             ),
         )
 
     def now_us(self) -> int:
         """The host's clock."""
         return self.bench.now_us + self.lost_us
+
+    def _wall_s(self) -> float:
+        return 1_700_000_000.0 + self.now_us() * 1e-6 + self.wall_off_s
 
     def _open(self) -> Transport:
         if not self.plugged:

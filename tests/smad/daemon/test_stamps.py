@@ -12,7 +12,14 @@ from firmware_protocol.messages import TimeReply
 from firmware_protocol.timesync import WRAP, TimeExchanges
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
-from smad.daemon.telemetry.stamps import GAP_S, MOST_RATE, SETTLING_S, Stamps
+from smad.daemon.telemetry.stamps import (
+    AHEAD_FOR_S,
+    GAP_S,
+    MOST_AHEAD_S,
+    MOST_RATE,
+    SETTLING_S,
+    Stamps,
+)
 from tests.smad.daemon.rig import rig_in
 
 STEP_US = 10_000
@@ -188,3 +195,65 @@ def test_stamps_rise_over_a_reopened_port_and_a_board_that_begins_anew() -> None
     assert stamps.stamp(0.0, UNIX_S - 5.0, None) == first
     stamps.restart()
     assert stamps.stamp(0.0, UNIX_S + 5.0, None) == UNIX_S + 5.0
+
+
+YEARS_S = 3e8
+
+
+def leaping(leap_s: float, lasts_s: float, *, n: int = 2000) -> tuple[list[float], list[float]]:
+    """Stamps and true times of 20 s at 100 Hz; from 5 s on the host's clock is off for a while."""
+    stamps = Stamps()
+    made, true = [], []
+    for k in range(n):
+        t_s = 0.01 * k
+        now_s = UNIX_S + t_s + (leap_s if 5.0 <= t_s < 5.0 + lasts_s else 0.0)
+        made.append(stamps.stamp(t_s, now_s, now_s))
+        true.append(UNIX_S + t_s)
+    return made, true
+
+
+def test_stamps_come_back_from_a_leap_of_the_clock_into_the_future() -> None:
+    made, true = leaping(YEARS_S, 3.0)
+    assert made[600] == pytest.approx(true[600] + YEARS_S)
+    back = [b - a for a, b in itertools.pairwise(made) if b < a]
+    assert back == pytest.approx([-YEARS_S], abs=2.0)
+    settled = round(100 * (5.0 + 3.0 + AHEAD_FOR_S)) + 2
+    assert made[settled:] == pytest.approx(true[settled:], abs=1e-6)
+
+
+@pytest.mark.parametrize("leap_s", [0.9 * MOST_AHEAD_S, -YEARS_S])
+def test_a_short_leap_into_the_past_or_a_small_one_ahead_never_turns_stamps_back(
+    leap_s: float,
+) -> None:
+    made, true = leaping(leap_s, 0.9 * AHEAD_FOR_S)
+    assert all(a < b for a, b in itertools.pairwise(made))
+    assert made[-1] - true[-1] < MOST_AHEAD_S
+
+
+def test_a_port_that_is_reopened_after_the_leap_begins_with_the_clock_again() -> None:
+    stamps = Stamps()
+    stamps.stamp(0.0, UNIX_S + YEARS_S, None)
+    stamps.restart()
+    assert stamps.stamp(0.01, UNIX_S, None) == UNIX_S
+    assert stamps.returned_s == YEARS_S
+
+
+async def test_the_daemon_says_that_its_telemetry_came_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    published: list[tuple[float, float]] = []
+    async with rig_in(tmp_path) as rig:
+
+        def publish(row: Any, timestamp: float) -> None:
+            published.append((timestamp, row.host_time_s))
+
+        monkeypatch.setattr(rig.daemon.publisher, "publish", publish)
+        await rig.run_for(2.0)
+        rig.wall_off_s = YEARS_S
+        await rig.run_for(2.0)
+        assert published[-1][0] - UNIX_S > 0.5 * YEARS_S
+        rig.wall_off_s = 0.0
+        await rig.run_for(3.0)
+        assert "timestamps of telemetry went back by" in rig.said
+    stamp_s, host_s = published[-1]
+    assert stamp_s == pytest.approx(host_s, abs=0.05)

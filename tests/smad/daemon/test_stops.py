@@ -136,7 +136,7 @@ async def test_what_was_asked_before_a_stop_is_refused_after_somebody_armed_agai
             ("inputs", INPUTS),
             ("tune", {"kp_A_per_mm": 3.0}),
         ):
-            with pytest.raises(Refused, match=r"stopped after this was asked for \(disarm\)"):
+            with pytest.raises(Refused, match=r"asked for \(disarm of a client\)"):
                 await rig.ask(method, told=before, **params)
         assert (await rig.ask("motion"))["running"] == "idle"
         await rig.ask("move", client=b"other", told=after, trajectories=[STEP])

@@ -214,7 +214,7 @@ def test_a_signal_that_ends_the_command_still_disarms(number: int) -> None:
         (["run"], "name an experiment"),
         (["run", "fig99", "--sim"], "no such experiment"),
         (["run", "fig9-cycle", "--sim", "--lacking", "force_N"], "the force sensor"),
-        (["run", "fig9-cycle", "--sim", "--lacking", "froce_N"], "froce_N; allowed: displacement"),
+        (["run", "fig9-cycle", "--sim", "--lacking", "froce_N"], "froce_N; did you mean force_N?"),
         (["run", "fig9-cycle", "--sim", "--set", "step_mm=99"], "step_mm"),
         (["run", "fig9-cycle", "--sim", "--set", "nonsense"], "KEY=VALUE"),
         (["run", "fig9-cycle", "--sim", "--parameters", "nowhere.toml"], "nowhere.toml"),

@@ -13,7 +13,9 @@ def group(r2: tuple[float, ...], settling_s: tuple[float, ...]) -> Group:
 
 def test_median_bad_end_and_worst_stand_in_this_order() -> None:
     line = table([group((0.1, 0.5, 0.9), (1.0, 2.0, 3.0))]).splitlines()[-1]
-    assert line.startswith("| drawn, 3 benches, 100 Hz, noise ×3 | shipped | 0.500, 0.100, 0.100 |")
+    assert line.startswith(
+        "| drawn, 3 simulated benches, 100 Hz, noise ×3 | shipped | 0.500, 0.100, "
+    )
     assert "| 2.00, 3.00, 3.00 |" in line
 
 

@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from sim_device.plant import load_parameters
-from smad.gap.apply import apply, model_point
+from smad.gap.apply import apply, model_point, uncertainty_of
 from smad.gap.compare.assess import counted_share
 from smad.gap.compare.nextexp import Trial, enough, propose
 from smad.gap.errors import GapError, PlantMismatch, RunRefused
@@ -42,6 +42,17 @@ def found() -> Diagnosis:
 def test_the_json_file_holds_the_whole_diagnosis(found: Diagnosis) -> None:
     assert Diagnosis.from_json(found.to_json()) == found
     assert "NaN" not in found.to_json().decode()
+
+
+def test_the_model_says_how_uncertain_its_values_are_as_the_intervals_do(found: Diagnosis) -> None:
+    known = uncertainty_of(found)
+    assert known is not None
+    deviation = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
+    assert set(deviation) == {*found.model["theta"], "coupling.g_W_K"}
+    for p in found.parameters:
+        # A 95 % interval of normal draws is ± 1.96 of their deviation; these are nearly normal.
+        assert 3.92 * deviation[p.name] == pytest.approx(p.high - p.low, rel=0.3)
+    assert np.linalg.eigvalsh(known.covariance).min() > -1e-12
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_device.plant.draws import draw
 from sim_device.plant.effects.registry import EFFECTS
+from sim_device.plant.models import read_model
 from smad.gap import Settings
 from smad.gap.data.noise import estimate_floors
 from smad.gap.data.replay import Dataset
@@ -18,7 +20,7 @@ from smad.gap.fit.joint import dispersion
 from smad.gap.fit.lsq import Problem, drive, fitting
 from smad.gap.model.space import Space
 from smad.gap.model.whiten import Whitening
-from smad.gap.plant import ModelPoint
+from smad.gap.plant import ModelPoint, Uncertainty
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from smad.gap.sma.recorded import recorded
@@ -205,3 +207,26 @@ def test_a_model_file_from_before_the_shares_is_even(tmp_path: Path) -> None:
     path = tmp_path / "old.toml"
     path.write_text('format = "smad-model-1"\n[effects.rtd_lag]\ntau_s = 0.4\n', encoding="utf-8")
     assert PLANT.load_model(path).effects == {"rtd_lag": {"tau_s": 0.4, "y_share": 1.0}}
+
+
+def test_a_model_file_says_how_uncertain_its_values_are(tmp_path: Path) -> None:
+    point = ModelPoint(
+        {"film_scale": 1.1, "side_flow": 0.1, "displacement_zero": 0.2},
+        {"rtd_lag": {"tau_s": 0.5, "y_share": 1.0}},
+    )
+    names = ("film_scale", "side_flow", "displacement_zero", "rtd_lag.tau_s")
+    covariance = np.diag([0.04, 0.01, 0.0025, 0.09])
+    covariance[0, 3] = covariance[3, 0] = 0.03
+    path = tmp_path / "better.toml"
+    PLANT.save_uncertain(point, Uncertainty(names, covariance), path, "")
+    known = read_model(path).covariance
+    assert known is not None
+    assert known.names == (
+        "parameters.film_scale", "effects.uneven_flow.share", "mounting.displacement_zero_mm",
+        "effects.rtd_lag.tau_s",
+    )  # fmt: skip
+    assert np.array_equal(known.matrix, covariance)
+    drawn = draw(read_model(path), np.random.default_rng(1))
+    assert drawn.effects["rtd_lag"]["tau_s"] != 0.5
+    assert drawn.effects["uneven_flow"]["share"] != 0.1
+    assert PLANT.load_model(path).theta["film_scale"] == 1.1

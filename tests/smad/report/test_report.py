@@ -56,7 +56,7 @@ def test_the_same_figure_is_the_same_text() -> None:
 
 
 def test_a_page_is_written_whole_and_readable_by_others(tmp_path: Path) -> None:
-    path = tmp_path / "folder" / "page.html"
+    path = tmp_path / "page.html"
     page = Page("t", [Section("s", [Picture(figure_svg(), "caption"), TABLE])])
     assert write_page(page, path) == path
     assert path.read_text(encoding="utf-8") == render(page)

@@ -1,6 +1,8 @@
 """Tables of one run that others made: CSV, gzipped CSV and Parquet, whole or not."""
 
 import gzip
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +11,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from smad.errors import LogImportError
+from smad.errors import LogImportError, RunLogError
+from smad.runlog.bounds import Together
 from smad.runlog.importer import import_table
 from smad.runlog.reader import read_run
 from smad.runlog.tables import read_channels
 
 N = 40
+MOST_TIMES = 3.0
+"""Memory that reading a table takes, over that of its numbers."""
 
 
 def columns() -> dict[str, Any]:
@@ -97,6 +102,11 @@ def test_a_file_that_cannot_be_read_is_one_sentence(name: str, tmp_path: Path) -
     assert "\n" not in str(caught.value)
 
 
+def named(count: int) -> bytes:
+    """A line of names: the time and `count` others."""
+    return b",".join([b"t_s", *(b"a%d" % k for k in range(count))]) + b"\n"
+
+
 def _gzipped(path: Path, head: bytes, piece: bytes, times: int) -> None:
     with gzip.open(path, "wb", 1) as file:
         file.write(head)
@@ -108,9 +118,11 @@ def _gzipped(path: Path, head: bytes, piece: bytes, times: int) -> None:
     ("head", "piece", "times", "limit"),
     [
         (b"t_s,a\n", b"0,0\n" * 100_000, 19, "1800000 rows"),
-        (b"t_s" + b",a" * 60 + b"\n", b",".join([b"0"] * 61) + b"\n", 1_200_000, "72000000 cells"),
+        (named(60), b",".join([b"0"] * 61) + b"\n", 1_200_000, "72000000 cells"),
         (b"t_s,a\n", b"1" * 1_000_000, 721, "720000000 bytes, unpacked"),
-        (b"t_s" + b",a" * 300 + b"\n", b"", 0, "200 columns"),
+        (named(300), b"", 0, "200 columns"),
+        (b"# " + b"x" * 200_000 + b"\nt_s,a\n", b"", 0, "100000 characters"),
+        (b"t_s" + b",a" * 200_000, b"", 0, "100000 characters"),
     ],
 )
 def test_what_unpacks_to_more_than_a_run_is_refused_before_it_is_read(
@@ -136,3 +148,89 @@ def test_a_parquet_file_of_too_many_rows_is_refused_from_its_footer(tmp_path: Pa
     pq.write_table(pa.table({"t_s": pa.array(np.zeros(1_800_001))}), path)
     with pytest.raises(LogImportError, match="at least 1800001 rows"):
         read_channels(path)
+
+
+def test_an_import_is_bounded_as_a_diagnosis_is(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv.gz"
+    _gzipped(path, b"t_s,a\n", b"0,0\n" * 100_000, 19)
+    with pytest.raises(LogImportError, match="allowed: 1800000 rows; cut the run"):
+        import_table(path, tmp_path / "run.mcap")
+    pq.write_table(pa.table({f"a{k}": pa.array([0.0]) for k in range(201)}), tmp_path / "a.parquet")
+    with pytest.raises(LogImportError, match="at least 201 columns; allowed: 200 columns"):
+        import_table(tmp_path / "a.parquet", tmp_path / "run.mcap")
+
+
+def test_runs_that_are_too_many_together_are_refused_with_the_one_too_many(tmp_path: Path) -> None:
+    table = columns()
+    names, values = list(table), list(table.values())
+    together = Together(2 * len(names) * (N + 2))
+    for k in range(2):
+        read_channels(write(tmp_path / f"{k}.csv", names, values), together)
+    one_more = write(tmp_path / "2.parquet", names, values)
+    with pytest.raises(RunLogError, match=r"with .*2\.parquet the runs are more .*fewer runs"):
+        read_channels(one_more, together)
+
+
+def test_a_folder_of_runs_is_bounded_as_a_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from smad.gap.paired import files
+
+    for k in range(3):
+        table = {name: np.zeros(N) for name in ("duty_x", "duty_y", "force_N")}
+        table |= {f"i_applied_{s}_A": np.zeros(N) for s in "xy"}
+        table |= {"t_s": np.arange(N) * 0.01}
+        write(tmp_path / f"{k}.csv", list(table), list(table.values()))
+    assert len(files.read_folder(tmp_path)) == 3
+    monkeypatch.setattr(files, "Together", lambda: Together(2 * 6 * (N + 2)))
+    with pytest.raises(RunLogError, match="more than can be held at once"):
+        files.read_folder(tmp_path)
+
+
+def test_lists_in_a_column_of_a_parquet_file_are_refused_before_they_are_read(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table({"t_s": [0.0], "force_N": [[1.0, 2.0]]}), path)
+    with pytest.raises(LogImportError, match=r"column 'force_N' is not a number; got list<"):
+        read_channels(path)
+
+
+READING = """
+import sys
+from pathlib import Path
+from smad.runlog.tables import read_channels
+
+def peak_B():
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+
+read_channels(Path(sys.argv[1]))
+before_B = peak_B()
+read = read_channels(Path(sys.argv[2]))
+print((peak_B() - before_B) / sum(v.nbytes for v in read.values()))
+"""
+
+
+@pytest.mark.parametrize("kind", ["csv.gz", "parquet"])
+def test_reading_a_table_takes_little_more_memory_than_its_numbers(
+    kind: str, tmp_path: Path
+) -> None:
+    rows = 600_000
+    names = ["t_s", "force_N", *(f"{c}_{s}" for c in ("duty", "rtd", "v") for s in "xy")]
+    names = [n + {"r": "_degC", "v": "_V"}.get(n[0], "") for n in names]
+    big, small = tmp_path / f"big.{kind}", tmp_path / f"small.{kind}"
+    if kind == "parquet":
+        for path, n in ((big, rows), (small, 10)):
+            write(path, names, [np.arange(n), *[np.ones(n)] * (len(names) - 1)])
+    else:
+        rest = ",1" * (len(names) - 1)
+        for path, n in ((big, rows), (small, 10)):
+            lines = "\n".join([",".join(names), *(f"{k}{rest}" for k in range(n))])
+            path.write_bytes(gzip.compress(lines.encode(), 1))
+    done = subprocess.run(
+        [sys.executable, "-c", READING, str(small), str(big)],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+
+    assert float(done.stdout) < MOST_TIMES

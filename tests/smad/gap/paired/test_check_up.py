@@ -1,7 +1,12 @@
 """A bench as its own control, on short programmes of the simulated bench."""
 
+import io
+import json
+import tracemalloc
+import zipfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -315,3 +320,64 @@ def test_runs_with_inputs_of_their_own_repeat_nothing() -> None:
     other = run_of("other", "one pulse", [(5.0, 0, 0, 0, 0), (10.0, 0, 1.0, 0, 0)])
     assert repeated(PLANT, good, as_found("friday", played(3, what=other))) is None
     assert repeated(PLANT, good, good[:1]) is None
+
+
+def forged(folder: Path, **changes: Any) -> None:
+    """Replaces arrays of a stored baseline, and its sum in `baseline.json` as a forger would."""
+    path = folder / "reference.npz"
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files} | changes
+    np.savez_compressed(path, **arrays)
+    about = json.loads((folder / "baseline.json").read_text())
+    (folder / "baseline.json").write_text(json.dumps({**about, "arrays": ""}))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("floor.sd", lambda a: np.where(a > 0, np.inf, a)),
+        ("floor.sd", lambda a: -a),
+        ("floor.sd", lambda a: a[:-1]),
+        ("floor.rho", lambda a: a + 1.0),
+        ("floor.gauge", lambda a: 0.0 * a),
+        ("floor.day_sd", lambda a: a * np.nan),
+        ("0.mean", lambda a: a[:-1]),
+        ("0.mean", lambda a: a.astype("U8")),
+        ("0.mean", lambda a: np.array([{}], dtype=object)),
+        ("0.valid", lambda a: a.astype(float)),
+        ("0.regime", lambda a: a + 1000),
+        ("0.signatures", lambda a: a[0]),
+        ("0.t_s", lambda a: a[::-1]),
+        ("0.t_s", lambda a: np.float64(1.0)),
+        ("0.base", lambda a: np.zeros((100_000_000,))),
+    ],
+)
+def test_a_forged_array_of_a_baseline_is_refused_in_one_line(
+    name: str, change: Any, reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    with np.load(tmp_path / "reference.npz") as file:
+        was = file[name]
+    forged(tmp_path, **{name: change(was)})
+    with pytest.raises(BaselineError, match=r"reference\.npz cannot be read: .*commission again"):
+        load(tmp_path, PLANT)
+
+
+def test_arrays_that_claim_gigabytes_are_refused_before_they_are_unpacked(
+    reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    about = json.loads((tmp_path / "baseline.json").read_text())
+    (tmp_path / "baseline.json").write_text(json.dumps({**about, "arrays": ""}))
+    with zipfile.ZipFile(tmp_path / "reference.npz", "a") as packed:
+        head = io.BytesIO()
+        claim = {"descr": "<f8", "fortran_order": False, "shape": (10**9,)}
+        np.lib.format.write_array_header_1_0(head, claim)
+        packed.writestr("bomb.npy", head.getvalue())
+    tracemalloc.start()
+    try:
+        with pytest.raises(BaselineError, match="more than 500000000 bytes"):
+            load(tmp_path, PLANT)
+        assert tracemalloc.get_traced_memory()[1] < 50_000_000
+    finally:
+        tracemalloc.stop()

@@ -1,0 +1,17 @@
+"""`smad docs`: the pages that messages refer to, where there is no clone at hand."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command()
+@click.argument("page", required=False)
+def docs(page: str | None) -> None:
+    """Print a PAGE of the documentation, for instance guide/clients; without one, list them."""
+    from smad import pages
+
+    if page is None:
+        click.echo("\n".join(pages.names()))
+    else:
+        click.echo_via_pager(pages.text(page))

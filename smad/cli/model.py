@@ -1,0 +1,69 @@
+"""`smad model`: what is done with a model file beside simulating it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from smad.cli import complete
+from smad.errors import SmadError
+
+
+@click.group()
+def model() -> None:
+    """Take a model file, as of smad gap diagnose --apply, to other programs."""
+
+
+@model.command()
+@click.argument("source", metavar="[MODEL]", required=False, type=click.Path(path_type=Path))
+@click.option("--params", default="A", show_default=True,
+              help="Without MODEL: parameter file, or A, B, conserving.")  # fmt: skip
+@click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
+              shell_complete=complete.effects,
+              help="An effect in addition to the model's, or in place of its own.")  # fmt: skip
+@click.option(
+    "--fixture",
+    type=click.Choice(["antagonistic", "stretch", "blocked"]),
+    default="antagonistic",
+    show_default=True,
+    help="What holds the springs; the stage moves in the last two.",
+)
+@click.option("--fmi", "unit", required=True, type=click.Path(dir_okay=False, path_type=Path),
+              help="FMI 2.0 co-simulation unit to write.")  # fmt: skip
+@click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
+def export(
+    *,
+    source: Path | None,
+    params: str,
+    effects: tuple[str, ...],
+    fixture: str,
+    unit: Path,
+    overwrite: bool,
+) -> None:
+    """Write the plant of a MODEL file as a unit that Simulink, OpenModelica or Dymola imports.
+
+    Without MODEL it is the plant of a parameter set. The importing machine needs Python with smad:
+    see the page docs/guide/fmi.md.
+    """
+    from dataclasses import replace
+
+    from sim_device.plant.effects.registry import from_text, resolve
+    from sim_device.plant.errors import PlantError
+    from sim_device.plant.models import Model, read_model
+    from sim_device.plant.parameters import load_parameters
+    from smad.fmi.export import export_unit
+    from smad.fmi.pair import Mounted
+
+    try:
+        given = (
+            Model(load_parameters(params), "extended", {}, params)
+            if source is None
+            else read_model(source)
+        )
+        more = resolve(dict(from_text(text) for text in effects))
+        given = replace(given, effects={**given.effects, **more})
+        written = export_unit(given, unit, mounted=Mounted(fixture), overwrite=overwrite)
+    except PlantError as error:
+        raise SmadError(str(error)) from error
+    click.echo(written)

@@ -1,0 +1,204 @@
+"""Many spring pairs in episodes: what one environment and a vector of them share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.enums import Fault
+from sim_device.plant.many import PlantArray
+from sim_device.plant.models import Model
+from smad.envs import references, signals
+from smad.envs.board import Boards
+from smad.envs.errors import EnvError
+from smad.envs.models import Randomise, Source
+
+Array = npt.NDArray[np.float64]
+Observations = npt.NDArray[np.float32]
+Flags = npt.NDArray[np.bool_]
+_ZERO_C = 273.15
+SOLVER = "solver"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What an environment is made with; see `SpringPairEnv`."""
+
+    model: str | Path | Model = "A"
+    randomise: Randomise = None
+    action: str = "currents"
+    reference: str | references.Reference = "sines"
+    episode_s: float = 20.0
+    rate_hz: int = 100
+
+    def __post_init__(self) -> None:
+        if not 50 <= self.rate_hz <= 1000:
+            raise EnvError("rate_hz out of range", value=self.rate_hz, limit="50 to 1000")
+        if not 0.1 <= self.episode_s <= 3600.0:
+            raise EnvError("episode_s out of range", value=self.episode_s, limit="0.1 to 3600")
+
+    @property
+    def steps(self) -> int:
+        """Steps of an episode."""
+        return round(self.episode_s * self.rate_hz)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stepped:
+    """What a step gave, an element for each plant. `faults`: the board's, 0 for none."""
+
+    observations: Observations
+    rewards: Array
+    terminated: Flags
+    truncated: Flags
+    faults: npt.NDArray[np.int64]
+    solved: Flags
+
+
+class Episodes:
+    """`size` pairs on boards, each in an episode of its own."""
+
+    def __init__(
+        self, size: int, task: Task, *, executor: Executor | None = None, workers: int = 1
+    ) -> None:
+        self.task, self.size = task, size
+        self._source = Source(task.model, task.randomise)
+        signals.action_range(task.action)
+        setup = self._source.setup(np.random.default_rng(0))
+        self.plants = PlantArray(size, setup, executor=executor, workers=workers)
+        self.boards = Boards(size)
+        self._dt_s = 1.0 / task.rate_hz
+        self._dt_us = 1_000_000 // task.rate_hz
+        ahead = round(signals.PREVIEW_S * task.rate_hz)
+        self._ahead = ahead
+        self._times: Array = np.arange(task.steps + ahead + 1, dtype=np.float64) * self._dt_s
+        references.drawn(task.reference, np.random.default_rng(0), self._times)
+        self._references = np.zeros((size, self._times.size))
+        self.at = np.zeros(size, dtype=np.int64)
+        self._every = np.arange(size)
+        self._seen = np.zeros((size, len(signals.NAMES)))
+        self._true_m = self.plants.column("shared.displacement")
+
+    def begin(
+        self, i: int, rng: np.random.Generator, options: Mapping[str, Any] | None = None
+    ) -> None:
+        """Let an episode begin: plant, reference and noise are drawn from `rng` in this order.
+
+        options: `reference_mm`, positions for every step or a function as of `references`. Raises
+        EnvError for others.
+        """
+        given = dict(options or {})
+        wanted = given.pop("reference_mm", self.task.reference)
+        if given:
+            raise EnvError("unknown option", value=sorted(given)[0], limit="reference_mm")
+        setup = self._source.setup(rng)
+        self._references[i] = self._positions(wanted, rng)
+        self.plants.put(i, setup, seed=int(rng.integers(2**32)))
+        self.boards.begin(i)
+        self.at[i] = 0
+
+    def _positions(self, wanted: Any, rng: np.random.Generator) -> Array:
+        if isinstance(wanted, str) or callable(wanted):
+            return references.drawn(wanted, rng, self._times)
+        row = np.atleast_1d(np.asarray(wanted, dtype=np.float64))
+        if row.ndim != 1 or not self.task.steps <= row.size or not np.isfinite(row).all():
+            raise EnvError(
+                "reference_mm has not one finite position for each step",
+                value=f"shape {row.shape}",
+                limit=f"({self.task.steps},)",
+            )
+        row = row[: self._times.size]
+        return np.concatenate([row, np.full(self._times.size - row.size, row[-1])])
+
+    def observe(self, which: npt.NDArray[np.intp] | None = None) -> Observations:
+        """What plants that have just begun show (all, or these), in steps of the wire."""
+        begun = np.zeros(self.size, dtype=np.bool_)
+        begun[self._every if which is None else which] = True
+        self._take(self.plants.read_only(begun), np.flatnonzero(begun))
+        return self.observations()
+
+    def observations(self) -> Observations:
+        """The latest observations, shape (size, 12), columns `signals.NAMES`."""
+        return np.clip(self._seen.astype(np.float32), signals.LOW, signals.HIGH)
+
+    def _take(self, read: Array, which: npt.NDArray[np.intp]) -> None:
+        shown = np.empty((len(which), len(signals.MEASURED)))
+        rows = read[which]
+        shown[:, 0] = rows[:, 8] * 1e3
+        shown[:, 1] = rows[:, 9]
+        shown[:, 2:6] = rows[:, 4:8] - _ZERO_C
+        shown[:, 6:8] = rows[:, 0:2]
+        shown[:, 8:10] = rows[:, 2:4]
+        self._seen[which, : shown.shape[1]] = np.rint(shown / signals.STEPS) * signals.STEPS
+        at = self.at[which]
+        self._seen[which, -2] = self._references[which, at]
+        self._seen[which, -1] = self._references[which, at + self._ahead]
+
+    def step(self, actions: Any, held: Flags | None = None) -> Stepped:
+        """Apply actions (size, …) for one sample. Plants that are `held` stay as they are: their
+        next episode has just begun.
+
+        Raises ActionRefused.
+        """
+        wanted = signals.driven(self.task.action, actions, self.size)
+        going = np.ones(self.size, dtype=np.bool_) if held is None else ~held
+        every = self._every if held is None else np.flatnonzero(going)
+        drive = self.plants.drive
+        drive[every, :2] = self.boards.regulate(wanted[:, :2], self._dt_us, going)[every]
+        drive[every, 2:4] = wanted[every, 2:]
+        if held is not None and held.any():
+            self._advance_only(going)
+        else:
+            self.plants.advance(self._dt_s)
+        self.at[every] += 1
+        solved = self.plants.statuses == 0
+        good = every[solved[every]]
+        if good.size:
+            self._take(self.plants.read_only(going & solved), good)
+        faults = self._faults(going & solved)
+        return self._outcome(going, solved, faults)
+
+    def _advance_only(self, going: Flags) -> None:
+        """Advance the plants that go on; the others are put back as they were."""
+        kept = self.plants.kept(~going)
+        self.plants.advance(self._dt_s)
+        self.plants.restore(~going, kept)
+
+    def _faults(self, which: Flags) -> npt.NDArray[np.int64]:
+        t_cC = np.rint(self._seen[:, 2:4] * 100.0).astype(np.int64)
+        i_mA = np.rint(self._seen[:, 6:8] * 1e3).astype(np.int64)
+        return np.where(which, self.boards.observe(t_cC, i_mA, self._dt_us, which), 0)
+
+    def _outcome(self, going: Flags, solved: Flags, faults: npt.NDArray[np.int64]) -> Stepped:
+        rewards = -np.abs(self._seen[:, 0] - self._seen[:, -2])
+        stopped = faults != 0
+        # Whoever is stopped misses all that is left, by the whole reach to either side.
+        left = self.task.steps - self.at
+        rewards = np.where(stopped, -2.0 * references.REACH_mm * (left + 1), rewards)
+        rewards = np.where(going, rewards, 0.0)
+        ended = (self.at >= self.task.steps) | ~solved
+        return Stepped(
+            observations=self.observations(),
+            rewards=rewards,
+            terminated=stopped & going,
+            truncated=ended & ~stopped & going,
+            faults=faults,
+            solved=solved,
+        )
+
+    @property
+    def true_mm(self) -> Array:
+        """Where the tendon is, mm."""
+        return self._true_m * 1e3
+
+    def why(self, stepped: Stepped, i: int) -> str:
+        """What ended the episode: a fault of the board, "solver", or "" (time, or not ended)."""
+        if stepped.faults[i]:
+            return Fault(int(stepped.faults[i])).name
+        return "" if stepped.solved[i] else SOLVER

@@ -1,0 +1,106 @@
+"""`smad/SpringPair-v0`: the bench as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from sim_device.plant.models import Model
+from smad.envs import references, signals
+from smad.envs.episodes import Episodes, Task
+from smad.envs.errors import EnvError
+from smad.envs.models import Randomise
+from smad.envs.picture import picture
+
+Observation = npt.NDArray[np.float32]
+FRAMES_PER_S = 100
+
+
+def observation_space() -> spaces.Box:
+    """What an agent sees: `signals.NAMES`, mm, N, °C, A, V."""
+    return spaces.Box(signals.LOW, signals.HIGH, dtype=np.float32)
+
+
+def action_space(kind: str) -> spaces.Box:
+    """What an agent does, by the kind of `signals.ACTIONS`."""
+    low, high = signals.action_range(kind)
+    return spaces.Box(low, high, dtype=np.float32)
+
+
+class SpringPairEnv(gymnasium.Env[Observation, npt.NDArray[np.floating[Any]]]):
+    """Two springs on one tendon, which is to follow a reference.
+
+    model: a built-in parameter set ("A"), a model file, or a `Model`. randomise: None, "posterior"
+    (plants drawn from the covariance of the model file), ranges by hand (name to (low, high), SI),
+    or a function of model and generator. action: "currents" or "demand", see `signals`. reference:
+    "sines", "levels", or a function of generator and times. An episode lasts `episode_s`, a step
+    1/`rate_hz`.
+
+    The reward of a step is −|displacement − reference|, mm, both as seen. The board's limits on
+    current act on what is asked for; an over-temperature or I²t fault of the board terminates the
+    episode. `info` has `true_displacement_mm` and `ended_by`.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": FRAMES_PER_S}  # noqa: RUF012
+
+    def __init__(
+        self,
+        *,
+        model: str | Path | Model = "A",
+        randomise: Randomise = None,
+        action: str = "currents",
+        reference: str | references.Reference = "sines",
+        episode_s: float = 20.0,
+        rate_hz: int = 100,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise EnvError("no such render_mode", value=render_mode, limit="rgb_array")
+        self.render_mode = render_mode
+        task = Task(
+            model=model, randomise=randomise, action=action, reference=reference,
+            episode_s=episode_s, rate_hz=rate_hz,
+        )  # fmt: skip
+        self._episodes = Episodes(1, task)
+        self._begun = False
+        self.observation_space: Any = observation_space()
+        self.action_space: Any = action_space(action)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode. options: `reference_mm`, positions for every step or a function."""
+        super().reset(seed=seed)
+        self._episodes.begin(0, self.np_random, options)
+        self._begun = True
+        return self._episodes.observe()[0], self._info("")
+
+    def step(self, action: npt.ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Apply an action for one sample. Raises ActionRefused for one outside its space."""
+        if not self._begun:
+            raise EnvError("no episode has begun", action="call reset first")
+        stepped = self._episodes.step(np.asarray(action)[None])
+        return (
+            stepped.observations[0],
+            float(stepped.rewards[0]),
+            bool(stepped.terminated[0]),
+            bool(stepped.truncated[0]),
+            self._info(self._episodes.why(stepped, 0)),
+        )
+
+    def _info(self, ended_by: str) -> dict[str, Any]:
+        return {
+            "true_displacement_mm": float(self._episodes.true_mm[0]),
+            "ended_by": ended_by,
+        }
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """The pair as a picture, shape (160, 480, 3), if `render_mode` is "rgb_array"."""
+        if self.render_mode is None:
+            return None
+        return picture(self._episodes.observations()[0])

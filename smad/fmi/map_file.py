@@ -1,0 +1,201 @@
+"""The map file (TOML): which column of a run is which variable of a unit, and what may be wrong."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from smad.bounds import field_and_words
+from smad.fmi.errors import FmiError
+from smad.fmi.unit_file import UnitFile
+
+_Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
+_Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
+MOST_BYTES = 1_000_000
+
+
+class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    variable: str
+    unit: str
+    low: _Number
+    high: _Number
+
+
+class InputRow(_Row, frozen=True, kw_only=True):
+    """An input: value of the unit = `scale` · column + `offset`."""
+
+    column: str = ""
+    scale: _Number = 1.0
+    offset: _Number = 0.0
+
+
+class ChannelRow(_Row, frozen=True, kw_only=True):
+    """A measured channel: channel = `scale` · value of the unit + `offset`."""
+
+    quantum: _Positive
+    noise: _Positive
+    column: str = ""
+    scale: _Number = 1.0
+    offset: _Number = 0.0
+
+
+class ParameterRow(_Row, frozen=True, kw_only=True):
+    """A parameter that the refit may move; without `nominal` it begins where the unit has it."""
+
+    nominal: _Number | None = None
+    prior_sd: _Positive | None = None
+
+
+class TermRow(_Row, frozen=True, kw_only=True):
+    """A term that the unit adds by way of the input `variable`: size · ((of − zero) / span)^power.
+
+    `of`: an input or channel of the map, as the unit has it; empty for a constant. The power keeps
+    the sign.
+    """
+
+    title: str
+    typical: _Number
+    of: str = ""
+    zero: _Number = 0.0
+    span: _Positive = 1.0
+    power: Annotated[float, msgspec.Meta(gt=0, le=8)] = 1.0
+
+
+class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A map file. `lag_s`: what a sensor or a drive of such a plant may well lag by.
+
+    `held`: a row's inputs were in force *until* its time, as a run log has them, or *from* it on.
+    `start`: variables set before each run, by name in the unit.
+    """
+
+    lag_s: _Positive
+    inputs: dict[str, InputRow]
+    channels: dict[str, ChannelRow]
+    parameters: dict[str, ParameterRow]
+    terms: dict[str, TermRow] = {}
+    start: dict[str, _Number] = {}
+    time: str = "t_s"
+    held: Literal["until", "from"] = "until"
+    name: str = ""
+
+
+def read_map(path: Path) -> Map:
+    """Read a map file. Raises FmiError for a file that cannot be read, and by the key's name."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise FmiError(f"cannot read {path}: {error.strerror}", action="check the path") from error
+    if len(text) > MOST_BYTES:
+        raise FmiError(f"{path} is longer than a map file can be", limit=f"{MOST_BYTES} bytes")
+    try:
+        found = msgspec.toml.decode(text, type=Map)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        where, why = field_and_words(str(error))
+        place = f", {where}" if where else ""
+        raise FmiError(
+            f"map file {path}{place}: {why}", action="docs/guide/fmi.md shows a map file"
+        ) from None
+    _check(path, found)
+    return found
+
+
+def _check(path: Path, found: Map) -> None:
+    for table in ("inputs", "channels", "parameters"):
+        if not getattr(found, table):
+            raise FmiError(f"map file {path} has no {table}", action=f"add [{table}.NAME]")
+    twins = sorted(set(found.inputs) & set(found.channels))
+    if twins:
+        raise FmiError(f"map file {path} has {twins[0]} as input and as channel", action="name one")
+    for table, rows in _tables(found).items():
+        for name, row in rows.items():
+            if not row.low < row.high:
+                raise FmiError(
+                    f"map file {path}, {table}.{name} has no range",
+                    value=f"{row.low:g} to {row.high:g}",
+                    limit="low < high",
+                    action="correct it",
+                )
+    for name, term in found.terms.items():
+        if term.of and term.of not in {**found.inputs, **found.channels}:
+            raise FmiError(
+                f"map file {path}, terms.{name}.of is neither an input nor a channel of the map",
+                value=term.of,
+                limit=", ".join([*found.inputs, *found.channels]),
+                action="correct it",
+            )
+        if not term.low <= 0.0 <= term.high or not term.typical:
+            raise FmiError(
+                f"map file {path}, terms.{name} must allow 0 and be typically something else",
+                value=f"{term.low:g} to {term.high:g}, typically {term.typical:g}",
+                action="correct it",
+            )
+
+
+def _tables(found: Map) -> dict[str, Mapping[str, Any]]:
+    return {
+        "inputs": found.inputs,
+        "channels": found.channels,
+        "parameters": found.parameters,
+        "terms": found.terms,
+    }
+
+
+_ROLES: Mapping[str, tuple[str, ...]] = {
+    "inputs": ("input",),
+    "channels": ("output", "local"),
+    "parameters": ("parameter",),
+    "terms": ("input",),
+}
+
+
+def require_fit(found: Map, unit: UnitFile) -> None:
+    """Check each variable of a map against a unit: there, a real one, of the role and the unit.
+
+    Raises FmiError.
+    """
+    for table, rows in _tables(found).items():
+        for name, row in rows.items():
+            _require(unit, f"{table}.{name}", row.variable, _ROLES[table])
+            _require_unit(unit, f"{table}.{name}", row)
+    for variable in found.start:
+        _require(unit, f"start.{variable}", variable, ("parameter", "input", "local"))
+
+
+def _require(unit: UnitFile, key: str, variable: str, roles: tuple[str, ...]) -> None:
+    known = unit.variables
+    if variable not in known:
+        near = difflib.get_close_matches(variable, known, n=3)
+        raise FmiError(
+            f"{unit.path.name} has no variable {variable}, which the map has at {key}",
+            limit=", ".join(near) or ", ".join([n for n in known if known[n].causality in roles]),
+            action="correct the map",
+        )
+    about = known[variable]
+    if about.type != "Real":
+        raise FmiError(f"{key}: {variable} is no real number", value=about.type, limit="Real")
+    if about.causality not in roles:
+        raise FmiError(
+            f"{key}: {variable} has another role in {unit.path.name}",
+            value=about.causality,
+            limit=" or ".join(roles),
+            action="name another variable, or make the unit offer it so",
+        )
+
+
+def _require_unit(unit: UnitFile, key: str, row: Any) -> None:
+    has = unit.variables[row.variable].unit
+    converted = (getattr(row, "scale", 1.0), getattr(row, "offset", 0.0)) != (1.0, 0.0)
+    dimensionless = {"", "1", None}
+    if converted or isinstance(row, TermRow) or has in dimensionless or has == row.unit:
+        return
+    raise FmiError(
+        f"{key}: {row.variable} is in another unit in {unit.path.name}",
+        value=row.unit,
+        limit=has,
+        action="use that unit, or give scale and offset for an input or a channel",
+    )

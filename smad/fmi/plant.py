@@ -1,0 +1,236 @@
+"""A unit of FMI as a plant of the diagnosis: a map says what its variables are."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.signal import lfilter
+
+from smad.fmi.errors import FmiError
+from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, TermRow, require_fit
+from smad.fmi.running import Fed, Runner, signed_power
+from smad.fmi.unit_file import UnitFile
+from smad.gap.plant import (
+    Array,
+    Channel,
+    Effect,
+    EffectParameter,
+    Mask,
+    ModelPoint,
+    Output,
+    Parameter,
+    Signal,
+    View,
+)
+from smad.gap.runs import GapRun
+from smad.gap.sma.signals import means_over_pieces
+
+_SUB_MODEL = "unit"
+_KEPT = 64
+_GAIN = (0.05, 0.5)
+_ZERO_OF_RANGE = (0.02, 0.25)
+_LONGEST_LAG = 10.0
+_MOVED = 0.01
+
+
+class FmuPlant:
+    """Satisfies `PlantModel`. Its effects: errors of each reading and each drive, and the map's
+    terms.
+
+    Raises FmiError for a map that does not fit the unit. Safe to call from several threads: the
+    unit runs once at a time, and what it gave for the latest points is kept, so that errors of a
+    reading do not run it again.
+    """
+
+    def __init__(self, unit: UnitFile, mapped: Map) -> None:
+        require_fit(mapped, unit)
+        self._map = mapped
+        self.name = mapped.name or unit.described.modelName
+        self.version = str(unit.described.guid)
+        self._rows = _rows(mapped)
+        outputs = [c.variable for c in mapped.channels.values()]
+        self._runner = Runner(unit, self._rows, outputs)
+        self._lock = threading.Lock()
+        self._known: OrderedDict[object, Array] = OrderedDict()
+        self.inputs = [Signal(n, r.unit, r.low, r.high) for n, r in mapped.inputs.items()]
+        self.channels = [
+            Channel(n, r.unit, r.quantum, r.low, r.high, _SUB_MODEL, r.noise)
+            for n, r in mapped.channels.items()
+        ]
+        self.parameters = [_parameter(n, r, unit) for n, r in mapped.parameters.items()]
+        self.effects = effects_of(mapped)
+        self.views = [
+            View("open", "all", _outputs("open", mapped), open_loop=True),
+            View(_SUB_MODEL, _SUB_MODEL, _outputs(_SUB_MODEL, mapped)),
+        ]
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        """Both views are the whole unit: it has no inner signals that could be fed."""
+        course = self._course(point, run)
+        out = {}
+        for name, column in zip(self._map.channels, course, strict=True):
+            row = self._map.channels[name]
+            shown = row.scale * column + row.offset
+            shown = _misread(shown, point.effects, name, run.dt_s)
+            out[name] = shown if run.whole is None else means_over_pieces(run, shown)
+        return {f"{view}:{name}": column for view in views for name, column in out.items()}
+
+    def _course(self, point: ModelPoint, run: GapRun) -> Array:
+        """Outputs of the unit, shape (channels, n), from what is known or from a run of it."""
+        theta = {p.name: p.nominal for p in self.parameters} | dict(point.theta)
+        values = {self._map.parameters[n].variable: v for n, v in theta.items()}
+        rows, fed = self._driven(point, run)
+        about = hashlib.sha256(np.ascontiguousarray(run.t_s).tobytes())
+        about.update(rows.tobytes())
+        key = (about.digest(), tuple(sorted(values.items())), tuple(map(repr, fed)))
+        with self._lock:
+            if key not in self._known:
+                given = {**self._map.start, **values}
+                self._known[key] = self._runner.replay(given, run.t_s, rows, fed)
+                while len(self._known) > _KEPT:
+                    self._known.popitem(last=False)
+            self._known.move_to_end(key)
+            return self._known[key]
+
+    def _driven(self, point: ModelPoint, run: GapRun) -> tuple[Array, list[Fed]]:
+        """What the unit's inputs get, shape (n, inputs), and the terms that follow its outputs."""
+        given = {}
+        for name, row in self._map.inputs.items():
+            column = _misread(run.inputs[name], point.effects, name, run.dt_s)
+            given[name] = row.scale * column + row.offset
+        rows = np.zeros((len(run.t_s), len(self._rows)))
+        for name, row in self._map.inputs.items():
+            rows[:, self._rows.index(row.variable)] += given[name]
+        fed = []
+        for name, term in self._map.terms.items():
+            size = point.effects.get(name, {}).get("size", 0.0)
+            if size == 0.0:
+                continue
+            at = self._rows.index(term.variable)
+            if term.of in self._map.channels:
+                fed.append(_fed(at, list(self._map.channels).index(term.of), size, term))
+            elif term.of:
+                rows[:, at] += size * signed_power(
+                    (given[term.of] - term.zero) / term.span, term.power
+                )
+            else:
+                rows[:, at] += size
+        if self._map.held == "from" and run.whole is None:
+            rows = np.r_[rows[:1], rows[:-1]]
+        return rows, fed
+
+    def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
+        """At rest until an input first moves; then by each input above and below its middle."""
+        moved = np.zeros(len(run.t_s), dtype=bool)
+        halves: dict[str, Mask] = {}
+        for name, row in self._map.inputs.items():
+            column = run.inputs[name]
+            moved |= np.abs(column - column[0]) > _MOVED * (row.high - row.low)
+            halves[f"{name} high"] = column > (row.low + row.high) / 2
+        rest = np.cumsum(moved) == 0
+        out = {"rest": rest}
+        for name, high in halves.items():
+            out[name] = high & ~rest
+            out[name.replace(" high", " low")] = ~high & ~rest
+        return out
+
+    def features(self, run: GapRun, side: str) -> dict[str, Array]:
+        """What was driven and what was measured."""
+        return {"time": run.t_s - run.t_s[0], **run.inputs, **run.outputs}
+
+    def close(self) -> None:
+        """End the unit."""
+        self._runner.close()
+
+
+def effects_of(mapped: Map) -> list[Effect]:
+    """Gain, zero and lag of each reading and drive, then the terms of the map."""
+    found: list[Effect] = []
+    everything = tuple(mapped.channels)
+    for name, channel in mapped.channels.items():
+        found += _errors("reading", name, channel, lag_s=mapped.lag_s, signals=(name,))
+    for name, driven in mapped.inputs.items():
+        found += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
+    for name, term in mapped.terms.items():
+        size = EffectParameter("size", term.unit, term.typical, term.low, term.high)
+        what = f"(({term.of} − {term.zero:g})/{term.span:g})^{term.power:g}" if term.of else "1"
+        found.append(
+            Effect(name, term.title, _SUB_MODEL, (size,), everything,
+                   f"{term.variable} += size · {what}")
+        )  # fmt: skip
+    return found
+
+
+def _errors(
+    kind: str, name: str, row: ChannelRow | InputRow, *, lag_s: float, signals: tuple[str, ...]
+) -> list[Effect]:
+    gain, most_gain = _GAIN
+    zero, most_zero = (share * (row.high - row.low) for share in _ZERO_OF_RANGE)
+    parts = (
+        ("gain", "gain error", ("g", "1", gain, -most_gain, most_gain), "(1 + g)·y"),
+        ("zero", "zero error", ("b", row.unit, zero, -most_zero, most_zero), "y + b"),
+        ("lag", "lag", ("tau_s", "s", lag_s, 0.0, _LONGEST_LAG * lag_s), "tau·s' = y − s"),
+    )
+    return [
+        Effect(
+            f"{name}_{end}",
+            f"{title} of the {kind} {name}",
+            _SUB_MODEL,
+            (EffectParameter(*value),),
+            signals,
+            law,
+        )
+        for end, title, value, law in parts
+    ]
+
+
+def _misread(
+    column: Array, effects: Mapping[str, Mapping[str, float]], name: str, dt_s: float
+) -> Array:
+    """What a reading, or a drive, makes of a value; the column itself without an effect."""
+    gain = effects.get(f"{name}_gain", {}).get("g", 0.0)
+    zero = effects.get(f"{name}_zero", {}).get("b", 0.0)
+    tau_s = effects.get(f"{name}_lag", {}).get("tau_s", 0.0)
+    if gain != 0.0:
+        column = column * (1.0 + gain)
+    if zero != 0.0:
+        column = column + zero
+    if tau_s > 0.0:
+        keep = float(np.exp(-dt_s / tau_s))
+        column = lfilter([1.0 - keep], [1.0, -keep], column, zi=keep * column[:1])[0]
+    return np.asarray(column)
+
+
+def _rows(mapped: Map) -> list[str]:
+    """The unit's variables that are driven, each once."""
+    rows = (*mapped.inputs.values(), *mapped.terms.values())
+    return list(dict.fromkeys(r.variable for r in rows))
+
+
+def _outputs(view: str, mapped: Map) -> tuple[Output, ...]:
+    return tuple(Output(f"{view}:{name}", name) for name in mapped.channels)
+
+
+def _fed(row: int, output: int, size: float, term: TermRow) -> Fed:
+    return Fed(row=row, output=output, size=size, zero=term.zero, span=term.span, power=term.power)
+
+
+def _parameter(name: str, row: ParameterRow, unit: UnitFile) -> Parameter:
+    """A row of the map, with what it leaves out: the unit's own value, a sixth of the range."""
+    start = unit.variables[row.variable].start
+    nominal = row.nominal if row.nominal is not None or start is None else float(start)
+    if nominal is None or not row.low <= nominal <= row.high:
+        raise FmiError(
+            f"parameters.{name} does not begin within its range",
+            value="nothing" if nominal is None else nominal,
+            limit=f"{row.low:g} to {row.high:g} {row.unit}",
+            action="give nominal, or another range, in the map",
+        )
+    prior = row.prior_sd or (row.high - row.low) / 6
+    return Parameter(name, row.unit, nominal, row.low, row.high, prior, _SUB_MODEL)

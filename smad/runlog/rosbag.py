@@ -1,0 +1,201 @@
+"""Run logs to ROS 2 bags: a folder with an MCAP file of standard messages, a topic a channel.
+
+The displacement is a `JointState` with the tendon force as its effort, each temperature a
+`Temperature`, the force a `WrenchStamped` along x, what the log calls events are `Log`. All other
+channels are numbers (`Float64`, `Int64`), whose time is that of the record. Lengths are in metres,
+as ROS has them.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.errors import RunLogError
+from smad.parts import part
+from smad.runlog.reader import Run, recorded
+from smad.runlog.schema import CHANNELS, Event
+
+SUFFIX = ".rosbag2"
+METADATA = "metadata.yaml"
+EVENTS = "/smad/events"
+JOINT_TOPIC = "/smad/joint_states"
+JOINT = "tendon"
+_VERSION = 8
+"""Of the bag's format: the older one of the two that rosbags writes."""
+_LEVELS = {"fault": 40, "warning": 30}
+_INFO = 20
+_NEVER = ("t_s", "host_time_s")
+Times = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Topic:
+    """One topic: its message type, which rows it has, and what makes the message of a row."""
+
+    name: str
+    kind: str
+    rows: NDArray[np.intp]
+    message: Callable[[int], Any]
+
+
+def export_bag(run: Run, target: Path, *, overwrite: bool = False) -> Path:
+    """Write `run` as the folder `target`; returns it.
+
+    Raises RunLogError for a run without rows, a target that is there (with `overwrite`: that is no
+    bag), or a disk that refuses; MissingPartError without rosbags.
+    """
+    if not len(run):
+        raise RunLogError(f"{run.path} holds no rows", action="there is nothing to export")
+    _require_free(target, overwrite)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # The file in the folder has the folder's name, so that one must be right from the start.
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".rosbag2-") as name:
+            made = Path(name) / target.name
+            _write(run, made)
+            if target.exists():
+                shutil.rmtree(target)
+            os.replace(made, target)
+    except OSError as error:
+        raise RunLogError(
+            f"cannot write {target}: {error.strerror or error}", action="check folder and space"
+        ) from error
+    return target
+
+
+def _require_free(target: Path, overwrite: bool) -> None:
+    if not target.exists():
+        return
+    if not overwrite:
+        raise RunLogError(f"{target} is there already", action="use --overwrite or another name")
+    if not (target / METADATA).is_file():
+        raise RunLogError(
+            f"{target} is no bag, and is not replaced by one", action="name another folder"
+        )
+
+
+def times_ns(run: Run) -> Times:
+    """Time of each sample in Unix nanoseconds, shape (n,), never going back.
+
+    Board time from where the computer's clock stood at the first sample; after a restart of the
+    board, from where it stood then. Without that clock, from 0.
+    """
+    t_s = np.asarray(run.columns["t_s"], dtype=np.float64)
+    host_s = np.asarray(run.columns["host_time_s"], dtype=np.float64)
+    begins = np.r_[0, np.flatnonzero(np.diff(t_s) < 0) + 1]
+    out = np.empty(len(t_s), dtype=np.int64)
+    end = 0
+    for start, stop in zip(begins, np.r_[begins[1:], len(t_s)], strict=True):
+        from_s = host_s[start] if np.isfinite(host_s[start]) else 0.0
+        if not start and not np.isfinite(host_s[0]):
+            from_s = run.header.started_unix_s
+        base = max(round(from_s * 1e9), end)
+        out[start:stop] = base + np.rint((t_s[start:stop] - t_s[start]) * 1e9).astype(np.int64)
+        end = int(out[stop - 1])
+    return out
+
+
+def _write(run: Run, folder: Path) -> None:
+    rosbag2, typesys = part("rosbags.rosbag2"), part("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    stamps = times_ns(run)
+    plugin = rosbag2.StoragePlugin.MCAP
+    with rosbag2.Writer(folder, version=_VERSION, storage_plugin=plugin) as bag:
+        for topic in (*_topics(run, store.types, stamps), *_events(run, store.types, stamps)):
+            connection = bag.add_connection(topic.name, topic.kind, typestore=store)
+            for row in topic.rows:
+                when, message = topic.message(int(row))
+                bag.write(connection, when, store.serialize_cdr(message, topic.kind))
+
+
+def _topics(run: Run, types: Any, stamps: Times) -> Iterator[_Topic]:
+    header = _headers(types, stamps)
+    columns = {name: c for name, c in run.columns.items() if recorded(c).any()}
+    if "displacement_mm" in columns:
+        yield _joint(columns, types, stamps, header)
+    for name in (n for n in columns if n not in _NEVER and n != "displacement_mm"):
+        yield _of_channel(name, columns[name], types, stamps, header)
+
+
+def _of_channel(name: str, column: Any, types: Any, stamps: Times, header: Any) -> _Topic:
+    def numbers(row: int) -> Any:
+        return int(stamps[row]), types[kind](data=column[row].item())
+
+    def temperature(row: int) -> Any:
+        # A variance of 0 stands for "unknown" in ROS.
+        return int(stamps[row]), types[kind](header(row), column[row].item(), 0.0)
+
+    def wrench(row: int) -> Any:
+        vector, none = types["geometry_msgs/msg/Vector3"], (0.0, 0.0, 0.0)
+        force = types["geometry_msgs/msg/Wrench"](vector(column[row].item(), 0, 0), vector(*none))
+        return int(stamps[row]), types[kind](header(row), force)
+
+    rows = np.flatnonzero(recorded(column))
+    if CHANNELS[name].unit == "degC":
+        kind = "sensor_msgs/msg/Temperature"
+        return _Topic(f"/smad/{name}", kind, rows, temperature)
+    if name == "force_N":
+        kind = "geometry_msgs/msg/WrenchStamped"
+        return _Topic(f"/smad/{name}", kind, rows, wrench)
+    kind = f"std_msgs/msg/{'Float64' if CHANNELS[name].kind == 'float' else 'Int64'}"
+    return _Topic(f"/smad/{name}", kind, rows, numbers)
+
+
+def _joint(columns: Any, types: Any, stamps: Times, header: Any) -> _Topic:
+    kind = "sensor_msgs/msg/JointState"
+    at_mm, force = columns["displacement_mm"], columns.get("force_N")
+
+    def joint(row: int) -> Any:
+        known = force is not None and np.isfinite(force[row])
+        effort = np.array([force[row]] if known else [])
+        at_m = np.array([at_mm[row] * 1e-3])
+        return int(stamps[row]), types[kind](header(row), [JOINT], at_m, np.array([]), effort)
+
+    return _Topic(JOINT_TOPIC, kind, np.flatnonzero(recorded(at_mm)), joint)
+
+
+def _events(run: Run, types: Any, stamps: Times) -> Iterator[_Topic]:
+    if not run.events:
+        return
+    kind = "rcl_interfaces/msg/Log"
+    t_s = np.asarray(run.columns["t_s"])
+
+    def log(row: int) -> Any:
+        event = run.events[row]
+        when = _when(event, t_s, stamps)
+        level = _LEVELS.get(event.kind, _INFO)
+        return when, types[kind](
+            _stamp(types, when), level, f"smad.{event.kind}", event.text, "", "", 0
+        )
+
+    yield _Topic(EVENTS, kind, np.arange(len(run.events)), log)
+
+
+def _when(event: Event, t_s: Any, stamps: Times) -> int:
+    """By the board's clock where the event has it, by the computer's otherwise."""
+    if event.t_s is not None:
+        nearest = int(np.argmin(np.abs(t_s - event.t_s)))
+        after_ns = round(float(event.t_s - t_s[nearest]) * 1e9)
+        return max(int(stamps[nearest]) + after_ns, 0)
+    host_s = event.host_time_s
+    return int(stamps[0]) if host_s is None else max(round(host_s * 1e9), 0)
+
+
+def _headers(types: Any, stamps: Times) -> Callable[[int], Any]:
+    def header(row: int) -> Any:
+        return types["std_msgs/msg/Header"](_stamp(types, int(stamps[row])), "bench")
+
+    return header
+
+
+def _stamp(types: Any, when_ns: int) -> Any:
+    return types["builtin_interfaces/msg/Time"](when_ns // 10**9, when_ns % 10**9)

@@ -1,0 +1,74 @@
+"""Tables fit the terminal; off a terminal they stay plain; nothing of an earlier run is lost."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from smad.cli import execute, tables
+from smad.experiments.campaign import left
+from smad.report.page import Table
+from tests.smad.runlog.helpers import write_small_run
+
+WIDE = Table(
+    ("name", "what", "value"),
+    [("run-1", "a long sentence about one thing " * 10, "1.25"), ("run-2", "x" * 200, "3")],
+    numeric=frozenset({2}),
+)
+
+
+@pytest.mark.parametrize("width", [60, 80, 132])
+def test_no_line_of_a_table_is_wider_than_the_terminal_and_nothing_is_cut(width: int) -> None:
+    shown = tables.fitted(WIDE.header, WIDE.rows, WIDE.numeric, width)
+    assert max(map(len, shown.splitlines())) <= width
+    assert shown.count("x") == 200
+    assert shown.count("sentence") == 10
+    assert "1.25" in shown
+
+
+def test_off_a_terminal_a_table_is_plain_columns(capsys: pytest.CaptureFixture[str]) -> None:
+    tables.print_table(WIDE)
+    out = capsys.readouterr().out
+    assert "x" * 200 in out
+    assert out.isascii()
+
+
+def test_on_a_terminal_the_table_takes_its_width(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    tables.print_table(WIDE)
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_a_torn_log_is_shown_as_far_as_it_goes_with_the_command_that_recovers_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = write_small_run(tmp_path / "a.mcap", 2000)
+    log.write_bytes(log.read_bytes()[: log.stat().st_size * 3 // 5])
+    assert execute(["log", "show", str(log)]) == 0
+    assert f"smad log recover {log}" in capsys.readouterr().out
+
+
+def test_an_empty_log_is_told_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"")
+    assert execute(["log", "show", str(tmp_path / "a.mcap")]) == 1
+    assert "nothing was recorded into it" in capsys.readouterr().err
+
+
+def test_a_page_of_an_earlier_run_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "experiments.html").write_text("earlier")
+    assert execute(["run", "dsc", "--sim", "--jobs", "1"]) == 0
+    assert (tmp_path / "experiments.html").read_text() == "earlier"
+    assert "page  experiments-2.html" in capsys.readouterr().out
+
+
+def test_progress_says_how_many_runs_are_done_and_how_long_the_rest_may_take() -> None:
+    assert left(0, 40, 0.0) == ""
+    assert left(10, 40, 20.0) == "; about 60 s left"
+    assert left(10, 40, 200.0) == "; about 10 min left"
+    assert left(40, 40, 200.0) == ""

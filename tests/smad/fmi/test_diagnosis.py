@@ -1,0 +1,259 @@
+"""A unit of FMI as a plant of the diagnosis, and what is said of units and maps that do not fit."""
+
+import shutil
+import zipfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smad.cli import execute
+from smad.fmi.asked import read_mapped
+from smad.fmi.errors import FmiError
+from smad.fmi.map_file import read_map
+from smad.fmi.plant import FmuPlant
+from smad.fmi.unit_file import MOST_BYTES, open_unit
+from smad.gap.plant import ModelPoint
+from tests.smad.runlog.helpers import write_small_run
+
+from .heater import MAP, compiled_unit, heater_unit, run_file
+
+
+@pytest.fixture(scope="module")
+def unit(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return heater_unit(tmp_path_factory.mktemp("heater"))
+
+
+def plant_of(unit: Path, folder: Path, text: str = MAP) -> FmuPlant:
+    path = folder / "map.toml"
+    path.write_text(text)
+    return FmuPlant(open_unit(unit), read_map(path))
+
+
+def test_the_missing_radiation_of_a_heater_is_named(
+    unit: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "map.toml").write_text(MAP)
+    runs = [str(run_file(tmp_path / f"{s}.csv", s, radiated=8.0)) for s in range(4)]
+    ask = ["gap", "diagnose", *runs, "--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
+    assert execute(ask) == 0
+    said = capfd.readouterr().out
+    assert said.startswith("Cause found\nHeat that goes with the fourth power (size = -8.0 W)")
+    assert "smad gap verify" not in said
+
+
+def test_a_replay_is_the_run_of_a_bench_without_noise(unit: Path, tmp_path: Path) -> None:
+    plant = plant_of(unit, tmp_path)
+    bench = {"tau_s": 1.5, "capacity": 33.0, "radiated": 6.0}
+    path = run_file(tmp_path / "a.csv", 1, noise=0.0, **bench)
+    run = read_mapped(path, read_map(tmp_path / "map.toml"))
+    point = ModelPoint(
+        {"capacity_J_K": 33.0, "loss_W_K": 0.74},
+        {"radiation": {"size": -6.0}, "temperature_degC_lag": {"tau_s": 1.5}},
+    )
+    shown = plant.simulate(point, run, ["open", "unit"])
+    measured = run.outputs["temperature_degC"]
+    assert np.abs(shown["open:temperature_degC"] - measured).max() < 0.0051
+    np.testing.assert_array_equal(shown["open:temperature_degC"], shown["unit:temperature_degC"])
+
+
+def test_replays_do_not_depend_on_those_before_or_on_the_thread(unit: Path, tmp_path: Path) -> None:
+    plant = plant_of(unit, tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    points = [ModelPoint({"capacity_J_K": c}) for c in np.linspace(20.0, 40.0, 80)]
+
+    def replay(point: ModelPoint) -> np.ndarray:
+        return plant.simulate(point, run, ["open"])["open:temperature_degC"]
+
+    once = [replay(point) for point in points]
+    with ThreadPoolExecutor(4) as pool:
+        again = list(pool.map(replay, points[::-1]))[::-1]
+    for a, b in zip(once, again, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_compiled_unit_without_python_gives_the_same(unit: Path, tmp_path: Path) -> None:
+    script, compiled = plant_of(unit, tmp_path), plant_of(compiled_unit(tmp_path, unit), tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    for capacity in (25.0, 35.0, 25.0):
+        point = ModelPoint({"capacity_J_K": capacity}, {"radiation": {"size": -6.0}})
+        one, other = (
+            plant.simulate(point, run, ["open"])["open:temperature_degC"]
+            for plant in (script, compiled)
+        )
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
+    compiled.close()
+
+
+def test_an_effect_that_is_off_leaves_the_replay_as_it_is(unit: Path, tmp_path: Path) -> None:
+    plant = plant_of(unit, tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    off = {e.name: {p.name: 0.0 for p in e.parameters} for e in plant.effects}
+    plain = plant.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    for name, values in off.items():
+        same = plant.simulate(ModelPoint({}, {name: values}), run, ["open"])
+        np.testing.assert_array_equal(same["open:temperature_degC"], plain, err_msg=name)
+    for effect in plant.effects:
+        other = plant.simulate(ModelPoint({}, {effect.name: effect.at()}), run, ["open"])
+        assert np.abs(other["open:temperature_degC"] - plain).max() > 0.01, effect.name
+
+
+def test_inputs_from_a_row_on_act_one_row_later(unit: Path, tmp_path: Path) -> None:
+    until = plant_of(unit, tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    shown = until.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    since = plant_of(unit, tmp_path, f'held = "from"\n{MAP}')
+    late = since.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    first = int(np.flatnonzero(run.inputs["power_W"])[0])
+    assert (shown[first] > 22.0, late[first] > 22.0, late[first + 1] > 22.0) == (True, False, True)
+
+
+def test_a_unit_that_gives_up_predicts_nothing_from_there_and_can_be_run_again(
+    unit: Path, tmp_path: Path
+) -> None:
+    plant = plant_of(unit, tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    hot = run.with_columns(inputs={"power_W": np.where(run.t_s > 30.0, 1e7, 0.0)})
+    shown = plant.simulate(ModelPoint({}), hot, ["open"])["open:temperature_degC"]
+    assert np.isfinite(shown[:300]).all()
+    assert np.isnan(shown[-1])
+    again = plant.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    assert np.isfinite(again).all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('variable = "loss"', 'variable = "los"', "has no variable los, which the map has at"),
+        ("lag_s = 2.0", "", "missing required field `lag_s`"),
+        ('variable = "power"\n', "", "inputs"),
+        ("high = 1.1", "high = nan", "parameters"),
+        ("high = 1.1", "high = 0.5", "parameters.loss_W_K has no range"),
+        ('of = "temperature_degC"', 'of = "speed"', "terms.radiation.of is neither an input nor"),
+        ('variable = "temperature"', 'variable = "power"', "has another role in heater.fmu"),
+        ("lag_s = 2.0", "lag_s = 2.0\nlags = 1", "unknown field `lags`"),
+        ("low = 0.5", "low = 0.9", "does not begin within its range; got 0.8"),
+    ],
+)
+def test_a_map_that_does_not_fit_is_told_in_one_line(
+    unit: Path, tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    assert old in MAP
+    with pytest.raises(FmiError) as caught:
+        plant_of(unit, tmp_path, MAP.replace(old, new))
+    assert words in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def rewritten(unit: Path, target: Path, change: Callable[[str, bytes], bytes | None]) -> Path:
+    """The unit with each member as `change` makes it; None leaves it out."""
+    with zipfile.ZipFile(unit) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            content = change(name, old.read(name))
+            if content is not None:
+                new.writestr(name, content)
+    return target
+
+
+def of_fmi_3(name: str, content: bytes) -> bytes:
+    return content.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')
+
+
+def without_description(name: str, content: bytes) -> bytes | None:
+    return None if name == "modelDescription.xml" else content
+
+
+def without_binary(name: str, content: bytes) -> bytes | None:
+    return None if name.startswith("binaries/linux64") else content
+
+
+def torn_description(name: str, content: bytes) -> bytes:
+    return content[: len(content) // 2] if name == "modelDescription.xml" else content
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (of_fmi_3, "is of another version of FMI; got 3.0; allowed: 2.0"),
+        (without_description, "it has no modelDescription.xml"),
+        (without_binary, "has no binary for this machine; got win64"),
+        (torn_description, "modelDescription.xml is not valid"),
+    ],
+)
+def test_a_unit_that_cannot_be_used_is_told_in_one_line(
+    unit: Path, tmp_path: Path, change: Callable[[str, bytes], bytes | None], words: str
+) -> None:
+    with pytest.raises(FmiError) as caught:
+        open_unit(rewritten(unit, tmp_path / "a.fmu", change))
+    assert words in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_torn_archive_and_one_that_unpacks_to_too_much_are_refused(
+    unit: Path, tmp_path: Path
+) -> None:
+    torn = tmp_path / "torn.fmu"
+    torn.write_bytes(unit.read_bytes()[:5000])
+    with pytest.raises(FmiError, match="missing, cut short or damaged"):
+        open_unit(torn)
+    bomb = shutil.copyfile(unit, tmp_path / "bomb.fmu")
+    with zipfile.ZipFile(bomb, "a", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("resources/zeros", b"\0" * 1000)
+        archive.getinfo("resources/zeros").file_size = MOST_BYTES
+    with pytest.raises(FmiError, match="larger than a unit may be"):
+        open_unit(bomb)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("t_s,temperature_degC\n0,22\n1,23\n", "has no column of power_W"),
+        ("t_s,power_W\n0,0\n1,1\n", "has no column of any channel"),
+        ("time,power_W,temperature_degC\n0,0,22\n", "has no time column 't_s'"),
+        ("t_s,power_W,temperature_degC\n0,0,22\n0,0,22\n", "does not increase at row 2"),
+    ],
+)
+def test_a_run_that_the_map_does_not_fit_is_told_in_one_line(
+    tmp_path: Path, table: str, words: str
+) -> None:
+    (tmp_path / "map.toml").write_text(MAP)
+    (tmp_path / "a.csv").write_text(table)
+    with pytest.raises(FmiError) as caught:
+        read_mapped(tmp_path / "a.csv", read_map(tmp_path / "map.toml"))
+    assert words in str(caught.value)
+
+
+def test_a_run_log_is_read_by_its_channels_and_converted(unit: Path, tmp_path: Path) -> None:
+    log = write_small_run(tmp_path / "run.mcap", 50)
+    text = MAP.replace(
+        'variable = "power"', 'variable = "power"\ncolumn = "i_cmd_x_A"\nscale = 12.0'
+    )
+    text = text.replace(
+        'variable = "temperature"', 'variable = "temperature"\ncolumn = "rtd_x_degC"\noffset = 1.0'
+    )
+    plant = plant_of(unit, tmp_path, text)
+    run = read_mapped(log, read_map(tmp_path / "map.toml"))
+    np.testing.assert_allclose(run.inputs["power_W"], np.arange(50) / 1000)
+    np.testing.assert_allclose(run.outputs["temperature_degC"], 20 + np.arange(50) / 100)
+    shown = plant.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    plate = 22.0
+    for k in range(1, 50):
+        plate += 0.01 * (12.0 * k / 1000 - 0.8 * (plate - 22.0)) / 30.0
+    assert shown[-1] == pytest.approx(plate + 1.0, abs=1e-9)
+
+
+def test_a_unit_needs_its_map_and_is_written_no_model(
+    unit: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    run = str(run_file(tmp_path / "a.csv", 1))
+    (tmp_path / "map.toml").write_text(MAP)
+    with_map = ["--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
+    for options, words in (
+        (["--fmu", str(unit)], "--fmu and --map belong together"),
+        ([*with_map, "--apply", "b.toml"], "--apply writes a model of the spring pair"),
+    ):
+        assert execute(["gap", "diagnose", run, *options]) == 2
+        (line,) = capfd.readouterr().err.splitlines()
+        assert words in line

@@ -1,0 +1,1 @@
+"""Programs that arm, on virtual time, stopped in every phase."""
