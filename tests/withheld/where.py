@@ -14,18 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from sim_device.plant.laws import Support, Term, law_space
 from smad.diagnosis.numerics.folds import FoldRows
-from smad.diagnosis.places.responses import responses
-from smad.diagnosis.search.where import where
+from smad.diagnosis.places.responses import Responses, responses
+from smad.diagnosis.search.where import Where, where
 from smad.gap.paired.difference import Paired, paired
 from smad.gap.paired.spring_pair import TRAITS
-from sim_device.plant.errors import SolverError
-from sim_device.plant.laws import law_space
-from sim_device.plant.places import PLACES
-from sim_device.plant.replay import Replay, trajectory
 from smad.gap.sma import SmaPlant
-from smad.gap.sma.given import GivenPoint
-from smad.gap.sma.passes import _OPEN, Passes
 from tests.withheld.check_up import benches_of, manifest_of
 from tests.withheld.seals import refuse_sealed
 
@@ -78,35 +73,13 @@ PLACES_OF: dict[str, tuple[str, ...]] = {
 has a term in each or where the simulator lumps them."""
 
 
-def SPACE(place: str, side: str, support: Any) -> Any:
-    """Lines and lags, no bends and no products."""
+def lines_and_lags(place: str, side: str, support: Support) -> tuple[Term, ...]:
+    """Lines and lags of each state; bends and products would cost five times the replays."""
     return law_space(place, side, support, bends=False, products=False)
 
 
-class ForcedPair(SmaPlant):
-    places = PLACES
-
-    def _passes(self, point, run):
-        given = self.given_points.of(point, lambda: GivenPoint(self, point))
-        return given, Passes(given, run, True, self.given_runs, self.kept)
-
-    def trajectory(self, point, run):
-        given, passes = self._passes(point, run)
-        replay = Replay(passes.inputs, variant=given.variant, outputs=_OPEN)
-        return trajectory(replay, given.setup, dt_s=passes.dt_s)
-
-    def forced(self, point, run, forcing):
-        given, passes = self._passes(point, run)
-        replay = Replay(passes.inputs, variant=given.variant, forcing=forcing, outputs=_OPEN)
-        try:
-            result = replay.run_setup(given.setup, dt_s=passes.dt_s)
-        except SolverError:
-            return {f"open:{c.name}": np.full(len(run.t_s), np.nan) for c in self.channels}
-        return {f"open:{k}": v for k, v in passes._measured(passes._as_sampled(result)).items()}
-
-
-def asked(pairs: Paired, found: Any) -> Any:
-    """The places of one check-up."""
+def asked(pairs: Paired, found: Responses) -> tuple[Where, FoldRows]:
+    """The places of one check-up, and the rows they rest on."""
     by_name = {r.name: k for k, r in enumerate(pairs.reference.runs)}
     per_run = [found.runs[by_name[p.reference.name]] for p in pairs.pairs]
     A = pairs.tie(pairs.white([r.astype(np.float64) for r in per_run]))
@@ -116,12 +89,12 @@ def asked(pairs: Paired, found: Any) -> Any:
 
 
 def _bench(bank: Path, key: Path, bench: str) -> list[dict[str, Any]]:
-    plant = ForcedPair()
+    plant = SmaPlant()
     entries = json.loads((key / "KEY.json").read_text())["cases"]
     ((_, reference, cases),) = benches_of(bank, manifest_of(bank), plant, only=[bench])
     began = time.process_time()
     found = responses(
-        plant, reference.point, [r.played for r in reference.runs], space=SPACE
+        plant, reference.point, [r.played for r in reference.runs], space=lines_and_lags
     )
     cost = time.process_time() - began
     out = []
@@ -164,13 +137,11 @@ def summary(cases: list[dict[str, Any]]) -> list[str]:
     ):
         seen = [c for c in chosen if c["steps"]]
         right = [c["steps"][0][0] in PLACES_OF[c["effects"][0][0]] for c in seen]
-        held = [
-            bool(set(c["steps"][0][3]) & set(PLACES_OF[c["effects"][0][0]])) for c in seen
-        ]
+        held = [bool(set(c["steps"][0][3]) & set(PLACES_OF[c["effects"][0][0]])) for c in seen]
         size = [len(c["steps"][0][3]) for c in seen]
         lines.append(
-            f"{title}: {len(seen)} of {len(chosen)} have a place; first right"
-            f" {np.mean(right):.2f}, set holds it {np.mean(held):.2f}, mean size {np.mean(size):.1f}"
+            f"{title}: {len(seen)} of {len(chosen)} have a place; of these first right"
+            f" {sum(right)}, set holds it {sum(held)}, set size {sum(size) / max(len(size), 1):.1f}"
         )
     quiet = [c for c in cases if c["kind"] == "none"]
     lines.append(f"quiet: {sum(bool(c['steps']) for c in quiet)} of {len(quiet)} have a place")

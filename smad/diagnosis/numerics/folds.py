@@ -45,8 +45,8 @@ class FoldRows:
 class FoldProducts:
     """Inner products of f folds and k responses.
 
-    `gram` (f, k, k) is AAᵀ, `against` (f, k) is Ar, `square` (f,) is rᵀr and `count` (f,) the number
-    of rows of each fold.
+    `gram` (f, k, k) is AAᵀ, `against` (f, k) is Ar, `square` (f,) is rᵀr and `count` (f,) how many
+    rows each fold has.
     """
 
     gram: Array
@@ -58,13 +58,6 @@ class FoldProducts:
     def folds(self) -> int:
         """How many folds there are."""
         return len(self.square)
-
-    def only(self, columns: Sequence[int] | Index) -> FoldProducts:
-        """The products of some responses, in the order given."""
-        at = np.asarray(columns, dtype=np.intp)
-        return FoldProducts(
-            self.gram[:, at[:, None], at[None, :]], self.against[:, at], self.square
-        )
 
 
 def fold_products(rows: Array, responses: Array, fold: Index) -> FoldProducts:

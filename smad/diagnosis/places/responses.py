@@ -7,34 +7,27 @@ channel, and one replay tells how; every other place costs a replay a term.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from sim_device.plant.errors import PlantError
 from sim_device.plant.laws import Law, Term, as_forcing, design_matrix, law_space, support_of
-from sim_device.plant.places import BOTH, Key, Place
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.search.where import Candidate
 from smad.gap.paired.model import Played, finite
 from smad.gap.paired.rows import bin_numbers
+from smad.gap.places import BOTH, Forceable, Forcing
 from smad.gap.plant import ModelPoint, PlantModel
-from smad.gap.runs import GapRun
 
 _SHRINK = 4.0
 """Prior precision of a term for each order above the first."""
 
 
-class PlacesPlant(PlantModel, Protocol):
+class PlacesPlant(PlantModel, Forceable, Protocol):
     """A plant whose equations can be forced."""
-
-    @property
-    def places(self) -> Sequence[Place]: ...
-    def trajectory(self, point: ModelPoint, run: GapRun) -> Mapping[str, Array]: ...
-    def forced(
-        self, point: ModelPoint, run: GapRun, forcing: Mapping[Key, Array]
-    ) -> dict[str, Array]: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +69,7 @@ def responses(
     progress: Callable[[str], None] = lambda text: None,
 ) -> Responses:
     """Responses of all places at `point`. Terms that the model cannot replay have response 0."""
-    states = [plant.trajectory(point, p.run) for p in runs]
+    states = [plant.trajectory(point, p.run, fast=True) for p in runs]
     replayed = [_Replayed(plant, point, p) for p in runs]
     bases = [r.readings({}) for r in replayed]
     laws: list[Law] = []
@@ -108,24 +101,25 @@ class _Replayed:
     point: ModelPoint
     played: Played
 
-    def readings(self, forcing: Mapping[Key, Array]) -> Array:
+    def readings(self, forcing: Forcing) -> Array:
         """The forced prediction on the grid, (bins, channels)."""
-        outputs = self.plant.forced(self.point, self.played.run, forcing)
-        view = next(v for v in self.plant.views if v.open_loop)
-        key = {o.channel: o.key for o in view.outputs}
-        series = np.stack([outputs[key[c.name]] for c in self.plant.channels])
+        outputs = self.plant.forced(self.point, self.played.run, forcing, fast=True)
+        series = np.stack([outputs[c.name] for c in self.plant.channels])
         return _means(series, self.played).T
 
-    def of_place(self, key: Key, forcing: Array, base: Array) -> Array:
+    def of_place(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """What each column of `forcing` (n, k) changes, (k, bins, channels), a replay for each."""
         out = np.zeros((forcing.shape[1], *base.shape), dtype=np.float32)
         for k, series in enumerate(forcing.T):
-            moved = self.readings({key: series})
+            try:
+                moved = self.readings({key: series})
+            except PlantError:
+                continue
             if finite([moved]):
                 out[k] = moved - base
         return out
 
-    def of_reading(self, key: Key, forcing: Array, base: Array) -> Array:
+    def of_reading(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """The same for a place of a reading, by what a constant of 1 does there."""
         share = np.median(self.readings({key: np.ones(len(forcing))}) - base, axis=0)
         means = _means(forcing.T, self.played)
