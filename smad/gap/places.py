@@ -46,14 +46,19 @@ class Forceable(Protocol):
     @property
     def places(self) -> Sequence[Place]: ...
 
-    def trajectory(self, point: ModelPoint, run: GapRun) -> Mapping[str, Array]:
+    def trajectory(
+        self, point: ModelPoint, run: GapRun, *, fast: bool = False
+    ) -> Mapping[str, Array]:
         """Every state that a law may depend on, shape (n,) each, of the run replayed unforced."""
         ...
 
-    def forced(self, point: ModelPoint, run: GapRun, forcing: Forcing) -> dict[str, Array]:
+    def forced(
+        self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
+    ) -> dict[str, Array]:
         """Channels of the run replayed in open loop under a forcing, by channel, in its unit.
 
-        Row k is in force over the sample that ends at t_s[k], or in the reading of t_s[k].
+        Row k is in force over the sample that ends at t_s[k], or in the reading of t_s[k]. `fast`
+        allows longer steps.
         """
         ...
 

@@ -191,16 +191,20 @@ class SmaPlant:
     def places(self) -> Sequence[Place]:
         return places_of_pair(self.variant)
 
-    def trajectory(self, point: ModelPoint, run: GapRun) -> Mapping[str, Array]:
+    def trajectory(
+        self, point: ModelPoint, run: GapRun, *, fast: bool = False
+    ) -> Mapping[str, Array]:
         """States of the run replayed in open loop, SI, by the names of the plant's trajectory.
 
         Raises PlantError where the plant refuses the point or cannot solve it, as `forced` does.
         """
-        return self._passes(point, run).trajectory()
+        return self._passes(point, run, fast=fast).trajectory()
 
-    def forced(self, point: ModelPoint, run: GapRun, forcing: Forcing) -> dict[str, Array]:
+    def forced(
+        self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
+    ) -> dict[str, Array]:
         """Channels of the run in open loop under a forcing, see `smad.gap.places`."""
-        return self._passes(point, run).forced(forcing)
+        return self._passes(point, run, fast=fast).forced(forcing)
 
     def _passes(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> Passes:
         given = self.given_points.of(point, lambda: GivenPoint(self, point))

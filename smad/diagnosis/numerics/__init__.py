@@ -1,0 +1,1 @@
+"""One linear-Gaussian kit for parameters, places, laws, series and effects."""
