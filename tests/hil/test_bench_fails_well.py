@@ -50,6 +50,10 @@ def test_a_device_that_loses_power_comes_back_watched_and_not_armed(hil: Hil) ->
     status = wait_for(client, lambda s: s.link.state == "monitor" and s.motion.mode == "SAFE")
     assert not status.motion.armed
     assert status.motion.running == "idle"
+    # The program that was stopped arms no more; a person starts it anew.
+    with pytest.raises(Refused, match="the link was lost"):
+        client.arm()
+    client.as_of(None)
     arm(client)
     assert client.motion().armed
 
