@@ -16,7 +16,7 @@ from smad.control.commands import (
     Tune,
     checked,
 )
-from smad.control.inforce import tune_of
+from smad.control.inforce import tune_of, tuned
 from smad.control.inputs import Departure, InputsMode
 from smad.control.limits import HostLimit, HostLimits, Trip
 from smad.control.modes import (
@@ -130,10 +130,9 @@ class Controller:
             case MoveStage():
                 self._stage.move(command)
             case Tune():
-                self._displacement.tune(command)
-                self._warm = _tuned(self._warm, command)
-                given = {k: v for k, v in msgspec.structs.asdict(command).items() if v is not None}
-                self._gains = msgspec.structs.replace(self._gains, **given)
+                self._gains = tuned(self._gains, command, most_A=self._config.current_limit_A)
+                self._displacement.tune(self._gains)
+                self._warm = _tuned(self._warm, self._gains)
         if not isinstance(command, Tune | Idle):
             self._departure = None
 

@@ -1,6 +1,8 @@
-"""The gains and options that a configuration gives, as the command that sets them."""
+"""Gains and options in force, as the command that sets them."""
 
 from __future__ import annotations
+
+import msgspec
 
 from smad.config import ControlConfig
 from smad.control.commands import Tune
@@ -19,3 +21,15 @@ def tune_of(config: ControlConfig) -> Tune:
         feedforward=config.feedforward.enabled,
         drain_before_heating=config.drain_before_heating,
     )
+
+
+def tuned(before: Tune, command: Tune, *, most_A: float) -> Tune:
+    """Return `before` with the fields of `command` that are not empty; at most `most_A`."""
+    fields = {
+        name: value
+        for name in command.__struct_fields__
+        if (value := getattr(command, name)) is not None
+    }
+    if command.current_limit_A is not None:
+        fields["current_limit_A"] = min(most_A, command.current_limit_A)
+    return msgspec.structs.replace(before, **fields)

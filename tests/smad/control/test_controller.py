@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import pytest
 
 from smad.config import ControlConfig, CoolingConfig, LimitsConfig
@@ -19,6 +20,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.controller import Controller, Output
+from smad.control.inforce import tune_of
 from smad.control.limits import HostLimit
 from smad.errors import CommandError
 
@@ -174,6 +176,15 @@ def test_tuning_cannot_raise_the_current_above_the_configured_limit() -> None:
         STEP_UP, Tune(current_limit_A=3.0), config=ControlConfig(current_limit_A=2.0)
     )
     assert drive(controller, range(1, 5))[-1].i_A[0] == 2.0
+
+
+def test_the_gains_in_force_are_told_within_the_configured_limit_of_current() -> None:
+    config = ControlConfig(kp_A_per_mm=0.35, current_limit_A=2.0)
+    controller = started(config=config)
+    controller.command(Tune(kp_A_per_mm=7.0, current_limit_A=3.0))
+    controller.command(Tune(cooling="off"))
+    expected = msgspec.structs.replace(tune_of(config), kp_A_per_mm=7.0, cooling="off")
+    assert controller.gains == expected
 
 
 def test_the_water_is_drained_from_the_spring_that_heats_when_asked() -> None:
