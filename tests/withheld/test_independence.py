@@ -34,6 +34,7 @@ SECOND_PASS = (
     "score_page.py",
     "scores.py",
     "scoring.py",
+    "where.py",
 )
 SOURCES = sorted(HERE.rglob("*.py"))
 MAKERS = [
