@@ -8,6 +8,7 @@ and ends with status 1 if so.
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +27,7 @@ from smad.runlog.schema import markdown_table
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
-_SCORES = _DOCS / "withheld-results.md"
+_SCORES = _DOCS.parent / "evaluation" / "results" / "sealed-runs.json"
 PAGES = (
     _DOCS / "guide/clients.md",
     _DOCS / "guide/configuration.md",
@@ -100,9 +101,8 @@ _TRUST = {
 
 def trust() -> str:
     """A few rows of the last opening's score table."""
-    table = _SCORES.read_text().partition("<!-- end of withheld scores -->")[0]
-    cells = (line.split("|")[1:4] for line in table.splitlines())
-    scores = {row[0].strip(): (row[1].strip(), row[2].strip()) for row in cells if len(row) == 3}
+    rows = json.loads(_SCORES.read_text())["tables"]["Scores"]["rows"]
+    scores = {name: (value, cases) for name, value, cases, *_ in rows}
     lines = ["| what was asked | share of the cases [95 %] | cases |", "|---|---:|---:|"]
     lines += [f"| {words} | {' | '.join(scores[name])} |" for name, words in _TRUST.items()]
     return "\n".join((*lines, ""))
