@@ -1,4 +1,4 @@
-"""What is generated in docs: methods, configuration, channels, decisions, thresholds, benches.
+"""What is generated in docs: methods, configuration, channels, decisions, thresholds, scores.
 
 The reference is made from the types. `python -m smad.docs` writes what stands between
 `<!-- generated: NAME -->` and `<!-- end -->`; with `--check` it only says whether that is stale,
@@ -21,7 +21,6 @@ from msgspec import inspect as types
 from smad import api
 from smad.config.template import markdown_tables
 from smad.control import commands
-from smad.experiments import over_benches
 from smad.gap.settings import shipped
 from smad.runlog.schema import markdown_table
 
@@ -32,7 +31,6 @@ PAGES = (
     _DOCS / "guide/clients.md",
     _DOCS / "guide/configuration.md",
     _DOCS / "guide/run-logs.md",
-    _DOCS / "guide/control.md",
     _DECISIONS / "README.md",
     _DOCS / "diagnosis.md",
     _DOCS.parent / "README.md",
@@ -121,11 +119,6 @@ def settings() -> str:
     return "\n".join((*lines, ""))
 
 
-def benches() -> str:
-    """How the displacement loop does over many benches."""
-    return over_benches.table(over_benches.groups())
-
-
 PARTS: dict[str, Callable[[], str]] = {
     "methods": methods,
     "pieces": pieces,
@@ -137,7 +130,6 @@ PARTS: dict[str, Callable[[], str]] = {
     "decisions": decisions,
     "trust": trust,
     "settings": settings,
-    "benches": benches,
 }
 
 
