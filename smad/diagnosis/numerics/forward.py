@@ -1,0 +1,121 @@
+"""Forward selection of few responses, judged on folds that had no part in it.
+
+A law that can be read has few terms, and in most cases the first one is the state that matters.
+Orthogonal matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993) adds, one after the other, the
+group of responses that takes most of what is left. It is carried out anew without each fold, and
+what the coefficients take of that fold is what counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.diagnosis.numerics.folds import Array, FoldProducts, Index
+
+_RIDGE = 1e-6
+"""Of a response's own square: keeps nearly equal responses apart."""
+_SPENT = 1e-4
+"""A response of which this share or less is new is not asked any more."""
+_TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class Forward:
+    """What was selected.
+
+    `taken` (depth, f) is what each fold's sum of squares loses to the first 1, 2 … groups, chosen
+    and fitted without that fold (negative where it grows). `chosen` are the groups selected with
+    all folds, in their order.
+    """
+
+    taken: Array
+    chosen: tuple[int, ...]
+
+    @property
+    def depth(self) -> int:
+        """How many groups take most of held-out folds; 0 where there is none."""
+        return int(np.argmax(self.taken.sum(axis=1))) + 1 if len(self.taken) else 0
+
+    @property
+    def best(self) -> float:
+        """What so many take of all held-out folds together, in squares of rows."""
+        return float(self.taken.sum(axis=1).max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Coefficients (k,) and their covariance (k, k) where a row has variance 1."""
+
+    mean: Array
+    covariance: Array
+
+
+def forward(products: FoldProducts, groups: Index, depth: int, before: int = 0) -> Forward:
+    """Select up to `depth` of the groups (m, w), rows of numbers of responses.
+
+    The first `before` responses are in from the start. Raises ValueError for fewer than two folds.
+    """
+    if products.folds < 2:
+        raise ValueError(f"{products.folds} folds; leaving one out needs 2 or more")
+    depth = min(depth, len(groups))
+    gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
+    taken = np.zeros((depth, products.folds))
+    start = np.arange(before)
+    for f in range(products.folds):
+        G, b = gram - products.gram[f], against - products.against[f]
+        chosen = _select(G, b, groups, depth, start)
+        for k in range(depth):
+            columns = _columns(groups, chosen[: k + 1], start)
+            x = _solve(G, b, columns)
+            own = products.gram[f][np.ix_(columns, columns)]
+            taken[k, f] = 2.0 * x @ products.against[f][columns] - x @ own @ x
+    return Forward(taken, tuple(_select(gram, against, groups, depth, start)))
+
+
+def fitted(products: FoldProducts, columns: Index) -> Fit:
+    """The least-squares fit of these responses to all folds."""
+    gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
+    inner = gram[np.ix_(columns, columns)]
+    inverse = np.linalg.inv(inner + np.diag(_RIDGE * np.diag(inner) + _TINY))
+    return Fit(np.asarray(inverse @ against[columns]), np.asarray(inverse))
+
+
+def _columns(groups: Index, chosen: list[int], start: Index) -> Index:
+    return np.concatenate([start, groups[chosen].ravel()])
+
+
+def _solve(G: Array, b: Array, columns: Index) -> Array:
+    inner = G[np.ix_(columns, columns)]
+    ridge = np.diag(_RIDGE * np.diag(inner) + _TINY)
+    return np.asarray(np.linalg.solve(inner + ridge, b[columns]))
+
+
+def _select(G: Array, b: Array, groups: Index, depth: int, start: Index) -> list[int]:
+    """The groups in the order in which they take most of what is left."""
+    size = np.diag(G) + _TINY
+    left, r = _without(G, b, start, size) if len(start) else (G, b)
+    chosen: list[int] = []
+    for _ in range(depth):
+        inner = left[groups[:, :, None], groups[:, None, :]]
+        own = np.diagonal(inner, axis1=1, axis2=2)
+        new = (own > _SPENT * size[groups]).all(axis=1)
+        new[chosen] = False
+        if not new.any():
+            break
+        ridge = np.eye(groups.shape[1]) * (_RIDGE * size[groups])[:, None, :]
+        rhs = r[groups]
+        x = np.linalg.solve(inner + ridge, rhs[:, :, None])[:, :, 0]
+        gain = np.where(new, (x * rhs).sum(axis=1), -1.0)
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        left, r = _without(left, r, groups[best], size)
+    return chosen
+
+
+def _without(G: Array, b: Array, columns: Index, size: Array) -> tuple[Array, Array]:
+    """The products of what these responses leave of all others."""
+    inner = G[np.ix_(columns, columns)] + np.diag(_RIDGE * size[columns])
+    across = np.linalg.solve(inner, G[columns])
+    return G - G[:, columns] @ across, b - across.T @ b[columns]

@@ -1,0 +1,40 @@
+"""The rows of a check-up with the responses of all places, in white space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smad.diagnosis.numerics.folds import FoldRows, Index
+from smad.diagnosis.places.responses import Responses
+from smad.gap.paired.difference import Paired
+
+_FEW_RUNS = 4
+
+
+def fold_rows(pairs: Paired, found: Responses) -> FoldRows:
+    """White rows of now − then beside tied parameters; a fold is a run, or half of one of few.
+
+    Runs whose inputs the model carried over are in no fold: responses are of the good run's inputs.
+    """
+    white = pairs.white
+    count = len(found.runs[0])
+    responses = np.zeros((count, len(pairs.z)), dtype=np.float32)
+    names = [r.name for r in pairs.reference.runs]
+    number = [names.index(p.reference.name) for p in pairs.pairs]
+    # A law at a time: all in double precision would be a gigabyte.
+    for own in found.columns:
+        raw = [found.runs[k][own.start : own.stop].astype(np.float64) for k in number]
+        responses[own.start : own.stop] = pairs.tie(white(raw))
+    return FoldRows(pairs.z, responses, _folds(pairs))
+
+
+def _folds(pairs: Paired) -> Index:
+    run = pairs.white.run_of_row()
+    kept = [k for k, p in enumerate(pairs.pairs) if not p.carried]
+    parts = 1 if len(kept) >= _FEW_RUNS else 2
+    fold = np.full(len(run), -1, dtype=np.intp)
+    for n, k in enumerate(kept):
+        at = np.flatnonzero(run == k)
+        fold[at] = parts * n + (np.arange(len(at)) * parts) // len(at)
+    fold[~pairs.white.valid] = -1
+    return fold
