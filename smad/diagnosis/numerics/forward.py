@@ -100,9 +100,9 @@ def _select(G: Array, b: Array, groups: Index, depth: int, start: Index) -> list
     for _ in range(depth):
         inner = left[groups[:, :, None], groups[:, None, :]]
         own = np.diagonal(inner, axis1=1, axis2=2)
-        new = (own > _SPENT * size[groups]).all(axis=1)
-        new[chosen] = False
-        if not new.any():
+        asked = np.isin(np.arange(len(groups)), chosen, invert=True)
+        new = asked & (own > _SPENT * size[groups]).all(axis=1)
+        if not bool(new.any()):
             break
         ridge = np.eye(groups.shape[1]) * (_RIDGE * size[groups])[:, None, :]
         rhs = r[groups]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_device.plant.errors import PlantError
-from sim_device.plant.laws import Law, as_forcing, design_matrix, law_space, support_of
-from smad.diagnosis.numerics.folds import Array
+from sim_device.plant.laws import Law, Term, as_forcing, design_matrix, law_space, support_of
+from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.search.where import Candidate
 from smad.gap.paired.model import Played, finite
 from smad.gap.paired.rows import bin_numbers
@@ -62,7 +62,14 @@ class Responses:
             out.append(Candidate(place, BOTH, groups, names))
         return out
 
-    def law_of(self, columns: Sequence[int], values: Sequence[float]) -> tuple[Law, ...]:
+    def home(self, column: int) -> tuple[Law, Term]:
+        """The law and the term that a response is of."""
+        for law, own in zip(self.laws, self.columns, strict=True):
+            if column in own:
+                return law, law.terms[column - own.start]
+        raise ValueError(f"no response {column}; there are {self.columns[-1].stop}")
+
+    def law_of(self, columns: Index, values: Array) -> tuple[Law, ...]:
         """The laws that these responses with these coefficients are, one for each place and side.
 
         A term that is given twice counts with the sum.

@@ -8,11 +8,11 @@ from smad.diagnosis.numerics.folds import FoldRows, Index
 from smad.diagnosis.places.responses import Responses
 from smad.gap.paired.difference import Paired
 
-_FEW_RUNS = 4
+_FEW_RUNS = 2
 
 
 def fold_rows(pairs: Paired, found: Responses) -> FoldRows:
-    """White rows of now − then beside tied parameters; a fold is a run, or half of one of few.
+    """White rows of now − then beside tied parameters; a fold is a run, or half of a single one.
 
     Runs whose inputs the model carried over are in no fold: responses are of the good run's inputs.
     """

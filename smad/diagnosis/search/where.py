@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.diagnosis.constants import Constants
-from smad.diagnosis.numerics.folds import Array, FoldRows, Index
+from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
 
 
@@ -68,17 +68,19 @@ class Step:
 
 @dataclass(frozen=True)
 class Where:
-    """`ranked`: every candidate alone, best first. `steps`: places that add to each other.
-
-    `fit` has the coefficients of all steps together, in the order of `columns`; `fold_fits` the
-    same without each fold in turn.
-    """
+    """`ranked`: every candidate alone, best first. `steps`: places that add to each other."""
 
     ranked: tuple[Scored, ...]
     steps: tuple[Step, ...]
+
+
+@dataclass(frozen=True)
+class Fits:
+    """The responses `columns` (k,) fitted to all folds, and coefficients without each fold."""
+
     columns: Index
-    fit: Fit | None
-    fold_fits: tuple[Array, ...]
+    fit: Fit
+    without: tuple[Array, ...]
 
 
 def where(rows: FoldRows, candidates: Sequence[Candidate], constants: Constants) -> Where:
@@ -107,7 +109,7 @@ def where(rows: FoldRows, candidates: Sequence[Candidate], constants: Constants)
         told = {s.chosen.candidate.place for s in steps}
         rest = [c for c in candidates if c.place not in told]
         scored = _scored(rows, now, rest, taken, constants)
-    return Where(ranked, tuple(steps), now, *_fits(rows, now))
+    return Where(ranked, tuple(steps))
 
 
 def _scored(
@@ -128,14 +130,14 @@ def _scored(
     return tuple(sorted(out, key=lambda s: -s.share))
 
 
-def _fits(rows: FoldRows, columns: Index) -> tuple[Fit | None, tuple[Array, ...]]:
-    if not len(columns):
-        return None, ()
+def fits(rows: FoldRows, steps: Sequence[Step]) -> Fits:
+    """The laws of these steps fitted together."""
+    columns = np.concatenate([s.chosen.columns for s in steps])
     products = rows.products(columns)
     every = np.arange(len(columns))
     without = []
     for f in range(products.folds):
         keep = np.arange(products.folds) != f
-        part = type(products)(products.gram[keep], products.against[keep], products.square[keep])
+        part = FoldProducts(products.gram[keep], products.against[keep], products.square[keep])
         without.append(fitted(part, every).mean)
-    return fitted(products, every), tuple(without)
+    return Fits(columns, fitted(products, every), tuple(without))

@@ -99,6 +99,8 @@ def require_fitting(about: AboutShape, plant: PlantModel, arrays: Mapping[str, n
         _require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
         if about.atoms:
             _require(arrays, f"{k}.signatures", (len(about.atoms), *grid), "floats")
+        if f"{k}.responses" in arrays:
+            _require(arrays, f"{k}.responses", (-1, *grid), "floats")
 
 
 def _require(

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
+from smad.diagnosis.constants import shipped
+from smad.diagnosis.search.locate import Located, locate
 from smad.gap.paired.constants import Constants, shipped_constants
 from smad.gap.paired.difference import Paired, paired
 from smad.gap.paired.errors import PairingError
@@ -14,10 +17,11 @@ from smad.gap.paired.files import (
     require_one_bench,
     require_other_recordings,
 )
-from smad.gap.paired.judge import examine
+from smad.gap.paired.judge import Findings, best_entry, examine
 from smad.gap.paired.reference import Reference, reference_from
 from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import Verdict, decide
+from smad.gap.paired.verdict import Verdict, decide, is_quiet
+from smad.gap.places import Forceable
 from smad.gap.plant import ModelPoint, PlantModel
 from smad.gap.runs import GapRun
 
@@ -57,7 +61,28 @@ def judged(
     """The same with the pairs that it rests on, which a page shows."""
     constants = constants or shipped_constants()
     pairs = paired(plant, TRAITS, reference, runs)
-    return pairs, decide(pairs, examine(pairs, constants, progress=progress), constants)
+    findings, located = asked(pairs, constants, progress=progress)
+    return pairs, decide(pairs, findings, constants, located)
+
+
+def asked(
+    pairs: Paired,
+    constants: Constants,
+    exclude: Sequence[str] = (),
+    progress: Callable[[str], None] = _silent,
+) -> tuple[Findings, Located | None]:
+    """What a verdict rests on: entries of the library, and places with their laws.
+
+    Entries named in `exclude` are not asked. Nothing is located on a bench that is quiet, nor of a
+    plant whose equations cannot be forced.
+    """
+    findings = examine(pairs, constants, exclude, progress)
+    found, plant = pairs.reference.responses, pairs.plant
+    if found is None or not isinstance(plant, Forceable) or is_quiet(findings, constants):
+        return findings, None
+    progress("where it lies")
+    entry = partial(best_entry, pairs)
+    return findings, locate(pairs, plant, found, entry, constants=shipped(), exclude=exclude)
 
 
 def checked_files(

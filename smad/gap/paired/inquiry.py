@@ -13,12 +13,12 @@ from typing import Protocol
 
 import msgspec
 
+from smad.gap.paired.commission import asked
 from smad.gap.paired.constants import shipped_constants
 from smad.gap.paired.difference import paired
 from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.files import read_file
 from smad.gap.paired.investigate import Offer, Proposal, propose, unpaired_offers
-from smad.gap.paired.judge import examine
 from smad.gap.paired.programme import Programme, ProgrammeRun
 from smad.gap.paired.reference import Reference
 from smad.gap.paired.series import Play, keep, write_whole
@@ -154,7 +154,8 @@ class Inquiry:
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
         pairs = paired(self.plant, TRAITS, self.reference, runs)
         constants = shipped_constants()
-        verdict = decide(pairs, examine(pairs, constants, progress=progress), constants)
+        findings, located = asked(pairs, constants, progress=progress)
+        verdict = decide(pairs, findings, constants, located)
         costs = self._costs_s(report)
         reserved = sum(costs[run.name] for run in quick)
         left = self.seconds - self.spent_s(report) - reserved

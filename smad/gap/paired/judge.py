@@ -11,15 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smad.diagnosis.search.locate import Entry
 from smad.gap.paired.constants import Constants
 from smad.gap.paired.difference import Paired
 from smad.gap.paired.evidence import PER_COORDINATE, Products, products
 from smad.gap.paired.fits import Screened, screen
 from smad.gap.paired.refine import Refined, refine
-from smad.gap.plant import Array, Mask
+from smad.gap.plant import Array, Effect, Mask
 
 _REFINED = 6
 _REFINED_FURTHER = 2
+_REFINED_AT_PLACE = 3
 MOST_CAUSES = 3
 _LEAST_SLOPE = 1e-9
 
@@ -92,6 +94,21 @@ def _screened(paired: Paired, G: Array, b: Array, exclude: Sequence[str]) -> lis
         if found is not None:
             out.append(found)
     return sorted(out, key=lambda s: -s.gain)
+
+
+def best_entry(paired: Paired, effects: Sequence[Effect], z: Array) -> Entry | None:
+    """The one of these effects that takes most of the white rows `z`, refined by replay."""
+    S = paired.signatures
+    screened = _screened(paired, S @ S.T, S @ z, [e.name for e in paired.plant.effects
+                                                  if e not in effects])  # fmt: skip
+    found = [
+        refine([s.effect], {s.effect.name: s.values}, z, paired.white_change)
+        for s in screened[:_REFINED_AT_PLACE]
+    ]
+    best = max((f for f in found if f is not None), key=score, default=None)
+    if best is None or best.gain <= 0.0:
+        return None
+    return Entry(best.names[0], best.values, best.gain)
 
 
 def score(fit: Refined) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.diagnosis.places.responses import Responses, responses
 from smad.gap.paired.floor import Deviations, Floor, repeat_floor
 from smad.gap.paired.model import (
     Atom,
@@ -25,6 +26,7 @@ from smad.gap.paired.rows import (
     offset_s,
     require_like_inputs,
 )
+from smad.gap.places import Forceable
 from smad.gap.plant import Array, Mask, ModelPoint, PlantModel, nominal_point
 from smad.gap.runs import GapRun
 
@@ -67,13 +69,17 @@ class RunReference:
 
 @dataclass(frozen=True)
 class Reference:
-    """Everything that a check-up needs of the good bench."""
+    """Everything that a check-up needs of the good bench.
+
+    `responses` are those of the plant's places; None where its equations cannot be forced.
+    """
 
     runs: tuple[RunReference, ...]
     point: ModelPoint
     floor: Floor
     atoms: tuple[Atom, ...]
     repeats: int
+    responses: Responses | None
 
 
 def start_values(run: GapRun, channels: Sequence[str]) -> dict[str, float]:
@@ -195,7 +201,10 @@ def reference_from(
             zip(groups, laid, own, regimes, strict=True)
         )
     )  # fmt: skip
-    return Reference(runs, point, floor, tuple(atoms), min(len(g) for g in groups))
+    placed = None
+    if isinstance(plant, Forceable):
+        placed = responses(plant, point, played, progress=progress)
+    return Reference(runs, point, floor, tuple(atoms), min(len(g) for g in groups), placed)
 
 
 def _laid_out(

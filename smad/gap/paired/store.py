@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from zipfile import BadZipFile
@@ -16,6 +17,7 @@ from zipfile import BadZipFile
 import msgspec
 import numpy as np
 
+from smad.diagnosis.places.responses import Responses, responses
 from smad.gap.paired.arrays import read_arrays, require_fitting
 from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.floor import Floor
@@ -23,10 +25,11 @@ from smad.gap.paired.model import Atom, Played
 from smad.gap.paired.reference import Reference, RunReference
 from smad.gap.paired.rows import Binned
 from smad.gap.paired.series import unlink_quietly
+from smad.gap.places import Forceable, places_of
 from smad.gap.plant import ModelPoint, PlantModel
 from smad.gap.runs import GapRun
 
-SCHEMA = 2
+SCHEMA = 3
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes", "signatures")
@@ -81,12 +84,13 @@ class Baseline:
 
 
 def identity(plant: PlantModel) -> str:
-    """What signatures depend on beside the inputs: the model and its library."""
+    """What signatures and responses depend on beside the inputs: model, library and places."""
     library = sorted(
         (e.name, [(q.name, q.unit, q.typical, q.low, q.high, q.strength) for q in e.parameters])
         for e in plant.effects
     )
-    digest = hashlib.sha256(repr(library).encode()).hexdigest()
+    places = [(p.name, p.scale, p.sides, p.states) for p in places_of(plant)]
+    digest = hashlib.sha256(repr((library, places)).encode()).hexdigest()
     return f"{plant.name}, {plant.version}, library {digest[:8]}"
 
 
@@ -103,6 +107,8 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
         arrays |= {f"{k}.first.{n}": getattr(x.inputs, n) for n in _FIRST}
+        if r.responses is not None:
+            arrays[f"{k}.responses"] = r.responses.runs[k]
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
@@ -158,7 +164,8 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
     atoms = tuple(Atom(a.entry, a.strength, a.level, a.variant, a.values) for a in about.atoms)
     point = ModelPoint(about.theta, about.effects)
-    reference = Reference(runs, point, floor, atoms, about.repeats)
+    placed = _placed(plant, point, runs, arrays, folder)
+    reference = Reference(runs, point, floor, atoms, about.repeats, placed)
     return Baseline(about.bench, about.programme, reference)
 
 
@@ -181,6 +188,22 @@ def read_about(folder: Path) -> About:
             action=_ANEW,
         )
     return about
+
+
+def _placed(
+    plant: PlantModel,
+    point: ModelPoint,
+    runs: Sequence[RunReference],
+    arrays: dict[str, np.ndarray],
+    folder: Path,
+) -> Responses | None:
+    if not isinstance(plant, Forceable):
+        return None
+    try:
+        known = [arrays[f"{k}.responses"] for k in range(len(runs))]
+        return responses(plant, point, [r.played for r in runs], known=known)
+    except (KeyError, ValueError) as error:
+        raise BaselineError(f"{folder / _ARRAYS} cannot be read: {error}", action=_ANEW) from error
 
 
 def _run(k: int, x: _RunFile, arrays: dict[str, np.ndarray]) -> RunReference:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from smad.diagnosis.search.locate import Located
+from smad.diagnosis.search.told import PlaceTold
 from smad.gap.paired.constants import Constants
 from smad.gap.paired.difference import SHARE, Paired
 from smad.gap.paired.evidence import Evidence, evidence
@@ -19,7 +21,8 @@ QUIET, PARAMETERS, CAUSE, GROUP, UNKNOWN = "quiet", "parameters", "cause", "grou
 
 class Share(msgspec.Struct, frozen=True):
     """One signal's budget, RMS in its unit: raw difference; less days and small moves of
-    parameters; less the named entries as well; and what a bench without a change shows."""
+    parameters; less the named entries as well, or less the laws of the places in the simulator,
+    each run with laws that it had no part in; and what a bench without a change shows."""
 
     signal: str
     unit: str
@@ -27,6 +30,7 @@ class Share(msgspec.Struct, frozen=True):
     parameters: float
     entries: float
     noise: float
+    laws: float = 0.0
 
 
 class Likely(msgspec.Struct, frozen=True):
@@ -40,9 +44,11 @@ class Likely(msgspec.Struct, frozen=True):
 class Verdict(msgspec.Struct, frozen=True):
     """What a check-up says.
 
-    `outcome` is quiet, parameters, cause, group or unknown. `left` is what the named entries leave
-    of what a flexible correction takes; `ratio` the mean square over the floor's; `budget` by
-    signal, `whole` over all signals in floors. `notes` say what a reader must know of the runs.
+    `outcome` is quiet, parameters, cause, group or unknown. `places` say where the change lies,
+    the one that takes most first; an entry is a cause only where it acts at such a place. `left` is
+    what the named entries leave of what a flexible correction takes; `ratio` the mean square over
+    the floor's; `budget` by signal, `whole` over all signals in floors. `notes` say what a reader
+    must know of the runs.
     """
 
     outcome: str
@@ -56,20 +62,36 @@ class Verdict(msgspec.Struct, frozen=True):
     whole: Share
     notes: list[str]
     repeats: int
+    places: list[PlaceTold] = []
 
 
-def decide(paired: Paired, findings: Findings, constants: Constants) -> Verdict:
-    """The verdict, by the rule that `Constants` explains."""
+def decide(
+    paired: Paired, findings: Findings, constants: Constants, located: Located | None = None
+) -> Verdict:
+    """The verdict, by the rule that `Constants` explains.
+
+    `located` says where the change lies; None for a plant whose equations cannot be forced, of
+    which the library alone is asked.
+    """
     f = findings
     outcome, likely, group = _outcome(f, constants)
+    places: list[PlaceTold] = []
+    if located is not None and outcome not in (QUIET, PARAMETERS):
+        places = list(located.told)
+        outcome, likely, group = _at_places(places, likely)
     names = likely[0].names if outcome in (CAUSE, GROUP) else []
-    named = f.fits[_index_of(f, names)] if names else None
+    values = likely[0].values if names else {}
     left = _left(f, names, constants) if outcome != QUIET else 0.0
-    budget, whole = budget_of(paired, {} if named is None else named.values)
+    tried = located.change if located is not None and any(p.in_simulator for p in places) else None
+    budget, whole = budget_of(paired, values, tried)
     worst = int(np.argmax(f.by_run)) if len(f.by_run) else 0
     return Verdict(
         outcome=outcome,
-        headline=_headline(outcome, likely, group, left, constants),
+        headline=(
+            _where_headline(places)
+            if places
+            else _headline(outcome, likely, group, left, constants)
+        ),
         likely=likely,
         group=group,
         left=left,
@@ -77,9 +99,27 @@ def decide(paired: Paired, findings: Findings, constants: Constants) -> Verdict:
         worst_run=paired.pairs[worst].now,
         budget=budget,
         whole=whole,
-        notes=_notes(paired, named),
+        notes=_notes(paired, f.fits[_index_of(f, names)] if _refined(f, names) else None),
         repeats=paired.reference.repeats,
+        places=places,
     )
+
+
+def _at_places(
+    places: Sequence[PlaceTold], likely: Sequence[Likely]
+) -> tuple[str, list[Likely], list[str]]:
+    """Names that agree with the places: those that act there, in the places' order."""
+    if not places or not places[0].name:
+        return UNKNOWN, [Likely([UNKNOWN], 1.0)], []
+    named = [p for p in places if p.name]
+    values = {p.name: own for p in reversed(named) for own in [p.values[p.name]]}
+    names = list(dict.fromkeys(p.name for p in named))
+    probability = next((x.probability for x in likely if x.names == names), 0.0)
+    return CAUSE, [Likely(names, probability, values)], []
+
+
+def _refined(f: Findings, names: Sequence[str]) -> bool:
+    return bool(names) and list(names) in [list(fit.names) for fit in f.fits]
 
 
 def is_quiet(f: Findings, constants: Constants) -> bool:
@@ -128,7 +168,7 @@ def _left(f: Findings, names: Sequence[str], constants: Constants) -> float:
     if not f.singles:
         return 1.0
     found = evidence(f.products, constants)
-    return found.left_by(_index_of(f, names) if names else _best(found))
+    return found.left_by(_index_of(f, names) if _refined(f, names) else _best(found))
 
 
 def _best(found: Evidence) -> int:
@@ -197,8 +237,11 @@ def _headline(
     return f"changed: {names} (probability {likely[0].probability:.2f}){rest}"
 
 
-def budget_of(paired: Paired, values: EffectValues) -> tuple[list[Share], Share]:
-    """Raw difference, less the days and parameters of the joint fit, less the entries as well.
+def budget_of(
+    paired: Paired, values: EffectValues, tried: Sequence[Array] | None = None
+) -> tuple[list[Share], Share]:
+    """Raw difference, less the days and parameters of the joint fit, less the entries as well, or
+    less what the laws of the places made of each run (`tried`).
 
     By signal, and over all signals in floors.
     """
@@ -207,9 +250,12 @@ def budget_of(paired: Paired, values: EffectValues) -> tuple[list[Share], Share]
     entries = change or [np.zeros_like(d) for d in raw]
     after = _without_days(paired, [d - c for d, c in zip(raw, entries, strict=True)])
     beside = [x + c for x, c in zip(after, entries, strict=True)]
+    laws = after
+    if tried is not None:
+        laws = _without_days(paired, [d - c for d, c in zip(raw, tried, strict=True)])
     sd = [p.rows.sd for p in paired.pairs]
     valid = [p.rows.valid for p in paired.pairs]
-    stages = (raw, beside, after, sd)
+    stages = (raw, beside, after, sd, laws)
     columns = [_rms(x, valid) for x in stages]
     shares = [
         Share(c.name, c.unit, *(float(column[i]) for column in columns))
@@ -286,27 +332,65 @@ def _lost(paired: Paired) -> str:
     return ", ".join(f"{channel} ({', '.join(own)})" for channel, own in runs.items())
 
 
+def _where_headline(places: Sequence[PlaceTold]) -> str:
+    first, *further = places
+    size = (
+        f", by up to {first.largest:.2g} {first.unit}"
+        if first.unit != "1"
+        else (f", by up to {100 * first.largest:.2g} %")
+    )
+    beside = f", and {len(further)} more" if further else ""
+    return f"changed: {first.words}{size}{beside}"
+
+
 UNCALIBRATED = (
     "the probabilities are relative to the library and not calibrated yet: on development benches"
     " they were too sure (smad docs guide/check-up)"
 )
 
 
-def budget_lines(shares: Sequence[Share]) -> list[str]:
-    """A budget as a table."""
-    head = f"{'RMS of now − then':<27} {'raw':>9} {'less days':>9} {'less named':>10} {'floor':>9}"
+def budget_lines(shares: Sequence[Share], *, laws: bool = False) -> list[str]:
+    """A budget as a table; `laws`: what the laws of the places leave, in place of the entries."""
+    last = "less law" if laws else "less named"
+    head = f"{'RMS of now − then':<27} {'raw':>9} {'less days':>9} {last:>10} {'floor':>9}"
     return [head] + [
         f"{s.signal:<19} {s.unit:<7} {s.raw:>9.3g} {s.parameters:>9.3g} "
-        f"{s.entries:>10.3g} {s.noise:>9.3g}"
+        f"{s.laws if laws else s.entries:>10.3g} {s.noise:>9.3g}"
         for s in shares
     ]
+
+
+def place_lines(told: PlaceTold) -> list[str]:
+    """One answer in words: where, which law, what name."""
+    out = [f"  where  {told.words}: {100 * told.share:.0f} % of the change, on runs left out"]
+    out += [f"         or {near}, which these runs do not tell apart" for near in told.near]
+    for k, term in enumerate(told.terms):
+        slopes = ", ".join(
+            f"{'' if side == 'both' else side.upper() + ' '}{v:+.2g} ± {term.sd[side]:.1g}"
+            for side, v in term.slopes.items()
+        )
+        unit = "" if term.unit == "1" else f" {term.unit}"
+        out.append(f"  {'law' if not k else '':<5}  {term.words}: {slopes}{unit}")
+    if not told.in_simulator:
+        out.append("         in the simulator it does not bring the runs nearer: read it as a hint")
+    takes = f"takes {100 * told.takes:.0f} % of what the law takes"
+    if told.name:
+        values = ", ".join(f"{q} = {x:.3g}" for q, x in told.values[told.name].items())
+        out.append(f"  name   {told.name} ({values}) {takes}")
+    elif told.nearest:
+        out.append(f"  name   none in the library; the nearest there, {told.nearest}, {takes}")
+    else:
+        out.append("  name   none: no effect of the library acts there")
+    return out
 
 
 def lines(verdict: Verdict) -> list[str]:
     """The verdict in plain words, the headline first."""
     v = verdict
     out = [v.headline]
-    for x in v.likely[:3]:
+    for place in v.places:
+        out += place_lines(place)
+    for x in v.likely[:3] if not v.places else ():
         if x.probability < 0.02:
             continue
         values = "; ".join(
@@ -315,8 +399,9 @@ def lines(verdict: Verdict) -> list[str]:
         out.append(
             f"  {x.probability:.2f}  {' + '.join(x.names)}{f'  ({values})' if values else ''}"
         )
-    out += budget_lines((*v.budget, v.whole))
+    out += budget_lines((*v.budget, v.whole), laws=bool(v.places))
     if v.outcome != QUIET:
         out.append(f"the run with most of it: {v.worst_run}")
+    if v.outcome not in (QUIET, UNKNOWN) and not v.places:
         out.append(UNCALIBRATED)
     return [*out, *v.notes]

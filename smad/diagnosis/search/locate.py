@@ -1,0 +1,161 @@
+"""Where, which law, what name, of one check-up: the search, read off and tried in the simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+
+from sim_device.plant.laws import Law
+from smad.diagnosis.constants import Constants
+from smad.diagnosis.numerics.folds import Array, FoldRows, Index
+from smad.diagnosis.places.responses import PlacesPlant, Responses
+from smad.diagnosis.places.rows import fold_rows
+from smad.diagnosis.search.told import PlaceTold, Teller
+from smad.diagnosis.search.where import Fits, Step, Where, fits, where
+from smad.gap.paired.difference import Paired
+from smad.gap.paired.model import finite, predictions
+from smad.gap.plant import Effect, ModelPoint, Uncertainty
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An effect of the library, refined: what it takes of the rows' sum of squares."""
+
+    name: str
+    values: dict[str, dict[str, float]]
+    gain: float
+
+
+Refine = Callable[[Sequence[Effect], Array], Entry | None]
+"""The one of some effects that takes most of white rows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Located:
+    """Answers, the laws behind them with what they leave uncertain, and what the simulator makes
+    of laws that each run had no part in: `change` (bins, channels) of each pair.
+
+    Laws that do not bring the simulator nearer to the bench are left out, and their change is 0.
+    """
+
+    told: tuple[PlaceTold, ...]
+    laws: tuple[Law, ...]
+    uncertainty: Uncertainty | None
+    change: tuple[Array, ...]
+    where: Where
+    square: float
+    count: int
+
+
+def locate(
+    pairs: Paired,
+    plant: PlacesPlant,
+    found: Responses,
+    refine: Refine,
+    *,
+    constants: Constants,
+    exclude: Sequence[str] = (),
+) -> Located:
+    """Search the places of a check-up.
+
+    A further place counts only if its law brings the simulator nearer to the bench, in runs that
+    had no part in it. An effect is a name for a place only where it acts there or at a place near
+    it, and takes enough of what the law takes.
+    """
+    rows = fold_rows(pairs, found)
+    w = where(rows, found.candidates(), constants)
+    tried = _tried(pairs, found, rows, w.steps)
+    steps = w.steps[: max(len(tried), 1)]
+    told: list[PlaceTold] = []
+    if steps:
+        joint = fits(rows, steps)
+        teller = Teller(plant, pairs, found, joint)
+        left, share = rows, 0.0
+        for step in steps:
+            change = _change(left, fits(left, [step]))
+            effects = [e for e in plant.effects if _acts(e, step) and e.name not in exclude]
+            entry = refine(effects, left.rows)
+            one = teller.told(step, step.share - share, in_simulator=len(told) < len(tried))
+            told.append(_named(one, entry, _gain(left.rows, change), constants))
+            left, share = replace(left, rows=left.rows - change), step.share
+    laws, uncertainty = _laws(found, fits(rows, w.steps[: len(tried)])) if tried else ((), None)
+    still = tuple(np.zeros_like(p.base) for p in pairs.pairs)
+    return Located(
+        told=tuple(told), laws=laws, uncertainty=uncertainty, change=tried[-1] if tried else still,
+        where=w, square=rows.square, count=rows.count,
+    )  # fmt: skip
+
+
+def _named(
+    told: PlaceTold, entry: Entry | None, law_gain: float, constants: Constants
+) -> PlaceTold:
+    if entry is None or entry.gain <= 0.0:
+        return told
+    takes = entry.gain / max(law_gain, entry.gain * 1e-3)
+    told = msgspec.structs.replace(told, nearest=entry.name, takes=takes)
+    if takes < constants.name_share:
+        return told
+    return msgspec.structs.replace(told, name=entry.name, values=entry.values)
+
+
+def _change(rows: FoldRows, own: Fits) -> Array:
+    return np.asarray(rows.responses[own.columns].astype(np.float64).T @ own.fit.mean)
+
+
+def _gain(rows: Array, change: Array) -> float:
+    return float(2.0 * rows @ change - change @ change)
+
+
+def _acts(effect: Effect, step: Step) -> bool:
+    return bool({s.candidate.place for s in step.near} & set(effect.places))
+
+
+def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:
+    """Laws for a model file, and the covariance of their coefficients by the names it has there."""
+    homes = [found.home(int(c)) for c in own.columns]
+    names = tuple(f"laws.{law.place}.{law.side}.{term.name}" for law, term in homes)
+    s = np.array([found.scales[law.place] for law, _ in homes])
+    return (
+        found.law_of(own.columns, own.fit.mean),
+        Uncertainty(names, s[:, None] * own.fit.covariance * s),
+    )
+
+
+def _tried(
+    pairs: Paired, found: Responses, rows: FoldRows, steps: Sequence[Step]
+) -> list[tuple[Array, ...]]:
+    """What the simulator makes of the laws of 1, 2 … places, as far as each brings it nearer."""
+    kept: list[tuple[Array, ...]] = []
+    least = float(pairs.z @ pairs.z)
+    for n in range(1, len(steps) + 1):
+        change = _in_simulator(pairs, found, fits(rows, steps[:n]), rows.fold)
+        if change is None:
+            break
+        left = pairs.z - pairs.tie(pairs.white([c[None] for c in change]))[0]
+        if (square := float(left @ left)) >= least:
+            break
+        least = square
+        kept.append(change)
+    return kept
+
+
+def _in_simulator(
+    pairs: Paired, found: Responses, own: Fits, fold: Index
+) -> tuple[Array, ...] | None:
+    """The change of each pair with laws fitted without it; None where it cannot be simulated."""
+    point = pairs.reference.point
+    run = pairs.white.run_of_row()
+    out = []
+    for k, p in enumerate(pairs.pairs):
+        mine = np.unique(fold[(run == k) & (fold >= 0)])
+        values = np.mean([own.without[f] for f in mine], axis=0) if len(mine) else own.fit.mean
+        laws = found.law_of(own.columns, values)
+        model = ModelPoint(point.theta, point.effects, laws)
+        (moved,) = predictions(pairs.plant, model, [p.played])
+        if not finite([moved]):
+            return None
+        out.append(moved - p.base)
+    return tuple(out)
