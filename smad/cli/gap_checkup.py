@@ -17,18 +17,18 @@ from smad.cli.baselines import (
     other_part,
     player,
     print_verdict,
+    save_model,
     require_same,
     say,
 )
 from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
-    from smad.gap.paired.difference import Paired
+    from smad.gap.paired.commission import Judged
     from smad.gap.paired.files import Found
     from smad.gap.paired.programme import Programme
     from smad.gap.paired.series import Play
     from smad.gap.paired.store import Baseline
-    from smad.gap.paired.verdict import Verdict
     from smad.gap.runs import GapRun
     from smad.gap.sma import SmaPlant
 
@@ -134,6 +134,8 @@ def commission(
 @bench_option
 @click.option("--json", "json_path", type=_OUT, help="Write the verdict here.")
 @click.option("--report", "page_path", type=_OUT, help="Write a page with figures here.")
+@click.option("--model", "model_path", type=_OUT,
+              help="Write the model with what was found here: effects and laws.")  # fmt: skip
 def checkup(
     *,
     folder: Path | None,
@@ -148,6 +150,7 @@ def checkup(
     bench: str,
     json_path: Path | None,
     page_path: Path | None,
+    model_path: Path | None,
 ) -> None:
     """Say what has changed since the bench was good, from equal inputs then and now.
 
@@ -165,13 +168,14 @@ def checkup(
     if effects and not sim:
         raise click.UsageError("--effect is of a simulated bench; add --sim")
     if good is not None:
-        pairs, verdict = _of_files(good, now)
+        found = _of_files(good, now)
     else:
         assert folder is not None
         programme = chosen_programme(programme_folder, quick)
-        pairs, verdict = _of_baseline(
+        found = _of_baseline(
             folder, programme, now, out, sim=sim, effects=effects, seed=seed, bench=bench
         )
+    verdict = found.verdict
     print_verdict(verdict)
     if json_path is not None:
         from smad.gap.paired.series import write_whole
@@ -183,11 +187,14 @@ def checkup(
         from smad.report.page import write_page
 
         facts = [("baseline", str(folder or good)), ("repeats", str(verdict.repeats))]
-        write_page(checkup_page(pairs, verdict, facts), page_path)
+        write_page(checkup_page(found, facts), page_path)
         click.echo(f"written: {page_path}", err=True)
+    if model_path is not None:
+        save_model(new_plant(), found, model_path)
+        click.echo(f"written: {model_path}", err=True)
 
 
-def _of_files(good: Path, now: Path | None) -> tuple[Paired, Verdict]:
+def _of_files(good: Path, now: Path | None) -> Judged:
     from smad.gap.paired.commission import checked_files
     from smad.gap.paired.files import read_folder, read_good
 
@@ -195,14 +202,12 @@ def _of_files(good: Path, now: Path | None) -> tuple[Paired, Verdict]:
     with progress() as line:
         line.say("reading")
         then = read_good(good, say)
-        pairs, verdict, matched = checked_files(
-            new_plant(), then, read_folder(now), progress=line.say
-        )
+        found, matched = checked_files(new_plant(), then, read_folder(now), progress=line.say)
     for text in matched.lines:
         click.echo(text, err=True)
     for name in matched.alone:
         click.echo(f"{name} has the inputs of no good run, and is left out", err=True)
-    return pairs, verdict
+    return found
 
 
 def _of_baseline(
@@ -215,7 +220,7 @@ def _of_baseline(
     effects: Sequence[str],
     seed: int,
     bench: str,
-) -> tuple[Paired, Verdict]:
+) -> Judged:
     from smad.gap.paired.commission import judged
     from smad.gap.paired.errors import BaselineError
     from smad.gap.paired.files import read_folder

@@ -106,12 +106,12 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
 
 def proposal(folder: Path, now: Path | None) -> Proposal:
     """What an investigation would play next, from the newest runs of now beside a baseline."""
+    from smad.gap.paired.commission import asked
     from smad.gap.paired.constants import shipped_constants
     from smad.gap.paired.difference import paired
     from smad.gap.paired.errors import BaselineError
     from smad.gap.paired.files import read_folder
     from smad.gap.paired.investigate import propose
-    from smad.gap.paired.judge import examine
     from smad.gap.paired.spring_pair import TRAITS
     from smad.gap.paired.store import load
     from smad.gap.paired.verdict import decide
@@ -130,7 +130,8 @@ def proposal(folder: Path, now: Path | None) -> Proposal:
     pairs = paired(plant, TRAITS, reference, runs)
     constants = shipped_constants()
     with progress() as line:
-        verdict = decide(pairs, examine(pairs, constants, progress=line.say), constants)
+        findings, located = asked(pairs, constants, progress=line.say)
+        verdict = decide(pairs, findings, constants, located)
     click.secho(verdict.headline, bold=True)
     alike = dict.fromkeys(known, 1.0)
     return propose(pairs, verdict, constants, alike, left_s=1.0)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
+
+import numpy as np
 
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.search.locate import Located, locate
@@ -20,9 +23,9 @@ from smad.gap.paired.files import (
 from smad.gap.paired.judge import Findings, best_entry, examine
 from smad.gap.paired.reference import Reference, reference_from
 from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import Verdict, decide, is_quiet
+from smad.gap.paired.verdict import CAUSE, GROUP, Verdict, decide, is_quiet
 from smad.gap.places import Forceable
-from smad.gap.plant import ModelPoint, PlantModel
+from smad.gap.plant import ModelPoint, PlantModel, Uncertainty
 from smad.gap.runs import GapRun
 
 
@@ -48,7 +51,42 @@ def checked(
     progress: Callable[[str], None] = _silent,
 ) -> Verdict:
     """The verdict over runs of now, each with the name of the good run that it repeats."""
-    return judged(plant, reference, runs, constants, progress)[1]
+    return judged(plant, reference, runs, constants, progress).verdict
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A verdict with what it rests on: the pairs, and the places with their laws.
+
+    `located` is None on a quiet bench, and of a plant whose equations cannot be forced.
+    """
+
+    pairs: Paired
+    verdict: Verdict
+    located: Located | None
+
+    @property
+    def model(self) -> ModelPoint:
+        """The reference model with what was found: named effects, and laws without a name."""
+        point = self.pairs.reference.point
+        v = self.verdict
+        effects = v.likely[0].values if v.outcome in (CAUSE, GROUP) else {}
+        named = {p.place for p in v.places if p.name}
+        laws = self.located.laws if self.located is not None and v.places else ()
+        own = tuple(law for law in laws if law.place not in named)
+        return ModelPoint(point.theta, {**point.effects, **effects}, own)
+
+    @property
+    def uncertainty(self) -> Uncertainty | None:
+        """The covariance of the laws of `model`; None where it has none."""
+        if self.located is None or self.located.uncertainty is None:
+            return None
+        names = {n for law in self.model.laws for n in law.names}
+        known = self.located.uncertainty
+        at = [k for k, n in enumerate(known.names) if n in names]
+        if not at:
+            return None
+        return Uncertainty(tuple(known.names[k] for k in at), known.covariance[np.ix_(at, at)])
 
 
 def judged(
@@ -57,12 +95,12 @@ def judged(
     runs: Sequence[tuple[GapRun, str]],
     constants: Constants | None = None,
     progress: Callable[[str], None] = _silent,
-) -> tuple[Paired, Verdict]:
-    """The same with the pairs that it rests on, which a page shows."""
+) -> Judged:
+    """The same with what it rests on, which a page and a model file need."""
     constants = constants or shipped_constants()
     pairs = paired(plant, TRAITS, reference, runs)
     findings, located = asked(pairs, constants, progress=progress)
-    return pairs, decide(pairs, findings, constants, located)
+    return Judged(pairs, decide(pairs, findings, constants, located), located)
 
 
 def asked(
@@ -90,7 +128,7 @@ def checked_files(
     good: Sequence[Found],
     now: Sequence[Found],
     progress: Callable[[str], None] = _silent,
-) -> tuple[Paired, Verdict, Matched]:
+) -> tuple[Judged, Matched]:
     """The verdict over files of a good day and of now, and what was paired with what.
 
     Raises PairingError when nothing is paired, when a run of now is one of the good ones, when a
@@ -106,4 +144,4 @@ def checked_files(
             action="play the same programme on both days; smad docs guide/check-up says how",
         )
     reference = commissioned(plant, matched.groups, progress=progress)
-    return *judged(plant, reference, matched.now, progress=progress), matched
+    return judged(plant, reference, matched.now, progress=progress), matched

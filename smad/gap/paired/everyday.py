@@ -36,7 +36,7 @@ def repeated(
     progress("comparing with the runs that they repeat")
     try:
         reference = commissioned(plant, groups, progress=progress)
-        verdict = judged(plant, reference, now, progress=progress)[1]
+        verdict = judged(plant, reference, now, progress=progress).verdict
     except PairingError as error:
         return RepeatedRecord(matched.lines, _LEAST_REPEATS, headline=f"not possible: {error}")
     return RepeatedRecord(

@@ -150,7 +150,7 @@ class Inquiry:
 
     def _judged(
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
-    ) -> tuple[Verdict, Proposal]:
+    ) -> tuple[Judged, Proposal]:
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
         pairs = paired(self.plant, TRAITS, self.reference, runs)
         constants = shipped_constants()
