@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from smad.gap.paired.commission import Judged
     from smad.gap.paired.programme import Programme
     from smad.gap.paired.series import Play
     from smad.gap.paired.verdict import Verdict
@@ -87,12 +86,3 @@ def print_verdict(verdict: Verdict) -> None:
     click.secho(headline, bold=True)
     for text in rest:
         click.echo(text)
-
-
-def save_model(plant: SmaPlant, found: Judged, path: Path) -> None:
-    """Writes the model that a check-up found, with the covariance of its laws."""
-    note, uncertainty = found.verdict.headline, found.uncertainty
-    if uncertainty is None:
-        plant.save_model(found.model, path, note)
-    else:
-        plant.save_uncertain(found.model, uncertainty, path, note)

@@ -17,7 +17,6 @@ from smad.cli.baselines import (
     other_part,
     player,
     print_verdict,
-    save_model,
     require_same,
     say,
 )
@@ -190,7 +189,9 @@ def checkup(
         write_page(checkup_page(found, facts), page_path)
         click.echo(f"written: {page_path}", err=True)
     if model_path is not None:
-        save_model(new_plant(), found, model_path)
+        from smad.gap.paired.commission import save_found
+
+        save_found(new_plant(), found, model_path)
         click.echo(f"written: {model_path}", err=True)
 
 

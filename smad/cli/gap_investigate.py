@@ -96,8 +96,8 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
             f"d² = {separation:.0f}"
         )
     if report.proof:
-        click.echo("held out, with the strengths from the runs before:")
-        for text in budget_lines(report.proof):
+        click.echo("held out, with the model from the runs before:")
+        for text in budget_lines(report.proof, laws=True):
             click.echo(text)
     if report.model:
         click.echo(f"model: {report.model}")
@@ -106,15 +106,12 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
 
 def proposal(folder: Path, now: Path | None) -> Proposal:
     """What an investigation would play next, from the newest runs of now beside a baseline."""
-    from smad.gap.paired.commission import asked
-    from smad.gap.paired.constants import shipped_constants
-    from smad.gap.paired.difference import paired
+    from smad.diagnosis.constants import shipped
+    from smad.gap.paired.commission import judged
     from smad.gap.paired.errors import BaselineError
     from smad.gap.paired.files import read_folder
     from smad.gap.paired.investigate import propose
-    from smad.gap.paired.spring_pair import TRAITS
     from smad.gap.paired.store import load
-    from smad.gap.paired.verdict import decide
 
     plant = new_plant()
     reference = load(folder, plant).reference
@@ -125,13 +122,8 @@ def proposal(folder: Path, now: Path | None) -> Proposal:
             f"{folder} holds no check-up yet", action="make one with smad gap checkup --baseline"
         )
     known = {r.name for r in reference.runs}
-    found = read_folder(now or places[-1])
-    runs = [(f.run, f.name) for f in found if f.name in known]
-    pairs = paired(plant, TRAITS, reference, runs)
-    constants = shipped_constants()
+    runs = [(f.run, f.name) for f in read_folder(now or places[-1]) if f.name in known]
     with progress() as line:
-        findings, located = asked(pairs, constants, progress=line.say)
-        verdict = decide(pairs, findings, constants, located)
-    click.secho(verdict.headline, bold=True)
-    alike = dict.fromkeys(known, 1.0)
-    return propose(pairs, verdict, constants, alike, left_s=1.0)
+        found = judged(plant, reference, runs, progress=line.say)
+    click.secho(found.verdict.headline, bold=True)
+    return propose(found, shipped(), dict.fromkeys(known, 1.0), left_s=1.0)

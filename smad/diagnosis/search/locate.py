@@ -13,7 +13,7 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.places.responses import PlacesPlant, Responses
 from smad.diagnosis.places.rows import fold_rows
-from smad.diagnosis.search.told import PlaceTold, Teller
+from smad.diagnosis.search.told import PlaceTold, Teller, one_of_each_place, side_words
 from smad.diagnosis.search.where import Fits, Step, Where, fits, where
 from smad.gap.paired.difference import Paired
 from smad.gap.paired.model import finite, predictions
@@ -33,18 +33,28 @@ Refine = Callable[[Sequence[Effect], Array], Entry | None]
 """The one of some effects that takes most of white rows."""
 
 
+@dataclass(frozen=True)
+class Alternative:
+    """A place that may be the one, in words, and the law that it would have alone."""
+
+    words: str
+    laws: tuple[Law, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Located:
     """Answers, the laws behind them with what they leave uncertain, and what the simulator makes
     of laws that each run had no part in: `change` (bins, channels) of each pair.
 
     Laws that do not bring the simulator nearer to the bench are left out, and their change is 0.
+    `alternatives` are the places of the first answer between which these runs do not decide.
     """
 
     told: tuple[PlaceTold, ...]
     laws: tuple[Law, ...]
     uncertainty: Uncertainty | None
     change: tuple[Array, ...]
+    alternatives: tuple[Alternative, ...]
     where: Where
     square: float
     count: int
@@ -85,8 +95,20 @@ def locate(
     still = tuple(np.zeros_like(p.base) for p in pairs.pairs)
     return Located(
         told=tuple(told), laws=laws, uncertainty=uncertainty, change=tried[-1] if tried else still,
-        where=w, square=rows.square, count=rows.count,
+        alternatives=_alternatives(plant, found, rows, steps[0]) if steps else (), where=w, square=rows.square, count=rows.count,
     )  # fmt: skip
+
+
+def _alternatives(
+    plant: PlacesPlant, found: Responses, rows: FoldRows, step: Step
+) -> tuple[Alternative, ...]:
+    places = {p.name: p for p in plant.places}
+    out = []
+    for scored in one_of_each_place(step):
+        own = fits(rows, [replace(step, chosen=scored)])
+        words = side_words(places[scored.candidate.place], scored.candidate.side)
+        out.append(Alternative(words, found.law_of(own.columns, own.fit.mean)))
+    return tuple(out)
 
 
 def _named(

@@ -11,7 +11,7 @@ from sim_device.plant.laws import Law, Term, design_matrix
 from sim_device.plant.places import STATES
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.places.responses import PlacesPlant, Responses
-from smad.diagnosis.search.where import Candidate, Fits, Step
+from smad.diagnosis.search.where import Fits, Scored, Step
 from smad.gap.paired.difference import Paired
 from smad.gap.places import BOTH, Place
 from smad.gap.runs import GapRun
@@ -74,7 +74,10 @@ class Teller:
             side=chosen.side,
             words=side_words(place, chosen.side),
             share=share,
-            near=[side_words(places[c.place], c.side) for c in _other_places(step)],
+            near=[
+                side_words(places[s.candidate.place], s.candidate.side)
+                for s in one_of_each_place(step)[1:]
+            ],
             terms=self._terms(step, place),
             largest=self._largest(step),
             unit=place.unit,
@@ -125,12 +128,12 @@ def law_series(plant: PlacesPlant, pairs: Paired, law: Law, run: GapRun) -> Arra
     return np.asarray(X @ np.array([t.coefficient for t in law.terms]))
 
 
-def _other_places(step: Step) -> list[Candidate]:
-    """Near candidates at other places, the best side of each."""
-    best: dict[str, Candidate] = {}
-    for s in step.near:
-        best.setdefault(s.candidate.place, s.candidate)
-    return [c for name, c in best.items() if name != step.chosen.candidate.place]
+def one_of_each_place(step: Step) -> list[Scored]:
+    """The chosen candidate, and the best one of each other place that does nearly as well."""
+    best: dict[str, Scored] = {}
+    for s in (step.chosen, *step.near):
+        best.setdefault(s.candidate.place, s)
+    return list(best.values())
 
 
 def _read(term: Term, unit: str) -> tuple[float, str, str]:

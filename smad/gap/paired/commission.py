@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from smad.diagnosis.constants import shipped
-from smad.diagnosis.search.locate import Located, locate
+from smad.diagnosis.search.locate import Alternative, Located, locate
 from smad.gap.paired.constants import Constants, shipped_constants
 from smad.gap.paired.difference import Paired, paired
 from smad.gap.paired.errors import PairingError
@@ -77,6 +79,25 @@ class Judged:
         return ModelPoint(point.theta, {**point.effects, **effects}, own)
 
     @property
+    def has_model(self) -> bool:
+        """Whether anything was found that a model can carry."""
+        point = self.pairs.reference.point
+        return bool(self.model.laws) or self.model.effects != point.effects
+
+    @property
+    def alternatives(self) -> tuple[Alternative, ...]:
+        """Places between which these runs do not decide, with their laws."""
+        return () if self.located is None else self.located.alternatives
+
+    @property
+    def variance(self) -> float:
+        """Variance of a white row beside the places told; 1 at least."""
+        if self.located is None or not self.located.where.steps:
+            return 1.0
+        left = 1.0 - self.located.where.steps[-1].share
+        return max(left * self.located.square / max(self.located.count, 1), 1.0)
+
+    @property
     def uncertainty(self) -> Uncertainty | None:
         """The covariance of the laws of `model`; None where it has none."""
         if self.located is None or self.located.uncertainty is None:
@@ -87,6 +108,25 @@ class Judged:
         if not at:
             return None
         return Uncertainty(tuple(known.names[k] for k in at), known.covariance[np.ix_(at, at)])
+
+
+class SavesFound(PlantModel, Protocol):
+    """A plant that can write a model file, and how uncertain its values are."""
+
+    def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
+
+    def save_uncertain(
+        self, point: ModelPoint, uncertainty: Uncertainty, path: Path, note: str
+    ) -> None: ...
+
+
+def save_found(plant: SavesFound, found: Judged, path: Path) -> None:
+    """Writes the model that a check-up found, with the covariance of its laws."""
+    note, uncertainty = found.verdict.headline, found.uncertainty
+    if uncertainty is None:
+        plant.save_model(found.model, path, note)
+    else:
+        plant.save_uncertain(found.model, uncertainty, path, note)
 
 
 def judged(

@@ -9,22 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import msgspec
 
-from smad.gap.paired.commission import asked
-from smad.gap.paired.constants import shipped_constants
+from smad.diagnosis.constants import shipped
+from smad.gap.paired.commission import Judged, SavesFound, judged, save_found
 from smad.gap.paired.difference import paired
 from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.files import read_file
-from smad.gap.paired.investigate import Offer, Proposal, propose, unpaired_offers
+from smad.gap.paired.investigate import Proposal, propose, unpaired_offers
 from smad.gap.paired.programme import Programme, ProgrammeRun
 from smad.gap.paired.reference import Reference
 from smad.gap.paired.series import Play, keep, write_whole
 from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import Share, Verdict, budget_of, decide
-from smad.gap.plant import ModelPoint, PlantModel
+from smad.gap.paired.verdict import Share, Verdict, budget_of
 
 REST_S = 60.0
 """What the rest before a run takes at least, until one has been measured."""
@@ -70,12 +68,6 @@ def read_report(path: Path) -> Report:
         ) from None
 
 
-class Savable(PlantModel, Protocol):
-    """A plant that can write a model file."""
-
-    def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
-
-
 @dataclass
 class Inquiry:
     """An investigation in a folder.
@@ -83,7 +75,7 @@ class Inquiry:
     It begins with the quick runs of the programme, and ends with them, held out as proof.
     """
 
-    plant: Savable
+    plant: SavesFound
     reference: Reference
     programme: Programme
     originals: Path
@@ -103,8 +95,8 @@ class Inquiry:
                 break
             report = self._played(report, run, "for the check-up", held_out=False)
         while True:
-            verdict, proposal = self._judged(report, quick, progress)
-            self.say(f"verdict: {verdict.headline}")
+            found, proposal = self._judged(report, quick, progress)
+            self.say(f"verdict: {found.verdict.headline}")
             ended = next((r.ended for r in report.records if r.ended), "")
             if ended or proposal.run is None:
                 self.say(proposal.why)
@@ -113,12 +105,14 @@ class Inquiry:
                 report, self.programme.run(proposal.run), proposal.why, held_out=False
             )
         why = f"a run was ended early: {ended}" if ended else proposal.why
-        report = msgspec.structs.replace(report, verdict=verdict)
+        report = msgspec.structs.replace(report, verdict=found.verdict)
         if not ended:
-            report = self._proved(report, quick, verdict)
-        report = self._with_model(report, verdict)
+            report = self._proved(report, quick, found)
+        report = self._with_model(report, found)
         if proposal.staying:
-            report = self._with_offers(report, verdict)
+            offers = unpaired_offers(found, self.programme)
+            told = {o.run: round(o.separation, 1) for o in offers}
+            report = msgspec.structs.replace(report, offers=told)
         # Last of all: an investigation that lost its bench during the proof is not over.
         report = msgspec.structs.replace(report, why_over=why)
         self._write(report)
@@ -152,14 +146,11 @@ class Inquiry:
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
     ) -> tuple[Judged, Proposal]:
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
-        pairs = paired(self.plant, TRAITS, self.reference, runs)
-        constants = shipped_constants()
-        findings, located = asked(pairs, constants, progress=progress)
-        verdict = decide(pairs, findings, constants, located)
+        found = judged(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
         reserved = sum(costs[run.name] for run in quick)
         left = self.seconds - self.spent_s(report) - reserved
-        return verdict, propose(pairs, verdict, constants, costs, left)
+        return found, propose(found, shipped(), costs, left)
 
     def _costs_s(self, report: Report) -> dict[str, float]:
         """What each run takes: its length, and the longest rest so far."""
@@ -168,41 +159,31 @@ class Inquiry:
         rest = max(rests, default=REST_S)
         return {r.name: lengths[r.name] + rest for r in self.reference.runs}
 
-    def _proved(self, report: Report, quick: Sequence[ProgrammeRun], verdict: Verdict) -> Report:
-        """The check-up once more, held out: what strengths fitted before leave of it."""
-        values = verdict.likely[0].values if verdict.likely else {}
-        if not values:
+    def _proved(self, report: Report, quick: Sequence[ProgrammeRun], found: Judged) -> Report:
+        """The check-up once more, held out: what the model made before leaves of it."""
+        if not found.has_model:
             return report
         for run in quick[sum(r.held_out for r in report.records) :]:
             report = self._played(report, run, _HELD_OUT, held_out=True)
             if report.records[-1].ended:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
-        shares, whole = budget_of(paired(self.plant, TRAITS, self.reference, runs), values)
+        pairs = paired(self.plant, TRAITS, self.reference, runs)
+        shares, whole = budget_of(pairs, {}, pairs.change_of(found.model))
         return msgspec.structs.replace(report, proof=[*shares, whole])
 
-    def _with_model(self, report: Report, verdict: Verdict) -> Report:
-        if not verdict.likely or not verdict.likely[0].values:
+    def _with_model(self, report: Report, found: Judged) -> Report:
+        if not found.has_model:
             return report
         path = self.folder / "model.toml"
-        point = self.reference.point
-        effects = {**point.effects, **verdict.likely[0].values}
         try:
-            self.plant.save_model(ModelPoint(point.theta, effects), path, verdict.headline)
+            save_found(self.plant, found, path)
         except OSError as error:
             raise BaselineError(
                 f"cannot write {path}: {error.strerror}",
                 action="make room; the runs are kept, and the same command goes on",
             ) from error
         return msgspec.structs.replace(report, model=str(path))
-
-    def _with_offers(self, report: Report, verdict: Verdict) -> Report:
-        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
-        pairs = paired(self.plant, TRAITS, self.reference, runs)
-        found: list[Offer] = unpaired_offers(pairs, verdict, self.programme)
-        return msgspec.structs.replace(
-            report, offers={o.run: round(o.separation, 1) for o in found}
-        )
 
     def _write(self, report: Report) -> None:
         text = msgspec.json.format(msgspec.json.encode(report), indent=1)
