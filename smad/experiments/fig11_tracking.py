@@ -23,7 +23,8 @@ from smad.experiments.tracking import (
 )
 from smad.report.page import Picture, Table, Text
 from smad.report.panels import Panels, followed
-from smad.report.plots import COLOURS, label, new_figure, svg_of
+from smad.report.plots import label, new_figure, svg_of
+from smad.style.palette import in_print
 
 LOST = 0.9
 """A period with a smaller R² is not followed any more."""
@@ -131,12 +132,12 @@ def _benches_figure() -> str:
     for group in groups():
         if group.kind != "drawn" or "tuned" not in group.values:
             continue
-        for name, colour in (("shipped", "reference"), ("tuned", "actual")):
+        for name, colour in (("shipped", "reference"), ("tuned", "main")):
             r2 = group.values[name]["r2"]
             share = np.arange(1, len(r2) + 1) / max(1, len(r2))
             axes.step(
                 np.clip(r2, 0.0, 1.0), share, "-" if group.noise == 1 else "--", where="post",
-                color=COLOURS[colour], linewidth=1.0 if group.rate_Hz == 100 else 0.5,
+                color=in_print(colour), linewidth=1.0 if group.rate_Hz == 100 else 0.5,
                 label=f"{name}, {group.rate_Hz} Hz, noise ×{group.noise:g}, {len(r2)}",
             )  # fmt: skip
     label(axes, "R² after the first cycle (0: not followed)", "share of benches")

@@ -29,7 +29,7 @@ TABLE = Table(("name", "value"), (("a", "1.0"), ("long name", "12.5")), numeric=
 
 def figure_svg() -> str:
     figure, (axes,) = new_figure()
-    draw(axes, np.arange(10.0), np.arange(10.0) ** 2, "a <b> & c", "actual")
+    draw(axes, np.arange(10.0), np.arange(10.0) ** 2, "a <b> & c", "main")
     label(axes, "time, s", "mm")
     return svg_of(figure, 'title with "quotes" & <tags>')
 
