@@ -12,6 +12,7 @@ from xml.etree import ElementTree as xml
 import msgspec
 
 from smad.api import TELEMETRY_TOPIC
+from smad.bridge.foxglove import LOG_TOPIC
 from smad.runlog.schema import EVENT_TOPIC, ROW_TOPIC
 from smad.style.palette import in_print
 from smad.view.strips import STRIPS, Strip
@@ -33,6 +34,8 @@ def foxglove() -> bytes:
         "paths": [_path(f"{ROW_TOPIC}.mode", "mode", in_print("good"))]
     }
     panels["RawMessages!events"] = {"topicPath": EVENT_TOPIC, "expansion": "all"}
+    # What the bridge sends in their place.
+    panels["RosOut!log"] = {"topicToRender": LOG_TOPIC, "minLogLevel": 1, "searchTerms": []}
     layout = {
         "configById": panels,
         "globalVariables": {},

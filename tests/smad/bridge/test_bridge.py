@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import signal
 import struct
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,12 +14,11 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from bench.browser import running_daemon
+from bench.browser import running_daemon, served
 from smad.bridge.foxglove import LINK, LOG, ROWS, SUBPROTOCOLS
 from smad.bridge.server import MOST_VIEWERS
 from smad.cli import execute
 from smad.client import Client
-from smad.client.endpoints import FOLDER_VARIABLE
 from smad.runlog.schema import CHANNELS
 
 PATIENCE_S = 60.0
@@ -32,20 +27,9 @@ PATIENCE_S = 60.0
 @contextlib.contextmanager
 def bridge_of(folder: Path) -> Iterator[str]:
     """`smad bridge foxglove` of the daemon in `folder`; what it says to connect to."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "smad", "bridge", "foxglove", "--port", "0"],
-        env={**os.environ, FOLDER_VARIABLE: str(folder)},
-        stdout=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    assert process.stdout is not None
-    try:
-        yield process.stdout.readline().split()[2]
-    finally:
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=PATIENCE_S) == 0
-        process.stdout.close()
+    with served(folder, ["bridge", "foxglove"]) as bridge:
+        yield bridge.said[0].split()[2]
+        assert bridge.end() == 0
 
 
 @pytest.fixture(scope="module")
