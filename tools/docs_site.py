@@ -91,9 +91,18 @@ def on_page_content(content: str, **_: Any) -> str:
 def on_post_page(output: str, *, page: Any, **_: Any) -> str:
     """Take everything from the site itself. Raises PluginError for what is not there."""
     up = posixpath.relpath(".", posixpath.dirname(page.file.dest_uri) or ".")
+    return _local(output, up, page.file.src_uri)
+
+
+def on_post_template(output: str, *, template_name: str, **_: Any) -> str:
+    """The same for the page of a page that is not found."""
+    return _local(output, ".", template_name) if template_name.endswith(".html") else output
+
+
+def _local(output: str, up: str, name: str) -> str:
     output = output.replace(_WORKER, f"{up}/iframe-worker.js")
     if found := _FROM_ELSEWHERE.search(output):
-        raise PluginError(f"{page.file.src_uri} takes something from a network: {found[0]}")
+        raise PluginError(f"{name} takes something from a network: {found[0]}")
     return output
 
 
