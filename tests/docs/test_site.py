@@ -36,7 +36,7 @@ def test_every_page_is_there_the_examples_and_the_changes_too(site: Path) -> Non
     wanted = {
         page.with_name("index.html") if page.name == "README.html" else page for page in wanted
     }
-    assert {page for page in made if not (site / page).is_file()} == set()
+    assert {page for page in wanted if not (site / page).is_file()} == set()
 
 
 def test_the_equations_of_the_physics_are_set(site: Path) -> None:
