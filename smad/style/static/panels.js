@@ -128,7 +128,7 @@ class Panel {
         dataIdx: (plot, series, at) => nearest(plot.data[series], at),
       },
       scales: { x: { time: false } },
-      axes: [axis(26, 80, this.xLabel()), axis(56, 24)],
+      axes: [axis({ size: 26, space: 80, ...this.xLabel() }), axis({ size: 56, space: 24 })],
       series: [{}, ...this.panel.traces.map((trace) => curve(trace.pen, trace.dash))],
       hooks: {
         setScale: [(plot, key) => {
@@ -143,7 +143,7 @@ class Panel {
   // Under the lowest panel only: they share the axis.
   xLabel() {
     const lowest = this.all.data.panels.filter((panel) => !panel.on_demand).pop();
-    return this.panel === lowest ? this.all.data.x_label : "";
+    return this.panel === lowest ? { label: this.all.data.x_label } : {};
   }
 
   label(x) {

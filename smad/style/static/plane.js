@@ -1,7 +1,7 @@
 // One quantity against another: loops, the cycles of a run coloured by their number.
 
 import uPlot from "./vendor/uPlot.js";
-import { axis, css, element, inside, shown } from "./plots.js";
+import { axis, clipped, css, element, shown } from "./plots.js";
 
 const PLANE_HEIGHT = 280;
 const MARGIN = 0.04; // of the range, around the curves
@@ -43,7 +43,7 @@ export class Plane {
         bind: { dblclick: () => () => this.whole() } },
       // Set by hand, as the curves are drawn by hand: uPlot knows only two corners.
       scales: { x: { time: false, auto: false }, y: { auto: false } },
-      axes: [axis(44, 70, name(x)), axis(64, 28, name(y))],
+      axes: [axis({ size: 44, space: 70, label: name(x) }), axis({ size: 64, space: 28, label: name(y) })],
       series: [{}, { paths: () => null, points: { show: false } }],
       hooks: { draw: [() => this.draw()], setCursor: [() => this.point()] },
     };
@@ -108,7 +108,7 @@ export class Plane {
   }
 
   draw() {
-    inside(this.plot, (ctx) => {
+    clipped(this.plot, (ctx) => {
       ctx.lineWidth = 1.5 * devicePixelRatio;
       ctx.lineJoin = "round";
       for (const one of this.curves) this.trace(ctx, one);

@@ -1,8 +1,6 @@
 // What all plots share, of the live page and of the pages of one file: colours, numbers as text, axes,
 // lines, and marks in time. Names and texts go in as text, never as markup.
 
-import uPlot from "./vendor/uPlot.js";
-
 const FONT = "12px system-ui, sans-serif";
 const MARK_FONT_PX = 11;
 const FAR = 400; // points between two samples of one run, where others lie in between
@@ -22,11 +20,11 @@ export function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-// An axis that follows the page's colours. `size` in pixels, `space` between two of its numbers.
-export function axis(size, space, label = "") {
-  const line = { stroke: () => css("--line"), width: 1 };
-  const named = label ? { label, labelSize: 20, labelGap: 2, labelFont: FONT } : {};
-  return { stroke: () => css("--quiet"), font: FONT, grid: line, ticks: line, size, space, ...named };
+// An axis that follows the page's colours; `more` is what else uPlot is to know of it, such as its size.
+export function axis(more = {}) {
+  const lines = { stroke: () => css("--line"), width: 1 };
+  return { stroke: () => css("--quiet"), font: FONT, grid: lines, ticks: lines,
+    labelSize: 20, labelGap: 2, labelFont: FONT, ...more };
 }
 
 // A line of a plot in one of the palette's colours; `dash` are lengths of line and gap.
@@ -35,34 +33,35 @@ export function curve(pen, dash = []) {
     points: { show: false }, spanGaps: false };
 }
 
-// Calls `draw(ctx, line)` with the canvas clipped to the plot's area; `line` strokes between two points.
-export function inside(plot, draw) {
+// Calls `draw(ctx, bbox)` with the canvas clipped to the plot's area.
+export function clipped(plot, draw) {
   const { ctx, bbox } = plot;
   ctx.save();
   ctx.beginPath();
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
   ctx.lineWidth = devicePixelRatio;
-  draw(ctx, (x0, y0, x1, y1) => {
-    ctx.beginPath();
-    ctx.moveTo(x0, y0);
-    ctx.lineTo(x1, y1);
-    ctx.stroke();
-  });
+  ctx.font = `${MARK_FONT_PX * devicePixelRatio}px system-ui, sans-serif`;
+  draw(ctx, bbox);
   ctx.restore();
+}
+
+export function line(ctx, x0, y0, x1, y1) {
+  ctx.beginPath();
+  ctx.moveTo(x0, y0);
+  ctx.lineTo(x1, y1);
+  ctx.stroke();
 }
 
 // A line over the whole height at each mark's `x`; with `texts` its text beside it, where it has room.
 export function drawMarks(plot, marks, texts) {
-  inside(plot, (ctx, line) => {
-    const { bbox } = plot;
+  clipped(plot, (ctx, bbox) => {
     ctx.strokeStyle = ctx.fillStyle = css("--quiet");
     ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
-    ctx.font = `${MARK_FONT_PX * devicePixelRatio}px system-ui, sans-serif`;
     let free = -Infinity;
     for (const { x, text } of marks) {
       const at = plot.valToPos(x, "x", true);
-      line(at, bbox.top, at, bbox.top + bbox.height);
+      line(ctx, at, bbox.top, at, bbox.top + bbox.height);
       // A text that would lie on the one before is left to the list of events.
       const width = ctx.measureText(text).width;
       const start = Math.min(at + 4 * devicePixelRatio, bbox.left + bbox.width - width);

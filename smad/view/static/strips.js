@@ -1,6 +1,6 @@
 // The plots: one uPlot a strip, all on the same time, drawn at most once for each screen refresh.
 
-import { axis, css, curve, drawMarks, element, inside, onScheme, setText, shown } from "./style/plots.js";
+import { axis, clipped, css, curve, drawMarks, element, line, onScheme, setText, shown } from "./style/plots.js";
 import uPlot from "./style/vendor/uPlot.js";
 
 export { element, setText };
@@ -111,7 +111,7 @@ class Strip {
       legend: { show: false },
       cursor: { sync: { key: "strips" }, drag: { x: false, y: false } },
       scales: { x: { time: true, auto: false }, y: { range: (plot, low, high) => this.range(low, high) } },
-      axes: [{ ...axis(26, 80), values: clock }, axis(46, 24)],
+      axes: [axis({ size: 26, space: 80, values: clock }), axis({ size: 46, space: 24 })],
       series: [{}, ...this.strip.curves.map(({ pen }) => curve(pen, pen === "reference" ? [6, 4] : []))],
       hooks: { draw: [() => this.lines()], setCursor: [() => this.label()] },
     };
@@ -155,13 +155,12 @@ class Strip {
   lines() {
     const limit = this.all.limits[this.strip.name];
     if (limit != null) {
-      inside(this.plot, (ctx, line) => {
-        const { bbox } = this.plot;
+      clipped(this.plot, (ctx, bbox) => {
         ctx.strokeStyle = css("--limit");
         ctx.setLineDash([8 * devicePixelRatio, 4 * devicePixelRatio]);
         for (const value of this.strip.both_ways ? [limit, -limit] : [limit]) {
           const y = this.plot.valToPos(value, "y", true);
-          line(bbox.left, y, bbox.left + bbox.width, y);
+          line(ctx, bbox.left, y, bbox.left + bbox.width, y);
         }
       });
     }
