@@ -111,7 +111,10 @@ class Viewer:
     def __init__(self, address: str) -> None:
         self.frames = 0.0
         self.bytes = 0
-        self._connection = connect(address, subprotocols=[Subprotocol(SUBPROTOCOLS[0])])
+        self._stack = contextlib.ExitStack()
+        self._connection = self._stack.enter_context(
+            connect(address, subprotocols=[Subprotocol(SUBPROTOCOLS[0])])
+        )
         wanted = [{"id": channel.id, "channelId": channel.id} for channel in CHANNELS]
         self._connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
         self._thread = threading.Thread(target=self._read)
@@ -124,7 +127,7 @@ class Viewer:
 
     def close(self) -> None:
         """Go away."""
-        self._connection.close()
+        self._stack.close()
         self._thread.join()
 
 
