@@ -95,7 +95,8 @@ def locate(
     still = tuple(np.zeros_like(p.base) for p in pairs.pairs)
     return Located(
         told=tuple(told), laws=laws, uncertainty=uncertainty, change=tried[-1] if tried else still,
-        alternatives=_alternatives(plant, found, rows, steps[0]) if steps else (), where=w, square=rows.square, count=rows.count,
+        alternatives=_alternatives(plant, found, rows, steps[0]) if steps else (),
+        where=w, square=rows.square, count=rows.count,
     )  # fmt: skip
 
 
