@@ -18,6 +18,8 @@ _RIDGE = 1e-6
 """Of a response's own square: keeps nearly equal responses apart."""
 _SPENT = 1e-4
 """A response of which this share or less is new is not asked any more."""
+_LITTLE = 0.03
+"""A group more must take more than this share of what is taken."""
 _TINY = 1e-12
 
 
@@ -25,23 +27,18 @@ _TINY = 1e-12
 class Forward:
     """What was selected.
 
-    `taken` (depth, f) is what each fold's sum of squares loses to the first 1, 2 … groups, chosen
-    and fitted without that fold (negative where it grows). `chosen` are the groups selected with
-    all folds, in their order.
+    `taken` (depth + 1, f) is what each fold's sum of squares loses to the responses that are always
+    in and the first 0, 1, 2 … groups, chosen and fitted without that fold (negative where it
+    grows). `chosen` are the groups selected with all folds: as few as take nearly the most.
     """
 
     taken: Array
     chosen: tuple[int, ...]
 
     @property
-    def depth(self) -> int:
-        """How many groups take most of held-out folds; 0 where there is none."""
-        return int(np.argmax(self.taken.sum(axis=1))) + 1 if len(self.taken) else 0
-
-    @property
     def best(self) -> float:
-        """What so many take of all held-out folds together, in squares of rows."""
-        return float(self.taken.sum(axis=1).max(initial=0.0))
+        """What the best number of groups takes of all held-out folds, in squares of rows."""
+        return float(self.taken.sum(axis=1).max())
 
 
 @dataclass(frozen=True)
@@ -55,23 +52,32 @@ class Fit:
 def forward(products: FoldProducts, groups: Index, depth: int, before: int = 0) -> Forward:
     """Select up to `depth` of the groups (m, w), rows of numbers of responses.
 
-    The first `before` responses are in from the start. Raises ValueError for fewer than two folds.
+    The first `before` responses are always in. Of the groups that are chosen, the one without which
+    most would be lost comes first. Raises ValueError for fewer than two folds.
     """
     if products.folds < 2:
         raise ValueError(f"{products.folds} folds; leaving one out needs 2 or more")
     depth = min(depth, len(groups))
     gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
-    taken = np.zeros((depth, products.folds))
+    taken = np.zeros((depth + 1, products.folds))
     start = np.arange(before)
     for f in range(products.folds):
         G, b = gram - products.gram[f], against - products.against[f]
         chosen = _select(G, b, groups, depth, start)
-        for k in range(depth):
-            columns = _columns(groups, chosen[: k + 1], start)
+        for k in range(depth + 1):
+            columns = _columns(groups, chosen[:k], start)
             x = _solve(G, b, columns)
             own = products.gram[f][np.ix_(columns, columns)]
             taken[k, f] = 2.0 * x @ products.against[f][columns] - x @ own @ x
-    return Forward(taken, tuple(_select(gram, against, groups, depth, start)))
+    sums = taken.sum(axis=1)
+    few = int(np.argmax(sums >= sums.max() - _LITTLE * abs(float(sums.max()))))
+    told = _select(gram, against, groups, few, start)
+
+    def without(group: int) -> float:
+        columns = _columns(groups, [g for g in told if g != group], start)
+        return float(against[columns] @ _solve(gram, against, columns))
+
+    return Forward(taken, tuple(sorted(told, key=without)))
 
 
 def fitted(products: FoldProducts, columns: Index) -> Fit:

@@ -8,11 +8,14 @@ from smad.diagnosis.numerics.folds import FoldRows, Index
 from smad.diagnosis.places.responses import Responses
 from smad.gap.paired.difference import Paired
 
-_FEW_RUNS = 2
+_FOLDS = 4
+"""As many runs, or fewer of which each is in all folds by turns."""
+_TURNS = 2
 
 
 def fold_rows(pairs: Paired, found: Responses) -> FoldRows:
-    """White rows of now − then beside tied parameters; a fold is a run, or half of a single one.
+    """White rows of now − then beside tied parameters; a fold is a run, or every fourth
+    stretch of few runs.
 
     Runs whose inputs the model carried over are in no fold: responses are of the good run's inputs.
     """
@@ -31,10 +34,10 @@ def fold_rows(pairs: Paired, found: Responses) -> FoldRows:
 def _folds(pairs: Paired) -> Index:
     run = pairs.white.run_of_row()
     kept = [k for k, p in enumerate(pairs.pairs) if not p.carried]
-    parts = 1 if len(kept) >= _FEW_RUNS else 2
     fold = np.full(len(run), -1, dtype=np.intp)
     for n, k in enumerate(kept):
         at = np.flatnonzero(run == k)
-        fold[at] = parts * n + (np.arange(len(at)) * parts) // len(at)
+        block = (np.arange(len(at)) * _FOLDS * _TURNS) // len(at)
+        fold[at] = n if len(kept) >= _FOLDS else block % _FOLDS
     fold[~pairs.white.valid] = -1
     return fold

@@ -54,6 +54,14 @@ class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
     nearest: str = ""
     takes: float = 0.0
 
+    @property
+    def read(self) -> list[TermTold]:
+        """The terms that say something: a constant only where there is no other.
+
+        Beside others it depends on where the middle of their states lies.
+        """
+        return self.terms[:-1] if len(self.terms) > 1 else self.terms
+
 
 @dataclass(frozen=True)
 class Teller:

@@ -22,7 +22,8 @@ class Candidate:
     """A hypothesis of where: a place, a side, and the terms that a law may have there.
 
     `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on;
-    `terms` (m,) their names.
+    `terms` (m,) their names. The first is the constant, which is in every law: the lines of the
+    others have their zero in the middle of the state's range.
     """
 
     place: str
@@ -41,7 +42,7 @@ class Scored:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """The law's terms, the one that takes most first."""
+        """The law's terms, the one without which most would be lost first, the constant last."""
         return tuple(self.candidate.terms[g] for g in self._groups)
 
     @property
@@ -51,7 +52,7 @@ class Scored:
 
     @property
     def _groups(self) -> tuple[int, ...]:
-        return self.forward.chosen[: self.forward.depth]
+        return (*(1 + g for g in self.forward.chosen), 0)
 
 
 @dataclass(frozen=True)
@@ -122,10 +123,12 @@ def _scored(
     """Candidates beside the responses `before`, best first."""
     out = []
     for c in candidates:
-        columns = np.unique(c.groups)
-        products = rows.products(columns, before)
-        groups = len(before) + np.searchsorted(columns, c.groups)
-        found = forward(products, groups, constants.most_terms, len(before))
+        always = np.setdiff1d(c.groups[0], before)
+        free = np.setdiff1d(np.unique(c.groups[1:]), always)
+        start = np.concatenate([before, always])
+        products = rows.products(free, start)
+        groups = len(start) + np.searchsorted(free, c.groups[1:])
+        found = forward(products, groups, constants.most_terms, len(start))
         out.append(Scored(c, found, max(found.best, taken) / max(rows.square, 1e-12)))
     return tuple(sorted(out, key=lambda s: -s.share))
 

@@ -65,7 +65,7 @@ def _answer(places: Sequence[PlaceTold]) -> Table:
             if p.name
             else (f"none; nearest {p.nearest}, takes {p.takes:.2f}" if p.nearest else "none")
         )
-        law = "; ".join(_term(t) for t in p.terms)
+        law = "; ".join(_term(t) for t in p.read)
         rows.append((where, f"{p.share:.2f}", law, "yes" if p.in_simulator else "no", name))
     header = ("where", "share, held out", "law: change for each unit of", "helps the simulator",
               "name")  # fmt: skip

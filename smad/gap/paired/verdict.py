@@ -343,6 +343,8 @@ def _where_headline(places: Sequence[PlaceTold]) -> str:
     return f"changed: {first.words}{size}{beside}"
 
 
+_NEAR = 3
+
 UNCALIBRATED = (
     "the probabilities are relative to the library and not calibrated yet: on development benches"
     " they were too sure (smad docs guide/check-up)"
@@ -363,8 +365,10 @@ def budget_lines(shares: Sequence[Share], *, laws: bool = False) -> list[str]:
 def place_lines(told: PlaceTold) -> list[str]:
     """One answer in words: where, which law, what name."""
     out = [f"  where  {told.words}: {100 * told.share:.0f} % of the change, on runs left out"]
-    out += [f"         or {near}, which these runs do not tell apart" for near in told.near]
-    for k, term in enumerate(told.terms):
+    out += [f"         or {near}, which these runs do not tell apart" for near in told.near[:_NEAR]]
+    if len(told.near) > _NEAR:
+        out.append(f"         or {len(told.near) - _NEAR} more places")
+    for k, term in enumerate(told.read):
         slopes = ", ".join(
             f"{'' if side == 'both' else side.upper() + ' '}{v:+.2g} ± {term.sd[side]:.1g}"
             for side, v in term.slopes.items()

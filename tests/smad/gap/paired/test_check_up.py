@@ -66,7 +66,8 @@ def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
 
 def test_the_page_shows_answer_budget_and_differences(reference: Reference) -> None:
     now = played(20, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
-    pairs, verdict = judged(PLANT, reference, [(now, "short")])
+    found = judged(PLANT, reference, [(now, "short")])
+    pairs, verdict = found.pairs, found.verdict
     page = render(checkup_page(pairs, verdict, [("baseline", "somewhere")]))
     for words in ("Changed: rtd_lag", "less named entries", "rtd_x_degC", "now − then", "tau_s"):
         assert words in page
@@ -105,7 +106,8 @@ CUT = run_of(
 
 
 def test_a_current_that_was_cut_off_is_carried_over(reference: Reference) -> None:
-    pairs, verdict = judged(PLANT, reference, [(played(21, what=CUT), "short")])
+    found = judged(PLANT, reference, [(played(21, what=CUT), "short")])
+    pairs, verdict = found.pairs, found.verdict
     assert pairs.pairs[0].carried
     assert verdict.outcome in ("quiet", "parameters")
 
