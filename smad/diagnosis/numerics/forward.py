@@ -49,11 +49,14 @@ class Fit:
     covariance: Array
 
 
-def forward(products: FoldProducts, groups: Index, depth: int, before: int = 0) -> Forward:
+def forward(
+    products: FoldProducts, groups: Index, worth: Array, *, depth: int, before: int = 0
+) -> Forward:
     """Select up to `depth` of the groups (m, w), rows of numbers of responses.
 
-    The first `before` responses are always in. Of the groups that are chosen, the one without which
-    most would be lost comes first. Raises ValueError for fewer than two folds.
+    What a group takes counts times its `worth` (m,), so that of two that take the same the simpler
+    one enters. The first `before` responses are always in. Of the groups that are chosen, the one
+    without which most would be lost comes first. Raises ValueError for fewer than two folds.
     """
     if products.folds < 2:
         raise ValueError(f"{products.folds} folds; leaving one out needs 2 or more")
@@ -63,7 +66,7 @@ def forward(products: FoldProducts, groups: Index, depth: int, before: int = 0) 
     start = np.arange(before)
     for f in range(products.folds):
         G, b = gram - products.gram[f], against - products.against[f]
-        chosen = _select(G, b, groups, depth, start)
+        chosen = _select(G, b, (groups, worth), depth, start)
         for k in range(depth + 1):
             columns = _columns(groups, chosen[:k], start)
             x = _solve(G, b, columns)
@@ -71,7 +74,7 @@ def forward(products: FoldProducts, groups: Index, depth: int, before: int = 0) 
             taken[k, f] = 2.0 * x @ products.against[f][columns] - x @ own @ x
     sums = taken.sum(axis=1)
     few = int(np.argmax(sums >= sums.max() - _LITTLE * abs(float(sums.max()))))
-    told = _select(gram, against, groups, few, start)
+    told = _select(gram, against, (groups, worth), few, start)
 
     def without(group: int) -> float:
         columns = _columns(groups, [g for g in told if g != group], start)
@@ -98,8 +101,11 @@ def _solve(G: Array, b: Array, columns: Index) -> Array:
     return np.asarray(np.linalg.solve(inner + ridge, b[columns]))
 
 
-def _select(G: Array, b: Array, groups: Index, depth: int, start: Index) -> list[int]:
+def _select(
+    G: Array, b: Array, candidates: tuple[Index, Array], depth: int, start: Index
+) -> list[int]:
     """The groups in the order in which they take most of what is left."""
+    groups, worth = candidates
     size = np.diag(G) + _TINY
     left, r = _without(G, b, start, size) if len(start) else (G, b)
     chosen: list[int] = []
@@ -113,7 +119,7 @@ def _select(G: Array, b: Array, groups: Index, depth: int, start: Index) -> list
         ridge = np.eye(groups.shape[1]) * (_RIDGE * size[groups])[:, None, :]
         rhs = r[groups]
         x = np.linalg.solve(inner + ridge, rhs[:, :, None])[:, :, 0]
-        gain = np.where(new, (x * rhs).sum(axis=1), -1.0)
+        gain = np.where(new, worth * (x * rhs).sum(axis=1), -1.0)
         best = int(np.argmax(gain))
         chosen.append(best)
         left, r = _without(left, r, groups[best], size)

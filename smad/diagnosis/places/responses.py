@@ -51,7 +51,8 @@ class Responses:
         for law, own in zip(self.laws, self.columns, strict=True):
             names = tuple(t.name for t in law.terms)
             groups = np.arange(own.start, own.stop, dtype=np.intp)[:, None]
-            out.append(Candidate(law.place, law.side, groups, names))
+            orders = tuple(t.order for t in law.terms)
+            out.append(Candidate(law.place, law.side, groups, names, orders))
             by_place.setdefault(law.place, []).append((law, own))
         for place, sides in by_place.items():
             if len(sides) < 2:
@@ -59,7 +60,8 @@ class Responses:
             known = [{t.name: own[k] for k, t in enumerate(law.terms)} for law, own in sides]
             names = tuple(t for t in known[0] if all(t in other for other in known[1:]))
             groups = np.array([[own[t] for own in known] for t in names], dtype=np.intp)
-            out.append(Candidate(place, BOTH, groups, names))
+            orders = tuple(t.order for t in sides[0][0].terms if t.name in names)
+            out.append(Candidate(place, BOTH, groups, names, orders))
         return out
 
     def home(self, column: int) -> tuple[Law, Term]:

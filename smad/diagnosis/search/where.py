@@ -16,6 +16,9 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
 
+_SIMPLER = 0.97
+"""What a term of one order more is worth."""
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -23,13 +26,15 @@ class Candidate:
 
     `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on;
     `terms` (m,) their names. The first is the constant, which is in every law: the lines of the
-    others have their zero in the middle of the state's range.
+    others have their zero in the middle of the state's range. `orders` (m,) are theirs: 1 for a
+    line, more for what is less simple.
     """
 
     place: str
     side: str
     groups: Index
     terms: tuple[str, ...]
+    orders: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,8 @@ def where(rows: FoldRows, candidates: Sequence[Candidate], constants: Constants)
 
     A place enters while what it adds to the held-out rows speaks for it: half of that, over the
     variance that a row has with it, is the log predictive density it gains (Geisser 1975). It must
-    exceed `place_gain` and take `place_share` of the rows.
+    exceed `place_gain` and take `place_share` of the rows. What many places would add alike is
+    said of none of them.
     """
     nothing = np.zeros(0, dtype=np.intp)
     ranked = _scored(rows, nothing, candidates, 0.0, constants)
@@ -105,6 +111,8 @@ def where(rows: FoldRows, candidates: Sequence[Candidate], constants: Constants)
         # What stands beside the chosen place is compared by what it adds, not by what all take.
         least = taken + constants.near * added
         near = tuple(s for s in scored if s.share * rows.square >= least)
+        if steps and len({s.candidate.place for s in near}) > constants.most_near:
+            break
         steps.append(Step(best, near, best.share))
         now, taken = np.concatenate([now, best.columns]), taken + added
         told = {s.chosen.candidate.place for s in steps}
@@ -128,9 +136,10 @@ def _scored(
         start = np.concatenate([before, always])
         products = rows.products(free, start)
         groups = len(start) + np.searchsorted(free, c.groups[1:])
-        found = forward(products, groups, constants.most_terms, len(start))
+        worth = _SIMPLER ** (np.array(c.orders[1:]) - 1.0)
+        found = forward(products, groups, worth, depth=constants.most_terms, before=len(start))
         out.append(Scored(c, found, max(found.best, taken) / max(rows.square, 1e-12)))
-    return tuple(sorted(out, key=lambda s: -s.share))
+    return tuple(sorted(out, key=lambda s: (-s.share, s.candidate.place, s.candidate.side)))
 
 
 def fits(rows: FoldRows, steps: Sequence[Step]) -> Fits:

@@ -151,12 +151,14 @@ def asked(
 ) -> tuple[Findings, Located | None]:
     """What a verdict rests on: entries of the library, and places with their laws.
 
-    Entries named in `exclude` are not asked. Nothing is located on a bench that is quiet, nor of a
-    plant whose equations cannot be forced.
+    Entries named in `exclude` are not asked. Nothing is located on a bench that is quiet, of a
+    plant whose equations cannot be forced, and where no run has the inputs of a good one.
     """
     findings = examine(pairs, constants, exclude, progress)
     found, plant = pairs.reference.responses, pairs.plant
     if found is None or not isinstance(plant, Forceable) or is_quiet(findings, constants):
+        return findings, None
+    if all(p.carried for p in pairs.pairs):
         return findings, None
     progress("where it lies")
     entry = partial(best_entry, pairs)

@@ -67,12 +67,14 @@ def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
 def test_the_page_shows_answer_budget_and_differences(reference: Reference) -> None:
     now = played(20, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
     found = judged(PLANT, reference, [(now, "short")])
-    pairs, verdict = found.pairs, found.verdict
-    page = render(checkup_page(pairs, verdict, [("baseline", "somewhere")]))
-    for words in ("Changed: rtd_lag", "less named entries", "rtd_x_degC", "now − then", "tau_s"):
+    page = render(checkup_page(found, [("baseline", "somewhere")]))
+    for words in (
+        "Changed: reading of the RTD, X and Y", "less law", "rtd_x_degC", "now − then",
+        "rtd_lag, takes", "rate of its wire",
+    ):  # fmt: skip
         assert words in page
     quiet = judged(PLANT, reference, [(played(10), "short")])
-    assert "No change beyond the repeat floor" in render(checkup_page(*quiet, []))
+    assert "No change beyond the repeat floor" in render(checkup_page(quiet, []))
 
 
 def test_two_causes_are_named_together(reference: Reference) -> None:
@@ -107,9 +109,8 @@ CUT = run_of(
 
 def test_a_current_that_was_cut_off_is_carried_over(reference: Reference) -> None:
     found = judged(PLANT, reference, [(played(21, what=CUT), "short")])
-    pairs, verdict = found.pairs, found.verdict
-    assert pairs.pairs[0].carried
-    assert verdict.outcome in ("quiet", "parameters")
+    assert found.pairs.pairs[0].carried
+    assert found.verdict.outcome in ("quiet", "parameters")
 
 
 def test_a_cause_is_named_at_the_inputs_that_were_played(reference: Reference) -> None:
@@ -154,7 +155,7 @@ def test_a_baseline_of_another_library_or_schema_is_refused(
         with pytest.raises(BaselineError, match="another model or library"):
             load(tmp_path, other)
     about = (tmp_path / "baseline.json").read_text()
-    (tmp_path / "baseline.json").write_text(about.replace('"schema": 2', '"schema": 1'))
+    (tmp_path / "baseline.json").write_text(about.replace('"schema": 3', '"schema": 1'))
     with pytest.raises(BaselineError, match="another version"):
         load(tmp_path, PLANT)
 
@@ -234,10 +235,10 @@ def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) 
     for k, seed in enumerate((1, 2)):
         _write(tmp_path / "good" / f"day-{k}" / "a.csv", played(seed))
     _write(tmp_path / "now" / "renamed.csv", played(20, {"force_offset": {"offset_N": 0.05}}))
-    _, verdict, matched = checked_files(
+    found, matched = checked_files(
         PLANT, read_folder(tmp_path / "good"), read_folder(tmp_path / "now")
     )
-    assert verdict.likely[0].names == ["force_offset"]
+    assert found.verdict.likely[0].names == ["force_offset"]
     assert "repeats 2 good runs" in matched.lines[0]
 
 
