@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -77,27 +78,77 @@ def locate(
     """
     rows = fold_rows(pairs, found)
     w = where(rows, found.candidates(), constants)
-    tried = _tried(pairs, found, rows, w.steps)
-    steps = w.steps[: max(len(tried), 1)]
+    named = _named(rows, w.steps, plant, refine, constants, exclude)
+    tried = _tried(pairs, found, rows, [n.step for n in named])
+    kept = [n.step for n in named[: len(tried)]]
+    shown = named[: max(len(tried), 1)]
     told: list[PlaceTold] = []
-    if steps:
-        joint = fits(rows, steps)
-        teller = Teller(plant, pairs, found, joint)
-        left, share = rows, 0.0
-        for step in steps:
-            change = _change(left, fits(left, [step]))
-            effects = [e for e in plant.effects if _acts(e, step) and e.name not in exclude]
-            entry = refine(effects, left.rows)
-            one = teller.told(step, step.share - share, in_simulator=len(told) < len(tried))
-            told.append(_named(one, entry, _gain(left.rows, change), constants))
-            left, share = replace(left, rows=left.rows - change), step.share
-    laws, uncertainty = _laws(found, fits(rows, w.steps[: len(tried)])) if tried else ((), None)
+    if shown:
+        teller = Teller(plant, pairs, found, fits(rows, [n.step for n in shown]))
+        for k, n in enumerate(shown):
+            one = teller.told(n.step, n.share, in_simulator=k < len(tried))
+            told.append(msgspec.structs.replace(one, **n.name))
+    laws, uncertainty = _laws(found, fits(rows, kept)) if kept else ((), None)
     still = tuple(np.zeros_like(p.base) for p in pairs.pairs)
     return Located(
         told=tuple(told), laws=laws, uncertainty=uncertainty, change=tried[-1] if tried else still,
-        alternatives=_alternatives(plant, found, rows, steps[0]) if steps else (),
+        alternatives=_alternatives(plant, found, rows, shown[0].step) if shown else (),
         where=w, square=rows.square, count=rows.count,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A step with what it adds, and what is told of its name."""
+
+    step: Step
+    share: float
+    name: dict[str, Any]
+
+
+def _named(
+    rows: FoldRows,
+    steps: Sequence[Step],
+    plant: PlacesPlant,
+    refine: Refine,
+    constants: Constants,
+    exclude: Sequence[str],
+) -> list[_Named]:
+    """The effect that takes most at each place, beside the laws of the places before.
+
+    Among places that these runs do not tell apart, the one where a named effect acts comes first.
+    """
+    out: list[_Named] = []
+    left, before = rows, 0.0
+    for step in steps:
+        change = _change(left, fits(left, [step]))
+        law_gain = _gain(left.rows, change)
+        entry = refine([e for e in plant.effects if _acts(e, step) and e.name not in exclude],
+                       left.rows)  # fmt: skip
+        own, told = step, _name(entry, law_gain, constants)
+        if told.get("name"):
+            (effect,) = (e for e in plant.effects if e.name == told["name"])
+            own = _first_at(step, effect)
+        out.append(_Named(own, step.share - before, told))
+        left, before = replace(left, rows=left.rows - change), step.share
+    return out
+
+
+def _first_at(step: Step, effect: Effect) -> Step:
+    """The step with the best of its places where the effect acts as the chosen one."""
+    first = next(s for s in one_of_each_place(step) if s.candidate.place in effect.places)
+    rest = tuple(s for s in step.near if s.candidate.place != first.candidate.place)
+    return replace(step, chosen=first, near=(first, *rest))
+
+
+def _name(entry: Entry | None, law_gain: float, constants: Constants) -> dict[str, Any]:
+    if entry is None or entry.gain <= 0.0:
+        return {}
+    takes = entry.gain / max(law_gain, 1e-3 * entry.gain)
+    told = {"nearest": entry.name, "takes": takes}
+    if takes >= constants.name_share:
+        told |= {"name": entry.name, "values": entry.values}
+    return told
 
 
 def _alternatives(
@@ -110,18 +161,6 @@ def _alternatives(
         words = side_words(places[scored.candidate.place], scored.candidate.side)
         out.append(Alternative(words, found.law_of(own.columns, own.fit.mean)))
     return tuple(out)
-
-
-def _named(
-    told: PlaceTold, entry: Entry | None, law_gain: float, constants: Constants
-) -> PlaceTold:
-    if entry is None or entry.gain <= 0.0:
-        return told
-    takes = entry.gain / max(law_gain, entry.gain * 1e-3)
-    told = msgspec.structs.replace(told, nearest=entry.name, takes=takes)
-    if takes < constants.name_share:
-        return told
-    return msgspec.structs.replace(told, name=entry.name, values=entry.values)
 
 
 def _change(rows: FoldRows, own: Fits) -> Array:

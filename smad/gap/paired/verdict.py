@@ -70,15 +70,17 @@ def decide(
 ) -> Verdict:
     """The verdict, by the rule that `Constants` explains.
 
-    `located` says where the change lies; None for a plant whose equations cannot be forced, of
-    which the library alone is asked.
+    `located` says where the change lies, beside small moves of the parameters; None for a plant
+    whose equations cannot be forced, of which the library alone is asked. Other values of the
+    parameters are an answer where no place takes anything of what they leave.
     """
     f = findings
     outcome, likely, group = _outcome(f, constants)
     places: list[PlaceTold] = []
-    if located is not None and outcome not in (QUIET, PARAMETERS):
+    if located is not None and outcome != QUIET:
         places = list(located.told)
-        outcome, likely, group = _at_places(places, likely)
+        if places or outcome != PARAMETERS:
+            outcome, likely, group = _at_places(places, likely)
     names = likely[0].names if outcome in (CAUSE, GROUP) else []
     values = likely[0].values if names else {}
     left = _left(f, names, constants) if outcome != QUIET else 0.0
