@@ -78,7 +78,8 @@ def locate(
     """
     rows = fold_rows(pairs, found)
     w = where(rows, found.candidates(), constants)
-    named = _named(rows, w.steps, plant, refine, constants, exclude)
+    effects = [e for e in plant.effects if e.name not in exclude]
+    named = _named(rows, w.steps, effects, refine, constants.name_share)
     tried = _tried(pairs, found, rows, [n.step for n in named])
     kept = [n.step for n in named[: len(tried)]]
     shown = named[: max(len(tried), 1)]
@@ -109,10 +110,9 @@ class _Named:
 def _named(
     rows: FoldRows,
     steps: Sequence[Step],
-    plant: PlacesPlant,
+    effects: Sequence[Effect],
     refine: Refine,
-    constants: Constants,
-    exclude: Sequence[str],
+    least: float,
 ) -> list[_Named]:
     """The effect that takes most at each place, beside the laws of the places before.
 
@@ -123,11 +123,10 @@ def _named(
     for step in steps:
         change = _change(left, fits(left, [step]))
         law_gain = _gain(left.rows, change)
-        entry = refine([e for e in plant.effects if _acts(e, step) and e.name not in exclude],
-                       left.rows)  # fmt: skip
-        own, told = step, _name(entry, law_gain, constants)
+        entry = refine([e for e in effects if _acts(e, step)], left.rows)
+        own, told = step, _name(entry, law_gain, least)
         if told.get("name"):
-            (effect,) = (e for e in plant.effects if e.name == told["name"])
+            (effect,) = (e for e in effects if e.name == told["name"])
             own = _first_at(step, effect)
         out.append(_Named(own, step.share - before, told))
         left, before = replace(left, rows=left.rows - change), step.share
@@ -141,12 +140,12 @@ def _first_at(step: Step, effect: Effect) -> Step:
     return replace(step, chosen=first, near=(first, *rest))
 
 
-def _name(entry: Entry | None, law_gain: float, constants: Constants) -> dict[str, Any]:
+def _name(entry: Entry | None, law_gain: float, least: float) -> dict[str, Any]:
     if entry is None or entry.gain <= 0.0:
         return {}
     takes = entry.gain / max(law_gain, 1e-3 * entry.gain)
-    told = {"nearest": entry.name, "takes": takes}
-    if takes >= constants.name_share:
+    told: dict[str, Any] = {"nearest": entry.name, "takes": takes}
+    if takes >= least:
         told |= {"name": entry.name, "values": entry.values}
     return told
 

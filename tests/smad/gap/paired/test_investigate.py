@@ -7,19 +7,19 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from smad.gap.paired.commission import commissioned
-from smad.gap.paired.constants import shipped_constants
-from smad.gap.paired.difference import Paired, paired
+from sim_device.plant.laws import Factor, Law, Term
+from smad.diagnosis.constants import shipped
+from smad.diagnosis.search.locate import Alternative, Located
+from smad.diagnosis.search.told import PlaceTold
+from smad.diagnosis.search.where import Where
+from smad.gap.paired.commission import Judged, commissioned, judged
 from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.inquiry import Inquiry, Report
 from smad.gap.paired.investigate import propose, unpaired_offers
-from smad.gap.paired.judge import examine
 from smad.gap.paired.programme import Programme, ProgrammeRun
 from smad.gap.paired.reference import Reference
 from smad.gap.paired.segments import run_of
 from smad.gap.paired.series import Recorded
-from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import Likely, Verdict, decide
 from smad.gap.plant import EffectValues
 from smad.gap.runs import GapRun
 from smad.runlog.header import RunHeader
@@ -33,9 +33,8 @@ STILL = run_of(
 )
 PROGRAMME = Programme("short", "two runs", (replace(SHORT, quick=True), STILL))
 LAG = {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
-GAIN = {"driver_gain": {"gain": 0.02, "y_share": 1.0}}
 OFFSET = {"force_offset": {"offset_N": 0.1}}
-CONSTANTS = shipped_constants()
+CONSTANTS = shipped()
 COSTS = {"short": 60.0, "still": 60.0}
 
 
@@ -47,94 +46,82 @@ def reference() -> Reference:
 
 
 @pytest.fixture(scope="module")
-def lagging(reference: Reference) -> tuple[Paired, Verdict]:
+def lagging(reference: Reference) -> Judged:
     """A check-up of the run that shows little, on a bench with a lag."""
-    pairs = paired(PLANT, TRAITS, reference, [(played(40, LAG, what=STILL), "still")])
-    constants = shipped_constants()
-    return pairs, decide(pairs, examine(pairs, constants), constants)
+    return judged(PLANT, reference, [(played(40, LAG, what=STILL), "still")])
 
 
-def undecided(verdict: Verdict, *hypotheses: EffectValues) -> Verdict:
-    likely = [
-        Likely(list(h), 1.0 / len(hypotheses), {k: dict(v) for k, v in h.items()})
-        for h in hypotheses
-    ]
-    group = [x.names[0] for x in likely]
-    return msgspec.structs.replace(verdict, outcome="group", likely=likely, group=group)
+def law(place: str, side: str, slope: float, state: str = "current") -> Law:
+    """A law along one state."""
+    line = Factor(state=state, low=0.0, high=3.0, centre=0.0, scale=1.0)
+    return Law(place, side, (Term(name=state, factors=(line,), coefficient=slope),))
 
 
-def test_the_run_that_separates_what_stays_is_proposed_with_the_reason(
-    lagging: tuple[Paired, Verdict],
-) -> None:
-    pairs, verdict = lagging
-    found = propose(pairs, undecided(verdict, LAG, GAIN), CONSTANTS, COSTS, 600.0)
+LAG_LIKE, FORCE_LIKE = law("reading_rtd", "x", 1.0), law("reading_force", "both", 0.1)
+SMALL = law("reading_force", "both", 1e-4)
+
+
+def undecided(found: Judged, *laws: Law) -> Judged:
+    """The check-up with a place told, and these laws between which nothing is decided."""
+    told = PlaceTold(
+        place=laws[0].place, side="x", words=laws[0].place, share=0.5, near=[], terms=[],
+        largest=1.0, unit="K", in_simulator=True,
+    )  # fmt: skip
+    near = tuple(Alternative(f"{law.place} {k}", (law,)) for k, law in enumerate(laws))
+    located = Located(
+        told=(told,), laws=(laws[0],), uncertainty=None, change=(), alternatives=near,
+        where=Where((), ()), square=1.0, count=1,
+    )  # fmt: skip
+    verdict = msgspec.structs.replace(found.verdict, outcome="unknown", places=[told])
+    return replace(found, verdict=verdict, located=located)
+
+
+def test_the_run_that_tells_places_apart_is_proposed_with_the_reason(lagging: Judged) -> None:
+    found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), CONSTANTS, COSTS, 600.0)
     assert found.run == "short"
-    assert found.staying == ("rtd_lag", "driver_gain")
-    assert [o.run for o in found.offers] == ["short", "still"]
-    assert "again: it separates rtd_lag and driver_gain best" in found.why
-
-
-def test_a_run_is_chosen_by_what_it_separates_for_its_time(
-    lagging: tuple[Paired, Verdict],
-) -> None:
-    pairs, verdict = lagging
-    far = {"force_offset": {"offset_N": 1.0}}
-    open_question = undecided(verdict, LAG, far)
-    costs = {"short": 1e5, "still": 10.0}
-    assert propose(pairs, open_question, CONSTANTS, costs, 1e6).run == "still"
+    assert found.staying == ("reading_rtd 0", "reading_force 1")
+    assert [o.run for o in found.offers] == ["short"]
+    assert "it separates reading_rtd 0 or reading_force 1 best" in found.why
 
 
 @pytest.mark.parametrize("outcome", ["quiet", "unknown", "parameters"])
-def test_nothing_is_settled_without_a_name_before_every_run_was_played(
-    lagging: tuple[Paired, Verdict], outcome: str
+def test_nothing_is_settled_without_a_place_before_every_run_was_played(
+    lagging: Judged, outcome: str
 ) -> None:
-    pairs, verdict = lagging
-    unnamed = msgspec.structs.replace(verdict, outcome=outcome)
-    found = propose(pairs, unnamed, CONSTANTS, COSTS, 600.0)
+    nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, places=[])
+    unplaced = replace(lagging, verdict=nowhere)
+    found = propose(unplaced, CONSTANTS, COSTS, 600.0)
     assert found.run == "short"
     assert not found.settled
     assert "for the first time now" in found.why
-    no_time = propose(pairs, unnamed, CONSTANTS, COSTS, 30.0)
-    assert no_time.settled
+    assert propose(unplaced, CONSTANTS, COSTS, 30.0).settled
 
 
-def test_what_is_settled_proposes_nothing(lagging: tuple[Paired, Verdict]) -> None:
-    pairs, verdict = lagging
-    whole = replace(pairs, reference=replace(pairs.reference, runs=pairs.reference.runs[1:]))
-    for outcome in ("quiet", "cause", "unknown", "parameters"):
-        settled = msgspec.structs.replace(verdict, outcome=outcome)
-        found = propose(whole, settled, CONSTANTS, COSTS, 600.0)
-        assert found.settled
-        assert found.why.startswith("settled")
+def test_one_place_that_no_other_is_near_is_settled(lagging: Judged) -> None:
+    found = propose(undecided(lagging, LAG_LIKE), CONSTANTS, COSTS, 600.0)
+    assert found.settled
+    assert found.why == "settled: reading_rtd; no other place is near"
 
 
-def test_hypotheses_that_predict_the_same_are_not_played_for(
-    lagging: tuple[Paired, Verdict],
-) -> None:
-    pairs, verdict = lagging
-    still = {"force_offset": {"offset_N": 0.0}, **LAG}
-    found = propose(pairs, undecided(verdict, LAG, still), CONSTANTS, COSTS, 600.0)
+def test_laws_that_predict_the_same_are_not_played_for(lagging: Judged) -> None:
+    found = propose(undecided(lagging, SMALL, SMALL), CONSTANTS, COSTS, 600.0)
     assert found.run is None
     assert not found.settled
-    assert "no run on offer separates" in found.why
+    assert "no run on offer tells" in found.why
 
 
-def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(
-    lagging: tuple[Paired, Verdict],
-) -> None:
-    pairs, verdict = lagging
-    found = propose(pairs, undecided(verdict, LAG, GAIN), CONSTANTS, COSTS, 30.0)
+def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Judged) -> None:
+    found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), CONSTANTS, COSTS, 30.0)
     assert found.run is None
-    assert "the time is spent: short would separate" in found.why
+    assert "the time is spent: short would tell" in found.why
 
 
 def test_a_run_that_the_baseline_lacks_is_offered_by_what_the_model_expects(
-    lagging: tuple[Paired, Verdict],
+    lagging: Judged,
 ) -> None:
-    pairs, verdict = lagging
     other = replace(SHORT, name="other")
     programme = Programme("short", "three runs", (*PROGRAMME.runs, other))
-    (offer,) = unpaired_offers(pairs, undecided(verdict, LAG, OFFSET), programme)
+    (offer,) = unpaired_offers(undecided(lagging, LAG_LIKE, FORCE_LIKE), programme)
     assert (offer.run, offer.known) == ("other", False)
     assert offer.separation > 16.0
 
@@ -187,7 +174,7 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
     assert [r.held_out for r in report.records] == [False, True]
     force = next(s for s in report.proof if s.signal == "force_N")
     assert force.raw > 5.0 * force.noise
-    assert force.entries < 2.0 * force.noise
+    assert force.laws < 2.0 * force.noise
     assert PLANT.load_model(Path(report.model)).effects["force_offset"]["offset_N"] == (
         pytest.approx(0.1, rel=0.1)
     )
