@@ -63,7 +63,7 @@ PLACES_OF: dict[str, tuple[str, ...]] = {
     "tube_friction": ("force_cell_on_x", "force_cell_on_y"),
     "viscous_drag": ("force_cell_on_x", "force_cell_on_y"),
     "tendon_compliance": ("recoverable_strain",),
-    "tube_stiffness": ("force_cell_on_x", "force_cell_on_y"),
+    "tube_stiffness": ("recoverable_strain", "force_cell_on_x", "force_cell_on_y"),
     "tendon_log_creep": ("recoverable_strain",),
     "rtd_current_pickup": ("reading_rtd",),
     "encoder_eccentricity": ("reading_displacement",),
@@ -74,11 +74,12 @@ PLACES_OF: dict[str, tuple[str, ...]] = {
     "pump_cavitation": ("flow_behind_pump", "flow_before_pump", "film"),
     "supply_beat": ("driven_current",),
     "rate_overshoot": ("transformation_shift",),
-    "pump_bourdon": ("force_cell_on_x", "force_cell_on_y"),
+    "pump_bourdon": ("recoverable_strain", "force_cell_on_x", "force_cell_on_y"),
     "martensite_stabilisation": ("transformation_shift",),
 }
 """Where each effect of the plant acts, in the places of the simulator; several where its equation
-has a term in each or where the simulator lumps them."""
+has a term in each or where the simulator lumps them: a force that one spring's tube adds to its wire
+is a deflection of that spring there."""
 
 
 def _bench(bank: Path, key: Path, bench: str) -> list[Case]:

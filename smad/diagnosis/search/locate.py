@@ -49,6 +49,8 @@ class Located:
 
     Laws that do not bring the simulator nearer to the bench are left out, and their change is 0.
     `alternatives` are the places of the first answer between which these runs do not decide.
+    `beside_parameters` says whether the first takes enough to be told although other values of the
+    parameters explain the rest.
     """
 
     told: tuple[PlaceTold, ...]
@@ -56,6 +58,7 @@ class Located:
     uncertainty: Uncertainty | None
     change: tuple[Array, ...]
     alternatives: tuple[Alternative, ...]
+    beside_parameters: bool
     where: Where
     square: float
     count: int
@@ -94,6 +97,7 @@ def locate(
     return Located(
         told=tuple(told), laws=laws, uncertainty=uncertainty, change=tried[-1] if tried else still,
         alternatives=_alternatives(plant, found, rows, shown[0].step) if shown else (),
+        beside_parameters=bool(shown) and shown[0].share >= constants.beside_parameters,
         where=w, square=rows.square, count=rows.count,
     )  # fmt: skip
 

@@ -111,7 +111,7 @@ def where(rows: FoldRows, candidates: Sequence[Candidate], constants: Constants)
         # What stands beside the chosen place is compared by what it adds, not by what all take.
         least = taken + constants.near * added
         near = tuple(s for s in scored if s.share * rows.square >= least)
-        if steps and len({s.candidate.place for s in near}) > constants.most_near:
+        if steps and len({s.candidate.place for s in near}) > constants.most_places:
             break
         steps.append(Step(best, near, best.share))
         now, taken = np.concatenate([now, best.columns]), taken + added

@@ -72,14 +72,16 @@ def decide(
 
     `located` says where the change lies, beside small moves of the parameters; None for a plant
     whose equations cannot be forced, of which the library alone is asked. Other values of the
-    parameters are an answer where no place takes anything of what they leave.
+    parameters are an answer where no place takes much of what they leave.
     """
     f = findings
     outcome, likely, group = _outcome(f, constants)
     places: list[PlaceTold] = []
     if located is not None and outcome != QUIET:
         places = list(located.told)
-        if places or outcome != PARAMETERS:
+        if outcome == PARAMETERS and not located.beside_parameters:
+            places = []
+        else:
             outcome, likely, group = _at_places(places, likely)
     names = likely[0].names if outcome in (CAUSE, GROUP) else []
     values = likely[0].values if names else {}

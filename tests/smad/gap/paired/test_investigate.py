@@ -70,6 +70,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
     near = tuple(Alternative(f"{law.place} {k}", (law,)) for k, law in enumerate(laws))
     located = Located(
         told=(told,), laws=(laws[0],), uncertainty=None, change=(), alternatives=near,
+        beside_parameters=True,
         where=Where((), ()), square=1.0, count=1,
     )  # fmt: skip
     verdict = msgspec.structs.replace(found.verdict, outcome="unknown", places=[told])
