@@ -78,8 +78,8 @@ PLACES_OF: dict[str, tuple[str, ...]] = {
     "martensite_stabilisation": ("transformation_shift",),
 }
 """Where each effect of the plant acts, in the places of the simulator; several where its equation
-has a term in each or where the simulator lumps them: a force that one spring's tube adds to its wire
-is a deflection of that spring there."""
+has a term in each or where the simulator lumps them: a force that a spring's tube adds to its wire is
+a deflection of that spring there."""
 
 
 def _bench(bank: Path, key: Path, bench: str) -> list[Case]:

@@ -54,7 +54,7 @@ def test_two_places_are_found_one_beside_the_other():
 
 
 def test_no_more_places_are_told_than_allowed():
-    laid, candidates = bench(3, strengths={0: 1.0, 1: 1.0, 2: 1.0, 3: 1.0})
+    laid, candidates = bench(3, strengths={0: 2.0, 1: 1.4, 2: 1.0, 3: 0.7})
     assert len(found_in(laid, candidates, most_places=2).steps) == 2
 
 
