@@ -23,6 +23,7 @@ from firmware_protocol.generate.c_names import enums_of
 from firmware_protocol.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import own_crc, wire_name
+from firmware_protocol.supervisor.limits import LIMIT_ROWS
 from firmware_protocol.wire import Field, fields_of
 
 _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -87,14 +88,12 @@ def _one_message(codec: Codec, cls: type[Message]) -> str:
     doc = " ".join((cls.__doc__ or "").split())
     text = f"### {wire_name(cls)}\n\n`0x{cls.info.number:02x}`, {cls.info.direction}, "
     text += f"{codec.layout(cls).size} bytes. {doc}\n\n"
-    rows = []
     offset = 0
     for field in fields_of(cls):
-        rows.append(
-            (f"{offset}", f"`{field.name}`", _kind(field), field.wire.unit, _meaning(field))
-        )
+        unit = f" in {field.wire.unit}" if field.wire.unit else ""
+        text += f"- {offset} `{field.name}` {_kind(field)}{unit}: {_meaning(field)}\n"
         offset += field.size
-    return text + (table(("offset", "field", "type", "unit", "meaning"), rows) if rows else "")
+    return text
 
 
 def _kind(field: Field) -> str:
@@ -115,14 +114,14 @@ def _meaning(field: Field) -> str:
 
 
 def _enums(codec: Codec) -> str:
-    rows = []
+    text = ""
     for kind in enums_of(codec):
         is_bits = issubclass(kind, enum.IntFlag)
         members = ", ".join(
             f"{f'0x{member.value:x}' if is_bits else member.value} {member.name}" for member in kind
         )
-        rows.append((kind.__name__, members))
-    return table(("name", "codes"), rows)
+        text += f"- {kind.__name__}: {members}\n"
+    return text
 
 
 def _parameters(codec: Codec) -> str:
@@ -136,6 +135,7 @@ def _parameters(codec: Codec) -> str:
             p.doc + ("; one for the board" if p.shared else ""),
         )
         for p in PARAMETERS
+        if p.name not in LIMIT_ROWS
     ]
     return table(("number", "name", "unit", "initial", "allowed", "meaning"), rows)
 

@@ -103,11 +103,13 @@ def _debounce(check: Check) -> str:
 
 
 def _limits() -> str:
-    rows = []
-    for name, row in LIMIT_ROWS.items():
-        soft = f"{row.number}: to {row.tightest}" if row.number else "fixed"
-        rows.append((f"`{name}`", str(row.compiled), row.unit, soft, row.reason))
-    return _table(("limit", "compiled", "unit", "parameter", "reason"), rows)
+    """The limits that a parameter may tighten; the other ones stand in the checks."""
+    rows = [
+        (str(row.number), f"`{name}`", str(row.compiled), str(row.tightest), row.reason)
+        for name, row in LIMIT_ROWS.items()
+        if row.number
+    ]
+    return _table(("number", "limit", "compiled", "tightest", "reason"), rows)
 
 
 def _host() -> str:
@@ -124,12 +126,12 @@ def _host() -> str:
 
 
 def _faults() -> str:
-    rows = [
-        (str(int(fault)), fault.name, text.unit, text.cause, text.remedy)
+    return "".join(
+        f"- {int(fault)} **{fault.name}**{f' ({text.unit})' if text.unit else ''}: {text.cause}"
+        f" *{text.remedy}*\n"
         for fault, text in FAULT_TEXTS.items()
         if fault
-    ]
-    return _table(("number", "fault", "unit", "cause", "remedy"), rows)
+    )
 
 
 PARTS: dict[str, Callable[[], str]] = {
