@@ -153,8 +153,11 @@ def _piece(struct: type[Struct]) -> Iterator[str]:
 
 
 def _reply(struct: type[Struct]) -> Iterator[str]:
-    yield f"\n**{struct.__name__}**: {_prose(struct)}\n\n"
-    yield from _told(struct)
+    names = (
+        f"`{field.name}`" + "".join(f" ({s.__name__})" for s in _structs_in(field.type))
+        for field in _info(struct).fields
+    )
+    yield f"- **{struct.__name__}**: {', '.join(names)}\n"
 
 
 def _prose(struct: type[Struct]) -> str:
@@ -169,13 +172,6 @@ def _fields(struct: type[Struct]) -> Iterator[str]:
         kind = kind.removesuffix(" or empty") if default == "empty" else kind
         default = {"": "", "empty": "; optional"}.get(default, f"; {default}")
         yield f"- `{field.name}` ({kind}{default}): {description}\n"
-
-
-def _told(struct: type[Struct]) -> Iterator[str]:
-    """A line for each field of a reply; its type is in the schema, but where it is a struct."""
-    for field in _info(struct).fields:
-        inner = ", ".join(sorted({s.__name__ for s in _structs_in(field.type)}))
-        yield f"- `{field.name}`{f' ({inner})' if inner else ''}: {_described(field.type)[1]}\n"
 
 
 def _info(struct: type[Struct]) -> types.StructType:
@@ -227,15 +223,11 @@ def _kind(kind: types.Type) -> str:
 
 
 def _bounds(kind: types.FloatType | types.IntType) -> str:
-    low = f"above {kind.gt:g}" if kind.gt is not None else "" if kind.ge is None else f"{kind.ge:g}"
-    high = (
-        f"below {kind.lt:g}" if kind.lt is not None else "" if kind.le is None else f"{kind.le:g}"
-    )
-    return (
-        f"{low} to {high}"
-        if low and high
-        else (low and f"from {low}") or (high and f"up to {high}")
-    )
+    low = f"above {kind.gt:g}" if kind.gt is not None else ""
+    low = f"{kind.ge:g}" if kind.ge is not None else low
+    high = f"below {kind.lt:g}" if kind.lt is not None else ""
+    high = f"{kind.le:g}" if kind.le is not None else high
+    return " to ".join((low, high)) if low and high else low or high
 
 
 def _union(members: Sequence[types.Type]) -> str:

@@ -27,8 +27,8 @@ _LOG = """
 One line for each use of the key of a sealed bank. Nothing may be tuned on what these lines say.
 
 """
-_MOST_ROWS = 25
-"""Longer tables are read in their file."""
+_MOST_WORDS = 200
+"""Of the first table of a result; half of it of others. Larger ones are read in their file."""
 _COLUMNS = {
     "false alarms on none": "false alarms",
     "detected at 3× the floor": "noticed at 3 floors",
@@ -50,9 +50,10 @@ def _section(result: Result) -> str:
         f"Measured {result.date} at commit {result.commit} with `{result.command}`.\n",
         *(f"{note}\n" for note in result.notes),
     ]
-    for heading, table in result.tables.items():
-        if len(table.rows) <= _MOST_ROWS:
-            parts += [*([f"**{heading}**\n"] if heading else []), markdown_table(table)]
+    for place, (heading, table) in enumerate(result.tables.items()):
+        shown = markdown_table(table)
+        if len(shown.split()) <= (_MOST_WORDS if place == 0 else _MOST_WORDS // 2):
+            parts += [*([f"**{heading}**\n"] if heading else []), shown]
     return "\n".join(parts)
 
 
@@ -67,13 +68,12 @@ def _openings(path: Path) -> Table:
                 entry["opened"],
                 entry["commit"],
                 entry["key_sha256"][:12],
-                entry["verdicts_sha256"][:12],
                 f"{entry['answered']}/{entry['cases']}",
                 *("–" if value is None else f"{value:.2f}" for value in scores),
             )
         )
-    head = ("opened (UTC)", "commit", "key", "verdicts", "answered", *_COLUMNS.values())
-    return Table(head, rows, numeric=frozenset(range(4, len(head))))
+    head = ("opened (UTC)", "commit", "key", "answered", *_COLUMNS.values())
+    return Table(head, rows, numeric=frozenset(range(3, len(head))))
 
 
 def main(arguments: list[str]) -> int:

@@ -61,21 +61,6 @@ def _frame(codec: Codec) -> str:
     return table(("quantity", "value"), rows)
 
 
-def _messages(codec: Codec) -> str:
-    rows = [
-        (
-            f"`0x{cls.info.number:02x}`",
-            f"[{wire_name(cls)}](#{wire_name(cls).lower()})" + (" ❄" if cls.info.frozen else ""),
-            str(cls.info.direction),
-            f"{codec.layout(cls).size}",
-            cls.info.pace
-            + (f" → {', '.join(map(_upper, cls.info.replies))}" if cls.info.replies else ""),
-        )
-        for cls in codec.messages
-    ]
-    return table(("number", "message", "direction", "bytes", "rate; answer"), rows)
-
-
 def _upper(name: str) -> str:
     return re.sub("(?<!^)(?=[A-Z])", "_", name).upper()
 
@@ -86,13 +71,12 @@ def _fields(codec: Codec) -> str:
 
 def _one_message(codec: Codec, cls: type[Message]) -> str:
     doc = " ".join((cls.__doc__ or "").split())
-    text = f"### {wire_name(cls)}\n\n`0x{cls.info.number:02x}`, {cls.info.direction}, "
-    text += f"{codec.layout(cls).size} bytes. {doc}\n\n"
-    offset = 0
+    replies = f" → {', '.join(map(_upper, cls.info.replies))}" if cls.info.replies else ""
+    text = f"### {wire_name(cls)}{' ❄' if cls.info.frozen else ''}\n\n`0x{cls.info.number:02x}`, "
+    text += f"{cls.info.direction}, {codec.layout(cls).size} bytes, "
+    text += f"{cls.info.pace}{replies}. {doc}\n\n"
     for field in fields_of(cls):
-        unit = f" in {field.wire.unit}" if field.wire.unit else ""
-        text += f"- {offset} `{field.name}` {_kind(field)}{unit}: {_meaning(field)}\n"
-        offset += field.size
+        text += f"- `{field.name}` {_kind(field)}: {_meaning(field)}\n"
     return text
 
 
@@ -174,7 +158,6 @@ def _numbers(codec: Codec) -> str:
 
 TABLES: dict[str, Callable[[Codec], str]] = {
     "frame": _frame,
-    "messages": _messages,
     "fields": _fields,
     "enums": _enums,
     "parameters": _parameters,

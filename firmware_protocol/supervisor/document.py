@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from firmware_protocol.enums import BoardState
+from firmware_protocol.enums import BoardState, Channel
 from firmware_protocol.supervisor.errors import DocumentError
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from firmware_protocol.supervisor.host import HOST_ROWS, host_limits
@@ -88,11 +88,20 @@ def _checks() -> str:
     for check in CHECKS:
         when = _LIMIT_NAME.sub(lambda match: shown(match[1]), check.trips_when)
         pumps = "on" if FAULT_TEXTS[check.fault].pumps else "off"
-        channels = ", ".join(channel.name for channel in check.channels)
+        channels = _CHANNELS.get(
+            frozenset(check.channels), ", ".join(channel.name for channel in check.channels)
+        )
         states = ", ".join(state.name for state in BoardState if state in check.states)
+        states = states.replace("SAFE, ARMED, HOLD, COOL, FAULT", "always")
         rows.append((check.fault.name, channels, when, _debounce(check), states, pumps))
     head = ("fault", "channels", "trips when", "for", "watched in", "pumps then")
     return _table(head, rows)
+
+
+_CHANNELS = {
+    frozenset((Channel.SPRING_X, Channel.SPRING_Y)): "springs",
+    frozenset((Channel.SPRING_X, Channel.SPRING_Y, Channel.INLET, Channel.AMBIENT)): "RTDs",
+}
 
 
 def _debounce(check: Check) -> str:

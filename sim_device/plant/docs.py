@@ -9,26 +9,22 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from sim_device.plant.effects.record import EffectParameter
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.parameters import load_parameters
 from sim_device.plant.places import BOTH, PLACES, STATES
-from sim_device.plant.units import UNITS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "physics.md"
 
 
 def parameter_table() -> str:
-    """Every entry of set A: symbol, value, range, status, meaning, and the numbered sources."""
-    lines = ["| entry | symbol | value | range | status | meaning |", "|---|---|---|---|---|---|"]
+    """Every entry of set A: symbol, value, status, meaning, and the numbered sources."""
+    lines = ["| entry | symbol | value | status | meaning |", "|---|---|---|---|---|"]
     sources: dict[str, int] = {}
     for entry in load_parameters("A").entries:
-        unit = UNITS[entry.file_unit]
-        low, high = (f"{unit.from_si(bound):.6g}" for bound in (entry.low, entry.high))
         number = sources.setdefault(entry.source, len(sources) + 1)
         lines.append(
-            f"| `{entry.name}` | {entry.symbol} | {entry.shown()} | {low} to {high} |"
-            f" {entry.status} | {entry.meaning} [{number}] |"
+            f"| `{entry.name}` | {entry.symbol} | {entry.shown()} | {entry.status} |"
+            f" {entry.meaning} [{number}] |"
         )
     cited = (f"[{number}] {source}" for source, number in sources.items())
     return "\n".join((*lines, "", "; ".join(cited) + "."))
@@ -48,23 +44,16 @@ def differences_table() -> str:
     return "\n".join(lines)
 
 
-def _described(parameter: EffectParameter) -> str:
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    if parameter.name == "y_share":
-        return "`y_share`"
-    return f"`{parameter.name}` {parameter.typical:g}{unit}"
-
-
 def effects_list() -> str:
-    """Every entry of the effect registry: subsystem, places, equation, typical parameters."""
+    """Every entry of the effect registry: subsystem, places, equation, parameters."""
     lines = []
     for entry in EFFECTS:
         needs = "; ".join(f"needs {option} {' or '.join(known)}" for option, known in entry.needs)
         places = ", ".join(f"`{name}`" for name in entry.places)
-        typical = ", ".join(_described(parameter) for parameter in entry.parameters)
+        named = ", ".join(f"`{parameter.name}`" for parameter in entry.parameters)
         lines.append(
             f"- **`{entry.name}`** ({entry.subsystem}; {places}{f'; {needs}' if needs else ''}):"
-            f" {entry.title}. {entry.equation}. Typical: {typical}"
+            f" {entry.title}. {entry.equation}. {named}"
         )
     return "\n".join(lines)
 
