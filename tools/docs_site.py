@@ -1,4 +1,4 @@
-"""Hook of mkdocs: the README as the site's first page, and links out of docs/ made plain.
+"""Hook of mkdocs: pages from outside docs/, the README first, and links to other files made plain.
 
 make site
 """
@@ -16,10 +16,20 @@ ROOT = Path(__file__).resolve().parents[1]
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
+OUTSIDE = {
+    "README.md": "index.md",
+    "examples/README.md": "examples.md",
+    "CHANGELOG.md": "changes.md",
+    "CONTRIBUTING.md": "contributing.md",
+}
+"""Files outside docs/ that are pages of the site, and their names there."""
+
+
 def on_files(files: Files, config: Any) -> Files:
-    """Add the README as index.md."""
-    text = (ROOT / "README.md").read_text().replace("](docs/", "](")
-    files.append(File.generated(config, "index.md", content=text))
+    """Add the pages from outside docs/."""
+    for source, page in OUTSIDE.items():
+        text = (ROOT / source).read_text().replace("](../docs/", "](").replace("](docs/", "](")
+        files.append(File.generated(config, page, content=text))
     return files
 
 
@@ -32,8 +42,8 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
         if "://" in target or target.startswith("mailto:"):
             return link[0]
         path = posixpath.normpath(posixpath.join(folder, target))
-        if path == "../README.md":
-            return f"[{text}]({posixpath.relpath('index.md', folder or '.')}{anchor or ''})"
+        if (inside := OUTSIDE.get(path.removeprefix("../"))) is not None and not picture:
+            return f"[{text}]({posixpath.relpath(inside, folder or '.')}{anchor or ''})"
         return link[0] if files.get_file_from_path(path) is not None or picture else text
 
     return _LINK.sub(kept, markdown)
