@@ -1,7 +1,7 @@
 """Whether a run log is still being written: its writer holds a lock on it until it ends or dies.
 
-Without the lock, a log that grows and one that a crash cut look the same. Windows has none: logs are
-read there, and none is recorded.
+Without the lock, a log that grows and one that a crash cut look the same. Windows has none: there
+logs are read, and none is recorded.
 """
 
 from __future__ import annotations
