@@ -19,6 +19,8 @@ _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 OUTSIDE = {
     "README.md": "index.md",
     "examples/README.md": "examples.md",
+    "evaluation/README.md": "evaluation.md",
+    "evaluation/results/README.md": "results.md",
     "CHANGELOG.md": "changes.md",
     "CONTRIBUTING.md": "contributing.md",
 }
@@ -26,9 +28,19 @@ OUTSIDE = {
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages from outside docs/."""
+    """Add the pages from outside docs/, their links as from the folder of the site."""
     for source, page in OUTSIDE.items():
-        text = (ROOT / source).read_text().replace("](../docs/", "](").replace("](docs/", "](")
+        folder = posixpath.dirname(source)
+
+        def moved(link: re.Match[str], folder: str = folder) -> str:
+            picture, text, target, anchor = link.groups()
+            if "://" in target:
+                return link[0]
+            path = posixpath.normpath(posixpath.join(folder, target))
+            path = OUTSIDE.get(path, posixpath.relpath(path, "docs"))
+            return f"{picture}[{text}]({path}{anchor or ''})"
+
+        text = _LINK.sub(moved, (ROOT / source).read_text())
         files.append(File.generated(config, page, content=text))
     return files
 

@@ -1,4 +1,4 @@
-"""`docs/results.md` from the kept results and the log of openings.
+"""`README.md` of this folder from the kept results and the log of openings.
 
 python -m evaluation.results.page [--check]
 """
@@ -12,13 +12,13 @@ from pathlib import Path
 from evaluation.results.record import FOLDER, Result, kept
 from smad.report.page import Table, markdown_table
 
-PAGE = Path(__file__).parents[2] / "docs" / "results.md"
+PAGE = Path(__file__).parent / "README.md"
 OPENINGS = FOLDER / "openings.jsonl"
 _HEAD = """# Results of the evaluation
 
 Made by `python -m evaluation results` from `evaluation/results`, which also has the tables that
 are too long for a page. How the cases are made, what a floor is and what each row counts is in
-[the withheld check](withheld.md). Every figure is about the independent plant's family of simulated
+[the evaluation](../README.md). Every figure is about the independent plant's family of simulated
 benches, until a real bench says otherwise.
 """
 _LOG = """
@@ -28,7 +28,7 @@ One line for each use of the key of a sealed bank. Nothing may be tuned on what 
 
 """
 _MOST_WORDS = 200
-"""Of the first table of a result; half of it of others. Larger ones are read in their file."""
+"""A larger first table is read in its file, as all others are."""
 _COLUMNS = {
     "false alarms on none": "false alarms",
     "detected at 3× the floor": "noticed at 3 floors",
@@ -50,10 +50,10 @@ def _section(result: Result) -> str:
         f"Measured {result.date} at commit {result.commit} with `{result.command}`.\n",
         *(f"{note}\n" for note in result.notes),
     ]
-    for place, (heading, table) in enumerate(result.tables.items()):
-        shown = markdown_table(table)
-        if len(shown.split()) <= (_MOST_WORDS if place == 0 else _MOST_WORDS // 2):
-            parts += [*([f"**{heading}**\n"] if heading else []), shown]
+    heading, first = next(iter(result.tables.items()))
+    shown = markdown_table(first)
+    if len(shown.split()) <= _MOST_WORDS:
+        parts += [*([f"**{heading}**\n"] if heading else []), shown]
     return "\n".join(parts)
 
 

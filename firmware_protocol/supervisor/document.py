@@ -73,14 +73,9 @@ def _diagram() -> str:
 
 
 def _states() -> str:
-    rows = []
-    for state in BoardState:
-        leaves = "; ".join(
-            f"{TRIGGER_MEANING[trigger]} → {following.name}"
-            for trigger, following in TRANSITIONS[state].items()
-        )
-        rows.append((state.name, STATE_MEANING[state], leaves or "power cycle only"))
-    return _table(("state", "what it does", "leaves when"), rows)
+    return _table(
+        ("state", "what it does"), [(state.name, STATE_MEANING[state]) for state in BoardState]
+    )
 
 
 def _checks() -> str:

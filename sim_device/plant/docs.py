@@ -45,15 +45,14 @@ def differences_table() -> str:
 
 
 def effects_list() -> str:
-    """Every entry of the effect registry: subsystem, places, equation, parameters."""
+    """Every entry of the effect registry: subsystem, places, equation."""
     lines = []
     for entry in EFFECTS:
         needs = "; ".join(f"needs {option} {' or '.join(known)}" for option, known in entry.needs)
         places = ", ".join(f"`{name}`" for name in entry.places)
-        named = ", ".join(f"`{parameter.name}`" for parameter in entry.parameters)
         lines.append(
             f"- **`{entry.name}`** ({entry.subsystem}; {places}{f'; {needs}' if needs else ''}):"
-            f" {entry.title}. {entry.equation}. {named}"
+            f" {entry.title}. {entry.equation}"
         )
     return "\n".join(lines)
 

@@ -9,6 +9,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
     *sorted(ROOT.glob("*.md")),
     ROOT / "examples/README.md",
+    ROOT / "evaluation/README.md",
+    ROOT / "evaluation/results/README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 WORDS_A_MINUTE = 250
