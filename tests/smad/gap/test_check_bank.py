@@ -167,7 +167,7 @@ def _refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 @pytest.mark.parametrize(
     ("changes", "parts"),
     [
-        ({"format": "smad-bank-9"}, ("smad-bank-9", "allowed: smad-bank-1", "guide/check-your-own-bank")),
+        ({"format": "smad-bank-9"}, ("smad-bank-9", "allowed: smad-bank-1", "check-your-own-bank")),
         ({"cases": []}, ("no cases", "got 0")),
         ({"cases": [{"id": "a", "question": "why", "runs": []}]}, ("question", "why")),
         ({"cases": [{"id": "a", "question": "differs", "runs": []}]}, ("no run to fit on",)),
