@@ -16,15 +16,15 @@ from sim_device.plant.places import BOTH, PLACES, STATES
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "physics.md"
 
 
-def parameter_table() -> str:
+def parameter_list() -> str:
     """Every entry of set A: symbol, value, status, meaning, and the numbered sources."""
-    lines = ["| entry | symbol | value | status | meaning |", "|---|---|---|---|---|"]
+    lines = []
     sources: dict[str, int] = {}
     for entry in load_parameters("A").entries:
         number = sources.setdefault(entry.source, len(sources) + 1)
         lines.append(
-            f"| `{entry.name}` | {entry.symbol} | {entry.shown()} | {entry.status} |"
-            f" {entry.meaning} [{number}] |"
+            f"- `{entry.name}` {entry.symbol} = {entry.shown()} ({entry.status}):"
+            f" {entry.meaning} [{number}]"
         )
     cited = (f"[{number}] {source}" for source, number in sources.items())
     return "\n".join((*lines, "", "; ".join(cited) + "."))
@@ -81,7 +81,7 @@ def states_list() -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    "parameters": parameter_table,
+    "parameters": parameter_list,
     "differences": differences_table,
     "effects": effects_list,
     "places": places_table,
