@@ -11,7 +11,8 @@ from .bench import running_bench
 from .pages import Block, Page, read_page
 
 ROOT = Path(__file__).resolve().parents[2]
-SHOWN = [ROOT / "README.md", ROOT / "evaluation/README.md", *(ROOT / "docs").rglob("*.md")]
+OUTSIDE = ("README.md", "evaluation/README.md", "examples/README.md")
+SHOWN = [*(ROOT / page for page in OUTSIDE), *(ROOT / "docs").rglob("*.md")]
 PAGES = sorted(path for path in SHOWN if read_page(path).blocks)
 
 # Why a command may go unrun, and what stands in for it. A reason outside this list fails.
