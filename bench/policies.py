@@ -1,25 +1,30 @@
 """What a diagnosis is worth to who trains in simulation: policies trained on four simulators, tried
 on benches that none of them has seen.
 
-`python -m bench.policies` prints the table of docs/guide/envs.md. Each bench differs from the
-simulator in parameters and by one effect; its runs are diagnosed, and the model file of that is one
-of the simulators. No figure is chosen: every bench and every seed of the search counts.
+`python -m bench.policies` prints the table of docs/guide/envs.md. The benches are those of the
+withheld check's plant, which shares no code with the simulator: its constants differ from bench to
+bench, and each has one effect. Its recorded runs are diagnosed as a user's would be, and the model
+file of that is one of the simulators. No figure is chosen: every bench and every seed counts.
 """
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 import numpy as np
 import numpy.typing as npt
 
-from bench.controls import FAMILIES
+from bench.independent import IndependentPairs
 from sim_device.plant.effects.registry import effect
 from sim_device.plant.models import read_model
 from sim_device.plant.parameters import load_parameters
@@ -27,42 +32,52 @@ from smad.envs.search import Search, tracking_error_mm
 from smad.envs.vector import SpringPairVectorEnv
 from smad.gap.apply import apply
 from smad.gap.diagnose import diagnose
-from smad.gap.plant import ModelPoint
 from smad.gap.sma import SmaPlant
-from smad.gap.sma.recorded import recorded
+from smad.gap.sma.signals import table_run
+from tests.withheld import files
+from tests.withheld.excitation import FOR_FITTING
+from tests.withheld.plant import effects as withheld
+from tests.withheld.plant.parameters import Bench, another_bench
+from tests.withheld.recorder import record
 
 Array = npt.NDArray[np.float64]
-EPISODE_S, TRIED = 12.0, 64
-EFFECTS = (("driver_gain", -1.5), ("rtd_lag", 1.5), ("tube_friction", 1.5))
-"""Of the benches in turn: the effect and its level, in typical ones."""
+Made = TypeVar("Made")
+EPISODE_S, TRIED, RUNS = 12.0, 64, 4
+EFFECTS = (("driver_gain", -0.5), ("rtd_lag", 0.5), ("tube_friction", 0.5))
+"""Of the benches in turn: the effect, and its share of the most that the check ever uses."""
 SIMULATORS = ("wrong simulator", "ranges by hand", "diagnosed posterior", "the bench itself")
 _SHARES = {"film_scale": 0.4, "flow_max": 0.3, "heat_capacity_heating": 0.1}
 _SHIFT_K = 2.0
 
 
 @dataclass(frozen=True)
-class Bench:
-    """A bench that is withheld, and what it is."""
+class Withheld:
+    """A bench of the independent plant, and its effect."""
 
-    name: str
-    point: ModelPoint
+    number: int
+    bench: Bench
+    active: withheld.Active
+
+    @property
+    def name(self) -> str:
+        return f"{self.number} ({self.active.name})"
+
+    def env(self, size: int) -> IndependentPairs:
+        """Episodes on it."""
+        return IndependentPairs(size, self.bench, (self.active,), episode_s=EPISODE_S)
 
 
-def benches(count: int) -> Iterator[Bench]:
+def benches(count: int) -> Iterator[Withheld]:
     """Benches, each from its number."""
-    a = load_parameters("A")
-    for number in range(count):
-        rng = np.random.default_rng([number, 46])
-        theta = {n: a[n] * (1.0 + rng.uniform(-s, s)) for n, s in _SHARES.items()}
-        shift = rng.uniform(-_SHIFT_K, _SHIFT_K)
-        theta |= {n: a[n] + shift for n in ("martensite_start", "martensite_finish")}
-        name, level = EFFECTS[number % len(EFFECTS)]
-        yield Bench(f"{number + 1} ({name})", ModelPoint(theta, {name: effect(name).at(level)}))
+    for at in range(count):
+        name, share = EFFECTS[at % len(EFFECTS)]
+        active = withheld.Active(name, share * withheld.BY_NAME[name].limit)
+        yield Withheld(at + 1, another_bench(np.random.default_rng([at, 46])), active)
 
 
 def ranges_by_hand() -> dict[str, tuple[float, float]]:
-    """What somebody may vary who knows the simulator and not the bench: of each effect above both
-    signs or up to twice the typical, and of each parameter what the benches are drawn from."""
+    """What somebody may vary who knows the simulator and not the bench: parameters by a share that
+    is usual, and of each effect above both signs or up to twice the typical."""
     a = load_parameters("A")
     ranges = {f"parameters.{n}": (a[n] * (1.0 - s), a[n] * (1.0 + s)) for n, s in _SHARES.items()}
     for name in ("martensite_start", "martensite_finish"):
@@ -75,36 +90,37 @@ def ranges_by_hand() -> dict[str, tuple[float, float]]:
     return ranges
 
 
-def diagnosed(bench: Bench, path: Path) -> str:
+def diagnosed(bench: Withheld, path: Path) -> str:
     """Write the model file of a diagnosis of the bench's runs, unless it is there already; returns
     the verdict."""
-    if path.exists():
-        return read_model(path).note
-    plant = SmaPlant()
-    runs = [recorded(f, plant, bench.point, i) for i, f in enumerate(FAMILIES)]
-    found = diagnose(runs, plant=plant)
-    apply(found, plant, path)
-    return found.verdict.plain
+    if not path.exists():
+        runs = []
+        for at, family in enumerate(FOR_FITTING[:RUNS]):
+            made = record(bench.bench, (bench.active,), family, 100 * bench.number + at, number=at)
+            table = path.with_name(f"{bench.number}-{family}.parquet")
+            files.write_run(table, made.log)
+            runs.append(table_run(family, table))
+        plant = SmaPlant()
+        apply(diagnose(runs, plant=plant), plant, path)
+    return read_model(path).note
 
 
-def trained(search: Search, seed: int, **simulator: Any) -> Array:
-    """The weights that a search in a simulator ends with."""
-    env = _env(search.num_envs, **simulator)
-    weights = search.run(env, seed)
-    env.close()
-    return weights
+def trained(search: Search, simulator: Mapping[str, Any], seed: int) -> list[float]:
+    """The weights that a search in one of our simulators ends with."""
+    env = SpringPairVectorEnv(
+        search.num_envs, action="demand", episode_s=EPISODE_S, threads=1, **simulator
+    )
+    return list(search.run(env, seed))
 
 
-def tried(weights: Array, model: Path) -> float:
+def trained_on(search: Search, bench: Withheld, seed: int) -> list[float]:
+    """The weights that a search on the bench itself ends with."""
+    return list(search.run(bench.env(search.num_envs), seed))
+
+
+def tried(weights: Array, bench: Withheld) -> float:
     """Mean distance from the reference on a bench, mm, over episodes that are always the same."""
-    env = _env(TRIED, model=model)
-    error = float(tracking_error_mm(env, weights, 10_000).mean())
-    env.close()
-    return error
-
-
-def _env(size: int, **options: Any) -> SpringPairVectorEnv:
-    return SpringPairVectorEnv(size, action="demand", episode_s=EPISODE_S, **options)
+    return float(tracking_error_mm(bench.env(TRIED), weights, 10_000).mean())
 
 
 def line(name: str, values: Mapping[str, list[float]]) -> str:
@@ -116,48 +132,76 @@ def line(name: str, values: Mapping[str, list[float]]) -> str:
     return f"{name:20}{''.join(cells)}"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """What is measured, and where it is kept: what is there already is not made again."""
+
+    search: Search
+    seeds: int
+    folder: Path
+    pool: Executor
+
+    def _kept(self, name: str, make: Callable[[], Made]) -> Made:
+        path = self.folder / f"{name}-{self.seeds}x{self.search.generations}.json"
+        if not path.exists():
+            path.write_text(json.dumps(make()))
+        kept: Made = json.loads(path.read_text())
+        return kept
+
+    def _searches(self, name: str, train: Callable[[int], list[float]]) -> list[list[float]]:
+        return self._kept(name, lambda: list(self.pool.map(train, range(self.seeds))))
+
+    def in_simulator(self, name: str, **simulator: Any) -> list[list[float]]:
+        """Weights of every search in a simulator of ours."""
+        return self._searches(name, partial(trained, self.search, simulator))
+
+    def errors(self, bench: Withheld) -> dict[str, list[float]]:
+        """Errors on a bench of every search in each of SIMULATORS, mm."""
+        better = self.folder / f"{bench.number}-better.toml"
+        diagnosed(bench, better)
+        policies = (
+            self.in_simulator("wrong"),
+            self.in_simulator("by-hand", randomise=ranges_by_hand()),
+            self.in_simulator(f"{bench.number}-posterior", model=better, randomise="posterior"),
+            self._searches(f"{bench.number}-itself", partial(trained_on, self.search, bench)),
+        )
+        return {
+            name: [tried(np.array(one), bench) for one in weights]
+            for name, weights in zip(SIMULATORS, policies, strict=True)
+        }
+
+    def lines(self, count: int) -> Iterator[str]:
+        """The table, a line a bench."""
+        everywhere: dict[str, list[float]] = {name: [] for name in SIMULATORS}
+        yield f"{'bench':20}{''.join(f'{name:>18}' for name in SIMULATORS)}"
+        for bench in benches(count):
+            errors = self.errors(bench)
+            for name, values in errors.items():
+                everywhere[name] += values
+            yield line(bench.name, errors)
+            yield f"    diagnosis: {diagnosed(bench, self.folder / f'{bench.number}-better.toml')}"
+        yield line("all", everywhere)
+
+
 @click.command()
 @click.option("--benches", "count", default=3, show_default=True)
-@click.option("--seeds", default=3, show_default=True, help="Searches in each simulator.")
+@click.option("--seeds", default=4, show_default=True, help="Searches in each simulator.")
 @click.option("--generations", default=10, show_default=True)
-@click.option("--folder", type=click.Path(path_type=Path), help="Keep the diagnosed models here.")
+@click.option("--folder", type=click.Path(path_type=Path),
+              help="Keep what was found here; broken off, the command goes on there.")  # fmt: skip
 def main(count: int, seeds: int, generations: int, folder: Path | None) -> None:
     """Train, try, and print mean distance from the reference in mm."""
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        return _table(count, Search(generations=generations), seeds, folder)
-    with TemporaryDirectory() as made:
-        return _table(count, Search(generations=generations), seeds, Path(made))
-
-
-def _table(count: int, search: Search, seeds: int, folder: Path) -> None:
     begun_s = time.perf_counter()
-    everywhere: dict[str, list[float]] = {name: [] for name in SIMULATORS}
-    alike = {
-        "wrong simulator": [trained(search, seed) for seed in range(seeds)],
-        "ranges by hand": [
-            trained(search, seed, randomise=ranges_by_hand()) for seed in range(seeds)
-        ],
-    }
-    print(f"{'bench':20}{''.join(f'{name:>18}' for name in SIMULATORS)}", flush=True)
-    for bench in benches(count):
-        own, better = (folder / f"{bench.name[0]}-{n}.toml" for n in ("own", "better"))
-        SmaPlant().save_model(bench.point, own, "")
-        verdict = diagnosed(bench, better)
-        policies = alike | {
-            "diagnosed posterior": [
-                trained(search, seed, model=better, randomise="posterior") for seed in range(seeds)
-            ],
-            "the bench itself": [trained(search, seed, model=own) for seed in range(seeds)],
-        }
-        errors = {n: [tried(w, own) for w in policies[n]] for n in SIMULATORS}
-        for name, values in errors.items():
-            everywhere[name] += values
-        print(line(bench.name, errors), flush=True)
-        print(f"    diagnosis: {verdict}", flush=True)
-    print(line("all", everywhere))
+    with TemporaryDirectory() as made, ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        place = Path(made) if folder is None else folder
+        place.mkdir(parents=True, exist_ok=True)
+        table = Table(
+            search=Search(generations=generations), seeds=seeds, folder=place, pool=pool
+        )  # fmt: skip
+        for one in table.lines(count):
+            print(one, flush=True)
     print(f"mm, mean ± standard deviation over seeds (all: over benches and seeds); {seeds} seeds,")
-    print(f"{search.generations} generations; {time.perf_counter() - begun_s:.0f} s")
+    print(f"{generations} generations; {time.perf_counter() - begun_s:.0f} s")
 
 
 if __name__ == "__main__":
