@@ -53,8 +53,9 @@ def _advance(
 class IndependentPairs:
     """`num_envs` episodes of one bench, as `smad.envs.search` takes them; action "demand".
 
-    Each episode has a day of its own: parameters that no log tells, room and water. An episode that
-    the board ends counts as in `smad.envs.episodes`.
+    Each episode has a day of its own (`days`): parameters that no log tells, room and water.
+    `inputs` are those of the last sample. An episode that the board ends counts as in
+    `smad.envs.episodes`.
     """
 
     def __init__(
@@ -70,9 +71,9 @@ class IndependentPairs:
         self._boards, self._at = Boards(self.num_envs), 0
         self._rng = np.random.default_rng(list(seed))
         begun = [self._begun(np.random.default_rng(one)) for one in seed]
-        parameters, inputs, wanted, states = zip(*begun, strict=True)
-        self._parameters, self._inputs = np.array(parameters), np.array(inputs)
-        self._references = np.array(wanted)
+        self.days, inputs, wanted, states = zip(*begun, strict=True)
+        self.inputs, self._references = np.array(inputs), np.array(wanted)
+        self._parameters = np.array([day.vector() for day in self.days])
         cells, side, pair, ring, rows, heat, scratch = (
             np.array(part) for part in zip(*states, strict=True)
         )
@@ -82,18 +83,18 @@ class IndependentPairs:
         self._pass()
         return self._observed(), {}
 
-    def _begun(self, rng: np.random.Generator) -> tuple[Array, Array, Array, tuple[Array, ...]]:
+    def _begun(self, rng: np.random.Generator) -> tuple[Bench, Array, Array, tuple[Array, ...]]:
         wanted = references.drawn("sines", rng, self._times)
         day = today(rng, self._bench)
         row = np.zeros(len(INPUTS))
         row[INLET], row[AMBIENT] = _WATER_DEGC + rng.normal(0.0, (0.5, 1.0))
         state = at_rest(day, self._effects, water_degC=row[INLET], ambient_degC=row[AMBIENT])
-        return day.vector(), row, wanted, state.arrays()
+        return day, row, wanted, state.arrays()
 
     def _pass(self) -> None:
         """Let a sample pass, and read the sensors: as `wire_board.Surroundings`, for all."""
-        self._inputs[:, LUCK_X:] = self._rng.uniform(size=(self.num_envs, 2))
-        _advance(self._parameters, self._effects, self._inputs, DT_S, *self._plants, self._out)
+        self.inputs[:, LUCK_X:] = self._rng.uniform(size=(self.num_envs, 2))
+        _advance(self._parameters, self._effects, self.inputs, DT_S, *self._plants, self._out)
         keep = np.exp(-DT_S / COLOUR_s)
         fresh, white = self._rng.standard_normal((2, self.num_envs, len(READINGS)))
         self._coloured = keep * self._coloured + np.sqrt(1.0 - keep**2) * COLOURED * fresh
@@ -109,8 +110,8 @@ class IndependentPairs:
         """One sample of all. What comes after an end is of no use until the next reset."""
         every = np.ones(self.num_envs, dtype=np.bool_)
         wanted = signals.driven("demand", actions, self.num_envs)
-        self._inputs[:, :2] = self._boards.regulate(wanted[:, :2], _DT_US, every)
-        self._inputs[:, 2:4] = wanted[:, 2:]
+        self.inputs[:, :2] = self._boards.regulate(wanted[:, :2], _DT_US, every)
+        self.inputs[:, 2:4] = wanted[:, 2:]
         self._at += 1
         self._pass()
         seen = self._observed()
