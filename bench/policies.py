@@ -42,7 +42,8 @@ from tests.withheld.recorder import record
 
 Array = npt.NDArray[np.float64]
 Made = TypeVar("Made")
-EPISODE_S, TRIED, RUNS = 12.0, 64, 4
+EPISODE_S, TRIED = 12.0, 64
+RUNS, RUN_S = 3, 40.0
 EFFECTS = (("driver_gain", -0.5), ("rtd_lag", 0.5), ("tube_friction", 0.5))
 """Of the benches in turn: the effect, and its share of the most that the check ever uses."""
 SIMULATORS = ("wrong simulator", "ranges by hand", "diagnosed posterior", "the bench itself")
@@ -96,7 +97,8 @@ def diagnosed(bench: Withheld, path: Path) -> str:
     if not path.exists():
         runs = []
         for at, family in enumerate(FOR_FITTING[:RUNS]):
-            made = record(bench.bench, (bench.active,), family, 100 * bench.number + at, number=at)
+            seed = 100 * bench.number + at
+            made = record(bench.bench, (bench.active,), family, seed, seconds=RUN_S, number=at)
             table = path.with_name(f"{bench.number}-{family}.parquet")
             files.write_run(table, made.log)
             runs.append(table_run(family, table))
@@ -185,7 +187,7 @@ class Table:
 
 @click.command()
 @click.option("--benches", "count", default=3, show_default=True)
-@click.option("--seeds", default=4, show_default=True, help="Searches in each simulator.")
+@click.option("--seeds", default=5, show_default=True, help="Searches in each simulator.")
 @click.option("--generations", default=10, show_default=True)
 @click.option("--folder", type=click.Path(path_type=Path),
               help="Keep what was found here; broken off, the command goes on there.")  # fmt: skip

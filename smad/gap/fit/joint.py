@@ -172,8 +172,13 @@ def polished(fit: FitResult) -> FitResult:
     )
 
 
-def bootstrap(fit: FitResult, draws: int, seed: int) -> Array:
-    """One-step estimates on resampled runs and blocks; shape (draws, coordinates)."""
+def bootstrap(fit: FitResult, draws: int, seed: int, *, prior: bool = False) -> Array:
+    """One-step estimates on resampled runs and blocks; shape (draws, coordinates).
+
+    That is how far the runs scatter an estimate. What they do not tell stays where the prior has
+    it, in every draw. With `prior` its mean is drawn from it each time (randomised maximum
+    likelihood, Oliver 1996): the draws then are a posterior, as wide as the prior there.
+    """
     H, g = fit.normal_equations()
     ev = fit.problem.dataset
     rng = np.random.default_rng(seed)
@@ -183,6 +188,8 @@ def bootstrap(fit: FitResult, draws: int, seed: int) -> Array:
     k = fit.space.size
     Hs = (weights @ H.reshape(len(H), -1)).reshape(draws, k, k) + precision
     gs = (weights - 1.0) @ g
+    if prior:
+        gs += rng.standard_normal((draws, k)) @ np.linalg.cholesky(precision).T
     return np.array(
         [fit.p + solve_box(a, b, lo - fit.p, hi - fit.p) for a, b in zip(Hs, gs, strict=True)]
     )

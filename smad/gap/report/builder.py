@@ -219,7 +219,7 @@ class Closing:
         opened, shown = self._open_loop(answer)
         verdict = self._verdict(answer, place, text, self._plain(answer, budget), opened[-1])
         predictions = [j.predicted for j in (prepared.raw, refit, *(c.judged for c in self.chain))]
-        draws = bootstrap(answer.final.fit, DRAWS, prepared.settings.seed)
+        draws = bootstrap(answer.final.fit, DRAWS, prepared.settings.seed, prior=True)
         return shell.record(
             verdict,
             missing=sorted(set(prepared.problem.dataset.missing)),
