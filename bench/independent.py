@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from evaluation.bank.recorder import COLOURED, STEPS, WHITE, COLOUR_s, today
+from evaluation.plant.compiled import compiled
+from evaluation.plant.effects import Active, magnitudes
+from evaluation.plant.kernel import at_rest, tick
+from evaluation.plant.layout import AMBIENT, COLUMNS, INLET, INPUTS, LUCK_X, READINGS
+from evaluation.plant.parameters import Bench
 from smad.envs import references, signals
 from smad.envs.board import Boards
-from tests.withheld.plant.compiled import compiled
-from tests.withheld.plant.effects import Active, magnitudes
-from tests.withheld.plant.kernel import at_rest, tick
-from tests.withheld.plant.layout import AMBIENT, COLUMNS, INLET, INPUTS, LUCK_X, READINGS
-from tests.withheld.plant.parameters import Bench
-from tests.withheld.recorder import COLOURED, STEPS, WHITE, COLOUR_s, today
 
 Array = npt.NDArray[np.float64]
 DT_S = 0.01

@@ -25,6 +25,11 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.independent import IndependentPairs
+from evaluation.bank import files
+from evaluation.bank.excitation import FOR_FITTING
+from evaluation.bank.recorder import record
+from evaluation.plant import effects as withheld
+from evaluation.plant.parameters import Bench, another_bench
 from sim_device.plant.effects.registry import effect
 from sim_device.plant.models import read_model
 from sim_device.plant.parameters import load_parameters
@@ -34,11 +39,6 @@ from smad.gap.apply import apply
 from smad.gap.diagnose import diagnose
 from smad.gap.sma import SmaPlant
 from smad.gap.sma.signals import table_run
-from tests.withheld import files
-from tests.withheld.excitation import FOR_FITTING
-from tests.withheld.plant import effects as withheld
-from tests.withheld.plant.parameters import Bench, another_bench
-from tests.withheld.recorder import record
 
 Array = npt.NDArray[np.float64]
 Made = TypeVar("Made")

@@ -12,13 +12,13 @@ import pytest
 
 from bench.independent import DT_S, IndependentPairs
 from bench.policies import EFFECTS, Table, benches, ranges_by_hand
+from evaluation.plant.effects import magnitudes
+from evaluation.plant.kernel import simulate
+from evaluation.plant.parameters import Bench
 from sim_device.plant.draws import draw_between
 from smad.envs.models import model_of
 from smad.envs.pair import observation_space
 from smad.envs.search import START, Search, act, tracking_error_mm
-from tests.withheld.plant.effects import magnitudes
-from tests.withheld.plant.kernel import simulate
-from tests.withheld.plant.parameters import Bench
 
 HEAT_X = np.array([[1.0, 0.0, 0.5], [0.3, 0.0, 0.0]], dtype=np.float32)
 
