@@ -1,7 +1,7 @@
-"""The independent plant of the withheld check as environments, for policies to be tried on.
+"""The independent plant of the evaluation as environments, for policies to be tried on.
 
 What a policy sees and does, the board's limits and the reward are those of `smad.envs`; the plant,
-its days and the noise of its sensors are the check's, which shares no code with our simulator.
+its days and the noise of its sensors are the evaluation's, which shares no code with our simulator.
 """
 
 # Compiled functions take arrays one by one, not objects.

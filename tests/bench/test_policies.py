@@ -1,4 +1,4 @@
-"""The benches of the policies' table are the withheld check's plant, seen as an environment."""
+"""The benches of the policies' table are the evaluation's plant, seen as an environment."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def pairs(size: int = 2) -> IndependentPairs:
     return IndependentPairs(size, bench.bench, (bench.active,), episode_s=4.0)
 
 
-def test_an_episode_is_a_run_of_the_withheld_plant() -> None:
+def test_an_episode_is_a_run_of_the_evaluations_plant() -> None:
     env = pairs()
     seen, _ = env.reset(seed=[1, 2])
     given, shown = [env.inputs.copy()], [seen]
@@ -77,10 +77,11 @@ def test_the_ranges_by_hand_can_be_drawn_from() -> None:
 
 
 class Never(Executor):
-    """A pool that may not be asked."""
+    """A pool that may not be asked for more."""
 
-    def map(self, *_: Any, **__: Any) -> Any:
-        raise AssertionError("searched again")
+    def map(self, fn: Any, *iterables: Any, **_: Any) -> Any:
+        assert not any(iterables), "searched again"
+        return iter(())
 
 
 def test_a_search_that_was_made_is_found_again(tmp_path: Path) -> None:
@@ -88,11 +89,11 @@ def test_a_search_that_was_made_is_found_again(tmp_path: Path) -> None:
 
     def weights(pool: Executor) -> Sequence[Sequence[float]]:
         table = Table(search=search, seeds=2, folder=tmp_path, pool=pool)
-        return table.in_simulator("wrong")
+        return table.searched("wrong")
 
     with ThreadPoolExecutor(1) as pool:
         found = weights(pool)
     assert weights(Never()) == found
     assert np.shape(found) == (2, len(START))
     with pytest.raises(AssertionError, match="searched again"):
-        Table(search=search, seeds=3, folder=tmp_path, pool=Never()).in_simulator("wrong")
+        Table(search=search, seeds=3, folder=tmp_path, pool=Never()).searched("wrong")
