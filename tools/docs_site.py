@@ -22,6 +22,8 @@ ROOT = Path(__file__).resolve().parents[1]
 OUTSIDE = {
     "README.md": "index.md",
     "examples/README.md": "examples.md",
+    "evaluation/README.md": "evaluation.md",
+    "evaluation/results/README.md": "results.md",
     "CHANGELOG.md": "changes.md",
     "CONTRIBUTING.md": "contributing.md",
 }
