@@ -21,6 +21,9 @@ EVENTS = 12
 MODES = {int(state): state.name for state in BoardState}
 """The board's states by the number that a sample carries."""
 
+NO_WORD = "UNKNOWN"
+"""What the status says in place of a state while nothing comes from the board."""
+
 MODE_MEANS: Mapping[str, str] = {
     "BOOT": "the board is starting",
     "SAFE": "no current can flow; it can be armed",
@@ -29,6 +32,7 @@ MODE_MEANS: Mapping[str, str] = {
     "COOL": "disarmed; water runs until the springs are cold",
     "FAULT": "a fault stopped it",
     "ESTOP": "stopped until its power is cycled",
+    NO_WORD: "no word from the board",
 }
 
 
