@@ -45,6 +45,7 @@ _REFRESH_S = 1.2
 """The percentiles are worked out once a second."""
 _MOTION = Sine(amplitude_mm=2.0, period_s=7.0, cycles=1000)
 FIGURES = ("p50_us", "p99_us", "p999_us")
+_COUNTED = {"lost": "samples lost", "refused": "setpoints refused"}
 
 
 class Browser:
@@ -144,7 +145,10 @@ def stretch(client: Client, seconds: float) -> dict[str, float]:
     after = client.status()
     age = after.timing.setpoint_age
     lost = after.counts.missed + after.counts.skipped - before.missed - before.skipped
-    return {**{name: getattr(age, name) for name in FIGURES}, "lost": float(lost)}
+    refused = after.counts.setpoints_refused - before.setpoints_refused
+    # Of a refused setpoint there is no age.
+    more = {"lost": float(lost), "refused": float(refused)}
+    return {**{name: getattr(age, name) for name in FIGURES}, **more}
 
 
 def measure(
@@ -186,12 +190,12 @@ def main(pairs: int, seconds: float, rate: str, reader: str) -> None:
         with running_daemon(folder, rate_hz=int(rate)):
             closed, opened = measure(folder, pairs, seconds, plain=plain)
     rows = []
-    for figure in (*FIGURES, "lost"):
+    for figure in (*FIGURES, *_COUNTED):
         without, with_page = [one[figure] for one in closed], [one[figure] for one in opened]
         differences = [b - a for a, b in zip(without, with_page, strict=True)]
         rows.append(
             (
-                f"setpoint age {figure}" if figure in FIGURES else "samples lost",
+                _COUNTED.get(figure, f"setpoint age {figure}"),
                 f"{statistics.median(without):.0f}",
                 f"{statistics.median(with_page):.0f}",
                 f"{statistics.median(differences):+.0f}",

@@ -73,6 +73,7 @@ class Shown(Struct, frozen=True, kw_only=True):
     link: str
     rate_hz: int
     setpoint_age_p99_ms: float | None
+    setpoints_refused: int
     missed: int
     events: tuple[api.Entry, ...]
     conditions: tuple[Condition, ...]
@@ -100,6 +101,7 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
         link=status.link.state,
         rate_hz=status.link.rate_hz,
         setpoint_age_p99_ms=round(age.p99_us / 1e3, 2) if age.count else None,
+        setpoints_refused=status.counts.setpoints_refused,
         missed=status.counts.missed,
         events=status.events[-EVENTS:],
         conditions=tuple(conditions(status, params, off_current_mA)),

@@ -37,11 +37,7 @@ def agreement_of(fits: Sequence[FitResult], answer: FitResult, raw: Array) -> li
     count = len(ev.runs)
     gains = [float(np.mean(gained[ev.cell_run == k])) for k in range(count)]
     apart = set[int]()
-    if (
-        count > 1
-        and float(gained.sum()) > 0.0
-        and any(_disagrees(ev, gained, k) for k in range(count))
-    ):
+    if count > 1 and any(_disagrees(ev, gained, k) for k in range(count)):
         apart = best.apart()
     squares = np.square(problem.scaled(raw))
     return [
