@@ -12,7 +12,7 @@ from smad.gap.records import Diagnosis, Outcome
 from smad.gap.report import Asked, summary_lines
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, without
 from tests.smad.gap.contradicting import apart, counted, mixed
-from tests.smad.gap.coverage import covered
+from tests.smad.gap.coverage import PLANTS, covered
 
 
 @pytest.mark.parametrize("effect", ["sensor_lag", "backlash", "dial_delay", "sticky_fan"])
@@ -32,7 +32,7 @@ def test_a_run_with_an_effect_that_three_others_lack_is_named(effect: str) -> No
 
 @pytest.mark.parametrize(
     ("effect", "count", "seed"),
-    [("coupling", 3, 200), ("backlash", 3, 200), ("sticky_fan", 1, 100)],
+    [("coupling", 3, 200), ("backlash", 3, 200), ("dial_delay", 3, 200)],
 )
 def test_a_run_contradicts_also_where_halves_of_another_predict_each_other_badly(
     effect: str, count: int, seed: int
@@ -98,6 +98,13 @@ def test_the_command_counts_every_kind_of_four_runs() -> None:
 
 
 def test_the_coverage_command_counts_an_interval_for_each_repetition() -> None:
-    held, asked = covered(["sensor_lag"], 1)
-    assert asked == {"sensor_lag.tau_s": 1}
-    assert held["sensor_lag.tau_s"] in (0, 1)
+    held, asked = covered(PLANTS["heater"], "sensor_lag", 1)
+    assert asked == {"tau_s": 1}
+    assert held["tau_s"] in (0, 1)
+
+
+def test_the_coverage_command_records_the_spring_pair_with_the_effect_alone() -> None:
+    benches = PLANTS["pair"]
+    one, other = (benches.runs("rtd_lag", repetition)[0] for repetition in (0, 1))
+    assert one.digest != other.digest
+    assert benches.shown["rtd_lag"]["tau_s"] == 0.6
