@@ -5,7 +5,8 @@ python -m bench.view_cost [--pairs 8] [--seconds 5] [--rate 500] [--reader chrom
 One daemon and one simulated bench; each pair measures a stretch without `smad view` and one with it
 and a reader, in an order that changes from pair to pair. The spread of the pairs says what a
 difference is worth. The reader is a browser that draws, or (`--reader plain`) a WebSocket client
-that takes the same frames and draws nothing: that is the share of daemon and server alone. `--busy` keeps so many more processes busy.
+that takes the same frames and draws nothing: that is the share of daemon and server alone.
+`--busy` keeps so many more processes busy.
 """
 
 from __future__ import annotations
@@ -221,13 +222,8 @@ def main(pairs: int, seconds: float, rate: str, reader: str, busy: int) -> None:
             )
         )
     load = f", {busy} busy" if busy else ""
-    header = (
-        f"{rate} Hz, {reader}{load}, {pairs} pairs",
-        "closed",
-        "open",
-        "difference",
-        "of the pairs",
-    )
+    what = f"{rate} Hz, {reader}{load}, {pairs} pairs"
+    header = (what, "closed", "open", "difference", "of the pairs")
     click.echo(text_table(Table(header, rows, numeric=frozenset({1, 2, 3, 4}))))
     for figure, what in (
         ("cpu", "% of a core for smad view"),
