@@ -12,6 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 from smad.gap import diagnose
 from smad.gap.check.intervals import wilson
@@ -25,6 +26,7 @@ from tests.smad.gap.heater_plant import HeaterPlant
 _SEEDS_APART = 10
 """Seeds of one repetition's runs; the next begins behind them."""
 _PAIR = SmaPlant()
+_PAIR_RUN_S = 45.0
 _OF_PAIR = ("driver_gain", "encoder_backlash", "force_offset", "rtd_lag")
 
 
@@ -44,7 +46,10 @@ def _heater_runs(effect: str, repetition: int) -> list[GapRun]:
 def _pair_runs(effect: str, repetition: int) -> list[GapRun]:
     point = ModelPoint({}, {effect: PLANTS["pair"].shown[effect]})
     seed = 1000 + _SEEDS_APART * repetition
-    return [recorded(name, _PAIR, point, seed + i) for i, name in enumerate(("stairs", "levels"))]
+    return [
+        recorded(name, _PAIR, point, seed + i, duration_s=_PAIR_RUN_S)
+        for i, name in enumerate(("stairs", "levels"))
+    ]
 
 
 PLANTS: dict[str, Benches] = {
@@ -78,27 +83,33 @@ def covered(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print a row for each parameter: truth, repetitions with an interval, and the share held."""
+    """Print a row for each parameter: truth, intervals given, and the share that holds it."""
     parser = argparse.ArgumentParser(prog="python -m tests.smad.gap.coverage")
     parser.add_argument("--plant", choices=sorted(PLANTS), default="heater")
     parser.add_argument("--repetitions", type=int, default=100)
+    parser.add_argument("--minutes", type=float, default=60.0, help="begin no repetition later")
     parser.add_argument("--effects", nargs="+", metavar="EFFECT", help="default: all there are")
     options = parser.parse_args(arguments)
     benches = PLANTS[options.plant]
     effects = options.effects or sorted(benches.shown)
     if strangers := set(effects) - set(benches.shown):
         parser.error(f"{', '.join(sorted(strangers))}: take of {', '.join(sorted(benches.shown))}")
-    print("| parameter | true value | intervals | hold it [95 % Wilson] | a repetition |")
-    print("|---|---:|---:|---:|---:|")
-    for effect in effects:
-        began = time.perf_counter()
-        held, asked = covered(benches, effect, options.repetitions)
-        seconds = (time.perf_counter() - began) / options.repetitions
-        for name, count in sorted(asked.items()):
-            low, high = wilson(held[name], count)
-            share = f"{held[name] / count:.2f} [{low:.2f}, {high:.2f}]"
-            row = (f"`{effect}.{name}`", f"{benches.shown[effect][name]:g}", count, share)
-            print(f"| {' | '.join(map(str, row))} | {seconds:.1f} s |", flush=True)
+    began = time.monotonic()
+    held: Counter[tuple[str, str]] = Counter()
+    asked: Counter[tuple[str, str]] = Counter()
+    for repetition, effect in product(range(options.repetitions), effects):
+        if time.monotonic() - began > 60.0 * options.minutes:
+            break
+        for total, found in zip(
+            (held, asked), covered(benches, effect, 1, repetition), strict=True
+        ):
+            total.update({(effect, name): count for name, count in found.items()})
+    print("| parameter | true value | intervals | hold it [95 % Wilson] |")
+    print("|---|---:|---:|---:|")
+    for (effect, name), count in sorted(asked.items()):
+        low, high = wilson(held[effect, name], count)
+        share = f"{held[effect, name] / count:.2f} [{low:.2f}, {high:.2f}]"
+        print(f"| `{effect}.{name}` | {benches.shown[effect][name]:g} | {count} | {share} |")
 
 
 if __name__ == "__main__":
