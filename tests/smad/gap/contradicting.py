@@ -8,6 +8,7 @@ other, and of the others the odd run should be named.
 from __future__ import annotations
 
 import argparse
+import time
 from collections import Counter
 from collections.abc import Sequence
 
@@ -30,7 +31,7 @@ def apart(found: Diagnosis) -> set[str]:
     return {r.run for r in found.agreement if r.contradicts}
 
 
-def counted(effects: Sequence[str], seeds: Sequence[int]) -> dict[str, Counter[str]]:
+def counted(effects: Sequence[str], seed: int) -> dict[str, Counter[str]]:
     """How often each kind of four runs was said to contradict, and the odd run alone named."""
     kinds: dict[str, Counter[str]] = {}
 
@@ -40,18 +41,17 @@ def counted(effects: Sequence[str], seeds: Sequence[int]) -> dict[str, Counter[s
         count["said"] += found.verdict.outcome is Outcome.CONTRADICTING
         count["named"] += apart(found) == {odd}
 
-    for seed in seeds:
-        note("one state, nothing", ask(bank(OTHER, seed=seed)))
-        for effect in effects:
-            runs = bank(OTHER, {effect: SHOWN[effect]}, seed)
-            note("one state, an effect", ask(runs))
-            note("one state, an effect that the library lacks", ask(runs, without(effect)))
-            unchanged = bank(OTHER, seed=seed)
-            for count, odd in ((1, 0), (3, 3)):
-                # A fan that is never switched does not stick.
-                if runs[odd].digest != unchanged[odd].digest:
-                    four = runs[:count] + unchanged[count:]
-                    note(f"{count} of 4 with an effect", ask(four), four[odd].name)
+    unchanged = bank(OTHER, seed=seed)
+    note("one state, nothing", ask(unchanged))
+    for effect in effects:
+        runs = bank(OTHER, {effect: SHOWN[effect]}, seed)
+        note("one state, an effect", ask(runs))
+        note("one state, an effect that the library lacks", ask(runs, without(effect)))
+        for count, odd in ((1, 0), (3, 3)):
+            # A fan that is never switched does not stick.
+            if runs[odd].digest != unchanged[odd].digest:
+                four = runs[:count] + unchanged[count:]
+                note(f"{count} of 4 with an effect", ask(four), four[odd].name)
     return kinds
 
 
@@ -60,11 +60,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.smad.gap.contradicting")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--effects", nargs="+", choices=sorted(SHOWN), default=sorted(SHOWN))
+    parser.add_argument("--minutes", type=float, default=60.0, help="begin no seed later")
     options = parser.parse_args(arguments)
-    seeds = [_SEEDS_APART * k for k in range(options.seeds)]
+    began = time.monotonic()
+    total: dict[str, Counter[str]] = {}
+    for k in range(options.seeds):
+        if time.monotonic() - began > 60.0 * options.minutes:
+            break
+        for kind, count in counted(options.effects, _SEEDS_APART * k).items():
+            total.setdefault(kind, Counter()).update(count)
     print("| four runs | sets | said to contradict [95 % Wilson] | the odd one alone named |")
     print("|---|---:|---:|---:|")
-    for kind, count in counted(options.effects, seeds).items():
+    for kind, count in total.items():
         low, high = wilson(count["said"], count["asked"])
         share = f"{count['said'] / count['asked']:.2f} [{low:.2f}, {high:.2f}]"
         named = f"{count['named'] / count['asked']:.2f}" if "of 4" in kind else ""

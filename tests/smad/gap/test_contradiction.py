@@ -91,7 +91,7 @@ def test_a_run_is_left_out_by_the_name_of_its_file_and_an_unknown_name_is_refuse
 
 
 def test_the_command_counts_every_kind_of_four_runs() -> None:
-    found = counted(["sensor_lag"], [0])
+    found = counted(["sensor_lag"], 0)
     assert found["one state, nothing"] == {"asked": 1, "said": 0, "named": 0}
     assert found["3 of 4 with an effect"] == {"asked": 1, "said": 1, "named": 1}
     assert len(found) == 5
