@@ -5,10 +5,9 @@ was kept from running for longer than a few samples starts a new grid instead of
 the old one: board time then went slower for a while, which no host can tell from a busy board.
 
 Bench and host share a computer, and bytes reach the host by a worker of the kernel that has no more
-priority than a browser. So the board, while it heats, does not count time as the host's silence in
-which a busy computer delivered nothing: it takes no sample further than ANSWERED_WITHIN_US beyond
-the last one answered, until an answer came or ANSWER_WAIT_S of wall time went by. A real board does
-not wait.
+priority than a browser. So a board that heats does not take a late delivery for a silent host: once
+the last sample answered is ANSWERED_WITHIN_US old, it takes no other until an answer came, or until
+ANSWER_WAIT_S of wall time went by. A real board does not wait.
 
 With `paced_by_host` the board, once armed, waits for the setpoint that answers its last STATE
 before it takes the next sample. Every setpoint is then applied at the time of the sample it
