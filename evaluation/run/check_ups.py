@@ -15,15 +15,15 @@ import numpy as np
 
 from evaluation.errors import BankError
 from evaluation.score.seals import refuse_sealed
+from smad.checkup.commission import asked, commissioned
+from smad.checkup.constants import Constants, shipped_constants
+from smad.checkup.files import read_file
+from smad.checkup.judge import Findings
+from smad.checkup.spring_pair import TRAITS
+from smad.checkup.verdict import CAUSE, GROUP, QUIET, Verdict, decide
 from smad.gap.check.names import canonical
-from smad.gap.paired.commission import asked, commissioned
-from smad.gap.paired.constants import Constants, shipped_constants
 from smad.gap.paired.difference import Paired, paired
-from smad.gap.paired.files import read_file
-from smad.gap.paired.judge import Findings
 from smad.gap.paired.reference import Reference
-from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import CAUSE, GROUP, QUIET, Verdict, decide
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 

@@ -19,15 +19,15 @@ import numpy as np
 
 from evaluation.run.check_ups import benches_of, manifest_of
 from evaluation.score.seals import refuse_sealed
+from smad.checkup.commission import asked
+from smad.checkup.constants import shipped_constants
+from smad.checkup.spring_pair import TRAITS
+from smad.checkup.verdict import decide
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.search.locate import Located
 from smad.gap.check.intervals import wilson
 from smad.gap.check.names import canonical
-from smad.gap.paired.commission import asked
-from smad.gap.paired.constants import shipped_constants
 from smad.gap.paired.difference import paired
-from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import decide
 from smad.gap.sma import SmaPlant
 
 Case = dict[str, Any]
@@ -78,8 +78,8 @@ PLACES_OF: dict[str, tuple[str, ...]] = {
     "martensite_stabilisation": ("transformation_shift",),
 }
 """Where each effect of the plant acts, in the places of the simulator; several where its equation
-has a term in each or where the simulator lumps them: a force that a spring's tube adds to its wire is
-a deflection of that spring there."""
+has a term in each or where the simulator lumps them: a force of the tube is a deflection
+of its spring there."""
 
 
 def _bench(bank: Path, key: Path, bench: str) -> list[Case]:

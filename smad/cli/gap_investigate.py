@@ -11,8 +11,8 @@ from smad.cli.baselines import new_plant, player, require_same, say
 from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
-    from smad.gap.paired.inquiry import Report
-    from smad.gap.paired.investigate import Proposal
+    from smad.checkup.inquiry import Report
+    from smad.checkup.investigate import Proposal
 
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 
@@ -46,10 +46,10 @@ def investigate(
     step what it plays and why. Interrupted, the same command goes on. The bench is disarmed after
     each run.
     """
+    from smad.checkup.inquiry import Inquiry
+    from smad.checkup.series import next_open
+    from smad.checkup.store import load
     from smad.cli.baselines import chosen_programme
-    from smad.gap.paired.inquiry import Inquiry
-    from smad.gap.paired.series import next_open
-    from smad.gap.paired.store import load
 
     if effects and not sim:
         raise click.UsageError("--effect is of a simulated bench; add --sim")
@@ -78,14 +78,14 @@ def investigate(
 
 def _over(path: Path) -> bool:
     """Whether an investigation has come to its end."""
-    from smad.gap.paired.inquiry import read_report
+    from smad.checkup.inquiry import read_report
 
     return bool(read_report(path).why_over)
 
 
 def _print(report: Report, folder: Path, spent_s: float) -> None:
+    from smad.checkup.verdict import budget_lines
     from smad.cli.baselines import print_verdict
-    from smad.gap.paired.verdict import budget_lines
 
     assert report.verdict is not None
     print_verdict(report.verdict)
@@ -106,12 +106,12 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
 
 def proposal(folder: Path, now: Path | None) -> Proposal:
     """What an investigation would play next, from the newest runs of now beside a baseline."""
+    from smad.checkup.commission import judged
+    from smad.checkup.files import read_folder
+    from smad.checkup.investigate import propose
+    from smad.checkup.store import load
     from smad.diagnosis.constants import shipped
-    from smad.gap.paired.commission import judged
     from smad.gap.paired.errors import BaselineError
-    from smad.gap.paired.files import read_folder
-    from smad.gap.paired.investigate import propose
-    from smad.gap.paired.store import load
 
     plant = new_plant()
     reference = load(folder, plant).reference

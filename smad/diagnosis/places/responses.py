@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sim_device.plant.errors import PlantError
 from sim_device.plant.laws import Law, Term, as_forcing, design_matrix, law_space, support_of
 from smad.diagnosis.numerics.folds import Array, Index
-from smad.diagnosis.search.where import Candidate
+from smad.diagnosis.places.candidate import Candidate
 from smad.gap.paired.model import Played, finite
 from smad.gap.paired.rows import bin_numbers
 from smad.gap.places import BOTH, Forceable, Forcing

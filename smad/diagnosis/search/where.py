@@ -15,26 +15,10 @@ import numpy as np
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
+from smad.diagnosis.places.candidate import Candidate
 
 _SIMPLER = 0.97
 """What a term of one order more is worth."""
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A hypothesis of where: a place, a side, and the terms that a law may have there.
-
-    `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on;
-    `terms` (m,) their names. The first is the constant, which is in every law: the lines of the
-    others have their zero in the middle of the state's range. `orders` (m,) are theirs: 1 for a
-    line, more for what is less simple.
-    """
-
-    place: str
-    side: str
-    groups: Index
-    terms: tuple[str, ...]
-    orders: tuple[int, ...]
 
 
 @dataclass(frozen=True)

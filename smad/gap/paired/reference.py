@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.diagnosis.places.responses import Responses, responses
 from smad.gap.paired.floor import Deviations, Floor, repeat_floor
 from smad.gap.paired.model import (
     Atom,
@@ -26,7 +25,6 @@ from smad.gap.paired.rows import (
     offset_s,
     require_like_inputs,
 )
-from smad.gap.places import Forceable
 from smad.gap.plant import Array, Mask, ModelPoint, PlantModel, nominal_point
 from smad.gap.runs import GapRun
 
@@ -71,7 +69,8 @@ class RunReference:
 class Reference:
     """Everything that a check-up needs of the good bench.
 
-    `responses` are those of the plant's places; None where its equations cannot be forced.
+    `responses` has those of the plant's places for each run, (terms, bins, channels), as
+    `smad.diagnosis.places` makes them; empty where its equations cannot be forced.
     """
 
     runs: tuple[RunReference, ...]
@@ -79,7 +78,7 @@ class Reference:
     floor: Floor
     atoms: tuple[Atom, ...]
     repeats: int
-    responses: Responses | None
+    responses: tuple[NDArray[np.float32], ...] = ()
 
 
 def start_values(run: GapRun, channels: Sequence[str]) -> dict[str, float]:
@@ -201,10 +200,7 @@ def reference_from(
             zip(groups, laid, own, regimes, strict=True)
         )
     )  # fmt: skip
-    placed = None
-    if isinstance(plant, Forceable):
-        placed = responses(plant, point, played, progress=progress)
-    return Reference(runs, point, floor, tuple(atoms), min(len(g) for g in groups), placed)
+    return Reference(runs, point, floor, tuple(atoms), min(len(g) for g in groups))
 
 
 def _laid_out(

@@ -6,7 +6,8 @@ import pytest
 
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.folds import FoldRows
-from smad.diagnosis.search.where import Candidate, fits, where
+from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.search.where import fits, where
 
 FOLDS, N, K = 8, 4000, 5
 NAMES = ("constant", "a", "b", "c", "d")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smad.gap.paired.calibrate import (
+from smad.checkup.calibrate import (
     Judged,
     Truth,
     apart,
@@ -15,11 +15,11 @@ from smad.gap.paired.calibrate import (
     reliability_lines,
     tried,
 )
-from smad.gap.paired.constants import Constants
-from smad.gap.paired.evidence import Products, evidence
-from smad.gap.paired.judge import Findings
-from smad.gap.paired.refine import Refined
-from smad.gap.paired.verdict import hypotheses, is_quiet
+from smad.checkup.constants import Constants
+from smad.checkup.evidence import Products, evidence
+from smad.checkup.judge import Findings
+from smad.checkup.refine import Refined
+from smad.checkup.verdict import hypotheses, is_quiet
 from smad.gap.plant import Effect
 
 from .short import PLANT

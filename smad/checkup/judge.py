@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smad.checkup.constants import Constants
+from smad.checkup.evidence import PER_COORDINATE, Products, products
+from smad.checkup.fits import Screened, screen
+from smad.checkup.refine import Refined, refine
 from smad.diagnosis.search.locate import Entry
-from smad.gap.paired.constants import Constants
 from smad.gap.paired.difference import Paired
-from smad.gap.paired.evidence import PER_COORDINATE, Products, products
-from smad.gap.paired.fits import Screened, screen
-from smad.gap.paired.refine import Refined, refine
 from smad.gap.plant import Array, Effect, Mask
 
 _REFINED = 6

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from smad.diagnosis.constants import shipped
-from smad.diagnosis.search.locate import Alternative, Located, locate
-from smad.gap.paired.constants import Constants, shipped_constants
-from smad.gap.paired.difference import Paired, paired
-from smad.gap.paired.errors import PairingError
-from smad.gap.paired.files import (
+from smad.checkup.constants import Constants, shipped_constants
+from smad.checkup.files import (
     Found,
     Matched,
     match,
     require_one_bench,
     require_other_recordings,
 )
-from smad.gap.paired.judge import Findings, best_entry, examine
+from smad.checkup.judge import Findings, best_entry, examine
+from smad.checkup.spring_pair import TRAITS
+from smad.checkup.verdict import CAUSE, GROUP, Verdict, decide, is_quiet
+from smad.diagnosis.constants import shipped
+from smad.diagnosis.places.responses import responses
+from smad.diagnosis.search.locate import Alternative, Located, locate
+from smad.gap.paired.difference import Paired, paired
+from smad.gap.paired.errors import PairingError
 from smad.gap.paired.reference import Reference, reference_from
-from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import CAUSE, GROUP, Verdict, decide, is_quiet
 from smad.gap.places import Forceable
 from smad.gap.plant import ModelPoint, PlantModel, Uncertainty
 from smad.gap.runs import GapRun
@@ -42,7 +43,12 @@ def commissioned(
     progress: Callable[[str], None] = _silent,
 ) -> Reference:
     """The reference of good runs, the repeats of each run of a programme in a group."""
-    return reference_from(plant, TRAITS, groups, start, progress)
+    reference = reference_from(plant, TRAITS, groups, start, progress)
+    if not isinstance(plant, Forceable):
+        return reference
+    played = [r.played for r in reference.runs]
+    found = responses(plant, reference.point, played, progress=progress)
+    return replace(reference, responses=found.runs)
 
 
 def checked(
@@ -155,12 +161,14 @@ def asked(
     plant whose equations cannot be forced, and where no run has the inputs of a good one.
     """
     findings = examine(pairs, constants, exclude, progress)
-    found, plant = pairs.reference.responses, pairs.plant
-    if found is None or not isinstance(plant, Forceable) or is_quiet(findings, constants):
+    known, plant = pairs.reference.responses, pairs.plant
+    if not known or not isinstance(plant, Forceable) or is_quiet(findings, constants):
         return findings, None
     if all(p.carried for p in pairs.pairs):
         return findings, None
     progress("where it lies")
+    played = [r.played for r in pairs.reference.runs]
+    found = responses(plant, pairs.reference.point, played, known=known)
     entry = partial(best_entry, pairs)
     return findings, locate(pairs, plant, found, entry, constants=shipped(), exclude=exclude)
 

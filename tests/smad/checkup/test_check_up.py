@@ -12,22 +12,22 @@ import msgspec
 import numpy as np
 import pytest
 
-from smad.errors import SmadError
-from smad.gap.paired.commission import checked, checked_files, commissioned, judged
-from smad.gap.paired.errors import BaselineError, PairingError, ProgrammeError
-from smad.gap.paired.everyday import repeated
-from smad.gap.paired.files import Found, read_file, read_folder, require_other_recordings
-from smad.gap.paired.page import checkup_page
-from smad.gap.paired.programme import (
+from smad.checkup.commission import checked, checked_files, commissioned, judged
+from smad.checkup.everyday import repeated
+from smad.checkup.files import Found, read_file, read_folder, require_other_recordings
+from smad.checkup.page import checkup_page
+from smad.checkup.programme import (
     Programme,
     ProgrammeRun,
     read_programme,
     shipped,
     write_programme,
 )
+from smad.checkup.segments import run_of
+from smad.checkup.store import Baseline, load, save
+from smad.errors import SmadError
+from smad.gap.paired.errors import BaselineError, PairingError, ProgrammeError
 from smad.gap.paired.reference import Reference
-from smad.gap.paired.segments import run_of
-from smad.gap.paired.store import Baseline, load, save
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 from smad.report.page import render

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.segments import candidate, milder
 from smad.gap.paired.model import Played, finite, predictions, slopes
-from smad.gap.paired.programme import Programme, ProgrammeRun
-from smad.gap.paired.segments import candidate, milder
 from smad.gap.plant import Array, ModelPoint, PlantModel
 
 WATER_DEGC = 27.0

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.gap.paired.constants import Constants
+from smad.checkup.constants import Constants
+from smad.checkup.refine import Refined
 from smad.gap.paired.difference import SHARE, Paired
-from smad.gap.paired.refine import Refined
 from smad.gap.plant import Array
 
 PER_COORDINATE = 6.0

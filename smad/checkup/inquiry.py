@@ -12,17 +12,17 @@ from pathlib import Path
 
 import msgspec
 
+from smad.checkup.commission import Judged, SavesFound, judged, save_found
+from smad.checkup.files import read_file
+from smad.checkup.investigate import Proposal, propose, unpaired_offers
+from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.series import Play, keep, write_whole
+from smad.checkup.spring_pair import TRAITS
+from smad.checkup.verdict import Share, Verdict, budget_of
 from smad.diagnosis.constants import shipped
-from smad.gap.paired.commission import Judged, SavesFound, judged, save_found
 from smad.gap.paired.difference import paired
 from smad.gap.paired.errors import BaselineError
-from smad.gap.paired.files import read_file
-from smad.gap.paired.investigate import Proposal, propose, unpaired_offers
-from smad.gap.paired.programme import Programme, ProgrammeRun
 from smad.gap.paired.reference import Reference
-from smad.gap.paired.series import Play, keep, write_whole
-from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import Share, Verdict, budget_of
 
 REST_S = 60.0
 """What the rest before a run takes at least, until one has been measured."""

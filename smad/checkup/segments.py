@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from smad.gap.paired.programme import ProgrammeRun
+from smad.checkup.programme import ProgrammeRun
 from smad.gap.plant import Array
 
 Step = tuple[float, float, float, float, float]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from smad.checkup.programme import ProgrammeRun
 from smad.control.commands import FollowInputs
 from smad.control.pieces import rows_in_pieces
 from smad.control.plan import Do, Plan, UntilDone
-from smad.gap.paired.programme import ProgrammeRun
 
 _LATE_S = 5.0
 

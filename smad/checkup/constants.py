@@ -35,5 +35,5 @@ class Constants(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 @cache
 def shipped_constants() -> Constants:
     """The constants in the package."""
-    source = files("smad.gap.paired") / "data" / "constants.toml"
+    source = files("smad.checkup") / "data" / "constants.toml"
     return msgspec.toml.decode(source.read_bytes(), type=Constants)

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from smad.checkup.playing import plan_of
+from smad.checkup.programme import Programme, ProgrammeRun, shipped
+from smad.checkup.series import Recorded, finished, folder_for, play_series, read_state
 from smad.control.commands import FollowInputs
 from smad.control.plan import Do
 from smad.gap.paired.errors import BaselineError
-from smad.gap.paired.playing import plan_of
-from smad.gap.paired.programme import Programme, ProgrammeRun, shipped
-from smad.gap.paired.series import Recorded, finished, folder_for, play_series, read_state
 
 PROGRAMME = shipped().quick()
 FIRST, SECOND = (run.name for run in PROGRAMME.runs)

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from smad.checkup.constants import Constants
+from smad.checkup.evidence import Evidence, evidence
+from smad.checkup.judge import Findings, score
+from smad.checkup.refine import Refined
 from smad.diagnosis.search.locate import Located
 from smad.diagnosis.search.told import PlaceTold
-from smad.gap.paired.constants import Constants
 from smad.gap.paired.difference import SHARE, Paired
-from smad.gap.paired.evidence import Evidence, evidence
-from smad.gap.paired.judge import Findings, score
-from smad.gap.paired.refine import Refined
 from smad.gap.plant import Array, EffectValues, Mask
 
 QUIET, PARAMETERS, CAUSE, GROUP, UNKNOWN = "quiet", "parameters", "cause", "group", "unknown"

@@ -17,14 +17,14 @@ from zipfile import BadZipFile
 import msgspec
 import numpy as np
 
-from smad.diagnosis.places.responses import Responses, responses
-from smad.gap.paired.arrays import read_arrays, require_fitting
+from smad.checkup.arrays import read_arrays, require_fitting
+from smad.checkup.series import unlink_quietly
+from smad.diagnosis.places.responses import responses
 from smad.gap.paired.errors import BaselineError
 from smad.gap.paired.floor import Floor
 from smad.gap.paired.model import Atom, Played
 from smad.gap.paired.reference import Reference, RunReference
 from smad.gap.paired.rows import Binned
-from smad.gap.paired.series import unlink_quietly
 from smad.gap.places import Forceable, places_of
 from smad.gap.plant import ModelPoint, PlantModel
 from smad.gap.runs import GapRun
@@ -107,8 +107,8 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
         arrays |= {f"{k}.first.{n}": getattr(x.inputs, n) for n in _FIRST}
-        if r.responses is not None:
-            arrays[f"{k}.responses"] = r.responses.runs[k]
+        if r.responses:
+            arrays[f"{k}.responses"] = r.responses[k]
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
@@ -196,12 +196,13 @@ def _placed(
     runs: Sequence[RunReference],
     arrays: dict[str, np.ndarray],
     folder: Path,
-) -> Responses | None:
+) -> tuple[np.ndarray, ...]:
+    """The responses of the places. Raises BaselineError where they are not those of this plant."""
     if not isinstance(plant, Forceable):
-        return None
+        return ()
     try:
         known = [arrays[f"{k}.responses"] for k in range(len(runs))]
-        return responses(plant, point, [r.played for r in runs], known=known)
+        return responses(plant, point, [r.played for r in runs], known=known).runs
     except (KeyError, ValueError) as error:
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {error}", action=_ANEW) from error
 

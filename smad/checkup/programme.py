@@ -214,4 +214,4 @@ def _quoted(text: str) -> str:
 
 def shipped() -> Programme:
     """The programme of the spring pair, as designed by `python -m evaluation design`."""
-    return read_programme(Path(str(files("smad.gap.paired") / "data" / "spring-pair")))
+    return read_programme(Path(str(files("smad.checkup") / "data" / "spring-pair")))

@@ -15,12 +15,12 @@ from itertools import pairwise, product
 import msgspec
 import numpy as np
 
+from smad.checkup.constants import Constants
+from smad.checkup.evidence import evidence
+from smad.checkup.judge import Findings, score
+from smad.checkup.refine import Refined
+from smad.checkup.verdict import Likely, hypotheses, is_quiet, sizes_of, weighed
 from smad.gap.check.names import canonical
-from smad.gap.paired.constants import Constants
-from smad.gap.paired.evidence import evidence
-from smad.gap.paired.judge import Findings, score
-from smad.gap.paired.refine import Refined
-from smad.gap.paired.verdict import Likely, hypotheses, is_quiet, sizes_of, weighed
 from smad.gap.plant import Array
 
 FALSE_ALARMS = 1.0 / 60.0

@@ -13,13 +13,13 @@ from itertools import combinations
 
 import numpy as np
 
+from smad.checkup.commission import Judged
+from smad.checkup.programme import Programme
+from smad.checkup.verdict import PARAMETERS, QUIET
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.search.locate import Alternative
-from smad.gap.paired.commission import Judged
 from smad.gap.paired.difference import SHARE, Paired, rows_of
 from smad.gap.paired.model import Played, predictions
-from smad.gap.paired.programme import Programme
-from smad.gap.paired.verdict import PARAMETERS, QUIET
 from smad.gap.paired.white import RunRows, Shrink
 from smad.gap.plant import Array, ModelPoint
 

@@ -8,18 +8,18 @@ import msgspec
 import pytest
 
 from sim_device.plant.laws import Factor, Law, Term
+from smad.checkup.commission import Judged, commissioned, judged
+from smad.checkup.inquiry import Inquiry, Report
+from smad.checkup.investigate import propose, unpaired_offers
+from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.segments import run_of
+from smad.checkup.series import Recorded
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.search.locate import Alternative, Located
 from smad.diagnosis.search.told import PlaceTold
 from smad.diagnosis.search.where import Where
-from smad.gap.paired.commission import Judged, commissioned, judged
 from smad.gap.paired.errors import BaselineError
-from smad.gap.paired.inquiry import Inquiry, Report
-from smad.gap.paired.investigate import propose, unpaired_offers
-from smad.gap.paired.programme import Programme, ProgrammeRun
 from smad.gap.paired.reference import Reference
-from smad.gap.paired.segments import run_of
-from smad.gap.paired.series import Recorded
 from smad.gap.plant import EffectValues
 from smad.gap.runs import GapRun
 from smad.runlog.header import RunHeader

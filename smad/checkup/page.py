@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim_device.plant.laws import Law, own_states
+from smad.checkup.commission import Judged
+from smad.checkup.verdict import QUIET, UNCALIBRATED, UNKNOWN, Share, Verdict
 from smad.diagnosis.places.responses import PlacesPlant
 from smad.diagnosis.search.locate import Located
 from smad.diagnosis.search.told import PlaceTold, TermTold, law_series, side_words
-from smad.gap.paired.commission import Judged
 from smad.gap.paired.difference import Pair
 from smad.gap.paired.rows import PERIOD_S
-from smad.gap.paired.verdict import QUIET, UNCALIBRATED, UNKNOWN, Share, Verdict
 from smad.gap.places import Forceable
 from smad.gap.plant import Array
 from smad.report.page import Block, Page, Picture, Section, Table, Text

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from smad.checkup.series import cut_in
 from smad.gap.data.guards import same_recording
 from smad.gap.paired.errors import PairingError
 from smad.gap.paired.reference import input_spans
 from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
-from smad.gap.paired.series import cut_in
 from smad.gap.plant import PlantModel
 from smad.gap.runs import GapRun
 from smad.gap.sma.signals import INPUTS, gap_run_of, table_run

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from smad.gap.paired.programme import ProgrammeRun
-from smad.gap.paired.segments import run_of
+from smad.checkup.programme import ProgrammeRun
+from smad.checkup.segments import run_of
 from smad.gap.plant import EffectValues, ModelPoint
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from smad.gap.paired.commission import commissioned, judged
+from smad.checkup.commission import commissioned, judged
+from smad.checkup.files import Found, match
 from smad.gap.paired.errors import PairingError
-from smad.gap.paired.files import Found, match
 from smad.gap.plant import PlantModel
 from smad.gap.records import RepeatedRecord
 
