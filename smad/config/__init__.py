@@ -5,6 +5,7 @@
 
 from smad.config.load import load_config, parse_config
 from smad.config.model import (
+    AxisConfig,
     Config,
     ControlConfig,
     CoolingConfig,
@@ -24,6 +25,7 @@ from smad.config.model import (
 from smad.config.template import config_to_toml, default_toml
 
 __all__ = [
+    "AxisConfig",
     "Config",
     "ControlConfig",
     "CoolingConfig",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta, Struct, field
+from msgspec import Meta, Struct, field, structs
 
 from firmware_protocol.supervisor.host import host_limits
 from firmware_protocol.supervisor.limits import compiled_limits
@@ -412,6 +412,55 @@ class PlantConfig(Section, frozen=True, kw_only=True):
     ] = field(default_factory=dict)
 
 
+_Gain = Annotated[float, Meta(ge=0.0, le=1000.0)]
+
+
+class AxisConfig(Section, frozen=True, kw_only=True):
+    """An axis of a bench that has several; a key left out has the value of the bench."""
+
+    name: Annotated[
+        str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}\Z", description="what the axis is called")
+    ]
+    port: Annotated[str, Meta(description="device of its board, best /dev/serial/by-id/…")] = ""
+    rate_hz: Annotated[
+        Literal[100, 250, 500] | None, Meta(description="samples per second; link.rate_hz")
+    ] = None
+    kp_A_per_mm: Annotated[
+        _Gain | None, Meta(description="proportional gain; control.kp_A_per_mm")
+    ] = None
+    ki_A_per_mm_s: Annotated[
+        _Gain | None, Meta(description="integral gain; control.ki_A_per_mm_s")
+    ] = None
+    current_limit_A: Annotated[
+        Annotated[float, Meta(ge=0.0, le=_HOST.current_mA / 1000)] | None,
+        Meta(description="largest current in a spring; control.current_limit_A"),
+    ] = None
+    travel_mm: Annotated[
+        Annotated[float, Meta(ge=0.1, le=50.0)] | None,
+        Meta(description="travel of the tendon either way; limits.displacement_max_mm"),
+    ] = None
+    temperature_max_degC: Annotated[
+        Annotated[float, Meta(ge=30.0, le=_HOST.temperature_cC / 100)] | None,
+        Meta(description="hottest spring; limits.temperature_max_degC"),
+    ] = None
+    fault_holds: Annotated[
+        Literal["all", "own"],
+        Meta(description="what a fault, a limit or a lost link of this axis stops"),
+    ] = "all"
+
+
+_OF_THE_BENCH = {
+    "port": ("link", "port"),
+    "rate_hz": ("link", "rate_hz"),
+    "kp_A_per_mm": ("control", "kp_A_per_mm"),
+    "ki_A_per_mm_s": ("control", "ki_A_per_mm_s"),
+    "current_limit_A": ("control", "current_limit_A"),
+    "travel_mm": ("limits", "displacement_max_mm"),
+    "temperature_max_degC": ("limits", "temperature_max_degC"),
+}
+"""Key of an axis -> section and key of the bench that it stands for."""
+
+
 class Config(Section, frozen=True, kw_only=True):
     """The whole configuration. `Config()` is complete: every key has a default."""
 
@@ -423,3 +472,26 @@ class Config(Section, frozen=True, kw_only=True):
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     plant: PlantConfig = field(default_factory=PlantConfig)
+    axes: tuple[AxisConfig, ...] = ()
+
+    def __post_init__(self) -> None:
+        for key in ("name", "port"):
+            values = [getattr(axis, key) for axis in self.axes if getattr(axis, key)]
+            twice = next((value for value in values if values.count(value) > 1), None)
+            if twice is not None:
+                raise ValueError(f"`axes`: two have the {key} {twice!r}; give each its own")
+
+    def by_axis(self) -> dict[str, Config]:
+        """Return the configuration of each axis by its name; of a bench of one, itself by ""."""
+        return {axis.name: self._of(axis) for axis in self.axes} or {"": self}
+
+    def _of(self, axis: AxisConfig) -> Config:
+        changed: dict[str, dict[str, object]] = {}
+        for own, (section, key) in _OF_THE_BENCH.items():
+            if (value := getattr(axis, own)) is not None:
+                changed.setdefault(section, {})[key] = value
+        sections = {
+            section: structs.replace(getattr(self, section), **values)
+            for section, values in changed.items()
+        }
+        return structs.replace(self, axes=(axis,), **sections)
