@@ -207,17 +207,20 @@ def _run(
     fd: int | None = None,
     patience: int = 1,
 ) -> int:
-    from smad.daemon.lifecycle import run
-    from smad.daemon.link.port import PortFinder, SocketTransport, Transport, open_serial
+    from smad.daemon.lifecycle import Options, run
+    from smad.daemon.link.port import Opener, PortFinder, SocketTransport, Transport, open_serial
     from smad.daemon.trace import Trace
 
-    finder = PortFinder(config.link.port)
+    def opener(own: Config) -> Opener:
+        finder = PortFinder(own.link.port)
 
-    def open_port() -> Transport:
-        path = finder.find()
-        transport = open_serial(path, config.link.baud)
-        finder.remember(path)
-        return transport
+        def open_port() -> Transport:
+            path = finder.find()
+            transport = open_serial(path, own.link.baud)
+            finder.remember(path)
+            return transport
+
+        return open_port
 
     def open_socket() -> Transport:
         import socket
@@ -226,12 +229,16 @@ def _run(
 
     ended = run(
         config,
-        open_port if fd is None else open_socket,
-        parameter_text=parameter_text,
-        reread=reread,
-        check_baud=fd is None,
-        trace=None if trace_path is None else Trace(trace_path),
-        patience=patience,
+        {name: opener(own) for name, own in config.by_axis().items()}
+        if fd is None
+        else {"": open_socket},
+        Options(
+            parameter_text=parameter_text,
+            reread=reread,
+            check_baud=fd is None,
+            trace=None if trace_path is None else Trace(trace_path),
+            patience=patience,
+        ),
     )
     click.echo(f"smad: {ended.line}", err=True)
     return ended.status

@@ -213,6 +213,12 @@ class AsyncClient:
             return await self._call(Follow(trajectories=()), api.Motion)
         return motion
 
+    async def together(
+        self, moves: dict[str, tuple[Trajectory, ...]], *, queue: bool = False
+    ) -> api.Motion:
+        """Let several axes begin together; `queue`: once the slowest of them has ended."""
+        return await self._call(api.Together(moves=moves, queue=queue), api.Motion)
+
     async def heat(
         self,
         spring: Spring,

@@ -212,6 +212,12 @@ class Client:
             return self._call(Follow(trajectories=()), api.Motion)
         return motion
 
+    def together(
+        self, moves: dict[str, tuple[Trajectory, ...]], *, queue: bool = False
+    ) -> api.Motion:
+        """Let several axes begin together; `queue`: once the slowest of them has ended."""
+        return self._call(api.Together(moves=moves, queue=queue), api.Motion)
+
     def heat(
         self,
         spring: Spring,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from smad.runlog.schema import EventKind
@@ -37,3 +37,13 @@ class Means:
     clocks: Clocks
     say: Say
     spawn: Spawn
+
+    def named(self, axis: str) -> Means:
+        """Return means whose events say which axis they are of; themselves without a name."""
+        if not axis:
+            return self
+
+        def say(kind: EventKind, text: str, data: dict[str, Any]) -> None:
+            self.say(kind, f"{axis}: {text}", {"axis": axis, **data})
+
+        return replace(self, say=say)

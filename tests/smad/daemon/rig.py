@@ -19,11 +19,13 @@ import zmq
 
 from sim_device.bench import SimulatedBench
 from smad.config import Config, DaemonConfig, LinkConfig, RecorderConfig
-from smad.daemon.daemon import Daemon, Process
+from smad.daemon.axis import Axis
+from smad.daemon.daemon import Daemon
 from smad.daemon.journal import Journal
 from smad.daemon.link.port import SocketTransport, Transport
 from smad.daemon.means import Clocks
 from smad.daemon.notify import Notifier
+from smad.daemon.process import Process
 from smad.errors import PortError
 
 T = TypeVar("T")
@@ -48,7 +50,7 @@ class Rig:
         self._last_id = 0
         self.daemon = Daemon(
             config,
-            self._open,
+            {"": self._open},
             Process(
                 loop=asyncio.get_running_loop(),
                 context=self.context,
@@ -59,6 +61,11 @@ class Rig:
                 clocks=Clocks(self.now_us, self._wall_s),
             ),
         )
+
+    @property
+    def axis(self) -> Axis:
+        """The only axis."""
+        return self.daemon.axes[""]
 
     def now_us(self) -> int:
         """The host's clock."""
