@@ -40,7 +40,7 @@ class Groups:
             def on_sample(state: State) -> None:
                 at_us[axis.name] = axis.session.host_us(state.t_us)
                 if len(at_us) == len(group):
-                    self._tell_skew({n: t for n, t in at_us.items() if t is not None})
+                    self._tell_skew({n: t for n in group if (t := at_us[n]) is not None})
 
             return on_sample
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Collection
 
 from firmware_protocol.enums import BoardState, Capability
 from firmware_protocol.events import HostState
 from smad.api import Reason
 from smad.daemon.axis import Axis
 from smad.daemon.errors import Refusal
-from smad.daemon.link.tighter import require_tighter
+from smad.daemon.link.tighter import require_own, require_tighter
 from smad.daemon.link.watch import disagreement
 
 _PARAMETER_POLLS = 100
@@ -17,9 +18,10 @@ _PARAMETER_POLL_S = 0.02
 
 
 class Conditions:
-    """Conditions on the board of an axis and what is known of it."""
+    """Conditions on the board of an axis and what is known of it. `names`: of all axes."""
 
-    def __init__(self, axis: Axis) -> None:
+    def __init__(self, axis: Axis, names: Collection[str]) -> None:
+        self._names = names
         self._config = axis.config
         self._axis = axis
         self._watch = axis.watch
@@ -70,6 +72,7 @@ class Conditions:
                 "the board's parameters are not those that were read from it",
                 action="unplug it and plug it in again, so that they are read anew",
             )
+        require_own(self._axis.name, self._names, self._watch.parameters)
         require_tighter(self._config, self._watch.parameters)
 
     def require_not_faulted(self) -> None:

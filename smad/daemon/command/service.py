@@ -95,7 +95,7 @@ class Service:
         self._stops = bench.stops
         self._say = means.say
         self._clock_us = means.clocks.us
-        self._conditions = {name: Conditions(axis) for name, axis in bench.axes.items()}
+        self._conditions = {name: Conditions(axis, bench.axes) for name, axis in bench.axes.items()}
         self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
             api.GetStatus: self.status,
             api.GetMotion: self.motion,
