@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.api import Percentiles, Status
-from smad.cli.output import bad, bench_option, client, good, shown, warned
+from smad.cli.output import axis_option, bad, client, good, shown, warned
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -23,7 +23,7 @@ _LABEL = 11
 @click.command()
 @click.option("--watch", is_flag=True, help="A screen, drawn twice a second; space stops.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; with --watch, a line each time.")
-@bench_option
+@axis_option
 def status(watch: bool, as_json: bool, bench: str) -> None:
     """Show link, board, motion, readings, timing, run log."""
     with client(bench) as bench_client:

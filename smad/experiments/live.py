@@ -133,7 +133,7 @@ class LiveDriver:
                 )
         finally:
             self._tune_back(tune_of(before))
-        return recording_of(read_run(self.log))
+        return recording_of(read_run(self.log, axis=self._client.name))
 
     def _carry_out_armed(self, plan: Plan) -> None:
         client = self._client

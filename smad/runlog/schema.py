@@ -202,6 +202,11 @@ CHANNELS: Mapping[str, ChannelSpec] = {
 """Every channel of a sample, by name, in the order of the columns."""
 
 
+def channel_of(column: str) -> ChannelSpec:
+    """Return the channel of a column, which may have the name of its axis and a dot before it."""
+    return CHANNELS[column.rpartition(".")[2]]
+
+
 @functools.cache
 def json_schema(record: type[Struct]) -> bytes:
     """The JSON schema of one of the three messages, as stored in the log file.
