@@ -110,7 +110,6 @@ def sim(
     from sim_device.plant.errors import PlantError
     from sim_device.pty import HOST_TIMEOUT_S, serve, symlink_of
     from smad.config import Config, load_config
-    from smad.config.axes import with_axes
 
     if "list" in faults:
         from sim_device.faults import list_faults
@@ -119,7 +118,7 @@ def sim(
         return
     if parent is not None:
         _end_with(parent)
-    config = with_axes(Config() if path is None else load_config(path), axes)
+    config = (Config() if path is None else load_config(path)).with_axes(axes)
     seed = config.plant.seed if seed is None else seed
     if rate is not None:
         # What an axis has of its own stands.

@@ -76,7 +76,6 @@ def start(
     Clients then command it: smad status, smad arm, smad move …, or smad.Client in Python.
     """
     from smad.config import load_config
-    from smad.config.axes import with_axes
 
     config = _settled(path, bench=bench, rate=rate, baud=baud)
     if no_realtime:
@@ -111,7 +110,7 @@ def start(
         speed_ratio=plant.speed_ratio if speed is None else speed,
     )
     return _on_simulation(
-        with_axes(config, axes),
+        config.with_axes(axes),
         path,
         reread,
         paced_by_host=paced_by_host,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import click
 
-from smad.api import Percentiles, Status
+from smad.api import AxisStatus, Percentiles, Status
 from smad.cli.output import axis_option, bad, client, good, shown, warned
 
 if TYPE_CHECKING:
@@ -60,10 +60,13 @@ def _others(bench: str) -> Iterator[str]:
 
 
 def lines(now: Status) -> Iterator[str]:
-    """The status as a person reads it, the most urgent first."""
+    """The status as a person reads it, the most urgent first; a line an axis where several are."""
     yield from _bench(now)
-    yield from _readings(now)
-    yield from _link(now)
+    if now.axes:
+        yield from axis_lines(now.axes, now.skew or Percentiles())
+    else:
+        yield from _readings(now)
+        yield from _link(now)
     yield from _record(now)
     yield from _realtime(now)
     for event in now.events[-_EVENTS:]:
@@ -74,7 +77,8 @@ def lines(now: Status) -> Iterator[str]:
 def _bench(now: Status) -> Iterator[str]:
     motion = now.motion
     armed = warned("ARMED") if motion.armed else good("not armed")
-    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, link {now.link.state}")
+    told = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
+    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {told}")
     if motion.fault is not None:
         yield _line("fault", bad(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})"))
         yield from (_line("", text) for text in _explained(motion.fault.number))
@@ -88,6 +92,29 @@ def _bench(now: Status) -> Iterator[str]:
     if now.control.holder:
         whose = "you" if now.control.yours else now.control.holder
         yield _line("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
+
+
+def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[str]:
+    """What each axis does, a line each, and how well motions begin together."""
+    width = max(map(len, axes))
+    for name, axis in axes.items():
+        row, motion = axis.sample, axis.motion
+        state = motion.mode if axis.link.state not in ("disconnected", "sync") else axis.link.state
+        done = "done" if motion.done else "under way"
+        readings = "no readings yet"
+        if row is not None:
+            readings = (
+                f"{_number(row.displacement_mm, 2):>6} mm, {_number(row.rtd_x_degC, 1)} and "
+                f"{_number(row.rtd_y_degC, 1)} °C"
+            )
+        fault = f", {motion.fault.in_words()}" if motion.fault else ""
+        missed = axis.counts.missed
+        yield (
+            f"{name:<{width}} {state:<7} {readings}; {motion.running}, {done}; "
+            f"{axis.link.rate_hz} Hz, {missed} missed{fault}"
+        )
+    if skew.count:
+        yield f"began together {skew.count} times, within {skew.max_us / 1000:.2f} ms"
 
 
 def _explained(number: int) -> tuple[str, str]:

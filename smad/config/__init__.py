@@ -3,9 +3,9 @@
 `load_config(path)` reads a file, `Config()` is a complete default, `default_toml()` writes it out.
 """
 
+from smad.config.axes import AxisConfig
 from smad.config.load import load_config, parse_config
 from smad.config.model import (
-    AxisConfig,
     Config,
     ControlConfig,
     CoolingConfig,

@@ -1,29 +1,60 @@
-"""The names of the axes of MINIR-II, for a bench that is simulated without a configuration."""
+"""An axis of a bench that has several: its keys, and which of the bench's they stand for."""
 
 from __future__ import annotations
 
-from msgspec.structs import replace
+from typing import Annotated, Literal
 
-from smad.config.model import AxisConfig, Config
-from smad.errors import ConfigError
+from msgspec import Meta
+
+from smad.config.section import HOST, Section
 
 USUAL_NAMES = ("pitch-1", "yaw-1", "pitch-2", "yaw-2", "pitch-3", "yaw-3")
 """Three segments, from the base to the tip, each with an axis for pitch and one for yaw."""
 
+_Gain = Annotated[float, Meta(ge=0.0, le=1000.0)]
 
-def with_axes(config: Config, count: int | None) -> Config:
-    """Return the configuration with so many axes: the usual ones, or the first it has.
 
-    None leaves it as it is, and so does 1 where it has none. Raises ConfigError when it has fewer.
-    """
-    if count is None or (count == 1 and not config.axes):
-        return config
-    axes = config.axes or tuple(AxisConfig(name=name) for name in USUAL_NAMES)
-    if count > len(axes):
-        raise ConfigError(
-            "there are not so many axes in the configuration",
-            value=count,
-            limit=len(axes),
-            action="add [[axes]] to it",
-        )
-    return replace(config, axes=axes[:count])
+class AxisConfig(Section, frozen=True, kw_only=True):
+    """An axis of a bench that has several; a key left out has the value of the bench."""
+
+    name: Annotated[
+        str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}\Z", description="what the axis is called")
+    ]
+    port: Annotated[str, Meta(description="device of its board, best /dev/serial/by-id/…")] = ""
+    rate_hz: Annotated[
+        Literal[100, 250, 500] | None, Meta(description="samples per second; link.rate_hz")
+    ] = None
+    kp_A_per_mm: Annotated[
+        _Gain | None, Meta(description="proportional gain; control.kp_A_per_mm")
+    ] = None
+    ki_A_per_mm_s: Annotated[
+        _Gain | None, Meta(description="integral gain; control.ki_A_per_mm_s")
+    ] = None
+    current_limit_A: Annotated[
+        Annotated[float, Meta(ge=0.0, le=HOST.current_mA / 1000)] | None,
+        Meta(description="largest current in a spring; control.current_limit_A"),
+    ] = None
+    travel_mm: Annotated[
+        Annotated[float, Meta(ge=0.1, le=50.0)] | None,
+        Meta(description="travel of the tendon either way; limits.displacement_max_mm"),
+    ] = None
+    temperature_max_degC: Annotated[
+        Annotated[float, Meta(ge=30.0, le=HOST.temperature_cC / 100)] | None,
+        Meta(description="hottest spring; limits.temperature_max_degC"),
+    ] = None
+    fault_holds: Annotated[
+        Literal["all", "own"],
+        Meta(description="what a fault, a limit or a lost link of this axis stops"),
+    ] = "all"
+
+
+OF_THE_BENCH = {
+    "port": ("link", "port"),
+    "rate_hz": ("link", "rate_hz"),
+    "kp_A_per_mm": ("control", "kp_A_per_mm"),
+    "ki_A_per_mm_s": ("control", "ki_A_per_mm_s"),
+    "current_limit_A": ("control", "current_limit_A"),
+    "travel_mm": ("limits", "displacement_max_mm"),
+    "temperature_max_degC": ("limits", "temperature_max_degC"),
+}
+"""Key of an axis -> section and key of the bench that it stands for."""

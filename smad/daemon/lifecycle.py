@@ -263,7 +263,8 @@ class _Life:
         axes = daemon.axes.values()
         transports = [axis.link.transport for axis in axes if axis.link.transport is not None]
         # Told when all is well: a refusal to start stays the one line there is.
-        for note in (*daemon.status.notes, *(note for one in transports for note in one.notes)):
+        granted = (note for transport in transports for note in transport.notes)
+        for note in dict.fromkeys((*daemon.status.notes, *granted)):
             self._journal.say(f"note: {note}")
         ports = ", ".join(f"{_lead(axis)}{axis.config.link.port}" for axis in axes)
         text = f"ready: bench {self._endpoints.bench!r} on {ports}, not armed"

@@ -6,7 +6,6 @@ the board has to agree to are coroutines.
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,14 +15,7 @@ from msgspec import Struct
 
 from firmware_protocol.enums import Fault
 from firmware_protocol.events import HostState
-from firmware_protocol.messages import (
-    ArmConfirm,
-    ArmRequest,
-    ArmToken,
-    ClearFault,
-    Message,
-    ParamSave,
-)
+from firmware_protocol.messages import ClearFault, ParamSave
 from smad import api
 from smad.api import Reason
 from smad.config import config_to_toml
@@ -38,6 +30,7 @@ from smad.control.commands import (
 )
 from smad.daemon.axis import Axis
 from smad.daemon.bench import Bench
+from smad.daemon.command.arming import Arming, Steps
 from smad.daemon.command.conditions import Conditions, not_connected
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.command.status import StatusReport
@@ -86,7 +79,6 @@ class Service:
         means: Means,
     ) -> None:
         self.stopping = False
-        self._arming = False
         self._bench = bench
         self._recorder = recorder
         self._status = status
@@ -96,6 +88,7 @@ class Service:
         self._say = means.say
         self._clock_us = means.clocks.us
         self._conditions = {name: Conditions(axis, bench.axes) for name, axis in bench.axes.items()}
+        self._arming = Arming(bench, self._conditions)
         self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
             api.GetStatus: self.status,
             api.GetMotion: self.motion,
@@ -191,77 +184,27 @@ class Service:
     def arm(self, params: api.Arm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Ask the boards for tokens, begin the run log, confirm: the axes named, or all."""
         axes = self._bench.named(caller.axes)
-        return self._arm_alone(axes, params, caller, self._stops.generation)
-
-    async def _arm_alone(
-        self, axes: Sequence[Axis], params: api.Arm, caller: Caller, generation: int
-    ) -> api.Motion:
-        if self._arming:
-            raise Refusal(
-                Reason.BUSY,
-                "the bench is being armed already",
-                action="wait for the reply to that (smad status)",
-            )
-        self._arming = True
-        try:
-            await self._arm(axes, params, caller, generation)
-            return self._status.motion(axes)
-        finally:
-            self._arming = False
-
-    async def _arm(
-        self, axes: Sequence[Axis], params: api.Arm, caller: Caller, generation: int
-    ) -> None:
-        boards = [axis.stop for axis in axes]
+        generation = self._stops.generation
 
         def still_wanted() -> None:
-            self._stops.require(generation, boards)
+            self._stops.require(generation, [axis.stop for axis in axes])
             self._lease.check(caller.lease, self._clock_us())
 
-        for axis in axes:
-            await self._conditions[axis.name].parameters_read()
-        still_wanted()
-        self._require_armable(axes)
-        self._bench.groups.forget([axis.name for axis in axes])
-        for axis in axes:
-            axis.controller.command(Idle())
-        tokens = await _all_of(
-            axes, lambda a: ArmRequest(a.config.link.axis, a.watch.parameters.crc)
-        )
-        still_wanted()
-        if self._bench.config.recorder.automatic and not self._recorder.recording:
-            await self._recorder.start("", by_command=False)
-            still_wanted()
-        self._say("command", "arm", _details(params, caller))
-        self._say("arm", "arming", {})
-        for board in boards:
-            board.arming()
-        given = {axis.name: token for axis, token in zip(axes, tokens, strict=True)}
-        try:
-            await _all_of(axes, lambda a: _confirmation(a, given[a.name]))
-            still_wanted()
-            self._dead_man.watch(caller.client, self._clock_us())
-            for axis in axes:
-                await axis.stop.until_armed(generation)
-        except Refusal as refusal:
-            if len(axes) > 1 and refusal.reason is not Reason.STOPPED:
-                # The others may be armed by now, and nobody asked for a part of them.
-                self._stops.begin(f"arming failed: {refusal.cause}")
-            raise
-        still_wanted()
+        async def begin() -> None:
+            if self._bench.config.recorder.automatic and not self._recorder.recording:
+                await self._recorder.start("", by_command=False)
+                still_wanted()
+            self._say("command", "arm", _details(params, caller))
+            self._say("arm", "arming", {})
 
-    def _require_armable(self, axes: Sequence[Axis]) -> None:
-        refusals: list[Refusal] = []
-        for axis in axes:
-            try:
-                with axis.told():
-                    self._conditions[axis.name].require_armable()
-            except Refusal as refusal:
-                refusals.append(refusal)
-        if refusals:
-            # What each axis lacks, in one reply; what to do is that of the first.
-            refusals[0].cause = "; ".join(refusal.cause for refusal in refusals)
-            raise refusals[0]
+        def armed() -> None:
+            self._dead_man.watch(caller.client, self._clock_us())
+
+        return self._armed(axes, generation, Steps(still_wanted, begin, armed))
+
+    async def _armed(self, axes: Sequence[Axis], generation: int, steps: Steps) -> api.Motion:
+        await self._arming.arm(axes, generation, steps)
+        return self._status.motion(axes)
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Current off with the next sample, DISARM to every board; replies when none is armed."""
@@ -488,21 +431,3 @@ def _details(params: Struct, caller: Caller) -> dict[str, Any]:
     """What the run log keeps of a command, with the axes that it named."""
     details = api.logged_details(params)
     return {"axes": list(caller.axes), **details} if caller.axes else details
-
-
-async def _all_of(axes: Sequence[Axis], request: Callable[[Axis], Message]) -> list[Message]:
-    """Ask every board at once; return their replies. Raises Refusal, told with its axis."""
-    asked: list[tuple[Axis, asyncio.Future[Message]]] = []
-    for axis in axes:
-        with axis.told():
-            asked.append((axis, axis.requests.start(request(axis))))
-    replies = []
-    for axis, future in asked:
-        with axis.told():
-            replies.append(await future)
-    return replies
-
-
-def _confirmation(axis: Axis, token: Message) -> ArmConfirm:
-    assert isinstance(token, ArmToken)
-    return ArmConfirm(axis.config.link.axis, token.token)
