@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
 
-from smad.api import AxisStatus, Percentiles, Status
+from smad.api import Percentiles, Status
+from smad.cli.axis_lines import axis_lines, number
 from smad.cli.output import axis_option, bad, client, good, shown, warned
 
 if TYPE_CHECKING:
@@ -94,29 +95,6 @@ def _bench(now: Status) -> Iterator[str]:
         yield _line("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
 
 
-def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[str]:
-    """What each axis does, a line each, and how well motions begin together."""
-    width = max(map(len, axes))
-    for name, axis in axes.items():
-        row, motion = axis.sample, axis.motion
-        state = motion.mode if axis.link.state not in ("disconnected", "sync") else axis.link.state
-        done = "done" if motion.done else "under way"
-        readings = "no readings yet"
-        if row is not None:
-            readings = (
-                f"{_number(row.displacement_mm, 2):>6} mm, {_number(row.rtd_x_degC, 1)} and "
-                f"{_number(row.rtd_y_degC, 1)} °C"
-            )
-        fault = f", {motion.fault.in_words()}" if motion.fault else ""
-        missed = axis.counts.missed
-        yield (
-            f"{name:<{width}} {state:<7} {readings}; {motion.running}, {done}; "
-            f"{axis.link.rate_hz} Hz, {missed} missed{fault}"
-        )
-    if skew.count:
-        yield f"began together {skew.count} times, within {skew.max_us / 1000:.2f} ms"
-
-
 def _explained(number: int) -> tuple[str, str]:
     from firmware_protocol.enums import Fault
     from firmware_protocol.supervisor.faults import FAULT_TEXTS
@@ -132,7 +110,7 @@ def _readings(now: Status) -> Iterator[str]:
         return
     yield _line(
         "place",
-        f"{_number(row.displacement_mm, 3)} mm, {_number(row.force_N, 2)} N",
+        f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N",
     )
     for name, degrees, amperes, volts, duty, starts in (
         ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x, row.pump_starts_x),
@@ -140,14 +118,14 @@ def _readings(now: Status) -> Iterator[str]:
     ):
         yield _line(
             name,
-            f"{_number(degrees, 2)} °C, {_number(amperes, 2)} A, {_number(volts, 2)} V, "
-            f"pump {_number(None if duty is None else 100 * duty, 0)} %"
+            f"{number(degrees, 2)} °C, {number(amperes, 2)} A, {number(volts, 2)} V, "
+            f"pump {number(None if duty is None else 100 * duty, 0)} %"
             + ("" if starts is None else f", started {starts} times"),
         )
     yield _line(
         "water, room",
-        f"{_number(row.rtd_inlet_degC, 2)} °C, {_number(row.rtd_ambient_degC, 2)} °C; "
-        f"supply {_number(row.supply_V, 2)} V",
+        f"{number(row.rtd_inlet_degC, 2)} °C, {number(row.rtd_ambient_degC, 2)} °C; "
+        f"supply {number(row.supply_V, 2)} V",
     )
 
 
@@ -200,10 +178,6 @@ def _realtime(now: Status) -> Iterator[str]:
 
 def _line(label: str, text: str) -> str:
     return f"{label:<{_LABEL}} {text}"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
 
 
 def _lost(count: int) -> str:

@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple
 from firmware_protocol import enums
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Entry, Percentiles, Status
+from smad.cli.axis_lines import axis_lines
 from smad.cli.output import shown
-from smad.cli.status import axis_lines
 from smad.runlog.schema import Row
 from smad.view.strips import STRIPS, Curve, Strip
 

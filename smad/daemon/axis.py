@@ -95,7 +95,6 @@ class Axis:
             self.requests,
             self.watch,
             means,
-            label=name,
             holds_others=all(axis.fault_holds == "all" for axis in config.axes),
         )
         self.host_stop = HostStop(self.controller)

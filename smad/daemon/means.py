@@ -32,11 +32,12 @@ class Clocks:
 
 @dataclass(frozen=True)
 class Means:
-    """Clocks, and what the daemon does for its parts."""
+    """Clocks, and what the daemon does for its parts; `axis`: whose part, where it has a name."""
 
     clocks: Clocks
     say: Say
     spawn: Spawn
+    axis: str = ""
 
     def named(self, axis: str) -> Means:
         """Return means whose events say which axis they are of; themselves without a name."""
@@ -46,4 +47,4 @@ class Means:
         def say(kind: EventKind, text: str, data: dict[str, Any]) -> None:
             self.say(kind, f"{axis}: {text}", {"axis": axis, **data})
 
-        return replace(self, say=say)
+        return replace(self, say=say, axis=axis)

@@ -115,8 +115,8 @@ class Stops:
 class BoardStop:
     """The stop of one board: what it ends, whether the board has confirmed it, who waits for that.
 
-    `label` names the board in messages, empty for the only one. With `holds_others` its own
-    failures (a fault, a limit of the host, a lost link) stop the whole bench.
+    With `holds_others` its own failures (a fault, a limit of the host, a lost link) stop the whole
+    bench.
     """
 
     def __init__(
@@ -127,12 +127,12 @@ class BoardStop:
         watch: BoardWatch,
         means: Means,
         *,
-        label: str = "",
-        holds_others: bool = True,
+        holds_others: bool,
     ) -> None:
         self.since = 0
         """Generation of the last stop of this board."""
-        self.label = label
+        self.label = means.axis
+        """Names the board in messages; empty for the only one."""
         self.ended = ""
         """What ended the last arming, "stopped by …"; empty from an arming until then."""
         self._stops = stops
