@@ -3,7 +3,7 @@
 `load_config(path)` reads a file, `Config()` is a complete default, `default_toml()` writes it out.
 """
 
-from smad.config.axes import AxisConfig
+from smad.config.axes import AxisConfig, SegmentConfig
 from smad.config.load import load_config, parse_config
 from smad.config.model import (
     Config,
@@ -38,6 +38,7 @@ __all__ = [
     "RealtimeConfig",
     "RecorderConfig",
     "RepeatConfig",
+    "SegmentConfig",
     "TcpConfig",
     "TelemetryConfig",
     "TemperatureConfig",

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field, structs
 
-from smad.config.axes import OF_THE_BENCH, USUAL_NAMES, AxisConfig
+from smad.config.axes import DEGREES_PER_MM, OF_THE_BENCH, USUAL_NAMES, AxisConfig, SegmentConfig
 from smad.config.section import HOST, Section
 from smad.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
@@ -412,6 +412,7 @@ class Config(Section, frozen=True, kw_only=True):
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     plant: PlantConfig = field(default_factory=PlantConfig)
     axes: tuple[AxisConfig, ...] = ()
+    segments: tuple[SegmentConfig, ...] = ()
 
     def __post_init__(self) -> None:
         for key in ("name", "port"):
@@ -423,6 +424,14 @@ class Config(Section, frozen=True, kw_only=True):
     def by_axis(self) -> dict[str, Config]:
         """Return the configuration of each axis by its name; of a bench of one, itself by ""."""
         return {axis.name: self._of(axis) for axis in self.axes} or {"": self}
+
+    def degrees_per_mm(self, axis: str) -> float:
+        """Return by how much 1 mm of an axis turns its joint, with its sign."""
+        for one in self.segments:
+            for joint, sign in ((one.pitch, one.pitch_sign), (one.yaw, one.yaw_sign)):
+                if joint == axis:
+                    return sign * one.gain_deg_per_mm
+        return DEGREES_PER_MM
 
     def with_axes(self, count: int | None) -> Config:
         """Return it with so many axes: the first that it has, or those of MINIR-II.

@@ -17,7 +17,7 @@ from smad.config import Config
 from smad.control.controller import Controller
 from smad.control.inputs import Departure
 from smad.control.sample import Scales
-from smad.daemon.control import ControlTask, Outlets
+from smad.daemon.control import ControlTask, Finished, Outlets
 from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.link.link import Link
 from smad.daemon.link.port import Opener
@@ -60,6 +60,7 @@ class Axis:
         """Groups that it takes part in and that have not begun."""
         self.means = means = bench.means.named(name)
         self._guarded = bench.guarded
+        self._degrees_per_mm = config.degrees_per_mm(name)
         self._stamps = Stamps()
         self._told_departure: Departure | None = None
         self.session = HostSession(nonce=process.nonce, patience=process.patience)
@@ -114,6 +115,10 @@ class Axis:
         """Whether all that was commanded has ended, groups that it waits for included."""
         return self.controller.done and not self.waits
 
+    def row(self, item: Finished) -> Row:
+        """Return a sample as a row of the run log."""
+        return item.row(self._degrees_per_mm)
+
     @contextmanager
     def told(self) -> Iterator[None]:
         """Name this axis in what is refused inside the block."""
@@ -135,7 +140,7 @@ class Axis:
         """Yield what was sampled and not published yet, `most` samples, with their Unix times."""
         for _ in range(min(len(self.control.finished), most)):
             item = self.control.finished.popleft()
-            row = item.row()
+            row = self.row(item)
             stamp_s = self._stamps.stamp(row.t_s, item.host_s, self._taken_s(item.state))
             if self._stamps.returned_s:
                 self._tell_of_return(self._stamps.returned_s)

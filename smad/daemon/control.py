@@ -54,8 +54,8 @@ class Finished:
     reference_degC: float
     pump_starts: tuple[int, int]
 
-    def row(self) -> Row:
-        """Return it as a row of the run log."""
+    def row(self, degrees_per_mm: float) -> Row:
+        """Return it as a row of the run log; a joint turns by so much for 1 mm."""
         return row_of(
             self.sample,
             self.state,
@@ -64,6 +64,7 @@ class Finished:
             reference_m=self.reference_m,
             reference_degC=self.reference_degC,
             pump_starts=self.pump_starts,
+            degrees_per_mm=degrees_per_mm,
         )
 
 

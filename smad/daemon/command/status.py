@@ -150,7 +150,7 @@ class StatusReport:
             limiter=_limiter(axis),
             faults=() if state is None else tuple(f.name for f in faults_in(state.faults)),
             warnings=() if state is None else tuple(w.name for w in warnings_in(state.warnings)),
-            sample=None if last is None else last.row(),
+            sample=None if last is None else axis.row(last),
             counts=self._counts(axis),
             timing=self._timing[axis.name],
         )
