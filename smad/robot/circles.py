@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 TOGETHER = "together"
 _MARK = "circle of "
 _END = "circles end"
+_WARM = "warm-up"
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,10 @@ def draw(
     Arms, and disarms at the end. Raises what the client raises.
     """
     angles = circles.angles()
-    phases = {name: {name: angles} for name in robot.segments}
-    phases[TOGETHER] = dict.fromkeys(robot.segments, angles)
+    everybody = dict.fromkeys(robot.segments, angles)
+    # The first circle warms the springs; what is compared begins equally warm.
+    phases = {_WARM: everybody, **{name: {name: angles} for name in robot.segments}}
+    phases[TOGETHER] = everybody
     bench.reset_timing()
     with bench.armed(), bench.record("six-axes") as status:
         for phase, wanted in phases.items():
@@ -109,20 +112,22 @@ def trackings(runs: Mapping[str, Run], robot: Robot) -> Iterator[Tracking]:
         )
     columns = side_by_side(runs).columns
     came_s = base.columns["host_time_s"]
-    angles = {
-        kind: robot.angles_deg(
-            {axis: np.asarray(columns[f"{axis}.{kind}"], np.float64) for axis in robot.axes}
-        )
-        for kind in ("reference_mm", "displacement_mm")
-    }
+    actual_mm = {a: np.asarray(columns[f"{a}.displacement_mm"], np.float64) for a in robot.axes}
+    wanted_mm = {a: np.asarray(columns[f"{a}.reference_mm"], np.float64) for a in robot.axes}
+    # An axis that follows nothing stands where it stands.
+    held_mm = {a: np.where(np.isnan(mm), actual_mm[a], mm) for a, mm in wanted_mm.items()}
+    wanted_deg, actual_deg = robot.angles_deg(held_mm), robot.angles_deg(actual_mm)
     for begin, end in pairwise(marks):
         assert begin.host_time_s is not None
         assert end.host_time_s is not None
         phase = begin.text.removeprefix(_MARK)
         inside = (came_s >= begin.host_time_s) & (came_s < end.host_time_s)
-        for segment in robot.segments if phase == TOGETHER else (phase,):
-            wanted, actual = angles["reference_mm"][segment], angles["displacement_mm"][segment]
-            known = inside & np.isfinite(sum((*wanted, *actual)))
+        drawn = {TOGETHER: tuple(robot.segments), _WARM: ()}.get(phase, (phase,))
+        for segment in drawn:
+            one = robot.segments[segment]
+            wanted, actual = wanted_deg[segment], actual_deg[segment]
+            followed = np.isfinite(wanted_mm[one.pitch] + wanted_mm[one.yaw])
+            known = inside & followed & np.isfinite(actual[0] + actual[1])
             if known.any():
                 yield Tracking(
                     segment,
