@@ -1,7 +1,8 @@
-"""Every injection on one of three axes; the oracle asks all: `python -m tests.smad.faults.three_axes`.
+"""Every injection on one of three axes, of all of which the same is asked.
 
-The daemon is the real one, with three boards on virtual time (`tests.smad.daemon.rig`). Faults of
-the host are left out: they are of the whole bench, and `smad faults run` has them.
+`python -m tests.smad.faults.three_axes [ROW…]`. The daemon is the real one, with three boards on
+virtual time (`tests.smad.daemon.rig`). Faults of the host are left out: they are of the whole
+bench, and `smad faults run` has them.
 """
 
 from __future__ import annotations
