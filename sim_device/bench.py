@@ -90,7 +90,7 @@ class SimulatedBench:
         self._fixture = fixture
         self._seed = seed
         self._rate_hz = rate_hz
-        self._image = _named(image, axis_name, rate_hz)
+        self._image = named_image(image, axis_name, rate_hz)
         self._boots = 0
         self._board_start_us = clock_start_us
         self._typed_seq = 0
@@ -301,7 +301,7 @@ class SimulatedBench:
             self._plant_us = until_us
 
 
-def _named(image: bytes | None, axis_name: str, rate_hz: int) -> bytes | None:
+def named_image(image: bytes | None, axis_name: str, rate_hz: int) -> bytes | None:
     """Return an image of stored parameters that holds the name of the axis, if there is one."""
     if not axis_name:
         return image
