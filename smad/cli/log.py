@@ -159,6 +159,19 @@ def export(
 
 
 @log.command()
+@_path
+@_folder
+def split(path: Path | None, folder: str) -> None:
+    """Write each axis of a log of several as a run log of its own, beside it."""
+    from smad.runlog.one_axis import extract
+    from smad.runlog.reader import read_axes
+
+    source = _resolve(path, folder)
+    for axis, run in read_axes(source).items():
+        click.echo(f"{len(run)} rows to {extract(source, axis)}")
+
+
+@log.command()
 @click.argument(
     "paths",
     metavar="[RUN]...",

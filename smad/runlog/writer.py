@@ -29,7 +29,7 @@ from smad.runlog.paths import make_folder, part_path
 from smad.runlog.schema import Event, Record, Row
 
 END_METADATA_NAME = "smad.end"
-_MESSAGES_A_CHUNK = 256
+MESSAGES_A_CHUNK = 256
 _PAUSE_BETWEEN_CHUNKS_S = 0.001
 _LOOK_S = 1.0
 _NS = 1_000_000_000
@@ -74,7 +74,7 @@ class RunWriter:
         self._queue: deque[Packed] = deque()
         self._packer = RecordPacker(header.started_unix_s, header.axes)
         self._dropped_told = 0
-        self._mcap, self._file = _create(self.paths[0], header)
+        self._mcap, self._file = create_log(self.paths[0], header)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="run log", daemon=True)
         self._thread.start()
@@ -148,7 +148,7 @@ class RunWriter:
         # Only what is there now: a fast caller must not keep this loop from ending.
         waiting = len(self._queue)
         while waiting > 0:
-            batch = [self._queue.popleft() for _ in range(min(waiting, _MESSAGES_A_CHUNK))]
+            batch = [self._queue.popleft() for _ in range(min(waiting, MESSAGES_A_CHUNK))]
             waiting -= len(batch)
             self._write(batch)
             if waiting:
@@ -204,7 +204,7 @@ class RunWriter:
         self._end_file()
         part = len(self.paths) + 1
         path = part_path(self.paths[0], part)
-        self._mcap, self._file = _create(path, msgspec.structs.replace(self._header, part=part))
+        self._mcap, self._file = create_log(path, msgspec.structs.replace(self._header, part=part))
         self.paths.append(path)
 
     def _end_file(self) -> None:
@@ -241,7 +241,7 @@ def write_run(
     then, nor when `records` raises.
     """
     path = Path(path)
-    mcap, file = _create(path, header)
+    mcap, file = create_log(path, header)
     packer = RecordPacker(header.started_unix_s, header.axes)
     try:
         with file:
@@ -249,7 +249,7 @@ def write_run(
             for record in records:
                 given = record if isinstance(record, tuple) else (record,)
                 batch.append(packer.pack(*given))
-                if len(batch) >= _MESSAGES_A_CHUNK:
+                if len(batch) >= MESSAGES_A_CHUNK:
                     mcap.write_chunk(batch)
                     batch = []
             mcap.write_chunk(batch)
@@ -266,7 +266,8 @@ def write_run(
     return packer.packed
 
 
-def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
+def create_log(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
+    """Create a log with its header. Raises RunLogError when it is there already or cannot be."""
     make_folder(path.parent)
     try:
         file = FileIO(path, "xb")

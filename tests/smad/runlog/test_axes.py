@@ -7,6 +7,7 @@ import pytest
 from pyarrow import csv, parquet
 
 from smad.cli import execute
+from smad.config import parse_config
 from smad.errors import RunLogError
 from smad.runlog.export import side_by_side
 from smad.runlog.header import RunHeader
@@ -85,3 +86,27 @@ def test_the_export_is_a_file_an_axis_or_one_with_prefixed_names(tmp_path: Path)
     assert table.schema.field("pitch-1.displacement_mm").metadata[b"unit"] == b"mm"
     assert table.column("yaw-1.tick").null_count == 4
     assert execute(["log", "export", str(path), "--wide", "--to", "mat"]) == 2
+
+
+def test_an_axis_becomes_a_log_of_its_own_with_its_own_configuration(tmp_path: Path) -> None:
+    config = "".join(f'[[axes]]\nname = "{name}"\ntravel_mm = {mm}\n'
+                     for name, mm in zip(NAMES, (3.0, 4.0), strict=True))  # fmt: skip
+    path = tmp_path / "run.mcap"
+    header = RunHeader(
+        axes=NAMES,
+        configuration=config,
+        gains={"pitch-1.kp_A_per_mm": 1.0, "yaw-1.kp_A_per_mm": 2.0},
+    )
+    rows = [
+        (Row(t_s=k * 0.01, tick=k), axis, BEGUN_S + k * 0.01) for k in range(600) for axis in NAMES
+    ]
+    write_run(path, header, [Event(kind="note", text="begun"), *rows])
+    assert execute(["log", "split", str(path)]) == 0
+    run = read_run(tmp_path / "run.yaw-1.mcap")
+    assert run.columns["tick"].tolist() == list(range(600))
+    assert [event.text for event in run.events] == ["begun"]
+    assert (run.header.axes, run.header.gains) == ((), {"kp_A_per_mm": 2.0})
+    own = parse_config(run.header.configuration)
+    assert (own.axes, own.limits.displacement_max_mm) == ((), 4.0)
+    assert not run.cut_short
+    assert not run.notes
