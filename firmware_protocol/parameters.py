@@ -89,9 +89,9 @@ BENCH_PARAMETERS: tuple[Parameter, ...] = (
         "axis_name_crc",
         0,
         0,
-        2**31 - 1,
+        2**30 - 1,
         "",
-        "low 31 bits of the CRC-32 of the name of its axis; 0: none is stored",
+        "low 30 bits of the CRC-32 of the name of its axis; 0: none is stored",
     ),
 )
 
@@ -132,7 +132,7 @@ class DamagedImageError(ParameterError):
 
 def axis_name_crc(name: str) -> int:
     """Return what a board stores of the name of its axis, never 0: that stands for none."""
-    return zlib.crc32(name.encode()) & 0x7FFF_FFFF or 1
+    return zlib.crc32(name.encode()) & 0x3FFF_FFFF or 1
 
 
 def crc_of(values: Mapping[tuple[int, int], int]) -> int:

@@ -858,7 +858,7 @@ const SMAD_FLASH struct smad_parameter smad_parameters[SMAD_PARAMETER_COUNT] = {
     {11, 0, false, false, 0, -1073741824, 1073741824, "encoder_offset_counts"},
     {12, 0, false, true, 1000, -1000000, 1000000, "force_uN_per_count"},
     {13, 0, false, false, 0, -1073741824, 1073741824, "force_offset_counts"},
-    {14, 0, false, false, 0, 0, 2147483647, "axis_name_crc"},
+    {14, 0, false, false, 0, 0, 1073741823, "axis_name_crc"},
     {20, 0, false, false, 4000, 100, 4000, "current_limit_mA"},
     {21, 0, false, false, 9500, 4500, 9500, "temperature_limit_cC"},
     {22, 0, false, false, 4500, 3000, 4500, "cold_cC"},
