@@ -1,16 +1,18 @@
-"""What an open page costs the daemon: setpoint age with the page open and closed, in pairs.
+"""What an open page or a bridge costs the daemon: setpoint age with it and without, in pairs.
 
-python -m bench.view_cost [--pairs 8] [--seconds 5] [--rate 500] [--reader chromium]
+python -m bench.view_cost [--pairs 8] [--seconds 5] [--rate 500] [--reader chromium|plain|foxglove]
 
 One daemon and one simulated bench; each pair measures a stretch without `smad view` and one with it
 and a reader, in an order that changes from pair to pair. The spread of the pairs says what a
 difference is worth. The reader is a browser that draws, or (`--reader plain`) a WebSocket client
 that takes the same frames and draws nothing: that is the share of daemon and server alone.
+`--reader foxglove` measures `smad bridge foxglove` with a viewer that takes every sample.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import statistics
 import tempfile
 import threading
@@ -34,8 +36,10 @@ from bench.browser import (
     live_page,
     open_counting,
     running_daemon,
+    served,
     what_is_missing,
 )
+from smad.bridge.foxglove import CHANNELS, SUBPROTOCOLS
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table, text_table
@@ -99,26 +103,70 @@ class PlainReader:
         self._thread.join()
 
 
-class OpenPage:
-    """`smad view` and whoever reads its page; says what they used since it was made."""
+class Viewer:
+    """A viewer at the bridge that takes every sample and draws nothing. Counts its bytes, too."""
 
-    def __init__(self, process: int, reader: Browser | PlainReader) -> None:
+    heap_MiB = 0.0
+
+    def __init__(self, address: str) -> None:
+        self.frames = 0.0
+        self.bytes = 0
+        self._stack = contextlib.ExitStack()
+        self._connection = self._stack.enter_context(
+            connect(address, subprotocols=[Subprotocol(SUBPROTOCOLS[0])])
+        )
+        wanted = [{"id": channel.id, "channelId": channel.id} for channel in CHANNELS]
+        self._connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        self._thread = threading.Thread(target=self._read)
+        self._thread.start()
+
+    def _read(self) -> None:
+        for message in self._connection:
+            self.frames += isinstance(message, bytes)
+            self.bytes += len(message)
+
+    def close(self) -> None:
+        """Go away."""
+        self._stack.close()
+        self._thread.join()
+
+
+Reader = Browser | PlainReader | Viewer
+
+
+class OpenPage:
+    """`smad view` or a bridge, and its reader; says what they used since it was made."""
+
+    def __init__(self, process: int, reader: Reader) -> None:
         self._process = psutil.Process(process)
         self._reader = reader
         self._began = self._now()
 
-    def _now(self) -> tuple[float, float, float]:
-        return time.monotonic(), sum(self._process.cpu_times()[:2]), self._reader.frames
+    def _now(self) -> tuple[float, float, float, float]:
+        read = getattr(self._reader, "bytes", 0)
+        return time.monotonic(), sum(self._process.cpu_times()[:2]), self._reader.frames, read
 
     def used(self) -> dict[str, float]:
-        """Return processor time, memory of the server and of the page, and frames a second."""
-        (began_s, cpu_s, drawn), now = self._began, self._now()
+        """Return processor time, memory of server and page, frames and bytes a second."""
+        (began_s, cpu_s, drawn, read), now = self._began, self._now()
         return {
+            "kB": (now[3] - read) / (now[0] - began_s) / 1e3,
             "cpu": 100 * (now[1] - cpu_s) / (now[0] - began_s),
             "frames": (now[2] - drawn) / (now[0] - began_s),
             "MiB": self._process.memory_info().rss / 2**20,
             "heap": self._reader.heap_MiB,
         }
+
+
+@contextlib.contextmanager
+def bridge_open(folder: Path) -> Iterator[OpenPage]:
+    """The bridge with a viewer."""
+    with (
+        served(folder, ["bridge", "foxglove"]) as bridge,
+        contextlib.closing(Viewer(bridge.said[0].split()[2])) as viewer,
+    ):
+        time.sleep(_SETTLE_S)
+        yield OpenPage(bridge.process.pid, viewer)
 
 
 @contextlib.contextmanager
@@ -148,7 +196,7 @@ def stretch(client: Client, seconds: float) -> dict[str, float]:
 
 
 def measure(
-    folder: Path, pairs: int, seconds: float, *, plain: bool
+    folder: Path, pairs: int, seconds: float, reader: str
 ) -> tuple[list[dict[str, float]], ...]:
     """Return the figures of every stretch without and with the page, in the order of the pairs."""
     closed: list[dict[str, float]] = []
@@ -162,8 +210,9 @@ def measure(
                 if not with_page:
                     closed.append(stretch(client, seconds))
                     continue
-                profile = None if plain else folder / f"profile{number}"
-                with page_open(folder, profile) as page:
+                profile = folder / f"profile{number}" if reader == "chromium" else None
+                bridge = reader == "foxglove"
+                with bridge_open(folder) if bridge else page_open(folder, profile) as page:
                     opened.append(stretch(client, seconds) | page.used())
         client.disarm()
     return closed, opened
@@ -174,17 +223,19 @@ def measure(
 @click.option("--seconds", type=click.FloatRange(1.0), default=5.0, show_default=True)
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), default="500", show_default=True)
 @click.option(
-    "--reader", type=click.Choice(["chromium", "plain"]), default="chromium", show_default=True
+    "--reader",
+    type=click.Choice(["chromium", "plain", "foxglove"]),
+    default="chromium",
+    show_default=True,
 )
 def main(pairs: int, seconds: float, rate: str, reader: str) -> None:
-    """Print the setpoint age with the page open and closed."""
-    plain = reader == "plain"
-    if not plain and (missing := what_is_missing()):
+    """Print the setpoint age with the page (or the bridge) open and closed."""
+    if reader == "chromium" and (missing := what_is_missing()):
         raise SystemExit(missing)
     with tempfile.TemporaryDirectory(prefix="smad-view-") as name:
         folder = Path(name)
         with running_daemon(folder, rate_hz=int(rate)):
-            closed, opened = measure(folder, pairs, seconds, plain=plain)
+            closed, opened = measure(folder, pairs, seconds, reader)
     rows = []
     for figure in (*FIGURES, "lost"):
         without, with_page = [one[figure] for one in closed], [one[figure] for one in opened]
@@ -201,10 +252,11 @@ def main(pairs: int, seconds: float, rate: str, reader: str) -> None:
     header = (f"{rate} Hz, {reader}, {pairs} pairs", "closed", "open", "difference", "of the pairs")
     click.echo(text_table(Table(header, rows, numeric=frozenset({1, 2, 3, 4}))))
     for figure, what in (
-        ("cpu", "% of a core for smad view"),
-        ("MiB", "MiB for smad view"),
+        ("cpu", "% of a core for the server"),
+        ("MiB", "MiB for the server"),
         ("heap", "MiB for the page's objects"),
-        ("frames", "frames a second drawn"),
+        ("frames", "frames (or samples) a second"),
+        ("kB", "kB a second to a viewer of the bridge"),
     ):
         click.echo(f"{statistics.median(one[figure] for one in opened):.1f} {what}")
 

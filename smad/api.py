@@ -220,6 +220,9 @@ class Entry(Struct, frozen=True):
 
     time_s: Annotated[float, Meta(description="Unix time, seconds")]
     text: Annotated[str, Meta(description="what happened")]
+    kind: Annotated[
+        str, Meta(description="what sort of event, as in a run log; empty: none of them")
+    ] = ""
 
 
 READ_AS = {"cC": ("°C", 0.01), "cC/s": ("°C/s", 0.01), "mA": ("A", 1e-3), "mV": ("V", 1e-3)}

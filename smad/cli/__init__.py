@@ -24,6 +24,7 @@ COMMANDS: Mapping[str, str] = {
     "sim": "smad.cli.sim:sim",
     "status": "smad.cli.status:status",
     "view": "smad.cli.view:view",
+    "bridge": "smad.cli.bridge:bridge",
     "arm": "smad.cli.drive:arm",
     "disarm": "smad.cli.drive:disarm",
     "estop": "smad.cli.drive:estop",

@@ -1,4 +1,4 @@
-"""A configuration as TOML text, and as the table of the guide."""
+"""A configuration as TOML text, and as the lists of the guide."""
 
 from __future__ import annotations
 
@@ -44,22 +44,18 @@ def config_to_toml(config: Config) -> str:
     return "\n".join(lines) + "\n"
 
 
-def markdown_tables() -> str:
-    """The reference of the guide: a table for each section."""
-    parts = []
-    for section in sections():
-        rows = "\n".join(_row(key) for key in section.keys)
-        parts.append(
-            f"### `{section.heading}`\n\n{section.purpose}\n\n"
-            f"| key | default | allowed | what for |\n|---|---|---|---|\n{rows}\n"
-        )
-    return "\n".join(parts)
+def markdown_lists() -> str:
+    """The reference of the guide: a list for each section."""
+    return "\n".join(
+        f"### `{section.heading}`\n\n{section.purpose}\n\n"
+        + "".join(f"- `{_told(key)}` ({key.allowed}): {key.description}\n" for key in section.keys)
+        for section in sections()
+    )
 
 
-def _row(key: Key) -> str:
+def _told(key: Key) -> str:
     missing = key.default in (None, msgspec.NODEFAULT)
-    default = "" if missing else f"`{_toml(key.default)}`"
-    return f"| `{key.name}` | {default} | {key.allowed} | {key.description} |"
+    return key.name if missing else _assignment(key.name, key.default)
 
 
 def _assignment(name: str, value: Any) -> str:

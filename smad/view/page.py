@@ -22,6 +22,7 @@ from websockets.exceptions import ConnectionClosed
 from smad.client import AsyncClient
 from smad.config import Config
 from smad.errors import SmadError
+from smad.style import assets
 from smad.view import commands, forms, strips
 from smad.view.access import Right
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor
@@ -290,4 +291,4 @@ def static_files() -> dict[str, tuple[str, bytes]]:
         if path.suffix in kinds
     }
     found["/"] = found.pop("/index.html")
-    return found
+    return found | {f"/style/{path}": file for path, file in assets.files().items()}

@@ -1,20 +1,13 @@
 // The plots: one uPlot a strip, all on the same time, drawn at most once for each screen refresh.
 
-import uPlot from "./vendor/uPlot.js";
+import { axis, clipped, css, curve, drawMarks, element, line, onScheme, setText, shown } from "./style/plots.js";
+import uPlot from "./style/vendor/uPlot.js";
+
+export { element, setText };
 
 const HEIGHT = 150;
 const MOST_MARKS = 50;
 const NEAR = 0.1; // of a limit
-
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const shown = (value, digits) => (value == null ? "–"
-  : value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "").replace("-", "−"));
-
-export function element(tag, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...children);
-  return made;
-}
 
 export class Strips {
   constructor(host, hello, drawn) {
@@ -39,14 +32,13 @@ export class Strips {
     host.replaceChildren(...this.strips.map((strip) => strip.box));
     this.sizes = new ResizeObserver(() => this.strips.forEach((strip) => strip.resize()));
     this.sizes.observe(host);
-    this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.dark.onchange = () => this.strips.forEach((strip) => strip.plot.redraw());
+    this.light = onScheme(() => this.strips.forEach((strip) => strip.plot.redraw()));
     this.strips.forEach((strip) => strip.resize());
   }
 
   close() {
     this.sizes.disconnect();
-    this.dark.onchange = null;
+    this.light();
     this.strips.forEach((strip) => strip.plot.destroy());
   }
 
@@ -67,7 +59,7 @@ export class Strips {
       this.y = this.y.map((curve, i) => curve.slice(begin, keep).concat(scaled[i]));
     }
     this.frames += 1;
-    this.marks = this.marks.filter((mark) => mark.t >= this.t[0]);
+    this.marks = this.marks.filter((mark) => mark.x >= this.t[0]);
     this.draw();
   }
 
@@ -83,7 +75,7 @@ export class Strips {
 
   // A line at the newest time: what was changed, so that its effect is seen beside it.
   mark(text) {
-    if (this.t.length) this.marks.push({ t: this.t[this.t.length - 1], text });
+    if (this.t.length) this.marks.push({ x: this.t[this.t.length - 1], text });
     if (this.marks.length > MOST_MARKS) this.marks.shift();
   }
 
@@ -113,22 +105,14 @@ class Strip {
   }
 
   options() {
-    const axis = { stroke: () => css("--quiet"), font: "12px system-ui, sans-serif",
-      grid: { stroke: () => css("--line"), width: 1 }, ticks: { stroke: () => css("--line"), width: 1 } };
     return {
       width: 300,
       height: HEIGHT,
       legend: { show: false },
       cursor: { sync: { key: "strips" }, drag: { x: false, y: false } },
       scales: { x: { time: true, auto: false }, y: { range: (plot, low, high) => this.range(low, high) } },
-      axes: [{ ...axis, size: 26, space: 80, values: clock }, { ...axis, size: 46, space: 24 }],
-      series: [{}, ...this.strip.curves.map((curve) => ({
-        stroke: () => css(`--${curve.pen}`),
-        width: 1.5,
-        dash: curve.pen === "reference" ? [6, 4] : undefined,
-        points: { show: false },
-        spanGaps: false,
-      }))],
+      axes: [axis({ size: 26, space: 80, values: clock }), axis({ size: 46, space: 24 })],
+      series: [{}, ...this.strip.curves.map(({ pen }) => curve(pen, pen === "reference" ? [6, 4] : []))],
       hooks: { draw: [() => this.lines()], setCursor: [() => this.label()] },
     };
   }
@@ -169,38 +153,18 @@ class Strip {
 
   // The limits, and the marks of what was changed.
   lines() {
-    const { ctx, bbox } = this.plot;
     const limit = this.all.limits[this.strip.name];
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
-    ctx.lineWidth = devicePixelRatio;
-    const line = (x0, y0, x1, y1) => {
-      ctx.beginPath();
-      ctx.moveTo(x0, y0);
-      ctx.lineTo(x1, y1);
-      ctx.stroke();
-    };
     if (limit != null) {
-      ctx.strokeStyle = css("--limit");
-      ctx.setLineDash([8 * devicePixelRatio, 4 * devicePixelRatio]);
-      for (const value of this.strip.both_ways ? [limit, -limit] : [limit]) {
-        const y = this.plot.valToPos(value, "y", true);
-        line(bbox.left, y, bbox.left + bbox.width, y);
-      }
+      clipped(this.plot, (ctx, bbox) => {
+        ctx.strokeStyle = css("--limit");
+        ctx.setLineDash([8 * devicePixelRatio, 4 * devicePixelRatio]);
+        for (const value of this.strip.both_ways ? [limit, -limit] : [limit]) {
+          const y = this.plot.valToPos(value, "y", true);
+          line(ctx, bbox.left, y, bbox.left + bbox.width, y);
+        }
+      });
     }
-    ctx.setLineDash([]);
-    ctx.strokeStyle = ctx.fillStyle = css("--quiet");
-    ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
-    for (const mark of this.all.marks) {
-      const x = this.plot.valToPos(mark.t, "x", true);
-      line(x, bbox.top, x, bbox.top + bbox.height);
-      const right = x > bbox.left + bbox.width / 2;
-      ctx.textAlign = right ? "right" : "left";
-      ctx.fillText(mark.text, x + (right ? -4 : 4) * devicePixelRatio, bbox.top + 12 * devicePixelRatio);
-    }
-    ctx.restore();
+    drawMarks(this.plot, this.all.marks, true);
   }
 
   // Values under the pointer, or else the newest; and how far the newest is from its limit.
@@ -231,8 +195,4 @@ function clock(plot, splits) {
     const at = new Date(seconds * 1000);
     return `${digits(at.getHours())}:${digits(at.getMinutes())}:${digits(at.getSeconds())}`;
   });
-}
-
-export function setText(node, text) {
-  if (node.textContent !== text) node.textContent = text;
 }

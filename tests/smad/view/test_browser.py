@@ -313,7 +313,7 @@ def answered(page: LivePage, path: str, **headers: str) -> tuple[int, bytes]:
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/view.js", "/vendor/uPlot.js", "/ws", "/?token=wrong", "/../page.py"]
+    "path", ["/", "/view.js", "/style/vendor/uPlot.js", "/ws", "/?token=wrong", "/../page.py"]
 )
 def test_a_stranger_gets_nothing(bench: Bench, path: str) -> None:
     status, body = answered(bench.page, path)
