@@ -1,12 +1,14 @@
 """What an open page or a bridge costs the daemon: setpoint age with it and without, in pairs.
 
-python -m bench.view_cost [--pairs 8] [--seconds 5] [--rate 500] [--reader chromium|plain|foxglove]
+python -m bench.view_cost [--pairs 8] [--seconds 5] [--rate 500] [--busy 0]
+    [--reader chromium|plain|foxglove]
 
 One daemon and one simulated bench; each pair measures a stretch without `smad view` and one with it
 and a reader, in an order that changes from pair to pair. The spread of the pairs says what a
 difference is worth. The reader is a browser that draws, or (`--reader plain`) a WebSocket client
 that takes the same frames and draws nothing: that is the share of daemon and server alone.
 `--reader foxglove` measures `smad bridge foxglove` with a viewer that takes every sample.
+`--busy` keeps so many more processes busy.
 """
 
 from __future__ import annotations
@@ -14,6 +16,8 @@ from __future__ import annotations
 import contextlib
 import json
 import statistics
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -49,6 +53,9 @@ _REFRESH_S = 1.2
 """The percentiles are worked out once a second."""
 _MOTION = Sine(amplitude_mm=2.0, period_s=7.0, cycles=1000)
 FIGURES = ("p50_us", "p99_us", "p999_us")
+_COUNTED = {"lost": "samples lost", "refused": "setpoints refused", "held": "times in HOLD"}
+_HELD = "ARMED → HOLD"
+_BUSY = (sys.executable, "-c", "while True: pass")
 
 
 class Browser:
@@ -186,13 +193,17 @@ def stretch(client: Client, seconds: float) -> dict[str, float]:
     """Return the percentiles of the setpoint age, and the samples lost, over so many seconds."""
     time.sleep(_SETTLE_S)
     client.reset_timing()
-    before = client.status().counts
+    began_s, before = time.time(), client.status().counts
     time.sleep(seconds)
     time.sleep(_REFRESH_S)
     after = client.status()
     age = after.timing.setpoint_age
     lost = after.counts.missed + after.counts.skipped - before.missed - before.skipped
-    return {**{name: getattr(age, name) for name in FIGURES}, "lost": float(lost)}
+    refused = after.counts.setpoints_refused - before.setpoints_refused
+    # Of a refused setpoint there is no age, nor of one that never came.
+    held = sum(event.time_s >= began_s and event.text == _HELD for event in after.events)
+    more = {"lost": float(lost), "refused": float(refused), "held": float(held)}
+    return {**{name: getattr(age, name) for name in FIGURES}, **more}
 
 
 def measure(
@@ -218,6 +229,18 @@ def measure(
     return closed, opened
 
 
+@contextlib.contextmanager
+def busy_processes(count: int) -> Iterator[None]:
+    """So many processes that compute for nothing."""
+    processes = [subprocess.Popen(_BUSY) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
 @click.command()
 @click.option("--pairs", type=click.IntRange(2), default=8, show_default=True)
 @click.option("--seconds", type=click.FloatRange(1.0), default=5.0, show_default=True)
@@ -228,28 +251,31 @@ def measure(
     default="chromium",
     show_default=True,
 )
-def main(pairs: int, seconds: float, rate: str, reader: str) -> None:
+@click.option("--busy", type=click.IntRange(0), default=0, show_default=True)
+def main(pairs: int, seconds: float, rate: str, reader: str, busy: int) -> None:
     """Print the setpoint age with the page (or the bridge) open and closed."""
     if reader == "chromium" and (missing := what_is_missing()):
         raise SystemExit(missing)
     with tempfile.TemporaryDirectory(prefix="smad-view-") as name:
         folder = Path(name)
-        with running_daemon(folder, rate_hz=int(rate)):
+        with running_daemon(folder, rate_hz=int(rate)), busy_processes(busy):
             closed, opened = measure(folder, pairs, seconds, reader)
     rows = []
-    for figure in (*FIGURES, "lost"):
+    for figure in (*FIGURES, *_COUNTED):
         without, with_page = [one[figure] for one in closed], [one[figure] for one in opened]
         differences = [b - a for a, b in zip(without, with_page, strict=True)]
         rows.append(
             (
-                f"setpoint age {figure}" if figure in FIGURES else "samples lost",
+                _COUNTED.get(figure, f"setpoint age {figure}"),
                 f"{statistics.median(without):.0f}",
                 f"{statistics.median(with_page):.0f}",
                 f"{statistics.median(differences):+.0f}",
                 f"{min(differences):+.0f} to {max(differences):+.0f}",
             )
         )
-    header = (f"{rate} Hz, {reader}, {pairs} pairs", "closed", "open", "difference", "of the pairs")
+    load = f", {busy} busy" if busy else ""
+    what = f"{rate} Hz, {reader}{load}, {pairs} pairs"
+    header = (what, "closed", "open", "difference", "of the pairs")
     click.echo(text_table(Table(header, rows, numeric=frozenset({1, 2, 3, 4}))))
     for figure, what in (
         ("cpu", "% of a core for the server"),

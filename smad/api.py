@@ -295,6 +295,9 @@ class Counts(Struct, frozen=True, kw_only=True):
     skipped: Annotated[int, Meta(description="samples passed over because a newer one was there")]
     setpoints: Annotated[int, Meta(description="setpoints written")]
     setpoints_dropped: Annotated[int, Meta(description="setpoints the port did not take")]
+    setpoints_refused: Annotated[
+        int, Meta(description="setpoints too old for the board since it booted; they have no age")
+    ]
     commands: Annotated[int, Meta(description="commands carried out")]
     refused: Annotated[int, Meta(description="commands refused")]
     telemetry_dropped: Annotated[int, Meta(description="samples not published, queue full")]

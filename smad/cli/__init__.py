@@ -51,8 +51,8 @@ COMMANDS: Mapping[str, str] = {
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
 
-READS_FILES = frozenset(("log", "gap"))
-"""Commands that are ended first when memory runs out: a file may hold more than it seems to."""
+READS_FILES = frozenset(("log", "gap", "run", "view"))
+"""Commands that are ended first when memory runs out: before the daemon, which has the bench."""
 
 _INTERRUPTED = 130
 _INTERNAL = 70

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from operator import attrgetter
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from smad import notebook
 from smad.errors import RunLogError
 from smad.runlog import open_logs
+from smad.runlog.bounds import MOST_LOG_BYTES, MOST_LOG_ROWS
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.scan import Damage, NotMcapError, Progress, no_progress, scan
 from smad.runlog.schema import (
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     import pandas
 
 _ROWS_A_BATCH = 20_000
+_BYTES_A_BATCH = 20_000_000
 _ITEMS_A_REPORT = 10_000
 Column = NDArray[np.float64] | NDArray[np.int64]
 
@@ -124,8 +127,8 @@ def read_run(path: str | Path, *, axis: str = "", progress: Progress = no_progre
     """The run in the file at `path`, up to where it is readable; of several axes the one named.
 
     `progress` is called now and then with the share of the file that was read, 0 to 1.
-    Raises RunLogError when the file cannot be opened, is no MCAP file, or is no run log, and when
-    it holds several axes and not the one named.
+    Raises RunLogError when the file cannot be opened, is no MCAP file, is no run log, holds more
+    than a log of the recorder can, or holds several axes and not the one named.
     """
     run = _read(Path(path), axis, progress)
     if axis not in (run.header.axes or ("",)):
@@ -140,7 +143,7 @@ def read_run(path: str | Path, *, axis: str = "", progress: Progress = no_progre
 
 def _read(path: Path, axis: str, progress: Progress) -> Run:
     damage = Damage()
-    intake = _Intake(axis)
+    intake = _Intake(path, axis)
     try:
         damage.being_written = open_logs.being_written(path)
         size = path.stat().st_size
@@ -168,7 +171,7 @@ def _read(path: Path, axis: str, progress: Progress) -> Run:
             action="it was cut before the first sample, so nothing can be recovered; or another "
             "program wrote it",
         )
-    run = intake.finish(path, damage)
+    run = intake.finish(damage)
     progress(1.0)
     return run
 
@@ -198,10 +201,17 @@ class _Decoder(Generic[T]):
 
 
 class _Intake:
-    """Collects what a scan yields, and turns rows into columns batch by batch."""
+    """Collects what a scan yields, and turns rows into columns batch by batch.
 
-    def __init__(self, axis: str) -> None:
+    A chunk of a few kilobytes can unpack to 256 MiB, so rows and bytes are counted as they come.
+    """
+
+    def __init__(self, path: Path, axis: str) -> None:
+        self._path = path
         self._axis = axis
+        self._count = 0
+        self._waiting_bytes = 0
+        self._other_bytes = 0
         self._topics: dict[int, str] = {}
         self._metadata: dict[str, dict[str, str]] = {}
         self._rows: list[tuple[int, bytes]] = []
@@ -225,9 +235,7 @@ class _Intake:
         if isinstance(item, tuple):
             inbox = self._inbox_of.get(item[0])
             if inbox is not None:
-                inbox.append((item[1], item[2]))
-                if inbox is self._rows and len(inbox) >= _ROWS_A_BATCH:
-                    self._decode_rows()
+                self._keep(inbox, item[1], item[2])
         elif isinstance(item, records.Channel):
             self._topics[item.id] = item.topic
             if item.topic in self._inboxes:
@@ -235,7 +243,28 @@ class _Intake:
         elif isinstance(item, records.Metadata):
             self._metadata[item.name] = item.metadata
 
-    def finish(self, path: Path, damage: Damage) -> Run:
+    def _keep(self, inbox: list[tuple[int, bytes]], time_ns: int, body: bytes) -> None:
+        inbox.append((time_ns, body))
+        if inbox is not self._rows:
+            self._other_bytes += sys.getsizeof(body)
+            self._require("bytes beside the samples", self._other_bytes, MOST_LOG_BYTES)
+            return
+        self._count += 1
+        self._waiting_bytes += len(body)
+        self._require("samples", self._count, MOST_LOG_ROWS)
+        if len(inbox) >= _ROWS_A_BATCH or self._waiting_bytes >= _BYTES_A_BATCH:
+            self._decode_rows()
+
+    def _require(self, what: str, value: int, most: int) -> None:
+        if value > most:
+            raise RunLogError(
+                f"{self._path} is longer than a run log can be",
+                value=f"more than {most} {what}",
+                limit=f"{most} {what}",
+                action="leave it out; a recorder begins a new file before",
+            )
+
+    def finish(self, damage: Damage) -> Run:
         self._decode_rows()
         events, link = _Decoder(Event), _Decoder(LinkSample)
         notes = list(damage.notes)
@@ -246,7 +275,7 @@ class _Intake:
         if dropped:
             notes.append(f"{dropped} rows were dropped while recording")
         run = Run(
-            path=path,
+            path=self._path,
             header=RunHeader.from_metadata(self._metadata.get(METADATA_NAME, {})),
             columns=self._columns(),
             events=[event for _, event in events.decode(self._events)],
@@ -274,6 +303,7 @@ class _Intake:
             self._batches.append(columns_of([row for _, row in timed]))
             self._times_ns += [time_ns for time_ns, _ in timed if self._axis]
             self._rows.clear()
+            self._waiting_bytes = 0
 
     def _columns(self) -> dict[str, Column]:
         if not self._batches:

@@ -75,7 +75,7 @@ def test_the_status_of_several_axes_is_a_line_each() -> None:
     )  # fmt: skip
     counts = api.Counts(
         samples=9, missed=2, skipped=0, setpoints=0, setpoints_dropped=0, commands=0, refused=0,
-        telemetry_dropped=0,
+        telemetry_dropped=0, setpoints_refused=0,
     )  # fmt: skip
     none = api.Percentiles()
     timing = api.Timing(
