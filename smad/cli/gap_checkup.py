@@ -20,7 +20,7 @@ from smad.cli.baselines import (
     require_same,
     say,
 )
-from smad.cli.output import bench_option, progress
+from smad.cli.output import axis_option, progress
 
 if TYPE_CHECKING:
     from smad.checkup.commission import Judged
@@ -52,7 +52,7 @@ _programme = click.option("--programme", "programme_folder", type=_FOLDER,
 @_sim
 @_seed
 @_programme
-@bench_option
+@axis_option
 def commission(
     *,
     folder: Path,
@@ -130,7 +130,7 @@ def commission(
 @_effect
 @_seed
 @_programme
-@bench_option
+@axis_option
 @click.option("--json", "json_path", type=_OUT, help="Write the verdict here.")
 @click.option("--report", "page_path", type=_OUT, help="Write a page with figures here.")
 @click.option("--model", "model_path", type=_OUT,

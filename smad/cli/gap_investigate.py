@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.baselines import new_plant, player, require_same, say
-from smad.cli.output import bench_option, progress
+from smad.cli.output import axis_option, progress
 
 if TYPE_CHECKING:
     from smad.checkup.inquiry import Report
@@ -28,7 +28,7 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
               help="With --sim: an effect that the simulated bench has.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
               help="With --sim: of its noise.")  # fmt: skip
-@bench_option
+@axis_option
 def investigate(
     *,
     folder: Path,
