@@ -33,6 +33,14 @@ async def all_safe(rig: Rig) -> None:
         await asyncio.sleep(0)
 
 
+async def silent_for(rig: Rig, seconds: float) -> None:
+    """Let board time pass, and the wall time that the daemon's housekeeping goes by."""
+    until_us = rig.now_us() + round(seconds * 1e6)
+    while rig.now_us() < until_us:
+        await rig.run(10)
+        await asyncio.sleep(0.025)
+
+
 async def move_all(rig: Rig, **told: Any) -> Any:
     return await rig.ask("together", moves={name: [STEP] for name in rig.lines}, **told)
 
@@ -142,7 +150,7 @@ async def test_what_fails_on_an_axis_of_its_own_leaves_the_others_and_their_leas
         assert refused.value.reason == "stopped"
         with pytest.raises(Refused, match="stopped after"):
             await rig.ask("arm", told={**told, "axis": "yaw-1"})
-        await rig.run_for(3.5)
+        await silent_for(rig, 3.5)
         assert hot(rig) == [], "whoever armed fell silent, and none is heated without it"
 
 
@@ -168,11 +176,11 @@ async def test_a_lapsed_lease_and_a_lost_client_stop_all(tmp_path: Path) -> None
         await rig.run_for(2.5)
         lease = (await rig.ask("control.take", name="Ada", lease_s=0.5))["lease"]
         await rig.ask("arm", told={"lease": lease})
-        await rig.run_for(0.7)
+        await silent_for(rig, 0.7)
         assert hot(rig) == []
         await rig.run_until(all_safe(rig))
         await rig.ask("arm", told={"axis": "yaw-1"})
-        await rig.run_for(1.2)
+        await silent_for(rig, 1.2)
         assert hot(rig) == []
 
 
