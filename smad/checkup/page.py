@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim_device.plant.laws import Law, own_states
+from sim_device.plant.laws import Law, own_states, unit_of_state
 from smad.checkup.commission import Judged
 from smad.checkup.verdict import QUIET, UNCALIBRATED, UNKNOWN, Share, Verdict
 from smad.diagnosis.places.responses import PlacesPlant
@@ -136,7 +136,7 @@ def _law_figure(
     top.legend(loc="best")
     low.set_ylabel("data")
     low.set_ylim(0.0, 1.05)
-    low.set_xlabel(state.replace("_", " "))
+    low.set_xlabel(f"{state.replace('_', ' ')}, {unit_of_state(told.place, state)}")
     return svg_of(figure, f"Law: {told.words}")
 
 

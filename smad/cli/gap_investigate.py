@@ -105,7 +105,7 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
 
 
 def proposal(folder: Path, now: Path | None) -> Proposal:
-    """What an investigation would play next, from the newest runs of now beside a baseline."""
+    """What an investigation would play next, from the newest check-up or investigation."""
     from smad.checkup.commission import judged
     from smad.checkup.files import read_folder
     from smad.checkup.investigate import propose
@@ -115,14 +115,17 @@ def proposal(folder: Path, now: Path | None) -> Proposal:
 
     plant = new_plant()
     reference = load(folder, plant).reference
-    begun = (p for p in folder.glob("now-*") if any(p.glob("*.mcap")))
-    places = sorted(begun, key=lambda p: p.stat().st_mtime)
+    answers = (*folder.glob("now-*"), *folder.glob("investigation-*"))
+    places = sorted((p for p in answers if any(p.glob("*.mcap"))), key=lambda p: p.stat().st_mtime)
     if now is None and not places:
         raise BaselineError(
             f"{folder} holds no check-up yet", action="make one with smad gap checkup --baseline"
         )
     known = {r.name for r in reference.runs}
-    runs = [(f.run, f.name) for f in read_folder(now or places[-1]) if f.name in known]
+    # An investigation numbers its runs: 01-run-1, 02-run-2, 03-run-1.
+    named = [(f.run, f.name.lstrip("0123456789-") if f.name not in known else f.name)
+             for f in read_folder(now or places[-1])]  # fmt: skip
+    runs = [(run, name) for run, name in named if name in known]
     with progress() as line:
         found = judged(plant, reference, runs, progress=line.say)
     click.secho(found.verdict.headline, bold=True)
