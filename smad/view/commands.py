@@ -7,6 +7,7 @@ refused by the daemon when a stop came that the page had not shown yet: `generat
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from typing import Annotated, Any, get_args
 
@@ -180,17 +181,27 @@ class Control:
         self.held = False
         self.armed = False
         """Armed under it, and not yet seen to be stopped."""
+        # A renewal that is on its way must not take back what was given away meanwhile.
+        self._one_at_a_time = asyncio.Lock()
 
     async def take(self) -> None:
-        """Take or renew it. Raises NotInControl while somebody else has it."""
-        await self._client.take_control(HOLDER, LEASE_S)
-        self.held = True
+        """Take it. Raises NotInControl while somebody else has it."""
+        async with self._one_at_a_time:
+            await self._client.take_control(HOLDER, LEASE_S)
+            self.held = True
+
+    async def renew(self) -> None:
+        """Renew it, if this page has it. Raises NotInControl when somebody else has it by now."""
+        async with self._one_at_a_time:
+            if self.held:
+                await self._client.take_control(HOLDER, LEASE_S)
 
     async def release(self) -> None:
         """Give it back, if this page has it."""
-        if self.held:
-            self.held = self.armed = False
-            await self._client.release_control()
+        async with self._one_at_a_time:
+            if self.held:
+                self.held = self.armed = False
+                await self._client.release_control()
 
 
 async def _arm(client: AsyncClient, control: Control, ask: Arm) -> str:

@@ -44,7 +44,7 @@ class Desk:
 
     async def close(self) -> None:
         """End reader and job."""
-        self._helper.end()
+        await self._helper.close()
         await self.jobs.close()
 
     async def past(self, from_s: float, to_s: float, view: View) -> Past:

@@ -41,7 +41,7 @@ class Helper:
             try:
                 line = await asyncio.wait_for(self._answer(errand), PATIENCE_S)
             except (OSError, ValueError, TimeoutError) as error:
-                self.end()
+                await self.close()
                 raise ReaderError(
                     f"the page's reader did not answer ({error or type(error).__name__})",
                     limit=f"{PATIENCE_S:g} s",
@@ -49,7 +49,7 @@ class Helper:
                 ) from error
             except asyncio.CancelledError:
                 # Its answer would be taken for that to the next errand.
-                self.end()
+                await self.close()
                 raise
         answer = msgspec.json.decode(line, type=_Answer)
         if answer.failed:
@@ -70,9 +70,10 @@ class Helper:
             raise OSError("it has ended")
         return line
 
-    def end(self) -> None:
+    async def close(self) -> None:
         """End the process, if it runs."""
-        if self._process is not None:
+        process, self._process = self._process, None
+        if process is not None:
             with contextlib.suppress(ProcessLookupError):
-                self._process.kill()
-            self._process = None
+                process.kill()
+            await process.wait()

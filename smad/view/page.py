@@ -243,7 +243,7 @@ class Page:
             return
         try:
             # Control is for driving: once somebody has ended that, it is anybody's again.
-            await (control.release() if self._is_over(control) else control.take())
+            await (control.release() if self._is_over(control) else control.renew())
         except SmadError:
             control.held = False
 
