@@ -1,4 +1,4 @@
-"""What is generated in docs: methods, configuration, channels, decisions, thresholds, benches.
+"""What is generated in docs: methods, configuration, channels, decisions, thresholds, scores.
 
 The reference is made from the types. `python -m smad.docs` writes what stands between
 `<!-- generated: NAME -->` and `<!-- end -->`; with `--check` it only says whether that is stale,
@@ -8,6 +8,7 @@ and ends with status 1 if so.
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -20,18 +21,16 @@ from msgspec import inspect as types
 from smad import api
 from smad.config.template import markdown_tables
 from smad.control import commands
-from smad.experiments import over_benches
 from smad.gap.settings import shipped
 from smad.runlog.schema import markdown_table
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
-_SCORES = _DOCS / "withheld-results.md"
+_SCORES = _DOCS.parent / "evaluation" / "results" / "sealed-runs.json"
 PAGES = (
     _DOCS / "guide/clients.md",
     _DOCS / "guide/configuration.md",
     _DOCS / "guide/run-logs.md",
-    _DOCS / "guide/control.md",
     _DECISIONS / "README.md",
     _DOCS / "diagnosis.md",
     _DOCS.parent / "README.md",
@@ -100,9 +99,8 @@ _TRUST = {
 
 def trust() -> str:
     """A few rows of the last opening's score table."""
-    table = _SCORES.read_text().partition("<!-- end of withheld scores -->")[0]
-    cells = (line.split("|")[1:4] for line in table.splitlines())
-    scores = {row[0].strip(): (row[1].strip(), row[2].strip()) for row in cells if len(row) == 3}
+    rows = json.loads(_SCORES.read_text())["tables"]["Scores"]["rows"]
+    scores = {name: (value, cases) for name, value, cases, *_ in rows}
     lines = ["| what was asked | share of the cases [95 %] | cases |", "|---|---:|---:|"]
     lines += [f"| {words} | {' | '.join(scores[name])} |" for name, words in _TRUST.items()]
     return "\n".join((*lines, ""))
@@ -121,11 +119,6 @@ def settings() -> str:
     return "\n".join((*lines, ""))
 
 
-def benches() -> str:
-    """How the displacement loop does over many benches."""
-    return over_benches.table(over_benches.groups())
-
-
 PARTS: dict[str, Callable[[], str]] = {
     "methods": methods,
     "pieces": pieces,
@@ -137,7 +130,6 @@ PARTS: dict[str, Callable[[], str]] = {
     "decisions": decisions,
     "trust": trust,
     "settings": settings,
-    "benches": benches,
 }
 
 

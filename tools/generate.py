@@ -15,6 +15,7 @@ GENERATORS = (
     "tools.blocking_client",
     "smad.daemon.command.schema",
     "smad.docs",
+    "evaluation.results.page",
 )
 
 

@@ -152,7 +152,7 @@ def score(*, verdicts: Path, key: Path, json_path: Path | None, answered_only: b
         raise KeyMismatchError(
             "this key is sealed, and its use is logged",
             value=str(key),
-            action="use python -m tests.withheld score, in a checkout",
+            action="use python -m evaluation score, in a checkout",
         )
     result = scores(matched(file, truth, key_sha256, answered_only=answered_only), truth.bank)
     click.echo(text(result))

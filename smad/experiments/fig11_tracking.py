@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
-import numpy as np
 from msgspec import Meta
 
 from sim_device.plant.parameters import ParameterSet
 from smad.control.metrics import tracking_r2
 from smad.experiments.base import Comparison, Findings, Options
 from smad.experiments.driver import Driver
-from smad.experiments.over_benches import groups
 from smad.experiments.recording import Recording
 from smad.experiments.tracking import (
     CONTROLS,
@@ -21,9 +19,8 @@ from smad.experiments.tracking import (
     score_of,
     sine_plan,
 )
-from smad.report.page import Picture, Table, Text
+from smad.report.page import Table, Text
 from smad.report.panels import Panels, followed
-from smad.report.plots import COLOURS, label, new_figure, svg_of
 
 LOST = 0.9
 """A period with a smaller R² is not followed any more."""
@@ -115,32 +112,8 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
                     "In air neither spring cools below M_S between two pulls. Both drift towards "
                     "austenite until the pair stands still: the paper's “residual heat”.",
                 ),
-                Picture(
-                    _benches_figure(),
-                    "R² of 2 mm, 7 s with switched water on simulated benches whose parameters "
-                    "were drawn within their ranges: the share of benches below each value, with "
-                    "the shipped gains and after smad tune. From tools/control_campaign.py, not "
-                    "from this run.",
-                ),
             ),
         )
-
-
-def _benches_figure() -> str:
-    figure, (axes,) = new_figure(height_in=3.0)
-    for group in groups():
-        if group.kind != "drawn" or "tuned" not in group.values:
-            continue
-        for name, colour in (("shipped", "reference"), ("tuned", "actual")):
-            r2 = group.values[name]["r2"]
-            share = np.arange(1, len(r2) + 1) / max(1, len(r2))
-            axes.step(
-                np.clip(r2, 0.0, 1.0), share, "-" if group.noise == 1 else "--", where="post",
-                color=COLOURS[colour], linewidth=1.0 if group.rate_Hz == 100 else 0.5,
-                label=f"{name}, {group.rate_Hz} Hz, noise ×{group.noise:g}, {len(r2)}",
-            )  # fmt: skip
-    label(axes, "R² after the first cycle (0: not followed)", "share of benches")
-    return svg_of(figure, "R² over drawn benches, before and after tuning")
 
 
 def _two_digits(r2: float) -> str:

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tests.fuzz.blind import fuzz_blindly
+from tests.fuzz.corpus import write_corpus
 from tests.fuzz.engine import EngineError, available, fuzz, least
 from tests.fuzz.outcome import Finding, Outcome
 from tests.fuzz.targets import TARGETS, Target
@@ -109,16 +110,13 @@ def _keep(target: Target, grown: tuple[bytes, ...]) -> None:
 
     What was seeded or once found always stays.
     """
-    files = {path: path.read_bytes() for path in sorted(target.corpus.iterdir())}
-    always = [data for path, data in files.items() if _is_named(path)]
+    kept = target.corpus()
+    always = {name: data for name, data in kept.items() if _is_named(name)}
     small = [data for data in grown if len(data) <= _LARGEST_KEPT_BYTES]
-    chosen = least(target, (*always, *small, *files.values()))
-    for path in files:
-        if not _is_named(path):
-            path.unlink()
-    added = sorted(set(chosen) - set(always), key=lambda data: (len(data), data))
-    for data in _spread(added):
-        (target.corpus / hashlib.sha256(data).hexdigest()[:16]).write_bytes(data)
+    chosen = least(target, (*always.values(), *small, *kept.values()))
+    added = sorted(set(chosen) - set(always.values()), key=lambda data: (len(data), data))
+    new = {hashlib.sha256(data).hexdigest()[:16]: data for data in _spread(added)}
+    write_corpus(target.archive, always | new)
 
 
 def _spread(inputs: Sequence[bytes]) -> Iterator[bytes]:
@@ -128,8 +126,8 @@ def _spread(inputs: Sequence[bytes]) -> Iterator[bytes]:
         yield inputs[int(number * step)]
 
 
-def _is_named(path: Path) -> bool:
-    return path.name.startswith(("seed-", "found-"))
+def _is_named(name: str) -> bool:
+    return name.startswith(("seed-", "found-"))
 
 
 def _plain(outcome: Outcome) -> dict[str, object]:

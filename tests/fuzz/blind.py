@@ -17,7 +17,7 @@ _MOST_RUNS = 10**9
 def fuzz_blindly(target: Target, *, seconds: float | None, runs: int | None, seed: int) -> Outcome:
     """Try the corpus, then mutations, for so long or so many inputs; keep each kind of finding."""
     limited = within_limits(target.harness(), target.allowed_s)
-    corpus = [path.read_bytes() for path in sorted(target.corpus.iterdir())]
+    corpus = list(target.corpus().values())
     found: dict[str, Finding] = {}
     began_s = time.monotonic()
     executions = 0

@@ -39,7 +39,7 @@ def main(arguments: list[str]) -> None:
     # The next counter that would be given out is how many there are.
     sys.stderr.write(f"counters: {atheris._reserve_counter()}\n")
     rng = random.Random(0)
-    mutator = Mutator(target, [path.read_bytes() for path in sorted(target.corpus.iterdir())], rng)
+    mutator = Mutator(target, list(target.corpus().values()), rng)
     again = f"{sys.executable} -m tests.fuzz.child {target.name} {folder}"
     atheris.Setup(
         [again, *arguments[2:]],

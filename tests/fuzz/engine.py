@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from tests.fuzz.limits import FINDINGS
@@ -38,16 +39,19 @@ def fuzz(
     seconds: int | None,
     runs: int | None,
     seed: int,
-    corpus: Path | None = None,
+    corpus: Mapping[str, bytes] | None = None,
 ) -> Outcome:
-    """Fuzz one target for so long, or so many inputs, from its corpus or another folder's.
+    """Fuzz one target for so long, or so many inputs, from its corpus or other inputs.
 
     Raises EngineError.
     """
     with tempfile.TemporaryDirectory(prefix="smad-fuzz-") as name:
         folder = Path(name)
-        work = folder / "corpus"
+        work, begun_from = folder / "corpus", folder / "begun-from"
         work.mkdir()
+        begun_from.mkdir()
+        for label, data in (target.corpus() if corpus is None else corpus).items():
+            (begun_from / label).write_bytes(data)
         flags = [
             f"-seed={seed}",
             f"-max_len={target.longest}",
@@ -61,7 +65,7 @@ def fuzz(
             flags.append(f"-dict={folder / 'words'}")
         flags += [] if seconds is None else [f"-max_total_time={seconds}"]
         flags += [] if runs is None else [f"-runs={runs}"]
-        said = _run(target, folder, [*flags, str(work), str(corpus or target.corpus)])
+        said = _run(target, folder, [*flags, str(work), str(begun_from)])
         findings = _findings(folder)
         return _outcome(target, said, findings, tuple(f.read_bytes() for f in work.iterdir()))
 

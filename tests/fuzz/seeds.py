@@ -29,6 +29,7 @@ from smad.runlog.reader import read_run
 from smad.runlog.schema import EVENT_TOPIC, LINK_TOPIC, ROW_TOPIC
 from tests.firmware_protocol.pair import SAMPLE
 from tests.fuzz.board import FIXTURES
+from tests.fuzz.corpus import write_corpus
 from tests.fuzz.log_import import SEPARATOR
 from tests.fuzz.targets import TARGETS
 from tests.smad.runlog.helpers import write_small_run
@@ -39,10 +40,8 @@ Seeds = Iterator[tuple[str, bytes]]
 def main() -> int:
     """Write the seeds of every target that are not there yet."""
     for name, make in SEEDS.items():
-        folder = TARGETS[name].corpus
-        folder.mkdir(parents=True, exist_ok=True)
-        for label, data in make():
-            (folder / f"seed-{label}").write_bytes(data)
+        seeds = {f"seed-{label}": data for label, data in make()}
+        write_corpus(TARGETS[name].archive, TARGETS[name].corpus() | seeds)
     return 0
 
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.fuzz.corpus import read_corpus
+
 CORPUS = Path(__file__).parent / "corpus"
 
 Harness = Callable[[bytes], None]
@@ -33,9 +35,13 @@ class Target:
         return run
 
     @property
-    def corpus(self) -> Path:
-        """The folder of the inputs that are kept."""
-        return CORPUS / self.name
+    def archive(self) -> Path:
+        """Where its inputs are kept."""
+        return CORPUS / f"{self.name}.zip"
+
+    def corpus(self) -> dict[str, bytes]:
+        """The inputs that are kept, by name."""
+        return read_corpus(self.archive)
 
 
 _PROTOCOL = ("firmware_protocol",)

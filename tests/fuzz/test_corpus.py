@@ -22,6 +22,7 @@ from smad.daemon.command.service import Service
 from smad.daemon.control import ControlTask
 from smad.runlog import scan, tables
 from tests.fuzz import commands, config
+from tests.fuzz.corpus import read_corpus, write_corpus
 from tests.fuzz.limits import kind_of, within_limits
 from tests.fuzz.mutate import mutations
 from tests.fuzz.seeds import SEEDS
@@ -33,34 +34,30 @@ CORPUS_LIMIT_BYTES = 500_000
 every_target = pytest.mark.parametrize("target", TARGETS.values(), ids=list(TARGETS))
 
 
-def corpus_of(target: Target) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(target.corpus.iterdir())}
-
-
 @every_target
 def test_every_input_of_the_corpus_is_taken_without_a_defect(target: Target) -> None:
     run = within_limits(target.harness(), target.allowed_s)
-    for data in corpus_of(target).values():
+    for data in target.corpus().values():
         run(data)
 
 
 @every_target
 def test_mutations_of_the_corpus_are_taken_without_a_defect(target: Target) -> None:
     run = within_limits(target.harness(), target.allowed_s)
-    for data in mutations(target, list(corpus_of(target).values()), MUTATIONS, seed=1):
+    for data in mutations(target, list(target.corpus().values()), MUTATIONS, seed=1):
         run(data)
 
 
 def test_the_same_seed_gives_the_same_mutations() -> None:
     target = TARGETS["config"]
-    corpus = list(corpus_of(target).values())
+    corpus = list(target.corpus().values())
     once, again, other = (list(mutations(target, corpus, 20, seed)) for seed in (1, 1, 2))
     assert once == again != other
 
 
 @every_target
 def test_the_seeds_are_in_the_corpus_and_small_enough_to_be_mutated(target: Target) -> None:
-    kept = corpus_of(target)
+    kept = target.corpus()
     made = dict(SEEDS[target.name]())
     assert made
     assert {f"seed-{label}" for label in made} == {n for n in kept if n.startswith("seed-")}
@@ -68,10 +65,18 @@ def test_the_seeds_are_in_the_corpus_and_small_enough_to_be_mutated(target: Targ
 
 
 def test_the_corpus_stays_small() -> None:
-    folders = {path.name for path in CORPUS.iterdir()}
-    assert folders == set(TARGETS)
-    total = sum(path.stat().st_size for path in CORPUS.rglob("*") if path.is_file())
-    assert total < CORPUS_LIMIT_BYTES
+    archives = {path.name: path.stat().st_size for path in CORPUS.iterdir()}
+    assert set(archives) == {target.archive.name for target in TARGETS.values()}
+    assert sum(archives.values()) < CORPUS_LIMIT_BYTES
+
+
+def test_an_archive_of_the_same_inputs_has_the_same_bytes(tmp_path: Path) -> None:
+    archives = [tmp_path / name for name in ("one.zip", "two.zip")]
+    inputs = {"b": b"\1\2", "a": b""}
+    write_corpus(archives[0], inputs)
+    write_corpus(archives[1], dict(reversed(inputs.items())))
+    assert archives[0].read_bytes() == archives[1].read_bytes()
+    assert read_corpus(archives[0]) == inputs
 
 
 def forget_partial_frames(patch: pytest.MonkeyPatch) -> None:
@@ -178,7 +183,7 @@ def test_a_planted_defect_is_found_by_the_corpus(
 
 def defects(target: Target) -> Iterator[str]:
     run = target.harness()
-    for data in corpus_of(target).values():
+    for data in target.corpus().values():
         try:
             run(data)
         except Exception as error:

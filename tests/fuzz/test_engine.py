@@ -10,6 +10,7 @@ import pytest
 from tests.fuzz import __main__ as command
 from tests.fuzz import targets
 from tests.fuzz.blind import fuzz_blindly
+from tests.fuzz.corpus import write_corpus
 from tests.fuzz.engine import available, fuzz
 from tests.fuzz.limits import kind_of
 from tests.fuzz.outcome import Finding
@@ -27,14 +28,13 @@ MORE_RUNS = 150
 
 @needs_atheris
 @pytest.mark.parametrize("target", TARGETS.values(), ids=list(TARGETS))
-def test_atheris_finds_nothing_new_in_a_bounded_run(target: Target, tmp_path: Path) -> None:
+def test_atheris_finds_nothing_new_in_a_bounded_run(target: Target) -> None:
     # The whole corpus is tried elsewhere, and faster; to begin from, a part is enough.
-    paths = sorted(target.corpus.iterdir())
-    begun_from = {*paths[::STRIDE], *target.corpus.glob("seed-*")}
-    for path in begun_from:
-        (tmp_path / path.name).write_bytes(path.read_bytes())
+    kept = target.corpus()
+    some = {*list(kept)[::STRIDE], *(name for name in kept if name.startswith("seed-"))}
+    begun_from = {name: kept[name] for name in some}
     runs = len(begun_from) + MORE_RUNS
-    outcome = fuzz(target, seconds=None, runs=runs, seed=1, corpus=tmp_path)
+    outcome = fuzz(target, seconds=None, runs=runs, seed=1, corpus=begun_from)
     assert [finding.kind for finding in outcome.findings] == []
     assert outcome.executions >= runs
     assert 0 < outcome.edges_before <= outcome.edges < outcome.counters
@@ -121,17 +121,15 @@ def test_a_program_that_has_ended_gives_zeros() -> None:
 def test_keeping_adds_what_is_new_within_bounds_and_loses_no_seed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = tmp_path / "frames"
-    kept.mkdir()
-    seeds = {path.name for path in TARGETS["frames"].corpus.glob("seed-*")}
-    for name in seeds:
-        (kept / name).write_bytes((TARGETS["frames"].corpus / name).read_bytes())
+    frames = TARGETS["frames"]
+    seeds = {name: data for name, data in frames.corpus().items() if name.startswith("seed-")}
     monkeypatch.setattr(targets, "CORPUS", tmp_path)
+    write_corpus(frames.archive, seeds)
     assert command.main(["frames", "--runs", "600", "--keep"]) == 0
-    names = {path.name for path in kept.iterdir()}
-    assert seeds < names
-    before = fuzz(TARGETS["frames"], seconds=None, runs=len(names) + 1, seed=1)
+    kept = frames.corpus()
+    assert seeds.items() < kept.items()
+    before = fuzz(frames, seconds=None, runs=len(kept) + 1, seed=1)
     assert before.edges_before > 0
     monkeypatch.setattr(command, "_MOST_KEPT_BYTES", 1)
     assert command.main(["frames", "--runs", "100", "--keep"]) == 0
-    assert {path.name for path in kept.iterdir()} == seeds
+    assert frames.corpus() == seeds

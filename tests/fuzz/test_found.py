@@ -33,7 +33,7 @@ from smad.runlog.scan import Damage, scan
 from smad.runlog.schema import ROW_TOPIC, Row
 from smad.runlog.writer import write_run
 from tests.firmware_protocol.pair import IDENT
-from tests.fuzz.targets import CORPUS
+from tests.fuzz.targets import TARGETS
 
 DEEP = "[" * 3000
 
@@ -149,7 +149,7 @@ def test_a_bad_cell_is_told_with_its_line_although_another_column_is_no_text(
 def test_a_folder_is_listed_without_unpacking_what_a_damaged_footer_points_at(
     tmp_path: Path,
 ) -> None:
-    damaged = (CORPUS / "runlog" / "found-footer-points-at-a-chunk").read_bytes()
+    damaged = TARGETS["runlog"].corpus()["found-footer-points-at-a-chunk"]
     (tmp_path / "run.mcap").write_bytes(damaged)
     (line,) = list_runs(tmp_path)
     assert line.rows is None

@@ -41,7 +41,7 @@ COMPARABLE: dict[str, Mapping[str, float]] = {
 }
 """Effects of the library that have a comparable quantity: weights of its parameters in that sum.
 
-tests/withheld/quantities.py says what each quantity is. All are changes since the known-good runs.
+evaluation/bank/quantities.py says what each quantity is. All are changes since the known-good runs.
 """
 
 

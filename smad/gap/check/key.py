@@ -16,7 +16,11 @@ SEALED = "sealed"
 """Bank whose key the repository guards: see docs/withheld.md."""
 
 STRENGTHS = (1.0, 3.0, 10.0)
-Kind = Literal["none", "parameters", "single", "unknown", "pair", "triple", "differs"]
+Kind = Literal[
+    "none", "parameters", "single", "unknown", "pair", "triple", "differs",
+    "room", "preload", "drift",
+]  # fmt: skip
+"""The last three have no effect: the day is unlike the good ones."""
 
 
 class TrueEffect(msgspec.Struct, frozen=True):
@@ -62,9 +66,9 @@ class CaseKey(msgspec.Struct, frozen=True):
     @property
     def right_answer(self) -> frozenset[str]:
         """What the first hypothesis should say, the answers that name no cause included."""
-        if self.kind in ("none", "parameters", "unknown"):
+        if self.kind in ("parameters", "unknown"):
             return frozenset((self.kind,))
-        return self.names
+        return self.names or frozenset(("none",))
 
 
 class Key(msgspec.Struct, frozen=True):

@@ -27,7 +27,7 @@ class Hypothesis(msgspec.Struct, frozen=True):
 class Estimate(msgspec.Struct, frozen=True):
     """A comparable quantity of an effect with its 95 % interval.
 
-    tests/withheld/quantities.py says what each is.
+    evaluation/bank/quantities.py says what each is.
     """
 
     value: float
@@ -45,11 +45,10 @@ class HeldOut(msgspec.Struct, frozen=True):
 
 
 class NextExperiment(msgspec.Struct, frozen=True):
-    """The recommended experiment, and what the verdict was after it was run (if it was)."""
+    """The recommended experiment, and which names it tells apart."""
 
     name: str
     separates: list[str] = []
-    names_after: list[str] | None = None
 
 
 class Short(msgspec.Struct, frozen=True):
@@ -74,7 +73,6 @@ class CaseVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     held_out: dict[str, HeldOut] = {}
     budget: dict[str, float] = {}
     shrink: float | None = None
-    shrink_best_entry: float | None = None
     quantities: dict[str, Estimate] = {}
     next_experiment: NextExperiment | None = None
     left_out: dict[str, Short] = {}
@@ -146,8 +144,7 @@ def in_bank_names(verdict: CaseVerdict) -> CaseVerdict:
     for name, part in verdict.budget.items():
         budget[canonical(name)] = budget.get(canonical(name), 0.0) + part
     if (after := verdict.next_experiment) is not None:
-        seen = None if after.names_after is None else _named(after.names_after)
-        after = NextExperiment(after.name, _named(after.separates), seen)
+        after = NextExperiment(after.name, _named(after.separates))
     return msgspec.structs.replace(
         verdict,
         causes=causes,

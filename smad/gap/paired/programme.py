@@ -151,7 +151,7 @@ def read_programme(folder: Path) -> Programme:
             f"{folder} holds no programme of this version",
             value=f"format {entry.format}, {len(entry.runs)} runs",
             limit="smad-programme-1, at least one run",
-            action="design it again with python -m tools.design_programme",
+            action="design it again with python -m evaluation design",
         )
     runs = [_read_run(folder, r) for r in entry.runs]
     return Programme(entry.name, entry.title, tuple(runs))
@@ -213,5 +213,5 @@ def _quoted(text: str) -> str:
 
 
 def shipped() -> Programme:
-    """The programme of the spring pair, as designed by `python -m tools.design_programme`."""
+    """The programme of the spring pair, as designed by `python -m evaluation design`."""
     return read_programme(Path(str(files("smad.gap.paired") / "data" / "spring-pair")))

@@ -341,7 +341,7 @@ def test_a_sealed_key_is_not_scored_without_a_log(
     verdicts, key = _scored(tmp_path, "sealed")
     assert execute(["gap", "score", str(verdicts), str(key)]) == 1
     said = capsys.readouterr()
-    assert "tests.withheld score" in said.err
+    assert "evaluation score" in said.err
     assert said.out == ""
 
 

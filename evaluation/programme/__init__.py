@@ -1,0 +1,1 @@
+"""The design of the programme that a check-up plays."""

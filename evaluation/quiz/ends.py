@@ -1,0 +1,117 @@
+"""How investigations of benches with a hidden effect ended, counted beside the answers."""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from evaluation.errors import QuizError
+from smad.gap.check.intervals import wilson
+from smad.gap.check.names import canonical
+from smad.gap.paired.inquiry import Report
+from smad.gap.paired.programme import Programme
+from smad.gap.paired.verdict import CAUSE, GROUP, QUIET, UNKNOWN
+from smad.report.page import Table
+
+End = dict[str, Any]
+"""What an investigation concluded, beside the answer."""
+
+
+def told(answer: dict[str, Any], report: Report, spent_s: float, programme: Programme) -> End:
+    """What an investigation concluded, beside the answer."""
+    assert report.verdict is not None
+    verdict = report.verdict
+    names = list(verdict.group) if verdict.outcome == GROUP else []
+    if verdict.outcome == CAUSE:
+        names = list(verdict.likely[0].names)
+    return {
+        "seed": answer["seed"],
+        "effects": [canonical(e["name"]) for e in answer["effects"]],
+        "listed": all(e["listed"] for e in answer["effects"]),
+        "outcome": verdict.outcome,
+        "names": sorted(canonical(n) for n in names),
+        "why_over": report.why_over,
+        "further_runs": max(
+            0,
+            sum(not r.held_out for r in report.records) - sum(run.quick for run in programme.runs),
+        ),
+        "minutes": round(spent_s / 60.0, 1),
+    }
+
+
+_ENDS = {
+    "rightly": "settled rightly",
+    "with a wrong name": "right name and a wrong one",
+    "wrongly": "settled wrongly",
+    "not noticed": "not noticed",
+    "said to be unknown": "called unknown",
+    "not settled": "not settled",
+}
+"""How an investigation may end, and the head of its column."""
+
+
+def mark(case: End) -> str:
+    """How an investigation ended, one of `_ENDS`; an effect of no list is rightly unknown."""
+    if case["outcome"] == GROUP:
+        return "not settled"
+    if case["outcome"] == UNKNOWN:
+        return "said to be unknown" if case["listed"] else "rightly"
+    if case["outcome"] == QUIET:
+        return "not noticed"
+    if case["outcome"] != CAUSE or not case["listed"]:
+        return "wrongly"
+    truth, said = set(case["effects"]), set(case["names"])
+    return "rightly" if said == truth else "with a wrong name" if truth & said else "wrongly"
+
+
+def run(seeds: Sequence[int], out: Path, investigated: Callable[[int], End]) -> None:
+    """All seeds, a file each in `out`; those that have one are not done again.
+
+    A bench that fails does not keep the others waiting. Raises QuizError at the end, then.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    failed = []
+    for seed in seeds:
+        place = out / f"{seed}.json"
+        if place.exists():
+            continue
+        try:
+            c = investigated(seed)
+        except QuizError as error:
+            print(f"{seed} failed: {error}", flush=True)
+            failed.append(str(seed))
+            continue
+        place.write_text(json.dumps(c, indent=1))
+        print(f"{seed} {mark(c)}: {c['effects']} {c['outcome']} {c['names']} {c['minutes']} min; "
+              f"{c['why_over']}", flush=True)  # fmt: skip
+    if failed:
+        raise QuizError(f"not finished: {', '.join(failed)}; the same command tries them again")
+
+
+def ended(out: Path) -> list[End]:
+    """What became of every bench of a folder."""
+    return [json.loads(path.read_text()) for path in sorted(out.glob("*.json"))]
+
+
+def table(cases: Sequence[End]) -> Table:
+    """How they ended, apart for effects in the library and others."""
+    rows = []
+    listed = [c for c in cases if c["listed"]]
+    other = [c for c in cases if not c["listed"]]
+    for title, own in (("in the library", listed), ("not in it", other), ("all", cases)):
+        if not own:
+            continue
+        ends = [mark(c) for c in own]
+        shares = (_share(ends.count(end), len(own)) for end in _ENDS)
+        took = [c["minutes"] for c in own]
+        rows.append((title, str(len(own)), *shares, f"{median(took):.1f} ({max(took):.1f})"))
+    head = (
+        "the trouble", "simulated benches", *_ENDS.values(), "minutes of bench time, median (most)"
+    )  # fmt: skip
+    return Table(head, rows, numeric=frozenset(range(1, len(head))))
+
+
+def _share(hits: int, count: int) -> str:
+    low, high = wilson(hits, count)
+    return f"{hits / count:.2f} ({low:.2f}–{high:.2f})"

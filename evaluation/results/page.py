@@ -1,0 +1,92 @@
+"""`docs/results.md` from the kept results and the log of openings.
+
+python -m evaluation.results.page [--check]
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from evaluation.results.record import FOLDER, Result, kept
+from smad.report.page import Table, markdown_table
+
+PAGE = Path(__file__).parents[2] / "docs" / "results.md"
+OPENINGS = FOLDER / "openings.jsonl"
+_HEAD = """# Results of the evaluation
+
+Made by `python -m evaluation results` from `evaluation/results`, which also has the tables that
+are too long for a page. How the cases are made, what a floor is and what each row counts is in
+[the withheld check](withheld.md). Every figure is about the independent plant's family of simulated
+benches, until a real bench says otherwise.
+"""
+_LOG = """
+## Openings
+
+One line for each use of the key of a sealed bank. Nothing may be tuned on what these lines say.
+
+"""
+_MOST_ROWS = 25
+"""Longer tables are read in their file."""
+_COLUMNS = {
+    "false alarms on none": "false alarms",
+    "detected at 3× the floor": "noticed at 3 floors",
+    "detected at 10× the floor": "at 10",
+    "right name first, of the detected": "right first",
+    "unknown effects named as a known one": "unknown given a name",
+}
+"""The scores of an opening that the page shows, and their heads; the log has all of them."""
+
+
+def rendered(results: list[Result], openings: Path = OPENINGS) -> str:
+    """The page."""
+    return _HEAD + "".join(map(_section, results)) + _LOG + markdown_table(_openings(openings))
+
+
+def _section(result: Result) -> str:
+    parts = [
+        f"\n## {result.title}\n",
+        f"Measured {result.date} at commit {result.commit} with `{result.command}`.\n",
+        *(f"{note}\n" for note in result.notes),
+    ]
+    for heading, table in result.tables.items():
+        if len(table.rows) <= _MOST_ROWS:
+            parts += [*([f"**{heading}**\n"] if heading else []), markdown_table(table)]
+    return "\n".join(parts)
+
+
+def _openings(path: Path) -> Table:
+    """A row for each opening, the newest last."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    rows = []
+    for entry in map(json.loads, lines):
+        scores = (entry["scores"].get(name) for name in _COLUMNS)
+        rows.append(
+            (
+                entry["opened"],
+                entry["commit"],
+                entry["key_sha256"][:12],
+                entry["verdicts_sha256"][:12],
+                f"{entry['answered']}/{entry['cases']}",
+                *("–" if value is None else f"{value:.2f}" for value in scores),
+            )
+        )
+    head = ("opened (UTC)", "commit", "key", "verdicts", "answered", *_COLUMNS.values())
+    return Table(head, rows, numeric=frozenset(range(4, len(head))))
+
+
+def main(arguments: list[str]) -> int:
+    """Write the page; with `--check` say whether it is stale, and end with status 1 if so."""
+    text = rendered(kept())
+    if "--check" not in arguments:
+        PAGE.write_text(text)
+        return 0
+    if PAGE.exists() and PAGE.read_text() == text:
+        return 0
+    sys.stderr.write(f"{PAGE.name} is stale: run python -m evaluation results\n")
+    return 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""The product asked about every case of a bank."""

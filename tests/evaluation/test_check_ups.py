@@ -1,0 +1,117 @@
+"""The protocol check-up: what is played, and what a bank of it holds."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluation.bank.check_ups import Order, make, read_programme
+from evaluation.bank.files import read_run
+from evaluation.calibrate.check_up import kept_findings
+from evaluation.command import main
+from evaluation.errors import BankError
+from evaluation.plant.effects import names
+from evaluation.run.check_ups import run
+
+PROGRAMME = """format = "smad-programme-1"
+name = "tiny"
+title = "one run"
+
+[[runs]]
+name = "run-1"
+title = "a pulse"
+duration_s = 12.0
+quick = true
+"""
+
+
+def _programme(folder: Path) -> Path:
+    folder.mkdir()
+    (folder / "programme.toml").write_text(PROGRAMME)
+    (folder / "run-1.csv").write_text("t_s,i_x_A,i_y_A,duty_x,duty_y\n0,0,0,0,0\n4,2.5,0,0,0.5\n")
+    return folder
+
+
+def test_a_row_holds_until_the_next_and_the_last_to_the_end(tmp_path: Path) -> None:
+    (run,) = read_programme(_programme(tmp_path / "p"))
+    assert run.program.shape == (1200, 7)
+    assert np.all(run.program[:400, 2] == 0.0)
+    assert np.all(run.program[400:, 2] == 2.5)
+    assert np.all(run.program[400:, 5] == 0.5)
+
+
+def test_a_folder_without_a_programme_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BankError, match="holds no programme"):
+        read_programme(tmp_path)
+
+
+def test_a_bank_keeps_its_key_apart_and_benches_on_days_of_their_own(tmp_path: Path) -> None:
+    order = Order(tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=2, seed=3)
+    make(order, jobs=1)
+    manifest = json.loads((order.folder / "manifest.json").read_text())
+    key = json.loads((order.key_folder / "KEY.json").read_text())
+    assert {c["id"] for c in manifest["cases"]} == set(key["cases"])
+    assert not list(order.folder.rglob("KEY.json"))
+    days = [
+        (order.folder / "benches" / "bench-1" / f"good-{n}" / "run-1.parquet").read_bytes()
+        for n in (1, 2)
+    ]
+    assert days[0] != days[1]
+    with pytest.raises(BankError, match="exists"):
+        make(order, jobs=1)
+
+
+def test_other_days_have_no_effect_and_are_unlike_the_good_ones(tmp_path: Path) -> None:
+    order = Order(
+        tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=2, seed=3,
+        mixture="other-days",
+    )  # fmt: skip
+    make(order, jobs=1)
+    key = json.loads((order.key_folder / "KEY.json").read_text())["cases"]
+    by_kind = {entry["kind"]: (case, entry) for case, entry in key.items()}
+    assert set(by_kind) == {"none", "room", "preload", "parameters", "drift"}
+    assert not any(entry["effects"] for _, entry in by_kind.values())
+    assert by_kind["none"][1]["gap_worst"] == 0.0
+    assert by_kind["preload"][1]["gap_worst"] > 0.0
+
+    def room_degC(run: Path) -> float:
+        return float(np.nanmean(read_run(run)["rtd_ambient_degC"]))
+
+    case = order.folder / "cases" / by_kind["room"][0] / "run-1.parquet"
+    good = order.folder / "benches" / "bench-1" / "good-1" / "run-1.parquet"
+    assert room_degC(case) > room_degC(good) + 1.0
+
+
+def test_a_sealed_bank_draws_a_seed_that_nothing_tells(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    programme = _programme(tmp_path / "p")
+    made = []
+    for n in range(2):
+        order = Order(tmp_path / f"bank-{n}", programme, 5, benches=1, repeats=1, seed=3,
+                      sealed=True)  # fmt: skip
+        made.append(make(order, jobs=1))
+        manifest = json.loads((order.folder / "manifest.json").read_text())
+        key = json.loads((order.key_folder / "KEY.json").read_text())
+        assert manifest["bank"] == key["bank"] == "sealed"
+        hidden = {e["name"] for c in key["cases"].values() for e in c["effects"] if not e["known"]}
+        assert hidden <= set(names("sealed"))
+    assert made[0] != made[1]
+    with pytest.raises(SystemExit):
+        main(
+            ["play", str(tmp_path / "b"), "--programme", str(programme), "--sealed", "--seed", "1"]
+        )
+    assert "draws its seed in secret" in capsys.readouterr().err
+
+
+def test_the_key_of_a_sealed_bank_is_not_read_before_its_verdicts_are_logged(
+    tmp_path: Path,
+) -> None:
+    order = Order(tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=1, seed=3,
+                  sealed=True)  # fmt: skip
+    make(order, jobs=1)
+    with pytest.raises(BankError, match="is sealed"):
+        run(order.folder, tmp_path / "v.json", key=order.key_folder)
+    with pytest.raises(BankError, match="is sealed"):
+        kept_findings(order.folder, order.key_folder, tmp_path / "kept")

@@ -1,0 +1,72 @@
+"""Every effect acts, acts more when stronger, is gone at zero, and fades in without a jump."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from evaluation.bank.oracle import SCALE, SIGNALS
+from evaluation.bank.recorder import Run, record
+from evaluation.plant.effects import EFFECTS, Active, Effect, magnitudes, names
+from evaluation.plant.kernel import simulate
+from evaluation.plant.parameters import Bench
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[Run]:
+    return [record(Bench(), (), family, 5, seconds=32.0) for family in ("steps", "open_loop")]
+
+
+def _answers(runs: list[Run], active: tuple[Active, ...]) -> Array:
+    """All signals of all runs, in units of their noise."""
+    parts = []
+    for run in runs:
+        out = simulate(Bench(), run.inputs, 0.01, magnitudes(active))
+        parts.append(np.stack([out[n] for n in SIGNALS], axis=1) / SCALE)
+    return np.concatenate(parts)
+
+
+@pytest.fixture(scope="module")
+def nominal(runs: list[Run]) -> Array:
+    return _answers(runs, ())
+
+
+def _id(effect: Effect) -> str:
+    """A test report must not tell a sealed effect to whoever works on the diagnosis."""
+    if effect.kind == "sealed":
+        return f"sealed-{names('sealed').index(effect.name) + 1}"
+    return effect.name
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=_id)
+def test_an_effect_acts_and_vanishes_at_zero(
+    effect: Effect, runs: list[Run], nominal: Array
+) -> None:
+    def away(magnitude: float) -> float:
+        off = _answers(runs, (Active(effect.name, magnitude),)) - nominal
+        assert np.isfinite(off).all()
+        return float(np.sqrt((off**2).mean(axis=0)).max())
+
+    assert away(0.0) == 0.0
+    assert away(effect.usual * 1e-5) < 0.02
+    assert away(effect.limit) > away(effect.usual) > 0.2
+
+
+def test_the_lists_are_long_enough_and_apart() -> None:
+    known, dev, sealed, spent = names("known"), names("dev"), names("sealed"), names("spent")
+    assert len(known) >= 20
+    assert len(dev) >= 12
+    assert len(sealed) >= 12
+    assert len(spent) >= 72
+    assert len({*known, *dev, *sealed, *spent}) == len(EFFECTS)
+    assert {e.subsystem for e in EFFECTS} == {
+        "electrical", "sensors", "thermal", "phase", "mechanics"
+    }  # fmt: skip
+    of_sealed = [e.subsystem for e in EFFECTS if e.kind == "sealed"]
+    assert min(of_sealed.count(e.subsystem) for e in EFFECTS) >= 2
+
+
+def test_an_effect_may_be_weaker_on_spring_y() -> None:
+    table = magnitudes((Active("rtd_lag", 2.0, y_share=0.5, shape=0.25),))
+    assert table.max(axis=1).tolist() == [2.0, 1.0, 0.5]

@@ -1,0 +1,141 @@
+"""The round over the wire, its processes replaced: what is asked of them, in which order."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from evaluation.errors import QuizError
+from evaluation.quiz import ends
+from evaluation.quiz.session import Order, investigated
+from smad.gap.paired.inquiry import Record, Report
+from smad.gap.paired.store import SCHEMA, About
+from smad.gap.paired.verdict import CAUSE, Likely, Share, Verdict
+
+ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True}]}
+NOTHING = Share("all signals", "floors", 0.0, 0.0, 0.0, 0.0)
+VERDICT = Verdict(
+    CAUSE, "changed: rtd_lag", [Likely(["rtd_lag"], 0.9)], [], 0.0, 1.0, "run-1", [], NOTHING,
+    [], 2,
+)  # fmt: skip
+
+
+class FakeWire:
+    """Notes what is asked, and writes what the commands would; `fails` names one that does not."""
+
+    def __init__(self, fails: str = "") -> None:
+        self.asked: list[str] = []
+        self._fails = fails
+
+    @contextmanager
+    def bench(self, *, good: bool, day: int) -> Iterator[None]:
+        self.asked.append(f"{'good' if good else 'troubled'} bench, day {day}")
+        yield
+        self.asked.append("bench ended")
+
+    def smad(self, *arguments: str) -> None:
+        options = dict(zip(arguments, (*arguments[1:], ""), strict=True))
+        command = arguments[1]
+        again = " again" if "--again" in arguments else ""
+        self.asked.append(command + again + (" quick" if "--quick" in arguments else ""))
+        if command == self._fails:
+            raise QuizError("the disk is full")
+        baseline = Path(options["--baseline"])
+        if command == "commission":
+            baseline.mkdir(exist_ok=True)
+            have = 1 if again else 0
+            about = About(SCHEMA, "quiz", "", "", have + int(options["--repeats"]), 1, {}, {},
+                          [], [])  # fmt: skip
+            (baseline / "baseline.json").write_bytes(msgspec.json.encode(about))
+        else:
+            folder = baseline / "investigation-1"
+            folder.mkdir()
+            records = [Record(f"{k}.mcap", "run-1", "", k == 3, 120.0) for k in range(4)]
+            report = Report(records, why_over="settled", verdict=VERDICT)
+            (folder / "investigation.json").write_bytes(msgspec.json.encode(report))
+
+    def answer(self) -> dict[str, Any]:
+        return ANSWER
+
+
+def test_the_good_bench_is_commissioned_on_its_days_and_ended_before_the_trouble(
+    tmp_path: Path,
+) -> None:
+    wire = FakeWire()
+    case = investigated(wire, Order(quick=True), tmp_path)
+    assert wire.asked == [
+        "good bench, day 0", "commission quick", "bench ended",
+        "good bench, day 1", "commission again quick", "bench ended",
+        "troubled bench, day 2", "investigate", "bench ended",
+    ]  # fmt: skip
+    assert case["minutes"] == 8.0
+    assert (case["effects"], case["names"]) == (["rtd_lag"], ["rtd_lag"])
+    assert ends.mark(case) == "rightly"
+
+
+def test_one_day_holds_both_repeats(tmp_path: Path) -> None:
+    wire = FakeWire()
+    investigated(wire, Order(days=1), tmp_path)
+    assert wire.asked[:3] == ["good bench, day 0", "commission", "bench ended"]
+
+
+def test_a_round_that_was_interrupted_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    with pytest.raises(QuizError):
+        investigated(FakeWire(fails="investigate"), Order(), tmp_path)
+    wire = FakeWire()
+    case = investigated(wire, Order(), tmp_path)
+    assert wire.asked == ["troubled bench, day 2", "investigate", "bench ended"]
+    assert investigated(FakeWire(fails="investigate"), Order(), tmp_path) == case
+
+
+def test_a_bench_that_fails_does_not_keep_the_others_waiting(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def one(seed: int) -> dict[str, Any]:
+        folder = tmp_path / f"runs-{seed}"
+        folder.mkdir(exist_ok=True)
+        return investigated(FakeWire(fails="commission" if seed == 7 else ""), Order(), folder)
+
+    out = tmp_path / "out"
+    with pytest.raises(QuizError, match="not finished: 7"):
+        ends.run([7, 8], out, one)
+    assert [p.name for p in out.iterdir()] == ["8.json"]
+    said = capsys.readouterr().out
+    assert "7 failed: the disk is full" in said
+    assert "8 rightly" in said
+
+
+def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True) -> dict[str, Any]:
+    return {
+        "outcome": outcome, "names": list(names), "effects": [truth], "listed": listed,
+        "minutes": 10.0,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("case", "said"),
+    [
+        (ended("cause", "rtd_lag"), "rightly"),
+        (ended("cause", "rtd_lag", "force_gain"), "with a wrong name"),
+        (ended("cause", "force_gain"), "wrongly"),
+        (ended("quiet"), "not noticed"),
+        (ended("parameters"), "wrongly"),
+        (ended("unknown"), "said to be unknown"),
+        (ended("group", "rtd_lag", "force_gain"), "not settled"),
+        (ended("unknown", listed=False), "rightly"),
+        (ended("cause", "rtd_lag", truth="tube_wall_heat", listed=False), "wrongly"),
+    ],
+)
+def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: str) -> None:
+    assert ends.mark(case) == said
+
+
+def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
+    cases = [ended("cause", "rtd_lag"), ended("cause", "x"), ended("unknown", listed=False)]
+    rows = {row[0]: row for row in ends.table(cases).rows}
+    assert set(rows) == {"in the library", "not in it", "all"}
+    assert rows["in the library"][2].startswith("0.50")
+    assert rows["all"][1] == "3"
