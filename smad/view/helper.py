@@ -59,7 +59,7 @@ class Helper:
     async def _answer(self, errand: Errand) -> bytes:
         if self._process is None or self._process.returncode is not None:
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "smad.view.reader",
+                sys.executable, "-m", "smad.errands",
                 stdin=PIPE, stdout=PIPE, limit=LARGEST_ANSWER,
             )  # fmt: skip
         assert self._process.stdin is not None

@@ -5,9 +5,15 @@ import { around, axis, css, element, limitLines } from "./plot.js";
 
 const HEIGHT = 110;
 
+const sizes = new ResizeObserver((changed) => {
+  for (const { target } of changed) target.plot.setSize({ width: target.clientWidth, height: HEIGHT });
+});
+
 export function drawPreviews(host, found, channel, limit) {
-  host.previews?.forEach((plot) => plot.destroy());
-  host.previews = [];
+  for (const box of host.children) {
+    sizes.unobserve(box);
+    box.plot?.destroy();
+  }
   host.replaceChildren();
   for (const one of found) {
     const words = element("p", { className: "small", textContent: `${one.title}: ${one.words}` });
@@ -15,7 +21,8 @@ export function drawPreviews(host, found, channel, limit) {
     const box = element("div", { className: "preview" }, words);
     host.append(box);
     if (one.t_s.length > 1 && one.mm.some((value) => value != null)) {
-      host.previews.push(plotOf(box, one, channel, limit));
+      box.plot = plotOf(box, one, channel, limit);
+      sizes.observe(box);
     }
   }
 }

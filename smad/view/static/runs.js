@@ -67,11 +67,11 @@ export class Runs {
       element("th", { scope: "row", textContent: run.name.replace(/\.mcap$/, "") }),
       element("td", { textContent: run.duration_s == null ? run.problem : `${run.duration_s.toFixed(1)} s` }),
       element("td", { textContent: run.rows ?? "" }),
-      element("td", { className: "row" },
+      element("td", {}, element("div", { className: "row" },
         button("Results", "What this run came to", () => this.results(run, below, results)),
         button("Page", "The page of this run", () => this.begin({ kind: "page", runs: [run.name] })),
         button("Diagnose", "Where model and run disagree; with one other run ticked: what changed since that one",
-          () => this.begin(this.diagnosis(run.name)))),
+          () => this.begin(this.diagnosis(run.name))))),
     ];
     const row = element("tr", {}, ...cells);
     row.dataset.run = run.name;

@@ -150,7 +150,7 @@ class Strip {
     const add = element("select", { ariaLabel: "Add a channel to this strip" },
       element("option", { value: "", textContent: "add a channel …" }), ...options(data.channels, free));
     add.onchange = () => add.value && set([...this.names, add.value]);
-    return element("details", { className: "editor" }, element("summary", { textContent: "change" }),
+    return element("details", { className: "editor" }, element("summary", { textContent: "⋯", title: "Change this strip", ariaLabel: "Change this strip" }),
       element("div", { className: "row" }, ...chips, add,
         button("↑", "Move this strip up", () => layout.move("strips", this.at, this.at - 1)),
         button("↓", "Move this strip down", () => layout.move("strips", this.at, this.at + 1)),

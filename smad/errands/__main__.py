@@ -1,4 +1,4 @@
-"""The reader of the page's server: `python -m smad.view.reader`, an errand a line, on its input.
+"""The reader of the page's server: `python -m smad.errands`, an errand a line, on its input.
 
 It ends with its input, so it never outlives the server. What it can do needs the extras of `log`
 and `report`; where one is missing the answer names it.
@@ -33,7 +33,7 @@ AT_HAND: Mapping[str, Any] = {"air": False}
 
 def past(ask: errands.Past) -> errands.Read:
     """Read a log that is followed from one errand to the next."""
-    from smad.view.logs import Log
+    from smad.errands.logs import Log
 
     if ask.path not in _logs:
         while len(_logs) >= MOST_LOGS:
