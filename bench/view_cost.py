@@ -21,6 +21,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import click
+import msgspec
 import psutil
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
@@ -31,6 +32,7 @@ from bench.browser import (
     credentials_of,
     frames_drawn,
     heap_MiB,
+    kB_received,
     live_page,
     open_counting,
     running_daemon,
@@ -39,6 +41,7 @@ from bench.browser import (
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table, text_table
+from smad.view.strips import LAYOUT, XY_LAYOUT
 
 _SETTLE_S = 2.0
 _REFRESH_S = 1.2
@@ -60,9 +63,25 @@ class Browser:
         return frames_drawn(self._driver)
 
     @property
+    def kB(self) -> float:
+        """What has come over the WebSocket so far."""
+        return kB_received(self._driver)
+
+    @property
     def heap_MiB(self) -> float:
         """Memory of the page's objects."""
         return heap_MiB(self._driver)
+
+
+_SHOW = msgspec.json.encode(
+    {
+        "do": "show",
+        "id": 1,
+        "channels": [name for names in LAYOUT for name in names],
+        "xy": sorted({name for pair in XY_LAYOUT for name in pair}),
+    }
+).decode()
+"""What a page asks for that nobody has changed."""
 
 
 class PlainReader:
@@ -72,6 +91,7 @@ class PlainReader:
 
     def __init__(self, page: LivePage) -> None:
         self.frames = 0.0
+        self.kB = 0.0
         address = urlsplit(page.command)
         cookie, key = credentials_of(page.command)
         self._connection = connect(
@@ -87,11 +107,14 @@ class PlainReader:
         # The type comes first in every message; parsing the rest would be work of ours.
         for message in self._connection:
             text = str(message)
+            self.kB += len(message) / 1e3
             if text[:20].startswith('{"type":"frame"'):
                 self.frames += 1
                 self._connection.send('{"do":"drawn"}')
             elif text[:20].startswith('{"type":"status"'):
                 self._connection.send('{"do":"alive"}')
+            elif text[:20].startswith('{"type":"hello"'):
+                self._connection.send(_SHOW)
 
     def close(self) -> None:
         """Go away."""
@@ -107,15 +130,17 @@ class OpenPage:
         self._reader = reader
         self._began = self._now()
 
-    def _now(self) -> tuple[float, float, float]:
-        return time.monotonic(), sum(self._process.cpu_times()[:2]), self._reader.frames
+    def _now(self) -> tuple[float, float, float, float]:
+        used = sum(self._process.cpu_times()[:2])
+        return time.monotonic(), used, self._reader.frames, self._reader.kB
 
     def used(self) -> dict[str, float]:
         """Return processor time, memory of the server and of the page, and frames a second."""
-        (began_s, cpu_s, drawn), now = self._began, self._now()
+        (began_s, cpu_s, drawn, came), now = self._began, self._now()
         return {
             "cpu": 100 * (now[1] - cpu_s) / (now[0] - began_s),
             "frames": (now[2] - drawn) / (now[0] - began_s),
+            "kB": (now[3] - came) / (now[0] - began_s),
             "MiB": self._process.memory_info().rss / 2**20,
             "heap": self._reader.heap_MiB,
         }
@@ -205,6 +230,7 @@ def main(pairs: int, seconds: float, rate: str, reader: str) -> None:
         ("MiB", "MiB for smad view"),
         ("heap", "MiB for the page's objects"),
         ("frames", "frames a second drawn"),
+        ("kB", "kB a second to the page"),
     ):
         click.echo(f"{statistics.median(one[figure] for one in opened):.1f} {what}")
 

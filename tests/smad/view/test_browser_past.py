@@ -263,3 +263,27 @@ def test_a_span_that_is_dragged_over_is_shown_and_a_watching_page_may(page: Any)
     until(page, lambda d: d.execute_script("return document.body.dataset.past"))
     until(page, lambda d: "6.0 s" in text_of(d, "span"))
     assert page.execute_script("return document.querySelectorAll('.command').length") == 0
+
+
+A_DAY = """const done = arguments[0];
+import("./data.js").then(({Data}) => {
+  const names = ["displacement_mm", "force_N", "rtd_x_degC"];
+  const data = new Data({channels: names.map((name) => ({name, scale: 1})), limits: {}});
+  data.show(names, names, 3600, 300);
+  const lengths = new Set();
+  for (let n = 0; n < 10000; n += 1) {
+    const t = [n * 8.64, n * 8.64 + 4];
+    const y = names.map(() => [n, n]);
+    data.take({whole: n === 0, from_s: t[0], t, y, now: [n, n, n],
+      xy: {from_s: t[0], t, cycle: [n, n], y}});
+    if (n > 500) lengths.add([data.live.t.length, data.live.xy.t.length,
+      ...data.live.y.values().map((curve) => curve.length)].join());
+  }
+  done([...lengths]);
+})"""
+
+
+def test_a_day_of_frames_leaves_a_page_with_its_windows_and_no_more(page: Any) -> None:
+    lengths = page.execute_async_script(A_DAY)
+    assert len(lengths) <= 3
+    assert all(max(map(int, one.split(","))) <= 2 * 3600 / 8.64 + 4 for one in lengths)

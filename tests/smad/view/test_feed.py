@@ -2,6 +2,7 @@
 
 import math
 import random
+import tracemalloc
 
 import pytest
 
@@ -95,10 +96,16 @@ def test_samples_ten_times_a_second_are_one_line() -> None:
     assert None not in frame.y[0]
 
 
-def test_a_day_takes_no_more_memory_than_an_hour() -> None:
+def test_after_a_day_nothing_grows_any_more() -> None:
     feed = Feed(1)
-    for n in range(26 * 3600 * 2):
-        feed.add(EPOCH_S + n / 2, (1.0,))
+    step_s = 1.4
+    for n in range(int(26 * 3600 / step_s)):
+        if n == int(25 * 3600 / step_s):
+            tracemalloc.start()
+        feed.add(EPOCH_S + n * step_s, (1.0,))
+    grown = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert grown < 10_000
     assert [len(tier) for tier in feed.tiers] == [window.kept for window in WINDOWS]
     for window in range(len(WINDOWS)):
         assert len(whole_of(feed, window).t) <= 3 * MOST_BUCKETS
