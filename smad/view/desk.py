@@ -16,7 +16,7 @@ from smad.view.errands import Drawn, Mark, Read
 from smad.view.feed import Feed, View
 from smad.view.forms import Form
 from smad.view.helper import Helper
-from smad.view.jobs import JobError, Jobs, run_path
+from smad.view.jobs import ON_THE_BENCH, JobError, Jobs, run_path
 from smad.view.source import Source
 from smad.view.strips import CHANNELS
 from smad.view.tier import Curve, Frame, Moments
@@ -131,6 +131,11 @@ class Desk:
             raise NotReady(
                 "the bench was stopped after what this page had shown",
                 action="look at it, then begin the job again",
+            )
+        if now is not None and now.armed and isinstance(ask.job, ON_THE_BENCH):
+            raise NotReady(
+                "the bench is armed already, and the job is to be missed when it vanishes",
+                action="disarm; the job arms by itself",
             )
         return await self.jobs.begin(ask.job, self._folder(), self._source.bench), None
 

@@ -22,7 +22,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from smad.errors import SmadError
-from smad.runlog.paths import SUFFIX, free_path
+from smad.runlog.paths import SUFFIX, free_path, make_folder
 
 MOST_LINES = 200
 LONGEST_LINE = 500
@@ -158,7 +158,7 @@ class Jobs:
         """Whether one is under way."""
 
     async def begin(self, job: Job, folder: Path, bench: str) -> str:
-        """Begin a job; return what to say. Raises JobError."""
+        """Begin a job; return what to say. Raises JobError, or RunLogError without a folder."""
         order = order_of(job, folder, bench)
         if self.running:
             assert self._order is not None
@@ -167,6 +167,7 @@ class Jobs:
                 value=self._order.title,
                 action="wait for its end, or end it",
             )
+        make_folder(folder)
         self._job, self._order = job, order
         self._lines.clear()
         self._failed = self._address = ""

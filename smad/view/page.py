@@ -26,7 +26,6 @@ from smad.view import commands, forms, strips
 from smad.view.access import Right
 from smad.view.desk import Desk
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, View
-from smad.view.jobs import ON_THE_BENCH
 from smad.view.source import Source
 from smad.view.state import MODE_MEANS, MODES, control_condition
 from smad.view.tasks import end
@@ -216,9 +215,6 @@ class Page:
             ask = await self._questions.get()
             found = None
             try:
-                if isinstance(ask, commands.Begin) and isinstance(ask.job, ON_THE_BENCH):
-                    # The job takes control itself.
-                    await self._connected()[1].release()
                 text, found = await self._desk.answer(ask)
                 done = True
             except SmadError as error:

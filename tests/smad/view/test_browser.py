@@ -83,8 +83,9 @@ def test_a_picked_channel_is_there_after_a_reload(page: Any) -> None:
     choose(page, ".strip[data-strip=supply_V] .editor select", "rtd_inlet_degC")
     both = "supply_V,rtd_inlet_degC"
     until(page, lambda d: re.search(r"\d V.*\d °C", strip_texts(d).get(both, "")))
-    page.execute_script(f"document.querySelector('[data-strip=\"{both}\"] .editor').open = true")
-    click(page, f".strip[data-strip='{both}'] button[title='Move this strip up']")
+    page.execute_script(
+        f'document.querySelector(\'[data-strip="{both}"] [title="Move this strip up"]\').click()'
+    )
     until(page, lambda d: list(strip_texts(d)).index(both) == len(LAYOUT) - 1)
     order = list(strip_texts(page))
     page.refresh()

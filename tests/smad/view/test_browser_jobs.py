@@ -102,7 +102,7 @@ def test_stop_is_as_quick_and_the_job_goes_on(bench: Bench, run: str, page: Any)
     assert state_of_job(page) == "running"
     click(page, "#job-end")
     until(page, ended)
-    assert "it was ended" in text_of(page, "job-now")
+    assert "it was ended" in text_of(page, "job-now"), text_of(page, "job-lines")
 
 
 def test_an_experiment_is_drawn_before_go_and_stop_ends_it(page: Any, bench: Bench) -> None:
@@ -121,7 +121,7 @@ def test_an_experiment_is_drawn_before_go_and_stop_ends_it(page: Any, bench: Ben
     click(page, "#stop")
     until(page, ended)
     assert not bench.client.motion().armed
-    assert "it was ended" in text_of(page, "job-now")
+    assert "it was ended" in text_of(page, "job-now"), text_of(page, "job-lines")
 
 
 def test_a_motion_beyond_the_limit_is_refused_before_go(page: Any) -> None:
@@ -151,13 +151,12 @@ def test_the_job_ends_with_the_server(bench: Bench, run: str, tmp_path: Path) ->
         assert time.monotonic() - began_s < 25.0
 
 
-def test_arming_here_gives_way_to_an_experiment(page: Any, bench: Bench) -> None:
+def test_no_experiment_is_begun_on_a_bench_that_is_armed_already(page: Any, bench: Bench) -> None:
     arm(page)
-    assert bench.client.status().control.holder == "live page"
+    until(page, lambda d: "this page" in text_of(d, "holder"))
     opened(page, "experiments")
     until(page, lambda d: text_of(d, "experiment-form"))
-    choose(page, "#experiment", "resistance")
     click(page, "#experiment-form button")
-    until(page, lambda d: "smad run" in text_of(d, "holder"))
-    click(page, "#stop")
-    until(page, ended)
+    until(page, lambda d: "the job arms by itself" in text_of(d, "said"))
+    assert state_of_job(page) != "running"
+    assert bench.client.motion().armed
