@@ -70,11 +70,13 @@ def test_a_page_that_is_loaded_again_goes_on_and_a_new_tab_without_a_link_does_n
 
 
 def strip_texts(driver: Any) -> dict[str, str]:
-    found: dict[str, str] = driver.execute_script(
-        "return Object.fromEntries([...document.querySelectorAll('.strip')].map("
-        "(box) => [box.dataset.strip, box.querySelector('h2').textContent]))"
+    # A list: the driver sorts the names of an object.
+    return dict(
+        driver.execute_script(
+            "return [...document.querySelectorAll('.strip')].map("
+            "(box) => [box.dataset.strip, box.querySelector('h2').textContent])"
+        )
     )
-    return found
 
 
 def test_a_picked_channel_is_there_after_a_reload(page: Any) -> None:
