@@ -42,7 +42,7 @@ fuzz: $(VENV)/.test-installed  ## fuzz what reads bytes from outside: make fuzz 
 	@$(PY) -m tests.fuzz $(FUZZ)
 
 site: $(VENV)/.site-installed  ## the pages of docs/ as a site, in build/site
-	@$(BIN)/mkdocs build --quiet --strict
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 generate: $(VENV)/.test-installed  ## write every generated file anew
 	@$(PY) tools/generate.py

@@ -10,9 +10,9 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.request import urlopen
 
 from smad.cli.start import SIMULATED_BAUDS
@@ -78,12 +78,12 @@ def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[Daem
                 daemon.end()
 
 
-class LivePage:
-    """A running `smad view`: its process and its links."""
+class Served:
+    """A command that serves a bench on any free port: its process and the two lines it says."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, arguments: Sequence[str]) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "smad", "view", "--no-browser", "--port", "0"],
+            [sys.executable, "-m", "smad", *arguments, "--port", "0"],
             env={**os.environ, FOLDER_VARIABLE: str(folder)},
             stdout=subprocess.PIPE,
             text=True,
@@ -91,8 +91,7 @@ class LivePage:
             start_new_session=True,
         )
         assert self.process.stdout is not None
-        said = [self.process.stdout.readline() for _ in range(2)]
-        self.command, self.watch = (line.split()[-1] for line in said)
+        self.said = [self.process.stdout.readline() for _ in range(2)]
 
     def end(self) -> int:
         """End it as ctrl-C does; return its exit status."""
@@ -103,15 +102,38 @@ class LivePage:
         return status
 
 
+class LivePage(Served):
+    """A running `smad view` and its links."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, ["view", "--no-browser"])
+        self.command, self.watch = (line.split()[-1] for line in self.said)
+
+
 @contextlib.contextmanager
 def live_page(folder: Path) -> Iterator[LivePage]:
     """`smad view` of the daemon whose sockets are in `folder`."""
-    page = LivePage(folder)
-    try:
+    with _ended(LivePage(folder)) as page:
         yield page
+
+
+@contextlib.contextmanager
+def served(folder: Path, arguments: Sequence[str]) -> Iterator[Served]:
+    """A command such as `bridge foxglove` for the daemon whose sockets are in `folder`."""
+    with _ended(Served(folder, arguments)) as made:
+        yield made
+
+
+S = TypeVar("S", bound=Served)
+
+
+@contextlib.contextmanager
+def _ended(made: S) -> Iterator[S]:
+    try:
+        yield made
     finally:
-        if page.process.poll() is None:
-            page.end()
+        if made.process.poll() is None:
+            made.end()
 
 
 def credentials_of(link: str) -> tuple[str, str]:

@@ -221,6 +221,7 @@ def _figures(before: Status, after: Status, seconds: float) -> dict[str, float]:
         "setpoint age p50": age.p50_us,
         "setpoint age p99": age.p99_us,
         "setpoint age p99.9": age.p999_us,
+        "setpoints refused": counts.setpoints_refused - earlier.setpoints_refused,
         "jitter p99": jitter.p99_us,
         "jitter p99.9": jitter.p999_us,
         "samples": counts.samples - earlier.samples,

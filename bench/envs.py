@@ -8,8 +8,9 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
+from multiprocessing import get_context
 from typing import Any
 
 import gymnasium
@@ -112,6 +113,7 @@ def table_of_replays() -> Iterator[str]:
     ways: dict[str, Callable[[], Any]] = {
         "a loop": nullcontext,
         "two threads": lambda: ThreadPoolExecutor(2),
+        "two processes": lambda: ProcessPoolExecutor(2, get_context("spawn")),
         "dask, two workers": dask_executor,
     }
     yield f"{'':20}{'replays/s':>12}{'ratio':>8}   replays of {RUN_S:.0f} s at 100 Hz"

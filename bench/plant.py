@@ -10,14 +10,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from sim_device.plant.models import Model
 from sim_device.plant.parameters import ParameterSet, load_parameters
 from sim_device.plant.plant import Plant
+from sim_device.plant.plants import Plants, Result
 from sim_device.plant.records import Drive
 from sim_device.plant.reference import Reference
 from sim_device.plant.replay import Inputs, Replay, simulate
@@ -160,20 +163,24 @@ def legs(seconds: float) -> Inputs:
     return Inputs(t, i_A, duty)
 
 
+def _end(result: Result) -> Result:
+    return {"end_m": result["displacement_m"][-1:]}
+
+
 def parallel_rows(inputs: Inputs, sets: int) -> Iterator[Row]:
     """Many parameter sets on one thread and on two; ratio: how much faster two are."""
-    parameters = load_parameters("A")
-    points: list[tuple[ParameterSet, dict[str, dict[str, float]]]] = [
-        (parameters.replace(resistivity=(0.6 + 0.4 * n / sets) * 1e-6), {}) for n in range(sets)
-    ]
-    replay = Replay(inputs, outputs=("displacement_m",))
-
-    def run(workers: int) -> None:
-        replay.run_many(points, workers=workers, keep=lambda out: out["displacement_m"][-1])
-
-    run(2)
-    one = best_of(2, lambda: run(1), time.perf_counter)
-    two = best_of(2, lambda: run(2), time.perf_counter)
+    a = load_parameters("A")
+    many = Plants(
+        models=[
+            Model(a.replace(resistivity=(0.6 + 0.4 * n / sets) * 1e-6), "extended", {}, "A")
+            for n in range(sets)
+        ],
+        runs=[inputs], outputs=("displacement_m",), keep=_end, chunk=max(1, sets // 8),
+    )  # fmt: skip
+    with ThreadPoolExecutor(2) as threads:
+        many.replay(threads)
+        one = best_of(2, many.replay, time.perf_counter)
+        two = best_of(2, lambda: many.replay(threads), time.perf_counter)
     span = float(inputs.t_s[-1])
     yield Row(f"{sets} sets of {span:.0f} s, one thread", one, "s")
     yield Row(f"{sets} sets of {span:.0f} s, two threads", two, "s", one / two, "one thread")

@@ -1,17 +1,23 @@
-"""What an open page costs the daemon: setpoint age with the page open and closed, in pairs.
+"""What an open page or a bridge costs the daemon: setpoint age with it and without, in pairs.
 
-python -m bench.view_cost [--pairs 8] [--seconds 5] [--rate 500] [--reader chromium]
+python -m bench.view_cost [--pairs 8] [--seconds 5] [--rate 500] [--busy 0]
+    [--reader chromium|plain|foxglove]
 
 One daemon and one simulated bench; each pair measures a stretch without `smad view` and one with it
 and a reader, in an order that changes from pair to pair. The spread of the pairs says what a
 difference is worth. The reader is a browser that draws, or (`--reader plain`) a WebSocket client
 that takes the same frames and draws nothing: that is the share of daemon and server alone.
+`--reader foxglove` measures `smad bridge foxglove` with a viewer that takes every sample.
+`--busy` keeps so many more processes busy.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import statistics
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -36,8 +42,10 @@ from bench.browser import (
     live_page,
     open_counting,
     running_daemon,
+    served,
     what_is_missing,
 )
+from smad.bridge.foxglove import CHANNELS, SUBPROTOCOLS
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table, text_table
@@ -48,6 +56,9 @@ _REFRESH_S = 1.2
 """The percentiles are worked out once a second."""
 _MOTION = Sine(amplitude_mm=2.0, period_s=7.0, cycles=1000)
 FIGURES = ("p50_us", "p99_us", "p999_us")
+_COUNTED = {"lost": "samples lost", "refused": "setpoints refused", "held": "times in HOLD"}
+_HELD = "ARMED → HOLD"
+_BUSY = (sys.executable, "-c", "while True: pass")
 
 
 class Browser:
@@ -122,10 +133,41 @@ class PlainReader:
         self._thread.join()
 
 
-class OpenPage:
-    """`smad view` and whoever reads its page; says what they used since it was made."""
+class Viewer:
+    """A viewer at the bridge that takes every sample and draws nothing. Counts its bytes, too."""
 
-    def __init__(self, process: int, reader: Browser | PlainReader) -> None:
+    heap_MiB = 0.0
+
+    def __init__(self, address: str) -> None:
+        self.frames = 0.0
+        self.kB = 0.0
+        self._stack = contextlib.ExitStack()
+        self._connection = self._stack.enter_context(
+            connect(address, subprotocols=[Subprotocol(SUBPROTOCOLS[0])])
+        )
+        wanted = [{"id": channel.id, "channelId": channel.id} for channel in CHANNELS]
+        self._connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        self._thread = threading.Thread(target=self._read)
+        self._thread.start()
+
+    def _read(self) -> None:
+        for message in self._connection:
+            self.frames += isinstance(message, bytes)
+            self.kB += len(message) / 1e3
+
+    def close(self) -> None:
+        """Go away."""
+        self._stack.close()
+        self._thread.join()
+
+
+Reader = Browser | PlainReader | Viewer
+
+
+class OpenPage:
+    """`smad view` or a bridge, and its reader; says what they used since it was made."""
+
+    def __init__(self, process: int, reader: Reader) -> None:
         self._process = psutil.Process(process)
         self._reader = reader
         self._began = self._now()
@@ -135,7 +177,7 @@ class OpenPage:
         return time.monotonic(), used, self._reader.frames, self._reader.kB
 
     def used(self) -> dict[str, float]:
-        """Return processor time, memory of the server and of the page, and frames a second."""
+        """Return processor time, memory of server and page, frames and bytes a second."""
         (began_s, cpu_s, drawn, came), now = self._began, self._now()
         return {
             "cpu": 100 * (now[1] - cpu_s) / (now[0] - began_s),
@@ -144,6 +186,17 @@ class OpenPage:
             "MiB": self._process.memory_info().rss / 2**20,
             "heap": self._reader.heap_MiB,
         }
+
+
+@contextlib.contextmanager
+def bridge_open(folder: Path) -> Iterator[OpenPage]:
+    """The bridge with a viewer."""
+    with (
+        served(folder, ["bridge", "foxglove"]) as bridge,
+        contextlib.closing(Viewer(bridge.said[0].split()[2])) as viewer,
+    ):
+        time.sleep(_SETTLE_S)
+        yield OpenPage(bridge.process.pid, viewer)
 
 
 @contextlib.contextmanager
@@ -163,17 +216,21 @@ def stretch(client: Client, seconds: float) -> dict[str, float]:
     """Return the percentiles of the setpoint age, and the samples lost, over so many seconds."""
     time.sleep(_SETTLE_S)
     client.reset_timing()
-    before = client.status().counts
+    began_s, before = time.time(), client.status().counts
     time.sleep(seconds)
     time.sleep(_REFRESH_S)
     after = client.status()
     age = after.timing.setpoint_age
     lost = after.counts.missed + after.counts.skipped - before.missed - before.skipped
-    return {**{name: getattr(age, name) for name in FIGURES}, "lost": float(lost)}
+    refused = after.counts.setpoints_refused - before.setpoints_refused
+    # Of a refused setpoint there is no age, nor of one that never came.
+    held = sum(event.time_s >= began_s and event.text == _HELD for event in after.events)
+    more = {"lost": float(lost), "refused": float(refused), "held": float(held)}
+    return {**{name: getattr(age, name) for name in FIGURES}, **more}
 
 
 def measure(
-    folder: Path, pairs: int, seconds: float, *, plain: bool
+    folder: Path, pairs: int, seconds: float, reader: str
 ) -> tuple[list[dict[str, float]], ...]:
     """Return the figures of every stretch without and with the page, in the order of the pairs."""
     closed: list[dict[str, float]] = []
@@ -187,11 +244,24 @@ def measure(
                 if not with_page:
                     closed.append(stretch(client, seconds))
                     continue
-                profile = None if plain else folder / f"profile{number}"
-                with page_open(folder, profile) as page:
+                profile = folder / f"profile{number}" if reader == "chromium" else None
+                bridge = reader == "foxglove"
+                with bridge_open(folder) if bridge else page_open(folder, profile) as page:
                     opened.append(stretch(client, seconds) | page.used())
         client.disarm()
     return closed, opened
+
+
+@contextlib.contextmanager
+def busy_processes(count: int) -> Iterator[None]:
+    """So many processes that compute for nothing."""
+    processes = [subprocess.Popen(_BUSY) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
 @click.command()
@@ -199,38 +269,43 @@ def measure(
 @click.option("--seconds", type=click.FloatRange(1.0), default=5.0, show_default=True)
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), default="500", show_default=True)
 @click.option(
-    "--reader", type=click.Choice(["chromium", "plain"]), default="chromium", show_default=True
+    "--reader",
+    type=click.Choice(["chromium", "plain", "foxglove"]),
+    default="chromium",
+    show_default=True,
 )
-def main(pairs: int, seconds: float, rate: str, reader: str) -> None:
-    """Print the setpoint age with the page open and closed."""
-    plain = reader == "plain"
-    if not plain and (missing := what_is_missing()):
+@click.option("--busy", type=click.IntRange(0), default=0, show_default=True)
+def main(pairs: int, seconds: float, rate: str, reader: str, busy: int) -> None:
+    """Print the setpoint age with the page (or the bridge) open and closed."""
+    if reader == "chromium" and (missing := what_is_missing()):
         raise SystemExit(missing)
     with tempfile.TemporaryDirectory(prefix="smad-view-") as name:
         folder = Path(name)
-        with running_daemon(folder, rate_hz=int(rate)):
-            closed, opened = measure(folder, pairs, seconds, plain=plain)
+        with running_daemon(folder, rate_hz=int(rate)), busy_processes(busy):
+            closed, opened = measure(folder, pairs, seconds, reader)
     rows = []
-    for figure in (*FIGURES, "lost"):
+    for figure in (*FIGURES, *_COUNTED):
         without, with_page = [one[figure] for one in closed], [one[figure] for one in opened]
         differences = [b - a for a, b in zip(without, with_page, strict=True)]
         rows.append(
             (
-                f"setpoint age {figure}" if figure in FIGURES else "samples lost",
+                _COUNTED.get(figure, f"setpoint age {figure}"),
                 f"{statistics.median(without):.0f}",
                 f"{statistics.median(with_page):.0f}",
                 f"{statistics.median(differences):+.0f}",
                 f"{min(differences):+.0f} to {max(differences):+.0f}",
             )
         )
-    header = (f"{rate} Hz, {reader}, {pairs} pairs", "closed", "open", "difference", "of the pairs")
+    load = f", {busy} busy" if busy else ""
+    what = f"{rate} Hz, {reader}{load}, {pairs} pairs"
+    header = (what, "closed", "open", "difference", "of the pairs")
     click.echo(text_table(Table(header, rows, numeric=frozenset({1, 2, 3, 4}))))
     for figure, what in (
-        ("cpu", "% of a core for smad view"),
-        ("MiB", "MiB for smad view"),
+        ("cpu", "% of a core for the server"),
+        ("MiB", "MiB for the server"),
         ("heap", "MiB for the page's objects"),
-        ("frames", "frames a second drawn"),
-        ("kB", "kB a second to the page"),
+        ("frames", "frames (or samples) a second"),
+        ("kB", "kB a second to the page or viewer"),
     ):
         click.echo(f"{statistics.median(one[figure] for one in opened):.1f} {what}")
 

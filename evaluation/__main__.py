@@ -1,4 +1,4 @@
-"""`python -m evaluation make|score|where|…`: see docs/withheld.md."""
+"""`python -m evaluation make|score|where|…`: see evaluation/README.md."""
 
 import os
 

@@ -154,7 +154,7 @@ def _arguments() -> argparse.ArgumentParser:
         add(commands)
     for name, told in _elsewhere().items():
         commands.add_parser(name, help=told)
-    results = commands.add_parser("results", help="write docs/results.md from what is kept")
+    results = commands.add_parser("results", help="write the page of results from what is kept")
     results.add_argument("--check", action="store_true", help="only say whether it is stale")
     results.set_defaults(run=_results)
     return parser

@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
-    from sim_device.pty import serve
+    from sim_device.pty import said_of_host, serve
 
     try:
         # The first step compiles the physics, which may take seconds; no port is open meanwhile.
@@ -87,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             symlink=options.symlink,
             transport=options.transport,
             paced_by_host=options.paced_by_host,
-            host_timeout_s=options.host_timeout,
+            host_timeout_s=options.host_timeout if options.paced_by_host else None,
             max_seconds=options.max_seconds,
             on_ready=lambda name: print(f"port: {options.symlink or name}", flush=True),
         )
@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(
         f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, {counts.bytes_out} out, "
         f"{counts.dropped} pieces dropped; behind the clock {stats.grid_restarts} times, "
-        f"host too slow {stats.host_timeouts} times"
+        f"{said_of_host(stats)}"
     )
     return 0
 

@@ -199,6 +199,9 @@ class Entry(Struct, frozen=True):
 
     time_s: Annotated[float, Meta(description="Unix time, seconds")]
     text: Annotated[str, Meta(description="what happened")]
+    kind: Annotated[
+        str, Meta(description="what sort of event, as in a run log; empty: none of them")
+    ] = ""
 
 
 READ_AS = {"cC": ("°C", 0.01), "cC/s": ("°C/s", 0.01), "mA": ("A", 1e-3), "mV": ("V", 1e-3)}
@@ -271,6 +274,9 @@ class Counts(Struct, frozen=True, kw_only=True):
     skipped: Annotated[int, Meta(description="samples passed over because a newer one was there")]
     setpoints: Annotated[int, Meta(description="setpoints written")]
     setpoints_dropped: Annotated[int, Meta(description="setpoints the port did not take")]
+    setpoints_refused: Annotated[
+        int, Meta(description="setpoints too old for the board since it booted; they have no age")
+    ]
     commands: Annotated[int, Meta(description="commands carried out")]
     refused: Annotated[int, Meta(description="commands refused")]
     telemetry_dropped: Annotated[int, Meta(description="samples not published, queue full")]

@@ -19,10 +19,10 @@ from msgspec import Struct
 from msgspec import inspect as types
 
 from smad import api
-from smad.config.template import markdown_tables
+from smad.config.template import markdown_lists
 from smad.control import commands
 from smad.gap.settings import shipped
-from smad.runlog.schema import markdown_table
+from smad.runlog.schema import Row, markdown_list
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
@@ -39,19 +39,19 @@ _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTAL
 _SUPERSEDED = re.compile(r"^Status: superseded by (\d{4})", re.MULTILINE)
 _ACCESS = {
     "watch": "anyone",
-    "control": "the client in control",
+    "control": "in control",
     "stop": "anyone, also on the stop channel",
 }
 
 
 def methods() -> str:
     """Every method with its parameters and its reply."""
-    return "\n".join(line for method in api.METHODS for line in _method(method))
+    return "".join(line for method in api.METHODS for line in _method(method))
 
 
 def pieces() -> str:
     """The pieces of motion that `move` takes."""
-    return "\n".join(line for struct in commands.PIECES for line in _piece(struct))
+    return "".join(line for struct in commands.PIECES for line in _piece(struct))
 
 
 def replies() -> str:
@@ -59,18 +59,21 @@ def replies() -> str:
     seen: dict[str, type[Struct]] = {}
     for method in api.METHODS:
         _collect(method.reply, seen)
-    return "\n".join(line for struct in seen.values() for line in _reply(struct))
+    return "".join(line for struct in seen.values() for line in _reply(struct))
 
 
 def telemetry() -> str:
-    """The fields of a published sample."""
-    return "\n".join(_fields(api.Telemetry))
+    """The fields of a published sample that a row of the run log does not have."""
+    shared = {field.name for field in msgspec.structs.fields(Row)}
+    return "".join(line for line in _fields(api.Telemetry) if line.split("`")[1] not in shared)
 
 
 def reasons() -> str:
-    """The reasons for a refusal, with the code of the error reply."""
-    rows = (f"| `{reason}` | {api.ERROR_CODES.get(reason, api.REFUSED)} |" for reason in api.Reason)
-    return "\n".join(("| reason | code |", "|---|---|", *rows, ""))
+    """The reasons for a refusal by the code of the error reply."""
+    by_code: dict[int, list[str]] = {}
+    for reason in api.Reason:
+        by_code.setdefault(api.ERROR_CODES.get(reason, api.REFUSED), []).append(f"`{reason}`")
+    return "".join(f"- {code}: {', '.join(names)}\n" for code, names in by_code.items())
 
 
 def decisions() -> str:
@@ -107,15 +110,14 @@ def trust() -> str:
 
 
 def settings() -> str:
-    """Every size and threshold of the diagnosis, a table for each group."""
+    """Every size and threshold of the diagnosis, a list for each group."""
     lines: list[str] = []
     group = ""
     for name, (own, value, meaning) in shipped().items():
         if own != group:
             group = own
-            lines += [*([""] if lines else []), f"*{group}*", "", "| name | value | meaning |",
-                      "|---|---|---|"]  # fmt: skip
-        lines.append(f"| `{name}` | {value} | {meaning} |")
+            lines += [*([""] if lines else []), f"*{group}*", ""]
+        lines.append(f"- `{name}` = {value}: {meaning}")
     return "\n".join((*lines, ""))
 
 
@@ -125,8 +127,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "replies": replies,
     "telemetry": telemetry,
     "reasons": reasons,
-    "configuration": markdown_tables,
-    "channels": markdown_table,
+    "configuration": markdown_lists,
+    "channels": markdown_list,
     "decisions": decisions,
     "trust": trust,
     "settings": settings,
@@ -139,47 +141,43 @@ def refreshed(text: str) -> str:
 
 
 def _method(method: api.Method) -> Iterator[str]:
-    yield f"### `{method.name}`"
-    yield ""
-    yield _prose(method.params)
-    yield f"For {_ACCESS[method.access]}. Reply: [{method.reply.__name__}](#{_anchor(method)})."
-    yield ""
-    yield from _fields(method.params)
+    access = _ACCESS[method.access]
+    reply = method.reply.__name__
+    yield f"- **`{method.name}`** ({access}; [{reply}](#replies)): {_prose(method.params)}\n"
+    yield from (f"  {line}" for line in _fields(method.params))
 
 
 def _piece(struct: type[Struct]) -> Iterator[str]:
-    yield f"### `{struct.__struct_config__.tag}` ({struct.__name__})"
-    yield ""
-    yield _prose(struct)
-    yield from _fields(struct)
+    yield f"- **`{struct.__struct_config__.tag}`** ({struct.__name__}): {_prose(struct)}\n"
+    yield from (f"  {line}" for line in _fields(struct))
 
 
 def _reply(struct: type[Struct]) -> Iterator[str]:
-    yield f"### {struct.__name__}"
-    yield ""
-    yield _prose(struct)
-    yield from _fields(struct)
-
-
-def _anchor(method: api.Method) -> str:
-    return method.reply.__name__.lower()
+    names = (
+        f"`{field.name}`" + "".join(f" ({s.__name__})" for s in _structs_in(field.type))
+        for field in _info(struct).fields
+    )
+    yield f"- **{struct.__name__}**: {', '.join(names)}\n"
 
 
 def _prose(struct: type[Struct]) -> str:
-    return " ".join((inspect.getdoc(struct) or "").split()) + "\n"
+    return " ".join((inspect.getdoc(struct) or "").split())
 
 
 def _fields(struct: type[Struct]) -> Iterator[str]:
+    """A line for each field of what is asked: type, default, meaning."""
+    for field in _info(struct).fields:
+        kind, description = _described(field.type)
+        default = "" if field.required else _default(field)
+        kind = kind.removesuffix(" or empty") if default == "empty" else kind
+        default = {"": "", "empty": "; optional"}.get(default, f"; {default}")
+        yield f"- `{field.name}` ({kind}{default}): {description}\n"
+
+
+def _info(struct: type[Struct]) -> types.StructType:
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)
-    if not info.fields:
-        return
-    yield "| field | type | default | what it is |"
-    yield "|---|---|---|---|"
-    for field in info.fields:
-        kind, description = _described(field.type)
-        yield f"| `{field.name}` | {kind} | {_default(field)} | {description} |"
-    yield ""
+    return info
 
 
 def _described(kind: types.Type) -> tuple[str, str]:
@@ -198,14 +196,7 @@ def _kind(kind: types.Type) -> str:
             return _kind(inner)
         case types.FloatType() | types.IntType():
             name = "number" if isinstance(kind, types.FloatType) else "whole number"
-            bounds = [
-                f"{sign} {limit:g}"
-                for sign, limit in (
-                    ("≥", kind.ge), (">", kind.gt), ("≤", kind.le), ("<", kind.lt)
-                )
-                if limit is not None
-            ]  # fmt: skip
-            return ", ".join((name, *bounds))
+            return _bounds(kind) or name
         case types.StrType():
             return "text"
         case types.BoolType():
@@ -225,10 +216,18 @@ def _kind(kind: types.Type) -> str:
         case types.DictType(key_type=key, value_type=value):
             return f"{_kind(value)} by {_kind(key)}"
         case types.StructType(cls=cls):
-            return f"[{cls.__name__}](#{cls.__name__.lower()})"
+            return str(cls.__name__)
         case types.EnumType(cls=cls):
             return f"one of {', '.join(str(member.value) for member in cls)}"
     raise TypeError(f"{kind} has no description")
+
+
+def _bounds(kind: types.FloatType | types.IntType) -> str:
+    low = f"above {kind.gt:g}" if kind.gt is not None else ""
+    low = f"{kind.ge:g}" if kind.ge is not None else low
+    high = f"below {kind.lt:g}" if kind.lt is not None else ""
+    high = f"{kind.le:g}" if kind.le is not None else high
+    return " to ".join((low, high)) if low and high else low or high
 
 
 def _union(members: Sequence[types.Type]) -> str:
@@ -247,12 +246,10 @@ def _default(field: types.Field) -> str:
 
 
 def _collect(struct: type[Struct], seen: dict[str, type[Struct]]) -> None:
-    if struct.__name__ in seen:
+    if struct is Row or struct.__name__ in seen:
         return
     seen[struct.__name__] = struct
-    info = types.type_info(struct)
-    assert isinstance(info, types.StructType)
-    for field in info.fields:
+    for field in _info(struct).fields:
         for inner in _structs_in(field.type):
             _collect(inner, seen)
 

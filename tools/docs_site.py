@@ -1,39 +1,137 @@
-"""Hook of mkdocs: the README as the site's first page, and links out of docs/ made plain.
+"""Hook of mkdocs: pages from outside docs/, links, equations, navigation, and no network.
 
 make site
 """
 
 from __future__ import annotations
 
+import html
 import posixpath
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from latex2mathml.converter import convert
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 
+from smad.style.palette import PALETTE
+
 ROOT = Path(__file__).resolve().parents[1]
+OUTSIDE = {
+    "README.md": "index.md",
+    "examples/README.md": "examples.md",
+    "evaluation/README.md": "evaluation.md",
+    "evaluation/results/README.md": "results.md",
+    "CHANGELOG.md": "changes.md",
+    "CONTRIBUTING.md": "contributing.md",
+}
+"""Pages of the repository that are not in docs/, and their place in the site."""
+VENDORED = ROOT / "tools" / "site"
+"""What a page takes from elsewhere: a font for equations, and what search needs in plain files."""
+LISTED = {"Experiments": "experiments", "Decisions": "decisions"}
+"""Sections of the navigation that are all pages of a folder, the overview first."""
+_WORKER = "https://unpkg.com/iframe-worker/shim"
+"""What the theme's search takes from a network to run in pages that are files; ours is vendored."""
+_FROM_ELSEWHERE = re.compile(r"""<(?:script|link|img|iframe)[^>]+(?:src|href)=["']?https?:[^>]*>""")
+_SOURCE = {place: source for source, place in OUTSIDE.items()}
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
+_EQUATION = re.compile(
+    r'<(div|span) class="arithmatex">\\([\[(])(.*?)\\[\])]</\1>', re.DOTALL
+)  # as pymdownx.arithmatex marks them
+
+
+def on_config(config: Any) -> Any:
+    """Fill the sections of `LISTED` in the navigation."""
+    docs = Path(config.docs_dir)
+    for section in config.nav:
+        for name, folder in LISTED.items():
+            if name in section:
+                pages = sorted(path.name for path in (docs / folder).glob("*.md"))
+                pages.sort(key="README.md".__ne__)
+                section[name] = [f"{folder}/{page}" for page in pages]
+    return config
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the README as index.md."""
-    text = (ROOT / "README.md").read_text().replace("](docs/", "](")
-    files.append(File.generated(config, "index.md", content=text))
+    """Add the pages from outside docs/, and the colours of all our pages."""
+    files.append(File.generated(config, "site.css", content=site_css()))
+    for path in VENDORED.iterdir():
+        files.append(File.generated(config, path.name, content=path.read_bytes()))
+    for source, place in OUTSIDE.items():
+        files.append(File.generated(config, place, content=(ROOT / source).read_text()))
     return files
 
 
 def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> str:
-    """Turn links to files that the site does not have into their text."""
-    folder = posixpath.dirname(page.file.src_uri)
+    """Lead links to where the site has their page; one that it has not becomes its text."""
+    place = page.file.src_uri
+    source = _SOURCE.get(place, f"docs/{place}")
 
     def kept(link: re.Match[str]) -> str:
         picture, text, target, anchor = link.groups()
         if "://" in target or target.startswith("mailto:"):
             return link[0]
-        path = posixpath.normpath(posixpath.join(folder, target))
-        if path == "../README.md":
-            return f"[{text}]({posixpath.relpath('index.md', folder or '.')}{anchor or ''})"
-        return link[0] if files.get_file_from_path(path) is not None or picture else text
+        goal = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
+        goal = OUTSIDE.get(goal, goal.removeprefix("docs/"))
+        if files.get_file_from_path(goal) is None:
+            return link[0] if picture else text
+        way = posixpath.relpath(goal, posixpath.dirname(place) or ".")
+        return f"{picture}[{text}]({way}{anchor or ''})"
 
     return _LINK.sub(kept, markdown)
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Set equations as MathML, which a browser draws by itself."""
+    return _EQUATION.sub(
+        lambda found: mathml(html.unescape(found[3]), block=found[2] == "["), content
+    )
+
+
+def on_post_page(output: str, *, page: Any, **_: Any) -> str:
+    """Take everything from the site itself. Raises PluginError for what is not there."""
+    up = posixpath.relpath(".", posixpath.dirname(page.file.dest_uri) or ".")
+    return _local(output, up, page.file.src_uri)
+
+
+def on_post_template(output: str, *, template_name: str, **_: Any) -> str:
+    """The same for the page of a page that is not found."""
+    return _local(output, ".", template_name) if template_name.endswith(".html") else output
+
+
+def _local(output: str, up: str, name: str) -> str:
+    output = output.replace(_WORKER, f"{up}/iframe-worker.js")
+    if found := _FROM_ELSEWHERE.search(output):
+        raise PluginError(f"{name} takes something from a network: {found[0]}")
+    return output
+
+
+def site_css() -> str:
+    """Return the theme's colours, taken from our palette."""
+
+    def shades(colours: Mapping[str, str]) -> str:
+        return (
+            f"--md-primary-fg-color: {colours['main']}; --md-accent-fg-color: {colours['x']}; "
+            f"--md-typeset-a-color: {colours['link']};"
+        )
+
+    light = shades({name: colour.light for name, colour in PALETTE.items()})
+    dark = shades({name: colour.dark for name, colour in PALETTE.items()})
+    # A bar as light as the links of a dark page could not be read over.
+    dark_bar = f"--md-primary-fg-color: {PALETTE['raised'].dark};"
+    return (
+        f"[data-md-color-scheme=default] {{ {light} }}\n"
+        f"[data-md-color-scheme=slate] {{ {dark} {dark_bar} "
+        f"--md-default-bg-color: {PALETTE['back'].dark}; }}\n"
+        "@font-face { font-family: 'STIX Two Math'; src: url(stix-two-math.woff2); }\n"
+        "math { font-family: 'STIX Two Math', math; font-size: 1.1em; }\n"
+        "math[display=block] { margin: 1em 0; overflow-x: auto; overflow-y: hidden; }\n"
+        ".md-typeset__table { display: block; overflow-x: auto; }\n"
+    )
+
+
+def mathml(tex: str, *, block: bool) -> str:
+    """Return an equation in TeX as an element of MathML."""
+    return str(convert(tex.strip(), display="block" if block else "inline"))

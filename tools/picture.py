@@ -19,7 +19,7 @@ def picture(run: Run) -> str:
     c = run.columns
     t_s = c["t_s"] - c["t_s"][0]
     figure, axes = new_figure(2, height_in=4.0, share_x=True)
-    draw(axes[0], t_s, c["displacement_mm"], "displacement", "actual")
+    draw(axes[0], t_s, c["displacement_mm"], "displacement", "main")
     draw(axes[0], t_s, c["reference_mm"], "reference", "reference", style="--")
     label(axes[0], "", "mm", "Steps of ±10 mm, then 2 mm every 7 s")
     draw(axes[1], t_s, c["rtd_x_degC"], "spring X", "x")

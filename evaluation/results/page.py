@@ -1,4 +1,4 @@
-"""`docs/results.md` from the kept results and the log of openings.
+"""`README.md` of this folder from the kept results and the log of openings.
 
 python -m evaluation.results.page [--check]
 """
@@ -12,13 +12,13 @@ from pathlib import Path
 from evaluation.results.record import FOLDER, Result, kept
 from smad.report.page import Table, markdown_table
 
-PAGE = Path(__file__).parents[2] / "docs" / "results.md"
+PAGE = Path(__file__).parent / "README.md"
 OPENINGS = FOLDER / "openings.jsonl"
 _HEAD = """# Results of the evaluation
 
 Made by `python -m evaluation results` from `evaluation/results`, which also has the tables that
 are too long for a page. How the cases are made, what a floor is and what each row counts is in
-[the withheld check](withheld.md). Every figure is about the independent plant's family of simulated
+[the evaluation](../README.md). Every figure is about the independent plant's family of simulated
 benches, until a real bench says otherwise.
 """
 _LOG = """
@@ -27,8 +27,8 @@ _LOG = """
 One line for each use of the key of a sealed bank. Nothing may be tuned on what these lines say.
 
 """
-_MOST_ROWS = 25
-"""Longer tables are read in their file."""
+_MOST_WORDS = 200
+"""A larger first table is read in its file, as all others are."""
 _COLUMNS = {
     "false alarms on none": "false alarms",
     "detected at 3× the floor": "noticed at 3 floors",
@@ -50,9 +50,10 @@ def _section(result: Result) -> str:
         f"Measured {result.date} at commit {result.commit} with `{result.command}`.\n",
         *(f"{note}\n" for note in result.notes),
     ]
-    for heading, table in result.tables.items():
-        if len(table.rows) <= _MOST_ROWS:
-            parts += [*([f"**{heading}**\n"] if heading else []), markdown_table(table)]
+    heading, first = next(iter(result.tables.items()))
+    shown = markdown_table(first)
+    if len(shown.split()) <= _MOST_WORDS:
+        parts += [*([f"**{heading}**\n"] if heading else []), shown]
     return "\n".join(parts)
 
 
@@ -67,13 +68,12 @@ def _openings(path: Path) -> Table:
                 entry["opened"],
                 entry["commit"],
                 entry["key_sha256"][:12],
-                entry["verdicts_sha256"][:12],
                 f"{entry['answered']}/{entry['cases']}",
                 *("–" if value is None else f"{value:.2f}" for value in scores),
             )
         )
-    head = ("opened (UTC)", "commit", "key", "verdicts", "answered", *_COLUMNS.values())
-    return Table(head, rows, numeric=frozenset(range(4, len(head))))
+    head = ("opened (UTC)", "commit", "key", "answered", *_COLUMNS.values())
+    return Table(head, rows, numeric=frozenset(range(3, len(head))))
 
 
 def main(arguments: list[str]) -> int:

@@ -23,6 +23,7 @@ from firmware_protocol.generate.c_names import enums_of
 from firmware_protocol.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import own_crc, wire_name
+from firmware_protocol.supervisor.limits import LIMIT_ROWS
 from firmware_protocol.wire import Field, fields_of
 
 _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -60,21 +61,6 @@ def _frame(codec: Codec) -> str:
     return table(("quantity", "value"), rows)
 
 
-def _messages(codec: Codec) -> str:
-    rows = [
-        (
-            f"`0x{cls.info.number:02x}`",
-            f"[{wire_name(cls)}](#{wire_name(cls).lower()})" + (" ❄" if cls.info.frozen else ""),
-            str(cls.info.direction),
-            f"{codec.layout(cls).size}",
-            cls.info.pace
-            + (f" → {', '.join(map(_upper, cls.info.replies))}" if cls.info.replies else ""),
-        )
-        for cls in codec.messages
-    ]
-    return table(("number", "message", "direction", "bytes", "rate; answer"), rows)
-
-
 def _upper(name: str) -> str:
     return re.sub("(?<!^)(?=[A-Z])", "_", name).upper()
 
@@ -85,16 +71,13 @@ def _fields(codec: Codec) -> str:
 
 def _one_message(codec: Codec, cls: type[Message]) -> str:
     doc = " ".join((cls.__doc__ or "").split())
-    text = f"### {wire_name(cls)}\n\n`0x{cls.info.number:02x}`, {cls.info.direction}, "
-    text += f"{codec.layout(cls).size} bytes. {doc}\n\n"
-    rows = []
-    offset = 0
+    replies = f" → {', '.join(map(_upper, cls.info.replies))}" if cls.info.replies else ""
+    text = f"### {wire_name(cls)}{' ❄' if cls.info.frozen else ''}\n\n`0x{cls.info.number:02x}`, "
+    text += f"{cls.info.direction}, {codec.layout(cls).size} bytes, "
+    text += f"{cls.info.pace}{replies}. {doc}\n\n"
     for field in fields_of(cls):
-        rows.append(
-            (f"{offset}", f"`{field.name}`", _kind(field), field.wire.unit, _meaning(field))
-        )
-        offset += field.size
-    return text + (table(("offset", "field", "type", "unit", "meaning"), rows) if rows else "")
+        text += f"- `{field.name}` {_kind(field)}: {_meaning(field)}\n"
+    return text
 
 
 def _kind(field: Field) -> str:
@@ -115,14 +98,14 @@ def _meaning(field: Field) -> str:
 
 
 def _enums(codec: Codec) -> str:
-    rows = []
+    text = ""
     for kind in enums_of(codec):
         is_bits = issubclass(kind, enum.IntFlag)
         members = ", ".join(
             f"{f'0x{member.value:x}' if is_bits else member.value} {member.name}" for member in kind
         )
-        rows.append((kind.__name__, members))
-    return table(("name", "codes"), rows)
+        text += f"- {kind.__name__}: {members}\n"
+    return text
 
 
 def _parameters(codec: Codec) -> str:
@@ -136,6 +119,7 @@ def _parameters(codec: Codec) -> str:
             p.doc + ("; one for the board" if p.shared else ""),
         )
         for p in PARAMETERS
+        if p.name not in LIMIT_ROWS
     ]
     return table(("number", "name", "unit", "initial", "allowed", "meaning"), rows)
 
@@ -174,7 +158,6 @@ def _numbers(codec: Codec) -> str:
 
 TABLES: dict[str, Callable[[Codec], str]] = {
     "frame": _frame,
-    "messages": _messages,
     "fields": _fields,
     "enums": _enums,
     "parameters": _parameters,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from firmware_protocol.enums import BoardState
+from firmware_protocol.enums import BoardState, Channel
 from firmware_protocol.supervisor.errors import DocumentError
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from firmware_protocol.supervisor.host import HOST_ROWS, host_limits
@@ -73,14 +73,9 @@ def _diagram() -> str:
 
 
 def _states() -> str:
-    rows = []
-    for state in BoardState:
-        leaves = "; ".join(
-            f"{TRIGGER_MEANING[trigger]} → {following.name}"
-            for trigger, following in TRANSITIONS[state].items()
-        )
-        rows.append((state.name, STATE_MEANING[state], leaves or "power cycle only"))
-    return _table(("state", "what it does", "leaves when"), rows)
+    return _table(
+        ("state", "what it does"), [(state.name, STATE_MEANING[state]) for state in BoardState]
+    )
 
 
 def _checks() -> str:
@@ -88,11 +83,20 @@ def _checks() -> str:
     for check in CHECKS:
         when = _LIMIT_NAME.sub(lambda match: shown(match[1]), check.trips_when)
         pumps = "on" if FAULT_TEXTS[check.fault].pumps else "off"
-        channels = ", ".join(channel.name for channel in check.channels)
+        channels = _CHANNELS.get(
+            frozenset(check.channels), ", ".join(channel.name for channel in check.channels)
+        )
         states = ", ".join(state.name for state in BoardState if state in check.states)
+        states = states.replace("SAFE, ARMED, HOLD, COOL, FAULT", "always")
         rows.append((check.fault.name, channels, when, _debounce(check), states, pumps))
     head = ("fault", "channels", "trips when", "for", "watched in", "pumps then")
     return _table(head, rows)
+
+
+_CHANNELS = {
+    frozenset((Channel.SPRING_X, Channel.SPRING_Y)): "springs",
+    frozenset((Channel.SPRING_X, Channel.SPRING_Y, Channel.INLET, Channel.AMBIENT)): "RTDs",
+}
 
 
 def _debounce(check: Check) -> str:
@@ -103,11 +107,13 @@ def _debounce(check: Check) -> str:
 
 
 def _limits() -> str:
-    rows = []
-    for name, row in LIMIT_ROWS.items():
-        soft = f"{row.number}: to {row.tightest}" if row.number else "fixed"
-        rows.append((f"`{name}`", str(row.compiled), row.unit, soft, row.reason))
-    return _table(("limit", "compiled", "unit", "parameter", "reason"), rows)
+    """The limits that a parameter may tighten; the other ones stand in the checks."""
+    rows = [
+        (str(row.number), f"`{name}`", str(row.compiled), str(row.tightest), row.reason)
+        for name, row in LIMIT_ROWS.items()
+        if row.number
+    ]
+    return _table(("number", "limit", "compiled", "tightest", "reason"), rows)
 
 
 def _host() -> str:
@@ -124,12 +130,12 @@ def _host() -> str:
 
 
 def _faults() -> str:
-    rows = [
-        (str(int(fault)), fault.name, text.unit, text.cause, text.remedy)
+    return "".join(
+        f"- {int(fault)} **{fault.name}**{f' ({text.unit})' if text.unit else ''}: {text.cause}"
+        f" *{text.remedy}*\n"
         for fault, text in FAULT_TEXTS.items()
         if fault
-    ]
-    return _table(("number", "fault", "unit", "cause", "remedy"), rows)
+    )
 
 
 PARTS: dict[str, Callable[[], str]] = {

@@ -9,29 +9,25 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from sim_device.plant.effects.record import EffectParameter
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.parameters import load_parameters
 from sim_device.plant.places import BOTH, PLACES, STATES
-from sim_device.plant.units import UNITS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "physics.md"
 
 
-def parameter_table() -> str:
-    """Every entry of set A: symbol, value, range, status, meaning, source."""
-    lines = [
-        "| entry | symbol | value | range | status | meaning; source |",
-        "|---|---|---|---|---|---|",
-    ]
+def parameter_list() -> str:
+    """Every entry of set A: symbol, value, status, meaning, and the numbered sources."""
+    lines = []
+    sources: dict[str, int] = {}
     for entry in load_parameters("A").entries:
-        unit = UNITS[entry.file_unit]
-        low, high = (f"{unit.from_si(bound):.6g}" for bound in (entry.low, entry.high))
+        number = sources.setdefault(entry.source, len(sources) + 1)
         lines.append(
-            f"| `{entry.name}` | {entry.symbol} | {entry.shown()} | {low} to {high} |"
-            f" {entry.status} | {entry.meaning}; {entry.source} |"
+            f"- `{entry.name}` {entry.symbol} = {entry.shown()} ({entry.status}):"
+            f" {entry.meaning} [{number}]"
         )
-    return "\n".join(lines)
+    cited = (f"[{number}] {source}" for source, number in sources.items())
+    return "\n".join((*lines, "", "; ".join(cited) + "."))
 
 
 def differences_table() -> str:
@@ -48,36 +44,16 @@ def differences_table() -> str:
     return "\n".join(lines)
 
 
-def _described(parameter: EffectParameter) -> str:
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    role = "" if parameter.is_strength else ", shape"
-    return (
-        f"`{parameter.name}` {parameter.low:g} to {parameter.high:g}{unit},"
-        f" typical {parameter.typical:g}{role}: {parameter.meaning}"
-    )
-
-
-def effects_table() -> str:
-    """Every entry of the effect registry."""
-    lines = [
-        "| effect | subsystem | places | equation | parameters | shows in |"
-        " confused with; told apart by |"
-        " reference |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+def effects_list() -> str:
+    """Every entry of the effect registry: subsystem, places, equation."""
+    lines = []
     for entry in EFFECTS:
         needs = "; ".join(f"needs {option} {' or '.join(known)}" for option, known in entry.needs)
-        cells = (
-            f"`{entry.name}`: {entry.title}" + (f" ({needs})" if needs else ""),
-            entry.subsystem,
-            ", ".join(f"`{name}`" for name in entry.places),
-            entry.equation.replace("|", "\\|"),
-            "; ".join(_described(parameter) for parameter in entry.parameters),
-            ", ".join(entry.signals),
-            f"{', '.join(entry.confused_with)}; {entry.separated_by}",
-            entry.reference,
+        places = ", ".join(f"`{name}`" for name in entry.places)
+        lines.append(
+            f"- **`{entry.name}`** ({entry.subsystem}; {places}{f'; {needs}' if needs else ''}):"
+            f" {entry.title}. {entry.equation}"
         )
-        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -97,19 +73,19 @@ def places_table() -> str:
     return "\n".join(lines)
 
 
-def states_table() -> str:
+def states_list() -> str:
     """Every state that a law may depend on."""
-    lines = ["| state | what it is | unit |", "|---|---|---|"]
-    lines += [f"| `{s.name}` | {s.label} | {s.unit or 'of the channel'} |" for s in STATES]
-    return "\n".join(lines)
+    return "; ".join(
+        f"`{s.name}` {s.label}{f', {s.unit}' if s.unit not in ('', '1') else ''}" for s in STATES
+    )
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    "parameters": parameter_table,
+    "parameters": parameter_list,
     "differences": differences_table,
-    "effects": effects_table,
+    "effects": effects_list,
     "places": places_table,
-    "states": states_table,
+    "states": states_list,
 }
 
 

@@ -30,7 +30,7 @@ def draw(model: Model, rng: np.random.Generator) -> Model:
     if covariance is None:
         raise ModelError(
             "the model file has no [covariance], so there is nothing to draw from; give a file"
-            " that smad gap apply wrote, or ranges by hand"
+            " that smad gap diagnose --apply wrote, or ranges by hand"
         )
     values = quantities(model)
     for _ in range(_TRIES):

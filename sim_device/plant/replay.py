@@ -5,8 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -337,31 +336,6 @@ class Replay:
         if status != k.OK:
             raise solver_error(status, row)
         return np.ascontiguousarray(out.T)
-
-    def run_many(
-        self,
-        points: Iterable[tuple[ParameterSet, EffectValues]],
-        *,
-        dt_s: float = DEFAULT_STEP_S,
-        workers: int = 2,
-        keep: Callable[[dict[str, Array]], object] | None = None,
-    ) -> list[object]:
-        """Replay many points on `workers` threads; the kernel runs outside the interpreter lock.
-
-        keep: reduces each result where it was made (a cost, say); by default results are kept
-        whole. Results come in the order of the points.
-        """
-        reduce = keep if keep is not None else _whole
-
-        def one(point: tuple[ParameterSet, EffectValues]) -> object:
-            return reduce(self.run(point[0], point[1], dt_s=dt_s))
-
-        with ThreadPoolExecutor(max_workers=workers) as pool:
-            return list(pool.map(one, points))
-
-
-def _whole(result: dict[str, Array]) -> object:
-    return result
 
 
 def trajectory(replay: Replay, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) -> dict[str, Array]:

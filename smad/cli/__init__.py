@@ -24,6 +24,7 @@ COMMANDS: Mapping[str, str] = {
     "sim": "smad.cli.sim:sim",
     "status": "smad.cli.status:status",
     "view": "smad.cli.view:view",
+    "bridge": "smad.cli.bridge:bridge",
     "arm": "smad.cli.drive:arm",
     "disarm": "smad.cli.drive:disarm",
     "estop": "smad.cli.drive:estop",
@@ -49,8 +50,8 @@ COMMANDS: Mapping[str, str] = {
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
 
-READS_FILES = frozenset(("log", "gap"))
-"""Commands that are ended first when memory runs out: a file may hold more than it seems to."""
+READS_FILES = frozenset(("log", "gap", "run", "view"))
+"""Commands that are ended first when memory runs out: before the daemon, which has the bench."""
 
 _INTERRUPTED = 130
 _INTERNAL = 70

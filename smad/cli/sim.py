@@ -102,7 +102,7 @@ def sim(
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
-    from sim_device.pty import HOST_TIMEOUT_S, serve
+    from sim_device.pty import HOST_TIMEOUT_S, said_of_host, serve
     from smad.config import Config, load_config
 
     if "list" in faults:
@@ -142,7 +142,7 @@ def sim(
                 symlink=symlink,
                 transport=transport,
                 paced_by_host=paced_by_host,
-                host_timeout_s=patience * HOST_TIMEOUT_S,
+                host_timeout_s=patience * HOST_TIMEOUT_S if paced_by_host else None,
                 max_seconds=seconds,
                 on_ready=_announce,
             )
@@ -150,7 +150,8 @@ def sim(
         raise SimulatorError(str(error), action="see smad sim --help") from error
     click.echo(
         f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, "
-        f"{counts.bytes_out} out, {counts.dropped} writes dropped",
+        f"{counts.bytes_out} out, {counts.dropped} writes dropped; "
+        f"behind the clock {stats.grid_restarts} times, {said_of_host(stats)}",
         err=True,
     )
 

@@ -144,7 +144,11 @@ def _link(now: Status) -> Iterator[str]:
         )
     timing = now.timing
     yield _line("own share", _spread(timing.own_share))
-    yield _line("age", f"{_spread(timing.setpoint_age)} when the board applied it")
+    yield _line(
+        "age",
+        f"{_spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "
+        f"{_lost(counts.setpoints_refused)} refused as too old",
+    )
     yield _line("jitter", _spread(timing.jitter))
 
 

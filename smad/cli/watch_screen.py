@@ -138,7 +138,11 @@ def _facts(now: Status) -> Iterator[Line]:
     yield Line("")
     age = now.timing.setpoint_age
     if age.count:
-        yield Line(f"setpoint age p50 {age.p50_us:.0f} µs, p99 {age.p99_us:.0f} µs")
+        refused = now.counts.setpoints_refused
+        yield Line(
+            f"setpoint age p50 {age.p50_us:.0f} µs, p99 {age.p99_us:.0f} µs, {refused} refused",
+            "bad" if refused else "plain",
+        )
     missed = now.counts.missed
     yield Line(
         f"{now.link.rate_hz} Hz, {missed} of {now.counts.samples} samples missed",

@@ -362,7 +362,7 @@ class RecorderConfig(Section, frozen=True, kw_only=True):
         float, Meta(ge=1.0, le=100_000.0, description="start a new file at this size")
     ] = 512.0
     max_file_min: Annotated[
-        float, Meta(ge=0.1, le=10_000.0, description="start a new file after so many minutes")
+        float, Meta(ge=0.1, le=60.0, description="start a new file after so many minutes")
     ] = 60.0
     flush_interval_s: Annotated[
         float, Meta(ge=0.05, le=10.0, description="what a crash can cost at most")

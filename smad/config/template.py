@@ -1,11 +1,11 @@
-"""A configuration as TOML text, and as the table of the guide."""
+"""A configuration as TOML text, and as the lists of the guide."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from smad.config.describe import Key, sections
+from smad.config.describe import sections
 from smad.config.model import Config
 
 
@@ -37,20 +37,16 @@ def config_to_toml(config: Config) -> str:
     return "\n".join(lines) + "\n"
 
 
-def markdown_tables() -> str:
-    """The reference of the guide: a table for each section."""
-    parts = []
-    for section in sections():
-        rows = "\n".join(_row(key) for key in section.keys)
-        parts.append(
-            f"### `[{section.name}]`\n\n{section.purpose}\n\n"
-            f"| key | default | allowed | what for |\n|---|---|---|---|\n{rows}\n"
+def markdown_lists() -> str:
+    """The reference of the guide: a list for each section."""
+    return "\n".join(
+        f"### `[{section.name}]`\n\n{section.purpose}\n\n"
+        + "".join(
+            f"- `{key.name} = {_toml(key.default)}` ({key.allowed}): {key.description}\n"
+            for key in section.keys
         )
-    return "\n".join(parts)
-
-
-def _row(key: Key) -> str:
-    return f"| `{key.name}` | `{_toml(key.default)}` | {key.allowed} | {key.description} |"
+        for section in sections()
+    )
 
 
 def _assignment(name: str, value: Any) -> str:

@@ -201,7 +201,7 @@ class Daemon:
     def say(self, kind: EventKind, text: str, data: dict[str, Any]) -> None:
         """Put an event into the run log and, unless it is a mere command, into the journal."""
         if kind not in ("command", "note"):
-            self.journal.say(text)
+            self.journal.say(text, kind)
         last = self.control.last
         self.recorder.note(
             Event(

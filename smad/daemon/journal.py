@@ -33,9 +33,9 @@ class Journal:
         self._thread = threading.Thread(target=self._print, name="journal", daemon=True)
         self._thread.start()
 
-    def say(self, text: str) -> None:
-        """Keep and print one line."""
-        self.recent.append(Entry(self._clock(), text))
+    def say(self, text: str, kind: str = "") -> None:
+        """Keep and print one line; `kind` is that of the run log's event, if it is one."""
+        self.recent.append(Entry(self._clock(), text, kind))
         try:
             self._lines.put_nowait(text)
         except queue.Full:

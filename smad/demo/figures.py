@@ -15,7 +15,7 @@ from smad.control.metrics import StepResponse, peak, step_response, tracking_r2
 from smad.demo.job import AMPLITUDE_MM, CYCLES, PERIOD_S, STEP_MM
 from smad.report.page import Page, Section, Table, Text, write_page
 from smad.report.panels import Panels, followed
-from smad.report.runs import panels_of, shown
+from smad.report.runs import panels_of, provenance, shown
 from smad.runlog.reader import Run, read_run
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def write(path: Path, run: Run, rows: Rows) -> None:
     page = Page(
         title="smad demo",
         lead="A simulated bench of antagonistic shape-memory springs, driven by the daemon.",
-        facts=(("run log", run.path.name), ("seed", str(run.header.seed))),
+        facts=provenance(run),
         sections=[
             Section(
                 "What was measured",

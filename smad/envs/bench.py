@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from smad.api import Motion, RecorderStatus
-from smad.client import Client
+from smad.api import Control, Motion, RecorderStatus
+from smad.client import Client, NotInControl
 from smad.control.commands import DriveCurrent
 from smad.envs import references, signals
 from smad.envs.errors import ActionRefused, EnvError, PolicyFailed
@@ -24,12 +24,14 @@ LEASE_S = 2.0
 STALE_S = 0.2
 """After a policy that took longer, the samples that have come meanwhile are left out."""
 _REFERENCE_STEP_S = 0.01
+_OFF = DriveCurrent(i_x_A=0.0, i_y_A=0.0)
 
 
 class Bench(Protocol):
     """What is used of `smad.Client`."""
 
-    def in_control(self, name: str, lease_s: float = ...) -> AbstractContextManager[None]: ...
+    def take_control(self, name: str, lease_s: float = ...) -> Control: ...
+    def release_control(self) -> Control: ...
     def armed(self) -> AbstractContextManager[None]: ...
     def start_recording(self, name: str = ..., repeats: str = ...) -> RecorderStatus: ...
     def stop_recording(self) -> RecorderStatus: ...
@@ -146,16 +148,30 @@ def on_bench(
     answering = Answering(
         policy, action=action, reference=reference, duration_s=duration_s, seed=seed
     )
-    with client.in_control(name, lease_s), client.armed():
+    with _leased(client, name, lease_s), client.armed():
         client.start_recording(name)
         try:
             late = _drive(client, answering, clock)
+        except NotInControl:
+            # The lease has lapsed and the bench is disarmed; without control its run would go on.
+            client.take_control(name, lease_s)
+            raise
         finally:
             recorded = client.stop_recording()
     t_s, seen, wanted = np.array(answering.trace).reshape(-1, 3).T
     return BenchRun(
         path=str(recorded.path), t_s=t_s, displacement_mm=seen, reference_mm=wanted, late=late
     )
+
+
+@contextmanager
+def _leased(client: Bench, name: str, lease_s: float) -> Iterator[None]:
+    # Not `in_control`: that renews the lease in the background, however long a policy thinks.
+    client.take_control(name, lease_s)
+    try:
+        yield
+    finally:
+        client.release_control()
 
 
 def _drive(client: Bench, answering: Answering, clock: Callable[[], float]) -> int:
@@ -167,6 +183,8 @@ def _drive(client: Bench, answering: Answering, clock: Callable[[], float]) -> i
         begun_s = clock()
         command = answering.answer(row)
         if command is None:
+            # Refused, if the bench was stopped while the policy thought for the last time.
+            client.current(_OFF)
             return late
         client.current(command)
         if clock() - begun_s > STALE_S:

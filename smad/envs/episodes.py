@@ -28,7 +28,14 @@ SOLVER = "solver"
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What an environment is made with; see `SpringPairEnv`."""
+    """What an environment is made with.
+
+    model: a built-in parameter set ("A"), a model file, or a `Model`. randomise: None, "posterior"
+    (plants drawn from the covariance of the model file), ranges by hand (name to (low, high), SI),
+    or a function of model and generator. action: "currents" or "demand", see `signals`. reference:
+    "sines", "levels", or a function of generator and times. An episode lasts `episode_s`, a step
+    1/`rate_hz`. Raises EnvError.
+    """
 
     model: str | Path | Model = "A"
     randomise: Randomise = None

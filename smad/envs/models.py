@@ -34,7 +34,7 @@ def model_of(given: str | Path | Model) -> Model:
         raise EnvError(
             "this is no model of the spring pair",
             value=str(error),
-            action="give a file that smad gap apply or sim_device.plant.models.save_model wrote",
+            action="give a file that smad gap diagnose --apply or save_model wrote",
         ) from None
 
 

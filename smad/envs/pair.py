@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -10,11 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from sim_device.plant.models import Model
-from smad.envs import references, signals
+from smad.envs import signals
 from smad.envs.episodes import Episodes, Task
 from smad.envs.errors import EnvError
-from smad.envs.models import Randomise
 from smad.envs.picture import picture
 
 Observation = npt.NDArray[np.float32]
@@ -35,11 +32,7 @@ def action_space(kind: str) -> spaces.Box:
 class SpringPairEnv(gymnasium.Env[Observation, npt.NDArray[np.floating[Any]]]):
     """Two springs on one tendon, which is to follow a reference.
 
-    model: a built-in parameter set ("A"), a model file, or a `Model`. randomise: None, "posterior"
-    (plants drawn from the covariance of the model file), ranges by hand (name to (low, high), SI),
-    or a function of model and generator. action: "currents" or "demand", see `signals`. reference:
-    "sines", "levels", or a function of generator and times. An episode lasts `episode_s`, a step
-    1/`rate_hz`.
+    `task` has the fields of `episodes.Task`.
 
     The reward of a step is −|displacement − reference|, mm, both as seen. The board's limits on
     current act on what is asked for; an over-temperature or I²t fault of the board terminates the
@@ -48,28 +41,14 @@ class SpringPairEnv(gymnasium.Env[Observation, npt.NDArray[np.floating[Any]]]):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": FRAMES_PER_S}  # noqa: RUF012
 
-    def __init__(
-        self,
-        *,
-        model: str | Path | Model = "A",
-        randomise: Randomise = None,
-        action: str = "currents",
-        reference: str | references.Reference = "sines",
-        episode_s: float = 20.0,
-        rate_hz: int = 100,
-        render_mode: str | None = None,
-    ) -> None:
+    def __init__(self, *, render_mode: str | None = None, **task: Any) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise EnvError("no such render_mode", value=render_mode, limit="rgb_array")
         self.render_mode = render_mode
-        task = Task(
-            model=model, randomise=randomise, action=action, reference=reference,
-            episode_s=episode_s, rate_hz=rate_hz,
-        )  # fmt: skip
-        self._episodes = Episodes(1, task)
+        self._episodes = Episodes(1, Task(**task))
         self._begun = False
         self.observation_space: Any = observation_space()
-        self.action_space: Any = action_space(action)
+        self.action_space: Any = action_space(self._episodes.task.action)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

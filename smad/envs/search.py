@@ -5,16 +5,15 @@ No framework: enough for an example, and for the table of `bench.policies`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from smad.envs.errors import EnvError
 from smad.envs.signals import NAMES
-from smad.envs.vector import SpringPairVectorEnv
 
 Array = npt.NDArray[np.float64]
 _U, _X, _Y, _INLET, _NOW, _AHEAD = (
@@ -29,6 +28,16 @@ WEIGHTS = ("error", "ahead", "position", "warmth", "water at rest", "water by de
 """What each weight of the policy is for."""
 START = np.array([0.5, 0.5, 0.1, 0.0, 0.0, 0.5, 0.0])
 SPREAD = np.array([0.5, 0.5, 0.2, 0.3, 0.3, 0.5, 0.3])
+
+
+class Vector(Protocol):
+    """What is used of a vector environment: `SpringPairVectorEnv`, or another plant's."""
+
+    num_envs: int
+    steps: int
+
+    def reset(self, *, seed: Sequence[int]) -> tuple[Any, dict[str, Any]]: ...
+    def step(self, actions: npt.ArrayLike, /) -> tuple[Any, Any, Any, Any, dict[str, Any]]: ...
 
 
 def act(weights: Array, seen: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]:
@@ -57,7 +66,7 @@ def policy_of(weights: Array) -> Callable[[npt.NDArray[np.float32]], npt.NDArray
     return lambda seen: act(weights, seen)
 
 
-def returns(env: SpringPairVectorEnv, weights: Array, seeds: npt.ArrayLike) -> Array:
+def returns(env: Vector, weights: Array, seeds: npt.ArrayLike) -> Array:
     """Mean reward of a step over whole episodes, mm; shape (n,), weights (n, 7), seeds (n,).
 
     An episode that the board ends counts to its end, by what the environment takes for the rest.
@@ -90,7 +99,7 @@ class Search:
 
     def run(
         self,
-        env: SpringPairVectorEnv,
+        env: Vector,
         seed: int,
         progress: Callable[[int, float], None] | None = None,
     ) -> Array:
@@ -116,7 +125,7 @@ class Search:
         return mean
 
 
-def tracking_error_mm(env: SpringPairVectorEnv, weights: Array, seed: int) -> Array:
+def tracking_error_mm(env: Vector, weights: Array, seed: int) -> Array:
     """Mean distance of the displacement from the reference in each episode, mm; shape (n,)."""
     seeds = seed + np.arange(env.num_envs)
     return -returns(env, np.broadcast_to(weights, (env.num_envs, len(weights))), seeds)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,18 +13,15 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from sim_device.plant.models import Model
-from smad.envs import references
 from smad.envs.episodes import Episodes, Stepped, Task
 from smad.envs.errors import EnvError
-from smad.envs.models import Randomise
 from smad.envs.pair import FRAMES_PER_S, Observation, action_space, observation_space
 
 
 class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
     """`num_envs` environments of `SpringPairEnv`, with the same numbers to the last bit.
 
-    Arguments as there; `threads` advance the plants, by default one for each processor. An episode
+    `task` as there; `threads` advance the plants, by default one for each processor. An episode
     that has ended begins anew at the next step, whose action is not used (AutoresetMode.NEXT_STEP).
     """
 
@@ -37,30 +33,22 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
         self,
         num_envs: int = 1,
         *,
-        model: str | Path | Model = "A",
-        randomise: Randomise = None,
-        action: str = "currents",
-        reference: str | references.Reference = "sines",
-        episode_s: float = 20.0,
-        rate_hz: int = 100,
         threads: int | None = None,
         render_mode: None = None,
+        **task: Any,
     ) -> None:
         if num_envs < 1:
             raise EnvError("num_envs out of range", value=num_envs, limit="1 or more")
         workers = threads or os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
-        task = Task(
-            model=model, randomise=randomise, action=action, reference=reference,
-            episode_s=episode_s, rate_hz=rate_hz,
-        )  # fmt: skip
-        self._episodes = Episodes(num_envs, task, executor=self._pool, workers=workers)
+        made = Task(**task)
+        self._episodes = Episodes(num_envs, made, executor=self._pool, workers=workers)
         self.num_envs = num_envs
-        self.steps = task.steps
+        self.steps = made.steps
         """Steps of an episode."""
         self.render_mode = render_mode
         self.single_observation_space = observation_space()
-        self.single_action_space = action_space(action)
+        self.single_action_space = action_space(made.action)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator] = []

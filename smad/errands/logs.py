@@ -189,7 +189,7 @@ class Log:
         inside = [p for p in self._parts if p.first_s <= to_s and p.last_s >= from_s]
         found = [part.between(from_s, to_s) for part in inside]
         every = joined(found) if found else of_rows(np.empty(0), _no_rows())
-        marks = [m for p in self._parts for m in p.marks if from_s <= m.t <= to_s]
+        marks = [m for p in self._parts for m in p.marks if from_s <= m.x <= to_s]
         return Read(
             frame=frame_of(every, (to_s - from_s) / MOST_BUCKETS, channels),
             moments=moments_of(every, xy) if xy else None,

@@ -17,7 +17,11 @@ from smad.experiments.base import Experiment, Findings
 from smad.experiments.driver import Driver
 from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, with_estimates
+from smad.experiments.recording import Recording
 from smad.experiments.virtual import VirtualDriver
+from smad.report.panels import Panels
+from smad.report.planes import planes_of
+from smad.report.runs import PENS
 
 Progress = Callable[[str], None]
 
@@ -52,10 +56,11 @@ class Bench:
 
 @dataclass(frozen=True)
 class Result:
-    """What one experiment found, and the parameters of the model it was analysed with."""
+    """What one experiment found, and its runs as loops of one quantity against another."""
 
     experiment: Experiment[Any]
     findings: Findings
+    loops: Panels | None = None
 
 
 @dataclass(frozen=True)
@@ -136,8 +141,19 @@ def conclude_all(
                 f"{experiment.name} cannot be analysed with this model: {error}",
                 action="check the run, the data file and the parameter file",
             ) from None
-        results.append(Result(experiment, findings))
+        results.append(Result(experiment, findings, _loops(outcomes[experiment.name])))
     return CampaignResult(tuple(results), tuple(estimates.values()), current)
+
+
+def _loops(outcomes: Mapping[str, Any]) -> Panels | None:
+    """The recordings among the outcomes, each from its own beginning; None where nothing moves."""
+    runs = [
+        (trial.rpartition("/")[2], f"run-{at % PENS + 1}", run.t_s - run.t_s[0], run.columns)
+        for at, (trial, run) in enumerate(outcomes.items())
+        if isinstance(run, Recording)
+    ]
+    planes = planes_of(runs)
+    return Panels((), planes=planes) if planes else None
 
 
 def left(done: int, total: int, took_s: float) -> str:

@@ -19,6 +19,7 @@ from smad.experiments.errors import DataFileError
 from smad.experiments.estimate import Estimate, Tolerance
 from smad.report.page import Picture, Table, Text
 from smad.report.plots import draw, label, new_figure, svg_of
+from smad.style.palette import in_print
 
 Array = NDArray[np.float64]
 ZERO_C = 273.15
@@ -314,7 +315,7 @@ def _table(estimates: Sequence[Estimate]) -> Table:
 def _figure(data: DscData, heating: Peak, cooling: Peak) -> str:
     figure, (axes,) = new_figure(height_in=3.0)
     rate = np.gradient(data.temperature_K, data.t_s)
-    for half, name, colour in ((rate > 0, "heating", "x"), (rate < 0, "cooling", "water")):
+    for half, name, colour in ((rate > 0, "heating", "x"), (rate < 0, "cooling", "main")):
         draw(
             axes,
             data.temperature_K[half] - ZERO_C,
@@ -328,7 +329,7 @@ def _figure(data: DscData, heating: Peak, cooling: Peak) -> str:
         (cooling.high_K, "M_S"),
         (cooling.low_K, "M_F"),
     ):
-        axes.axvline(temperature - ZERO_C, color="#6e7781", linewidth=0.7)
+        axes.axvline(temperature - ZERO_C, color=in_print("reference"), linewidth=0.7)
         axes.annotate(
             name, (temperature - ZERO_C, 0.98), xycoords=("data", "axes fraction"), fontsize=8
         )

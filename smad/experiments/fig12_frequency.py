@@ -21,7 +21,8 @@ from smad.experiments.tracking import (
     sine_plan,
 )
 from smad.report.page import Picture, Table, Text
-from smad.report.plots import COLOURS, label, new_figure, svg_of
+from smad.report.plots import label, new_figure, svg_of
+from smad.style.palette import in_print
 
 AMPLITUDES_MM = (2, 4, 6, 8, 10, 12)
 FOLLOWED = 0.9
@@ -253,9 +254,7 @@ def _table(found: Mapping[str, list[Largest]]) -> Table:
 
 
 def _figure(found: Mapping[str, list[Largest]]) -> str:
-    colours = {
-        "water": "water", "air": "air", "feedforward": "model", "drain": "y", "both": "x"
-    }  # fmt: skip
+    pens = {control: f"run-{at}" for at, control in enumerate(CONTROLS, 1)}
     figure, (axes,) = new_figure(height_in=3.4)
     for control, results in found.items():
         axes.plot(
@@ -263,10 +262,10 @@ def _figure(found: Mapping[str, list[Largest]]) -> str:
             [largest.frequency_Hz for largest in results],
             "o-",
             markersize=4,
-            color=COLOURS[colours[control]],
+            color=in_print(pens[control]),
             label=CONTROLS[control].name,
         )
-    axes.plot([2], [0.143], "*", markersize=11, color=COLOURS["paper"], label="paper")
+    axes.plot([2], [0.143], "*", markersize=11, color=in_print("text"), label="paper")
     axes.set_yscale("log")
     axes.set_yticks([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0])
     axes.yaxis.set_major_formatter("{x:g}")

@@ -248,14 +248,14 @@ def _figure(cold: Curve, warm: Curve, estimates: Sequence[Estimate], model: Para
         by_name["stress_finish"] / c1,
         by_name["max_deflection"],
     )
-    draw(axes, cold.deflection_m * 1e3, fitted, "martensite, fitted", "paper", style="--")
+    draw(axes, cold.deflection_m * 1e3, fitted, "martensite, fitted", "text", style="--")
     straight = warm.deflection_m < 0.035
     draw(
         axes,
         warm.deflection_m[straight] * 1e3,
         warm.deflection_m[straight] * by_name["modulus_austenite"] * c2 / c1,
         "austenite, fitted",
-        "paper",
+        "text",
         style=":",
     )
     label(axes, "deflection, mm", "force, N")

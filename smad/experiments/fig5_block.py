@@ -20,7 +20,8 @@ from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, Tolerance, bootstrap
 from smad.experiments.recording import Recording
 from smad.report.page import Picture, Table, Text
-from smad.report.plots import COLOURS, draw, label, new_figure, svg_of
+from smad.report.plots import draw, label, new_figure, svg_of
+from smad.style.palette import in_print
 
 Array = NDArray[np.float64]
 ZERO_C = 273.15
@@ -344,7 +345,7 @@ def _figure(blocks: Sequence[Block], estimates: Sequence[Estimate], model: Param
         name = f"δ = {block.deflection_m * 1e3:.0f} mm"
         for branch, what, colour in (
             (block.heating, "heating", "x"),
-            (block.cooling, "cooling", "water"),
+            (block.cooling, "cooling", "main"),
         ):
             draw(
                 axes,
@@ -358,14 +359,14 @@ def _figure(blocks: Sequence[Block], estimates: Sequence[Estimate], model: Param
     stress = np.array([40e6, 180e6])
     for name in ("austenite_start", "austenite_finish"):
         line = by_name[name] - ZERO_C + stress / by_name["slope_austenite"]
-        axes.plot(line, stress / 1e6, "--", color=COLOURS["paper"], linewidth=0.8)
+        axes.plot(line, stress / 1e6, "--", color=in_print("text"), linewidth=0.8)
         axes.annotate(name.replace("austenite_", "A, "), (line[1], 180.0), fontsize=7)
     line = (
         by_name["martensite_start"]
         - ZERO_C
         + (stress - model["stress_start"]) / by_name["slope_martensite"]
     )
-    axes.plot(line, stress / 1e6, ":", color=COLOURS["paper"], linewidth=0.8)
+    axes.plot(line, stress / 1e6, ":", color=in_print("text"), linewidth=0.8)
     axes.annotate("M, start", (line[1], 172.0), fontsize=7)
     axes.set_ylim(0.0, 190.0)
     label(axes, "temperature, °C", "shear stress, MPa")

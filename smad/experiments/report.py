@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -12,7 +13,6 @@ from smad.experiments.campaign import CampaignResult
 from smad.experiments.contradictions import numbered, reference
 from smad.experiments.estimate import Estimate
 from smad.report.page import Code, Page, Section, Table, Text
-from smad.version import VERSION
 
 
 def comparison_table(result: CampaignResult) -> Table:
@@ -92,11 +92,16 @@ def campaign_page(
     facts: Sequence[tuple[str, str]],
 ) -> Page:
     """The whole page. `given` are the parameters of the simulated bench, None on a real one."""
+    digest = hashlib.sha256(parameters_text(model).encode()).hexdigest()[:12]
     sections = [
         Section("Paper against here", (comparison_table(result),), "paper"),
     ]
     sections += [
-        Section(one.experiment.title, one.findings.blocks, one.experiment.name)
+        Section(
+            one.experiment.title,
+            (*one.findings.blocks, *([one.loops] if one.loops else [])),
+            one.experiment.name,
+        )
         for one in result.results
     ]
     sections.append(
@@ -117,7 +122,7 @@ def campaign_page(
                         "not those of the sensors' calibration or of the model's form.",
                         "note",
                     ),
-                    Code(parameters_text(result.recovered)),
+                    Code(parameters_text(result.recovered), "The parameter file"),
                 ),
                 "recovered",
             )
@@ -127,5 +132,5 @@ def campaign_page(
         sections,
         "Cheng et al., J. Intell. Mater. Syst. Struct. 28(16), 2017: each figure and "
         "characterisation run again, and what goes beyond the paper beside it.",
-        (("smad", VERSION), ("model", model.title), *facts),
+        (("model", model.title), ("SHA-256 of its parameters", digest), *facts),
     )

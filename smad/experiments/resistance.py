@@ -19,7 +19,8 @@ from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, Tolerance, bootstrap
 from smad.experiments.recording import Recording
 from smad.report.page import Picture
-from smad.report.plots import COLOURS, label, new_figure, svg_of
+from smad.report.plots import label, new_figure, svg_of
+from smad.style.palette import in_print
 
 Array = NDArray[np.float64]
 LEVELS = 5
@@ -123,8 +124,8 @@ def _figure(recording: Recording, ohms: tuple[float, float]) -> str:
     figure, (axes,) = new_figure(width_in=5.0, height_in=3.0)
     for spring, ohm in zip("xy", ohms, strict=True):
         i, v = recording[f"i_meas_{spring}_A"], recording[f"v_{spring}_V"]
-        axes.plot(i[::5], v[::5], ".", color=COLOURS[spring], markersize=2)
+        axes.plot(i[::5], v[::5], ".", color=in_print(spring), markersize=2)
         line = np.array([0.0, float(np.nanmax(i))])
-        axes.plot(line, line * ohm, color=COLOURS[spring], label=f"{spring.upper()}: {ohm:.4f} Ω")
+        axes.plot(line, line * ohm, color=in_print(spring), label=f"{spring.upper()}: {ohm:.4f} Ω")
     label(axes, "current, A", "voltage, V")
     return svg_of(figure, "Voltage against current of both springs")

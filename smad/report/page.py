@@ -11,11 +11,15 @@ import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smad.errors import SmadError
 from smad.report.panels import Panels
+from smad.style import assets
+from smad.style.palette import following
+from smad.version import VERSION
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -49,9 +53,13 @@ class Picture:
 
 @dataclass(frozen=True)
 class Code:
-    """Text that keeps its lines, such as a parameter file or a command."""
+    """Text that keeps its lines, such as a parameter file or a command.
+
+    With a `title` it is folded away under that.
+    """
 
     text: str
+    title: str = ""
 
 
 Block = Text | Table | Picture | Panels | Code
@@ -68,7 +76,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """A whole report. `facts` are shown small under the title: version, seed, files, date."""
+    """A whole report. `facts` are shown small under the title: seed, files, dates."""
 
     title: str
     sections: Sequence[Section]
@@ -82,33 +90,23 @@ def _template() -> Template:
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.globals["kind_of"] = lambda block: type(block).__name__
+    environment.filters["following"] = following
     return environment.from_string(_OURS.joinpath("page.html").read_text("utf-8"))
 
 
 _OURS = Path(__file__).parent / "static"
-_LIVE = Path(__file__).parents[1] / "view" / "static"
-"""Of the live page: its colours, and the uPlot that draws there as well."""
-_EXPORT = "export { uPlot as default };"
 
 
-def _style(interactive: bool) -> str:
-    files = [_LIVE / "colours.css", *([_LIVE / "vendor" / "uPlot.css"] if interactive else [])]
-    return "\n".join(path.read_text("utf-8") for path in [*files, _OURS / "page.css"])
-
-
-def _script() -> str:
-    """uPlot and what draws with it, as one module: a page of its own cannot import files."""
-    plot = (_LIVE / "vendor" / "uPlot.js").read_text("utf-8").replace(_EXPORT, "return uPlot;")
-    panels = (_OURS / "panels.js").read_text("utf-8")
-    return f"const uPlot = (() => {{\n{plot}}})();\n\n{panels}"
-
-
-def render(page: Page) -> str:
-    """The page as HTML text. The same page gives the same text."""
+def render(page: Page, written: str = "") -> str:
+    """The page as HTML text; the same page gives the same text. `written` says when, at its end."""
     blocks = (block for section in page.sections for block in section.blocks)
     interactive = any(isinstance(block, Panels) for block in blocks)
+    style = assets.style(plots=interactive) + _OURS.joinpath("page.css").read_text("utf-8")
     return _template().render(
-        page=page, style=_style(interactive), script=_script() if interactive else ""
+        page=page,
+        style=style,
+        script=assets.script() if interactive else "",
+        made=f"smad {VERSION}{written and ', '}{written}",
     )
 
 
@@ -117,7 +115,7 @@ def write_page(page: Page, path: Path) -> Path:
 
     Raises SmadError, naming the path, when it cannot be written.
     """
-    text = render(page)
+    text = render(page, f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         with os.fdopen(handle, "w", encoding="utf-8") as file:

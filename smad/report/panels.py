@@ -1,7 +1,7 @@
 """Plots that answer: panels in a page that zoom and say the values under the pointer.
 
-Pure. A `Panels` block is drawn in the browser by `static/panels.js` with the uPlot that the live
-page ships; all of it stands in the page, which needs no network.
+Pure. A `Panels` block is drawn in the browser by `smad/style/static/panels.js`; all of it stands in
+the page, which needs no network.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from typing import Any
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from smad.report.planes import Plane, described
 
 Array = NDArray[np.float64]
 
@@ -30,7 +32,7 @@ _MORE_DIGITS = 1
 class Trace:
     """A line of a panel: `x` and `y` of shape (n,), NaN in `y` where nothing was recorded.
 
-    `x` does not decrease. `pen` is a colour of `smad/view/static/colours.css`; `group` the run it
+    `x` does not decrease. `pen` is a colour of `smad.style.palette`; `group` the run it
     belongs to, where several are overlaid. `dash` are the lengths of line and gap in pixels.
     """
 
@@ -82,7 +84,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Panels:
-    """A block of panels over one axis `x_label`; they zoom together.
+    """A block of panels over one axis `x_label`; they zoom together, and `planes` with them.
 
     Of traces in one panel the later are drawn over the earlier.
     """
@@ -91,6 +93,7 @@ class Panels:
     x_label: str = "time (s)"
     caption: str = ""
     marks: Sequence[Mark] = field(default_factory=tuple)
+    planes: Sequence[Plane] = field(default_factory=tuple)
 
     def as_json(self) -> str:
         """What the page draws, as JSON that may stand in a script element."""
@@ -100,6 +103,7 @@ class Panels:
 
     def _described(self) -> dict[str, Any]:
         axes = _Axes()
+        planes, values = described(self.planes)
         panels = [
             {
                 "title": panel.title,
@@ -114,6 +118,8 @@ class Panels:
             "x_label": self.x_label,
             "xs": axes.xs,
             "panels": panels,
+            "planes": planes,
+            "values": values,
             "marks": [{"x": round(mark.x, _X_DIGITS), "text": mark.text} for mark in self.marks],
         }
 

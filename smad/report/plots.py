@@ -9,23 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smad.style.palette import in_print
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-
-COLOURS = {
-    "reference": "#6e7781",
-    "actual": "#0b5cad",
-    "x": "#c4432b",
-    "y": "#1f7a4d",
-    "water": "#2b8cbe",
-    "air": "#d9822b",
-    "paper": "#1b1f24",
-    "model": "#8250df",
-}
-"""One colour for each thing, the same on all pages. Told apart by the colour-blind as well."""
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -35,7 +25,7 @@ _STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "grid.color": "#e4e8ec",
+    "grid.color": in_print("line"),
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
     "legend.frameon": False,
@@ -122,11 +112,9 @@ def draw(
     style: str = "-",
     width: float = 1.2,
 ) -> None:
-    """Draw a recorded signal, decimated. `colour` is a name of `COLOURS` or a colour."""
+    """Draw a recorded signal, decimated. `colour` is a name of the palette."""
     shown_t, shown_y = decimated(t, y)
-    axes.plot(
-        shown_t, shown_y, style, color=COLOURS.get(colour, colour), linewidth=width, label=label
-    )
+    axes.plot(shown_t, shown_y, style, color=in_print(colour), linewidth=width, label=label)
 
 
 def label(axes: Axes, x: str, y: str, title: str = "", *, legend: bool = True) -> None:

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Array, Mark, Panel, Panels, Trace
+from smad.report.planes import planes_of
 from smad.runlog.reader import Column, Run, recorded
 from smad.runlog.schema import Event
-from smad.version import VERSION
 from smad.view.strips import STRIPS, Curve, Strip
 
 LETTERS = 26
 PENS = 6
-"""Colours for runs in `colours.css`; more runs begin anew."""
+"""Colours for runs in the palette; more runs begin anew."""
 _MARKED = frozenset({"state", "fault", "warning", "note"})
 _DASHES = {"reference": (6, 4), "y": (3, 2)}
 """How the lines of one run differ when the colour says which run it is."""
 _MOST_EVENTS = 200
-_VERSION = (("smad", VERSION),)
+_DIGEST = 12
+"""Characters of a digest that are shown."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,11 @@ class Shown:
     def name(self) -> str:
         """The label, behind the sign if there is one."""
         return f"{self.sign}: {self.label}" if self.sign else self.label
+
+    @property
+    def timed(self) -> Mapping[str, Column]:
+        """The columns with the time of the page in place of the board's."""
+        return {**self.y, "t_s": self.x}
 
 
 def elapsed_s(t_s: Array) -> Array:
@@ -91,17 +99,21 @@ def _part(run: Run, label: str, from_s: float, to_s: float) -> Shown:
 
 
 def panels_of(runs: Sequence[Shown], caption: str = "") -> Panels:
-    """One panel for each strip of which something was recorded, the runs overlaid."""
+    """One panel for each strip of which something was recorded, the runs overlaid.
+
+    Beside them what moves against what, such as displacement against temperature.
+    """
     panels = [panel for panel in (_panel(strip, runs) for strip in STRIPS) if panel.traces]
     marks = _marks(runs[0]) if len(runs) == 1 else ()
-    return Panels(panels, caption=caption, marks=marks)
+    planes = planes_of([(one.name, _pen(at), one.x, one.timed) for at, one in enumerate(runs)])
+    return Panels(panels, caption=caption, marks=marks, planes=planes)
 
 
 def _panel(strip: Strip, runs: Sequence[Shown]) -> Panel:
     # References first, of all runs: what was measured is drawn over what was wanted.
     curves = sorted(strip.curves, key=lambda curve: curve.pen != "reference")
     traces = [
-        _trace(strip, curve, one, f"run-{at % PENS + 1}")
+        _trace(strip, curve, one, _pen(at))
         for curve in curves
         for at, one in enumerate(runs)
         if recorded(one.y[curve.column]).any()
@@ -115,6 +127,11 @@ def _trace(strip: Strip, curve: Curve, one: Shown, run_pen: str) -> Trace:
     if one.sign:
         return Trace(f"{one.sign} {curve.label}", one.x, y, run_pen, one.name, dash)
     return Trace(curve.label, one.x, y, curve.pen, dash=() if curve.pen == "y" else dash)
+
+
+def _pen(at: int) -> str:
+    """The colour of a run, where several are shown."""
+    return f"run-{at % PENS + 1}"
 
 
 def _sign(at: int) -> str:
@@ -140,7 +157,31 @@ def page_of(runs: Sequence[Shown]) -> Page:
         *(Section(_events_title(one, several), [_events(one)]) for one in runs if one.run.events),
     ]
     names = ", ".join(one.label for one in runs)
-    return Page(f"Runs {names}" if several else f"Run {names}", sections, facts=_VERSION)
+    if several:
+        return Page(f"Runs {names}", sections)
+    return Page(f"Run {names}", sections, facts=provenance(runs[0].run))
+
+
+def provenance(run: Run) -> list[tuple[str, str]]:
+    """Return what tells a run from every other: file, digest, date, and what recorded it."""
+    header = run.header
+    facts = [
+        ("run log", run.path.name),
+        ("SHA-256", digest(run.path)),
+        ("started", f"{_date(header.started_unix_s)} UTC" if header.started_unix_s else ""),
+        ("recorded by", f"smad {header.versions['smad']}" if "smad" in header.versions else ""),
+        ("seed", "" if header.seed is None else str(header.seed)),
+    ]
+    return [(name, value) for name, value in facts if value]
+
+
+def digest(path: Path) -> str:
+    """Return the first characters of a file's SHA-256; empty where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGEST]
+    except OSError:
+        return ""
 
 
 def _events_title(one: Shown, several: bool) -> str:
@@ -149,7 +190,7 @@ def _events_title(one: Shown, several: bool) -> str:
 
 def _facts(runs: Iterable[Shown]) -> Table:
     return Table(
-        ("run", "source", "started (UTC)", "duration (s)", "rows", "gains"),
+        ("run", "source", "started (UTC)", "duration (s)", "rows", "gains", "smad", "SHA-256"),
         [
             (
                 one.name,
@@ -158,6 +199,8 @@ def _facts(runs: Iterable[Shown]) -> Table:
                 f"{one.run.duration_s:.2f}",
                 str(len(one.run)),
                 ", ".join(f"{name} = {value:g}" for name, value in one.run.header.gains.items()),
+                one.run.header.versions.get("smad", ""),
+                digest(one.run.path),
             )
             for one in runs
         ],

@@ -18,6 +18,12 @@ FASTEST_HZ = 500.0
 MOST_ROWS = int(LONGEST_RUN_S * FASTEST_HZ)
 """An hour at the fastest rate: as long as a file of the recorder gets."""
 
+MOST_LOG_ROWS = MOST_ROWS + int(60 * FASTEST_HZ)
+"""Of a run log: the recorder begins another file with the first chunk after an hour."""
+
+MOST_LOG_BYTES = 100_000_000
+"""Of what a run log holds beside its samples: events, and the link's counters once a second."""
+
 MOST_COLUMNS = 200
 MOST_CELLS = 40 * MOST_ROWS
 """A run log has 32 channels."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from smad import notebook
 from smad.errors import RunLogError
 from smad.runlog import open_logs
+from smad.runlog.bounds import MOST_LOG_BYTES, MOST_LOG_ROWS
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.scan import Damage, NotMcapError, Progress, no_progress, scan
 from smad.runlog.schema import (
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     import pandas
 
 _ROWS_A_BATCH = 20_000
+_BYTES_A_BATCH = 20_000_000
 _ITEMS_A_REPORT = 10_000
 Column = NDArray[np.float64] | NDArray[np.int64]
 
@@ -110,11 +113,12 @@ def read_run(path: str | Path, *, progress: Progress = no_progress) -> Run:
     """The run in the file at `path`, up to where it is readable.
 
     `progress` is called now and then with the share of the file that was read, 0 to 1.
-    Raises RunLogError when the file cannot be opened, is no MCAP file, or is no run log.
+    Raises RunLogError when the file cannot be opened, is no MCAP file, is no run log, or holds
+    more than a log of the recorder can.
     """
     path = Path(path)
     damage = Damage()
-    intake = _Intake()
+    intake = _Intake(path)
     try:
         damage.being_written = open_logs.being_written(path)
         size = path.stat().st_size
@@ -142,7 +146,7 @@ def read_run(path: str | Path, *, progress: Progress = no_progress) -> Run:
             action="it was cut before the first sample, so nothing can be recovered; or another "
             "program wrote it",
         )
-    run = intake.finish(path, damage)
+    run = intake.finish(damage)
     progress(1.0)
     return run
 
@@ -171,9 +175,16 @@ class _Decoder(Generic[T]):
 
 
 class _Intake:
-    """Collects what a scan yields, and turns rows into columns batch by batch."""
+    """Collects what a scan yields, and turns rows into columns batch by batch.
 
-    def __init__(self) -> None:
+    A chunk of a few kilobytes can unpack to 256 MiB, so rows and bytes are counted as they come.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._count = 0
+        self._waiting_bytes = 0
+        self._other_bytes = 0
         self._topics: dict[int, str] = {}
         self._metadata: dict[str, dict[str, str]] = {}
         self._rows: list[bytes] = []
@@ -196,9 +207,7 @@ class _Intake:
         if isinstance(item, tuple):
             inbox = self._inbox_of.get(item[0])
             if inbox is not None:
-                inbox.append(item[2])
-                if inbox is self._rows and len(inbox) >= _ROWS_A_BATCH:
-                    self._decode_rows()
+                self._keep(inbox, item[2])
         elif isinstance(item, records.Channel):
             self._topics[item.id] = item.topic
             if item.topic in self._inboxes:
@@ -206,7 +215,28 @@ class _Intake:
         elif isinstance(item, records.Metadata):
             self._metadata[item.name] = item.metadata
 
-    def finish(self, path: Path, damage: Damage) -> Run:
+    def _keep(self, inbox: list[bytes], body: bytes) -> None:
+        inbox.append(body)
+        if inbox is not self._rows:
+            self._other_bytes += sys.getsizeof(body)
+            self._require("bytes beside the samples", self._other_bytes, MOST_LOG_BYTES)
+            return
+        self._count += 1
+        self._waiting_bytes += len(body)
+        self._require("samples", self._count, MOST_LOG_ROWS)
+        if len(inbox) >= _ROWS_A_BATCH or self._waiting_bytes >= _BYTES_A_BATCH:
+            self._decode_rows()
+
+    def _require(self, what: str, value: int, most: int) -> None:
+        if value > most:
+            raise RunLogError(
+                f"{self._path} is longer than a run log can be",
+                value=f"more than {most} {what}",
+                limit=f"{most} {what}",
+                action="leave it out; a recorder begins a new file before",
+            )
+
+    def finish(self, damage: Damage) -> Run:
         self._decode_rows()
         events, link = _Decoder(Event), _Decoder(LinkSample)
         notes = list(damage.notes)
@@ -217,7 +247,7 @@ class _Intake:
         if dropped:
             notes.append(f"{dropped} rows were dropped while recording")
         run = Run(
-            path=path,
+            path=self._path,
             header=RunHeader.from_metadata(self._metadata.get(METADATA_NAME, {})),
             columns=self._columns(),
             events=events.decode(self._events),
@@ -242,6 +272,7 @@ class _Intake:
             rows = self._row_decoder.decode(self._rows)
             self._batches.append(columns_of(rows))
             self._rows.clear()
+            self._waiting_bytes = 0
 
     def _columns(self) -> dict[str, Column]:
         if not self._batches:

@@ -220,10 +220,9 @@ def _make_plain(member: dict[str, Any]) -> None:
         member["properties"] = {}
 
 
-def markdown_table() -> str:
-    """The table of channels in the guide."""
-    rows = "\n".join(
-        f"| `{c.name}` | {c.unit or '–'} | {c.kind} | {c.source} | {c.description} |"
+def markdown_list() -> str:
+    """The channels in the guide: unit, where it comes from, what it is."""
+    return "".join(
+        f"- `{c.name}` ({f'{c.unit}, ' if c.unit else ''}{c.source}): {c.description}\n"
         for c in CHANNELS.values()
     )
-    return f"| channel | unit | type | comes from | what it is |\n|---|---|---|---|---|\n{rows}\n"

@@ -25,6 +25,11 @@ KINDS = (".parquet", ".csv", ".csv.gz")
 """How the name of a table ends."""
 
 
+_MOST_DIGITS_BYTES = 64
+_MOST_TEXT_BYTES = 1_000_000
+"""Of a column of Parquet that holds numbers as texts: for each row, and besides."""
+
+
 class ForeignTable(Protocol):
     """A table before its numbers are read."""
 
@@ -66,11 +71,14 @@ class ParquetTable:
         try:
             with parquet.ParquetFile(self.path) as file:
                 kinds = {name: file.schema_arrow.field(name).type for name in wanted}
+                sizes = _sizes(file.metadata)
             for name, kind in kinds.items():
                 # A list may hold any number of values in a row, and none of them is read.
                 self._require_plain(name, kind)
             # A text that repeats stays one text, however long it is.
             texts = [n for n, kind in kinds.items() if not pa.types.is_primitive(kind)]
+            for name in texts:
+                self._require_short(name, sizes[name])
             with parquet.ParquetFile(self.path, read_dictionary=texts) as file:
                 for name in wanted:
                     yield name, self._numbers(name, file.read([name])[0])
@@ -85,6 +93,16 @@ class ParquetTable:
                 f"{self.path}: column {name!r} is not a number",
                 value=str(kind),
                 action="write it as numbers, one in a row",
+            )
+
+    def _require_short(self, name: str, size: int) -> None:
+        most = _MOST_TEXT_BYTES + _MOST_DIGITS_BYTES * self.most_rows
+        if size > most:
+            raise LogImportError(
+                f"{self.path}: column {name!r} holds longer texts than numbers are",
+                value=f"{size} bytes, unpacked",
+                limit=f"{most} bytes",
+                action="write it as numbers",
             )
 
     def place_of(self, row: int) -> str:
@@ -133,6 +151,15 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
     if twin is not None:
         raise LogImportError(f"{path}: two columns are named {twin!r}", action="rename one")
     return ParquetTable(path, names, about.num_rows)
+
+
+def _sizes(about: pyarrow.parquet.FileMetaData) -> dict[str, int]:
+    """Bytes of each column, unpacked, as the file tells."""
+    sizes: Counter[str] = Counter()
+    for group in map(about.row_group, range(about.num_row_groups)):
+        for column in map(group.column, range(group.num_columns)):
+            sizes[column.path_in_schema] += column.total_uncompressed_size
+    return sizes
 
 
 def _unreadable(path: Path, error: Exception) -> LogImportError:

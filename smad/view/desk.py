@@ -64,9 +64,9 @@ class Desk:
         named = [("memory", from_s < began_s), ("run log", read is not None and read.frame.t)]
         known = () if read is None else read.marks
         marks = {
-            (round(mark.t), mark.text): mark
+            (round(mark.x), mark.text): mark
             for mark in (*self._source.marks, *known)
-            if from_s <= mark.t <= to_s
+            if from_s <= mark.x <= to_s
         }
         return Past(
             frame=_one_frame([frame for frame, _ in parts], len(view.channels)),

@@ -59,9 +59,9 @@ Any_ = Past | Runs | Results | Experiments | Plan
 
 
 class Mark(Struct, frozen=True):
-    """A line across the strips: when, and what happened."""
+    """A line across the strips: `x`, when, and what happened."""
 
-    t: float
+    x: float
     text: str
 
 

@@ -12,11 +12,10 @@ from xml.etree import ElementTree as xml
 import msgspec
 
 from smad.api import TELEMETRY_TOPIC
+from smad.bridge.foxglove import LOG_TOPIC
 from smad.runlog.schema import EVENT_TOPIC, ROW_TOPIC
+from smad.style.palette import in_print
 from smad.view.strips import STRIPS, Strip
-
-_COLOURS = {"main": "#1f77b4", "reference": "#7f7f7f", "x": "#d62728", "y": "#1f77b4"}
-"""By pen: spring X is warm in colour on every page, Y cold."""
 
 
 def layouts() -> Mapping[str, bytes]:
@@ -31,8 +30,12 @@ def layouts() -> Mapping[str, bytes]:
 def foxglove() -> bytes:
     """Return a layout of one plot a strip, the board's state and the events."""
     panels: dict[str, Any] = {f"Plot!{strip.name}": _plot(strip) for strip in STRIPS}
-    panels["StateTransitions!mode"] = {"paths": [_path(f"{ROW_TOPIC}.mode", "mode", "#2ca02c")]}
+    panels["StateTransitions!mode"] = {
+        "paths": [_path(f"{ROW_TOPIC}.mode", "mode", in_print("good"))]
+    }
     panels["RawMessages!events"] = {"topicPath": EVENT_TOPIC, "expansion": "all"}
+    # What the bridge sends in their place.
+    panels["RosOut!log"] = {"topicToRender": LOG_TOPIC, "minLogLevel": 1, "searchTerms": []}
     layout = {
         "configById": panels,
         "globalVariables": {},
@@ -47,7 +50,7 @@ def _plot(strip: Strip) -> dict[str, Any]:
     return {
         "title": f"{strip.title} [{_unit(strip)}]",
         "paths": [
-            _path(f"{ROW_TOPIC}.{curve.column}", curve.label, _COLOURS[curve.pen])
+            _path(f"{ROW_TOPIC}.{curve.column}", curve.label, in_print(curve.pen))
             for curve in strip.curves
         ],
         "showLegend": True,
@@ -101,7 +104,7 @@ def plotjuggler(prefix: str) -> bytes:
         area = xml.SubElement(splitter, "DockArea", name=f"{strip.title} [{_unit(strip)}]")
         plot = xml.SubElement(area, "plot", mode="TimeSeries", style="Lines")
         for curve in strip.curves:
-            xml.SubElement(plot, "curve", name=f"{prefix}{curve.column}", color=_COLOURS[curve.pen])
+            xml.SubElement(plot, "curve", name=f"{prefix}{curve.column}", color=in_print(curve.pen))
     xml.SubElement(window, "currentTabIndex", index="0")
     xml.SubElement(root, "use_relative_time_offset", enabled="1")
     xml.indent(root, " ")

@@ -18,16 +18,18 @@ from typing import Any, Protocol
 import msgspec
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
 
 from smad.client import AsyncClient
 from smad.config import Config
 from smad.errors import SmadError
+from smad.style import assets
 from smad.view import commands, forms, strips
 from smad.view.access import Right
 from smad.view.desk import Desk
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, View
 from smad.view.source import Source
-from smad.view.state import MODE_MEANS, MODES, control_condition
+from smad.view.state import MODE_MEANS, control_condition
 from smad.view.tasks import end
 from smad.view.tier import Frame, Moments
 
@@ -37,8 +39,12 @@ MOST_WAITING = 16
 """Commands of one page that wait; more are refused. A stop never waits."""
 MOST_STOPS = 8
 """Stops of one page at once; each has a connection of its own while another is under way."""
+PATIENCE_S = 10.0
+"""A page that has not confirmed a status for so long gives up its place."""
+LOOK_EVERY_S = 0.5
 FRESH_STATUSES = 2
 """So many statuses after arming, one has been asked for since, and knows of it."""
+_HUNG = f"This page answered nothing for {PATIENCE_S:g} seconds and lost its place."
 _WATCH_ONLY = "this link is for watching and stopping: it commands nothing else"
 _encode = msgspec.json.Encoder().encode
 
@@ -73,7 +79,7 @@ class Page:
         self._job_version = 0
         self._marks_set = -1
         self._frames = 0
-        self._statuses = 0
+        self._unconfirmed_s: float | None = None
         self._config: Config | None = None
         self._version = -1
         self._armed_at = 0
@@ -90,7 +96,7 @@ class Page:
         """Serve the page until it goes away."""
         try:
             async with asyncio.TaskGroup() as tasks:
-                loops = (self._feed, self._work, self._look_back, self._inquire)
+                loops = (self._feed, self._work, self._miss, self._look_back, self._inquire)
                 rest = [tasks.create_task(loop()) for loop in loops]
                 await self._read()
                 await end(*rest)
@@ -120,7 +126,7 @@ class Page:
         elif isinstance(ask, commands.Drawn):
             self._frames = max(0, self._frames - 1)
         elif isinstance(ask, commands.Alive):
-            self._statuses = max(0, self._statuses - 1)
+            self._unconfirmed_s = None
             # Whatever the page asks for renews its lease, so nothing waits behind a renewal.
             if self._waiting.empty():
                 self._waiting.put_nowait(ask)
@@ -264,6 +270,14 @@ class Page:
                 await self._connection.send(message)
             await asyncio.sleep(1 / FRAMES_PER_S)
 
+    async def _miss(self) -> None:
+        """End a page whose script hangs: its browser would answer a ping of the protocol for it."""
+        while True:
+            await asyncio.sleep(LOOK_EVERY_S)
+            since_s = self._unconfirmed_s
+            if since_s is not None and self._source.clock_s() - since_s > PATIENCE_S:
+                await self._connection.close(CloseCode.POLICY_VIOLATION, _HUNG)
+
     def _news(self) -> Iterator[str]:
         source = self._source
         silent = source.silent_s > 0
@@ -274,9 +288,10 @@ class Page:
             self._shows = commands.Show(live=False)
             self._frames = 0
             yield _encode(hello(source, self._right)).decode()
-        if self._statuses == 0 and (source.version != self._version or silent != self._silent):
+        news = source.version != self._version or silent != self._silent
+        if self._unconfirmed_s is None and news:
             self._version, self._silent = source.version, silent
-            self._statuses += 1
+            self._unconfirmed_s = source.clock_s()
             ours = self._control is not None and self._control.held
             yield _encode(status_message(source, ours=ours)).decode()
             yield from self._other_news()
@@ -306,7 +321,7 @@ class Page:
             "y": frame.y,
             "xy": moments,
             "now": [self._source.now[place] for place in self._cursor.view.channels],
-            "mode": MODES.get(self._source.mode or 0, ""),
+            "mode": self._source.mode_name,
         }
 
     async def _reply(self, number: int, done: bool, text: str, found: Any = None) -> None:
@@ -339,11 +354,10 @@ def status_message(source: Source, *, ours: bool) -> dict[str, Any]:
     if now is not None:
         conditions = (*now.conditions, control_condition(now.holder, ours=ours))
         holder = "this page" if ours and now.holder else now.holder
-        # Frames and status name the mode of the newest sample: neither takes the other back.
-        known = now.mode
-        if source.mode is not None and not source.silent_s:
-            known = MODES.get(source.mode, known)
-        now = msgspec.structs.replace(now, mode=known, holder=holder, conditions=conditions)
+        # Frames and status name one mode: neither takes the other back.
+        now = msgspec.structs.replace(
+            now, mode=source.mode_name, holder=holder, conditions=conditions
+        )
     return {
         "type": "status",
         "away": source.why_away,
@@ -372,4 +386,4 @@ def static_files() -> dict[str, tuple[str, bytes]]:
         if path.suffix in kinds
     }
     found["/"] = found.pop("/index.html")
-    return found
+    return found | {f"/style/{path}": file for path, file in assets.files().items()}

@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
+from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
@@ -30,9 +31,6 @@ HOST = "127.0.0.1"
 MOST_PAGES = 16
 KEPT_FOR_COMMAND = 4
 """Pages of the watching link leave so many of these places free."""
-PING_EVERY_S = 5.0
-PING_PATIENCE_S = 10.0
-"""A page that has not answered a ping for so long gives up its place."""
 LARGEST_MESSAGE = 16_384
 """Bytes that a page may send at once; a form is a few hundred."""
 CLOSING_S = 1.0
@@ -78,9 +76,7 @@ class LivePage:
             content = content.replace(_KEY_PLACE, judged.key.encode())
             return _response(HTTPStatus.OK, content, Content_Type=kind, Set_Cookie=judged.cookie)
         if path == _WEBSOCKET:
-            assert judged.right is not None
-            full = self._full(judged.right)
-            return _response(HTTPStatus.SERVICE_UNAVAILABLE, f"{full}\n".encode()) if full else None
+            return None
         report = self.desk.jobs.report(path)
         if report is not None:
             return _response(HTTPStatus.OK, report, REPORT_HEADERS, Content_Type=_HTML)
@@ -97,6 +93,11 @@ class LivePage:
         assert request is not None
         judged = self._door.admit(request.path, _headers(request.headers), websocket=True)
         if isinstance(judged, Denied) or judged.right is None:
+            return
+        if full := self._full(judged.right):
+            # A browser keeps the reason of a refused handshake from its page, and tells that of
+            # an end.
+            await connection.close(CloseCode.TRY_AGAIN_LATER, full)
             return
         self._open[judged.right] += 1
         try:
@@ -115,7 +116,9 @@ class LivePage:
 
     def _full(self, right: Right) -> str:
         most = MOST_PAGES - (KEPT_FOR_COMMAND if right == "watch" else 0)
-        return f"{most} pages are open." if self._open.total() >= most else ""
+        if self._open.total() < most:
+            return ""
+        return f"{most} pages are open, and there is no room for more: close one of them."
 
 
 @contextlib.asynccontextmanager
@@ -144,8 +147,8 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
         compression=None,
         max_size=LARGEST_MESSAGE,
         max_queue=8,
-        ping_interval=PING_EVERY_S,
-        ping_timeout=PING_PATIENCE_S,
+        # Pages are missed by what their own scripts do not answer.
+        ping_interval=None,
         close_timeout=CLOSING_S,
         server_header=None,
         logger=quiet,

@@ -25,7 +25,7 @@ from smad.errors import SmadError
 from smad.view import strips
 from smad.view.errands import Mark
 from smad.view.feed import FRAMES_PER_S, Feed
-from smad.view.state import Shown, shown
+from smad.view.state import MODES, NO_WORD, Shown, shown
 
 STATUS_EVERY_S = 0.5
 PARAMS_EVERY = 10
@@ -60,7 +60,7 @@ class Source:
         self.config = Config()
         self.now: tuple[float | None, ...] = ()
         self.mode: int | None = None
-        self._clock_s = clock_s
+        self.clock_s = clock_s
         self._last_sample_s = clock_s()
         self._params: dict[str, float] = {}
         self._off_current_mA = float(compiled_limits().off_current_mA)
@@ -68,7 +68,7 @@ class Source:
     @property
     def silent_s(self) -> float:
         """Seconds since the last sample, once they are too many; else 0."""
-        silent = self._clock_s() - self._last_sample_s
+        silent = self.clock_s() - self._last_sample_s
         return silent if silent > SILENT_AFTER_S else 0.0
 
     @property
@@ -84,6 +84,13 @@ class Source:
             self.marks.append(Mark(round(self.feed.last_s, 3), text))
             self.marks_set += 1
 
+    @property
+    def mode_name(self) -> str:
+        """State of the board: that of the newest sample, as long as samples come."""
+        if self.mode is not None and not self.silent_s:
+            return MODES.get(self.mode, "")
+        return "" if self.shown is None else self.shown.mode
+
     async def run(self) -> None:
         """Follow the bench for ever: connect, and connect again whenever the daemon is gone."""
         while True:
@@ -96,7 +103,7 @@ class Source:
 
     async def _follow(self, client: AsyncClient) -> None:
         self.config = parse_config(await client.config())
-        self._last_sample_s = self._clock_s()
+        self._last_sample_s = self.clock_s()
         async with asyncio.TaskGroup() as tasks:
             draining = tasks.create_task(self._drain(client.connection.telemetry))
             try:
@@ -107,15 +114,19 @@ class Source:
                         with contextlib.suppress(SmadError):
                             self._params = {p.name: p.value for p in await client.params()}
                     count += 1
-                    self._seen(status)
+                    self.seen(status)
                     await asyncio.sleep(STATUS_EVERY_S)
             except SmadError as error:
                 self._away(str(error))
             finally:
                 draining.cancel()
 
-    def _seen(self, status: Status) -> None:
+    def seen(self, status: Status) -> None:
+        """Take over what the daemon says of itself."""
         self.shown = shown(status, self._params, self._off_current_mA)
+        if self.shown.mode == NO_WORD:
+            # The daemon missed the board sooner than we miss its samples.
+            self.mode = None
         self.why_away = ""
         recorder, motion = status.recorder, status.motion
         if recorder.path != self.log_path:
@@ -151,5 +162,5 @@ class Source:
     def _sample(self, data: bytes) -> None:
         sample = telemetry_of(data)
         self.now, self.mode = strips.values(sample), sample.mode
-        self._last_sample_s = self._clock_s()
+        self._last_sample_s = self.clock_s()
         self.feed.add(sample.timestamp, self.now)

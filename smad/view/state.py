@@ -21,6 +21,9 @@ EVENTS = 12
 MODES = {int(state): state.name for state in BoardState}
 """The board's states by the number that a sample carries."""
 
+NO_WORD = "UNKNOWN"
+"""What the status says in place of a state while nothing comes from the board."""
+
 MODE_MEANS: Mapping[str, str] = {
     "BOOT": "the board is starting",
     "SAFE": "no current can flow; it can be armed",
@@ -29,6 +32,7 @@ MODE_MEANS: Mapping[str, str] = {
     "COOL": "disarmed; water runs until the springs are cold",
     "FAULT": "a fault stopped it",
     "ESTOP": "stopped until its power is cycled",
+    NO_WORD: "no word from the board",
 }
 
 
@@ -69,6 +73,7 @@ class Shown(Struct, frozen=True, kw_only=True):
     link: str
     rate_hz: int
     setpoint_age_p99_ms: float | None
+    setpoints_refused: int
     missed: int
     events: tuple[api.Entry, ...]
     conditions: tuple[Condition, ...]
@@ -96,6 +101,7 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
         link=status.link.state,
         rate_hz=status.link.rate_hz,
         setpoint_age_p99_ms=round(age.p99_us / 1e3, 2) if age.count else None,
+        setpoints_refused=status.counts.setpoints_refused,
         missed=status.counts.missed,
         events=status.events[-EVENTS:],
         conditions=tuple(conditions(status, params, off_current_mA)),

@@ -37,7 +37,7 @@ def test_the_check_fails_and_names_a_file_that_was_changed_by_hand(
     assert outputs.stale() == [header]
     (target / "schema.json").unlink()
     assert outputs.stale() == [target / "schema.json", header]
-    document.write_text(document.read_text(encoding="utf-8").replace("| 52 |", "| 53 |"))
+    document.write_text(document.read_text(encoding="utf-8").replace(" 52 bytes", " 53 bytes"))
     assert outputs.stale() == [target / "schema.json", header, document]
 
 
@@ -67,7 +67,7 @@ def test_the_header_carries_the_schema_crc_that_the_board_has_to_send() -> None:
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("no markers at all", "messages"), ("<!-- generated: nonsense -->\n<!-- end -->", "nonsense")],
+    [("no markers at all", "fields"), ("<!-- generated: nonsense -->\n<!-- end -->", "nonsense")],
 )
 def test_a_document_whose_markers_are_damaged_is_refused(text: str, words: str) -> None:
     with pytest.raises(SchemaError, match=words):

@@ -185,6 +185,45 @@ def test_paced_by_host_a_host_that_comes_back_is_waited_for_again(
     assert stage.server.stats.host_timeouts == 2
 
 
+def test_a_board_at_its_own_pace_does_not_blame_its_host_for_what_the_computer_delivers_late(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(monkeypatch, speed=1.0)
+    stage.host = stage.answer
+    stage.turn_until(10)
+    stage.bench.arm()
+    stage.turn_until(100)
+    modes: set[BoardState] = set()
+    for late_s in (0.04, 0.12, 0.2):
+        due_s = stage.clock.now_s + late_s
+        # The kernel's worker gets no core: nothing comes, and then all of it.
+        stage.host = lambda due_s=due_s: stage.answer() if stage.clock.now_s >= due_s else None  # type: ignore[misc]
+        for _ in range(100):
+            stage.server.turn()
+            modes.add(stage.bench.board.last_mode)
+    assert modes == {BoardState.ARMED}
+    assert stage.server.stats.host_waits == 2
+    assert stage.server.stats.host_timeouts == 0
+
+
+def test_a_board_at_its_own_pace_leaves_a_silent_host_behind_and_stops(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(monkeypatch, speed=1.0)
+    stage.host = stage.answer
+    stage.turn_until(10)
+    stage.bench.arm()
+    stage.turn_until(100)
+    stage.host = lambda: None
+    silent_s, silent_us = stage.clock.now_s, stage.bench.now_us
+    while stage.bench.board.state is not BoardState.FAULT:
+        stage.server.turn()
+        assert stage.clock.now_s < silent_s + 2.0
+    # By the board's clock as by that of any board: 0.1 s until HOLD, and 0.5 s in it.
+    assert stage.bench.now_us - silent_us == pytest.approx(620_000, abs=20_000)
+    assert stage.server.stats.host_timeouts == 1
+
+
 def dawdling_run(monkeypatch: pytest.MonkeyPatch, seed: int) -> list[wire.State]:
     """Return what a host sees that answers over bytes, each time after another pause."""
     stage = Stage(monkeypatch, speed=20.0, paced_by_host=True)

@@ -22,7 +22,7 @@ def of(code: str) -> int:
     return int(done.stdout.split()[-1])
 
 
-@pytest.mark.parametrize("command", ["log list", "gap effects"])
+@pytest.mark.parametrize("command", ["log list", "gap effects", "run list", "view --help"])
 def test_a_command_that_reads_files_is_ended_before_others(command: str) -> None:
     code = f"from smad.cli import execute\nexecute({command.split()!r})"
     assert of(code) == FIRST

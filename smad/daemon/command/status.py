@@ -180,6 +180,7 @@ class StatusReport:
             skipped=counts.skipped,
             setpoints=counts.setpoints,
             setpoints_dropped=counts.setpoints_dropped,
+            setpoints_refused=self._watch.stats.get("stale_setpoints", 0),
             commands=self._commands.done,
             refused=self._commands.refused,
             telemetry_dropped=counts.finished_dropped + self.telemetry_dropped,

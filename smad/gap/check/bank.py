@@ -1,6 +1,6 @@
 """Reading a bank: the manifest, which cases to take, and the runs of a case.
 
-The form is described in docs/withheld.md. Nothing here opens a key.
+The form is described in docs/guide/check-your-own-bank.md. Nothing here opens a key.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from smad.runlog.bounds import Together
 FORMAT = "smad-bank-1"
 _MOST_MANIFEST_BYTES = 16_000_000
 _GOLDEN = 0.6180339887498949
-_SEE = "see “A bank” in smad docs withheld"
+_SEE = "see “The manifest” in smad docs guide/check-your-own-bank"
 
 
 class BankRun(msgspec.Struct, frozen=True):

@@ -13,7 +13,7 @@ from smad.gap.check.errors import KeyMismatchError
 
 FORMAT = "smad-key-1"
 SEALED = "sealed"
-"""Bank whose key the repository guards: see docs/withheld.md."""
+"""Bank whose key the repository guards: see evaluation/README.md."""
 
 STRENGTHS = (1.0, 3.0, 10.0)
 Kind = Literal[
@@ -97,5 +97,5 @@ def read_key(path: Path) -> tuple[Key, str]:
             f"{path} is not a key",
             value=str(error),
             limit=FORMAT,
-            action="see “A key” in smad docs withheld",
+            action="see “The key” in smad docs guide/check-your-own-bank",
         ) from error

@@ -13,11 +13,12 @@ OUTCOMES: dict[Outcome, str] = {
     Outcome.UNKNOWN: "unknown",
     Outcome.NO_EXCITATION: "not_enough_excitation",
     Outcome.REFUSED: "not_enough_excitation",
-    Outcome.CONTRADICTING: "not_enough_excitation",
+    Outcome.CONTRADICTING: "contradicting",
 }
 """Outcome of a diagnosis → outcome of a verdict file.
 
-Refused or contradicting runs support no answer either.
+Refused runs support no answer either. That runs contradict each other is one: they are of different
+states of the bench.
 """
 
 SILENT = frozenset(("no_gap", "parameters_only", "not_enough_excitation"))

@@ -13,8 +13,9 @@ import msgspec
 from smad.gap.check.errors import CheckError, KeyMismatchError, VerdictError
 from smad.gap.check.intervals import T, bootstrap, wilson
 from smad.gap.check.key import STRENGTHS, CaseKey, Key
-from smad.gap.check.names import NAMING, SILENT
+from smad.gap.check.names import NAMING, OUTCOMES, SILENT
 from smad.gap.check.verdicts import NO_CAUSES, CaseVerdict, Short, VerdictFile
+from smad.gap.records import Outcome
 from smad.report.page import Table, text_table
 
 CALIBRATION_BINS = 10
@@ -237,7 +238,12 @@ def table(pairs: Sequence[Pair]) -> list[Row]:
     """Every row."""
     quiet = of_kind(pairs, "none", "parameters")
     with_gap = of_kind(pairs, "single", "unknown")
-    rows = [share("false alarms on none", [float(detected(p.said)) for p in quiet])]
+    # All runs of a case are of one state of one bench.
+    apart = [float(p.said.outcome == OUTCOMES[Outcome.CONTRADICTING]) for p in pairs]
+    rows = [
+        share("false alarms on none", [float(detected(p.said)) for p in quiet]),
+        share("runs of one state said to contradict each other", apart),
+    ]
     for strength in STRENGTHS:
         hits = [float(detected(p.said)) for p in with_gap if p.truth.strength == strength]
         rows.append(share(f"detected at {strength:.0f}× the floor", hits))

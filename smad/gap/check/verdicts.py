@@ -1,4 +1,4 @@
-"""Verdict files: what a diagnosis hands in for each case (docs/withheld.md describes the form)."""
+"""Verdict files: what a diagnosis hands in for each case (docs/guide/check-your-own-bank.md)."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def read_verdict_file(path: Path) -> VerdictFile:
             f"{path} is not a verdict file",
             value=str(error),
             limit=FORMAT,
-            action="see “Verdicts” in smad docs withheld for the form",
+            action="see “Verdicts” in smad docs guide/check-your-own-bank",
         ) from error
     for case, verdict in file.verdicts.items():
         _checked(case, verdict)

@@ -9,7 +9,7 @@ same law would change is added in quadrature.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import hypot
 from typing import Any
@@ -17,7 +17,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.gap.fit.lsq import FitResult, FitSteps, Problem, drive, fitted, fitting, solve_box
+from smad.gap.data.replay import Detail
+from smad.gap.fit.lsq import (
+    FitResult,
+    FitSteps,
+    Problem,
+    drive,
+    fitted,
+    fitting,
+    sensitivities,
+    solve_box,
+)
 from smad.gap.fit.resample import DRAWS, resample_weights
 from smad.gap.model.whiten import lagged_products
 from smad.gap.plant import Array, Effect
@@ -172,8 +182,13 @@ def polished(fit: FitResult) -> FitResult:
     )
 
 
-def bootstrap(fit: FitResult, draws: int, seed: int) -> Array:
-    """One-step estimates on resampled runs and blocks; shape (draws, coordinates)."""
+def bootstrap(fit: FitResult, draws: int, seed: int, *, prior: bool = False) -> Array:
+    """One-step estimates on resampled runs and blocks; shape (draws, coordinates).
+
+    That is how far the runs scatter an estimate. What they do not tell stays where the prior has
+    it, in every draw. With `prior` its mean is drawn from it each time (randomised maximum
+    likelihood, Oliver 1996): the draws then are a posterior, as wide as the prior there.
+    """
     H, g = fit.normal_equations()
     ev = fit.problem.dataset
     rng = np.random.default_rng(seed)
@@ -183,9 +198,22 @@ def bootstrap(fit: FitResult, draws: int, seed: int) -> Array:
     k = fit.space.size
     Hs = (weights @ H.reshape(len(H), -1)).reshape(draws, k, k) + precision
     gs = (weights - 1.0) @ g
+    if prior:
+        gs += rng.standard_normal((draws, k)) @ np.linalg.cholesky(precision).T
     return np.array(
         [fit.p + solve_box(a, b, lo - fit.p, hi - fit.p) for a, b in zip(Hs, gs, strict=True)]
     )
+
+
+def posterior(fit: FitResult, draws: int, seed: int) -> Array:
+    """Draws of what the runs and the prior leave open around a fit; shape (draws, coordinates).
+
+    Sensitivities are renewed in full detail. Those of coarse replays give directions that the runs
+    hardly tell a slope of their own, and the values along them too little room.
+    """
+    wanted = sensitivities(fit.problem, fit.space, fit.p, range(fit.space.size), detail=Detail.FINE)
+    (slopes,) = drive([wanted])
+    return bootstrap(replace(fit, A=slopes), draws, seed, prior=True)
 
 
 def dispersion(problem: Problem, z: Array) -> dict[str, float]:

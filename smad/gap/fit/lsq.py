@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,7 @@ class Ask:
 
 
 FitSteps = Generator[Ask, Array, "FitResult"]
+End = TypeVar("End")
 
 
 @dataclass(frozen=True)
@@ -407,12 +408,12 @@ def teaches(problem: Problem, step: Array, trial: Array, detail: Detail | None) 
     return telling and not problem.dataset.fails(trial, detail)
 
 
-def drive(fits: Sequence[FitSteps]) -> list[FitResult]:
-    """Runs fits in turns and returns their ends, in order.
+def drive(fits: Sequence[Generator[Ask, Array, End]]) -> list[End]:
+    """Runs fits, or parts of fits, in turns and returns their ends, in order.
 
     What one fit makes of its replays is worked out while those of the next are made.
     """
-    done: list[FitResult | None] = [None] * len(fits)
+    done: list[End | None] = [None] * len(fits)
     waiting = deque((i, _asked(next(fit))) for i, fit in enumerate(fits))
     while waiting:
         i, replays = waiting.popleft()

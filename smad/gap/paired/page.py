@@ -10,6 +10,7 @@ from smad.gap.paired.difference import Pair, Paired
 from smad.gap.paired.rows import PERIOD_S
 from smad.gap.paired.verdict import QUIET, UNCALIBRATED, Share, Verdict
 from smad.report.page import Block, Page, Picture, Section, Table, Text
+from smad.style.palette import in_print
 
 _SHOWN = 4
 _DIGITS = 3
@@ -61,19 +62,19 @@ def _budget(v: Verdict) -> Table:
 
 
 def _budget_figure(v: Verdict) -> str:
-    from smad.report.plots import COLOURS, new_figure, svg_of
+    from smad.report.plots import new_figure, svg_of
 
     figure, (ax,) = new_figure(height_in=0.35 * len(v.budget) + 0.9)
     at = np.arange(len(v.budget))
     stages = (
         ("as measured", "reference", [s.raw for s in v.budget]),
-        ("less days", "actual", [s.parameters for s in v.budget]),
+        ("less days", "main", [s.parameters for s in v.budget]),
         ("less named entries", "y", [s.entries for s in v.budget]),
     )
     for k, (name, colour, rms) in enumerate(stages):
         values = [_in_floors(s, x) for s, x in zip(v.budget, rms, strict=True)]
-        ax.barh(at + 0.27 * (k - 1), values, 0.25, label=name, color=COLOURS[colour])
-    ax.axvline(1.0, color=COLOURS["paper"], linewidth=0.8)
+        ax.barh(at + 0.27 * (k - 1), values, 0.25, label=name, color=in_print(colour))
+    ax.axvline(1.0, color=in_print("text"), linewidth=0.8)
     ax.set_yticks(at, [s.signal for s in v.budget])
     ax.invert_yaxis()
     ax.set_xscale("log")
@@ -88,7 +89,7 @@ def _in_floors(s: Share, value: float) -> float:
 
 def _differences(pairs: Paired, v: Verdict) -> Picture:
     """Signals of the run with most of the change, the named entries beside what differs."""
-    from smad.report.plots import COLOURS, draw, label, new_figure, svg_of
+    from smad.report.plots import draw, label, new_figure, svg_of
 
     pair = next(p for p in pairs.pairs if p.now == v.worst_run)
     values = v.likely[0].values if v.likely else {}
@@ -100,10 +101,10 @@ def _differences(pairs: Paired, v: Verdict) -> Picture:
     for ax, c in zip(axes, order, strict=True):
         channel = pairs.plant.channels[c]
         floor = pair.rows.sd[:, c]
-        ax.fill_between(t, -floor, floor, color=COLOURS["reference"], alpha=0.25, linewidth=0.0,
+        ax.fill_between(t, -floor, floor, color=in_print("reference"), alpha=0.25, linewidth=0.0,
                         label="floor")  # fmt: skip
         measured = np.where(pair.rows.valid[:, c], pair.difference[:, c], np.nan)
-        draw(ax, t, measured, "now − then", "actual")
+        draw(ax, t, measured, "now − then", "main")
         if said is not None:
             draw(ax, t, said[:, c], " + ".join(v.likely[0].names), "x", style="--")
         label(ax, "", channel.name, legend=c == order[0])

@@ -24,7 +24,7 @@ from smad.gap.data.admission import RunSet
 from smad.gap.data.guards import FURTHER
 from smad.gap.data.replay import Detail
 from smad.gap.fit.hypothesis import Hypothesis, ending_at_bound
-from smad.gap.fit.joint import JointFit, bootstrap, intervals, polished
+from smad.gap.fit.joint import JointFit, intervals, polished, posterior
 from smad.gap.fit.judge import excess_by_key, predict_by_run
 from smad.gap.fit.resample import DRAWS
 from smad.gap.fit.stages import Prepared, open_loop
@@ -219,7 +219,7 @@ class Closing:
         opened, shown = self._open_loop(answer)
         verdict = self._verdict(answer, place, text, self._plain(answer, budget), opened[-1])
         predictions = [j.predicted for j in (prepared.raw, refit, *(c.judged for c in self.chain))]
-        draws = bootstrap(answer.final.fit, DRAWS, prepared.settings.seed)
+        draws = posterior(answer.final.fit, DRAWS, prepared.settings.seed)
         return shell.record(
             verdict,
             missing=sorted(set(prepared.problem.dataset.missing)),

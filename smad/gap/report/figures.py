@@ -10,6 +10,7 @@ from smad.gap.records import HALF_CHI2_95, Diagnosis, Trace
 from smad.report import panels
 from smad.report.panels import Panel, Panels, digits_for
 from smad.report.plots import label, new_figure, svg_of
+from smad.style.palette import in_print
 
 _MOST_OVERLAYS = 5
 
@@ -23,9 +24,9 @@ def waterfall(d: Diagnosis) -> str:
         if total is None:
             continue
         values = [total.raw, total.refit, *total.effects]
-        colours = ["#8b949e", "#d9822b", *["#0b5cad"] * len(total.effects)]
+        pens = ["reference", "run-2", *["main"] * len(total.effects)]
         at = range(len(values))
-        ax.bar(at, values, color=colours, width=0.6)
+        ax.bar(at, values, color=[in_print(pen) for pen in pens], width=0.6)
         for x, y in enumerate(values):
             ax.annotate(f"{y:.1f}×", (x, y), ha="center", va="bottom", fontsize=8)
         ax.set_xticks(at, names[: len(values)])
@@ -92,9 +93,9 @@ def profiles(d: Diagnosis) -> str:
     figure, axes = new_figure(rows, columns, width_in=2.7 * columns + 0.6, height_in=2.3 * rows)
     for ax, v in zip(axes, values, strict=False):
         x, y = zip(*v.profile, strict=True)
-        ax.plot(x, y, "o-", color="#0b5cad", markersize=3)
-        ax.axhline(HALF_CHI2_95, color="#8b949e", linestyle="--", linewidth=0.9)
-        ax.axvspan(v.low, v.high, color="#0b5cad", alpha=0.12, linewidth=0)
+        ax.plot(x, y, "o-", color=in_print("main"), markersize=3)
+        ax.axhline(HALF_CHI2_95, color=in_print("reference"), linestyle="--", linewidth=0.9)
+        ax.axvspan(v.low, v.high, color=in_print("main"), alpha=0.12, linewidth=0)
         ax.set_ylim(0, min(max(y) * 1.1 + 0.1, 12.0))
         ax.margins(x=0.05)
         ax.locator_params(axis="x", nbins=4)

@@ -238,7 +238,7 @@ def _parameters(d: Diagnosis) -> list[Block]:
     return [
         *([Picture(figures.profiles(d), said)] if profiled else []),
         *_table(
-            "Parameters of the model; intervals by bootstrap over runs and blocks",
+            "Parameters of the model; intervals by bootstrap over runs, blocks and priors",
             ("parameter", "before", "after refit", "with the effects", "fit interval", ""),
             [
                 (p.name, f"{p.before:.4g}", f"{p.refit:.4g}", with_unit(f"{p.final:.4g}", p.unit),

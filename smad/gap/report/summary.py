@@ -140,7 +140,7 @@ def value_records(found: Sequence[Interval], before: EffectValues) -> list[Value
 
 
 def parameter_records(prepared: Prepared, best: Hypothesis, draws: Array) -> list[ParameterRecord]:
-    """Model parameters before, after the refit and with the effects, with bootstrap intervals."""
+    """Model parameters before, after the refit and with the effects, with intervals by `draws`."""
     fit, refit = best.fit, prepared.fit
     coordinates = (fit.p, *np.quantile(draws, (0.025, 0.975), axis=0))
     out = []
@@ -154,8 +154,7 @@ def parameter_records(prepared: Prepared, best: Hypothesis, draws: Array) -> lis
 
 
 def covariance_record(best: Hypothesis, model: ModelPoint, draws: Array) -> dict[str, Any]:
-    """Covariance of the values that `model` has over the bootstrap of the best fit, in their own
-    units.
+    """Covariance of the values that `model` has over `draws` of the best fit, in their own units.
 
     Parameters by name, those of effects as EFFECT.PARAMETER: see `smad.gap.plant.Uncertainty`.
     """

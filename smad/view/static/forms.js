@@ -1,6 +1,6 @@
 // Inputs made from the server's description of the types; nothing here knows a trajectory by name.
 
-import { element } from "./plot.js";
+import { element } from "./style/plots.js";
 
 // Fill `host` with the inputs of a form; returns a function that reads them.
 export function build(host, form) {
@@ -16,16 +16,21 @@ export function build(host, form) {
 // shows what is in force; a field that somebody is changing is left to them.
 export function buildLive(host, form, changed) {
   const rows = [];
-  const changing = new Set();
+  const changing = new Map(); // field: whether it was sent, until the answer comes
   for (const field of form.fields) {
     const input = inputOf(field);
     const row = labelled(field, input);
     const tell = async () => {
       if (!input.reportValidity()) return;
+      changing.set(field, true);
       await changed(field, valueOf(field, input));
       changing.delete(field);
     };
-    row.addEventListener("input", () => changing.add(field));
+    row.addEventListener("input", () => changing.set(field, false));
+    row.addEventListener("focusout", () => {
+      // Typed back to what it was, there is no change to send.
+      if (!changing.get(field)) changing.delete(field);
+    });
     input.addEventListener("change", tell);
     if (field.slider != null) row.append(sliderOf(field, input, tell));
     host.append(row);

@@ -35,7 +35,7 @@ export class Link {
     this.socket = socket;
     this.heardMs = performance.now();
     socket.onmessage = (event) => this.take(socket, event.data);
-    socket.onclose = () => this.closed(socket);
+    socket.onclose = (event) => this.closed(socket, event.reason);
   }
 
   take(socket, text) {
@@ -56,14 +56,14 @@ export class Link {
     if (tell) tell(reply);
   }
 
-  closed(socket) {
+  closed(socket, reason) {
     if (socket !== this.socket) return;
     this.socket = null;
     for (const tell of this.waiting.values()) {
       tell({ done: false, text: "the connection was lost before an answer came" });
     }
     this.waiting.clear();
-    this.on.lost("The connection to smad view is gone. If it was started again, open its new link.");
+    this.on.lost(reason || "The connection to smad view is gone. If it was started again, open its new link.");
     setTimeout(() => this.open(), RETRY_MS);
   }
 

@@ -1,30 +1,9 @@
-// What all plots of the page share: elements, colours from the style sheet, axes, numbers in words.
+// What the plots of the live page share beside those of all pages (`style/plots.js`).
 
-export const css = (name) =>
-  getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-
-export const shown = (value, digits) => (value == null ? "–"
-  : value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "").replace("-", "−"));
-
-export function element(tag, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...children);
-  return made;
-}
-
-export function setText(node, text) {
-  if (node.textContent !== text) node.textContent = text;
-}
+import { clipped, css, element, line, shown } from "./style/plots.js";
 
 export const button = (textContent, title, onclick) =>
   element("button", { type: "button", textContent, title, ariaLabel: title, onclick });
-
-export const axis = () => ({
-  stroke: () => css("--quiet"),
-  font: "12px system-ui, sans-serif",
-  grid: { stroke: () => css("--line"), width: 1 },
-  ticks: { stroke: () => css("--line"), width: 1 },
-});
 
 // What an axis shows: the data with some room, and never so little that noise fills it.
 export function around(low, high, digits) {
@@ -43,26 +22,6 @@ export function time(seconds, parts = 3) {
 
 export const clock = (plot, splits, index, space, step) =>
   splits.map((s) => (step < 1 ? `${time(s)}${(s % 1).toFixed(1).slice(1)}` : time(s)));
-
-// Draw inside of the axes alone.
-export function clipped(plot, draw) {
-  const { ctx, bbox } = plot;
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-  ctx.clip();
-  ctx.lineWidth = devicePixelRatio;
-  ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
-  draw(ctx, bbox);
-  ctx.restore();
-}
-
-export function line(ctx, x0, y0, x1, y1) {
-  ctx.beginPath();
-  ctx.moveTo(x0, y0);
-  ctx.lineTo(x1, y1);
-  ctx.stroke();
-}
 
 // A limit is a dashed line; one beyond the axis stands at its edge, and the data keep the height.
 export function limitLines(plot, scale, channel, limit) {

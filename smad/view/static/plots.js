@@ -2,8 +2,9 @@
 
 import { Data } from "./data.js";
 import { Layout, options } from "./layout.js";
-import { element, setText, time } from "./plot.js";
+import { time } from "./plot.js";
 import { Strips } from "./strips.js";
+import { element, onScheme, setText } from "./style/plots.js";
 import { TimeView } from "./time.js";
 import { XyPlots } from "./xy.js";
 
@@ -21,8 +22,7 @@ export class Plots {
     this.xys = new XyPlots($("xys"), this.data, this.view, this.layout);
     this.strips.pointed = (at) => this.xys.point(at);
     this.frames = 0;
-    this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.dark.onchange = () => this.draw();
+    this.light = onScheme(() => this.draw());
     this.controls(hello);
     this.show();
   }
@@ -30,7 +30,7 @@ export class Plots {
   close() {
     this.strips.close();
     this.xys.close();
-    this.dark.onchange = null;
+    this.light();
     clearTimeout(this.asking);
   }
 

@@ -1,7 +1,8 @@
 // What a command will ask for, drawn before it is given: the reference, and the limits at its edge.
 
-import uPlot from "./vendor/uPlot.js";
-import { around, axis, css, element, limitLines } from "./plot.js";
+import uPlot from "./style/vendor/uPlot.js";
+import { around, limitLines } from "./plot.js";
+import { axis, curve, element } from "./style/plots.js";
 
 const HEIGHT = 110;
 
@@ -34,8 +35,8 @@ function plotOf(box, one, channel, limit) {
     legend: { show: false },
     cursor: { show: false },
     scales: { x: { time: false }, y: { range: (plot, low, high) => around(low, high, channel.digits) } },
-    axes: [{ ...axis(), size: 24, values: (plot, splits) => splits.map((s) => `${s} s`) }, { ...axis(), size: 44, space: 20 }],
-    series: [{}, { stroke: () => css("--main"), width: 1.5, points: { show: false } }],
+    axes: [axis({ size: 24, values: (plot, splits) => splits.map((s) => `${s} s`) }), axis({ size: 44, space: 20 })],
+    series: [{}, curve("main")],
     hooks: { draw: [(plot) => limitLines(plot, "y", channel, limit)] },
   }, [one.t_s, one.mm], box);
   return made;

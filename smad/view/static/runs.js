@@ -1,8 +1,9 @@
 // The last runs, the one job, and the experiments. All of it is asked of the page's server.
 
 import { build } from "./forms.js";
-import { button, element, setText } from "./plot.js";
+import { button } from "./plot.js";
 import { drawPreviews } from "./preview.js";
+import { element, setText } from "./style/plots.js";
 
 const $ = (id) => document.getElementById(id);
 const PREVIEW_MS = 250;

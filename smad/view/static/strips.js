@@ -1,8 +1,9 @@
 // The strips: one uPlot each, all on the same time, drawn at most once for each screen refresh.
 
-import uPlot from "./vendor/uPlot.js";
+import uPlot from "./style/vendor/uPlot.js";
 import { options } from "./layout.js";
-import { around, axis, button, clipped, clock, css, element, limitLines, line, setText, shown } from "./plot.js";
+import { around, button, clock, limitLines } from "./plot.js";
+import { axis, curve, drawMarks, element, setText, shown } from "./style/plots.js";
 
 const HEIGHT = 150;
 const NEAR = 0.1; // of a limit
@@ -79,8 +80,8 @@ class Strip {
     const scales = Object.fromEntries(this.units.map((unit, k) => [`y${k}`,
       { range: (plot, low, high) => this.range(unit, low, high) }]));
     const sides = this.units.slice(0, MOST_UNITS).map((unit, k) => ({
-      ...axis(), scale: `y${k}`, side: k ? 1 : 3, size: 50, space: 24,
-      grid: k ? { show: false } : axis().grid, label: k ? unit : undefined, labelSize: k ? 14 : 0,
+      ...axis({ scale: `y${k}`, side: k ? 1 : 3, size: 50, space: 24 }),
+      ...(k ? { grid: { show: false }, label: unit, labelSize: 14 } : {}),
     }));
     return {
       width: 300,
@@ -91,14 +92,10 @@ class Strip {
         drag: { x: true, y: false, setScale: false },
       },
       scales: { x: { time: true, auto: false }, ...scales },
-      axes: [{ ...axis(), size: 26, space: 80, values: clock }, ...sides],
+      axes: [axis({ size: 26, space: 80, values: clock }), ...sides],
       series: [{}, ...this.channels.map((channel, i) => ({
+        ...curve(this.pens[i], channel.pen === "reference" ? [6, 4] : []),
         scale: `y${this.units.indexOf(channel.unit)}`,
-        stroke: () => css(`--${this.pens[i]}`),
-        width: 1.5,
-        dash: channel.pen === "reference" ? [6, 4] : undefined,
-        points: { show: false },
-        spanGaps: false,
       }))],
       hooks: {
         draw: [() => this.lines()],
@@ -190,16 +187,7 @@ class Strip {
     for (const channel of limited.values()) {
       limitLines(this.plot, `y${this.units.indexOf(channel.unit)}`, channel, data.limits[channel.name]);
     }
-    clipped(this.plot, (ctx, bbox) => {
-      ctx.strokeStyle = ctx.fillStyle = css("--quiet");
-      for (const mark of data.marksDrawn(view.live)) {
-        const x = this.plot.valToPos(mark.t, "x", true);
-        line(ctx, x, bbox.top, x, bbox.top + bbox.height);
-        const right = x > bbox.left + bbox.width / 2;
-        ctx.textAlign = right ? "right" : "left";
-        ctx.fillText(mark.text, x + (right ? -4 : 4) * devicePixelRatio, bbox.top + 12 * devicePixelRatio);
-      }
-    });
+    drawMarks(this.plot, data.marksDrawn(view.live), true);
   }
 
   // Values under the pointer, or else the newest shown; and how far the newest is from its limit.

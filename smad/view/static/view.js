@@ -3,7 +3,7 @@
 
 import { build, buildLive } from "./forms.js";
 import { Link } from "./link.js";
-import { element, setText } from "./plot.js";
+import { element, setText } from "./style/plots.js";
 import { Plots } from "./plots.js";
 import { Runs, previewed } from "./runs.js";
 
@@ -77,7 +77,7 @@ function show(now) {
   setText($("holder"), now.holder ? `${now.holder}, ${now.lease_left_s.toFixed(0)} s left` : "anybody");
   setText($("recording"), now.recorder_error
     || (now.recording ? `${now.log}, ${now.rows} samples` : "no"));
-  const age = now.setpoint_age_p99_ms == null ? "" : `, setpoint age ${now.setpoint_age_p99_ms} ms (p99)`;
+  const age = now.setpoint_age_p99_ms == null ? "" : `, setpoint age ${now.setpoint_age_p99_ms} ms (p99), ${now.setpoints_refused} refused`;
   setText($("link"), `${now.link}, ${now.rate_hz} Hz, ${now.missed} missed${age}`);
   $("trouble").hidden = !now.trouble;
   if (now.trouble) {

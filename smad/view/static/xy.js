@@ -1,8 +1,9 @@
 // One channel against another, sample for sample: a tail that fades, cycles in colours by number.
 
-import uPlot from "./vendor/uPlot.js";
+import uPlot from "./style/vendor/uPlot.js";
 import { options } from "./layout.js";
-import { around, axis, button, clipped, css, element, setText, shown, time } from "./plot.js";
+import { around, button, time } from "./plot.js";
+import { axis, clipped, css, element, setText, shown } from "./style/plots.js";
 
 const HEIGHT = 260;
 const COLOURS = 6;
@@ -82,8 +83,7 @@ class Xy {
         x: { time: false, auto: false, range: () => this.range(right, this.points.x) },
         y: { auto: false, range: () => this.range(up, this.points.y) },
       },
-      axes: [{ ...axis(), size: 44, label: named(right), labelSize: 18 },
-        { ...axis(), size: 50, label: named(up), labelSize: 18 }],
+      axes: [axis({ size: 44, label: named(right) }), axis({ size: 50, label: named(up) })],
       series: [{}, { paths: () => null, points: { show: false } }],
       hooks: { draw: [() => this.paint()] },
     };

@@ -15,7 +15,7 @@ def test_the_tables_of_the_page_are_not_stale():
 def test_every_parameter_and_effect_has_its_row():
     text = PAGE.read_text(encoding="utf-8")
     for name in [field.name for field in FIELDS] + [entry.name for entry in EFFECTS]:
-        assert f"| `{name}`" in text
+        assert f"- `{name}`" in text or f"- **`{name}`**" in text
 
 
 @pytest.mark.parametrize("name", TABLES)

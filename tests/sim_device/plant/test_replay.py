@@ -138,20 +138,6 @@ def test_recorded_inlet_and_ambient_replace_those_of_the_set(inputs):
     assert out["T_y_K"][-1] > simulate(P, inputs)["T_y_K"][-1]
 
 
-def test_many_points_in_threads_are_the_same_as_one_after_the_other(inputs):
-    replay = Replay(inputs, outputs=("displacement_m",))
-    points = [
-        (P.replace(resistivity=(0.7 + 0.01 * n) * 1e-6), {"rtd_lag": {}} if n % 2 else {})
-        for n in range(12)
-    ]
-    together = replay.run_many(points, dt_s=5e-3, workers=3)
-    for point, result in zip(points, together, strict=True):
-        alone = replay.run(*point, dt_s=5e-3)
-        np.testing.assert_array_equal(result["displacement_m"], alone["displacement_m"])
-    ends = replay.run_many(points, dt_s=5e-3, keep=lambda out: out["displacement_m"][-1])
-    assert ends == [out["displacement_m"][-1] for out in together]
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [

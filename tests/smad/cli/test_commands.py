@@ -63,6 +63,7 @@ STATUS = api.Status(
         skipped=0,
         setpoints=100,
         setpoints_dropped=0,
+        setpoints_refused=0,
         commands=3,
         refused=0,
         telemetry_dropped=0,

@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smad.api import Control
+from smad.client import NotInControl
+from smad.control.commands import DriveCurrent
 from smad.envs import on_bench
 from smad.envs.bench import Answering
 from smad.envs.errors import ActionRefused, PolicyFailed
@@ -27,15 +30,15 @@ class Bench(FakeClient):
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
         self.disarmed = self.released = False
-        self.lease_s = 0.0
+        self.taken = 0
 
-    @contextlib.contextmanager
-    def in_control(self, name: str, lease_s: float = 10.0) -> Iterator[None]:
-        self.lease_s = lease_s
-        try:
-            yield
-        finally:
-            self.released = True
+    def take_control(self, name: str, lease_s: float = 10.0) -> Control:
+        self.taken += 1
+        return Control(holder=name)
+
+    def release_control(self) -> Control:
+        self.released = True
+        return Control()
 
     @contextlib.contextmanager
     def armed(self) -> Iterator[None]:
@@ -131,6 +134,30 @@ def test_samples_that_came_while_a_policy_was_late_are_left_out(tmp_path: Path) 
         lambda seen: np.zeros(4), client=bench, duration_s=0.2, clock=lambda: float(next(now))
     )
     assert run.late == asked - 1 == len(run.t_s)
+
+
+def test_a_run_whose_lease_lapsed_over_its_last_thought_ends_with_the_refusal(
+    tmp_path: Path,
+) -> None:
+    bench = Bench(tmp_path)
+    given: list[DriveCurrent] = []
+
+    def current(command: DriveCurrent) -> None:
+        given.append(command)
+        if len(given) > 1:
+            raise NotInControl("control has ended", value="", action="take it again")
+
+    def thinking(seen: np.ndarray) -> np.ndarray:
+        bench.let_pass(1.0)
+        return np.array([1.0, 0.0, 0.0, 0.0])
+
+    bench.current = current  # type: ignore[assignment,method-assign]
+    with pytest.raises(NotInControl):
+        on_bench(thinking, client=bench, duration_s=0.5)
+    assert given[-1].i_x_A == 0.0
+    assert bench.disarmed
+    assert not bench.recording
+    assert bench.taken == 2
 
 
 async def test_while_a_policy_is_late_the_last_currents_stay_and_then_its_lease_lapses(

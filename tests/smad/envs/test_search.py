@@ -1,13 +1,10 @@
-"""The small policy, its search, and the benches that it is tried on."""
+"""The small policy and its search."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from bench.policies import benches, ranges_by_hand
-from sim_device.plant.effects.registry import effect
-from sim_device.plant.parameters import load_parameters
 from smad.envs.errors import EnvError
 from smad.envs.pair import action_space
 from smad.envs.search import START, WEIGHTS, Search, act, tracking_error_mm
@@ -56,19 +53,3 @@ def test_the_policy_treats_the_springs_alike() -> None:
     weights = START + 0.1
     one, other = act(weights, seen), act(weights, swapped)
     assert np.allclose(other, [-one[0], one[2], one[1]])
-
-
-def test_the_ranges_by_hand_hold_every_bench_of_the_table() -> None:
-    ranges, a = ranges_by_hand(), load_parameters("A")
-    for bench in benches(9):
-        for name, value in bench.point.theta.items():
-            low, high = ranges[f"parameters.{name}"]
-            assert low <= value <= high
-            assert value != a[name]
-        for name, values in bench.point.effects.items():
-            for key, value in values.items():
-                parameter = effect(name).parameter(key)
-                assert parameter is not None
-                if parameter.is_strength:
-                    low, high = ranges[f"effects.{name}.{key}"]
-                    assert low <= value <= high

@@ -85,7 +85,7 @@ def test_a_case_that_asks_what_differs_has_no_good_runs(tmp_path: Path) -> None:
 
 def test_the_manifest_and_the_key_that_the_guide_shows_can_be_read(tmp_path: Path) -> None:
     guide = Path(__file__).parents[3] / "docs" / "guide" / "check-your-own-bank.md"
-    manifest, key = re.findall(r"```json\n(.*?)```", guide.read_text(), re.DOTALL)
+    manifest, key, _ = re.findall(r"```json\n(.*?)```", guide.read_text(), re.DOTALL)
     (tmp_path / "manifest.json").write_text(manifest)
     (tmp_path / "KEY.json").write_text(key)
     bank, (truth, _) = open_bank(tmp_path), read_key(tmp_path / "KEY.json")
@@ -167,7 +167,7 @@ def _refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 @pytest.mark.parametrize(
     ("changes", "parts"),
     [
-        ({"format": "smad-bank-9"}, ("smad-bank-9", "allowed: smad-bank-1", "smad docs withheld")),
+        ({"format": "smad-bank-9"}, ("smad-bank-9", "allowed: smad-bank-1", "check-your-own-bank")),
         ({"cases": []}, ("no cases", "got 0")),
         ({"cases": [{"id": "a", "question": "why", "runs": []}]}, ("question", "why")),
         ({"cases": [{"id": "a", "question": "differs", "runs": []}]}, ("no run to fit on",)),

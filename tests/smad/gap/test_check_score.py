@@ -13,7 +13,7 @@ from smad.gap.check import score
 from smad.gap.check.errors import KeyMismatchError, VerdictError
 from smad.gap.check.intervals import bootstrap, wilson
 from smad.gap.check.key import FORMAT, CaseKey, Key, file_digest, read_key
-from smad.gap.check.names import ALIASES, CAUSES, canonical
+from smad.gap.check.names import ALIASES, CAUSES, OUTCOMES, canonical
 from smad.gap.check.score import Mistake, Scores, scores
 from smad.gap.check.verdicts import (
     CaseVerdict,
@@ -25,6 +25,7 @@ from smad.gap.check.verdicts import (
     read_verdicts,
     write_verdicts,
 )
+from smad.gap.records import Outcome
 from smad.gap.sma import SmaPlant
 
 SHA = "a" * 64
@@ -100,6 +101,14 @@ def test_false_alarms_are_claims_where_there_is_no_structural_gap() -> None:
     }
     row = _rows(key, verdicts)["false alarms on none"]
     assert (row.value, row.count) == (0.25, 4)
+
+
+def test_runs_of_one_state_that_are_said_to_contradict_are_counted_and_are_no_silence() -> None:
+    key = {"a": _entry("none"), "b": _entry("single", LAG)}
+    apart = CaseVerdict(outcome=OUTCOMES[Outcome.CONTRADICTING])
+    rows = _rows(key, {"a": apart, "b": _named("rtd_lag")})
+    assert rows["runs of one state said to contradict each other"].value == 0.5
+    assert rows["false alarms on none"].value == 1.0
 
 
 def test_without_good_runs_the_first_cause_of_the_budget_is_the_answer() -> None:

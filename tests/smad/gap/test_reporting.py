@@ -55,6 +55,17 @@ def test_the_model_says_how_uncertain_its_values_are_as_the_intervals_do(found: 
     assert np.linalg.eigvalsh(known.covariance).min() > -1e-12
 
 
+def test_what_the_runs_do_not_tell_is_as_uncertain_as_the_prior() -> None:
+    # The fan never runs.
+    still = [recorded("still", seed, OTHER, EFFECT, duration_s=30.0) for seed in (1, 2, 3)]
+    known = uncertainty_of(ask(still))
+    assert known is not None
+    deviation = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
+    prior = {p.name: p.prior_sd for p in HeaterPlant().parameters}
+    assert deviation["fan_gain"] == pytest.approx(prior["fan_gain"], rel=0.15)
+    assert deviation["c_J_K"] < 0.1 * prior["c_J_K"]
+
+
 @pytest.mark.parametrize(
     ("headline", "said"),
     [("changed: rtd_lag", "compared with these directly: changed: rtd_lag"),

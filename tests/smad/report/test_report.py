@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ TABLE = Table(("name", "value"), (("a", "1.0"), ("long name", "12.5")), numeric=
 
 def figure_svg() -> str:
     figure, (axes,) = new_figure()
-    draw(axes, np.arange(10.0), np.arange(10.0) ** 2, "a <b> & c", "actual")
+    draw(axes, np.arange(10.0), np.arange(10.0) ** 2, "a <b> & c", "main")
     label(axes, "time, s", "mm")
     return svg_of(figure, 'title with "quotes" & <tags>')
 
@@ -59,9 +60,18 @@ def test_a_page_is_written_whole_and_readable_by_others(tmp_path: Path) -> None:
     path = tmp_path / "page.html"
     page = Page("t", [Section("s", [Picture(figure_svg(), "caption"), TABLE])])
     assert write_page(page, path) == path
-    assert path.read_text(encoding="utf-8") == render(page)
+    written = path.read_text(encoding="utf-8")
+    said = re.search(r"<footer>smad [\d.]+, (\d{4}-\d\d-\d\d \d\d:\d\d UTC)</footer>", written)
+    assert said is not None
+    assert written == render(page, said[1])
     assert path.stat().st_mode & 0o044 or path.stat().st_mode & 0o600
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_file_folds_away_under_its_title() -> None:
+    text = render(Page("t", [Section("s", [Code("a = 1", "The file"), Code("b = 2")])]))
+    assert "<details><summary>The file</summary>\n<pre>a = 1</pre></details>" in text
+    assert "\n<pre>b = 2</pre>" in text
 
 
 def test_a_page_that_cannot_be_written_names_its_path(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import functools
 import tempfile
+from io import FileIO
 from pathlib import Path
 
 import msgspec
@@ -12,11 +13,15 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
+from smad.config import RecorderConfig
 from smad.errors import RunLogError
+from smad.runlog import reader
+from smad.runlog.bounds import FASTEST_HZ, MOST_LOG_ROWS
+from smad.runlog.mcap_file import McapFile, pack
 from smad.runlog.overview import list_runs
 from smad.runlog.reader import read_run
 from smad.runlog.recover import recover
-from smad.runlog.schema import EVENT_TOPIC, ROW_TOPIC, Event, Row, json_schema
+from smad.runlog.schema import EVENT_TOPIC, ROW_TOPIC, TOPICS, Event, Row, json_schema
 from smad.runlog.summary import summarise
 
 from .helpers import HEADER, row_numbers, rows, write_small_run
@@ -344,6 +349,43 @@ def test_records_of_any_content_are_read_or_refused(
     check_any_file(
         start + b"".join(bytes([op]) + len(b).to_bytes(8, "little") + b for op, b in records)
     )
+
+
+def packed_log(path: Path, topic: str, body: bytes, count: int, chunks: int) -> Path:
+    """A log whose chunks hold `count` messages of one body each, packed to next to nothing."""
+    with path.open("wb") as file:
+        mcap = McapFile(FileIO(file.fileno(), "wb", closefd=False))
+        channel = next(n for n, name in enumerate(TOPICS.values(), 1) if name == topic)
+        message = pack(channel, 0, 1, body)
+        for _ in range(chunks):
+            mcap.write_chunk([message] * count)
+        mcap.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("topic", "body", "said"),
+    [
+        (ROW_TOPIC, b'{"t_s":1}', "25000 samples"),
+        (EVENT_TOPIC, b" " * 900, "beside the samples"),
+    ],
+)
+def test_a_small_log_that_unpacks_to_more_than_a_run_is_refused_before_it_is_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topic: str, body: bytes, said: str
+) -> None:
+    path = packed_log(tmp_path / "packed.mcap", topic, body, 10_000, 3)
+    most = {"MOST_LOG_ROWS": 25_000, "MOST_LOG_BYTES": 20_000_000}
+    for name, value in most.items():
+        monkeypatch.setattr(reader, name, value)
+    assert path.stat().st_size < 500_000
+    with pytest.raises(RunLogError, match=f"longer than a run log can be; got .*{said}") as refused:
+        read_run(path)
+    check_one_line(refused.value)
+
+
+def test_a_log_as_long_as_the_recorder_makes_it_is_read() -> None:
+    longest = msgspec.json.schema(RecorderConfig)["$defs"]["RecorderConfig"]["properties"]
+    assert longest["max_file_min"]["maximum"] * 60 * FASTEST_HZ < MOST_LOG_ROWS
 
 
 def test_progress_ends_at_the_whole(tmp_path: Path) -> None:

@@ -187,6 +187,17 @@ def test_a_folder_of_runs_is_bounded_as_a_whole(
         files.read_folder(tmp_path)
 
 
+def test_a_text_in_parquet_that_is_longer_than_any_number_is_refused_before_it_is_read(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table({"t_s": [1.0, 2.0], "force_N": ["1" * 2_000_000, "1"]}), path)
+    with pytest.raises(LogImportError, match="'force_N' holds longer texts than numbers are"):
+        read_channels(path)
+    pq.write_table(pa.table({"t_s": [1.0, 2.0], "force_N": ["1.5", "2.5"]}), path)
+    assert read_channels(path)["force_N"].tolist() == [1.5, 2.5]
+
+
 def test_lists_in_a_column_of_a_parquet_file_are_refused_before_they_are_read(
     tmp_path: Path,
 ) -> None:

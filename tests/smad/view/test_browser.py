@@ -175,6 +175,17 @@ def write(driver: Any, name: str, text: str) -> None:
     driver.execute_script("document.getElementById(arguments[0]).value = arguments[1]", name, text)
 
 
+def test_a_gain_typed_back_to_what_it_was_goes_on_showing_what_is_in_force(
+    page: Any, bench: Bench
+) -> None:
+    gain = page.find_element("css selector", "#tune input[name=kp_A_per_mm]")
+    before = gain.get_property("value")
+    gain.send_keys("5", "\ue003", "\ue004")  # backspace, tab
+    assert gain.get_property("value") == before
+    bench.client.tune(Tune(kp_A_per_mm=5.5))
+    until(page, lambda d: gain.get_property("value") == "5.5")
+
+
 def test_what_a_stranger_writes_is_shown_as_text(page: Any, bench: Bench) -> None:
     with bench.client.in_control(HOSTILE, lease_s=60.0):
         until(page, lambda d: HOSTILE in text_of(d, "holder"))
@@ -246,7 +257,7 @@ def answered(page: LivePage, path: str, **headers: str) -> tuple[int, bytes]:
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/view.js", "/vendor/uPlot.js", "/ws", "/?token=wrong", "/../page.py"]
+    "path", ["/", "/view.js", "/style/vendor/uPlot.js", "/ws", "/?token=wrong", "/../page.py"]
 )
 def test_a_stranger_gets_nothing(bench: Bench, path: str) -> None:
     status, body = answered(bench.page, path)

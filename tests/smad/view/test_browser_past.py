@@ -69,7 +69,7 @@ async def follow(source: Source, log: Path) -> None:
         source.feed.add(BEGAN_S + row.t_s, source.now)
     source.shown, source.why_away = shown(status("SAFE"), {}, 100.0), ""
     while True:
-        source._last_sample_s = source._clock_s()
+        source._last_sample_s = source.clock_s()
         source.version += 1
         await asyncio.sleep(0.1)
 

@@ -13,13 +13,14 @@ from websockets.asyncio.server import ServerConnection
 from firmware_protocol.enums import BoardState
 from smad import api
 from smad.client import AsyncClient, NotReady
+from smad.view import page as pages
 from smad.view import strips
 from smad.view.access import Right
 from smad.view.desk import Desk
 from smad.view.errands import Mark
-from smad.view.page import IN_FLIGHT, MOST_STOPS, MOST_WAITING, Page
+from smad.view.page import IN_FLIGHT, MOST_STOPS, MOST_WAITING, PATIENCE_S, Page
 from smad.view.source import SILENT_AFTER_S, Source
-from smad.view.state import shown
+from smad.view.state import NO_WORD, shown
 
 from .test_forms_and_state import status
 
@@ -42,6 +43,7 @@ class Browser:
 
     def __init__(self) -> None:
         self.got: list[dict[str, Any]] = []
+        self.ended = ""
         self._said: asyncio.Queue[str | None] = asyncio.Queue()
 
     async def send(self, text: str) -> None:
@@ -56,6 +58,10 @@ class Browser:
 
     def say(self, message: Any) -> None:
         self._said.put_nowait(message if isinstance(message, str) else json.dumps(message))
+
+    async def close(self, code: int, reason: str) -> None:
+        self.ended = reason
+        self.leave()
 
     def leave(self) -> None:
         self._said.put_nowait(None)
@@ -314,7 +320,21 @@ async def test_frames_and_status_name_one_mode_and_the_first_message_what_each_m
     await rig.frames_pass(2)
     assert rig.browser.of("status")[-1]["status"]["mode"] == "COOL"
     assert rig.browser.of("frame")[-1]["mode"] == "COOL"
-    assert rig.browser.of("hello")[0]["modes"].keys() == {state.name for state in BoardState}
+    names = {*(state.name for state in BoardState), NO_WORD}
+    assert rig.browser.of("hello")[0]["modes"].keys() == names
+
+
+async def test_a_status_that_knows_of_a_lost_link_takes_back_the_state_of_the_last_sample(
+    rig: Rig,
+) -> None:
+    source = rig.source
+    source.mode = int(BoardState.ARMED)
+    source.seen(status("ARMED"))
+    assert source.mode_name == "ARMED"
+    source.seen(status(NO_WORD))
+    assert source.mode_name == NO_WORD
+    source.mode = int(BoardState.SAFE)
+    assert source.mode_name == "SAFE"
 
 
 @pytest.mark.parametrize(
@@ -368,6 +388,27 @@ async def test_the_status_goes_out_again_only_when_the_last_was_received(rig: Ri
     await rig.settle()
     await rig.frames_pass(2)
     assert len(rig.browser.of("status")) == 2
+
+
+async def test_a_page_whose_script_answers_nothing_loses_its_place_and_is_told_why(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pages, "LOOK_EVERY_S", 0.0)
+    await rig.frames_pass(2)
+    assert len(rig.browser.of("status")) == 1
+    rig.now_s = PATIENCE_S - 0.1
+    await rig.settle()
+    rig.browser.say({"do": "alive"})
+    await rig.settle()
+    rig.now_s += 1.0
+    rig.source.version += 1
+    await rig.frames_pass(2)
+    assert len(rig.browser.of("status")) == 2
+    assert not rig.running.done()
+    rig.now_s += PATIENCE_S + 0.1
+    async with asyncio.timeout(30.0):
+        await rig.running
+    assert "answered nothing for 10 seconds" in rig.browser.ended
 
 
 async def test_a_bench_that_fell_silent_is_said_to_be_and_nothing_old_is_drawn_anew(
@@ -429,7 +470,7 @@ async def test_a_page_that_looks_back_gets_no_frames_and_what_was_then(watcher: 
     (reply,) = (one for one in watcher.browser.of("reply") if one["id"] == 3)
     found = reply["found"]
     assert found["source"] == "memory"
-    assert found["marks"] == [{"t": 1050.0, "text": "here"}]
+    assert found["marks"] == [{"x": 1050.0, "text": "here"}]
     assert 399.0 <= found["frame"]["y"][0][0] <= 401.0
     assert 600.0 <= found["moments"]["y"][0][-1] <= 602.0
 

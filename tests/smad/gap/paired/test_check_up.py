@@ -16,7 +16,7 @@ from smad.errors import SmadError
 from smad.gap.paired.commission import checked, checked_files, commissioned, judged
 from smad.gap.paired.errors import BaselineError, PairingError, ProgrammeError
 from smad.gap.paired.everyday import repeated
-from smad.gap.paired.files import Found, read_file, read_folder
+from smad.gap.paired.files import Found, read_file, read_folder, require_other_recordings
 from smad.gap.paired.page import checkup_page
 from smad.gap.paired.programme import (
     Programme,
@@ -237,6 +237,19 @@ def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) 
     )
     assert verdict.likely[0].names == ["force_offset"]
     assert "repeats 2 good runs" in matched.lines[0]
+
+
+def test_good_runs_of_two_days_have_one_name_and_a_copy_among_them_is_told_with_its_folder(
+    tmp_path: Path,
+) -> None:
+    good, now = tmp_path / "good", [Found("now", "", tmp_path / "now", played(3))]
+    for day in (1, 2):
+        _write(good / f"day-{day}" / "run-1.csv", played(day))
+    require_other_recordings(read_folder(good), now)
+    _write(good / "day-3" / "run-1.csv", played(1))
+    said = r"good/day-3/run-1\.csv is the same recording as .*good/day-1/run-1\.csv"
+    with pytest.raises(PairingError, match=said):
+        require_other_recordings(read_folder(good), now)
 
 
 def test_a_recording_that_is_on_both_sides_is_refused(tmp_path: Path) -> None:

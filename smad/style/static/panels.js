@@ -1,20 +1,12 @@
-// The panels of a page: drawn from the data beside this script, by the uPlot above it.
-// Names and texts of a log go in as text, never as markup.
+// The panels and planes of a page of one file: drawn from the data beside this script.
 
-const HEIGHT = 190;
+import uPlot from "./vendor/uPlot.js";
+import { Plane } from "./plane.js";
+import { axis, closest, curve, drawMarks, element, nearest, onScheme, setText, shown } from "./plots.js";
+
+const PANEL_HEIGHT = 190;
 const PAPER_WIDTH = 680; // what a sheet holds, in its own pixels
-const FAR = 400; // points between two samples of one run, where others lie in between
-
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-
-function element(tag, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...children);
-  return made;
-}
-
-const shown = (value, digits) => (value == null ? "–"
-  : value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "").replace("-", "−"));
+const PLANE_PAPER_WIDTH = 330;
 
 class Panels {
   constructor(figure, number) {
@@ -24,11 +16,22 @@ class Panels {
     this.zooming = false;
     this.pointer = element("output");
     this.host = element("div");
-    figure.prepend(this.tools(), this.host);
+    const beside = element("div", { className: "planes" });
+    figure.prepend(...(this.data.panels.length ? [this.tools()] : []), this.host, beside);
     this.panels = this.data.panels.map((panel, i) => new Panel(this, panel, i === 0));
     this.host.append(...this.panels.map((panel) => panel.box));
     this.panels.forEach((panel) => panel.begin());
-    new ResizeObserver(() => this.resize()).observe(this.host);
+    this.planes = this.data.planes.map((plane) => this.plane(beside, plane));
+    new ResizeObserver(() => this.resize()).observe(figure);
+  }
+
+  plane(host, given) {
+    const values = (at) => (at == null ? undefined : this.data.values[at]);
+    const made = new Plane(host, given);
+    made.all = given.curves.map(({ x, y, t, cycle, ...rest }) =>
+      ({ ...rest, x: values(x), y: values(y), t: values(t), cycle: values(cycle) }));
+    made.set(made.all);
+    return made;
   }
 
   tools() {
@@ -59,6 +62,7 @@ class Panels {
   show(group, on) {
     this.hidden[on ? "delete" : "add"](group);
     this.panels.forEach((panel) => panel.showLines());
+    this.planes.forEach((plane) => plane.set(plane.all.filter((one) => !this.hidden.has(one.group))));
   }
 
   // To all panels; null: to the whole.
@@ -70,16 +74,19 @@ class Panels {
       ? { min: Math.min(...ends.map((x) => x[0])), max: Math.max(...ends.map((x) => x[x.length - 1])) }
       : { min, max };
     for (const { plot } of this.panels) plot.batch(() => plot.setScale("x", range));
+    for (const plane of this.planes ?? []) plane.show(range.min, range.max);
     this.zooming = false;
   }
 
-  resize(width = this.host.clientWidth) {
+  resize(width = this.host.clientWidth, planeWidth = undefined) {
     if (!width) return;
-    for (const { plot, box } of this.panels) if (!box.hidden) plot.setSize({ width, height: HEIGHT });
+    for (const { plot, box } of this.panels) if (!box.hidden) plot.setSize({ width, height: PANEL_HEIGHT });
+    for (const plane of this.planes) plane.resize(planeWidth);
   }
 
   redraw() {
     for (const { plot } of this.panels) plot.redraw();
+    for (const plane of this.planes) plane.redraw();
   }
 }
 
@@ -111,11 +118,9 @@ class Panel {
   }
 
   options() {
-    const axis = { stroke: () => css("--quiet"), font: "12px system-ui, sans-serif",
-      grid: { stroke: () => css("--line"), width: 1 }, ticks: { stroke: () => css("--line"), width: 1 } };
     return {
       width: Math.max(300, this.all.host.clientWidth),
-      height: HEIGHT,
+      height: PANEL_HEIGHT,
       legend: { show: false },
       cursor: {
         drag: { x: true, y: false },
@@ -123,20 +128,14 @@ class Panel {
         dataIdx: (plot, series, at) => nearest(plot.data[series], at),
       },
       scales: { x: { time: false } },
-      axes: [{ ...axis, size: 26, space: 80, ...this.xLabel() }, { ...axis, size: 56, space: 24 }],
-      series: [{}, ...this.panel.traces.map((trace) => ({
-        stroke: () => css(`--${trace.pen}`),
-        width: 1.5,
-        dash: trace.dash.length ? trace.dash : undefined,
-        points: { show: false },
-        spanGaps: false,
-      }))],
+      axes: [axis({ size: 26, space: 80, ...this.xLabel() }), axis({ size: 56, space: 24 })],
+      series: [{}, ...this.panel.traces.map((trace) => curve(trace.pen, trace.dash))],
       hooks: {
         setScale: [(plot, key) => {
           if (key === "x") this.all.zoom(plot.scales.x.min, plot.scales.x.max);
         }],
         setCursor: [(plot) => this.label(plot.cursor.left >= 0 ? plot.posToVal(plot.cursor.left, "x") : null)],
-        draw: [() => this.marks()],
+        draw: [(plot) => drawMarks(plot, this.all.data.marks, this.first)],
       },
     };
   }
@@ -144,8 +143,7 @@ class Panel {
   // Under the lowest panel only: they share the axis.
   xLabel() {
     const lowest = this.all.data.panels.filter((panel) => !panel.on_demand).pop();
-    return this.panel === lowest
-      ? { label: this.all.data.x_label, labelSize: 20, labelGap: 2, labelFont: "12px system-ui, sans-serif" } : {};
+    return this.panel === lowest ? { label: this.all.data.x_label } : {};
   }
 
   label(x) {
@@ -156,8 +154,7 @@ class Panel {
       const inside = x != null && xs.length && x >= xs[0] && x <= xs[xs.length - 1];
       const value = x == null ? ""
         : ` ${shown(inside ? trace.y[nearest(trace.y, closest(xs, x))] : null, digits)} ${unit}`;
-      const text = `${trace.label}${value}`;
-      if (this.names[i].textContent !== text) this.names[i].textContent = text;
+      setText(this.names[i], `${trace.label}${value}`);
     });
     if (this.first) this.all.pointer.textContent = `${this.all.data.x_label}: ${shown(x, 3)}`;
   }
@@ -174,62 +171,13 @@ class Panel {
     this.box.hidden = !on;
     this.all.resize();
   }
-
-  marks() {
-    const { ctx, bbox } = this.plot;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
-    ctx.strokeStyle = ctx.fillStyle = css("--quiet");
-    ctx.lineWidth = devicePixelRatio;
-    ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
-    ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
-    ctx.textAlign = "left";
-    let free = -Infinity;
-    for (const { x, text } of this.all.data.marks) {
-      const at = this.plot.valToPos(x, "x", true);
-      ctx.beginPath();
-      ctx.moveTo(at, bbox.top);
-      ctx.lineTo(at, bbox.top + bbox.height);
-      ctx.stroke();
-      // A text that would lie on the one before is left to the list of events.
-      if (!this.first || at < free || at < bbox.left) continue;
-      const width = ctx.measureText(text).width;
-      const start = Math.min(at + 4 * devicePixelRatio, bbox.left + bbox.width - width);
-      ctx.fillText(text, start, bbox.top + 12 * devicePixelRatio);
-      free = start + width;
-    }
-    ctx.restore();
-  }
-}
-
-// The place in increasing `xs` that is closest to `x`.
-function closest(xs, x) {
-  let [low, high] = [0, xs.length - 1];
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (xs[middle] <= x) low = middle;
-    else high = middle;
-  }
-  return x - xs[low] <= xs[high] - x ? low : high;
-}
-
-// The place nearest to `at` where there is a value; the samples of several runs lie between each other.
-function nearest(values, at) {
-  if (values[at] !== undefined) return at;
-  for (let step = 1; step < FAR; step += 1) {
-    if (values[at - step] !== undefined) return at - step;
-    if (values[at + step] !== undefined) return at + step;
-  }
-  return at;
 }
 
 const all = [...document.querySelectorAll("figure.panels")].map((figure, i) => new Panels(figure, i));
-matchMedia("(prefers-color-scheme: dark)").onchange = () => all.forEach((one) => one.redraw());
+onScheme(() => all.forEach((one) => one.redraw()));
 window.onbeforeprint = () => {
   document.documentElement.classList.add("paper");
-  all.forEach((one) => { one.resize(PAPER_WIDTH); one.redraw(); });
+  all.forEach((one) => { one.resize(PAPER_WIDTH, PLANE_PAPER_WIDTH); one.redraw(); });
 };
 window.onafterprint = () => {
   document.documentElement.classList.remove("paper");

@@ -1,0 +1,187 @@
+"""The viewers: a WebSocket for each, a bounded queue of data for each. Loopback only."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import socket
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Iterable
+from http import HTTPStatus
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+from websockets.typing import Subprotocol
+
+from smad.bridge.foxglove import (
+    ERROR,
+    LOG,
+    SUBPROTOCOLS,
+    WARNING,
+    Channel,
+    Viewer,
+    log,
+    status,
+)
+from smad.bridge.source import Source
+from smad.errors import ConfigError
+
+HOST = "127.0.0.1"
+MOST_VIEWERS = 8
+MOST_WAITING = 2000
+"""Messages that wait for a viewer: four seconds at 500 Hz. Then the oldest goes."""
+LARGEST_MESSAGE = 65_536
+"""Bytes that a viewer may send at once."""
+CLOSING_S = 1.0
+
+
+class Seat:
+    """A viewer and the data that waits for it. `lost` counts what was dropped."""
+
+    def __init__(self, connection: ServerConnection, viewer: Viewer) -> None:
+        self.viewer = viewer
+        self.lost = 0
+        self._connection = connection
+        self._waiting: deque[bytes] = deque()
+        self._filled = asyncio.Event()
+        self._told = 0
+
+    async def read(self) -> None:
+        """Answer the viewer until it goes away."""
+        for text in self.viewer.hello():
+            await self._connection.send(text)
+        async for message in self._connection:
+            if isinstance(message, str):
+                for answer in self.viewer.receive(message):
+                    await self._connection.send(answer)
+
+    async def write(self) -> None:
+        """Send what waits, for ever."""
+        while True:
+            await self._filled.wait()
+            self._filled.clear()
+            while self._waiting:
+                await self._connection.send(self._waiting.popleft())
+
+    def put(self, messages: Iterable[bytes]) -> None:
+        """Let messages wait; of too many the oldest are dropped."""
+        for message in messages:
+            if len(self._waiting) >= MOST_WAITING:
+                self._waiting.popleft()
+                self.lost += 1
+            self._waiting.append(message)
+            self._filled.set()
+
+    async def say(self, why_away: str) -> None:
+        """Tell the user of the viewer why nothing comes, and what was dropped since last time."""
+        news: list[str | bytes] = [*self.viewer.changed()]
+        if why_away:
+            news.append(status(ERROR, why_away))
+        if self.lost > self._told:
+            lost, self._told = self.lost - self._told, self.lost
+            news.append(status(WARNING, f"{lost} messages dropped: this viewer reads too slowly"))
+        with contextlib.suppress(ConnectionClosed):
+            for one in news:
+                await self._connection.send(one)
+
+
+class Bridge:
+    """Passes a bench on to viewers. `address` is what they connect to."""
+
+    def __init__(self, source: Source, port: int) -> None:
+        self.address = f"ws://{HOST}:{port}"
+        self._source = source
+        self._session = str(time.time_ns())
+        self._seats: set[Seat] = set()
+        self._saying: set[asyncio.Task[None]] = set()
+        self._away = ""
+
+    def admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Refuse a viewer too many (a response), or let it in (None)."""
+        if len(self._seats) < MOST_VIEWERS:
+            return None
+        text = f"{MOST_VIEWERS} viewers are connected.\n"
+        return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text)
+
+    async def talk(self, connection: ServerConnection) -> None:
+        """Serve one viewer."""
+        viewer = Viewer(
+            self._source.bench, self._session, lambda: self._source.parameters, self._kept
+        )
+        seat = Seat(connection, viewer)
+        self._seats.add(seat)
+        writing = asyncio.create_task(seat.write())
+        try:
+            if self._away:
+                await seat.say(self._away)
+            await seat.read()
+        except ConnectionClosed:
+            pass
+        finally:
+            self._seats.discard(seat)
+            writing.cancel()
+            with contextlib.suppress(asyncio.CancelledError, ConnectionClosed):
+                await writing
+
+    def _kept(self, channel: Channel) -> list[tuple[int, bytes]]:
+        events = self._source.events if channel == LOG else ()
+        return [log(entry.time_s, entry.kind, entry.text) for entry in events]
+
+    def wants(self, channel: Channel) -> bool:
+        """Whether a viewer subscribed to the channel."""
+        return any(seat.viewer.wants(channel) for seat in self._seats)
+
+    def publish(self, channel: Channel, time_ns: int, body: bytes) -> None:
+        """Let a message wait for each viewer that subscribed to its channel."""
+        for seat in self._seats:
+            seat.put(seat.viewer.messages(channel, time_ns, body))
+
+    def news(self, why_away: str) -> None:
+        """Tell the viewers of new parameters, of losses, and once why the bench is away."""
+        again = why_away == self._away
+        self._away = why_away
+        for seat in tuple(self._seats):
+            task = asyncio.create_task(seat.say("" if again else why_away))
+            self._saying.add(task)
+            task.add_done_callback(self._saying.discard)
+
+
+@contextlib.asynccontextmanager
+async def serving(bench: str, port: int) -> AsyncIterator[Bridge]:
+    """Serve viewers as long as the block lasts. Port 0: any free one. Raises ConfigError."""
+    try:
+        listening = socket.create_server((HOST, port))
+    except OSError as error:
+        raise ConfigError(
+            f"cannot listen on {HOST}: {os.strerror(error.errno or 0)}",
+            value=port,
+            limit="a free port",
+            action="give another with --port, or 0 for any",
+        ) from error
+    source = Source(bench)
+    bridge = Bridge(source, listening.getsockname()[1])
+    quiet = logging.getLogger("smad.bridge.strangers")
+    quiet.addHandler(logging.NullHandler())
+    quiet.propagate = False
+    async with serve(
+        bridge.talk,
+        sock=listening,
+        process_request=bridge.admit,
+        subprotocols=[Subprotocol(name) for name in SUBPROTOCOLS],
+        compression=None,
+        max_size=LARGEST_MESSAGE,
+        close_timeout=CLOSING_S,
+        server_header=None,
+        logger=quiet,
+    ):
+        following = asyncio.create_task(source.run(bridge))
+        try:
+            yield bridge
+        finally:
+            following.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await following

@@ -1,0 +1,42 @@
+"""`smad bridge`: the live bench in viewers of others."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+import click
+
+from smad.cli.output import bench_option
+
+
+@click.group()
+def bridge() -> None:
+    """Pass the live bench on to viewers of others, to look at."""
+
+
+@bridge.command()
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8765,
+    show_default=True,
+    help="TCP port on this machine; 0 takes any.",
+)
+@bench_option
+def foxglove(port: int, bench: str) -> None:
+    """Serve Foxglove and Lichtblick until ctrl-C, on this machine only.
+
+    Viewers see samples, link counters, events and parameters. They command nothing.
+    """
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_serve(bench, port))
+
+
+async def _serve(bench: str, port: int) -> None:
+    from smad.bridge.server import serving
+
+    async with serving(bench, port) as made:
+        click.echo(f"connect to {made.address} (Foxglove WebSocket)")
+        click.echo("Whoever is on this machine can watch; ctrl-C ends the bridge, not the bench.")
+        await asyncio.Event().wait()

@@ -1,0 +1,214 @@
+"""One quantity against another: the hysteresis of a run, its cycles coloured by their number.
+
+Pure. Planes are part of a `Panels` block; a zoom of its panels in time shows the same stretch in
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 4000
+"""Samples of a curve that a page holds; of a longer one every second, third, … stays."""
+_T_DIGITS = 2
+_MORE_DIGITS = 1
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What an axis shows. A run in which it covers less than `moves` does not move in it."""
+
+    label: str
+    unit: str
+    digits: int
+    moves: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A curve of a plane: `x` and `y` of shape (n,), NaN where nothing was recorded.
+
+    `t` is the time of each point, `cycle` its number from 1 on; either may be missing. `pen` is a
+    colour of `smad.style.palette`, for what has no cycles. `group` is the run, where several are
+    overlaid; `dash` are the lengths of line and gap in pixels.
+    """
+
+    label: str
+    x: Array
+    y: Array
+    pen: str
+    t: Array | None = None
+    cycle: NDArray[np.int64] | None = None
+    group: str = ""
+    dash: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Curves over two quantities. Of several the later are drawn over the earlier."""
+
+    title: str
+    x: Quantity
+    y: Quantity
+    curves: Sequence[Curve]
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "displacement_mm": Quantity("displacement", "mm", 2, 0.1),
+    "force_N": Quantity("tendon force", "N", 2, 0.05),
+    "rtd_x_degC": Quantity("temperature of X", "°C", 1, 1.0),
+    "rtd_y_degC": Quantity("temperature of Y", "°C", 1, 1.0),
+    "i_meas_x_A": Quantity("current in X", "A", 2, 0.1),
+    "i_meas_y_A": Quantity("current in Y", "A", 2, 0.1),
+}
+"""What can be set against each other, by column of the run log."""
+AGAINST = (
+    ("displacement_mm", "rtd_x_degC"),
+    ("displacement_mm", "rtd_y_degC"),
+    ("displacement_mm", "i_meas_x_A"),
+    ("displacement_mm", "i_meas_y_A"),
+    ("force_N", "displacement_mm"),
+)
+"""Pairs (y, x) that a run is shown in."""
+BLOCKED = (("force_N", "rtd_x_degC"), ("force_N", "rtd_y_degC"))
+"""Pairs of a run whose displacement stays where it is."""
+_CYCLED = ("reference_mm", "displacement_mm", "reference_degC", "rtd_x_degC")
+"""The first of these that moves says what a cycle of the run is."""
+_TURN = 0.05
+"""Share of its whole range by which a signal must come back for a turn to be one."""
+
+
+def planes_of(runs: Sequence[tuple[str, str, Array, Mapping[str, Any]]]) -> list[Plane]:
+    """Return the planes of runs, each given as name, colour, time of shape (n,) and columns.
+
+    A plane of which nothing moves in any run is left out. One run has its cycles coloured by their
+    number, several their own colours.
+    """
+    alone = len(runs) == 1
+    cycles = [cycles_of(columns) if alone else None for _, _, _, columns in runs]
+    still = not any(_moves(columns, "displacement_mm") for _, _, _, columns in runs)
+    planes = []
+    for y, x in BLOCKED if still else AGAINST:
+        curves = [
+            Curve(
+                label=name,
+                x=_column(columns, x),
+                y=_column(columns, y),
+                pen=pen,
+                t=t_s,
+                cycle=cycle,
+                group="" if alone else name,
+            )
+            for (name, pen, t_s, columns), cycle in zip(runs, cycles, strict=True)
+            if _moves(columns, x) and _moves(columns, y)
+        ]
+        if curves:
+            above, along = QUANTITIES[y], QUANTITIES[x]
+            title = f"{above.label[0].upper()}{above.label[1:]} against {along.label}"
+            planes.append(Plane(title, along, above, curves))
+    return planes
+
+
+def cycles_of(columns: Mapping[str, Any]) -> NDArray[np.int64]:
+    """Return the number of the cycle that each sample belongs to, shape (n,), from 1 on.
+
+    A cycle ends at a trough of the reference (or, without one, of displacement or temperature). A
+    trough is where the signal turns and rises by a twentieth of its whole range.
+    """
+    n = len(columns["t_s"])
+    for name in _CYCLED:
+        signal = _column(columns, name)
+        known = np.flatnonzero(np.isfinite(signal))
+        if known.size and float(np.ptp(signal[known])) > 0.0:
+            troughs = known[_troughs(signal[known], _TURN * float(np.ptp(signal[known])))]
+            return np.searchsorted(troughs, np.arange(n), side="left").astype(np.int64) + 1
+    return np.ones(n, np.int64)
+
+
+def _troughs(signal: Array, turn: float) -> NDArray[np.int64]:
+    """Places of the lowest values between two peaks; of a flat trough its last sample."""
+    found: list[int] = []
+    falling, lowest, highest = False, 0, 0
+    for at, value in enumerate(signal):
+        if value <= signal[lowest]:
+            lowest = at
+        if value >= signal[highest]:
+            highest = at
+        if not falling and value < signal[highest] - turn:
+            falling, lowest = True, at
+        elif falling and value > signal[lowest] + turn:
+            found.append(lowest)
+            falling, highest = False, at
+    return np.array(found, np.int64)
+
+
+def described(planes: Sequence[Plane]) -> tuple[list[dict[str, Any]], list[list[float]]]:
+    """Return the planes for a page, and the values that their curves name by place.
+
+    Values are thinned by leaving samples out, so that those of one moment stay together.
+    """
+    values = _Values()
+    return [
+        {
+            "title": plane.title,
+            "x": _axis(plane.x),
+            "y": _axis(plane.y),
+            "curves": [values.describe(curve, plane) for curve in plane.curves],
+        }
+        for plane in planes
+    ], values.lists
+
+
+def _axis(quantity: Quantity) -> dict[str, Any]:
+    return {"label": quantity.label, "unit": quantity.unit, "digits": quantity.digits}
+
+
+class _Values:
+    """The distinct columns of a block: a displacement stands in the page once."""
+
+    def __init__(self) -> None:
+        self.lists: list[list[float]] = []
+        self._places: dict[int, tuple[int, Any]] = {}
+
+    def describe(self, curve: Curve, plane: Plane) -> dict[str, Any]:
+        every = max(1, -(-curve.x.size // MOST_POINTS))
+        return {
+            "label": curve.label,
+            "pen": curve.pen,
+            "group": curve.group,
+            "dash": curve.dash,
+            "x": self._place(curve.x, every, plane.x.digits + _MORE_DIGITS),
+            "y": self._place(curve.y, every, plane.y.digits + _MORE_DIGITS),
+            "t": self._place(curve.t, every, _T_DIGITS),
+            "cycle": self._place(curve.cycle, every, 0),
+        }
+
+    def _place(self, column: Any, every: int, digits: int) -> int | None:
+        if column is None:
+            return None
+        if id(column) not in self._places:
+            # The column is kept, so that no other gets its id.
+            self._places[id(column)] = (len(self.lists), column)
+            self.lists.append(np.round(column[::every], digits).tolist())
+        return self._places[id(column)][0]
+
+
+def _moves(columns: Mapping[str, Any], name: str) -> bool:
+    signal = _column(columns, name)
+    known = signal[np.isfinite(signal)]
+    return known.size > 1 and float(np.ptp(known)) >= QUANTITIES[name].moves
+
+
+def _column(columns: Mapping[str, Any], name: str) -> Array:
+    """The column as float64, the same object for the same column; NaN without one."""
+    column = columns.get(name)
+    if column is None:
+        return np.full(len(columns["t_s"]), np.nan)
+    return np.asarray(column, np.float64)

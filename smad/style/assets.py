@@ -1,0 +1,45 @@
+"""The files of the look: for a server that hands them out, and inside a page of one file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from smad.style.palette import css
+
+_STATIC = Path(__file__).parent / "static"
+_UPLOT_EXPORT = "export { uPlot as default };"
+_IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
+_SCRIPTS = ("plots.js", "plane.js", "panels.js")
+_KINDS = {".js": "text/javascript", ".css": "text/css", ".txt": "text/plain"}
+
+
+def files() -> Mapping[str, tuple[str, bytes]]:
+    """Return each file by its path, with its content type: `style.css`, `plots.js`, vendored."""
+    found = {
+        path.relative_to(_STATIC).as_posix(): (
+            f"{_KINDS[path.suffix]}; charset=utf-8",
+            path.read_bytes(),
+        )
+        for path in sorted(_STATIC.rglob("*"))
+        if path.suffix in _KINDS
+    }
+    found["style.css"] = ("text/css; charset=utf-8", css().encode())
+    return found
+
+
+def style(*, plots: bool) -> str:
+    """Return the style sheet of a page of one file; `plots`: with what plots need."""
+    return css() + (_text("vendor/uPlot.css") if plots else "")
+
+
+def script() -> str:
+    """Return uPlot and all that draws with it as one script: such a page cannot import files."""
+    uplot = _text("vendor/uPlot.js").replace(_UPLOT_EXPORT, "return uPlot;")
+    ours = (_IMPORT.sub("", _text(name)).replace("export ", "") for name in _SCRIPTS)
+    return "\n".join((f"const uPlot = (() => {{\n{uplot}}})();", *ours))
+
+
+def _text(name: str) -> str:
+    return (_STATIC / name).read_text("utf-8")

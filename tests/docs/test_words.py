@@ -1,0 +1,20 @@
+"""The handbook stays one that is read: so many words of each kind, and no more."""
+
+import pytest
+
+from tools.words import KINDS, counted
+
+MOST = {"decisions": 6_500, "generated reference": 13_000}
+MOST_IN_ALL = 57_000
+
+
+@pytest.mark.parametrize("kind", MOST)
+def test_a_kind_of_page_does_not_grow(kind: str) -> None:
+    assert counted()[kind] <= MOST[kind], "cut elsewhere what you add"
+
+
+def test_the_handbook_does_not_grow() -> None:
+    words = counted()
+    assert set(words) == {*KINDS, "generated reference"}
+    assert all(words.values())
+    assert sum(words.values()) <= MOST_IN_ALL, "cut elsewhere what you add"

@@ -1,0 +1,145 @@
+"""`smad bridge foxglove` beside a real daemon, read by a client that follows the protocol."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from bench.browser import running_daemon, served
+from smad.bridge.foxglove import LINK, LOG, ROWS, SUBPROTOCOLS
+from smad.bridge.server import MOST_VIEWERS
+from smad.cli import execute
+from smad.client import Client
+from smad.runlog.schema import CHANNELS
+
+PATIENCE_S = 60.0
+
+
+@contextlib.contextmanager
+def bridge_of(folder: Path) -> Iterator[str]:
+    """`smad bridge foxglove` of the daemon in `folder`; what it says to connect to."""
+    with served(folder, ["bridge", "foxglove"]) as bridge:
+        yield bridge.said[0].split()[2]
+        assert bridge.end() == 0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    made = tmp_path_factory.mktemp("bridge")
+    with running_daemon(made, "--paced-by-host"):
+        yield made
+
+
+@pytest.fixture(scope="module")
+def address(folder: Path) -> Iterator[str]:
+    with bridge_of(folder) as said:
+        yield said
+
+
+def join(address: str, subprotocol: str = SUBPROTOCOLS[0]) -> ClientConnection:
+    return connect(address, subprotocols=[Subprotocol(subprotocol)])
+
+
+def ask(viewer: ClientConnection, **message: Any) -> None:
+    viewer.send(json.dumps(message))
+
+
+def message_of(viewer: ClientConnection, op: str) -> dict[str, Any]:
+    """The next text message of that kind."""
+    while True:
+        got = viewer.recv(timeout=PATIENCE_S)
+        if isinstance(got, str) and (message := json.loads(got))["op"] == op:
+            found: dict[str, Any] = message
+            return found
+
+
+def data_of(viewer: ClientConnection, subscription: int) -> tuple[int, dict[str, Any]]:
+    """Time in ns and body of the next message of a subscription."""
+    while True:
+        got = viewer.recv(timeout=PATIENCE_S)
+        if isinstance(got, bytes):
+            op, number, time_ns = struct.unpack("<BIQ", got[:13])
+            assert op == 1
+            if number == subscription:
+                return time_ns, json.loads(got[13:])
+
+
+def logged(viewer: ClientConnection, subscription: int, words: str) -> dict[str, Any]:
+    """The next event that says so, among the next fifty."""
+    events = (data_of(viewer, subscription)[1] for _ in range(50))
+    return next(event for event in events if words in event["message"])
+
+
+@pytest.mark.parametrize("subprotocol", SUBPROTOCOLS)
+def test_a_viewer_gets_the_samples_of_the_bench(address: str, subprotocol: str) -> None:
+    with join(address, subprotocol) as viewer:
+        assert viewer.subprotocol == subprotocol
+        assert message_of(viewer, "serverInfo")["name"] == "smad, bench"
+        channels = message_of(viewer, "advertise")["channels"]
+        schema = json.loads(next(c["schema"] for c in channels if c["id"] == ROWS.id))
+        ask(viewer, op="subscribe", subscriptions=[{"id": 9, "channelId": ROWS.id}])
+        samples = [data_of(viewer, 9) for _ in range(20)]
+    times_ns = [time_ns for time_ns, _ in samples]
+    assert times_ns == sorted(times_ns)
+    ticks = [row["tick"] for _, row in samples]
+    assert ticks == list(range(ticks[0], ticks[0] + 20))
+    for _, row in samples:
+        assert set(row) <= set(CHANNELS)
+        assert set(row) <= set(schema["properties"])
+        assert None not in row.values()
+
+
+def test_events_counters_and_gains_reach_it_and_it_changes_none(address: str, folder: Path) -> None:
+    with join(address) as viewer, Client(folder=folder, timeout_s=PATIENCE_S) as client:
+        pairs = [{"id": 1, "channelId": LOG.id}, {"id": 2, "channelId": LINK.id}]
+        ask(viewer, op="subscribe", subscriptions=pairs)
+        assert "missed_samples" in data_of(viewer, 2)[1]["counters"]
+        client.arm()
+        assert logged(viewer, 1, "→ ARMED")["name"] == "smad.state"
+        ask(viewer, op="getParameters", parameterNames=["gains.kp_A_per_mm"], id="k")
+        gains = message_of(viewer, "parameterValues")
+        assert gains["parameters"][0]["value"] == client.status().gains.kp_A_per_mm
+        wanted = [{"name": "gains.kp_A_per_mm", "value": 1.0}]
+        ask(viewer, op="setParameters", parameters=wanted)
+        assert "read-only" in message_of(viewer, "status")["message"]
+        client.disarm()
+        assert logged(viewer, 1, "ARMED →")["level"] == 2
+
+
+def test_the_configuration_that_it_shows_names_no_files_and_no_keys(address: str) -> None:
+    with join(address) as viewer:
+        names: set[str] = set()
+        while not any(name.startswith("board.") for name in names):
+            ask(viewer, op="getParameters", parameterNames=[])
+            names = {one["name"] for one in message_of(viewer, "parameterValues")["parameters"]}
+    assert {name.partition(".")[0] for name in names} == {"board", "control", "gains", "limits"}
+
+
+def test_a_viewer_of_another_protocol_and_one_too_many_are_refused(address: str) -> None:
+    with pytest.raises(InvalidStatus):
+        connect(address, subprotocols=[Subprotocol("something.else")])
+    with contextlib.ExitStack() as stack:
+        for _ in range(MOST_VIEWERS):
+            message_of(stack.enter_context(join(address)), "serverInfo")
+        with pytest.raises(InvalidStatus, match="503"):
+            join(address)
+
+
+def test_a_viewer_is_told_that_the_daemon_is_away(tmp_path: Path) -> None:
+    with bridge_of(tmp_path) as address, join(address) as viewer:
+        assert "no daemon is running" in message_of(viewer, "status")["message"]
+
+
+def test_a_port_that_is_taken_is_named(address: str, capsys: pytest.CaptureFixture[str]) -> None:
+    port = address.rpartition(":")[2]
+    assert execute(["bridge", "foxglove", "--port", port]) != 0
+    assert f"got {port}" in capsys.readouterr().err

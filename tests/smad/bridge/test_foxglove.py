@@ -1,0 +1,144 @@
+"""The protocol without a socket: what a viewer is told, and what each of its messages does."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import pytest
+
+from smad import api
+from smad.bridge import foxglove
+from smad.bridge.foxglove import CHANNELS, LOG, ROWS, Channel, Value, Viewer, log
+from smad.bridge.source import Source, link_counters
+from smad.runlog.schema import Row, json_schema
+from tests.smad.view.test_forms_and_state import status
+
+
+def viewer(**parameters: Value) -> Viewer:
+    def kept(channel: Channel) -> list[tuple[int, bytes]]:
+        return [log(2.5, "fault", "too hot")] if channel == LOG else []
+
+    return Viewer("bench", "7", lambda: parameters, kept)
+
+
+def ask(one: Viewer, **message: Any) -> list[Any]:
+    return [
+        json.loads(answer) if isinstance(answer, str) else answer
+        for answer in one.receive(json.dumps(message))
+    ]
+
+
+def test_a_viewer_is_told_the_schemas_of_the_run_log() -> None:
+    server, advertised = map(json.loads, viewer().hello())
+    assert server["op"] == "serverInfo"
+    assert server["capabilities"] == ["parameters", "parametersSubscribe"]
+    channels = {one["topic"]: one for one in advertised["channels"]}
+    assert set(channels) == {"/smad/row", "/smad/link", "/smad/log"}
+    assert channels["/smad/row"]["schema"].encode() == json_schema(Row)
+    assert channels["/smad/log"]["schemaName"] == "foxglove.Log"
+    assert {one["schemaEncoding"] for one in advertised["channels"]} == {"jsonschema"}
+
+
+def test_each_subscription_gets_a_message_once_until_it_ends() -> None:
+    one = viewer()
+    pairs = [{"id": number, "channelId": ROWS.id} for number in (4, 5)]
+    assert ask(one, op="subscribe", subscriptions=pairs) == []
+    assert one.wants(ROWS)
+    assert not one.wants(LOG)
+    sent = one.messages(ROWS, 1_500_000_000, b"{}")
+    assert [struct.unpack("<BIQ", data[:13]) for data in sent] == [
+        (1, 4, 1_500_000_000),
+        (1, 5, 1_500_000_000),
+    ]
+    assert {data[13:] for data in sent} == {b"{}"}
+    assert ask(one, op="unsubscribe", subscriptionIds=[4, 5, 6]) == []
+    assert one.messages(ROWS, 1, b"{}") == []
+
+
+def test_who_subscribes_to_the_log_gets_what_happened_before() -> None:
+    (data,) = ask(viewer(), op="subscribe", subscriptions=[{"id": 1, "channelId": LOG.id}])
+    message = json.loads(data[13:])
+    assert message["timestamp"] == {"sec": 2, "nsec": 500_000_000}
+    assert (message["level"], message["name"], message["message"]) == (4, "smad.fault", "too hot")
+
+
+def test_parameters_are_read_and_followed_but_not_set() -> None:
+    values: dict[str, Value] = {"gains.kp": 7.0, "gains.cooling": "switch", "board.n": 3}
+    one = Viewer("bench", "7", lambda: values, lambda channel: [])
+    (all_of_them,) = ask(one, op="getParameters", parameterNames=[], id="q")
+    assert all_of_them["id"] == "q"
+    assert all_of_them["parameters"] == [
+        {"name": "gains.kp", "value": 7.0, "type": "float64"},
+        {"name": "gains.cooling", "value": "switch"},
+        {"name": "board.n", "value": 3},
+    ]
+    refused, still = ask(one, op="setParameters", parameters=[{"name": "gains.kp", "value": 1}])
+    assert "read-only" in refused["message"]
+    assert still["parameters"][0]["value"] == 7.0
+    (first,) = ask(one, op="subscribeParameterUpdates", parameterNames=["gains.kp"])
+    assert first["parameters"][0]["value"] == 7.0
+    assert one.changed() == []
+    values |= {"gains.kp": 8.0, "board.n": 4}
+    (later,) = map(json.loads, one.changed())
+    assert later["parameters"] == [{"name": "gains.kp", "value": 8.0, "type": "float64"}]
+    ask(one, op="unsubscribeParameterUpdates", parameterNames=["gains.kp"])
+    values["gains.kp"] = 9.0
+    assert one.changed() == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "[]", '{"op":"advertise","channels":[]}', "\x00",
+        '{"op":"subscribe","subscriptions":[{"id":1}]}',
+        '{"op":"subscribe","subscriptions":[{"id":-1,"channelId":1}]}',
+        '{"op":"subscribe","subscriptions":[{"id":1,"channelId":99}]}',
+    ],
+)  # fmt: skip
+def test_what_is_not_offered_or_not_understood_is_said(text: str) -> None:
+    (answer,) = viewer().receive(text)
+    assert json.loads(answer)["op"] == "status"
+
+
+def test_a_viewer_has_no_more_subscriptions_than_are_allowed() -> None:
+    one = viewer()
+    for first in (0, foxglove.MOST_SUBSCRIPTIONS):
+        many = [{"id": first + n, "channelId": ROWS.id} for n in range(foxglove.MOST_SUBSCRIPTIONS)]
+        answers = ask(one, op="subscribe", subscriptions=many)
+    assert {answer["op"] for answer in answers} == {"status"}
+    assert len(one.messages(ROWS, 1, b"")) == foxglove.MOST_SUBSCRIPTIONS
+
+
+class Seen:
+    """A sink that remembers."""
+
+    def __init__(self) -> None:
+        self.published: list[tuple[str, int, dict[str, Any]]] = []
+        self.told: list[str] = []
+
+    def wants(self, channel: Channel) -> bool:
+        return channel in CHANNELS
+
+    def publish(self, channel: Channel, time_ns: int, body: bytes) -> None:
+        self.published.append((channel.topic, time_ns, json.loads(body)))
+
+    def news(self, why_away: str) -> None:
+        self.told.append(why_away)
+
+
+def test_an_event_is_passed_on_once_and_the_gains_are_those_in_force() -> None:
+    from msgspec.structs import replace
+
+    source, sink = Source("bench"), Seen()
+    events = (api.Entry(1.0, "connected"), api.Entry(2.0, "too hot", "fault"))
+    now = replace(status(host_time_s=3.0), events=events[:1])
+    source._seen(now, sink)
+    source._seen(replace(now, events=events), sink)
+    logged = [body["message"] for topic, _, body in sink.published if topic == "/smad/log"]
+    assert logged == ["connected", "too hot"]
+    assert [t for topic, t, _ in sink.published if topic == "/smad/link"] == [3_000_000_000] * 2
+    assert source.parameters == {"gains.kp_A_per_mm": 7.0}
+    assert sink.told == ["", ""]
+    assert link_counters(now)["missed_samples"] == 0.0

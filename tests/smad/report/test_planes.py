@@ -1,0 +1,141 @@
+"""Planes: which quantities are set against each other, and which cycle a sample belongs to."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.browser import browser, what_is_missing
+from smad.report.page import Page, Section, render
+from smad.report.panels import Panels, followed
+from smad.report.planes import MOST_POINTS, QUANTITIES, Curve, Plane, cycles_of, planes_of
+
+MISSING = what_is_missing()
+
+
+def columns(n: int = 1000, cycles: int = 4) -> dict[str, np.ndarray]:
+    """A run that begins at rest, goes up first, and whose loops are ellipses in temperature."""
+    phase = np.linspace(0.0, 2.0 * np.pi * cycles, n)
+    return {
+        "t_s": np.linspace(0.0, 40.0, n),
+        "reference_mm": 5.0 * np.sin(phase),
+        "displacement_mm": 5.0 * np.sin(phase - 0.3),
+        "force_N": 1.5 + 0.2 * np.cos(phase),
+        "rtd_x_degC": 40.0 + 10.0 * np.sin(phase + 0.6),
+        "rtd_y_degC": 40.0 - 10.0 * np.sin(phase + 0.6),
+        "i_meas_x_A": np.maximum(0.0, np.sin(phase)),
+        "i_meas_y_A": np.maximum(0.0, -np.sin(phase)),
+    }
+
+
+def test_cycles_end_at_the_troughs_of_the_reference() -> None:
+    run = columns()
+    cycle = cycles_of(run)
+    assert set(cycle) == {1, 2, 3, 4, 5}
+    ends = np.flatnonzero(np.diff(cycle))
+    assert run["reference_mm"][ends] == pytest.approx(-5.0, abs=0.01)
+
+
+def test_a_ripple_is_no_cycle_and_a_run_without_motion_has_one() -> None:
+    run = columns()
+    run["reference_mm"] = run["reference_mm"] + 0.1 * np.sin(np.arange(1000))
+    assert cycles_of(run)[-1] == 5
+    assert set(cycles_of({"t_s": np.arange(5.0)})) == {1}
+
+
+def test_where_there_is_no_reference_the_displacement_says_what_a_cycle_is() -> None:
+    run = columns()
+    run["reference_mm"] = np.full(1000, np.nan)
+    assert cycles_of(run)[-1] == 5
+
+
+def test_a_flat_trough_belongs_to_the_cycle_that_it_ends() -> None:
+    steps = np.repeat([0.0, 10.0, -10.0, 0.0, 10.0, -10.0, 0.0], 100)
+    cycle = cycles_of({"t_s": np.arange(700.0), "reference_mm": steps})
+    assert [cycle[i] for i in (50, 299, 300, 599, 600)] == [1, 1, 2, 2, 3]
+
+
+def test_one_run_has_its_cycles_and_several_have_their_colours() -> None:
+    run = columns()
+    alone = planes_of([("a", "run-1", run["t_s"], run)])
+    assert [(plane.y.label, plane.x.label) for plane in alone] == [
+        ("displacement", "temperature of X"),
+        ("displacement", "temperature of Y"),
+        ("displacement", "current in X"),
+        ("displacement", "current in Y"),
+        ("tendon force", "displacement"),
+    ]
+    assert alone[0].curves[0].cycle is not None
+    both = planes_of([(name, pen, run["t_s"], run) for name, pen in (("a", "x"), ("b", "y"))])
+    assert [(curve.pen, curve.cycle) for curve in both[0].curves] == [("x", None), ("y", None)]
+
+
+def test_what_does_not_move_has_no_plane_and_a_blocked_pair_shows_its_force() -> None:
+    run = columns()
+    run["displacement_mm"] = np.zeros(1000)
+    run["rtd_y_degC"] = np.full(1000, 25.0)
+    titles = [plane.title for plane in planes_of([("a", "run-1", run["t_s"], run)])]
+    assert titles == ["Tendon force against temperature of X"]
+    assert planes_of([("a", "run-1", run["t_s"], {"t_s": run["t_s"]})]) == []
+
+
+def test_values_stand_in_the_page_once_and_those_of_one_moment_stay_together() -> None:
+    run = columns(3 * MOST_POINTS)
+    data = json.loads(Panels((), planes=planes_of([("a", "x", run["t_s"], run)])).as_json())
+    assert len(data["values"]) == 8
+    assert {len(values) for values in data["values"]} == {MOST_POINTS}
+    curve = data["planes"][0]["curves"][0]
+    x, y = (data["values"][curve[name]] for name in ("x", "y"))
+    assert x == np.round(run["rtd_x_degC"][::3], 2).tolist()
+    assert y == np.round(run["displacement_mm"][::3], 3).tolist()
+
+
+def a_known_loop() -> Panels:
+    """A circle of 1000 samples, and the time that it takes."""
+    t = np.linspace(0.0, 10.0, 1000)
+    x, y = 40.0 + 10.0 * np.cos(t), np.sin(t)
+    plane = Plane(
+        "Loop",
+        QUANTITIES["rtd_x_degC"],
+        QUANTITIES["displacement_mm"],
+        [Curve(label="circle", pen="x", x=x, y=y, t=t, cycle=np.where(t < 2 * np.pi, 1, 2))],
+    )
+    both = {"reference_mm": y, "displacement_mm": y}
+    return Panels([followed(t, both)], planes=[plane])
+
+
+@pytest.mark.skipif(
+    bool(MISSING) and not os.environ.get("SMAD_REQUIRE_BROWSER"), reason=MISSING or "-"
+)
+def test_a_browser_draws_a_known_loop_and_names_the_sample_under_the_pointer(
+    tmp_path: Path,
+) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    page = tmp_path / "page.html"
+    page.write_text(render(Page("t", [Section("s", [a_known_loop()])])))
+    with browser(tmp_path / "profile") as driver:
+        driver.get(f"file://{page}")
+        plane = driver.find_element(By.CSS_SELECTOR, ".plane .u-over")
+        width, height = plane.size["width"], plane.size["height"]
+        # The loop fills the plane but for 4 % of its range on each side.
+        right, up = round(width / 2 / 1.08), round(height / 2 / 1.08)
+
+        def said(dx: int, dy: int) -> str:
+            ActionChains(driver).move_to_element_with_offset(plane, dx, dy).perform()
+            return str(driver.find_element(By.CSS_SELECTOR, ".plane output").text)
+
+        assert said(right, 0).startswith(("50.0 °C, ", "49.9 °C, "))
+        assert "1.00 mm; cycle " in said(0, -up)
+        # A zoom of the panels to their first half leaves the plane what belongs to it.
+        strip = driver.find_element(By.CSS_SELECTOR, ".panel .u-over")
+        half = round(strip.size["width"] / 2) - 2
+        drag = ActionChains(driver).move_to_element_with_offset(strip, -half, 0).click_and_hold()
+        drag.move_by_offset(half, 0).release().perform()
+        assert "; cycle 1; 0.0 s" in said(right, 0)
+        assert driver.get_log("browser") == []
