@@ -71,7 +71,7 @@ def _runs(plant: SmaPlant, bench: ModelPoint) -> list[GapRun]:
     """
     import numpy as np
 
-    from smad.gap.paired.programme import shipped
+    from smad.checkup.programme import shipped
 
     (opened,) = (view for view in plant.views if view.open_loop)
     noise = {c.name: (c.noise, c.quantum) for c in plant.channels}

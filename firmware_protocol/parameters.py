@@ -84,6 +84,15 @@ BENCH_PARAMETERS: tuple[Parameter, ...] = (
         never_zero=True,
     ),
     Parameter(13, "force_offset_counts", 0, -(2**30), 2**30, "counts", "force reading at 0 N"),
+    Parameter(
+        14,
+        "axis_name_crc",
+        0,
+        0,
+        2**30 - 1,
+        "",
+        "low 30 bits of the CRC-32 of the name of its axis; 0: none is stored",
+    ),
 )
 
 LIMIT_PARAMETERS: tuple[Parameter, ...] = tuple(
@@ -119,6 +128,11 @@ class ParameterRefusedError(ParameterError):
 
 class DamagedImageError(ParameterError):
     """Stored parameters do not match their CRC."""
+
+
+def axis_name_crc(name: str) -> int:
+    """Return what a board stores of the name of its axis, never 0: that stands for none."""
+    return zlib.crc32(name.encode()) & 0x3FFF_FFFF or 1
 
 
 def crc_of(values: Mapping[tuple[int, int], int]) -> int:

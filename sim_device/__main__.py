@@ -82,14 +82,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The first step compiles the physics, which may take seconds; no port is open meanwhile.
         make_bench(options).step()
         stats, counts = serve(
-            make_bench(options),
+            {"": make_bench(options)},
             speed=options.speed,
             symlink=options.symlink,
             transport=options.transport,
             paced_by_host=options.paced_by_host,
             host_timeout_s=options.host_timeout if options.paced_by_host else None,
             max_seconds=options.max_seconds,
-            on_ready=lambda name: print(f"port: {options.symlink or name}", flush=True),
+            on_ready=lambda names: print(f"port: {options.symlink or names['']}", flush=True),
         )
     except (BenchError, PlantError, ValueError, OSError) as error:
         print(f"sim_device: {error}", file=sys.stderr)

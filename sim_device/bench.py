@@ -13,6 +13,7 @@ from typing import Any
 
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState, Fault, ResetCause
+from firmware_protocol.parameters import BY_NAME, ParameterStore, axis_name_crc
 from firmware_protocol.supervisor import (
     ArmConfirmed,
     ArmRequested,
@@ -43,6 +44,7 @@ class SimulatedBench:
     parameters: of the plant (None: the built-in set A). variant, effects, laws, fixture, cooling:
     as for Plant. rate_hz: samples per second. seed: of noise, tokens and damage on the line.
     faults: injections, see `sim_device.faults`. clock_start_us: board time at power-up.
+    axis_name: of the axis whose board it is, stored in its parameters; empty: none is stored.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class SimulatedBench:
         faults: Sequence[Injection] = (),
         clock_start_us: int = 0,
         image: bytes | None = None,
+        axis_name: str = "",
     ) -> None:
         self.plant = Plant(
             load_parameters("A") if parameters is None else parameters,
@@ -87,7 +90,7 @@ class SimulatedBench:
         self._fixture = fixture
         self._seed = seed
         self._rate_hz = rate_hz
-        self._image = image
+        self._image = named_image(image, axis_name, rate_hz)
         self._boots = 0
         self._board_start_us = clock_start_us
         self._typed_seq = 0
@@ -296,3 +299,15 @@ class SimulatedBench:
         if until_us > self._plant_us:
             self.plant.advance(drive or self.drive(), (until_us - self._plant_us) * 1e-6)
             self._plant_us = until_us
+
+
+def named_image(image: bytes | None, axis_name: str, rate_hz: int) -> bytes | None:
+    """Return an image of stored parameters that holds the name of the axis, if there is one."""
+    if not axis_name:
+        return image
+    store = ParameterStore(1)
+    store.set(0, BY_NAME["state_rate_hz"].number, rate_hz)
+    if image is not None:
+        store.load(image)
+    store.set(0, BY_NAME["axis_name_crc"].number, axis_name_crc(axis_name))
+    return store.image()

@@ -19,10 +19,12 @@ setpoint comes, so that it still notices and stops. Not armed, the board never w
 
 from __future__ import annotations
 
+import functools
 import select
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -121,18 +123,26 @@ class Server:
                 port.close()
         self.port = self._old_port = None
 
-    def turn(self) -> None:
-        """Wait for bytes or for the next sample, whichever comes first, and do it."""
+    def wait_s(self) -> float:
+        """Return how long there is nothing to do but to listen, in s."""
+        due_s = self._sampled_s + self._host_timeout_s if self._waits_for_host() else self._due_s
+        return max(due_s - self._clock(), 0.0)
+
+    def turn(self, most_s: float = WAIT_MOST_S, *, hold: bool = False) -> None:
+        """Wait for bytes or for the next sample, whichever comes first, and do it.
+
+        At most `most_s` at a time. With `hold` no sample is taken, though one may be due.
+        """
         now_s = self._clock()
         if self._waits_for_host():
             self.stats.host_waits += not self._waiting
             self._waiting = True
-            self._listen(self._sampled_s + self._host_timeout_s - now_s)
+            self._listen(min(most_s, self._sampled_s + self._host_timeout_s - now_s))
             if self._waits_for_host() and self._clock() >= self._sampled_s + self._host_timeout_s:
                 self._left_behind_at_us = self.bench.board.sp_ref_us
                 self.stats.host_timeouts += 1
-        elif now_s < self._due_s:
-            self._listen(self._due_s - now_s)
+        elif hold or now_s < self._due_s:
+            self._listen(most_s if hold else min(most_s, self._due_s - now_s))
         else:
             self._listen(0.0)
             self._sample()
@@ -203,8 +213,54 @@ class Server:
             self._old_port = None
 
 
+class Servers:
+    """Boards of several axes, each behind a port of its own, in one process.
+
+    With `lockstep` none takes a sample while another is behind it in time: then all of them, and
+    whoever answers each sample, live on one virtual time.
+    """
+
+    def __init__(
+        self,
+        servers: Sequence[Server],
+        *,
+        lockstep: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.servers = servers
+        self.stopping = False
+        self._lockstep = lockstep
+        self._clock = clock
+
+    def run(self, max_seconds: float | None = None) -> None:
+        """Run until `stop`, or for so many seconds of wall time."""
+        end_s = None if max_seconds is None else self._clock() + max_seconds
+        while not self.stopping and (end_s is None or self._clock() < end_s):
+            self.turn()
+
+    def stop(self) -> None:
+        """End `run` soon."""
+        self.stopping = True
+
+    def close(self) -> None:
+        """Give up the ports."""
+        for server in self.servers:
+            server.close()
+
+    def turn(self) -> None:
+        """Wait for bytes of any board or for the next sample of any, and do what is to be done."""
+        least_us = min(server.bench.now_us for server in self.servers)
+        held = [self._lockstep and server.bench.now_us > least_us for server in self.servers]
+        waits_s = [s.wait_s() for s, hold in zip(self.servers, held, strict=True) if not hold]
+        ports = [server.port for server in self.servers if server.port is not None]
+        fds = [fd for port in ports if (fd := port.fileno()) is not None]
+        select.select(fds, [], [], min(WAIT_MOST_S, *waits_s))
+        for server, hold in zip(self.servers, held, strict=True):
+            server.turn(0.0, hold=hold)
+
+
 def serve(
-    bench: SimulatedBench,
+    benches: Mapping[str, SimulatedBench],
     *,
     speed: float = 1.0,
     symlink: Path | None = None,
@@ -212,42 +268,71 @@ def serve(
     paced_by_host: bool = False,
     host_timeout_s: float | None = None,
     max_seconds: float | None = None,
-    on_ready: Callable[[str], None] | None = None,
+    on_ready: Callable[[Mapping[str, str]], None] | None = None,
     handle_signals: bool = True,
 ) -> tuple[ServeStats, PortCounts]:
-    """Run `bench` behind a port until SIGINT, SIGTERM or for `max_seconds`; return the counts.
+    """Run benches behind ports until SIGINT, SIGTERM or for `max_seconds`; return the counts.
 
-    transport: "pty", or "fd:N" for an inherited socket. `on_ready` gets the port's name once a
-    client can open it. `handle_signals` needs the main thread. Raises PortError.
+    `benches` are by axis; a single one has the empty name, several have the `symlink` with a dot
+    and their name behind it. transport: "pty", or "fd:N" for an inherited socket of a single one.
+    `on_ready` gets the names of the ports once a client can open them. `handle_signals` needs the
+    main thread. Raises PortError.
     """
-
     counts = PortCounts()
 
-    def make_port() -> Port:
+    def open_port(axis: str) -> Port:
         if transport == "pty":
-            return PtyPort(symlink, counts)
+            return PtyPort(symlink_of(symlink, axis), counts)
         kind, _, number = transport.partition(":")
-        if kind == "fd" and number.isdigit():
+        if kind == "fd" and number.isdigit() and not axis:
             return socket_from_descriptor(int(number), counts)
-        raise PortError(f"transport {transport!r} is refused: give pty, or fd:N with a number")
+        raise PortError(
+            f"transport {transport!r} is refused: give pty or, for one axis, fd:N with a number"
+        )
 
-    server = Server(
-        bench, make_port, speed=speed, paced_by_host=paced_by_host, host_timeout_s=host_timeout_s
-    )
-    assert server.port is not None
-    name = server.port.name
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        server.stop()
-
-    before = {}
-    if handle_signals:
-        before = {n: signal.signal(n, on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with ExitStack() as opened:
+        servers: dict[str, Server] = {}
+        for axis, bench in benches.items():
+            servers[axis] = Server(
+                bench,
+                functools.partial(open_port, axis),
+                speed=speed,
+                paced_by_host=paced_by_host,
+                host_timeout_s=host_timeout_s,
+            )
+            opened.callback(servers[axis].close)
+        group = Servers(tuple(servers.values()), lockstep=paced_by_host)
+        if handle_signals:
+            opened.enter_context(_stopped_by_signals(group))
         if on_ready is not None:
-            on_ready(name)
-        return server.run(max_seconds), counts
+            on_ready({axis: s.port.name for axis, s in servers.items() if s.port is not None})
+        group.run(max_seconds)
+        return _sum(server.stats for server in group.servers), counts
+
+
+def symlink_of(symlink: Path | None, axis: str) -> Path | None:
+    """Return the lasting name of the port of an axis."""
+    return symlink.with_name(f"{symlink.name}.{axis}") if symlink is not None and axis else symlink
+
+
+@contextmanager
+def _stopped_by_signals(group: Servers) -> Iterator[None]:
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        group.stop()
+
+    before = {n: signal.signal(n, on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
     finally:
-        server.close()
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _sum(parts: Iterable[ServeStats]) -> ServeStats:
+    total = ServeStats()
+    for part in parts:
+        total.samples += part.samples
+        total.grid_restarts += part.grid_restarts
+        total.host_timeouts += part.host_timeouts
+        total.host_waits += part.host_waits
+    return total

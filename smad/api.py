@@ -11,7 +11,7 @@ import enum
 from typing import Annotated, Any, Literal
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 
 from smad.control.commands import (
     DriveCurrent,
@@ -20,6 +20,7 @@ from smad.control.commands import (
     HoldTemperature,
     Idle,
     MoveStage,
+    Trajectory,
     Tune,
 )
 from smad.runlog.schema import Row
@@ -30,6 +31,14 @@ LARGEST_TAKEN_IN = 4 * LARGEST_MESSAGE
 """Bytes. A message beyond this is not taken into memory to be refused: it ends the connection."""
 
 TELEMETRY_TOPIC = "smad"
+AXIS_TOPICS = "axis/"
+"""Topic of the samples of a bench of one axis; what the topics of several begin with."""
+
+
+def topic_of(axis: str) -> str:
+    """Return the topic of the samples of an axis; of the only one, which has no name, too."""
+    return f"{AXIS_TOPICS}{axis}" if axis else TELEMETRY_TOPIC
+
 
 Name = Annotated[str, Meta(min_length=1, max_length=64)]
 
@@ -117,6 +126,18 @@ class Clear(Params, frozen=True, kw_only=True):
     fault: Annotated[
         int | None, Meta(description="number of the fault; empty: the one that is latched")
     ] = None
+
+
+class Together(Params, frozen=True, kw_only=True):
+    """Trajectories of several axes that begin together, each at its board's next sample."""
+
+    moves: Annotated[
+        dict[str, tuple[Trajectory, ...]],
+        Meta(min_length=1, max_length=16, description="what each axis, by name, is to follow"),
+    ]
+    queue: Annotated[
+        bool, Meta(description="begin when the slowest of these axes has ended what it does")
+    ] = False
 
 
 class ListParams(Params, frozen=True, kw_only=True):
@@ -336,6 +357,48 @@ class Motion(Struct, frozen=True, kw_only=True):
     generation: Annotated[
         int, Meta(description="stops so far; a request that carries it is refused after the next")
     ] = 0
+    axes: Annotated[
+        dict[str, Motion] | UnsetType, Meta(description="of a bench of several axes: each by name")
+    ] = UNSET
+
+
+def of_the_bench(motions: dict[str, Motion]) -> Motion:
+    """Return what several axes do as one motion: done when all are, armed while one is."""
+
+    def common(name: str) -> str:
+        return ", ".join(dict.fromkeys(getattr(motion, name) for motion in motions.values()))
+
+    def first(name: str) -> Any:
+        return next((told for m in motions.values() if (told := getattr(m, name))), None)
+
+    return Motion(
+        running=common("running"),
+        done=all(motion.done for motion in motions.values()),
+        armed=any(motion.armed for motion in motions.values()),
+        mode=common("mode"),
+        reference_mm=None,
+        displacement_mm=None,
+        board_time_s=max(motion.board_time_s for motion in motions.values()),
+        ended=first("ended") or "",
+        fault=first("fault"),
+        generation=max(motion.generation for motion in motions.values()),
+        axes=motions,
+    )
+
+
+class AxisStatus(Struct, frozen=True, kw_only=True):
+    """What concerns one axis: a part of the status of the bench."""
+
+    link: Annotated[LinkStatus, Meta(description="the serial link")]
+    board: Annotated[Board | None, Meta(description="the board; empty before the handshake")]
+    motion: Annotated[Motion, Meta(description="what the controller is doing")]
+    limiter: Annotated[str, Meta(description="what holds the current down")]
+    faults: Annotated[tuple[str, ...], Meta(description="faults present")]
+    warnings: Annotated[tuple[str, ...], Meta(description="warnings present")]
+    sample: Annotated[Row | None, Meta(description="the last sample")]
+    counts: Annotated[Counts, Meta(description="totals")]
+    timing: Annotated[Timing, Meta(description="the loop's timing")]
+    gains: Annotated[Tune, Meta(description="gains and options in force")] = Tune()
 
 
 class Status(Struct, frozen=True, kw_only=True):
@@ -360,6 +423,14 @@ class Status(Struct, frozen=True, kw_only=True):
     control: Annotated[Control, Meta(description="exclusive control")]
     events: Annotated[tuple[Entry, ...], Meta(description="what happened last, oldest first")]
     gains: Annotated[Tune, Meta(description="gains and options in force")] = Tune()
+    axes: Annotated[
+        dict[str, AxisStatus] | UnsetType,
+        Meta(description="of a bench of several: each by name; what stands above is of the first"),
+    ] = UNSET
+    skew: Annotated[
+        Percentiles | UnsetType,
+        Meta(description="how far apart the boards began motions that begin together"),
+    ] = UNSET
 
     def _repr_html_(self) -> str:
         from smad import notebook
@@ -472,6 +543,7 @@ METHODS: tuple[Method, ...] = (
     Method("estop", EStop, Motion, "stop"),
     Method("clear", Clear, Motion, "control"),
     Method("move", Follow, Motion, "control", ends_with_stop=True),
+    Method("together", Together, Motion, "control", ends_with_stop=True),
     Method("heat", HoldTemperature, Motion, "control", ends_with_stop=True),
     Method("current", DriveCurrent, Motion, "control", ends_with_stop=True),
     Method("inputs", FollowInputs, Motion, "control", ends_with_stop=True),

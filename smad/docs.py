@@ -256,7 +256,11 @@ def _collect(struct: type[Struct], seen: dict[str, type[Struct]]) -> None:
 
 def _structs_in(kind: types.Type) -> Iterator[type[Struct]]:
     match kind:
-        case types.Metadata(type=inner) | types.VarTupleType(item_type=inner):
+        case (
+            types.Metadata(type=inner)
+            | types.VarTupleType(item_type=inner)
+            | types.DictType(value_type=inner)
+        ):
             yield from _structs_in(inner)
         case types.UnionType(types=members):
             for member in members:

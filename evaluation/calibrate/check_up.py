@@ -9,8 +9,7 @@ from typing import Any
 
 from evaluation.run.check_ups import benches_of, manifest_of
 from evaluation.score.seals import refuse_sealed
-from smad.gap.check.names import canonical
-from smad.gap.paired.calibrate import (
+from smad.checkup.calibrate import (
     Judged,
     Truth,
     apart,
@@ -22,10 +21,11 @@ from smad.gap.paired.calibrate import (
     reliability_of,
     tried,
 )
-from smad.gap.paired.constants import Constants, shipped_constants
+from smad.checkup.constants import Constants, shipped_constants
+from smad.checkup.judge import examine
+from smad.checkup.spring_pair import TRAITS
+from smad.gap.check.names import canonical
 from smad.gap.paired.difference import paired
-from smad.gap.paired.judge import examine
-from smad.gap.paired.spring_pair import TRAITS
 from smad.gap.sma import SmaPlant
 
 _KINDS = {
@@ -126,7 +126,7 @@ def calibrate(
 
 def _toml(constants: Constants, banks: str, cases: int) -> str:
     head = (
-        "# Constants of a check-up's decision; smad/gap/paired/constants.py says what each means.\n"
+        "# Constants of a check-up's decision; smad/checkup/constants.py says what each means.\n"
         "# Written by `python -m evaluation calibrate`"
         f" from {cases} check-ups of {banks}.\n"
     )

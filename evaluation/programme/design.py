@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from smad.gap.paired.design import Separations, design
-from smad.gap.paired.programme import write_programme
+from smad.checkup.design import Separations, design
+from smad.checkup.programme import write_programme
 from smad.gap.sma import SmaPlant
 
-TARGET = Path(__file__).parents[2] / "smad/gap/paired/data/spring-pair"
+TARGET = Path(__file__).parents[2] / "smad/checkup/data/spring-pair"
 _NEAR = 16.0
 # A day's difference of one bin, over what sensors show: floors of channels in their units.
 _REPEAT_SD = {"A": 0.004, "V": 0.004, "degC": 0.12, "mm": 0.04, "N": 0.008}

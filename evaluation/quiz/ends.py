@@ -7,11 +7,11 @@ from statistics import median
 from typing import Any
 
 from evaluation.errors import QuizError
+from smad.checkup.inquiry import Report
+from smad.checkup.programme import Programme
+from smad.checkup.verdict import CAUSE, GROUP, QUIET, UNKNOWN
 from smad.gap.check.intervals import wilson
 from smad.gap.check.names import canonical
-from smad.gap.paired.inquiry import Report
-from smad.gap.paired.programme import Programme
-from smad.gap.paired.verdict import CAUSE, GROUP, QUIET, UNKNOWN
 from smad.report.page import Table
 
 End = dict[str, Any]

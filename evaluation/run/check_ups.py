@@ -15,15 +15,15 @@ import numpy as np
 
 from evaluation.errors import BankError
 from evaluation.score.seals import refuse_sealed
+from smad.checkup.commission import asked, commissioned
+from smad.checkup.constants import Constants, shipped_constants
+from smad.checkup.files import read_file
+from smad.checkup.judge import Findings
+from smad.checkup.spring_pair import TRAITS
+from smad.checkup.verdict import CAUSE, GROUP, QUIET, Verdict, decide
 from smad.gap.check.names import canonical
-from smad.gap.paired.commission import commissioned
-from smad.gap.paired.constants import shipped_constants
 from smad.gap.paired.difference import Paired, paired
-from smad.gap.paired.files import read_file
-from smad.gap.paired.judge import Findings, examine
 from smad.gap.paired.reference import Reference
-from smad.gap.paired.spring_pair import TRAITS
-from smad.gap.paired.verdict import CAUSE, GROUP, QUIET, Verdict, decide
 from smad.gap.runs import GapRun
 from smad.gap.sma import SmaPlant
 
@@ -127,17 +127,23 @@ def _judged_bench(
             began = time.process_time()
             pairs = paired(plant, TRAITS, reference, runs)
             floors = floors or _floors(pairs)
-            findings = examine(pairs, constants)
-            found = decide(pairs, findings, constants)
+            findings, located = asked(pairs, constants)
+            found = decide(pairs, findings, constants, located)
             told = as_told(found, time.process_time() - began)
             told["baselines"] = baselines(pairs, findings, case)
             if case in entries and found.outcome != QUIET:
                 cause, names = entries[case]
-                less = examine(pairs, constants, exclude=names)
-                told["left_out"] = {cause: _short(decide(pairs, less, constants))}
+                less = _without(pairs, constants, names)
+                told["left_out"] = {cause: _short(less)}
             verdicts[case] = told
             print(f"{case} {bench} {found.ratio:.2f} {found.left:.2f} {found.headline}", flush=True)
     return bench, floors, verdicts
+
+
+def _without(pairs: Paired, constants: Constants, names: Sequence[str]) -> Verdict:
+    """The verdict of a library that lacks these entries."""
+    findings, located = asked(pairs, constants, names)
+    return decide(pairs, findings, constants, located)
 
 
 def _floors(pairs: Paired) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import ResetCause
-from sim_device.bench import SimulatedBench
+from sim_device.bench import SimulatedBench, named_image
 from sim_device.errors import BenchError, FaultSpecError
 from sim_device.firmware import store
 from sim_device.firmware.board import ChipBoard, FirmwareBoard
@@ -42,7 +42,12 @@ class FirmwareBench(SimulatedBench):
                 f"the store {self._store_path} cannot be made: there is no such folder; make it "
                 "first"
             )
-        image = options.get("image") or store.initial_image(options.get("rate_hz", 100))
+        rate_hz = options.get("rate_hz", 100)
+        image = named_image(
+            options.get("image") or store.initial_image(rate_hz),
+            options.get("axis_name", ""),
+            rate_hz,
+        )
         if image is not None and not self._store_path.exists():
             store.write_image(self._store_path, image)
         super().__init__(**options)

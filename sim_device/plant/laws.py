@@ -124,8 +124,9 @@ def law_space(
             for n, share in enumerate(_BENDS, 1):
                 knot = line.low + share * (line.high - line.low)
                 add(f"{state}_bend{n}", 2, replace(line, kind="bend", centre=knot))
-            if state == "velocity":
-                add("velocity_sign", 2, replace(line, kind="sign", centre=0.0, scale=REST_SPEED))
+        if state == "velocity":
+            # Friction; a line cannot stand for it.
+            add("velocity_sign", 2, replace(line, kind="sign", centre=0.0, scale=REST_SPEED))
         if lags and state != "time":
             for lag_s in LAGS_S:
                 add(f"{state}_lag{lag_s:g}", 3, replace(line, lag_s=lag_s))

@@ -34,6 +34,7 @@ COMMANDS: Mapping[str, str] = {
     "current": "smad.cli.drive:current",
     "pump": "smad.cli.drive:pump",
     "idle": "smad.cli.drive:idle",
+    "robot": "smad.cli.robot:robot",
     "params": "smad.cli.params:params",
     "record": "smad.cli.record:record",
     "link": "smad.cli.link:link",

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from smad.gap.paired.programme import Programme
-    from smad.gap.paired.series import Play
-    from smad.gap.paired.verdict import Verdict
+    from smad.checkup.programme import Programme
+    from smad.checkup.series import Play
+    from smad.checkup.verdict import Verdict
     from smad.gap.sma import SmaPlant
 
 
@@ -20,8 +20,8 @@ def require_same(
     folder: Path, bench: str, whose: str, digest: str, programme: Programme, *, part: bool = False
 ) -> None:
     """Refuses a baseline of another bench or programme; `part`: some of its runs suffice."""
+    from smad.checkup.programme import shipped
     from smad.gap.paired.errors import BaselineError
-    from smad.gap.paired.programme import shipped
 
     if bench != whose:
         raise BaselineError(
@@ -45,7 +45,7 @@ def require_same(
 
 def other_part(digest: str) -> str:
     """What to do with runs of a part of the shipped programme; empty for those of another one."""
-    from smad.gap.paired.programme import shipped
+    from smad.checkup.programme import shipped
 
     if digest == shipped().quick().digest:
         return "add --quick: it holds the quick part only"
@@ -59,7 +59,7 @@ def new_plant() -> SmaPlant:
 
 
 def chosen_programme(folder: Path | None, quick: bool) -> Programme:
-    from smad.gap.paired.programme import read_programme, shipped
+    from smad.checkup.programme import read_programme, shipped
 
     programme = shipped() if folder is None else read_programme(folder)
     return programme.quick() if quick else programme
@@ -80,7 +80,7 @@ def say(text: str) -> None:
 
 
 def print_verdict(verdict: Verdict) -> None:
-    from smad.gap.paired.verdict import lines
+    from smad.checkup.verdict import lines
 
     headline, *rest = lines(verdict)
     click.secho(headline, bold=True)

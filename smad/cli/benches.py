@@ -16,20 +16,20 @@ from smad.cli.output import progress
 from smad.client.signals import ended_by_signals
 
 if TYPE_CHECKING:
+    from smad.checkup.programme import ProgrammeRun
+    from smad.checkup.series import Play, Recorded
     from smad.client import Client
     from smad.control.plan import Plan
     from smad.experiments.errors import TrippedError
     from smad.experiments.repeating import Repeat
-    from smad.gap.paired.programme import ProgrammeRun
-    from smad.gap.paired.series import Play, Recorded
 
 LEASE_S = 2.0
 _SEED_STEP = 100_003
 
 
 def _planned(run: ProgrammeRun, original: Path | None) -> tuple[Plan, Repeat | None]:
+    from smad.checkup.playing import plan_of
     from smad.experiments.repeating import read_repeat
-    from smad.gap.paired.playing import plan_of
 
     if original is None:
         return plan_of(run, run.name), None
@@ -43,10 +43,10 @@ def simulated(*, seed: int, effects: Sequence[str]) -> Iterator[Play]:
     from sim_device.plant import load_parameters
     from sim_device.plant.effects.registry import from_text, resolve
     from sim_device.plant.errors import PlantError
+    from smad.checkup.series import Recorded
     from smad.experiments.driver import log_path
     from smad.experiments.errors import EndedEarlyError, TrippedError
     from smad.experiments.virtual import VirtualDriver
-    from smad.gap.paired.series import Recorded
 
     try:
         chosen = resolve(dict(from_text(text) for text in effects))
@@ -104,10 +104,10 @@ class _LivePlayer:
         self._armed = False
 
     def __call__(self, run: ProgrammeRun, original: Path | None) -> Recorded:
+        from smad.checkup.series import Recorded
         from smad.cli.leased import LeasedDriver
         from smad.experiments.errors import EndedEarlyError, TrippedError
         from smad.experiments.replayer import Replayer
-        from smad.gap.paired.series import Recorded
 
         plan, repeat = _planned(run, original)
         if repeat is not None:

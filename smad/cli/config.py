@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import bench_option, client
+from smad.cli.output import axis_option, client
 
 
 @click.group()
@@ -16,7 +16,7 @@ def config() -> None:
 
 @config.command()
 @click.option("--running", is_flag=True, help="The one a running daemon uses.")
-@bench_option
+@axis_option
 def show(running: bool, bench: str) -> None:
     """Print the default configuration with every key explained, or the one in use."""
     if running:

@@ -6,7 +6,15 @@ import click
 
 from firmware_protocol.nearest import instead
 from smad.cli import complete
-from smad.cli.output import NEGATIVE, bench_option, checked, client, described, wait_for_motion
+from smad.cli.output import (
+    NEGATIVE,
+    axis_option,
+    bench_option,
+    checked,
+    client,
+    described,
+    wait_for_motion,
+)
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 _wait = click.option(
@@ -15,7 +23,7 @@ _wait = click.option(
 
 
 @click.command()
-@bench_option
+@axis_option
 def arm(bench: str) -> None:
     """Let current through: the board checks itself and arms.
 
@@ -75,7 +83,7 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
 
 @click.command()
 @click.argument("fault", callback=_fault, required=False, shell_complete=complete.faults)
-@bench_option
+@axis_option
 def clear(bench: str, fault: int | None) -> None:
     """Acknowledge the latched fault; FAULT, by name or number, refuses to clear another.
 
@@ -93,7 +101,7 @@ def clear(bench: str, fault: int | None) -> None:
 @click.option("--for", "duration_s", type=float, metavar="S", help="Hold for so long.")
 @click.option("--water/--no-water", default=True, help="Let the pump cool while too warm.")
 @_wait
-@bench_option
+@axis_option
 def heat(
     *,
     spring: str,
@@ -139,7 +147,7 @@ def heat(
 @click.option("--for", "duration_s", type=float, metavar="S", help="End after so long.")
 @click.option("--until", "until_degc", type=float, metavar="DEGC", help="End when it is so warm.")
 @_wait
-@bench_option
+@axis_option
 def current(
     *,
     spring: str,
@@ -176,7 +184,7 @@ def current(
 @click.argument("duty", callback=_duty)
 @click.option("--for", "duration_s", type=float, metavar="S", help="End after so long.")
 @_wait
-@bench_option
+@axis_option
 def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
     """Run the pump of SPRING (x or y) at a DUTY of 0 to 1, or 0% to 100%."""
     from smad.control.commands import DriveCurrent
@@ -199,7 +207,7 @@ def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: 
 
 
 @click.command()
-@bench_option
+@axis_option
 def idle(bench: str) -> None:
     """End whatever runs: no current, no water. The bench stays armed."""
     with client(bench) as bench_client:

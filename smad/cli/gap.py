@@ -324,9 +324,9 @@ def _diagnosed(
 ) -> Diagnosis:
     import msgspec
 
+    from smad.checkup.everyday import repeated
+    from smad.checkup.files import Found
     from smad.gap import Settings, diagnose
-    from smad.gap.paired.everyday import repeated
-    from smad.gap.paired.files import Found
 
     with progress() as line:
         say: Callable[[str], None] = line.say

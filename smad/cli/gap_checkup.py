@@ -20,15 +20,14 @@ from smad.cli.baselines import (
     require_same,
     say,
 )
-from smad.cli.output import bench_option, progress
+from smad.cli.output import axis_option, progress
 
 if TYPE_CHECKING:
-    from smad.gap.paired.difference import Paired
-    from smad.gap.paired.files import Found
-    from smad.gap.paired.programme import Programme
-    from smad.gap.paired.series import Play
-    from smad.gap.paired.store import Baseline
-    from smad.gap.paired.verdict import Verdict
+    from smad.checkup.commission import Judged
+    from smad.checkup.files import Found
+    from smad.checkup.programme import Programme
+    from smad.checkup.series import Play
+    from smad.checkup.store import Baseline
     from smad.gap.runs import GapRun
     from smad.gap.sma import SmaPlant
 
@@ -53,7 +52,7 @@ _programme = click.option("--programme", "programme_folder", type=_FOLDER,
 @_sim
 @_seed
 @_programme
-@bench_option
+@axis_option
 def commission(
     *,
     folder: Path,
@@ -71,10 +70,10 @@ def commission(
     run that was finished. A baseline that cannot be read, or is of another version of smad, is
     computed anew from its runs. Arms the bench and heats it.
     """
-    from smad.gap.paired.commission import commissioned
+    from smad.checkup.commission import commissioned
+    from smad.checkup.series import finished, folder_for, play_series
+    from smad.checkup.store import Baseline, save
     from smad.gap.paired.errors import BaselineError
-    from smad.gap.paired.series import finished, folder_for, play_series
-    from smad.gap.paired.store import Baseline, save
 
     plant = new_plant()
     programme = chosen_programme(programme_folder, quick)
@@ -131,9 +130,11 @@ def commission(
 @_effect
 @_seed
 @_programme
-@bench_option
+@axis_option
 @click.option("--json", "json_path", type=_OUT, help="Write the verdict here.")
 @click.option("--report", "page_path", type=_OUT, help="Write a page with figures here.")
+@click.option("--model", "model_path", type=_OUT,
+              help="Write the model with what was found here: effects and laws.")  # fmt: skip
 def checkup(
     *,
     folder: Path | None,
@@ -148,6 +149,7 @@ def checkup(
     bench: str,
     json_path: Path | None,
     page_path: Path | None,
+    model_path: Path | None,
 ) -> None:
     """Say what has changed since the bench was good, from equal inputs then and now.
 
@@ -165,44 +167,48 @@ def checkup(
     if effects and not sim:
         raise click.UsageError("--effect is of a simulated bench; add --sim")
     if good is not None:
-        pairs, verdict = _of_files(good, now)
+        found = _of_files(good, now)
     else:
         assert folder is not None
         programme = chosen_programme(programme_folder, quick)
-        pairs, verdict = _of_baseline(
+        found = _of_baseline(
             folder, programme, now, out, sim=sim, effects=effects, seed=seed, bench=bench
         )
+    verdict = found.verdict
     print_verdict(verdict)
     if json_path is not None:
-        from smad.gap.paired.series import write_whole
+        from smad.checkup.series import write_whole
 
         write_whole(json_path, msgspec.json.format(msgspec.json.encode(verdict), indent=1))
         click.echo(f"written: {json_path}", err=True)
     if page_path is not None:
-        from smad.gap.paired.page import checkup_page
+        from smad.checkup.page import checkup_page
         from smad.report.page import write_page
 
         facts = [("baseline", str(folder or good)), ("repeats", str(verdict.repeats))]
-        write_page(checkup_page(pairs, verdict, facts), page_path)
+        write_page(checkup_page(found, facts), page_path)
         click.echo(f"written: {page_path}", err=True)
+    if model_path is not None:
+        from smad.checkup.commission import save_found
+
+        save_found(new_plant(), found, model_path)
+        click.echo(f"written: {model_path}", err=True)
 
 
-def _of_files(good: Path, now: Path | None) -> tuple[Paired, Verdict]:
-    from smad.gap.paired.commission import checked_files
-    from smad.gap.paired.files import read_folder, read_good
+def _of_files(good: Path, now: Path | None) -> Judged:
+    from smad.checkup.commission import checked_files
+    from smad.checkup.files import read_folder, read_good
 
     assert now is not None
     with progress() as line:
         line.say("reading")
         then = read_good(good, say)
-        pairs, verdict, matched = checked_files(
-            new_plant(), then, read_folder(now), progress=line.say
-        )
+        found, matched = checked_files(new_plant(), then, read_folder(now), progress=line.say)
     for text in matched.lines:
         click.echo(text, err=True)
     for name in matched.alone:
         click.echo(f"{name} has the inputs of no good run, and is left out", err=True)
-    return pairs, verdict
+    return found
 
 
 def _of_baseline(
@@ -215,12 +221,12 @@ def _of_baseline(
     effects: Sequence[str],
     seed: int,
     bench: str,
-) -> tuple[Paired, Verdict]:
-    from smad.gap.paired.commission import judged
+) -> Judged:
+    from smad.checkup.commission import judged
+    from smad.checkup.files import read_folder
+    from smad.checkup.series import folder_for, play_series, read_state
+    from smad.checkup.store import load
     from smad.gap.paired.errors import BaselineError
-    from smad.gap.paired.files import read_folder
-    from smad.gap.paired.series import folder_for, play_series, read_state
-    from smad.gap.paired.store import load
 
     plant = new_plant()
     baseline = load(folder, plant)
@@ -254,7 +260,7 @@ def _of_baseline(
 
 def _require_other_runs(folder: Path, now: Sequence[Found]) -> None:
     """Raises PairingError when runs of now are good ones of the baseline, or of another bench."""
-    from smad.gap.paired.files import (
+    from smad.checkup.files import (
         read_folder,
         require_one_bench,
         require_other_recordings,
@@ -268,8 +274,8 @@ def _require_other_runs(folder: Path, now: Sequence[Found]) -> None:
 
 def _known(folder: Path, plant: SmaPlant) -> Baseline | None:
     """The baseline of a folder; None where there is none, or none that this version can read."""
+    from smad.checkup.store import load
     from smad.gap.paired.errors import BaselineError
-    from smad.gap.paired.store import load
 
     if not (folder / "baseline.json").exists():
         return None
@@ -282,8 +288,8 @@ def _known(folder: Path, plant: SmaPlant) -> Baseline | None:
 
 def _require_its_runs(folder: Path, programme: Programme) -> None:
     """Raises BaselineError when the good runs that are there are of another programme."""
+    from smad.checkup.series import read_state
     from smad.gap.paired.errors import BaselineError
-    from smad.gap.paired.series import read_state
 
     for place in _good(folder):
         state = read_state(place)
@@ -302,7 +308,7 @@ def _good(folder: Path) -> list[Path]:
 
 
 def _read_repeats(places: Sequence[Path], programme: Programme) -> list[list[GapRun]]:
-    from smad.gap.paired.files import read_folder, require_one_bench
+    from smad.checkup.files import read_folder, require_one_bench
 
     found = [{f.name: f for f in read_folder(p)} for p in places]
     require_one_bench([f for own in found for f in own.values()])

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.baselines import new_plant, player, require_same, say
-from smad.cli.output import bench_option, progress
+from smad.cli.output import axis_option, progress
 
 if TYPE_CHECKING:
-    from smad.gap.paired.inquiry import Report
-    from smad.gap.paired.investigate import Proposal
+    from smad.checkup.inquiry import Report
+    from smad.checkup.investigate import Proposal
 
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 
@@ -28,7 +28,7 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
               help="With --sim: an effect that the simulated bench has.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
               help="With --sim: of its noise.")  # fmt: skip
-@bench_option
+@axis_option
 def investigate(
     *,
     folder: Path,
@@ -46,10 +46,10 @@ def investigate(
     step what it plays and why. Interrupted, the same command goes on. The bench is disarmed after
     each run.
     """
+    from smad.checkup.inquiry import Inquiry
+    from smad.checkup.series import next_open
+    from smad.checkup.store import load
     from smad.cli.baselines import chosen_programme
-    from smad.gap.paired.inquiry import Inquiry
-    from smad.gap.paired.series import next_open
-    from smad.gap.paired.store import load
 
     if effects and not sim:
         raise click.UsageError("--effect is of a simulated bench; add --sim")
@@ -78,14 +78,14 @@ def investigate(
 
 def _over(path: Path) -> bool:
     """Whether an investigation has come to its end."""
-    from smad.gap.paired.inquiry import read_report
+    from smad.checkup.inquiry import read_report
 
     return bool(read_report(path).why_over)
 
 
 def _print(report: Report, folder: Path, spent_s: float) -> None:
+    from smad.checkup.verdict import budget_lines
     from smad.cli.baselines import print_verdict
-    from smad.gap.paired.verdict import budget_lines
 
     assert report.verdict is not None
     print_verdict(report.verdict)
@@ -96,8 +96,8 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
             f"d² = {separation:.0f}"
         )
     if report.proof:
-        click.echo("held out, with the strengths from the runs before:")
-        for text in budget_lines(report.proof):
+        click.echo("held out, with the model from the runs before:")
+        for text in budget_lines(report.proof, laws=True):
             click.echo(text)
     if report.model:
         click.echo(f"model: {report.model}")
@@ -106,15 +106,12 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
 
 def proposal(folder: Path, now: Path | None) -> Proposal:
     """What an investigation would play next, from the newest runs of now beside a baseline."""
-    from smad.gap.paired.constants import shipped_constants
-    from smad.gap.paired.difference import paired
+    from smad.checkup.commission import judged
+    from smad.checkup.files import read_folder
+    from smad.checkup.investigate import propose
+    from smad.checkup.store import load
+    from smad.diagnosis.constants import shipped
     from smad.gap.paired.errors import BaselineError
-    from smad.gap.paired.files import read_folder
-    from smad.gap.paired.investigate import propose
-    from smad.gap.paired.judge import examine
-    from smad.gap.paired.spring_pair import TRAITS
-    from smad.gap.paired.store import load
-    from smad.gap.paired.verdict import decide
 
     plant = new_plant()
     reference = load(folder, plant).reference
@@ -125,12 +122,8 @@ def proposal(folder: Path, now: Path | None) -> Proposal:
             f"{folder} holds no check-up yet", action="make one with smad gap checkup --baseline"
         )
     known = {r.name for r in reference.runs}
-    found = read_folder(now or places[-1])
-    runs = [(f.run, f.name) for f in found if f.name in known]
-    pairs = paired(plant, TRAITS, reference, runs)
-    constants = shipped_constants()
+    runs = [(f.run, f.name) for f in read_folder(now or places[-1]) if f.name in known]
     with progress() as line:
-        verdict = decide(pairs, examine(pairs, constants, progress=line.say), constants)
-    click.secho(verdict.headline, bold=True)
-    alike = dict.fromkeys(known, 1.0)
-    return propose(pairs, verdict, constants, alike, left_s=1.0)
+        found = judged(plant, reference, runs, progress=line.say)
+    click.secho(found.verdict.headline, bold=True)
+    return propose(found, shipped(), dict.fromkeys(known, 1.0), left_s=1.0)

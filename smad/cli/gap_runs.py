@@ -122,9 +122,9 @@ def uncut(good: Sequence[Path]) -> tuple[Path, ...]:
 
     Raises BadParameter when there were some and none is left.
     """
+    from smad.checkup.files import left_out
+    from smad.checkup.series import cut_by
     from smad.errors import SmadError
-    from smad.gap.paired.files import left_out
-    from smad.gap.paired.series import cut_by
 
     whole: list[Path] = []
     for path in good:

@@ -7,7 +7,7 @@ import time
 import click
 
 from smad.api import Status
-from smad.cli.output import Finite, bench_option, client, progress
+from smad.cli.output import Finite, axis_option, client, progress
 from smad.errors import PortError
 
 _ERRORS = ("crc_errors", "cobs_errors", "length_errors", "payload_errors")
@@ -20,7 +20,7 @@ def link() -> None:
 
 @link.command()
 @click.option("--for", "duration_s", type=Finite(0.01, 3600), default=5.0, show_default=True)
-@bench_option
+@axis_option
 def test(duration_s: float, bench: str) -> None:
     """Count samples, errors and delays for a while; status 1 when something was lost."""
     with client(bench) as bench_client, progress() as line:

@@ -35,6 +35,7 @@ _folder = click.option(
     help="Where run logs are, for a PATH left out.",
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+_axis = click.option("--axis", default="", help="Which axis, of a log of several.")
 _path = click.argument(
     "path", required=False, type=click.Path(path_type=Path), shell_complete=complete.runs
 )
@@ -77,14 +78,15 @@ def list_command(place: str | None, folder: str, as_json: bool) -> None:
 @log.command()
 @_path
 @_folder
+@_axis
 @_json
-def show(path: Path | None, folder: str, as_json: bool) -> None:
+def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
     """Say what is in a run log: header, ranges of the channels, events."""
     from smad.runlog.reader import read_run
     from smad.runlog.summary import summarise
 
     with _progress("reading") as progress:
-        run = read_run(_resolve(path, folder), progress=progress)
+        run = read_run(_resolve(path, folder), axis=axis, progress=progress)
     summary = summarise(run)
     if as_json:
         _print_json(summary)
@@ -112,6 +114,7 @@ def show(path: Path | None, folder: str, as_json: bool) -> None:
     "-o", "--output", type=click.Path(path_type=Path), help="File, or folder of a bag, to write."
 )
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
+@click.option("--wide", is_flag=True, help="Several axes in one table: NAME.channel.")
 @_json
 def export(
     *,
@@ -120,29 +123,52 @@ def export(
     suffix: str,
     output: Path | None,
     overwrite: bool,
+    wide: bool,
     as_json: bool,
 ) -> None:
     """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where.
 
+    Each of several axes has a file of its own, with its name in it, unless they are --wide.
     rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages.
     """
-    from smad.runlog.export import export_run
-    from smad.runlog.reader import read_run
+    from smad.runlog.export import export_run, side_by_side
+    from smad.runlog.reader import read_axes
     from smad.runlog.rosbag import SUFFIX, export_bag
 
     source = _resolve(path, folder)
     with _progress("reading") as progress:
-        run = read_run(source, progress=progress)
+        runs = read_axes(source, progress=progress)
     target = output or source.with_suffix(f".{suffix}")
-    if suffix == "rosbag2" or target.suffix == SUFFIX:
-        files = [export_bag(run, target, overwrite=overwrite)]
-    else:
-        files = export_run(run, target, overwrite=overwrite)
+    if wide and target.suffix not in (".csv", ".parquet"):
+        raise click.UsageError("--wide makes a CSV or Parquet file.")
+    if wide and len(runs) > 1:
+        runs = {"": side_by_side(runs)}
+    files: list[Path] = []
+    for axis, run in runs.items():
+        own = target.with_name(f"{target.stem}.{axis}{target.suffix}") if axis else target
+        if suffix == "rosbag2" or target.suffix == SUFFIX:
+            files.append(export_bag(run, own, overwrite=overwrite))
+        else:
+            files += export_run(run, own, overwrite=overwrite)
+    rows, notes = max(map(len, runs.values())), next(iter(runs.values())).notes
     if as_json:
-        _print_json({"files": [str(file) for file in files], "rows": len(run), "notes": run.notes})
+        _print_json({"files": [str(file) for file in files], "rows": rows, "notes": notes})
         return
-    click.echo(f"{len(run)} rows to {' and '.join(str(file) for file in files)}")
-    _print_notes(run.notes)
+    click.echo(f"{rows} rows to {' and '.join(str(file) for file in files)}")
+    _print_notes(notes)
+
+
+@log.command()
+@_path
+@_folder
+def split(path: Path | None, folder: str) -> None:
+    """Write each axis of a log of several as a run log of its own, beside it."""
+    from smad.runlog.one_axis import extract
+    from smad.runlog.reader import read_axes
+
+    source = _resolve(path, folder)
+    for axis, run in read_axes(source).items():
+        click.echo(f"{len(run)} rows to {extract(source, axis)}")
 
 
 @log.command()
@@ -158,10 +184,12 @@ def export(
 @click.option("--from", "from_s", type=float, default=-math.inf, help="Begin at so many seconds.")
 @click.option("--to", "to_s", type=float, default=math.inf, help="End at so many seconds.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
+@_axis
 def plot(
     *,
     paths: tuple[Path, ...],
     folder: str,
+    axis: str,
     output: Path | None,
     from_s: float,
     to_s: float,
@@ -180,7 +208,7 @@ def plot(
     runs = []
     for source in sources:
         with _progress(f"reading {source.name}") as progress:
-            runs.append(read_run(source, progress=progress))
+            runs.append(read_run(source, axis=axis, progress=progress))
     page = page_of(shown(runs, from_s, to_s))
     written = write_page(page, output or sources[0].with_suffix(".html"))
     click.echo(written)

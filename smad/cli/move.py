@@ -13,7 +13,7 @@ import click
 import msgspec
 from msgspec import inspect as types
 
-from smad.cli.output import NEGATIVE, bench_option, checked, client, wait_for_motion
+from smad.cli.output import NEGATIVE, axis_option, checked, client, wait_for_motion
 from smad.control.commands import PIECES, Piece, Samples, Trajectory
 from smad.control.segment import millimetres
 from smad.errors import CommandError
@@ -90,7 +90,7 @@ def command_of(piece: type[Piece]) -> click.Command | None:
         help="\n\n".join([inspect.getdoc(piece) or "", "\b\n" + "\n".join(told)]),
         context_settings=NEGATIVE,
     )
-    return bench_option(command)
+    return axis_option(command)
 
 
 _VALUES: dict[type[types.Type], click.ParamType[Any]] = {
@@ -133,7 +133,7 @@ def _parameter(
 
 @move.command(context_settings=NEGATIVE)
 @click.argument("path", type=click.Path(path_type=Path))
-@bench_option
+@axis_option
 def follow(path: Path, **options: Any) -> None:
     """Follow the points of a CSV file with the columns t_s and displacement_mm.
 

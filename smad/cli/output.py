@@ -78,6 +78,27 @@ bench_option = click.option(
     help="Name of the bench, where there are several.",
 )
 
+
+def _remember(context: click.Context, parameter: click.Parameter, axis: str) -> None:
+    context.meta[_AXIS] = axis
+
+
+_AXIS = "smad.axis"
+_axis_option = click.option(
+    "--axis",
+    default="",
+    envvar="SMAD_AXIS",
+    expose_value=False,
+    callback=_remember,
+    help="Which axis, where a bench has several.",
+)
+
+
+def axis_option(command: F) -> F:
+    """Add `--bench` and `--axis`: what the command asks its client is for that axis."""
+    return bench_option(_axis_option(command))
+
+
 lease_option = click.option(
     "--lease",
     type=click.FloatRange(0.5, 3600.0),
@@ -89,13 +110,15 @@ lease_option = click.option(
 
 
 def client(bench: str, *, lasting: bool = False) -> Client:
-    """Return a client of the running daemon. Raises NoDaemon.
+    """Return a client of the running daemon, for the axis that `--axis` names. Raises NoDaemon.
 
     With `lasting` the bench stays armed after the command that arms it: no lease is taken.
     """
     from smad.client import Client
 
-    return Client(bench, lease_s=None) if lasting else Client(bench)
+    context = click.get_current_context(silent=True)
+    axis = "" if context is None else context.meta.get(_AXIS, "")
+    return Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
 
 
 class Progress:

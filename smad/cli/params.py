@@ -6,7 +6,7 @@ import click
 
 from smad.api import READ_AS, Param
 from smad.cli import complete
-from smad.cli.output import bench_option, client
+from smad.cli.output import axis_option, client
 
 
 @click.group()
@@ -15,7 +15,7 @@ def params() -> None:
 
 
 @params.command("list")
-@bench_option
+@axis_option
 def list_command(bench: str) -> None:
     """List all of them."""
     with client(bench) as bench_client:
@@ -30,7 +30,7 @@ def list_command(bench: str) -> None:
 
 @params.command()
 @click.argument("name", shell_complete=complete.parameters)
-@bench_option
+@axis_option
 def get(name: str, bench: str) -> None:
     """Show one."""
     with client(bench) as bench_client:
@@ -40,7 +40,7 @@ def get(name: str, bench: str) -> None:
 @params.command("set")
 @click.argument("name", shell_complete=complete.parameters)
 @click.argument("value", type=float)
-@bench_option
+@axis_option
 def set_command(name: str, value: float, bench: str) -> None:
     """Change one, while not armed. `smad params save` keeps it over a power cycle."""
     with client(bench) as bench_client:
@@ -48,8 +48,22 @@ def set_command(name: str, value: float, bench: str) -> None:
     click.echo(f"{name} = {_value(param)}; not yet kept over a power cycle (smad params save)")
 
 
+@params.command("name")
+@axis_option
+def name_command(bench: str) -> None:
+    """Store on the board of --axis that it is the board of this axis, while not armed."""
+    from firmware_protocol.parameters import axis_name_crc
+
+    with client(bench) as bench_client:
+        if not bench_client.name:
+            raise click.UsageError("name the axis whose board it is: --axis NAME.")
+        bench_client.set_param("axis_name_crc", axis_name_crc(bench_client.name))
+        bench_client.save_params()
+    click.echo(f"stored on the board: it is that of {bench_client.name}")
+
+
 @params.command()
-@bench_option
+@axis_option
 def save(bench: str) -> None:
     """Keep all of them over a power cycle, while not armed."""
     with client(bench) as bench_client:

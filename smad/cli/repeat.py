@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import bench_option, lease_option, progress
+from smad.cli.output import axis_option, lease_option, progress
 
 if TYPE_CHECKING:
     from smad.experiments.repeating import Repeat
@@ -31,7 +31,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
               help="With --sim: of its noise.")  # fmt: skip
 @lease_option
-@bench_option
+@axis_option
 def repeat(
     *,
     run: Path,

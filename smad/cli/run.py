@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli import complete
-from smad.cli.output import bench_option, lease_option, progress
+from smad.cli.output import axis_option, lease_option, progress
 from smad.errors import SmadError
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class _Run(click.Command):
     help="Only print the section [control.feedforward] for --parameters, and end.",
 )
 @lease_option
-@bench_option
+@axis_option
 def run(names: tuple[str, ...], **options: Any) -> None:
     """Run experiments of the paper, analyse them, and write one page.
 

@@ -7,11 +7,12 @@ import ctypes
 import functools
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import msgspec
 
 from smad.cli import complete
 from smad.cli.output import Finite
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 MEGA_RATE_HZ = 100
 """The most that the firmware of the Mega takes; see docs/firmware.md."""
+
+SEED_STEP = 100_003
+"""Between the seeds of two axes: their noise must not be the same."""
 
 _PR_SET_PDEATHSIG = 1
 
@@ -52,6 +56,7 @@ class SimulatorError(SmadError):
     shell_complete=complete.effects,
     help="An effect of smad gap effects that the bench has; typical strength without values.",
 )
+@click.option("--axes", type=click.IntRange(1, 6), help="So many boards, a port for each.")
 @click.option("--paced-by-host", is_flag=True, help="Wait, within bounds, for each setpoint.")
 @click.option(
     "--fault",
@@ -87,6 +92,7 @@ def sim(
     symlink: Path | None,
     model_path: Path | None,
     effects: tuple[str, ...],
+    axes: int | None,
     paced_by_host: bool,
     faults: tuple[str, ...],
     firmware: str,
@@ -98,11 +104,11 @@ def sim(
 ) -> None:
     """Run the simulated bench alone; prints the name of its port.
 
-    Ctrl-C ends it.
+    Of several axes each has a port, and --fault has AXIS: before its name. Ctrl-C ends it.
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
-    from sim_device.pty import HOST_TIMEOUT_S, said_of_host, serve
+    from sim_device.pty import HOST_TIMEOUT_S, said_of_host, serve, symlink_of
     from smad.config import Config, load_config
 
     if "list" in faults:
@@ -112,32 +118,33 @@ def sim(
         return
     if parent is not None:
         _end_with(parent)
-    config = Config() if path is None else load_config(path)
-    rate_hz = config.link.rate_hz if rate is None else int(rate)
-    if firmware == "avr" and rate_hz > MEGA_RATE_HZ:
-        raise SimulatorError(
-            "the Mega has not the time for so many samples a second",
-            value=rate_hz,
-            limit=MEGA_RATE_HZ,
-            action="take --rate 100, or --firmware host",
-        )
+    config = (Config() if path is None else load_config(path)).with_axes(axes)
+    seed = config.plant.seed if seed is None else seed
+    if rate is not None:
+        # What an axis has of its own stands.
+        link = msgspec.structs.replace(config.link, rate_hz=int(rate))
+        config = msgspec.structs.replace(config, link=link)
     try:
         # Compiling the physics takes seconds the first time; a port that is silent for so long
         # would look like a dead board.
         build(config, rate_hz=100, seed=0).step()
-        bench = build(
-            config,
-            rate_hz=rate_hz,
-            seed=config.plant.seed if seed is None else seed,
-            faults=faults,
-            model_path=model_path,
-            effects=effects,
-            firmware=firmware,
-            store_path=store_path,
-        )
-        with contextlib.closing(bench):
+        with contextlib.ExitStack() as built:
+            benches = {}
+            for k, (axis, own) in enumerate(config.by_axis().items()):
+                benches[axis] = build(
+                    own,
+                    rate_hz=_rate(own.link.rate_hz, firmware),
+                    seed=(seed + k * SEED_STEP) % 2**32,
+                    faults=faults_of(faults, axis),
+                    model_path=model_path,
+                    effects=effects,
+                    firmware=firmware,
+                    store_path=symlink_of(store_path, axis),
+                    axis=axis,
+                )
+                built.callback(benches[axis].close)
             stats, counts = serve(
-                bench,
+                benches,
                 speed=config.plant.speed_ratio if speed is None else speed,
                 symlink=symlink,
                 transport=transport,
@@ -156,6 +163,24 @@ def sim(
     )
 
 
+def faults_of(faults: tuple[str, ...], axis: str) -> tuple[str, ...]:
+    """Return the faults of one axis: those with its name and a colon before theirs."""
+    if not axis:
+        return faults
+    return tuple(text.removeprefix(f"{axis}:") for text in faults if text.startswith(f"{axis}:"))
+
+
+def _rate(rate_hz: int, firmware: str) -> int:
+    if firmware == "avr" and rate_hz > MEGA_RATE_HZ:
+        raise SimulatorError(
+            "the Mega has not the time for so many samples a second",
+            value=rate_hz,
+            limit=MEGA_RATE_HZ,
+            action="take --rate 100, or --firmware host",
+        )
+    return rate_hz
+
+
 def build(
     config: Config,
     *,
@@ -166,11 +191,13 @@ def build(
     effects: tuple[str, ...] = (),
     firmware: str = "python",
     store_path: Path | None = None,
+    axis: str = "",
 ) -> SimulatedBench:
     """Return the bench that the configuration describes, with the plant of a model file if given.
 
     `effects` are added to those of configuration or model, in place of one of the same name.
     `firmware`: "python", or a port of the C firmware, with its parameter memory in `store_path`.
+    `axis` is the name that its board stores, if any.
 
     Raises BenchError and PlantError.
     """
@@ -198,6 +225,7 @@ def build(
         rate_hz=rate_hz,
         seed=seed,
         faults=[parse_injection(text) for text in faults],
+        axis_name=axis,
     )
 
 
@@ -214,5 +242,6 @@ def _end_with(parent: int) -> None:
         raise SystemExit(1)
 
 
-def _announce(name: str) -> None:
-    click.echo(f"{READY}{name}")
+def _announce(names: Mapping[str, str]) -> None:
+    told = ", ".join(f"{axis} {name}".strip() for axis, name in names.items())
+    click.echo(f"{READY}{told}")

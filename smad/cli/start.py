@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import msgspec
@@ -26,6 +27,10 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
 @click.option("--bench", help="Name of the bench, where there are several.")
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--baud", type=int, help="Bits per second of the serial line.")
+@click.option("--axes", type=click.IntRange(1, 6), help="With --sim: so many boards.")
+@click.option(
+    "--without-missing", is_flag=True, help="Start although a board of several is missing."
+)
 @click.option("--speed", type=float, help="With --sim: board time over wall time.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="With --sim: seed of all noise.")
 @click.option(
@@ -54,6 +59,8 @@ def start(
     bench: str | None,
     rate: str | None,
     baud: int | None,
+    axes: int | None,
+    without_missing: bool,
     speed: float | None,
     seed: int | None,
     paced_by_host: bool,
@@ -75,12 +82,14 @@ def start(
         config = without_realtime(config)
     reread = None if path is None else functools.partial(load_config, path)
     if not simulated:
-        if speed is not None or seed is not None or paced_by_host or faults or firmware != "python":
+        needs = (speed, seed, axes, paced_by_host or None, faults or None)
+        if any(given is not None for given in needs) or firmware != "python":
             raise ConfigError(
-                "--speed, --seed, --paced-by-host, --fault and --firmware need --sim",
+                "--speed, --seed, --axes, --paced-by-host, --fault and --firmware need --sim",
                 action="add --sim, or leave them out",
             )
-        return _on_board(config, port, trace_path, fd, reread)
+        options = {"trace_path": trace_path, "fd": fd, "without_missing": without_missing}
+        return _on_board(config, port, reread, options)
     if port is not None:
         raise ConfigError(
             "--port and --sim exclude each other",
@@ -101,7 +110,7 @@ def start(
         speed_ratio=plant.speed_ratio if speed is None else speed,
     )
     return _on_simulation(
-        config,
+        config.with_axes(axes),
         path,
         reread,
         paced_by_host=paced_by_host,
@@ -143,19 +152,40 @@ def _settled(path: Path | None, *, bench: str | None, rate: str | None, baud: in
 def _on_board(
     config: Config,
     port: str | None,
-    trace_path: Path | None,
-    fd: int | None,
     reread: Callable[[], Config] | None,
+    options: Mapping[str, Any],
 ) -> int:
     if port is not None:
+        if config.axes:
+            raise ConfigError(
+                "--port is for a bench of one axis", value=port, action="set the ports in [[axes]]"
+            )
         config = replaced(config, "link", port=port)
-    if fd is None and not config.link.port:
-        raise ConfigError(
-            "no port is named",
-            limit="--port DEVICE, or link.port in the configuration",
-            action="look in /dev/serial/by-id, or try smad start --sim",
-        )
-    return _run(config, None, reread, trace_path=trace_path, fd=fd)
+    for name, own in config.by_axis().items():
+        if options["fd"] is None and not own.link.port:
+            raise ConfigError(
+                f"no port is named{f' for the axis {name}' if name else ''}",
+                limit="--port DEVICE, or link.port in the configuration"
+                if not name
+                else "port in its [[axes]]",
+                action="look in /dev/serial/by-id, or try smad start --sim",
+            )
+    _require_ports_apart(config)
+    return _run(config, None, reread, **options)
+
+
+def _require_ports_apart(config: Config) -> None:
+    """Raise ConfigError when two axes name one device, whatever they call it."""
+    seen: dict[str, str] = {}
+    for name, own in config.by_axis().items():
+        real = os.path.realpath(own.link.port)
+        if real in seen:
+            raise ConfigError(
+                f"the axes {seen[real]} and {name} are on one port",
+                value=f"{own.link.port} is {real}",
+                action="give each axis the port of its own board",
+            )
+        seen[real] = name
 
 
 def _on_simulation(
@@ -183,10 +213,13 @@ def _on_simulation(
     if config.plant.speed_ratio != 1.0 or paced_by_host:
         # Time that is not the wall's needs no priority; a loop that never sleeps would take a core.
         config = replaced(config, "realtime", fifo_priority=0)
+    arguments += [] if not config.axes else ["--axes", str(len(config.axes))]
     symlink = folder / f"{config.daemon.bench}.tty"
     with progress() as line, simulated_bench(arguments, symlink, waiting=line.say) as port:
         line.done()
         config = replaced(config, "link", port=port, baud=SIMULATED_BAUDS[firmware])
+        placed = [msgspec.structs.replace(a, port=f"{port}.{a.name}") for a in config.axes]
+        config = msgspec.structs.replace(config, axes=tuple(placed))
         return _run(config, _parameter_text(config), reread, patience=patience)
 
 
@@ -206,18 +239,22 @@ def _run(
     trace_path: Path | None = None,
     fd: int | None = None,
     patience: int = 1,
+    without_missing: bool = False,
 ) -> int:
-    from smad.daemon.lifecycle import run
-    from smad.daemon.link.port import PortFinder, SocketTransport, Transport, open_serial
+    from smad.daemon.lifecycle import Options, run
+    from smad.daemon.link.port import Opener, PortFinder, SocketTransport, Transport, open_serial
     from smad.daemon.trace import Trace
 
-    finder = PortFinder(config.link.port)
+    def opener(own: Config) -> Opener:
+        finder = PortFinder(own.link.port)
 
-    def open_port() -> Transport:
-        path = finder.find()
-        transport = open_serial(path, config.link.baud)
-        finder.remember(path)
-        return transport
+        def open_port() -> Transport:
+            path = finder.find()
+            transport = open_serial(path, own.link.baud)
+            finder.remember(path)
+            return transport
+
+        return open_port
 
     def open_socket() -> Transport:
         import socket
@@ -226,12 +263,17 @@ def _run(
 
     ended = run(
         config,
-        open_port if fd is None else open_socket,
-        parameter_text=parameter_text,
-        reread=reread,
-        check_baud=fd is None,
-        trace=None if trace_path is None else Trace(trace_path),
-        patience=patience,
+        {name: opener(own) for name, own in config.by_axis().items()}
+        if fd is None
+        else {"": open_socket},
+        Options(
+            parameter_text=parameter_text,
+            reread=reread,
+            check_baud=fd is None,
+            trace=None if trace_path is None else Trace(trace_path),
+            patience=patience,
+            without_missing=without_missing,
+        ),
     )
     click.echo(f"smad: {ended.line}", err=True)
     return ended.status

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.api import Percentiles, Status
-from smad.cli.output import bad, bench_option, client, good, shown, warned
+from smad.cli.axis_lines import axis_lines, number
+from smad.cli.output import axis_option, bad, client, good, shown, warned
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -23,7 +24,7 @@ _LABEL = 11
 @click.command()
 @click.option("--watch", is_flag=True, help="A screen, drawn twice a second; space stops.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; with --watch, a line each time.")
-@bench_option
+@axis_option
 def status(watch: bool, as_json: bool, bench: str) -> None:
     """Show link, board, motion, readings, timing, run log."""
     with client(bench) as bench_client:
@@ -60,10 +61,13 @@ def _others(bench: str) -> Iterator[str]:
 
 
 def lines(now: Status) -> Iterator[str]:
-    """The status as a person reads it, the most urgent first."""
+    """The status as a person reads it, the most urgent first; a line an axis where several are."""
     yield from _bench(now)
-    yield from _readings(now)
-    yield from _link(now)
+    if now.axes:
+        yield from axis_lines(now.axes, now.skew or Percentiles())
+    else:
+        yield from _readings(now)
+        yield from _link(now)
     yield from _record(now)
     yield from _realtime(now)
     for event in now.events[-_EVENTS:]:
@@ -74,7 +78,8 @@ def lines(now: Status) -> Iterator[str]:
 def _bench(now: Status) -> Iterator[str]:
     motion = now.motion
     armed = warned("ARMED") if motion.armed else good("not armed")
-    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, link {now.link.state}")
+    told = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
+    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {told}")
     if motion.fault is not None:
         yield _line("fault", bad(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})"))
         yield from (_line("", text) for text in _explained(motion.fault.number))
@@ -105,7 +110,7 @@ def _readings(now: Status) -> Iterator[str]:
         return
     yield _line(
         "place",
-        f"{_number(row.displacement_mm, 3)} mm, {_number(row.force_N, 2)} N",
+        f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N",
     )
     for name, degrees, amperes, volts, duty, starts in (
         ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x, row.pump_starts_x),
@@ -113,14 +118,14 @@ def _readings(now: Status) -> Iterator[str]:
     ):
         yield _line(
             name,
-            f"{_number(degrees, 2)} °C, {_number(amperes, 2)} A, {_number(volts, 2)} V, "
-            f"pump {_number(None if duty is None else 100 * duty, 0)} %"
+            f"{number(degrees, 2)} °C, {number(amperes, 2)} A, {number(volts, 2)} V, "
+            f"pump {number(None if duty is None else 100 * duty, 0)} %"
             + ("" if starts is None else f", started {starts} times"),
         )
     yield _line(
         "water, room",
-        f"{_number(row.rtd_inlet_degC, 2)} °C, {_number(row.rtd_ambient_degC, 2)} °C; "
-        f"supply {_number(row.supply_V, 2)} V",
+        f"{number(row.rtd_inlet_degC, 2)} °C, {number(row.rtd_ambient_degC, 2)} °C; "
+        f"supply {number(row.supply_V, 2)} V",
     )
 
 
@@ -177,10 +182,6 @@ def _realtime(now: Status) -> Iterator[str]:
 
 def _line(label: str, text: str) -> str:
     return f"{label:<{_LABEL}} {text}"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
 
 
 def _lost(count: int) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import bench_option, client, progress
+from smad.cli.output import axis_option, client, progress
 from smad.errors import CommandError
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--lease", type=click.FloatRange(1.0, 600.0), default=2.0, show_default=True,
               metavar="S", help="Disarm when this command is silent for so long.")  # fmt: skip
-@bench_option
+@axis_option
 def tune(
     *, loop: str, spring: str, trial: bool, apply: bool, save: Path | None, as_json: bool,
     lease: float, bench: str,

@@ -10,7 +10,8 @@ from typing import Literal, NamedTuple
 
 from firmware_protocol import enums
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
-from smad.api import Entry, Status
+from smad.api import Entry, Percentiles, Status
+from smad.cli.axis_lines import axis_lines
 from smad.cli.output import shown
 from smad.runlog.schema import Row
 from smad.view.strips import STRIPS, Curve, Strip
@@ -80,7 +81,7 @@ def screen(
         return [Line(text[:columns]) for text in (needed, KEYS)][:rows]
     pinned = [*_away(away), *(() if now is None else _pinned(now, columns))]
     foot = [Line(said), Line(KEYS, "title")]
-    middle = [] if now is None else [*_readings(now, history, columns), *_facts(now)]
+    middle = [] if now is None else [*_measured(now, history, columns), *_facts(now)]
     room = rows - len(pinned) - len(foot)
     if now is not None:
         middle += _events(now, room - len(middle))
@@ -97,19 +98,26 @@ def _away(why: str) -> Iterator[Line]:
 def _pinned(now: Status, columns: int) -> Iterator[Line]:
     motion = now.motion
     state = f"{now.bench}: {'ARMED' if motion.armed else 'not armed'}, board {motion.mode}"
-    yield Line(f"{state}, link {now.link.state}", "armed" if motion.armed else "good")
+    told = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
+    yield Line(f"{state}, {told}", "armed" if motion.armed else "good")
     if motion.fault is None:
         yield Line("no fault")
     else:
         yield Line(f"FAULT {motion.fault.in_words()} (by the {motion.fault.by})", "bad")
         text = FAULT_TEXTS[enums.Fault(motion.fault.number)]
-        told = textwrap.wrap(f"{text.cause} {text.remedy} Then smad clear.", columns - 2)
-        yield from (Line(f"  {line}", "bad") for line in told)
+        wrapped = textwrap.wrap(f"{text.cause} {text.remedy} Then smad clear.", columns - 2)
+        yield from (Line(f"  {line}", "bad") for line in wrapped)
     if now.warnings:
         yield Line(f"warnings: {', '.join(now.warnings)}", "warned")
     done = "done" if motion.done else "under way"
     yield Line(f"{motion.running}, {done}; limited by: {now.limiter}")
     yield Line("")
+
+
+def _measured(now: Status, history: History, columns: int) -> Iterator[Line]:
+    if now.axes:
+        return map(Line, axis_lines(now.axes, now.skew or Percentiles()))
+    return _readings(now, history, columns)
 
 
 def _readings(now: Status, history: History, columns: int) -> Iterator[Line]:

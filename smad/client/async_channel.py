@@ -8,7 +8,7 @@ from collections.abc import AsyncGenerator
 import zmq.asyncio
 from msgspec import Struct
 
-from smad.api import TELEMETRY_TOPIC, Telemetry
+from smad.api import Telemetry, topic_of
 from smad.client.endpoints import Connection
 from smad.client.wire import (
     Conversation,
@@ -41,11 +41,19 @@ class AsyncChannel:
         self._stops.close(linger=0)
         self._context.destroy(linger=0)
 
-    async def call(self, params: Struct, kind: type[Reply], limit_s: float, *, stop: bool) -> Reply:
+    async def call(
+        self,
+        params: Struct,
+        kind: type[Reply],
+        limit_s: float,
+        *,
+        stop: bool,
+        axes: str | tuple[str, ...] | None = None,
+    ) -> Reply:
         """Return the reply to a request. Raises NoAnswer after `limit_s`, and Refused."""
         socket = self._stops if stop else self._commands
         async with self._turn[stop]:
-            call_id, data = self.conversation.request(params)
+            call_id, data = self.conversation.request(params, axes)
             try:
                 async with asyncio.timeout(limit_s):
                     await socket.send(data)
@@ -56,9 +64,9 @@ class AsyncChannel:
             except TimeoutError:
                 raise no_answer(self.connection, limit_s) from None
 
-    async def telemetry(self, limit_s: float, queue: int) -> AsyncGenerator[Telemetry]:
-        """Published samples, as they come. Raises NoAnswer when none comes for `limit_s`."""
-        topic = TELEMETRY_TOPIC.encode()
+    async def telemetry(self, limit_s: float, queue: int, axis: str) -> AsyncGenerator[Telemetry]:
+        """Published samples of an axis, as they come. Raises NoAnswer after `limit_s` without."""
+        topic = topic_of(axis).encode()
         socket = subscribe(self._context, self.connection.telemetry, topic, queue)
         try:
             while True:

@@ -6,40 +6,56 @@ Written by `python -m tools.blocking_client` from asynchronous.py: edit that.
 from __future__ import annotations
 
 import contextlib
-import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from smad import api
-from smad.client.channel import Channel, pause
+from smad.client.channel import Channel
+from smad.client.commands import Commands
 from smad.client.endpoints import Connection
-from smad.client.errors import Refused, Stopped
-from smad.client.progress import Wait
+from smad.client.errors import Refused
 from smad.client.renewal import DEFAULT_LEASE_S, Renewal, program_name
 from smad.client.signals import ended_by_signals
 from smad.client.wire import Keys, Reply, find_daemon, remote
-from smad.control.commands import (
-    DriveCurrent,
-    Follow,
-    FollowInputs,
-    HoldTemperature,
-    Idle,
-    MoveStage,
-    Spring,
-    Trajectory,
-    Tune,
-)
-from smad.control.pieces import in_pieces, rows_in_pieces
+from smad.control.commands import Trajectory
+from smad.control.pieces import first_pieces
 from smad.errors import SmadError
 
 DEFAULT_TIMEOUT_S = 5.0
-POLL_S = 0.05
 
 
-class Client:
+class Axis(Commands):
+    """One axis of a bench that has several: `bench["pitch-1"]`. Stops are the bench's."""
+
+    def __init__(self, bench: Client, name: str) -> None:
+        self.name = name
+        self.timeout_s = bench.timeout_s
+        self._bench = bench
+        self._channel = bench._channel
+
+    def arm(self) -> api.Motion:
+        """Arm this axis alone; see the bench's."""
+        return self._bench.arm(self.name)
+
+    def _call(
+        self,
+        params: Any,
+        kind: type[Reply],
+        *,
+        stop: bool = False,
+        timeout_s: float | None = None,
+    ) -> Reply:
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        return self._channel.call(params, kind, limit_s, stop=stop, axes=self.name)
+
+    def _ended(self, motion: api.Motion) -> None:
+        self._bench._ended(self._bench.motion())
+
+
+class Client(Commands):
     """Talks to the daemon of one bench.
 
     Finds a daemon on this machine by `bench` (and `folder`, where that is not the usual one).
@@ -49,6 +65,9 @@ class Client:
     that is renewed in the background: a program that is killed leaves a bench that is disarmed
     after so long. None: no lease, nobody is missed, and other clients may command.
 
+    Of a bench of several axes `client["pitch-1"]` is one; `arm`, `move` and `idle` are for several.
+    With `axis` everything but stops is for that one, as if there were no other.
+
     Raises NoDaemon when none is running. Every method may raise NoAnswer after `timeout_s`, and
     Refused (NotReady, NotInControl, BoardRefused) when the daemon refuses.
     """
@@ -57,10 +76,12 @@ class Client:
         self,
         bench: str = "bench",
         *,
+        axis: str = "",
         folder: str | Path | None = None,
         timeout_s: float = DEFAULT_TIMEOUT_S,
         lease_s: float | None = DEFAULT_LEASE_S,
     ) -> None:
+        self.name = axis
         self._open(find_daemon(bench, folder), None, timeout_s, lease_s)
 
     @classmethod
@@ -76,6 +97,7 @@ class Client:
     ) -> Client:
         """A client of a daemon on another machine: `tcp://host:port` for commands and for stops."""
         client = cls.__new__(cls)
+        client.name = ""
         connection = remote(address, stop_address, telemetry, keys)
         client._open(connection, keys, timeout_s, lease_s)
         return client
@@ -94,6 +116,9 @@ class Client:
         self._channel = Channel(connection, keys)
         self._conversation = self._channel.conversation
 
+    def __getitem__(self, axis: str) -> Axis:
+        return Axis(self, axis)
+
     def __enter__(self) -> Client:
         return self
 
@@ -110,34 +135,18 @@ class Client:
         self._renewal.end()
         self._channel.close()
 
-    def status(self) -> api.Status:
-        """Everything about the bench now."""
-        return self._call(api.GetStatus(), api.Status)
+    def arm(self, *axes: str) -> api.Motion:
+        """Arm the bench, or the axes named.
 
-    def motion(self) -> api.Motion:
-        """What the controller is doing and whether it is done."""
-        return self._call(api.GetMotion(), api.Motion)
-
-    def config(self) -> str:
-        """The configuration in force, as TOML."""
-        replied = self._call(api.GetConfig(), api.ConfigText)
-        return replied.toml
-
-    def reset_timing(self) -> api.Timing:
-        """Begin the timing's percentiles anew, to measure a stretch by itself."""
-        return self._call(api.ResetTiming(), api.Timing)
-
-    def arm(self) -> api.Motion:
-        """Arm the bench. What you ask for afterwards is refused once anybody has stopped it.
-
-        So is another arming: only after a disarm of this client, and no other stop, does it arm
-        again. A person starts it anew: with a new client, `clear`, or `as_of(None)`.
+        What you ask for afterwards is refused once anybody has stopped it. So is another arming:
+        only after a disarm of this client, and no other stop, does it arm again. A person starts
+        it anew: with a new client, `clear`, or `as_of(None)`.
         """
         # Before anything is armed: who is killed while it arms is missed, too.
         if self._leased or (self.lease_s is not None and not self._conversation.lease):
             self._take_lease()
         try:
-            motion = self._call(api.Arm(), api.Motion)
+            motion = self._call(api.Arm(), api.Motion, axes=axes)
         except Refused as refused:
             if self._leased and refused.reason is not api.Reason.ARMED:
                 self._return_lease()
@@ -202,76 +211,34 @@ class Client:
         self._conversation.begin(None)
         return motion
 
-    def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
-        """Follow trajectories one after the other; `queue` appends to what runs already."""
-        motion: api.Motion | None = None
-        for piece in (piece for whole in trajectories for piece in in_pieces(whole)):
-            command = Follow(trajectories=(piece,), queue=queue or motion is not None)
-            motion = self._call(command, api.Motion)
-        if motion is None:
-            return self._call(Follow(trajectories=()), api.Motion)
-        return motion
-
-    def heat(
+    def move(
         self,
-        spring: Spring,
-        temperature_degC: float,
-        *,
-        rate_K_per_s: float | None = None,
-        duration_s: float | None = None,
-        use_water: bool = True,
+        *trajectories: Trajectory | Mapping[str, Trajectory | Sequence[Trajectory]],
+        queue: bool = False,
     ) -> api.Motion:
-        """Hold a spring at a temperature."""
-        command = HoldTemperature(
-            spring=spring,
-            temperature_degC=temperature_degC,
-            rate_K_per_s=rate_K_per_s,
-            duration_s=duration_s,
-            use_water=use_water,
-        )
-        return self._call(command, api.Motion)
+        """Follow trajectories one after the other; `queue` appends to what runs already.
 
-    def current(self, command: DriveCurrent) -> api.Motion:
-        """Plain currents and pump duties, without feedback."""
-        return self._call(command, api.Motion)
-
-    def follow_inputs(self, command: FollowInputs) -> api.Motion:
-        """Play recorded currents and duties; of any length, it is sent in pieces."""
-        first, *rest = rows_in_pieces(command)
-        motion = self._call(first, api.Motion)
-        for piece in rest:
-            motion = self._call(piece, api.Motion)
+        Of several axes, give a mapping: they begin together. With `queue` they begin when the
+        slowest of them has ended what it does.
+        """
+        pieces = [piece for piece in trajectories if not isinstance(piece, Mapping)]
+        groups = [group for group in trajectories if isinstance(group, Mapping)]
+        if not groups:
+            return self._follow(pieces, queue=queue)
+        if pieces:
+            raise TypeError("trajectories of several axes are given as mappings alone")
+        for number, group in enumerate(groups):
+            motion = self._begin_together(group, queue=queue or number > 0)
         return motion
 
-    def stage(self, stage_mm: float, rate_mm_per_s: float) -> api.Motion:
-        """Move the stretching stage."""
-        return self._call(MoveStage(stage_mm=stage_mm, rate_mm_per_s=rate_mm_per_s), api.Motion)
-
-    def idle(self) -> api.Motion:
-        """No current, no water; stays armed."""
-        return self._call(Idle(), api.Motion)
-
-    def tune(self, command: Tune) -> api.Motion:
-        """Change gains and options of the running controller."""
-        return self._call(command, api.Motion)
-
-    def params(self) -> tuple[api.Param, ...]:
-        """The parameters stored on the board."""
-        replied = self._call(api.ListParams(), api.ParamList)
-        return replied.params
-
-    def get_param(self, name: str) -> api.Param:
-        """One parameter of the board."""
-        return self._call(api.GetParam(name=name), api.Param)
-
-    def set_param(self, name: str, value: float) -> api.Param:
-        """Change one parameter of the board; returns it as the board has it now."""
-        return self._call(api.SetParam(name=name, value=value), api.Param)
-
-    def save_params(self) -> tuple[api.Param, ...]:
-        """Keep the parameters over a power cycle."""
-        replied = self._call(api.SaveParams(), api.ParamList)
-        return replied.params
+    def _begin_together(
+        self, group: Mapping[str, Trajectory | Sequence[Trajectory]], *, queue: bool
+    ) -> api.Motion:
+        begin, later = first_pieces(group)
+        motion = self._call(api.Together(moves=begin, queue=queue), api.Motion)
+        for axis, rest in later.items():
+            self[axis].move(*rest, queue=True)
+        return motion
 
     def start_recording(self, name: str = "", repeats: str = "") -> api.RecorderStatus:
         """Begin a run log; `repeats` names the run whose inputs it plays again."""
@@ -361,39 +328,6 @@ class Client:
         finally:
             self.stop_recording()
 
-    def wait_until_done(
-        self,
-        progress: Callable[[api.Motion], None] | None = None,
-        *,
-        timeout_s: float | None = None,
-    ) -> api.Motion:
-        """Return once everything commanded has been carried out; `progress` sees each poll.
-
-        Raises Stopped when it never will be (disarmed, fault, board gone), NoAnswer after
-        `timeout_s`.
-        """
-        wait = Wait(time.monotonic(), timeout_s, self._conversation.generation)
-        while True:
-            motion = self.motion()
-            if progress is not None:
-                progress(motion)
-            try:
-                if wait.over(motion, time.monotonic()):
-                    return motion
-            except Stopped:
-                # Nothing of ours is armed: somebody else may clear the fault and begin anew.
-                if self._leased and not motion.armed:
-                    self._return_lease()
-                raise
-            pause(POLL_S)
-
-    def telemetry(
-        self, *, timeout_s: float | None = None, queue: int = 1000
-    ) -> Iterator[api.Telemetry]:
-        """Published samples, as they come. Raises NoAnswer when none comes for `timeout_s`."""
-        limit_s = self.timeout_s if timeout_s is None else timeout_s
-        return self._channel.telemetry(limit_s, queue)
-
     def _call(
         self,
         params: Any,
@@ -401,6 +335,12 @@ class Client:
         *,
         stop: bool = False,
         timeout_s: float | None = None,
+        axes: tuple[str, ...] = (),
     ) -> Reply:
         limit_s = self.timeout_s if timeout_s is None else timeout_s
-        return self._channel.call(params, kind, limit_s, stop=stop)
+        return self._channel.call(params, kind, limit_s, stop=stop, axes=axes or self.name)
+
+    def _ended(self, motion: api.Motion) -> None:
+        # Nothing of ours is armed: somebody else may clear the fault and begin anew.
+        if self._leased and not motion.armed:
+            self._return_lease()

@@ -9,7 +9,7 @@ from typing import Any
 import zmq
 from msgspec import Struct
 
-from smad.api import TELEMETRY_TOPIC, Telemetry
+from smad.api import Telemetry, topic_of
 from smad.client.endpoints import Connection
 from smad.client.wire import (
     Conversation,
@@ -40,10 +40,18 @@ class Channel:
         self._stops.close(linger=0)
         self._context.destroy(linger=0)
 
-    def call(self, params: Struct, kind: type[Reply], limit_s: float, *, stop: bool) -> Reply:
+    def call(
+        self,
+        params: Struct,
+        kind: type[Reply],
+        limit_s: float,
+        *,
+        stop: bool,
+        axes: str | tuple[str, ...] | None = None,
+    ) -> Reply:
         """Return the reply to a request. Raises NoAnswer after `limit_s`, and Refused."""
         socket: Any = self._stops if stop else self._commands
-        call_id, data = self.conversation.request(params)
+        call_id, data = self.conversation.request(params, axes)
         deadline_s = time.monotonic() + limit_s
         try:
             socket.send(data, zmq.NOBLOCK)
@@ -57,9 +65,9 @@ class Channel:
             if reply is not None:
                 return reply
 
-    def telemetry(self, limit_s: float, queue: int) -> Generator[Telemetry]:
-        """Published samples, as they come. Raises NoAnswer when none comes for `limit_s`."""
-        topic = TELEMETRY_TOPIC.encode()
+    def telemetry(self, limit_s: float, queue: int, axis: str) -> Generator[Telemetry]:
+        """Published samples of an axis, as they come. Raises NoAnswer after `limit_s` without."""
+        topic = topic_of(axis).encode()
         socket = subscribe(self._context, self.connection.telemetry, topic, queue)
         try:
             while True:

@@ -74,8 +74,10 @@ class Conversation:
         if self.known is not None and generation == self.known + 1:
             self.begin(generation, known=generation)
 
-    def request(self, params: Struct) -> tuple[int, bytes]:
-        """Return the id and the bytes of a request.
+    def request(
+        self, params: Struct, axes: str | tuple[str, ...] | None = None
+    ) -> tuple[int, bytes]:
+        """Return the id and the bytes of a request; `axes` are those that it is for.
 
         Raises Refused for a number that is not finite, and when it is too long to send.
         """
@@ -88,6 +90,8 @@ class Conversation:
             "method": method.name,
             "params": params,
         }
+        if axes:
+            request["axis"] = axes
         if self.lease:
             request["lease"] = self.lease
         generation = self.known if isinstance(params, Arm) else self.generation

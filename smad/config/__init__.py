@@ -3,6 +3,7 @@
 `load_config(path)` reads a file, `Config()` is a complete default, `default_toml()` writes it out.
 """
 
+from smad.config.axes import AxisConfig, SegmentConfig
 from smad.config.load import load_config, parse_config
 from smad.config.model import (
     Config,
@@ -24,6 +25,7 @@ from smad.config.model import (
 from smad.config.template import config_to_toml, default_toml
 
 __all__ = [
+    "AxisConfig",
     "Config",
     "ControlConfig",
     "CoolingConfig",
@@ -36,6 +38,7 @@ __all__ = [
     "RealtimeConfig",
     "RecorderConfig",
     "RepeatConfig",
+    "SegmentConfig",
     "TcpConfig",
     "TelemetryConfig",
     "TemperatureConfig",

@@ -29,11 +29,20 @@ class Key:
 
 @dataclass(frozen=True)
 class SectionDescription:
-    """One table of the configuration: dotted name, purpose, keys in the order of the types."""
+    """One table of the configuration: dotted name, purpose, keys in the order of the types.
+
+    `many`: there may be any number of them, `[[name]]` in TOML.
+    """
 
     name: str
     purpose: str
     keys: tuple[Key, ...]
+    many: bool = False
+
+    @property
+    def heading(self) -> str:
+        """Its line in a TOML file."""
+        return f"[[{self.name}]]" if self.many else f"[{self.name}]"
 
 
 def sections() -> tuple[SectionDescription, ...]:
@@ -46,20 +55,25 @@ def find_section(name: str) -> SectionDescription | None:
     return next((section for section in sections() if section.name == name), None)
 
 
-def _walk(struct: type[msgspec.Struct], name: str) -> Iterator[SectionDescription]:
+def _walk(
+    struct: type[msgspec.Struct], name: str, *, many: bool = False
+) -> Iterator[SectionDescription]:
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)
     keys = []
     below = []
     for field in info.fields:
-        if isinstance(field.type, types.StructType):
-            below.append((field.type.cls, f"{name}.{field.name}".lstrip(".")))
+        kind = field.type
+        listed = isinstance(kind, types.VarTupleType)
+        inner = kind.item_type if isinstance(kind, types.VarTupleType) else kind
+        if isinstance(inner, types.StructType):
+            below.append((inner.cls, f"{name}.{field.name}".lstrip("."), listed))
         else:
             keys.append(_key(name, field))
     if name:
-        yield SectionDescription(name, inspect.getdoc(struct) or "", tuple(keys))
-    for child, child_name in below:
-        yield from _walk(child, child_name)
+        yield SectionDescription(name, inspect.getdoc(struct) or "", tuple(keys), many)
+    for child, child_name, listed in below:
+        yield from _walk(child, child_name, many=listed)
 
 
 def _key(section: str, field: types.Field) -> Key:
@@ -68,6 +82,9 @@ def _key(section: str, field: types.Field) -> Key:
     if isinstance(kind, types.Metadata):
         description = (kind.extra_json_schema or {}).get("description", "")
         kind = kind.type
+    if isinstance(kind, types.UnionType):
+        kind = next(one for one in kind.types if not isinstance(one, types.NoneType))
+        kind = kind.type if isinstance(kind, types.Metadata) else kind
     default = field.default
     if default is msgspec.NODEFAULT and field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()

@@ -77,8 +77,9 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
     unknown = _UNKNOWN.match(cause)
     if unknown:
         _refuse_unknown(unknown["name"], path, source)
-    section_name, _, name = re.sub(r"\[.*", "", path).rpartition(".")
-    section = find_section(section_name)
+    # `axes[0].port` is a key of a table; `daemon.tcp.allowed_keys[0]` an entry of a list.
+    section_name, _, name = re.sub(r"\[[^.]*\Z", "", path).rpartition(".")
+    section = find_section(re.sub(r"\[.*", "", section_name))
     key = next((k for k in section.keys if k.name == name), None) if section else None
     if key is None and cause.startswith("Expected `object`"):
         raise ConfigError(
@@ -86,7 +87,8 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
         ) from None
     if key is None:
         # A check of several keys together; its message says what to do.
-        raise ConfigError(f"{source}: [{path}] {in_words(cause)}") from None
+        place = f"[{path}] " if path else ""
+        raise ConfigError(f"{source}: {place}{in_words(cause)}") from None
     raise ConfigError(
         f"{source}: {path} is not allowed",
         value=_value_at(text, section_name, name),
@@ -96,7 +98,7 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
 
 
 def _refuse_unknown(name: str, path: str, source: str) -> NoReturn:
-    section = find_section(path)
+    section = find_section(re.sub(r"\[.*", "", path))
     known = [key.name for key in section.keys] if section else list(Config.__struct_fields__)
     raise ConfigError(
         f"{source}: unknown key {f'{path}.{name}'.lstrip('.')}",
@@ -106,6 +108,6 @@ def _refuse_unknown(name: str, path: str, source: str) -> NoReturn:
 
 def _value_at(text: str, section: str, name: str) -> Any:
     value: Any = tomllib.loads(text)
-    for part in [*section.split("."), name]:
-        value = value[part]
+    for part in re.findall(r"[^.\[\]]+", f"{section}.{name}"):
+        value = value[int(part) if isinstance(value, list) else part]
     return value

@@ -9,24 +9,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta, Struct, field
+from msgspec import Meta, field, structs
 
-from firmware_protocol.supervisor.host import host_limits
-from firmware_protocol.supervisor.limits import compiled_limits
+from smad.config.axes import DEGREES_PER_MM, OF_THE_BENCH, USUAL_NAMES, AxisConfig, SegmentConfig
+from smad.config.section import HOST, Section
 from smad.curve_key import KEY_CHARACTERS, is_curve_key
-
-_HOST = host_limits(compiled_limits())
-"""What the host may ask of a board that nobody tightened; a tightened one is asked at arming."""
-
-
-class Section(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of the configuration file."""
-
-    def __post_init__(self) -> None:
-        for name in self.__struct_fields__:
-            value = getattr(self, name)
-            if isinstance(value, str) and "\0" in value:
-                raise ValueError(f"`{name}` {value!r} contains a NUL character; leave it out")
+from smad.errors import ConfigError
 
 
 class LinkConfig(Section, frozen=True, kw_only=True):
@@ -46,7 +34,7 @@ class LinkConfig(Section, frozen=True, kw_only=True):
         int,
         Meta(
             ge=20,
-            le=_HOST.setpoint_ttl_ms,
+            le=HOST.setpoint_ttl_ms,
             description="the board holds current 0 after so long without one",
         ),
     ] = 100
@@ -228,7 +216,7 @@ class ControlConfig(Section, frozen=True, kw_only=True):
     ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 23.0
     current_limit_A: Annotated[
         float,
-        Meta(ge=0.0, le=_HOST.current_mA / 1000, description="largest current in a spring"),
+        Meta(ge=0.0, le=HOST.current_mA / 1000, description="largest current in a spring"),
     ] = 4.0
     anti_windup_time_s: Annotated[
         float,
@@ -255,7 +243,7 @@ class LimitsConfig(Section, frozen=True, kw_only=True):
         float,
         Meta(
             ge=30.0,
-            le=_HOST.temperature_cC / 100,
+            le=HOST.temperature_cC / 100,
             description="hottest spring; current goes to 0 above it",
         ),
     ] = 80.0
@@ -266,13 +254,13 @@ class LimitsConfig(Section, frozen=True, kw_only=True):
     force_max_N: Annotated[float, Meta(ge=0.1, le=100.0, description="largest tendon force")] = 10.0
     on_time_max_s: Annotated[
         float,
-        Meta(ge=1.0, le=_HOST.on_time_s, description="longest time armed without a new arming"),
+        Meta(ge=1.0, le=HOST.on_time_s, description="longest time armed without a new arming"),
     ] = 3600.0
     current_rate_max_A_per_s: Annotated[
         float,
         Meta(
             ge=0.1,
-            le=_HOST.current_slew_mA_per_ms,
+            le=HOST.current_slew_mA_per_ms,
             description="fastest rise of a current setpoint",
         ),
     ] = 400.0
@@ -423,3 +411,53 @@ class Config(Section, frozen=True, kw_only=True):
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     plant: PlantConfig = field(default_factory=PlantConfig)
+    axes: tuple[AxisConfig, ...] = ()
+    segments: tuple[SegmentConfig, ...] = ()
+
+    def __post_init__(self) -> None:
+        for key in ("name", "port"):
+            values = [getattr(axis, key) for axis in self.axes if getattr(axis, key)]
+            twice = next((value for value in values if values.count(value) > 1), None)
+            if twice is not None:
+                raise ValueError(f"`axes`: two have the {key} {twice!r}; give each its own")
+
+    def by_axis(self) -> dict[str, Config]:
+        """Return the configuration of each axis by its name; of a bench of one, itself by ""."""
+        return {axis.name: self._of(axis) for axis in self.axes} or {"": self}
+
+    def degrees_per_mm(self, axis: str) -> float:
+        """Return by how much 1 mm of an axis turns its joint, with its sign."""
+        for one in self.segments:
+            for joint, sign in ((one.pitch, one.pitch_sign), (one.yaw, one.yaw_sign)):
+                if joint == axis:
+                    return sign * one.gain_deg_per_mm
+        return DEGREES_PER_MM
+
+    def with_axes(self, count: int | None) -> Config:
+        """Return it with so many axes: the first that it has, or those of MINIR-II.
+
+        None leaves it as it is, and so does 1 where it has none. Raises ConfigError when it has
+        fewer.
+        """
+        if count is None or (count == 1 and not self.axes):
+            return self
+        axes = self.axes or tuple(AxisConfig(name=name) for name in USUAL_NAMES)
+        if count > len(axes):
+            raise ConfigError(
+                "there are not so many axes in the configuration",
+                value=count,
+                limit=len(axes),
+                action="add [[axes]] to it",
+            )
+        return structs.replace(self, axes=axes[:count])
+
+    def _of(self, axis: AxisConfig) -> Config:
+        changed: dict[str, dict[str, object]] = {}
+        for own, (section, key) in OF_THE_BENCH.items():
+            if (value := getattr(axis, own)) is not None:
+                changed.setdefault(section, {})[key] = value
+        sections = {
+            section: structs.replace(getattr(self, section), **values)
+            for section, values in changed.items()
+        }
+        return structs.replace(self, axes=(axis,), **sections)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import attrgetter
 from typing import Any
 
-from smad.config.describe import sections
+import msgspec
+
+from smad.config.describe import Key, sections
 from smad.config.model import Config
 
 
@@ -16,12 +19,16 @@ def default_toml() -> str:
         "# Units are in the names.",
     ]
     for section in sections():
-        lines += ["", f"# {section.purpose}", f"[{section.name}]"]
+        lead = "# " if section.many else ""
+        lines += ["", f"# {section.purpose}", lead + section.heading]
         for key in section.keys:
             lines.append(f"# {key.description} ({key.allowed})")
-            # An inline table could not be added to further down, so an empty one stays a comment.
-            lead = "# " if isinstance(key.default, Mapping) else ""
-            lines.append(lead + _assignment(key.name, key.default))
+            if key.default in (None, msgspec.NODEFAULT):
+                lines.append(f"# {key.name} =")
+            else:
+                # An inline table could not be added to further down: an empty one is a comment.
+                lead_of_key = "# " if isinstance(key.default, Mapping) else lead
+                lines.append(lead_of_key + _assignment(key.name, key.default))
     return "\n".join(lines) + "\n"
 
 
@@ -29,24 +36,26 @@ def config_to_toml(config: Config) -> str:
     """`config` as TOML, for the header of a run log; `parse_config` reads it back unchanged."""
     lines = []
     for section in sections():
-        value: Any = config
-        for part in section.name.split("."):
-            value = getattr(value, part)
-        lines.append(f"[{section.name}]")
-        lines += [_assignment(key.name, getattr(value, key.name)) for key in section.keys]
+        value: Any = attrgetter(section.name)(config)
+        for one in value if section.many else (value,):
+            lines.append(section.heading)
+            told = ((key.name, getattr(one, key.name)) for key in section.keys)
+            lines += [_assignment(name, value) for name, value in told if value is not None]
     return "\n".join(lines) + "\n"
 
 
 def markdown_lists() -> str:
     """The reference of the guide: a list for each section."""
     return "\n".join(
-        f"### `[{section.name}]`\n\n{section.purpose}\n\n"
-        + "".join(
-            f"- `{key.name} = {_toml(key.default)}` ({key.allowed}): {key.description}\n"
-            for key in section.keys
-        )
+        f"### `{section.heading}`\n\n{section.purpose}\n\n"
+        + "".join(f"- `{_told(key)}` ({key.allowed}): {key.description}\n" for key in section.keys)
         for section in sections()
     )
+
+
+def _told(key: Key) -> str:
+    missing = key.default in (None, msgspec.NODEFAULT)
+    return key.name if missing else _assignment(key.name, key.default)
 
 
 def _assignment(name: str, value: Any) -> str:

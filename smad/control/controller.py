@@ -136,6 +136,13 @@ class Controller:
         if not isinstance(command, Tune | Idle):
             self._departure = None
 
+    def check(self, command: Follow) -> None:
+        """Raise the CommandError that `command` would for these trajectories; changes nothing."""
+        checked(command)
+        mode, sample = self._displacement, self._sample
+        here_m = 0.0 if sample is None else sample.displacement_m
+        mode.check(command, mode.reference_m if self._mode is mode else here_m)
+
     def step(self, sample: Sample) -> Output:
         """The output for `sample`. A sample that brings no new time gives the last output again."""
         dt_s = self._elapsed(sample)

@@ -129,6 +129,10 @@ class DisplacementMode:
         self._direction.reset(u_now_A)
         self._anticipation.reset()
 
+    def check(self, command: Follow, at_m: float) -> None:
+        """Raise CommandError for what cannot be followed from `at_m`."""
+        self._queue.compiled(command, at_m)
+
     def follow(self, command: Follow) -> None:
         self._queue.follow(command)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from msgspec.structs import replace
@@ -19,13 +20,13 @@ COLUMNS = (*DRIVEN, *_DRAINS, *READINGS)
 """Every field of FollowInputs that has a value for each row."""
 
 
-def in_pieces(trajectory: Trajectory) -> list[Trajectory]:
+def in_pieces(trajectory: Trajectory, points: int = POINTS_A_PIECE) -> list[Trajectory]:
     """Return the trajectory, cut where it is too long for one message."""
-    if not isinstance(trajectory, Samples) or len(trajectory.t_s) <= POINTS_A_PIECE:
+    if not isinstance(trajectory, Samples) or len(trajectory.t_s) <= points:
         return [trajectory]
     pieces: list[Trajectory] = []
-    for begin in range(0, len(trajectory.t_s) - 1, POINTS_A_PIECE - 1):
-        part = slice(begin, begin + POINTS_A_PIECE)
+    for begin in range(0, len(trajectory.t_s) - 1, points - 1):
+        part = slice(begin, begin + points)
         start_s = trajectory.t_s[begin]
         pieces.append(
             Samples(
@@ -34,6 +35,22 @@ def in_pieces(trajectory: Trajectory) -> list[Trajectory]:
             )
         )
     return pieces
+
+
+def first_pieces(
+    group: Mapping[str, Trajectory | Sequence[Trajectory]],
+) -> tuple[dict[str, tuple[Trajectory, ...]], dict[str, tuple[Trajectory, ...]]]:
+    """Return what begins together, in one message, and what each axis is to follow afterwards."""
+    begin, later = {}, {}
+    for axis, given in group.items():
+        whole = given if isinstance(given, Sequence) else (given,)
+        pieces = [p for one in whole for p in in_pieces(one, POINTS_A_PIECE // len(group))]
+        # The pieces of one trajectory are too many for one message; those of others are short.
+        cut = len(pieces) if len(pieces) == len(whole) else 1
+        begin[axis] = tuple(pieces[:cut])
+        if pieces[cut:]:
+            later[axis] = tuple(pieces[cut:])
+    return begin, later
 
 
 def rows_in_pieces(command: FollowInputs) -> list[FollowInputs]:

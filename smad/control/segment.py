@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-DEGREES_PER_MM = 6.25
+from smad.config import axes
+
+DEGREES_PER_MM = axes.DEGREES_PER_MM
 """±4 mm of the springs turn the segment by ±25°; the parameter sets hold it as `robot_gain`."""
 
 

@@ -283,6 +283,17 @@ class ReferenceQueue:
 
         Raises CommandError when a piece breaks a limit or the queue is full.
         """
+        compiled = self.compiled(command, self.reference_m)
+        if not command.queue:
+            self.restart(self.reference_m)
+        for motion in compiled:
+            self._place(motion)
+
+    def compiled(self, command: Follow, at_m: float) -> list[Compiled]:
+        """Return the pieces of `command`, to begin at `at_m` or, queued, after those there.
+
+        Raises CommandError as `follow` does.
+        """
         keep = len(self._pieces) if command.queue else 0
         if keep + len(command.trajectories) > LONGEST_QUEUE:
             raise CommandError(
@@ -299,15 +310,13 @@ class ReferenceQueue:
                 limit=f"{LONGEST_SAMPLES} points a command",
                 action="split them into several commands with queue=true",
             )
-        at_m = self._end_m if command.queue else self.reference_m
+        if command.queue:
+            at_m = self._end_m
         compiled: list[Compiled] = []
         for index, piece in enumerate(command.trajectories):
             compiled.append(compile_piece(piece, at_m, self._limits, f"trajectories[{index}]"))
             at_m = compiled[-1].end_m
-        if not command.queue:
-            self.restart(self.reference_m)
-        for motion in compiled:
-            self._place(motion)
+        return compiled
 
     def advance(self, dt_s: float) -> float:
         """The reference `dt_s` later, m."""

@@ -22,6 +22,8 @@ from smad.control.setpoint import setpoint_of
 from smad.daemon.histogram import Histogram
 from smad.daemon.means import Clocks
 from smad.daemon.trace import Trace
+from smad.runlog.rows import row_of
+from smad.runlog.schema import Row
 
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
 _AT_REST = Output()
@@ -51,6 +53,19 @@ class Finished:
     reference_m: float
     reference_degC: float
     pump_starts: tuple[int, int]
+
+    def row(self, degrees_per_mm: float) -> Row:
+        """Return it as a row of the run log; a joint turns by so much for 1 mm."""
+        return row_of(
+            self.sample,
+            self.state,
+            self.setpoint,
+            host_time_s=self.host_s,
+            reference_m=self.reference_m,
+            reference_degC=self.reference_degC,
+            pump_starts=self.pump_starts,
+            degrees_per_mm=degrees_per_mm,
+        )
 
 
 @dataclass(frozen=True)
@@ -93,6 +108,8 @@ class ControlTask:
         self.axis = config.axis
         self.scales = Scales({}, config.axis)
         self.stepping = True
+        self.on_next: Callable[[State], None] | None = None
+        """Called once, with the next sample that is answered."""
         self._ttl_ms = config.setpoint_ttl_ms
         self._write = outlets.write
         self._on_event = outlets.on_event
@@ -190,6 +207,9 @@ class ControlTask:
             self.counts.skipped += 1
             self._finish(self._sample(received.state, t_us), received.state, None)
         self._observe(state, sample, began_ns)
+        if (tell := self.on_next) is not None:
+            self.on_next = None
+            tell(state)
         self._finish(sample, state, setpoint)
 
     def _sample(self, state: State, t_us: int) -> Sample:

@@ -9,44 +9,32 @@ from __future__ import annotations
 import asyncio
 import secrets
 import time
-from collections.abc import Callable, Coroutine
-from contextlib import nullcontext
-from dataclasses import dataclass, field
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any
 
-import zmq
-
-from firmware_protocol.events import BoardRestarted, HostEvent, HostState, LinkLost
-from firmware_protocol.host import HostSession
-from firmware_protocol.messages import State
+from firmware_protocol.enums import BoardState
+from firmware_protocol.events import HostState
+from firmware_protocol.mirror import STOPPED
 from smad.config import Config
-from smad.control.controller import Controller
-from smad.control.inputs import Departure
-from smad.daemon.boardside import BoardSide
+from smad.daemon.axis import Axis, Surroundings
+from smad.daemon.bench import Bench
 from smad.daemon.command.answers import Answers
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.command.server import CommandServer, Handlers
 from smad.daemon.command.service import Claims, Service
 from smad.daemon.command.status import CommandCounts, Own, StatusReport
 from smad.daemon.command.unwelcome import Unwelcome
-from smad.daemon.control import ControlTask, Outlets
 from smad.daemon.errors import Refusal
-from smad.daemon.hoststop import HostStop, in_full
-from smad.daemon.journal import Journal
-from smad.daemon.link.link import Link
-from smad.daemon.link.port import Transport
-from smad.daemon.link.requests import BoardRequests
-from smad.daemon.link.watch import BoardWatch
-from smad.daemon.means import Clocks, Means
-from smad.daemon.notify import Notifier
+from smad.daemon.link.port import Opener
+from smad.daemon.means import Means
+from smad.daemon.process import Process
 from smad.daemon.realtime import IdleCollector
-from smad.daemon.sockets.descriptors import Reserve
-from smad.daemon.stops import Stops
+from smad.daemon.stops import BoardStop, Stops
 from smad.daemon.telemetry.publisher import Publisher
 from smad.daemon.telemetry.recorder import Recorder
 from smad.daemon.telemetry.runheader import run_header
-from smad.daemon.telemetry.stamps import Stamps
-from smad.daemon.trace import Trace
+from smad.daemon.together import Groups
+from smad.errors import PortError
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import Event, EventKind, LinkSample
 
@@ -59,31 +47,14 @@ _AT_ONCE = 8
 _SPARE_SHARE = 0.3
 
 
-@dataclass(frozen=True)
-class Process:
-    """What the process gives its daemon.
+class Daemon:
+    """All parts of a daemon, and its axes by name; the one of a bench of one has the empty name.
 
-    `nonce` tells the board's answers to this daemon from those to an earlier one. `reserve` is a
-    block in which descriptors of the reserve may be used. `parameter_text` is the parameter file
-    of a simulated bench, None on a real one. `patience` is that of the session with the board.
+    `openers` open the port of each axis that `config.by_axis()` has. `failure` gets the name and
+    error of a part that died.
     """
 
-    loop: asyncio.AbstractEventLoop
-    context: zmq.Context[zmq.Socket[bytes]]
-    journal: Journal
-    notifier: Notifier
-    nonce: int
-    reserve: Reserve = nullcontext
-    parameter_text: str | None = None
-    patience: int = 1
-    trace: Trace | None = None
-    clocks: Clocks = field(default_factory=Clocks)
-
-
-class Daemon:
-    """All parts of a daemon. `failure` gets the name and error of a part that died."""
-
-    def __init__(self, config: Config, opener: Callable[[], Transport], process: Process) -> None:
+    def __init__(self, config: Config, openers: Mapping[str, Opener], process: Process) -> None:
         self.config = config
         self.loop = process.loop
         self.journal = process.journal
@@ -95,86 +66,51 @@ class Daemon:
         self._means = Means(process.clocks, self.say, self.spawn)
         self._tasks: set[asyncio.Task[Any]] = set()
         self._publishing = False
-        self._stamps = Stamps()
         self._second_us = 0
         self._housekeeping: asyncio.TimerHandle | None = None
         self._recorder_error = ""
         self._housekept_s = time.monotonic()
         self._left_hot_us: int | None = None
-        self._period_ns = int(1e9 / config.link.rate_hz)
         self._claims = Claims(
             Lease(secrets.token_urlsafe), DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
         )
-        board = self._towards_the_board(opener, process)
+        self.stops = Stops(self.say, on_begin=self._on_stop_begun)
+        bench = Surroundings(self._means, self.stops, self._guarded, self._on_finished)
+        self.axes = {
+            name: Axis(name, own, openers[name], process, bench)
+            for name, own in config.by_axis().items()
+        }
+        self.groups = Groups(self.axes, self.say)
+        self._at_once = max(1, _AT_ONCE // len(self.axes))
+        self._period_ns = int(1e9 / max(a.config.link.rate_hz for a in self.axes.values()))
         self.recorder = self._recorder_of(process)
         self.publisher = Publisher(self.loop, config.telemetry)
         self.collector = IdleCollector(enabled=False)
-        self._towards_clients(board, process)
-
-    def _towards_the_board(self, opener: Callable[[], Transport], process: Process) -> BoardSide:
-        config = self.config
-        self.session = HostSession(nonce=process.nonce, patience=process.patience)
-        self.link = Link(
-            opener,
-            loop=self.loop,
-            retry_s=config.link.reconnect_interval_s,
-            on_bytes=self._on_bytes,
-            on_open=self._on_open,
-            on_lost=self._on_lost,
-        )
-        self.control = ControlTask(
-            self.session,
-            Controller(config.control, config.limits),
-            config.link,
-            Outlets(self.link.write, self._on_event, self._on_finished),
-            process.clocks,
-            trace=process.trace,
-        )
-        self.requests = BoardRequests(self.session, self._clock_us, self.control.flush)
-        self.watch = BoardWatch(
-            config.link,
-            self.requests,
-            self._means,
-            baud=lambda: 0 if self.link.transport is None else self.link.transport.baud,
-            on_scales=self._set_scales,
-            on_found_armed=self._stop_found,
-        )
-        self.stops = Stops(
-            self.control,
-            self.requests,
-            self.watch,
-            self._means,
-            on_begin=self._on_stop_begun,
-        )
-        self._host_stop = HostStop(self.control.controller)
-        self._told_departure: Departure | None = None
-        return BoardSide(
-            self.link, self.control, self.requests, self.watch, self.stops, self._host_stop
-        )
+        self._towards_clients(process)
 
     def _recorder_of(self, process: Process) -> Recorder:
         def header(name: str) -> RunHeader:
             return run_header(
                 self.config,
                 name,
-                self.watch.ident,
+                {name: axis.watch.ident for name, axis in self.axes.items()},
                 parameter_text=process.parameter_text,
                 now_s=self._wall_clock(),
             )
 
         return Recorder(self.config.recorder, header, self._wall_clock)
 
-    def _towards_clients(self, board: BoardSide, process: Process) -> None:
+    def _towards_clients(self, process: Process) -> None:
+        bench = Bench(self.config, self.axes, self.stops, self.groups)
         self.status = StatusReport(
-            self.config,
-            board,
+            bench,
             self.recorder,
             lease=self._claims.lease,
             own=Own(self.journal, self.collector, self.commands),
             clock_us=self._clock_us,
         )
         self.service = Service(
-            self.config, board, self.recorder, self.status, claims=self._claims, means=self._means
+            bench, self.recorder, self.status, claims=self._claims, means=self._means
         )
         self.answers = Answers(
             self.service,
@@ -185,16 +121,28 @@ class Daemon:
         )
         self.server = CommandServer(
             process.context,
-            Handlers(self.answers.command, self.answers.stop, self.link.read),
+            Handlers(self.answers.command, self.answers.stop, self._look_at_ports),
             loop=self.loop,
             queue=self.config.daemon.command_queue,
             reserve=process.reserve,
         )
         self._unwelcome = Unwelcome(self.server, self.commands, self.say)
 
-    def start(self) -> None:
-        """Open the port and begin. Raises PortError when it cannot be opened."""
-        self.link.open()
+    def start(self, *, without_missing: bool = False) -> None:
+        """Open the ports and begin. Raises PortError when one cannot be opened.
+
+        `without_missing`: unless none can; those that cannot are tried again and again.
+        """
+        missing: list[PortError] = []
+        for axis in self.axes.values():
+            try:
+                axis.link.open()
+            except PortError as error:
+                missing.append(error)
+                if not without_missing or len(missing) == len(self.axes):
+                    raise
+                axis.means.say("warning", f"begun without its board: {error}", {})
+                axis.link.open_later()
         self._housekept_s = time.monotonic()
         self._housekeep()
 
@@ -202,16 +150,24 @@ class Daemon:
         """Put an event into the run log and, unless it is a mere command, into the journal."""
         if kind not in ("command", "note"):
             self.journal.say(text, kind)
-        last = self.control.last
         self.recorder.note(
             Event(
-                t_s=None if last is None else last.sample.t_us * 1e-6,
+                t_s=self._board_time_s(),
                 host_time_s=self._wall_clock(),
                 kind=kind,
                 text=text,
                 data=data,
             )
         )
+
+    def _board_time_s(self) -> float | None:
+        """Board time, where there is one board to tell it."""
+        lasts = [axis.control.last for axis in self.axes.values()]
+        return lasts[0].sample.t_us * 1e-6 if len(lasts) == 1 and lasts[0] is not None else None
+
+    def _look_at_ports(self) -> None:
+        for axis in self.axes.values():
+            axis.link.read()
 
     def _waiting(self) -> int:
         return len(self._tasks)
@@ -224,39 +180,25 @@ class Daemon:
 
     def fail(self, name: str, error: BaseException) -> None:
         """A part died: no step is taken any more, and whoever waits for `failure` is told."""
-        self.control.stepping = False
+        for axis in self.axes.values():
+            axis.control.stepping = False
         if not self.failure.done():
             self.failure.set_result((name, error))
 
     async def disarm(self) -> str:
         """End heating for good; return what came of it, in words. Never raises."""
         self.service.stopping = True
-        state = self.session.state
-        if state in (HostState.DISCONNECTED, HostState.SYNC):
-            return "the board is not connected; its own watchdog ends heating"
-        if self.watch.incompatible is not None:
-            return "the board was only watched, nothing was armed"
-        if state is HostState.FAULTED:
-            return "the board has stopped already"
-        hot = state in (HostState.RUNNING, HostState.READY)
-        self.stops.begin("the daemon is ending", by="the end of the daemon")
-        try:
-            # Whatever died may be what lets the time of the wait itself run out.
-            await asyncio.wait_for(self.stops.until_confirmed(), 2.0)
-            # Without a session nothing is waited for, and nothing was confirmed.
-            lost = self.session.state in (HostState.DISCONNECTED, HostState.SYNC)
-            unconfirmed = "the link was lost" if lost else ""
-        except Refusal as refusal:
-            unconfirmed = refusal.cause
-        except TimeoutError:
-            unconfirmed = "no answer within 2 s"
-        if not hot:
-            return "nothing was armed"
-        if unconfirmed:
-            return (
-                f"the board did not confirm the disarm ({unconfirmed}); its watchdog ends heating"
-            )
-        return "disarmed, the board cools by itself"
+        quiet = {name: _needs_no_stop(axis) for name, axis in self.axes.items()}
+        hot = [axis for axis in self.axes.values() if axis.hot]
+        if not all(quiet.values()):
+            self.stops.begin("the daemon is ending", by="the end of the daemon")
+        told = {
+            name: quiet[name] or await _disarmed(axis, armed=axis in hot)
+            for name, axis in self.axes.items()
+        }
+        if len(set(told.values())) == 1:
+            return next(iter(told.values()))
+        return "; ".join(f"{name}: {came_of_it}" for name, came_of_it in told.items())
 
     async def close(self) -> None:
         """Give everything back. The board must have been disarmed."""
@@ -266,7 +208,8 @@ class Daemon:
         self.answers.give_up()
         self.server.close()
         self.recorder.close()
-        self.link.close()
+        for axis in self.axes.values():
+            axis.link.close()
         self.publisher.close()
         for task in tuple(self._tasks):
             task.cancel()
@@ -283,40 +226,11 @@ class Daemon:
         except Exception as error:
             self.fail(name, error)
 
-    def _on_bytes(self, data: bytes) -> None:
-        self._guarded("control", self.control.receive, data)
-
-    def _on_open(self) -> None:
-        self._stamps.restart()
-        self.control.opened()
-        transport = self.link.transport
-        if self.link.counts.opens > 1 and transport is not None:
-            self.say("link", f"reopened {transport.name}; monitoring, not armed", {})
-
-    def _on_lost(self, reason: str) -> None:
-        self.control.lost()
-        self.stops.link_lost("the link was lost")
-        self.watch.port_lost(reason)
-
-    def _on_event(self, event: HostEvent) -> None:
-        if isinstance(event, BoardRestarted):
-            self.stops.link_lost("the board restarted")
-        elif isinstance(event, LinkLost):
-            self.stops.link_lost(f"the board fell silent for {event.silent_us / 1000:.0f} ms")
-        self.watch.on_event(event)
-
-    def _on_stop_begun(self) -> None:
-        self._claims.dead_man.forget()
+    def _on_stop_begun(self, stopped: Sequence[BoardStop]) -> None:
+        self.groups.forget([board.label for board in stopped])
+        if len(stopped) == len(self.axes):
+            self._claims.dead_man.forget()
         self.server.mark()
-
-    def _stop_found(self) -> None:
-        text = "the board was found armed by somebody else; telling it to disarm"
-        self.stops.order(
-            "the board was found armed", text, {}, by="the daemon, which found it armed"
-        )
-
-    def _set_scales(self, scales: Any) -> None:
-        self.control.scales = scales
 
     def _on_finished(self) -> None:
         if not self._publishing:
@@ -325,39 +239,17 @@ class Daemon:
 
     def _publish(self) -> None:
         self._publishing = False
-        finished = self.control.finished
-        for _ in range(min(len(finished), _AT_ONCE)):
-            item = finished.popleft()
-            row = self.status.row(item)
-            stamp_s = self._stamps.stamp(row.t_s, item.host_s, self._taken_s(item.state))
-            if self._stamps.returned_s:
-                self._tell_of_return(self._stamps.returned_s)
-            self.publisher.publish(row, stamp_s)
-            self.recorder.row(row)
-            self.watch.on_state(item.state)
-            self.stops.on_sample(item.state)
-        self._tell_of_host_stop()
-        self._tell_of_departure()
+        for name, axis in self.axes.items():
+            for row, stamp_s in axis.finished(self._at_once):
+                self.publisher.publish(row, stamp_s, name)
+                self.recorder.row(row, name, stamp_s)
+        self.groups.look()
         self.notifier.alive(self._clock_us())
-        if finished:
+        if any(axis.control.finished for axis in self.axes.values()):
             self._on_finished()
         else:
-            armed = self.session.state is HostState.RUNNING
+            armed = any(a.session.state is HostState.RUNNING for a in self.axes.values())
             self.collector.run(int(self._period_ns * _SPARE_SHARE), at_rest=not armed)
-
-    def _tell_of_return(self, returned_s: float) -> None:
-        text = (
-            "the computer's clock had leapt ahead and is back; "
-            f"timestamps of telemetry went back by {returned_s:.0f} s"
-        )
-        self.say("warning", text, {"returned_s": returned_s})
-
-    def _taken_s(self, state: State) -> float | None:
-        """Unix time when a sample was taken, by the fit of the clocks; None while unknown."""
-        # In this order: a pause between the two readings makes the time too early, and no jump.
-        wall_s, now_us = self._wall_clock(), self._clock_us()
-        host_us = self.session.host_us(state.t_us)
-        return None if host_us is None else wall_s + (host_us - now_us) * 1e-6
 
     def _housekeep(self) -> None:
         self._housekeeping = self.loop.call_later(HOUSEKEEPING_S, self._housekeep)
@@ -366,13 +258,11 @@ class Daemon:
     def _housekeep_once(self) -> None:
         now_us = self._clock_us()
         self._notice_stall()
-        # What waits in the port must count before the session is asked whether anything came.
-        self.link.read()
-        self.control.tick()
+        for axis in self.axes.values():
+            axis.tick()
         self.server.wake()
-        if self.session.state in (HostState.DISCONNECTED, HostState.SYNC):
+        if not any(axis.connected for axis in self.axes.values()):
             self.notifier.alive(now_us)
-        self.stops.tick()
         self.service.end_what_lapsed(now_us)
         self._end_automatic_log(now_us)
         if now_us - self._second_us >= _SECOND_US:
@@ -387,19 +277,6 @@ class Daemon:
             text = f"this computer kept the daemon from running for {away_s * 1000:.0f} ms"
             self.say("warning", text, {"away_s": away_s})
 
-    def _tell_of_host_stop(self) -> None:
-        fault = self._host_stop.news()
-        if fault is not None:
-            data = {name: getattr(fault, name) for name in fault.__struct_fields__}
-            self.say("fault", f"the host stopped: {in_full(fault)}", data)
-            self.stops.begin(f"a limit of the host: {fault.name}")
-
-    def _tell_of_departure(self) -> None:
-        departure = self.control.controller.departure
-        if departure is not None and departure is not self._told_departure:
-            self.say("warning", f"repeated inputs were ended: {departure.in_words()}", {})
-        self._told_departure = departure
-
     def _each_second(self) -> None:
         self.status.refresh()
         self.status.telemetry_dropped = self.publisher.dropped
@@ -413,13 +290,41 @@ class Daemon:
         self._recorder_error = error
 
     def _end_automatic_log(self, now_us: int) -> None:
-        mode = self.watch.mode
-        resting = mode is None or mode.name in ("SAFE", "FAULT", "ESTOP")
-        busy = self.session.state in (HostState.RUNNING, HostState.READY)
-        if not self.recorder.ends_by_itself or busy or not resting:
+        at_rest = all(
+            not axis.hot and axis.watch.mode in (None, BoardState.SAFE, *STOPPED)
+            for axis in self.axes.values()
+        )
+        if not self.recorder.ends_by_itself or not at_rest:
             self._left_hot_us = None
         elif self._left_hot_us is None:
             self._left_hot_us = now_us
         elif now_us - self._left_hot_us > 2 * _SECOND_US:
             self._left_hot_us = None
             self.spawn("recorder", self.recorder.stop())
+
+
+def _needs_no_stop(axis: Axis) -> str:
+    """Say why a board is not told to stop when the daemon ends; nothing where it is."""
+    if not axis.connected:
+        return "the board is not connected; its own watchdog ends heating"
+    if axis.watch.incompatible is not None:
+        return "the board was only watched, nothing was armed"
+    return "the board has stopped already" if axis.session.state is HostState.FAULTED else ""
+
+
+async def _disarmed(axis: Axis, *, armed: bool) -> str:
+    """Wait for the stop of a board; return what came of it, in words. Never raises."""
+    try:
+        # Whatever died may be what lets the time of the wait itself run out.
+        await asyncio.wait_for(axis.stop.until_confirmed(), 2.0)
+        # Without a session nothing is waited for, and nothing was confirmed.
+        unconfirmed = "" if axis.connected else "the link was lost"
+    except Refusal as refusal:
+        unconfirmed = refusal.cause
+    except TimeoutError:
+        unconfirmed = "no answer within 2 s"
+    if not armed:
+        return "nothing was armed"
+    if unconfirmed:
+        return f"the board did not confirm the disarm ({unconfirmed}); its watchdog ends heating"
+    return "disarmed, the board cools by itself"

@@ -12,7 +12,7 @@ import os
 import secrets
 import signal
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,16 +30,18 @@ from smad.client.endpoints import (
 )
 from smad.config import Config
 from smad.daemon import realtime
+from smad.daemon.axis import Axis
 from smad.daemon.command.reload import has_terminal, reread_keys
 from smad.daemon.command.remote import LAST_WORDS_MS
-from smad.daemon.daemon import Daemon, Process
+from smad.daemon.daemon import Daemon
 from smad.daemon.errors import TaskDied
 from smad.daemon.journal import Journal
-from smad.daemon.link.port import Transport
+from smad.daemon.link.port import Opener
 from smad.daemon.link.wirerate import check_rate
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
 from smad.daemon.place import Place
+from smad.daemon.process import Process
 from smad.daemon.sockets.descriptors import (
     OPENED_LATER,
     Descriptors,
@@ -68,48 +70,39 @@ class Ended:
     line: str
 
 
-def run(
-    config: Config,
-    opener: Callable[[], Transport],
-    *,
-    parameter_text: str | None = None,
-    reread: Callable[[], Config] | None = None,
-    check_baud: bool = True,
-    trace: Trace | None = None,
-    patience: int = 1,
-) -> Ended:
-    """Run a daemon until a signal, and return how it ended.
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How a daemon is run.
 
     `reread` reads the configuration file again, if there is one: on SIGHUP, for the list of keys.
     `parameter_text` marks a simulated bench. `check_baud` off: the transport has no baud rate.
     `trace` is for a benchmark: every step's time, saved at the end. `patience` multiplies how long
-    a silent board is waited for (`HostSession`).
+    a silent board is waited for (`HostSession`). `without_missing`: start when some board answers.
+    """
+
+    parameter_text: str | None = None
+    reread: Callable[[], Config] | None = None
+    check_baud: bool = True
+    trace: Trace | None = None
+    patience: int = 1
+    without_missing: bool = False
+
+
+def run(config: Config, openers: Mapping[str, Opener], options: Options) -> Ended:
+    """Run a daemon until a signal, and return how it ended; `openers` are by axis.
+
     Raises SmadError when it cannot start.
     """
-    if check_baud:
-        check_rate(config.link.rate_hz, config.link.baud)
-    return asyncio.run(
-        _Life(config, opener, parameter_text, reread, trace, patience=patience).live()
-    )
+    for own in config.by_axis().values() if options.check_baud else ():
+        check_rate(own.link.rate_hz, own.link.baud)
+    return asyncio.run(_Life(config, openers, options).live())
 
 
 class _Life:
-    def __init__(
-        self,
-        config: Config,
-        opener: Callable[[], Transport],
-        parameter_text: str | None,
-        reread: Callable[[], Config] | None,
-        trace: Trace | None,
-        *,
-        patience: int,
-    ) -> None:
-        self._patience = patience
+    def __init__(self, config: Config, openers: Mapping[str, Opener], options: Options) -> None:
         self._config = config
-        self._opener = opener
-        self._parameter_text = parameter_text
-        self._reread = reread
-        self._trace = trace
+        self._openers = openers
+        self._options = options
         folder = Path(config.daemon.ipc_dir or default_folder()).absolute()
         self._endpoints = Endpoints(folder, config.daemon.bench)
         self._journal = Journal()
@@ -131,7 +124,7 @@ class _Life:
             loop.add_signal_handler(number, self._on_signal, number)
         daemon = Daemon(
             self._config,
-            self._opener,
+            self._openers,
             Process(
                 loop=loop,
                 context=context,
@@ -139,9 +132,9 @@ class _Life:
                 notifier=self._notifier,
                 nonce=secrets.randbits(32),
                 reserve=self._descriptors.reserve,
-                parameter_text=self._parameter_text,
-                patience=self._patience,
-                trace=self._trace,
+                parameter_text=self._options.parameter_text,
+                patience=self._options.patience,
+                trace=self._options.trace,
             ),
         )
         # A terminal that goes away ends the daemon that was started there; a service has none.
@@ -154,7 +147,7 @@ class _Life:
         try:
             connection = self._bind(daemon, umask)
             measures = self._take_measures(daemon)
-            daemon.start()
+            daemon.start(without_missing=self._options.without_missing)
             await self._first_handshake(daemon)
             write_connection(self._endpoints.connection_file, connection, umask)
             listeners = (*daemon.server.listeners, *daemon.publisher.listeners)
@@ -169,8 +162,8 @@ class _Life:
                 self._keeping.cancel()
             self._endpoints.connection_file.unlink(missing_ok=True)
             await daemon.close()
-            if self._trace is not None:
-                self._trace.save()
+            if self._options.trace is not None:
+                self._options.trace.save()
             # This waits for the last words of the sockets; one that was left open must not hang it.
             context.destroy(linger=LAST_WORDS_MS)
             if measures is not None:
@@ -243,7 +236,8 @@ class _Life:
 
     async def _first_handshake(self, daemon: Daemon) -> None:
         timeout_s = self._config.link.connect_timeout_s
-        identified = asyncio.ensure_future(daemon.watch.identified.wait())
+        axes = daemon.axes.values()
+        identified = asyncio.gather(*(axis.watch.identified.wait() for axis in axes))
         await asyncio.wait(
             (identified, self._signal, daemon.failure),
             timeout=timeout_s,
@@ -252,45 +246,28 @@ class _Life:
         identified.cancel()
         if self._signal.done() or daemon.failure.done():
             return
-        if not daemon.watch.identified.is_set():
-            raise self._silent(daemon, timeout_s)
-        incompatible = daemon.watch.incompatible
-        if incompatible is not None and incompatible.reason is IncompatibleReason.MAJOR:
-            raise PortError(
-                "the board speaks another version of the protocol",
-                value=incompatible.fields[0],
-                limit="the same major version",
-                action="update the older of firmware and smad",
-            )
-
-    def _silent(self, daemon: Daemon, timeout_s: float) -> PortError:
-        config = self._config.link
-        counts = daemon.link.counts
-        if counts.bytes_in == 0:
-            return PortError(
-                "the board does not answer",
-                value=f"nothing received on {config.port} in {timeout_s:g} s",
-                action="check that it is powered and that this is its port",
-            )
-        frames = daemon.session.stats.decoder.frames
-        if frames == 0:
-            return PortError(
-                "what comes from the port is not our protocol",
-                value=f"{counts.bytes_in} bytes at {config.baud} baud, none of them a valid frame",
-                action="set link.baud to the board's baud rate, or check that this is its port",
-            )
-        return PortError(
-            "the board sends, but does not answer",
-            value=f"{frames} frames in {timeout_s:g} s, no IDENT",
-            action="check the wire to the board (transmit), then its firmware",
-        )
+        silent = [axis for axis in axes if not axis.watch.identified.is_set()]
+        if silent and not (self._options.without_missing and len(silent) < len(axes)):
+            raise _silent(silent[0], timeout_s)
+        for axis in axes:
+            incompatible = axis.watch.incompatible
+            if incompatible is not None and incompatible.reason is IncompatibleReason.MAJOR:
+                raise PortError(
+                    f"{_lead(axis)}the board speaks another version of the protocol",
+                    value=incompatible.fields[0],
+                    limit="the same major version",
+                    action="update the older of firmware and smad",
+                )
 
     def _announce(self, daemon: Daemon) -> None:
-        transport = daemon.link.transport
+        axes = daemon.axes.values()
+        transports = [axis.link.transport for axis in axes if axis.link.transport is not None]
         # Told when all is well: a refusal to start stays the one line there is.
-        for note in (*daemon.status.notes, *(() if transport is None else transport.notes)):
+        granted = (note for transport in transports for note in transport.notes)
+        for note in dict.fromkeys((*daemon.status.notes, *granted)):
             self._journal.say(f"note: {note}")
-        text = f"ready: bench {self._endpoints.bench!r} on {self._config.link.port}, not armed"
+        ports = ", ".join(f"{_lead(axis)}{axis.config.link.port}" for axis in axes)
+        text = f"ready: bench {self._endpoints.bench!r} on {ports}, not armed"
         self._journal.say(text)
         self._notifier.ready(text)
 
@@ -318,12 +295,39 @@ class _Life:
 
     def _on_reload(self, daemon: Daemon) -> None:
         with self._descriptors.reserve():
-            text = reread_keys(self._config, daemon.server.doorkeeper, self._reread)
+            text = reread_keys(self._config, daemon.server.doorkeeper, self._options.reread)
         daemon.say("warning", text, {})
 
     def _on_signal(self, number: int) -> None:
         if not self._signal.done():
             self._signal.set_result(signal.Signals(number).name)
+
+
+def _lead(axis: Axis) -> str:
+    return f"{axis.name}: " if axis.name else ""
+
+
+def _silent(axis: Axis, timeout_s: float) -> PortError:
+    config = axis.config.link
+    counts = axis.link.counts
+    if counts.bytes_in == 0:
+        return PortError(
+            f"{_lead(axis)}the board does not answer",
+            value=f"nothing received on {config.port} in {timeout_s:g} s",
+            action="check that it is powered and that this is its port",
+        )
+    frames = axis.session.stats.decoder.frames
+    if frames == 0:
+        return PortError(
+            f"{_lead(axis)}what comes from the port is not our protocol",
+            value=f"{counts.bytes_in} bytes at {config.baud} baud, none of them a valid frame",
+            action="set link.baud to the board's baud rate, or check that this is its port",
+        )
+    return PortError(
+        f"{_lead(axis)}the board sends, but does not answer",
+        value=f"{frames} frames in {timeout_s:g} s, no IDENT",
+        action="check the wire to the board (transmit), then its firmware",
+    )
 
 
 def _callback_died(daemon: Daemon, details: dict[str, Any]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from smad.runlog.schema import EventKind
@@ -32,8 +32,19 @@ class Clocks:
 
 @dataclass(frozen=True)
 class Means:
-    """Clocks, and what the daemon does for its parts."""
+    """Clocks, and what the daemon does for its parts; `axis`: whose part, where it has a name."""
 
     clocks: Clocks
     say: Say
     spawn: Spawn
+    axis: str = ""
+
+    def named(self, axis: str) -> Means:
+        """Return means whose events say which axis they are of; themselves without a name."""
+        if not axis:
+            return self
+
+        def say(kind: EventKind, text: str, data: dict[str, Any]) -> None:
+            self.say(kind, f"{axis}: {text}", {"axis": axis, **data})
+
+        return replace(self, say=say, axis=axis)

@@ -1,14 +1,16 @@
 """Stops: each begins a new generation, and nothing that was asked for before it is carried out.
 
 A stop is a client's disarm or estop, a client that fell silent, a limit of the host, a lost link.
-From its beginning until the board has confirmed that it is not armed, nothing that moves the bench
-is accepted. A stop joins the one before it while that is not confirmed: one DISARM serves both.
+From its beginning until the boards have confirmed that they are not armed, nothing that moves the
+bench is accepted. A stop joins the one before it while that is not confirmed: one DISARM serves
+both. There is one generation for all axes, because a stop is for all of them.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from firmware_protocol.enums import BoardState
@@ -21,7 +23,7 @@ from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
 from smad.daemon.link.requests import BoardRequests
 from smad.daemon.link.watch import BoardWatch
-from smad.daemon.means import Means
+from smad.daemon.means import Means, Say
 from smad.runlog.schema import CUT
 
 PATIENCE_US = 1_000_000
@@ -34,24 +36,107 @@ _EARLIER = 1 << 31
 
 
 class Stops:
-    """The generation, and whether the board has confirmed its stop.
+    """The generation, and the boards that a stop is for.
 
-    `on_begin` is called with each new generation, before anything is sent.
+    `on_begin` is called with the boards that each new generation stops, before anything is sent.
+    """
+
+    def __init__(self, say: Say, *, on_begin: Callable[[Sequence[BoardStop]], None]) -> None:
+        self.generation = 0
+        self.why = ""
+        self.boards: list[BoardStop] = []
+        self._say = say
+        self._on_begin = on_begin
+
+    def require(self, generation: int, boards: Sequence[BoardStop]) -> None:
+        """Raise Refusal when a stop of any of the boards came after `generation`."""
+        since = max((board.since for board in boards), default=self.generation)
+        if not since <= generation <= self.generation:
+            raise Refusal(
+                Reason.STOPPED,
+                f"the bench was stopped after this was asked for ({self.why})",
+                value=f"asked in generation {generation}",
+                limit=f"generation {self.generation}",
+                action="nothing was changed; see smad status, arm again and ask again",
+            )
+
+    def require_confirmed(self, boards: Sequence[BoardStop]) -> None:
+        """Raise Refusal until each board has confirmed the last stop, and a sample shows it.
+
+        The replies to the stop tell of that sample: nothing may come in between.
+        """
+        open_ones = [board.label for board in boards if not board.shown]
+        if open_ones:
+            raise Refusal(
+                Reason.STOPPED,
+                f"the bench is being stopped ({self.why}) and the board has not confirmed it yet",
+                value=", ".join(open_ones) or None,
+                action="wait until smad status shows that it is not armed, then arm again",
+            )
+
+    def begin(
+        self, why: str, *, by: str = "", orderly: bool = False, only: BoardStop | None = None
+    ) -> None:
+        """Begin a generation: end the motions, take back what was on its way to arm a board.
+
+        `by` is what stopped it, as a noun; `why` where that is one. A run that is being recorded
+        is marked as cut, unless its motion was over and who asked is `orderly`: is free to end it.
+        `only` is the one board that is stopped, where it alone fails and holds no other.
+        """
+        self.generation += 1
+        self.why = why
+        ended = f"stopped by {by or why}"
+        cut: list[BoardStop] = []
+
+        def end(board: BoardStop) -> None:
+            if board.end(ended, self.generation, orderly=orderly):
+                cut.append(board)
+
+        def tell() -> None:
+            if cut:
+                self._say("note", f"{CUT}{ended}", {"generation": self.generation})
+
+        stopped = self.boards if only is None else [only]
+        # Whatever raises, the rest is done all the same: no board is left out of a stop.
+        with ExitStack() as last_first:
+            for board in reversed(stopped):
+                last_first.callback(board.ask_to_stop)
+            last_first.callback(self._on_begin, stopped)
+            last_first.callback(tell)
+            for board in reversed(stopped):
+                last_first.callback(end, board)
+
+    def order(self, why: str, text: str, data: dict[str, Any], *, by: str) -> None:
+        """Stop on the daemon's own account, and tell why."""
+        self._say("disarm", text, data)
+        self.begin(why, by=by)
+
+
+class BoardStop:
+    """The stop of one board: what it ends, whether the board has confirmed it, who waits for that.
+
+    With `holds_others` its own failures (a fault, a limit of the host, a lost link) stop the whole
+    bench.
     """
 
     def __init__(
         self,
+        stops: Stops,
         control: ControlTask,
         requests: BoardRequests,
         watch: BoardWatch,
         means: Means,
         *,
-        on_begin: Callable[[], None],
+        holds_others: bool,
     ) -> None:
-        self.generation = 0
-        self.why = ""
+        self.since = 0
+        """Generation of the last stop of this board."""
+        self.label = means.axis
+        """Names the board in messages; empty for the only one."""
         self.ended = ""
         """What ended the last arming, "stopped by …"; empty from an arming until then."""
+        self._stops = stops
+        self._holds_others = holds_others
         self._session = control.session
         self._controller = control.controller
         self._requests = requests
@@ -59,7 +144,6 @@ class Stops:
         self._axis = control.axis
         self._say = means.say
         self._spawn = means.spawn
-        self._on_begin = on_begin
         self._clock_us = means.clocks.us
         self._armed = False
         """Armed, or about to be, since the last stop."""
@@ -70,66 +154,43 @@ class Stops:
         self._asking = False
         self._asked_us = 0
         self._waiting: list[asyncio.Future[None]] = []
+        stops.boards.append(self)
 
-    def require(self, generation: int) -> None:
-        """Raise Refusal when a stop came after `generation`."""
-        if generation != self.generation:
-            raise Refusal(
-                Reason.STOPPED,
-                f"the bench was stopped after this was asked for ({self.why})",
-                value=f"asked in generation {generation}",
-                limit=f"generation {self.generation}",
-                action="nothing was changed; see smad status, arm again and ask again",
-            )
+    @property
+    def shown(self) -> bool:
+        """Whether the board has confirmed the last stop, and a sample shows it."""
+        return self._confirmed and self._confirmed_us is None
 
-    def require_confirmed(self) -> None:
-        """Raise Refusal until the board has confirmed the last stop, and a sample shows it.
+    def fails(self, why: str, *, by: str = "") -> None:
+        """This board is what stops: with the others or, where it holds none, by itself."""
+        lead = f"{self.label}: " if self.label else ""
+        only = None if self._holds_others else self
+        self._stops.begin(f"{lead}{why}", by=f"{lead}{by}" if by else "", only=only)
 
-        The replies to the stop tell of that sample: nothing may come in between.
-        """
-        if not self._confirmed or self._confirmed_us is not None:
-            raise Refusal(
-                Reason.STOPPED,
-                f"the bench is being stopped ({self.why}) and the board has not confirmed it yet",
-                action="wait until smad status shows that it is not armed, then arm again",
-            )
-
-    def begin(self, why: str, *, by: str = "", orderly: bool = False) -> None:
-        """Begin a generation: end the motion, take back what was on its way to arm the board.
-
-        `by` is what stopped it, as a noun; `why` where that is one. A run that is being recorded
-        is marked as cut, unless its motion was over and who asked is `orderly`: is free to end it.
-        """
-        self.generation += 1
-        self.why = why
-        if not self.ended:
+    def end(self, ended: str, generation: int, *, orderly: bool) -> bool:
+        """End the motion. Returns whether that cuts a run (see `Stops.begin`)."""
+        first = not self.ended
+        cut = first and self._armed and not (orderly and self._controller.done)
+        if first:
             # What comes later, such as the program's own disarm, follows from the first.
-            self.ended = f"stopped by {by or why}"
-            if self._armed and not (orderly and self._controller.done):
-                self._say("note", f"{CUT}{self.ended}", {"generation": self.generation})
+            self.ended = ended
+        self.since = generation
         self._armed = False
         self._controller.command(Idle())
-        self._on_begin()
+        return cut
+
+    def ask_to_stop(self) -> None:
+        """Take back what was on its way to arm the board, and tell it to disarm."""
         for event in self._session.withdraw_arming(self._clock_us()):
             self._requests.handle(event)
         self._confirmed = not self._could_be_armed
         self._confirmed_us = None
         self._ask()
 
-    def order(self, why: str, text: str, data: dict[str, Any], *, by: str) -> None:
-        """Stop on the daemon's own account, and tell why."""
-        self._say("disarm", text, data)
-        self.begin(why, by=by)
-
     def arming(self) -> None:
         """The board is about to be armed: what ended the last arming is over."""
         self.ended = ""
         self._armed = True
-
-    def estop(self, why: str) -> None:
-        """Begin a stop that only a power cycle ends. Raises NotConnectedError without a port."""
-        self.begin(why)
-        self._session.send_estop()
 
     async def until_confirmed(self) -> None:
         """Return once the board has confirmed the stop. Raises Refusal if it does not."""
@@ -161,14 +222,14 @@ class Stops:
         Raises Refusal if neither happens.
         """
         await self._until(
-            lambda: self._watch.mode in HOT or self.generation != generation,
+            lambda: self._watch.mode in HOT or self.since > generation,
             "the board took the confirmation, and no sample shows yet that it is armed",
             "it may be armed: disarm",
         )
 
     def link_lost(self, why: str) -> None:
         """The session is over, and with it whatever could have armed the board."""
-        self.begin(why, by=f"loss of the link: {why}")
+        self.fails(why, by=f"loss of the link: {why}")
         self._look()
 
     def on_sample(self, state: State) -> None:
@@ -176,7 +237,7 @@ class Stops:
         stopped = state.mode in STOPPED
         if stopped and not self._stopped:
             name = BoardState(state.mode).name
-            self.begin(f"the board went into {name}", by=f"the board, which went into {name}")
+            self.fails(f"the board went into {name}", by=f"the board, which went into {name}")
         self._stopped = stopped
         if stopped:
             # From these, no request that is still on its way leads back to ARMED.

@@ -18,7 +18,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from smad.runlog import schema
-from smad.runlog.mcap_file import CHANNEL_IDS
+from smad.runlog.mcap_file import CHANNEL_IDS, FIRST_AXIS_ID
 from smad.runlog.paths import part_path
 from smad.runlog.reader import columns_of, recorded
 from smad.runlog.scan import RECORD_HEAD, DamagedError, Message, chunk_data, records_in
@@ -35,7 +35,9 @@ ROWS_AT_ONCE = 20_000
 MOST_MARKS = 500
 MARKED = frozenset({"note", "fault", "warning"})
 _TIMES = Layout("<QQ")
-_ROW, _EVENT = CHANNEL_IDS[schema.Row], CHANNEL_IDS[schema.Event]
+_ROWS = (CHANNEL_IDS[schema.Row], FIRST_AXIS_ID)
+"""Of a bench with several axes, those of the first, which is the one that a page shows."""
+_EVENT = CHANNEL_IDS[schema.Event]
 _row = msgspec.json.Decoder(schema.Row).decode
 _event = msgspec.json.Decoder(schema.Event).decode
 _NS = 1e-9
@@ -153,7 +155,7 @@ class Follower:
                 at, length = self._places[chunk]
                 file.seek(at)
                 for message in _messages(file.read(length)):
-                    if message.channel_id == _ROW:
+                    if message.channel_id in _ROWS:
                         times.append(message.time_ns * _NS)
                         rows.append(_row(message.body))
                     elif message.channel_id == _EVENT and chunk not in self._seen:

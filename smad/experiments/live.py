@@ -34,6 +34,7 @@ from smad.experiments.errors import (
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
+from smad.runlog.one_axis import extract
 from smad.runlog.reader import read_run
 from smad.runlog.schema import CUT
 
@@ -124,7 +125,7 @@ class LiveDriver:
             finally:
                 client.idle()
                 recorder = client.stop_recording()
-                self.log = Path(recorder.path)
+                self.log = extract(recorder.path, client.name)
             if recorder.error:
                 raise ExperimentError(
                     f"run {plan.name} could not be recorded whole: {recorder.error}",

@@ -16,6 +16,7 @@ import zmq
 
 from firmware_protocol.enums import BoardState
 from smad.api import Arm, Reason
+from smad.checkup.series import cut_by
 from smad.client import Client, Refused
 from smad.client.renewal import DEFAULT_LEASE_S
 from smad.control.commands import DriveCurrent
@@ -31,7 +32,6 @@ from smad.faults.rig import PATIENCE_S, Rig, rig_in
 from smad.faults.smalldisk import small_disk
 from smad.faults.trace import HOT
 from smad.faults.victim import DAEMON_PARTS, WALL_CLOCK_PART, WRITER_PART
-from smad.gap.paired.series import cut_by
 from smad.runlog.reader import read_run
 
 FULL_W = 13.0

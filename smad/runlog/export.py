@@ -6,7 +6,8 @@
 - MATLAB (version 5): `run.columns.<channel>`, `run.units.<channel>`, `run.legends.<channel>`,
   `run.header`, `run.events`.
 
-Channels of which nothing was recorded are left out, in all three.
+Channels of which nothing was recorded are left out, in all three. Of several axes each has a file
+of its own, or all are in one table (`side_by_side`; not for MATLAB, whose names have no dot).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +25,7 @@ import numpy as np
 from smad.errors import RunLogError
 from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Column, Run, recorded
-from smad.runlog.schema import CHANNELS
+from smad.runlog.schema import MISSING_INTEGER, channel_of
 from smad.writable import require_writable
 
 if TYPE_CHECKING:
@@ -70,6 +72,24 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
     return files
 
 
+def side_by_side(runs: Mapping[str, Run]) -> Run:
+    """Return all axes of a log as one run, `NAME.channel` for each column.
+
+    The rows are those of the axis with most of them, and `t_s` their times since the first. Beside
+    each stands the last sample that every other axis had taken by then; its own board time says
+    which that is.
+    """
+    base = max(runs.values(), key=len)
+    columns: dict[str, Column] = {"t_s": base.unix_s - base.unix_s[:1].sum()}
+    for name, run in runs.items():
+        last = np.searchsorted(run.unix_s, base.unix_s, side="right") - 1
+        for channel, column in run.columns.items():
+            missing = np.nan if column.dtype.kind == "f" else MISSING_INTEGER
+            found = column[last] if len(column) else np.full(len(last), missing, column.dtype)
+            columns[f"{name}.{channel}"] = np.where(last < 0, missing, found)
+    return replace(base, axis="", columns=columns)
+
+
 def header_path(csv: Path) -> Path:
     """Where the header of an exported CSV is: `run.csv` → `run.header.json`."""
     return csv.with_suffix(".header.json")
@@ -80,7 +100,7 @@ def header_document(run: Run) -> bytes:
     return msgspec.json.encode(
         {
             "header": run.header,
-            "units": {name: CHANNELS[name].unit for name in _used(run)},
+            "units": {name: channel_of(name).unit for name in _used(run)},
             "legends": legends(run),
             "events": run.events,
             "link": run.link,
@@ -93,7 +113,8 @@ def header_document(run: Run) -> bytes:
 
 def legends(run: Run) -> dict[str, Mapping[int, str]]:
     """Return what the numbers of each channel stand for that has words, where it was recorded."""
-    return {name: LEGENDS[name] for name in _used(run) if name in LEGENDS}
+    channels = {name: channel_of(name).name for name in _used(run)}
+    return {name: LEGENDS[one] for name, one in channels.items() if one in LEGENDS}
 
 
 def _used(run: Run) -> dict[str, Column]:
@@ -103,12 +124,12 @@ def _used(run: Run) -> dict[str, Column]:
 def _arrow_table(run: Run) -> pyarrow.Table:
     import pyarrow as pa
 
-    arrays, fields = [], []
+    arrays, fields, words = [], [], legends(run)
     for name, column in _used(run).items():
         arrays.append(pa.array(column, mask=~recorded(column)))
-        about = {"unit": CHANNELS[name].unit}
-        if name in LEGENDS:
-            about["legend"] = msgspec.json.encode(LEGENDS[name]).decode()
+        about = {"unit": channel_of(name).unit}
+        if name in words:
+            about["legend"] = msgspec.json.encode(words[name]).decode()
         fields.append(pa.field(name, arrays[-1].type, metadata=about))
     schema = pa.schema(fields, metadata={METADATA_KEY: header_document(run)})
     return pa.Table.from_arrays(arrays, schema=schema)
@@ -138,7 +159,7 @@ def _write_mat(run: Run, path: Path) -> None:
     header = {name: _matlab_value(value) for name, value in document["header"].items()}
     content = {
         "columns": {name: np.asarray(column).reshape(-1, 1) for name, column in used.items()},
-        "units": {name: CHANNELS[name].unit for name in used},
+        "units": {name: channel_of(name).unit for name in used},
         "legends": {name: _matlab_legend(words) for name, words in legends(run).items()},
         "header": header,
         "events": _matlab_json(document["events"]),

@@ -23,7 +23,8 @@ class RunHeader(Struct, kw_only=True, frozen=True):
 
     `configuration` and `parameter_file` are the full texts (TOML), `message_schema` the JSON
     description of the wire messages, `board` what the board said of itself. `repeats` names the run
-    whose inputs were played again. Units are in the names.
+    whose inputs were played again. `axes` are the names of several axes, empty for one. Units are
+    in the names.
     """
 
     source: Source = "unknown"
@@ -32,6 +33,7 @@ class RunHeader(Struct, kw_only=True, frozen=True):
     rate_hz: float | None = None
     axis: int = 0
     axis_count: int = 1
+    axes: tuple[str, ...] = ()
     seed: int | None = None
     part: int = 1
     repeats: str = ""
@@ -55,6 +57,8 @@ class RunHeader(Struct, kw_only=True, frozen=True):
         """The header as MCAP metadata: text to text, numbers and tables as JSON."""
         texts = {"runlog_schema": SCHEMA_VERSION, "parameter_sha256": self.parameter_sha256}
         for name in self.__struct_fields__:
+            if name == "axes" and not self.axes:
+                continue
             value = getattr(self, name)
             texts[name] = value if isinstance(value, str) else msgspec.json.encode(value).decode()
         return texts

@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 from msgspec import Struct
 
-from smad.runlog.schema import TOPICS, Row, json_schema
+from smad.runlog.schema import TOPICS, Row, json_schema, row_topic
 from smad.version import VERSION
 
 MESSAGE = struct.Struct("<BQHIQQ")
@@ -39,6 +39,8 @@ CHANNEL_IDS: Mapping[type[Struct], int] = {
     record: number for number, record in enumerate(TOPICS, start=1)
 }
 
+FIRST_AXIS_ID = len(CHANNEL_IDS) + 1
+"""Channel of the samples of the first of several axes; the next ones follow."""
 
 _NO_ENTRIES = array("Q")
 
@@ -62,6 +64,8 @@ def pack(channel_id: int, sequence: int, time_ns: int, body: bytes) -> Packed:
 class McapFile:
     """Writes the three topics of a run to an unbuffered file opened by the caller.
 
+    The samples of several axes have a topic each (`add_axis`), with the schema of the rows.
+
     Every method raises OSError when the disk refuses; what was whole before the call is still
     whole in the file then, because a half-written record is cut off again.
     """
@@ -74,6 +78,7 @@ class McapFile:
         self._metadata_count = 0
         self._chunk_count = 0
         self._counts = dict.fromkeys(CHANNEL_IDS.values(), 0)
+        self._axes: list[str] = []
         self._first_ns: int | None = None
         self._last_ns = 0
         self._last_row_ns: int | None = None
@@ -86,6 +91,14 @@ class McapFile:
         records.Header(profile="", library=f"smad {VERSION}").write(opening)
         opening.write(_definitions())
         self._write(_taken(opening))
+
+    def add_axis(self, name: str) -> int:
+        """Add the channel for the samples of a named axis; return its number."""
+        if name not in self._axes:
+            self._write(_channel(FIRST_AXIS_ID + len(self._axes), row_topic(name), Row))
+            self._counts[FIRST_AXIS_ID + len(self._axes)] = 0
+            self._axes.append(name)
+        return FIRST_AXIS_ID + self._axes.index(name)
 
     def write_metadata(self, name: str, texts: Mapping[str, str]) -> None:
         """A metadata record, text to text."""
@@ -129,7 +142,8 @@ class McapFile:
         self._chunk_count += 1
         for channel_id, entries in index.items():
             self._counts[channel_id] += len(entries) // 2
-        for time_ns in index.get(CHANNEL_IDS[Row], _NO_ENTRIES)[::2]:
+        rows = FIRST_AXIS_ID if self._axes else CHANNEL_IDS[Row]
+        for time_ns in index.get(rows, _NO_ENTRIES)[::2]:
             if self._last_row_ns is not None:
                 self.rows_ns += max(0, time_ns - self._last_row_ns)
             self._last_row_ns = time_ns
@@ -155,7 +169,7 @@ class McapFile:
         summary_start = self.size_bytes + ending.count
         groups = [
             (Opcode.SCHEMA, _schemas()),
-            (Opcode.CHANNEL, _channels()),
+            (Opcode.CHANNEL, _channels(self._axes)),
             (Opcode.STATISTICS, self._statistics()),
             (Opcode.CHUNK_INDEX, _taken(self._chunk_indexes)),
             (Opcode.METADATA_INDEX, _taken(self._metadata_indexes)),
@@ -187,7 +201,7 @@ class McapFile:
         builder = RecordBuilder()
         records.Statistics(
             attachment_count=0,
-            channel_count=len(CHANNEL_IDS),
+            channel_count=len(self._counts),
             channel_message_counts={k: n for k, n in self._counts.items() if n},
             chunk_count=self._chunk_count,
             message_count=sum(self._counts.values()),
@@ -247,14 +261,19 @@ def _schemas() -> bytes:
     return _taken(builder)
 
 
-def _channels() -> bytes:
+def _channels(axes: Sequence[str] = ()) -> bytes:
+    own = [_channel(number, TOPICS[record], record) for record, number in CHANNEL_IDS.items()]
+    numbered = enumerate(axes, start=FIRST_AXIS_ID)
+    return b"".join(own + [_channel(number, row_topic(name), Row) for number, name in numbered])
+
+
+def _channel(number: int, topic: str, record: type[Struct]) -> bytes:
     builder = RecordBuilder()
-    for record, number in CHANNEL_IDS.items():
-        records.Channel(
-            id=number,
-            topic=TOPICS[record],
-            message_encoding="json",
-            schema_id=number,
-            metadata={},
-        ).write(builder)
+    records.Channel(
+        id=number,
+        topic=topic,
+        message_encoding="json",
+        schema_id=CHANNEL_IDS[record],
+        metadata={},
+    ).write(builder)
     return _taken(builder)

@@ -11,7 +11,7 @@ from msgspec import Struct
 from smad.errors import RunLogError
 from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
-from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_DURATION, ROWS_METADATA_NAME
+from smad.runlog.mcap_file import CHANNEL_IDS, FIRST_AXIS_ID, ROWS_DURATION, ROWS_METADATA_NAME
 from smad.runlog.paths import SUFFIX
 from smad.runlog.scan import Damage, NotMcapError, scan
 from smad.runlog.schema import Row
@@ -64,7 +64,8 @@ def _overview(path: Path) -> Overview:
     rows = duration_s = None
     problem = "being written" if open_still else "cut short"
     if ending is not None:
-        rows = ending.statistics.channel_message_counts.get(CHANNEL_IDS[Row], 0)
+        counts = ending.statistics.channel_message_counts
+        rows = counts.get(FIRST_AXIS_ID, 0) or counts.get(CHANNEL_IDS[Row], 0)
         problem = ""
         duration_s = _seconds(ending.metadata.get(ROWS_DURATION, ""))
     return Overview(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 
-from smad.runlog.mcap_file import CHANNEL_IDS, Packed, pack
+from smad.runlog.mcap_file import CHANNEL_IDS, FIRST_AXIS_ID, Packed, pack
 from smad.runlog.schema import Record, Row
 
 _NS = 1_000_000_000
@@ -30,24 +31,31 @@ class RecordPacker:
     the host's clock in mid-run. A record without board time takes its host time.
     """
 
-    def __init__(self, started_unix_s: float) -> None:
+    def __init__(self, started_unix_s: float, axes: Sequence[str] = ()) -> None:
         self._encode = msgspec.json.Encoder(enc_hook=_plain_number).encode
-        self._sequences = dict.fromkeys(CHANNEL_IDS.values(), 0)
+        self._axes = {name: number for number, name in enumerate(axes, start=FIRST_AXIS_ID)}
+        self._sequences = dict.fromkeys((*CHANNEL_IDS.values(), *self._axes.values()), 0)
         self._offset_ns: int | None = None
         self._last_ns = _clip(_to_ns(started_unix_s) or 0)
         self.packed = 0
 
-    def pack(self, record: Record) -> Packed:
-        """The message of a record. Raises TypeError for a field that JSON cannot hold."""
+    def pack(self, record: Record, axis: str = "", time_s: float | None = None) -> Packed:
+        """The message of a record. Raises TypeError for a field that JSON cannot hold.
+
+        A sample of a named axis takes the Unix time `time_s`: the boards of several axes have a
+        clock each, and the log has one.
+        """
         body = self._encode(record)
         if b":null" in body and isinstance(record, Row):
             # A NaN was not measured either; viewers refuse a null where the schema has a number.
             body = self._encode(_without_nan(record))
-        channel_id = CHANNEL_IDS[type(record)]
+        channel_id = self._axes[axis] if axis else CHANNEL_IDS[type(record)]
         sequence = self._sequences[channel_id]
         self._sequences[channel_id] = (sequence + 1) & 0xFFFFFFFF
         self.packed += 1
-        return pack(channel_id, sequence, self._time_ns(record), body)
+        stamp_ns = _to_ns(time_s) if axis else None
+        time_ns = self._time_ns(record) if stamp_ns is None else _clip(stamp_ns)
+        return pack(channel_id, sequence, time_ns, body)
 
     def _time_ns(self, record: Record) -> int:
         board_ns = _to_ns(record.t_s)

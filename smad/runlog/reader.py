@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
@@ -29,6 +30,7 @@ from smad.runlog.schema import (
     Event,
     LinkSample,
     Row,
+    row_topic,
 )
 from smad.runlog.writer import END_METADATA_NAME
 
@@ -46,9 +48,10 @@ class Run:
     """A run that was read back.
 
     `columns` holds every channel of the schema, all of one length n: float64 with NaN, or int64
-    with -1, where nothing was recorded. `being_written` says that a program still writes it;
-    `cut_short`, that none does and that recording did not end in order (a crash, a full disk).
-    `notes` says in words what is wrong or missing, empty for a whole log.
+    with -1, where nothing was recorded. `axis` is that of a bench of several, and `unix_s`, shape
+    (n,), the times of its samples on the clock that all axes share. `being_written` says that a
+    program still writes it; `cut_short`, that none does and that recording did not end in order (a
+    crash, a full disk). `notes` says in words what is wrong or missing, empty for a whole log.
     """
 
     path: Path
@@ -61,6 +64,8 @@ class Run:
     dropped: int = 0
     damaged: int = 0
     notes: list[str] = field(default_factory=list)
+    axis: str = ""
+    unix_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __len__(self) -> int:
         return len(self.columns["t_s"])
@@ -109,16 +114,36 @@ def recorded(column: Column) -> NDArray[np.bool_]:
     return np.asarray(column != MISSING_INTEGER)
 
 
-def read_run(path: str | Path, *, progress: Progress = no_progress) -> Run:
-    """The run in the file at `path`, up to where it is readable.
+def read_axes(path: str | Path, *, progress: Progress = no_progress) -> dict[str, Run]:
+    """Every axis in the file at `path` by its name; of a bench of one axis, that under "".
+
+    Raises RunLogError as `read_run` does.
+    """
+    names = _read(Path(path), "", progress).header.axes or ("",)
+    return {name: read_run(path, axis=name, progress=progress) for name in names}
+
+
+def read_run(path: str | Path, *, axis: str = "", progress: Progress = no_progress) -> Run:
+    """The run in the file at `path`, up to where it is readable; of several axes the one named.
 
     `progress` is called now and then with the share of the file that was read, 0 to 1.
-    Raises RunLogError when the file cannot be opened, is no MCAP file, is no run log, or holds
-    more than a log of the recorder can.
+    Raises RunLogError when the file cannot be opened, is no MCAP file, is no run log, holds more
+    than a log of the recorder can, or holds several axes and not the one named.
     """
-    path = Path(path)
+    run = _read(Path(path), axis, progress)
+    if axis not in (run.header.axes or ("",)):
+        raise RunLogError(
+            f"{path} is the log of {'several axes' if run.header.axes else 'a bench of one axis'}",
+            value=axis or "no axis named",
+            limit=", ".join(run.header.axes) or "no name",
+            action="name one of these (--axis)" if run.header.axes else "leave --axis out",
+        )
+    return run
+
+
+def _read(path: Path, axis: str, progress: Progress) -> Run:
     damage = Damage()
-    intake = _Intake(path)
+    intake = _Intake(path, axis)
     try:
         damage.being_written = open_logs.being_written(path)
         size = path.stat().st_size
@@ -164,11 +189,12 @@ class _Decoder(Generic[T]):
         self._decode_one = msgspec.json.Decoder(record).decode
         self.refused = 0
 
-    def decode(self, bodies: list[bytes]) -> list[T]:
+    def decode(self, bodies: Iterable[tuple[int, bytes]]) -> list[tuple[int, T]]:
+        """Return the records with the times of their messages, in ns."""
         decoded = []
-        for body in bodies:
+        for time_ns, body in bodies:
             try:
-                decoded.append(self._decode_one(body))
+                decoded.append((time_ns, self._decode_one(body)))
             except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
                 self.refused += 1
         return decoded
@@ -180,22 +206,24 @@ class _Intake:
     A chunk of a few kilobytes can unpack to 256 MiB, so rows and bytes are counted as they come.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, axis: str) -> None:
         self._path = path
+        self._axis = axis
         self._count = 0
         self._waiting_bytes = 0
         self._other_bytes = 0
         self._topics: dict[int, str] = {}
         self._metadata: dict[str, dict[str, str]] = {}
-        self._rows: list[bytes] = []
-        self._events: list[bytes] = []
-        self._link: list[bytes] = []
+        self._rows: list[tuple[int, bytes]] = []
+        self._events: list[tuple[int, bytes]] = []
+        self._link: list[tuple[int, bytes]] = []
+        self._times_ns: list[int] = []
         self._inboxes = {
-            ROW_TOPIC: self._rows,
+            row_topic(axis): self._rows,
             EVENT_TOPIC: self._events,
             LINK_TOPIC: self._link,
         }
-        self._inbox_of: dict[int, list[bytes]] = {}
+        self._inbox_of: dict[int, list[tuple[int, bytes]]] = {}
         self._row_decoder = _Decoder(Row)
         self._batches: list[dict[str, Column]] = []
 
@@ -207,7 +235,7 @@ class _Intake:
         if isinstance(item, tuple):
             inbox = self._inbox_of.get(item[0])
             if inbox is not None:
-                self._keep(inbox, item[2])
+                self._keep(inbox, item[1], item[2])
         elif isinstance(item, records.Channel):
             self._topics[item.id] = item.topic
             if item.topic in self._inboxes:
@@ -215,8 +243,8 @@ class _Intake:
         elif isinstance(item, records.Metadata):
             self._metadata[item.name] = item.metadata
 
-    def _keep(self, inbox: list[bytes], body: bytes) -> None:
-        inbox.append(body)
+    def _keep(self, inbox: list[tuple[int, bytes]], time_ns: int, body: bytes) -> None:
+        inbox.append((time_ns, body))
         if inbox is not self._rows:
             self._other_bytes += sys.getsizeof(body)
             self._require("bytes beside the samples", self._other_bytes, MOST_LOG_BYTES)
@@ -250,13 +278,15 @@ class _Intake:
             path=self._path,
             header=RunHeader.from_metadata(self._metadata.get(METADATA_NAME, {})),
             columns=self._columns(),
-            events=events.decode(self._events),
-            link=link.decode(self._link),
+            events=[event for _, event in events.decode(self._events)],
+            link=[sample for _, sample in link.decode(self._link)],
             being_written=damage.being_written and not damage.ended_in_order,
             cut_short=not (damage.ended_in_order or damage.being_written),
             dropped=dropped,
             damaged=damage.lost_messages,
             notes=notes,
+            axis=self._axis,
+            unix_s=np.array(self._times_ns, np.float64) * 1e-9,
         )
         refused = self._row_decoder.refused + events.refused + link.refused
         if refused:
@@ -269,8 +299,9 @@ class _Intake:
 
     def _decode_rows(self) -> None:
         if self._rows:
-            rows = self._row_decoder.decode(self._rows)
-            self._batches.append(columns_of(rows))
+            timed = self._row_decoder.decode(self._rows)
+            self._batches.append(columns_of([row for _, row in timed]))
+            self._times_ns += [time_ns for time_ns, _ in timed if self._axis]
             self._rows.clear()
             self._waiting_bytes = 0
 

@@ -14,7 +14,7 @@ from smad.errors import RunLogError
 from smad.runlog import open_logs
 from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_METADATA_NAME, McapFile, Packed, pack
 from smad.runlog.scan import Damage, Message, NotMcapError, Progress, no_progress, scan
-from smad.runlog.schema import ROW_TOPIC, TOPICS
+from smad.runlog.schema import ROW_TOPIC, TOPICS, axis_of
 
 RECOVERED_METADATA_NAME = "smad.recovered"
 _MESSAGES_A_CHUNK = 256
@@ -150,6 +150,9 @@ class _Rewrite:
     def channel(self, channel: records.Channel) -> None:
         if channel.topic in _ID_OF_TOPIC:
             self._ids[channel.id] = _ID_OF_TOPIC[channel.topic]
+        elif axis := axis_of(channel.topic):
+            self._ids[channel.id] = number = self._mcap.add_axis(axis)
+            self._sequences.setdefault(number, 0)
 
     def metadata(self, metadata: records.Metadata) -> None:
         self._flush()

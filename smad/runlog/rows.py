@@ -28,6 +28,7 @@ def row_of(
     reference_m: float,
     reference_degC: float,
     pump_starts: tuple[int, int],
+    degrees_per_mm: float = DEGREES_PER_MM,
 ) -> Row:
     """Return the sample as a row of the run log. nan stands for what was not measured."""
     displacement_mm = sample.displacement_m * 1e3
@@ -57,7 +58,7 @@ def row_of(
         rtd_inlet_degC=rtd[2],
         rtd_ambient_degC=rtd[3],
         displacement_mm=displacement_mm,
-        angle_deg=displacement_mm * DEGREES_PER_MM,
+        angle_deg=displacement_mm * degrees_per_mm,
         force_N=sample.force_N,
         supply_V=sample.supply_V,
         stage_mm=setpoint.stage_um * 1e-3

@@ -19,6 +19,20 @@ ROW_TOPIC = "/smad/row"
 EVENT_TOPIC = "/smad/events"
 LINK_TOPIC = "/smad/link"
 
+_AXIS_TOPIC = "/smad/axis/"
+
+
+def row_topic(axis: str) -> str:
+    """Return the topic of the samples of an axis; the one of a bench of one has no name."""
+    return f"{_AXIS_TOPIC}{axis}/row" if axis else ROW_TOPIC
+
+
+def axis_of(topic: str) -> str:
+    """Return the name of the axis whose samples have this topic; empty for any other topic."""
+    name = topic.removeprefix(_AXIS_TOPIC).removesuffix("/row")
+    return name if topic == row_topic(name) and name != topic else ""
+
+
 MISSING_INTEGER = -1
 """Stands for "not recorded" in the integer columns of a run that was read back."""
 
@@ -186,6 +200,11 @@ CHANNELS: Mapping[str, ChannelSpec] = {
     for name, annotation in get_type_hints(Row, include_extras=True).items()
 }
 """Every channel of a sample, by name, in the order of the columns."""
+
+
+def channel_of(column: str) -> ChannelSpec:
+    """Return the channel of a column, which may have the name of its axis and a dot before it."""
+    return CHANNELS[column.rpartition(".")[2]]
 
 
 @functools.cache

@@ -26,10 +26,10 @@ from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import McapFile, Packed
 from smad.runlog.pack import RecordPacker
 from smad.runlog.paths import make_folder, part_path
-from smad.runlog.schema import Event, Record
+from smad.runlog.schema import Event, Record, Row
 
 END_METADATA_NAME = "smad.end"
-_MESSAGES_A_CHUNK = 256
+MESSAGES_A_CHUNK = 256
 _PAUSE_BETWEEN_CHUNKS_S = 0.001
 _LOOK_S = 1.0
 _NS = 1_000_000_000
@@ -72,9 +72,9 @@ class RunWriter:
         self._max_file_bytes = max_file_bytes
         self._max_file_ns = max_file_s * _NS
         self._queue: deque[Packed] = deque()
-        self._packer = RecordPacker(header.started_unix_s)
+        self._packer = RecordPacker(header.started_unix_s, header.axes)
         self._dropped_told = 0
-        self._mcap, self._file = _create(self.paths[0], header)
+        self._mcap, self._file = create_log(self.paths[0], header)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="run log", daemon=True)
         self._thread.start()
@@ -89,13 +89,16 @@ class RunWriter:
         """Records that did not reach the file."""
         return self._refused + self._unfit + self._lost
 
-    def append(self, record: Record) -> bool:
-        """Hand over a record; False when it was dropped (counted in `dropped`). Never blocks."""
+    def append(self, record: Record, axis: str = "", time_s: float | None = None) -> bool:
+        """Hand over a record; False when it was dropped (counted in `dropped`). Never blocks.
+
+        `axis` and `time_s` as for `RecordPacker.pack`.
+        """
         if self.error is not None or len(self._queue) >= self._queue_rows:
             self._refused += 1
             return False
         try:
-            self._queue.append(self._packer.pack(record))
+            self._queue.append(self._packer.pack(record, axis, time_s))
         except (TypeError, ValueError, OverflowError, KeyError) as error:
             self._unfit += 1
             self.bad_record = f"a record cannot be written: {error}"
@@ -145,7 +148,7 @@ class RunWriter:
         # Only what is there now: a fast caller must not keep this loop from ending.
         waiting = len(self._queue)
         while waiting > 0:
-            batch = [self._queue.popleft() for _ in range(min(waiting, _MESSAGES_A_CHUNK))]
+            batch = [self._queue.popleft() for _ in range(min(waiting, MESSAGES_A_CHUNK))]
             waiting -= len(batch)
             self._write(batch)
             if waiting:
@@ -201,7 +204,7 @@ class RunWriter:
         self._end_file()
         part = len(self.paths) + 1
         path = part_path(self.paths[0], part)
-        self._mcap, self._file = _create(path, msgspec.structs.replace(self._header, part=part))
+        self._mcap, self._file = create_log(path, msgspec.structs.replace(self._header, part=part))
         self.paths.append(path)
 
     def _end_file(self) -> None:
@@ -225,21 +228,28 @@ class RunWriter:
             self.error = f"cannot write {self.paths[-1]}: {reason}; rows are no longer recorded"
 
 
-def write_run(path: str | Path, header: RunHeader, records: Iterable[Record]) -> int:
+def write_run(
+    path: str | Path,
+    header: RunHeader,
+    records: Iterable[Record | tuple[Row, str, float]],
+) -> int:
     """Write a whole run to a new file; returns how many records it holds.
+
+    A sample of one of several axes (`header.axes`) comes with the axis and its Unix time.
 
     Raises RunLogError when the file is there already or cannot be written; nothing is left behind
     then, nor when `records` raises.
     """
     path = Path(path)
-    mcap, file = _create(path, header)
-    packer = RecordPacker(header.started_unix_s)
+    mcap, file = create_log(path, header)
+    packer = RecordPacker(header.started_unix_s, header.axes)
     try:
         with file:
             batch: list[Packed] = []
             for record in records:
-                batch.append(packer.pack(record))
-                if len(batch) >= _MESSAGES_A_CHUNK:
+                given = record if isinstance(record, tuple) else (record,)
+                batch.append(packer.pack(*given))
+                if len(batch) >= MESSAGES_A_CHUNK:
                     mcap.write_chunk(batch)
                     batch = []
             mcap.write_chunk(batch)
@@ -256,7 +266,8 @@ def write_run(path: str | Path, header: RunHeader, records: Iterable[Record]) ->
     return packer.packed
 
 
-def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
+def create_log(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
+    """Create a log with its header. Raises RunLogError when it is there already or cannot be."""
     make_folder(path.parent)
     try:
         file = FileIO(path, "xb")
@@ -272,6 +283,8 @@ def _create(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
     try:
         open_logs.mark(file)
         mcap = McapFile(file)
+        for axis in header.axes:
+            mcap.add_axis(axis)
         mcap.write_metadata(METADATA_NAME, header.to_metadata())
     except OSError as error:
         file.close()

@@ -4,7 +4,7 @@ import contextlib
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 START_DEADLINE_S = 90.0
@@ -14,18 +14,20 @@ FAST = ("--speed", "4", "--paced-by-host")
 
 
 @contextlib.contextmanager
-def running_bench(folder: Path, env: dict[str, str], *, wanted: bool) -> Iterator[None]:
-    """Run `smad start --sim` in `folder` for as long as the block lasts; nothing when not `wanted`.
+def running_bench(
+    folder: Path, env: dict[str, str], options: Sequence[str] | None
+) -> Iterator[None]:
+    """Run `smad start --sim` in `folder` for as long as the block lasts; nothing for None.
 
     Raises RuntimeError with what the daemon printed when it does not come up.
     """
-    if not wanted:
+    if options is None:
         yield
         return
     log = folder / "daemon.log"
     with log.open("w") as output:
         daemon = subprocess.Popen(
-            ["smad", "start", "--sim", *FAST],
+            ["smad", "start", "--sim", *FAST, *options],
             cwd=folder,
             env=env,
             stdout=output,

@@ -5,6 +5,7 @@ what it printed; one marked `python` holds a script. Comments on the line before
 is run:
 
     <!-- bench: sim -->             the page's commands need a running simulated bench (once a page)
+                                    with what follows `sim` as more options of `smad start`
     <!-- exits: 2 -->               the commands of the next block end with this status
     <!-- not run: why -->           the next block is not run; the reason is listed by the test
 """
@@ -52,7 +53,8 @@ class Page:
     """A documentation page and its blocks, in reading order."""
 
     path: Path
-    needs_bench: bool = False
+    bench: tuple[str, ...] | None = None
+    """More options of the simulated bench that its commands need; None: they need none."""
     blocks: list[Block] = field(default_factory=list)
 
 
@@ -69,7 +71,7 @@ def read_page(path: Path) -> Page:
         if found := DIRECTIVE.match(lines[at].strip()):
             directives[found[1]] = found[2]
             if found[1] == "bench":
-                page.needs_bench = True
+                page.bench = tuple(found[2].split()[1:])
         elif opened := FENCE.match(lines[at]):
             start = at + 1
             at = start

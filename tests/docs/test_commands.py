@@ -70,7 +70,7 @@ def test_every_command_shown_runs(path: Path, tmp_path: Path, reader: dict[str, 
     page = read_page(path)
     folder = tmp_path / "work"
     folder.mkdir()
-    with running_bench(folder, reader, wanted=page.needs_bench):
+    with running_bench(folder, reader, page.bench):
         for block in page.blocks:
             if block.not_run is None:
                 run_block(block, folder, reader)

@@ -11,9 +11,9 @@ import pytest
 from evaluation.errors import QuizError
 from evaluation.quiz import ends
 from evaluation.quiz.session import Order, investigated
-from smad.gap.paired.inquiry import Record, Report
-from smad.gap.paired.store import SCHEMA, About
-from smad.gap.paired.verdict import CAUSE, Likely, Share, Verdict
+from smad.checkup.inquiry import Record, Report
+from smad.checkup.store import SCHEMA, About
+from smad.checkup.verdict import CAUSE, Likely, Share, Verdict
 
 ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True}]}
 NOTHING = Share("all signals", "floors", 0.0, 0.0, 0.0, 0.0)

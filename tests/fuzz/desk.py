@@ -65,7 +65,7 @@ class Desk:
     @property
     def state(self) -> HostState:
         """Where the host stands with the board."""
-        return self._rig.daemon.session.state
+        return self._rig.axis.session.state
 
     def say(self, client: bytes, line: bytes, send: Send, *, stop: bool = False) -> None:
         """Give the daemon a message on one of its two channels."""
@@ -111,7 +111,7 @@ class Desk:
     def _heard(self, data: bytes, at_us: int | None = None) -> None:
         # What was sent while armed may arrive when the host is not any more.
         if HostState.RUNNING not in (self._was, self.state):
-            check_setpoints(self._tap.feed(data), self._rig.daemon.session)
+            check_setpoints(self._tap.feed(data), self._rig.axis.session)
         else:
             self._tap.feed(data)
         self._receive(data, at_us)

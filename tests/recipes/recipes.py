@@ -293,14 +293,14 @@ COMMAND = Recipe(
             "smad/daemon/command/service.py",
             '''    def greet(self, params: api.Greet, caller: Caller) -> api.Motion:
         """Nothing but an answer."""
-        return self._status.motion()
+        return self._status.motion(self._bench.named(caller.axes))
 
 ''',
             before="    def reset_timing(self, params",
         ),
         Insert(
             "the clients' method",
-            "smad/client/asynchronous.py",
+            "smad/client/async_commands.py",
             '''    async def greet(self) -> api.Motion:
         """Nothing but an answer."""
         return await self._call(api.Greet(), api.Motion)

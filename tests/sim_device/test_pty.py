@@ -24,7 +24,7 @@ from sim_device.bench import SimulatedBench
 from sim_device.errors import PortError
 from sim_device.faults import injection
 from sim_device.ports import PENDING_MOST, PortCounts, PtyPort, SocketPort, socket_from_descriptor
-from sim_device.pty import Server
+from sim_device.pty import Server, Servers
 
 DEADLINE_S = 120.0
 
@@ -590,3 +590,29 @@ def test_the_server_ends_when_told_from_another_thread() -> None:
     server.close()
     theirs.close()
     assert stats.samples > 0
+
+
+def test_boards_in_lockstep_take_no_sample_ahead_of_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = FakeClock()
+    rates_hz = (250, 100, 100)
+    servers = [
+        Server(SimulatedBench(rate_hz=rate_hz), FakePort, speed=50.0, clock=clock)
+        for rate_hz in rates_hz
+    ]
+    group = Servers(servers, lockstep=True, clock=clock)
+
+    def passing(*_: object) -> tuple[list[int], list[int], list[int]]:
+        clock.now_s += 0.0003
+        return [], [], []
+
+    monkeypatch.setattr("select.select", passing)
+    apart_us = []
+    for _ in range(2000):
+        group.turn()
+        times_us = [server.bench.now_us for server in servers]
+        apart_us.append(max(times_us) - min(times_us))
+    assert max(apart_us) <= 10_000
+    assert min(times_us) > 500_000
+    assert servers[0].stats.samples > 2 * servers[1].stats.samples

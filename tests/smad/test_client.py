@@ -78,6 +78,7 @@ def test_there_is_a_client_method_for_every_method_of_the_api(
         client.disarm, client.estop, client.clear, client.params, client.save_params,
         client.idle, client.start_recording, client.release_control,
         lambda: client.move(Step(displacement_mm=1.0, duration_s=1.0)),
+        lambda: client.move({"a": Step(displacement_mm=1.0, duration_s=1.0)}),
         lambda: client.heat("x", 50.0),
         lambda: client.current(DriveCurrent(i_x_A=1.0)),
         lambda: client.follow_inputs(INPUTS),

@@ -24,12 +24,17 @@ NUMBERS = [
 FLOATS = [key for key in NUMBERS if isinstance(key.default, float)]
 UNITS = {"A", "mm", "s", "ms", "ns", "K", "degC", "N", "hz", "MB", "min", "A_per_mm", "A_per_mm_s",
          "A_per_K", "A_per_K_s", "A_per_s", "mm_per_s", "K_per_s", "MPa", "J_per_m_K", "W_per_m_K",
-         "W_per_m_A2", "MPa_per_K", "MPa_per_N"}  # fmt: skip
+         "W_per_m_A2", "MPa_per_K", "MPa_per_N", "deg", "deg_per_mm"}  # fmt: skip
 WITHOUT_UNIT = {
     "baud", "axis", "switch_duty", "command_port", "stop_port", "command_queue", "queue_rows",
     "every_nth_sample", "high_water_mark", "fifo_priority", "seed", "speed_ratio", "drain_ratio",
-    "near_bands",
+    "near_bands", "pitch_sign", "yaw_sign",
 }  # fmt: skip
+
+
+NEEDED = {"axes": 'name = "a"\n', "segments": 'name = "a"\npitch = "b"\nyaw = "c"\n'}
+"""What a table of which there may be many cannot do without."""
+HEADINGS = {one.name: f"{one.heading}\n{NEEDED.get(one.name, '')}" for one in sections()}
 
 
 def key_id(key: Key) -> str:
@@ -57,7 +62,7 @@ def test_the_default_file_holds_every_key_and_gives_the_defaults() -> None:
     text = default_toml()
     assert parse_config(text) == Config()
     for key in KEYS:
-        assert re.search(rf"^(# )?{key.name} = ", text, re.MULTILINE), key.name
+        assert re.search(rf"^(# )?{key.name} =", text, re.MULTILINE), key.name
 
 
 def test_the_shipped_gains_are_those_that_tuning_the_shipped_plant_gives() -> None:
@@ -69,16 +74,16 @@ def test_the_shipped_gains_are_those_that_tuning_the_shipped_plant_gives() -> No
 @pytest.mark.parametrize("key", FLOATS, ids=key_id)
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
 def test_no_number_of_a_file_can_be_nan_or_infinite(key: Key, value: str) -> None:
-    message = refusal(f"[{key.section}]\n{key.name} = {value}")
-    assert f"{key.section}.{key.name}" in message
+    message = refusal(f"{HEADINGS[key.section]}{key.name} = {value}")
+    assert f"{key.section}.{key.name}" in message.replace("[0]", "")
     assert key.allowed in message
     assert f"got {value}" in message
 
 
 @pytest.mark.parametrize("key", NUMBERS, ids=key_id)
 def test_a_number_beyond_its_range_is_refused_with_path_value_and_limit(key: Key) -> None:
-    message = refusal(f"[{key.section}]\n{key.name} = 1e15".replace("e15", "0" * 15))
-    assert f"{key.section}.{key.name}" in message
+    message = refusal(f"{HEADINGS[key.section]}{key.name} = 1e15".replace("e15", "0" * 15))
+    assert f"{key.section}.{key.name}" in message.replace("[0]", "")
     assert "got 1000000000000000" in message
     assert key.allowed in message
 
@@ -100,7 +105,7 @@ TEXTS = [key for key in KEYS if isinstance(key.default, str)]
 
 @pytest.mark.parametrize("key", TEXTS, ids=key_id)
 def test_a_text_with_a_nul_is_refused_in_one_line(key: Key) -> None:
-    message = refusal(f'[{key.section}]\n{key.name} = "a\\u0000b"')
+    message = refusal(f'{HEADINGS[key.section]}{key.name} = "a\\u0000b"')
     assert key.name in message
     assert "\n" not in message
     assert "\0" not in message
@@ -248,3 +253,39 @@ def test_any_text_is_a_configuration_or_refused_in_one_line(text: str) -> None:
         parse_config(text)
     except ConfigError as error:
         check_one_line(error)
+
+
+AXES = '[[axes]]\nname = "pitch-1"\nport = "/dev/a"\n[[axes]]\nname = "yaw-1"\nport = "/dev/b"\n'
+
+
+def test_an_axis_has_the_values_of_the_bench_but_for_its_own() -> None:
+    text = f"{AXES}kp_A_per_mm = 20.0\ntravel_mm = 4.0\n[control]\nki_A_per_mm_s = 5.0\n"
+    config = parse_config(text)
+    first, second = config.by_axis().values()
+    assert (first.link.port, second.link.port) == ("/dev/a", "/dev/b")
+    assert (first.control.kp_A_per_mm, second.control.kp_A_per_mm) == (28.0, 20.0)
+    assert second.control.ki_A_per_mm_s == first.control.ki_A_per_mm_s == 5.0
+    assert second.limits.displacement_max_mm == 4.0
+    assert parse_config(config_to_toml(config)) == config
+
+
+def test_a_bench_of_one_axis_has_no_word_of_axes_in_its_configuration() -> None:
+    assert "axes" not in config_to_toml(Config()).replace("[plant]", "")
+    assert Config().by_axis() == {"": Config()}
+    assert Config().with_axes(1) == Config()
+    assert list(Config().with_axes(6).by_axis())[-1] == "yaw-3"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (AXES.replace("yaw-1", "pitch-1"), "two have the name 'pitch-1'"),
+        (AXES.replace("/dev/b", "/dev/a"), "two have the port '/dev/a'"),
+        (f"{AXES}travel_mm = 99.0\n", r"axes\[1\]\.travel_mm is not allowed; got 99\.0"),
+        (f"{AXES}travel = 9.0\n", r"unknown key axes\[1\]\.travel; did you mean travel_mm"),
+        ('[[axes]]\nname = "two words"\n', r"axes\[0\]\.name is not allowed; got two words"),
+    ],
+)
+def test_axes_that_clash_or_are_wrong_are_named(text: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        parse_config(text)

@@ -83,9 +83,8 @@ class Answers:
 
         try:
             self._require_room(client, call)
-            answer = self._service.perform(
-                call.method, call.params, Caller(client, call.lease, behind), call.generation
-            )
+            caller = Caller(client, call.lease, behind, call.axes)
+            answer = self._service.perform(call.method, call.params, caller, call.generation)
         except Exception as error:
             self._refuse(call, error, reply)
             return

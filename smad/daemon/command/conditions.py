@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Collection
 
 from firmware_protocol.enums import BoardState, Capability
 from firmware_protocol.events import HostState
 from smad.api import Reason
-from smad.config import Config
-from smad.daemon.boardside import BoardSide
+from smad.daemon.axis import Axis
 from smad.daemon.errors import Refusal
-from smad.daemon.link.tighter import require_tighter
+from smad.daemon.link.tighter import require_own, require_tighter
 from smad.daemon.link.watch import disagreement
 
 _PARAMETER_POLLS = 100
@@ -18,17 +18,18 @@ _PARAMETER_POLL_S = 0.02
 
 
 class Conditions:
-    """Conditions on the board and what is known of it."""
+    """Conditions on the board of an axis and what is known of it. `names`: of all axes."""
 
-    def __init__(self, config: Config, board: BoardSide) -> None:
-        self._config = config
-        self._control = board.control
-        self._watch = board.watch
-        self._host_stop = board.host_stop
+    def __init__(self, axis: Axis, names: Collection[str]) -> None:
+        self._names = names
+        self._config = axis.config
+        self._axis = axis
+        self._watch = axis.watch
+        self._host_stop = axis.host_stop
 
     def require_connected(self) -> None:
         """Raise Refusal unless there is a board, and one that takes requests."""
-        if self._control.session.state in (HostState.DISCONNECTED, HostState.SYNC):
+        if not self._axis.connected:
             raise not_connected(
                 "the board is not connected",
                 "plug it in; the daemon reconnects by itself (smad status)",
@@ -43,7 +44,7 @@ class Conditions:
 
     def require_disarmed(self) -> None:
         """Raise Refusal while the board is armed, or may be."""
-        if self._control.session.state in (HostState.RUNNING, HostState.READY):
+        if self._axis.hot:
             raise Refusal(Reason.ARMED, "the bench is armed", action="disarm first (smad disarm)")
 
     async def parameters_read(self) -> None:
@@ -71,6 +72,7 @@ class Conditions:
                 "the board's parameters are not those that were read from it",
                 action="unplug it and plug it in again, so that they are read anew",
             )
+        require_own(self._axis.name, self._names, self._watch.parameters)
         require_tighter(self._config, self._watch.parameters)
 
     def require_not_faulted(self) -> None:
@@ -83,7 +85,7 @@ class Conditions:
                 value=by_host.in_words(),
                 action="smad faults explain says what to do; then smad clear",
             )
-        if self._control.session.state is not HostState.FAULTED:
+        if self._axis.session.state is not HostState.FAULTED:
             return
         fault = self._watch.fault
         stopped = self._watch.mode is BoardState.ESTOP
@@ -112,7 +114,7 @@ class Conditions:
         """Raise Refusal unless the board is armed, by us."""
         self.require_connected()
         self.require_not_faulted()
-        if self._control.session.state is not HostState.RUNNING:
+        if self._axis.session.state is not HostState.RUNNING:
             raise Refusal(
                 Reason.NOT_ARMED, "the bench is not armed", action="arm it first (smad arm)"
             )

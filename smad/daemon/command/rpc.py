@@ -29,6 +29,8 @@ from smad.daemon.errors import Refusal
 from smad.errors import SmadError
 
 Id = int | str | None
+Axes = str | tuple[str, ...] | None
+"""Whom a request is for: the name of an axis, several, or nobody in particular."""
 
 
 def _request_type(method: Method) -> type[Struct]:
@@ -41,6 +43,7 @@ def _request_type(method: Method) -> type[Struct]:
             # A stop is not refused because of what it does not need.
             ("lease", Any if method.access == "stop" else str, ""),
             ("generation", Any if method.access == "stop" else int | None, None),
+            ("axis", Any if method.access == "stop" else Axes, None),
             ("jsonrpc", Literal["2.0"], "2.0"),
         ],
         tag_field="method",
@@ -64,7 +67,8 @@ class Call(Struct, frozen=True):
     """A valid request: what is asked, with which parameters, and the id of the reply.
 
     `wants_reply` is false for a notification. `lease` is the secret of the caller's exclusive
-    control, `generation` that of the last stop it knows of: both may be left out.
+    control, `generation` that of the last stop it knows of, `axes` are those that it names: all
+    may be left out.
     """
 
     method: Method
@@ -73,6 +77,7 @@ class Call(Struct, frozen=True):
     wants_reply: bool
     lease: str = ""
     generation: int | None = None
+    axes: tuple[str, ...] = ()
 
 
 class _Request(Struct, frozen=True):
@@ -81,6 +86,7 @@ class _Request(Struct, frozen=True):
     id: Id | UnsetType
     lease: Any
     generation: Any
+    axis: Any
 
 
 class _Names:
@@ -150,6 +156,7 @@ class Decoder:
             request.id is not UNSET,
             request.lease if isinstance(request.lease, str) else "",
             request.generation if isinstance(request.generation, int) else None,
+            _axes(request.axis),
         )
 
     def _refuse(self, data: bytes, message: str) -> bytes | None:
@@ -177,6 +184,12 @@ class Decoder:
         return error_reply(call_id, _bad_params(name, data, message))
 
 
+def _axes(named: Any) -> tuple[str, ...]:
+    if isinstance(named, str):
+        return (named,)
+    return named if isinstance(named, tuple) else ()
+
+
 def _text(member: msgspec.Raw | None) -> str:
     """Return the text that a member is, or nothing."""
     value = None if member is None else _plain_value(member)
@@ -191,9 +204,11 @@ def _plain_value(member: msgspec.Raw) -> Any:
         return None
 
 
+_MEMBERS_KNOWN = {"jsonrpc", "id", "method", "params", "lease", "generation", "axis"}
 _BESIDE = (
     ("lease", (str, NoneType), "no text"),
     ("generation", (int, NoneType), "no whole number"),
+    ("axis", (str, list, NoneType), "no text or list"),
 )
 
 
@@ -209,7 +224,7 @@ def _misshapen(members: dict[str, msgspec.Raw], method: str) -> str:
     for beside, kinds, what in _BESIDE:
         if not isinstance(_plain_value(members.get(beside, msgspec.Raw(b"null"))), kinds):
             return f"`{beside}` is {what}"
-    strange = members.keys() - {"jsonrpc", "id", "method", "params", "lease", "generation"}
+    strange = members.keys() - _MEMBERS_KNOWN
     if strange:
         return f"it has an unknown member `{min(strange)}`"
     return ""

@@ -6,7 +6,7 @@ the board has to agree to are coroutines.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,16 +15,10 @@ from msgspec import Struct
 
 from firmware_protocol.enums import Fault
 from firmware_protocol.events import HostState
-from firmware_protocol.messages import (
-    ArmConfirm,
-    ArmRequest,
-    ArmToken,
-    ClearFault,
-    ParamSave,
-)
+from firmware_protocol.messages import ClearFault, ParamSave
 from smad import api
 from smad.api import Reason
-from smad.config import Config, config_to_toml
+from smad.config import config_to_toml
 from smad.control.commands import (
     DriveCurrent,
     Follow,
@@ -34,8 +28,9 @@ from smad.control.commands import (
     MoveStage,
     Tune,
 )
-from smad.control.controller import Controller
-from smad.daemon.boardside import BoardSide
+from smad.daemon.axis import Axis
+from smad.daemon.bench import Bench
+from smad.daemon.command.arming import Arming, Steps
 from smad.daemon.command.conditions import Conditions, not_connected
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.command.status import StatusReport
@@ -43,6 +38,7 @@ from smad.daemon.errors import Refusal
 from smad.daemon.means import Means
 from smad.daemon.telemetry.recorder import Recorder
 
+_NO_PORT = HostState.DISCONNECTED
 _BEGIN_A_LOG = (api.Arm, api.StartRecording)
 """Told to the run log once it is open, which may be this command's doing."""
 
@@ -50,12 +46,13 @@ _BEGIN_A_LOG = (api.Arm, api.StartRecording)
 class Caller(Struct, frozen=True):
     """Who asks: the name of its socket, the secret of its lease (empty: it has none).
 
-    `behind`: what it asks may have been sent before the last stop.
+    `behind`: what it asks may have been sent before the last stop. `axes`: those it names.
     """
 
     client: bytes
     lease: str = ""
     behind: bool = False
+    axes: tuple[str, ...] = ()
 
 
 Answer = Struct | Coroutine[Any, Any, Struct]
@@ -74,8 +71,7 @@ class Service:
 
     def __init__(
         self,
-        config: Config,
-        board: BoardSide,
+        bench: Bench,
         recorder: Recorder,
         status: StatusReport,
         *,
@@ -83,21 +79,16 @@ class Service:
         means: Means,
     ) -> None:
         self.stopping = False
-        self._arming = False
-        self._config = config
-        self._control = board.control
-        self._controller: Controller = board.control.controller
-        self._requests = board.requests
-        self._watch = board.watch
+        self._bench = bench
         self._recorder = recorder
         self._status = status
         self._lease = claims.lease
-        self._host_stop = board.host_stop
         self._dead_man = claims.dead_man
-        self._stops = board.stops
+        self._stops = bench.stops
         self._say = means.say
         self._clock_us = means.clocks.us
-        self._conditions = Conditions(config, board)
+        self._conditions = {name: Conditions(axis, bench.axes) for name, axis in bench.axes.items()}
+        self._arming = Arming(bench, self._conditions)
         self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
             api.GetStatus: self.status,
             api.GetMotion: self.motion,
@@ -108,12 +99,13 @@ class Service:
             api.EStop: self.estop,
             api.Clear: self.clear,
             Follow: self.drive,
+            api.Together: self.together,
             HoldTemperature: self.drive,
             DriveCurrent: self.drive,
             FollowInputs: self.drive,
             MoveStage: self.drive,
-            Idle: self.settle,
-            Tune: self.settle,
+            Idle: self.idle,
+            Tune: self.tune,
             api.ListParams: self.list_params,
             api.GetParam: self.get_param,
             api.SetParam: self.set_param,
@@ -143,37 +135,43 @@ class Service:
                     Reason.BUSY, "the daemon is ending", action="start it again (smad start)"
                 )
         if method.ends_with_stop:
-            self._stops.require_confirmed()
+            moved = params.moves if isinstance(params, api.Together) else caller.axes
+            boards = [axis.stop for axis in self._bench.named(tuple(moved))]
+            self._stops.require_confirmed(boards)
             before = caller.behind and generation is None
             asked_in = self._stops.generation - 1 if before else generation
-            self._stops.require(self._stops.generation if asked_in is None else asked_in)
+            self._stops.require(self._stops.generation if asked_in is None else asked_in, boards)
         answer = self.methods[type(params)](params, caller)
         if method.logged and type(params) not in _BEGIN_A_LOG:
-            self._say("command", method.name, api.logged_details(params))
+            self._say("command", method.name, _details(params, caller))
         return answer
 
     def status(self, params: api.GetStatus, caller: Caller) -> api.Status:
         """Everything about the bench now."""
-        return self._status.full(caller.lease)
+        return self._status.full(caller.lease, self._bench.named(caller.axes))
 
     def motion(self, params: api.GetMotion, caller: Caller) -> api.Motion:
-        """What the controller is doing."""
-        return self._status.motion()
+        """What the controllers are doing."""
+        return self._status.motion(self._bench.named(caller.axes))
 
     def config(self, params: api.GetConfig, caller: Caller) -> api.ConfigText:
-        """The configuration in force."""
-        return api.ConfigText(toml=config_to_toml(self._config))
+        """The configuration in force: of the axis that is named, else of the bench."""
+        config = self._bench.one(caller.axes).config if caller.axes else self._bench.config
+        return api.ConfigText(toml=config_to_toml(config))
 
     def reset_timing(self, params: api.ResetTiming, caller: Caller) -> api.Timing:
         """Forget the percentiles so far."""
-        self._control.clear_timing()
-        return self._status.refresh()
+        axes = self._bench.named(caller.axes)
+        for axis in axes:
+            axis.control.clear_timing()
+        self._bench.groups.skew.clear()
+        self._status.refresh()
+        return self._status.timing(axes[0])
 
     def end_what_lapsed(self, now_us: int) -> None:
         """Stop the bench if who had exclusive control, or who armed, has fallen silent."""
         gone = self._lease.lapsed(now_us)
-        hot = self._control.session.state in (HostState.RUNNING, HostState.READY)
-        if gone is not None and hot:
+        if gone is not None and self._bench.armed:
             silent_s = gone.duration_us * 1e-6
             cause = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s"
             data = {"holder": gone.name, "silent_s": silent_s}
@@ -184,64 +182,57 @@ class Service:
             self._stops.order(cause, f"{cause}; disarming", {}, by=f"the dead-man: {cause}")
 
     def arm(self, params: api.Arm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
-        """Ask the board for a token, begin the run log, confirm."""
-        return self._arm_alone(params, caller, self._stops.generation)
+        """Ask the boards for tokens, begin the run log, confirm: the axes named, or all."""
+        axes = self._bench.named(caller.axes)
+        generation = self._stops.generation
 
-    async def _arm_alone(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
-        if self._arming:
-            raise Refusal(
-                Reason.BUSY,
-                "the bench is being armed already",
-                action="wait for the reply to that (smad status)",
-            )
-        self._arming = True
-        try:
-            return await self._arm(params, caller, generation)
-        finally:
-            self._arming = False
-
-    async def _arm(self, params: api.Arm, caller: Caller, generation: int) -> api.Motion:
         def still_wanted() -> None:
-            self._stops.require(generation)
+            self._stops.require(generation, [axis.stop for axis in axes])
             self._lease.check(caller.lease, self._clock_us())
 
-        await self._conditions.parameters_read()
-        still_wanted()
-        self._conditions.require_armable()
-        axis = self._config.link.axis
-        self._controller.command(Idle())
-        token = await self._requests.ask(ArmRequest(axis, self._watch.parameters.crc))
-        assert isinstance(token, ArmToken)
-        still_wanted()
-        if self._config.recorder.automatic and not self._recorder.recording:
-            await self._recorder.start("", by_command=False)
-            still_wanted()
-        self._say("command", "arm", api.logged_details(params))
-        self._say("arm", "arming", {})
-        self._stops.arming()
-        await self._requests.ask(ArmConfirm(axis, token.token))
-        still_wanted()
-        self._dead_man.watch(caller.client, self._clock_us())
-        await self._stops.until_armed(generation)
-        still_wanted()
-        return self._status.motion()
+        async def begin() -> None:
+            if self._bench.config.recorder.automatic and not self._recorder.recording:
+                await self._recorder.start("", by_command=False)
+                still_wanted()
+            self._say("command", "arm", _details(params, caller))
+            self._say("arm", "arming", {})
+
+        def armed() -> None:
+            self._dead_man.watch(caller.client, self._clock_us())
+
+        return self._armed(axes, generation, Steps(still_wanted, begin, armed))
+
+    async def _armed(self, axes: Sequence[Axis], generation: int, steps: Steps) -> api.Motion:
+        await self._arming.arm(axes, generation, steps)
+        return self._status.motion(axes)
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
-        """Current off with the next sample, the board's DISARM; replies when it is not armed."""
+        """Current off with the next sample, DISARM to every board; replies when none is armed."""
         holder = self._lease.holder(self._clock_us())
         orderly = holder is None or holder.secret == caller.lease
         self._stops.begin(f"disarm of {self._who(caller)}", orderly=orderly)
-        self._conditions.require_connected()
-        return self._after(self._stops.until_disarmed())
+        if not any(axis.connected for axis in self._bench.axes.values()):
+            self._require_boards()
+        return self._after(lambda axis: axis.stop.until_disarmed(), self._require_boards)
 
     def estop(self, params: api.EStop, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
-        """Three copies at once, and again until the board says ESTOP; replies when it does."""
-        if self._control.session.state is HostState.DISCONNECTED:
-            self._stops.begin(f"estop of {self._who(caller)}")
-            raise not_connected("ESTOP cannot be sent", "cut the power")
-        self._stops.estop(f"estop of {self._who(caller)}")
-        self._control.flush()
-        return self._after(self._stops.until_estop())
+        """Three copies to each board, and again until it says ESTOP; replies when all have."""
+        away = [axis for axis in self._bench.axes.values() if axis.session.state is _NO_PORT]
+        self._stops.begin(f"estop of {self._who(caller)}")
+        for axis in self._bench.axes.values():
+            if axis not in away:
+                axis.session.send_estop()
+                axis.control.flush()
+
+        def require_sent() -> None:
+            for axis in away:
+                with axis.told():
+                    raise not_connected("ESTOP cannot be sent", "cut the power")
+            self._require_boards()
+
+        if len(away) == len(self._bench.axes):
+            require_sent()
+        return self._after(lambda axis: axis.stop.until_estop(), require_sent)
 
     def _who(self, caller: Caller) -> str:
         """A stop's caller in words: only who has control has told its name."""
@@ -250,21 +241,46 @@ class Service:
         # A stop may carry anything in place of a secret.
         return holder.name if holder and holder.secret == caller.lease else "a client"
 
-    async def _after(self, stopped: Awaitable[None]) -> api.Motion:
-        await stopped
-        self._conditions.require_connected()
-        return self._status.motion()
+    async def _after(
+        self, stopped: Callable[[Axis], Awaitable[None]], require: Callable[[], None]
+    ) -> api.Motion:
+        refusals: list[Refusal] = []
+        for axis in self._bench.axes.values():
+            # One that does not answer keeps nobody from hearing of the others.
+            try:
+                with axis.told():
+                    await stopped(axis)
+            except Refusal as refusal:
+                refusals.append(refusal)
+        if refusals:
+            raise refusals[0]
+        require()
+        return self._status.motion(list(self._bench.axes.values()))
+
+    def _require_boards(self) -> None:
+        """Raise Refusal where a board that was there is not any more: nothing is known of it."""
+        for axis in self._bench.axes.values():
+            if len(self._bench.axes) == 1 or axis.watch.identified.is_set():
+                with axis.told():
+                    self._conditions[axis.name].require_connected()
 
     async def clear(self, params: api.Clear, caller: Caller) -> api.Motion:
-        """Acknowledge the latched fault, and a stop of the host."""
-        self._conditions.require_connected()
-        by_host = self._host_stop.fault
-        latched = self._watch.fault
-        number = params.fault
+        """Acknowledge the latched fault, and a stop of the host, of each axis that has one."""
+        axes = self._bench.named(caller.axes)
+        faulted = [a for a in axes if a.watch.fault is not None or a.host_stop.fault is not None]
+        for axis in faulted or axes[:1]:
+            with axis.told():
+                await self._clear(axis, params.fault)
+        return self._status.motion(axes)
+
+    async def _clear(self, axis: Axis, number: int | None) -> None:
+        self._conditions[axis.name].require_connected()
+        by_host = axis.host_stop.fault
+        latched = axis.watch.fault
         if by_host is not None and number in (None, by_host.number):
             if latched is None:
-                self._host_stop.clear()
-                return self._status.motion()
+                axis.host_stop.clear()
+                return
             number = latched.number
         if number is None:
             if latched is None:
@@ -280,53 +296,83 @@ class Service:
                 action="see smad status for the latched one",
             )
         generation = self._stops.generation
-        await self._requests.ask(ClearFault(self._config.link.axis, Fault(number)))
+        await axis.requests.ask(ClearFault(axis.config.link.axis, Fault(number)))
         # What has stopped the bench since has not been seen by who asked.
-        self._stops.require(generation)
-        self._watch.fault = None
-        self._host_stop.clear()
-        return self._status.motion()
+        self._stops.require(generation, [axis.stop])
+        axis.watch.fault = None
+        axis.host_stop.clear()
 
     def drive(
         self,
         params: Follow | HoldTemperature | DriveCurrent | FollowInputs | MoveStage,
         caller: Caller,
     ) -> api.Motion:
-        """Hand a motion to the controller; it begins with the next sample."""
-        self._conditions.require_armed()
-        if isinstance(params, MoveStage):
-            self._conditions.require_stage()
-        self._controller.command(params)
-        return self._status.motion()
+        """Hand a motion to the controller of an axis; it begins with the next sample."""
+        axis = self._bench.one(caller.axes)
+        with axis.told():
+            self._conditions[axis.name].require_armed()
+            if isinstance(params, MoveStage):
+                self._conditions[axis.name].require_stage()
+            axis.controller.command(params)
+        if not (isinstance(params, Follow | FollowInputs) and params.queue):
+            self._bench.groups.forget([axis.name])
+        return self._status.motion([axis])
 
-    def settle(self, params: Idle | Tune, caller: Caller) -> api.Motion:
-        """Hand the controller something that needs no armed board."""
-        self._controller.command(params)
-        return self._status.motion()
+    def together(self, params: api.Together, caller: Caller) -> api.Motion:
+        """Hand motions to several controllers at once; `queue`: once the slowest has ended."""
+        axes = self._bench.named(tuple(params.moves))
+        for axis in axes:
+            with axis.told():
+                self._conditions[axis.name].require_armed()
+        groups = self._bench.groups
+        group = {name: Follow(trajectories=moves) for name, moves in params.moves.items()}
+        (groups.queue if params.queue else groups.begin)(group)
+        return self._status.motion(axes)
+
+    def idle(self, params: Idle, caller: Caller) -> api.Motion:
+        """End the motions of the axes named, or of all; they stay armed."""
+        axes = self._bench.named(caller.axes)
+        self._bench.groups.forget([axis.name for axis in axes])
+        for axis in axes:
+            axis.controller.command(params)
+        return self._status.motion(axes)
+
+    def tune(self, params: Tune, caller: Caller) -> api.Motion:
+        """Change gains and options of an axis."""
+        axis = self._bench.one(caller.axes)
+        with axis.told():
+            axis.controller.command(params)
+        return self._status.motion([axis])
 
     def list_params(self, params: api.ListParams, caller: Caller) -> api.ParamList:
         """The parameters as read when the board connected."""
-        return self._watch.parameters.all()
+        return self._bench.one(caller.axes).watch.parameters.all()
 
     def get_param(self, params: api.GetParam, caller: Caller) -> api.Param:
         """One parameter."""
-        return self._watch.parameters.one(params.name)
+        return self._bench.one(caller.axes).watch.parameters.one(params.name)
 
     async def set_param(self, params: api.SetParam, caller: Caller) -> api.Param:
         """Change one parameter on the board."""
-        self._conditions.require_connected()
-        self._conditions.require_disarmed()
-        parameters = self._watch.parameters
-        param = await parameters.set(params.name, params.value, self._requests.ask)
-        self._watch.rescale()
+        axis = self._changeable(caller)
+        parameters = axis.watch.parameters
+        param = await parameters.set(params.name, params.value, axis.requests.ask)
+        axis.watch.rescale()
         return param
 
     async def save_params(self, params: api.SaveParams, caller: Caller) -> api.ParamList:
         """Keep the parameters over a power cycle."""
-        self._conditions.require_connected()
-        self._conditions.require_disarmed()
-        await self._requests.ask(ParamSave())
-        return self._watch.parameters.all()
+        axis = self._changeable(caller)
+        await axis.requests.ask(ParamSave())
+        return axis.watch.parameters.all()
+
+    def _changeable(self, caller: Caller) -> Axis:
+        """Return the axis whose board is to be changed. Raises Refusal unless it can be."""
+        axis = self._bench.one(caller.axes)
+        with axis.told():
+            self._conditions[axis.name].require_connected()
+            self._conditions[axis.name].require_disarmed()
+        return axis
 
     async def start_recording(
         self, params: api.StartRecording, caller: Caller
@@ -371,12 +417,17 @@ class Service:
         return self._status.lease(caller.lease)
 
     def _require_not_armed_by_another(self, caller: Caller) -> None:
-        self._stops.require_confirmed()
-        armed = self._control.session.state in (HostState.RUNNING, HostState.READY)
-        if armed and self._dead_man.client != caller.client:
+        self._stops.require_confirmed(self._stops.boards)
+        if self._bench.armed and self._dead_man.client != caller.client:
             raise Refusal(
                 Reason.ARMED,
                 "the bench was armed by another client",
                 action="disarm it first (smad disarm); exclusive control does not take over an "
                 "armed bench",
             )
+
+
+def _details(params: Struct, caller: Caller) -> dict[str, Any]:
+    """What the run log keeps of a command, with the axes that it named."""
+    details = api.logged_details(params)
+    return {"axes": list(caller.axes), **details} if caller.axes else details

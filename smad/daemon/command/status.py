@@ -5,23 +5,23 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+from msgspec import UNSET
+from msgspec.structs import asdict
 
 from firmware_protocol.enums import Limiter, faults_in, warnings_in
 from firmware_protocol.events import HostState
 from smad import api
-from smad.config import Config
 from smad.control.limits import HostLimit
-from smad.daemon.boardside import BoardSide
+from smad.daemon.axis import Axis
+from smad.daemon.bench import Bench
 from smad.daemon.command.lease import Lease
-from smad.daemon.control import Finished
 from smad.daemon.journal import Journal
 from smad.daemon.link.board import board_of
 from smad.daemon.realtime import IdleCollector
 from smad.daemon.telemetry.recorder import Recorder
-from smad.runlog.rows import row_of
-from smad.runlog.schema import Row
 from smad.version import VERSION
 
 _MIB = 2**20
@@ -52,8 +52,7 @@ class StatusReport:
 
     def __init__(
         self,
-        config: Config,
-        board: BoardSide,
+        bench: Bench,
         recorder: Recorder,
         *,
         lease: Lease,
@@ -63,45 +62,50 @@ class StatusReport:
         self.measures: tuple[api.Measure, ...] = ()
         self.notes: list[str] = []
         self.telemetry_dropped = 0
-        self._config = config
-        self._control = board.control
-        self._watch = board.watch
-        self._link = board.link
+        self._bench = bench
         self._recorder = recorder
         self._lease = lease
-        self._host_stop = board.host_stop
-        self._stops = board.stops
         self._journal = own.journal
         self._collector = own.collector
         self._commands = own.commands
         self._clock_us = clock_us
         self._started_us = clock_us()
         self._resident_MiB = 0.0
-        self._timing = self._measured_timing()
+        self._timing: dict[str, api.Timing] = {}
+        self.refresh()
 
-    def refresh(self) -> api.Timing:
+    def refresh(self) -> None:
         """Work the percentiles out anew."""
-        self._timing = self._measured_timing()
-        return self._timing
+        for name, axis in self._bench.axes.items():
+            self._timing[name] = self._measured_timing(axis)
 
-    def motion(self) -> api.Motion:
-        """Return what the controller is doing."""
-        controller = self._control.controller
-        last = self._control.last
+    def timing(self, axis: Axis) -> api.Timing:
+        """Return the percentiles of an axis, as last worked out."""
+        return self._timing[axis.name]
+
+    def motion(self, axes: Sequence[Axis]) -> api.Motion:
+        """Return what the controllers are doing: of one axis, or of several with each by name."""
+        if len(axes) == 1:
+            return self._motion(axes[0])
+        return api.of_the_bench({axis.name: self._motion(axis) for axis in axes})
+
+    def _motion(self, axis: Axis) -> api.Motion:
+        controller = axis.controller
+        last = axis.control.last
         # The host stops first: what the board finds afterwards follows from it.
-        fault = self._host_stop.fault or self._watch.fault
+        fault = axis.host_stop.fault or axis.watch.fault
         return api.Motion(
             running=controller.mode,
-            done=controller.done and fault is None,
-            armed=self._control.session.state is HostState.RUNNING,
-            mode=self._watch.mode.name if self._watch.mode is not None else "UNKNOWN",
+            done=axis.done and fault is None,
+            armed=axis.session.state is HostState.RUNNING,
+            mode=axis.watch.mode.name if axis.watch.mode is not None else "UNKNOWN",
             reference_mm=_mm(controller.reference_m),
             displacement_mm=None if last is None else _mm(last.sample.displacement_m),
             board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
-            ended=self._stops.ended
+            ended=axis.stop.ended
             or ("" if controller.departure is None else controller.departure.in_words()),
             fault=fault,
-            generation=self._stops.generation,
+            generation=self._bench.stops.generation,
         )
 
     def lease(self, secret: str) -> api.Control:
@@ -116,79 +120,57 @@ class StatusReport:
             yours=holder.secret == secret,
         )
 
-    def full(self, secret: str) -> api.Status:
-        """Return everything."""
-        last = self._control.last
-        state = None if last is None else last.state
+    def full(self, secret: str, axes: Sequence[Axis]) -> api.Status:
+        """Return everything; of several axes each by name, too."""
+        parts = {axis.name: self._of(axis) for axis in axes}
+        several = len(parts) > 1
         return api.Status(
-            bench=self._config.daemon.bench,
+            bench=self._bench.config.daemon.bench,
             version=VERSION,
             pid=os.getpid(),
             uptime_s=(self._clock_us() - self._started_us) * 1e-6,
             memory_MiB=self._memory_MiB(),
-            link=self._link_status(),
-            board=self._board(),
-            motion=self.motion(),
-            gains=self._control.controller.gains,
-            limiter=self._limiter(),
-            faults=() if state is None else tuple(f.name for f in faults_in(state.faults)),
-            warnings=() if state is None else tuple(w.name for w in warnings_in(state.warnings)),
-            sample=None if last is None else self.row(last),
-            counts=self._counts(),
-            timing=self._timing,
             realtime=self.measures,
             recorder=self._recorder.status(),
             control=self.lease(secret),
             events=tuple(self._journal.recent),
+            **{**asdict(parts[axes[0].name]), "motion": self.motion(axes)},
+            axes=parts if several else UNSET,
+            skew=self._bench.groups.skew.percentiles() if several else UNSET,
         )
 
-    @staticmethod
-    def row(finished: Finished) -> Row:
-        """Return a finished sample as a row of the run log."""
-        return row_of(
-            finished.sample,
-            finished.state,
-            finished.setpoint,
-            host_time_s=finished.host_s,
-            reference_m=finished.reference_m,
-            reference_degC=finished.reference_degC,
-            pump_starts=finished.pump_starts,
+    def _of(self, axis: Axis) -> api.AxisStatus:
+        last = axis.control.last
+        state = None if last is None else last.state
+        return api.AxisStatus(
+            link=self._link_status(axis),
+            board=_board(axis),
+            motion=self._motion(axis),
+            gains=axis.controller.gains,
+            limiter=_limiter(axis),
+            faults=() if state is None else tuple(f.name for f in faults_in(state.faults)),
+            warnings=() if state is None else tuple(w.name for w in warnings_in(state.warnings)),
+            sample=None if last is None else axis.row(last),
+            counts=self._counts(axis),
+            timing=self._timing[axis.name],
         )
 
-    def _board(self) -> api.Board | None:
-        ident = self._watch.ident
-        if ident is None:
-            return None
-        return board_of(
-            ident, self._watch.parameters, schema_agrees=self._watch.incompatible is None
-        )
-
-    def _limiter(self) -> str:
-        last = self._control.last
-        board = "none" if last is None else Limiter(last.state.limiter).name.lower()
-        acting = self._control.controller.limiting
-        if acting is HostLimit.NONE:
-            return board
-        names = ", ".join(str(limit.name).lower() for limit in HostLimit if limit & acting)
-        return f"{board}; host: {names}"
-
-    def _counts(self) -> api.Counts:
-        counts = self._control.counts
+    def _counts(self, axis: Axis) -> api.Counts:
+        counts = axis.control.counts
         return api.Counts(
             samples=counts.samples,
-            missed=self._control.session.stats.missed_states,
+            missed=axis.session.stats.missed_states,
             skipped=counts.skipped,
             setpoints=counts.setpoints,
             setpoints_dropped=counts.setpoints_dropped,
-            setpoints_refused=self._watch.stats.get("stale_setpoints", 0),
+            setpoints_refused=axis.watch.stats.get("stale_setpoints", 0),
             commands=self._commands.done,
             refused=self._commands.refused,
             telemetry_dropped=counts.finished_dropped + self.telemetry_dropped,
         )
 
-    def _measured_timing(self) -> api.Timing:
-        control = self._control
-        fit = control.session.clock
+    def _measured_timing(self, axis: Axis) -> api.Timing:
+        control, fit = axis.control, axis.session.clock
         return api.Timing(
             own_share=control.own_share.percentiles(),
             setpoint_age=control.setpoint_age.percentiles(),
@@ -204,12 +186,22 @@ class StatusReport:
         return self._resident_MiB
 
     def link_counters(self) -> dict[str, float]:
-        """Return what the run log keeps about the link once a second: host's and board's counts."""
-        timing, counts = self._timing, self._control.counts
+        """Return what the run log keeps about the links once a second: host's and boards' counts.
+
+        Of a bench of several, the name of each has that of its axis and a dot before it.
+        """
         return {
-            **{f"host_{name}": float(value) for name, value in self._frames().items()},
-            **{f"board_{name}": float(value) for name, value in self._watch.stats.items()},
-            "missed_samples": float(self._control.session.stats.missed_states),
+            f"{name}.{counter}".lstrip("."): value
+            for name, axis in self._bench.axes.items()
+            for counter, value in self._counters(axis).items()
+        }
+
+    def _counters(self, axis: Axis) -> dict[str, float]:
+        timing, counts = self._timing[axis.name], axis.control.counts
+        return {
+            **{f"host_{name}": float(value) for name, value in _frames(axis).items()},
+            **{f"board_{name}": float(value) for name, value in axis.watch.stats.items()},
+            "missed_samples": float(axis.session.stats.missed_states),
             "skipped_samples": float(counts.skipped),
             "setpoints_dropped": float(counts.setpoints_dropped),
             "commands_refused": float(self._commands.refused),
@@ -217,31 +209,50 @@ class StatusReport:
             "own_share_p99_us": timing.own_share.p99_us,
         }
 
-    def _frames(self) -> dict[str, int]:
-        stats = self._control.session.stats
-        return {
-            name: value
-            for part in (stats.decoder, stats)
-            for name in part.__struct_fields__
-            if isinstance(value := getattr(part, name), int)
-        }
-
-    def _link_status(self) -> api.LinkStatus:
-        link, config = self._link, self._config.link
+    def _link_status(self, axis: Axis) -> api.LinkStatus:
+        link, config = axis.link, axis.config.link
         notes = () if link.transport is None else link.transport.notes
         return api.LinkStatus(
             port=config.port,
             baud=config.baud,
             rate_hz=config.rate_hz,
-            state=self._control.session.state.name.lower(),
+            state=axis.session.state.name.lower(),
             notes=(*notes, *self.notes),
             bytes_in=link.counts.bytes_in,
             bytes_out=link.counts.bytes_out,
             short_writes=link.counts.short_writes,
             losses=link.counts.losses,
-            frames=self._frames(),
-            board_stats=self._watch.stats,
+            frames=_frames(axis),
+            board_stats=axis.watch.stats,
         )
+
+
+def _board(axis: Axis) -> api.Board | None:
+    ident = axis.watch.ident
+    if ident is None:
+        return None
+    agrees = axis.watch.incompatible is None
+    return board_of(ident, axis.watch.parameters, schema_agrees=agrees)
+
+
+def _limiter(axis: Axis) -> str:
+    last = axis.control.last
+    board = "none" if last is None else Limiter(last.state.limiter).name.lower()
+    acting = axis.controller.limiting
+    if acting is HostLimit.NONE:
+        return board
+    names = ", ".join(str(limit.name).lower() for limit in HostLimit if limit & acting)
+    return f"{board}; host: {names}"
+
+
+def _frames(axis: Axis) -> dict[str, int]:
+    stats = axis.session.stats
+    return {
+        name: value
+        for part in (stats.decoder, stats)
+        for name in part.__struct_fields__
+        if isinstance(value := getattr(part, name), int)
+    }
 
 
 def _mm(metres: float) -> float | None:

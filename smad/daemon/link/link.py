@@ -132,7 +132,7 @@ class Link:
         self._release()
         self.counts.losses += 1
         self._on_lost(reason)
-        self._schedule()
+        self.open_later()
 
     def _release(self) -> None:
         if self._fd >= 0:
@@ -143,7 +143,8 @@ class Link:
             self.transport.close()
             self.transport = None
 
-    def _schedule(self) -> None:
+    def open_later(self) -> None:
+        """Open the port as soon as it can be: it is tried again until then."""
         if self._closed:
             return
         delay_s = self._retry_s * min(2**self._attempts, _LONGEST_BACK_OFF)
@@ -154,4 +155,4 @@ class Link:
         try:
             self.open()
         except PortError:
-            self._schedule()
+            self.open_later()

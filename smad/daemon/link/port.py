@@ -13,6 +13,7 @@ import os
 import socket
 import struct
 import termios
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -43,6 +44,10 @@ class Transport(Protocol):
     def close(self) -> None:
         """Give everything back."""
         ...
+
+
+Opener = Callable[[], Transport]
+"""Opens a port, or raises PortError."""
 
 
 class SerialTransport:

@@ -9,7 +9,7 @@ import asyncio
 
 import msgspec
 
-from smad.api import TELEMETRY_TOPIC
+from smad.api import topic_of
 from smad.config import TelemetryConfig
 from smad.daemon.sockets.address import listen_at
 from smad.daemon.sockets.listener import Hooks, Listener, Terms
@@ -17,10 +17,18 @@ from smad.daemon.sockets.zmtp import encoded
 from smad.errors import DaemonError
 from smad.runlog.schema import Row
 
-_TOPIC = TELEMETRY_TOPIC.encode()
 _VIEWERS = frozenset((b"SUB", b"XSUB"))
 _LONGEST = 256
 """Bytes of a subscription."""
+
+
+class _Stream:
+    """The samples of one axis: how many there were, how many were published, under which topic."""
+
+    def __init__(self, axis: str) -> None:
+        self.topic = topic_of(axis).encode()
+        self.count = 0
+        self.sequence = 0
 
 
 class Publisher:
@@ -35,7 +43,6 @@ class Publisher:
         loop: asyncio.AbstractEventLoop,
         config: TelemetryConfig,
     ) -> None:
-        self.sequence = 0
         self.dropped = 0
         self.note = ""
         self.addresses: list[str] = []
@@ -43,7 +50,7 @@ class Publisher:
         self._loop = loop
         self._every = config.every_nth_sample
         self._queue = config.high_water_mark
-        self._count = 0
+        self._streams: dict[str, _Stream] = {}
         self._encoder = msgspec.json.Encoder()
 
     def bind_ipc(self, address: str, umask: int) -> None:
@@ -71,30 +78,33 @@ class Publisher:
         for listener in self.listeners:
             listener.most = max(1, most // len(self.listeners))
 
-    def publish(self, row: Row, timestamp: float) -> None:
+    def publish(self, row: Row, timestamp: float, axis: str = "") -> None:
         """Send one sample if it is its turn; never blocks, never raises for a slow subscriber."""
-        self._count += 1
-        if self._count % self._every:
+        stream = self._streams.get(axis)
+        if stream is None:
+            stream = self._streams[axis] = _Stream(axis)
+        stream.count += 1
+        if stream.count % self._every:
             return
-        self.sequence += 1
+        stream.sequence += 1
         data = b""
         for listener in self.listeners:
             for viewer in listener:
-                if not any(_TOPIC.startswith(topic) for topic in viewer.topics):
+                if not any(stream.topic.startswith(topic) for topic in viewer.topics):
                     continue
-                data = data or self._encoded(row, timestamp)
+                data = data or self._encoded(row, timestamp, stream)
                 if not viewer.send(data):
                     self.dropped += 1
 
-    def _encoded(self, row: Row, timestamp: float) -> bytes:
+    def _encoded(self, row: Row, timestamp: float, stream: _Stream) -> bytes:
         # The row's own JSON with two fields put in front: what `api.Telemetry` describes, without
         # copying thirty fields for each sample.
         payload = b'{"timestamp":%.6f,"sequence":%d,%b' % (
             timestamp,
-            self.sequence,
+            stream.sequence,
             self._encoder.encode(row)[1:],
         )
-        return encoded((_TOPIC, payload))
+        return encoded((stream.topic, payload))
 
     def close(self) -> None:
         """Stop serving."""

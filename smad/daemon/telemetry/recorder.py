@@ -122,9 +122,9 @@ class Recorder:
             self._dropped = writer.dropped
             self._error = writer.error or ""
 
-    def row(self, row: Row) -> None:
-        """Record one sample; never waits."""
-        if self._writer is not None and self._writer.append(row):
+    def row(self, row: Row, axis: str = "", stamp_s: float | None = None) -> None:
+        """Record one sample, of a named axis under its Unix time; never waits."""
+        if self._writer is not None and self._writer.append(row, axis, stamp_s):
             self._rows += 1
 
     def note(self, record: Event | LinkSample) -> None:

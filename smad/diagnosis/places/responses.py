@@ -7,23 +7,23 @@ channel, and one replay tells how; every other place costs a replay a term.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_device.plant.errors import PlantError
 from sim_device.plant.laws import Law, Term, as_forcing, design_matrix, law_space, support_of
-from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.search.where import Candidate
+from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.places.candidate import Candidate
 from smad.gap.paired.model import Played, finite
 from smad.gap.paired.rows import bin_numbers
 from smad.gap.places import BOTH, Forceable, Forcing
 from smad.gap.plant import ModelPoint, PlantModel
 
-_SHRINK = 4.0
-"""Prior precision of a term for each order above the first."""
+Singles = NDArray[np.float32]
 
 
 class PlacesPlant(PlantModel, Forceable, Protocol):
@@ -32,32 +32,83 @@ class PlacesPlant(PlantModel, Forceable, Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Responses:
-    """Responses of every term. `laws` have the terms of each place and single side, `columns` where
-    they stand; `runs` has one array a run, (terms, bins, channels), a term at the place's scale."""
+    """Responses of every term, a term at the place's scale.
+
+    `laws` have the candidate terms of each place and single side, `columns` where they stand,
+    `scales` what one of their coefficients is in the unit of the place. `runs` has one array a run,
+    (terms, bins, channels).
+    """
 
     laws: tuple[Law, ...]
     columns: tuple[range, ...]
-    runs: tuple[Array, ...]
+    scales: Mapping[str, float]
+    runs: tuple[Singles, ...]
 
     def candidates(self) -> list[Candidate]:
         """Each place on each of its sides, and on both where it has two."""
-        out = [
-            _candidate(law, np.asarray(c)) for law, c in zip(self.laws, self.columns, strict=True)
-        ]
-        by_place: dict[str, list[Candidate]] = {}
-        for candidate in out:
-            by_place.setdefault(candidate.place, []).append(candidate)
-        for name, sides in by_place.items():
-            if len(sides) > 1:
-                columns = np.concatenate([s.columns for s in sides])
-                precision = np.concatenate([s.precision for s in sides])
-                out.append(Candidate(name, BOTH, columns, precision))
+        out: list[Candidate] = []
+        by_place: dict[str, list[tuple[Law, range]]] = {}
+        for law, own in zip(self.laws, self.columns, strict=True):
+            names = tuple(t.name for t in law.terms)
+            groups = np.arange(own.start, own.stop, dtype=np.intp)[:, None]
+            orders = tuple(t.order for t in law.terms)
+            out.append(Candidate(law.place, law.side, groups, names, orders))
+            by_place.setdefault(law.place, []).append((law, own))
+        for place, sides in by_place.items():
+            if len(sides) < 2:
+                continue
+            known = [{t.name: own[k] for k, t in enumerate(law.terms)} for law, own in sides]
+            names = tuple(t for t in known[0] if all(t in other for other in known[1:]))
+            groups = np.array([[own[t] for own in known] for t in names], dtype=np.intp)
+            orders = tuple(t.order for t in sides[0][0].terms if t.name in names)
+            out.append(Candidate(place, BOTH, groups, names, orders))
         return out
 
+    def home(self, column: int) -> tuple[Law, Term]:
+        """The law and the term that a response is of."""
+        for law, own in zip(self.laws, self.columns, strict=True):
+            if column in own:
+                return law, law.terms[column - own.start]
+        raise ValueError(f"no response {column}; there are {self.columns[-1].stop}")
 
-def _candidate(law: Law, columns: Array) -> Candidate:
-    order = np.array([term.order for term in law.terms])
-    return Candidate(law.place, law.side, columns.astype(np.intp), _SHRINK ** (order - 1.0))
+    def law_of(self, columns: Index, values: Array) -> tuple[Law, ...]:
+        """The laws that these responses with these coefficients are, one for each place and side.
+
+        A term that is given twice counts with the sum.
+        """
+        out = []
+        total: dict[int, float] = {}
+        for column, value in zip(columns, values, strict=True):
+            total[int(column)] = total.get(int(column), 0.0) + float(value)
+        for law, own in zip(self.laws, self.columns, strict=True):
+            mine = [c for c in total if c in own]
+            if mine:
+                terms = tuple(law.terms[c - own.start] for c in mine)
+                scale = self.scales[law.place]
+                chosen = Law(law.place, law.side, terms)
+                out.append(chosen.with_coefficients([scale * total[c] for c in mine]))
+        return tuple(out)
+
+
+def candidate_laws(
+    plant: PlacesPlant, point: ModelPoint, runs: Sequence[Played]
+) -> tuple[tuple[Law, ...], tuple[range, ...]]:
+    """Lines, signs and lags of every place over the runs' states, and where each law's stand.
+
+    Bends and products would cost five times the replays.
+    """
+    states = [plant.trajectory(point, p.run, fast=True) for p in runs]
+    laws: list[Law] = []
+    columns: list[range] = []
+    count = 0
+    for place in plant.places:
+        for side in place.sides:
+            support = support_of(place.name, side, states)
+            terms = law_space(place.name, side, support, bends=False, products=False)
+            laws.append(Law(place.name, side, terms))
+            columns.append(range(count, count + len(terms)))
+            count += len(terms)
+    return tuple(laws), tuple(columns)
 
 
 def responses(
@@ -65,32 +116,26 @@ def responses(
     point: ModelPoint,
     runs: Sequence[Played],
     *,
-    space: Callable[..., tuple[Term, ...]] = law_space,
+    known: Sequence[Singles] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Responses:
-    """Responses of all places at `point`. Terms that the model cannot replay have response 0."""
-    states = [plant.trajectory(point, p.run, fast=True) for p in runs]
-    replayed = [_Replayed(plant, point, p) for p in runs]
-    bases = [r.readings({}) for r in replayed]
-    laws: list[Law] = []
-    columns: list[range] = []
-    found: list[list[Array]] = [[] for _ in runs]
-    count = 0
-    for place in plant.places:
-        for side in place.sides:
-            progress(f"responses: {place.label} {side}")
-            terms = space(place.name, side, support_of(place.name, side, states))
-            laws.append(Law(place.name, side, terms))
-            columns.append(range(count, count + len(terms)))
-            count += len(terms)
-            for own, r, s, base in zip(found, replayed, states, bases, strict=True):
-                X = design_matrix(place.name, side, s, terms, r.played.run.t_s)
-                forcing = place.scale * as_forcing(place.name, X)
-                of = r.of_reading if place.reading else r.of_place
-                own.append(of((place.name, side), forcing, base))
-    return Responses(
-        laws=tuple(laws), columns=tuple(columns), runs=tuple(np.concatenate(f) for f in found)
-    )
+    """Responses of all places at `point`. Terms that the model cannot replay have response 0.
+
+    `known` are the arrays of an earlier call for the same runs, from which nothing is replayed.
+    Raises ValueError where they do not fit.
+    """
+    laws, columns = candidate_laws(plant, point, runs)
+    scales = {place.name: place.scale for place in plant.places}
+    count = columns[-1].stop if columns else 0
+    if known is not None:
+        if any(len(k) != count for k in known):
+            raise ValueError(f"responses of {len(known[0])} terms; the laws have {count}")
+        return Responses(laws=laws, columns=columns, scales=scales, runs=tuple(known))
+    found = []
+    for played in runs:
+        progress(f"responses of the places: {played.whole.name}")
+        found.append(_Replayed(plant, point, played).responses(laws, count))
+    return Responses(laws=laws, columns=columns, scales=scales, runs=tuple(found))
 
 
 @dataclass(frozen=True)
@@ -101,15 +146,31 @@ class _Replayed:
     point: ModelPoint
     played: Played
 
+    def responses(self, laws: Sequence[Law], count: int) -> Singles:
+        """Those of all terms of all laws, (terms, bins, channels)."""
+        run = self.played.run
+        states, base = self.plant.trajectory(self.point, run, fast=True), self.readings({})
+        out = np.zeros((count, *base.shape), dtype=np.float32)
+        places = {place.name: place for place in self.plant.places}
+        at = 0
+        for law in laws:
+            place = places[law.place]
+            X = design_matrix(law.place, law.side, states, law.terms, run.t_s)
+            forcing = place.scale * as_forcing(law.place, X)
+            of = self._of_reading if place.reading else self._of_place
+            out[at : at + len(law.terms)] = of((law.place, law.side), forcing, base)
+            at += len(law.terms)
+        return out
+
     def readings(self, forcing: Forcing) -> Array:
         """The forced prediction on the grid, (bins, channels)."""
         outputs = self.plant.forced(self.point, self.played.run, forcing, fast=True)
         series = np.stack([outputs[c.name] for c in self.plant.channels])
         return _means(series, self.played).T
 
-    def of_place(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
+    def _of_place(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """What each column of `forcing` (n, k) changes, (k, bins, channels), a replay for each."""
-        out = np.zeros((forcing.shape[1], *base.shape), dtype=np.float32)
+        out = np.zeros((forcing.shape[1], *base.shape))
         for k, series in enumerate(forcing.T):
             try:
                 moved = self.readings({key: series})
@@ -119,11 +180,11 @@ class _Replayed:
                 out[k] = moved - base
         return out
 
-    def of_reading(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
+    def _of_reading(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """The same for a place of a reading, by what a constant of 1 does there."""
         share = np.median(self.readings({key: np.ones(len(forcing))}) - base, axis=0)
         means = _means(forcing.T, self.played)
-        return np.asarray(means[:, :, None] * share, dtype=np.float32)
+        return np.asarray(means[:, :, None] * share)
 
 
 def _means(series: Array, played: Played) -> Array:

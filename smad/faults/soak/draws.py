@@ -133,6 +133,7 @@ DRAWN: dict[str, Drawn] = {
     "estop": Drawn(0.0, lambda rng: api.EStop()),
     "clear": Drawn(1.0, lambda rng: api.Clear()),
     "move": Drawn(8.0, _follow),
+    "together": Drawn(0.5, lambda rng: api.Together(moves={"": (_trajectory(rng),)})),
     "heat": Drawn(3.0, _heat),
     "current": Drawn(3.0, _current),
     "inputs": Drawn(0.5, _inputs),

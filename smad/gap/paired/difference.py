@@ -106,7 +106,11 @@ class Paired:
 
     def change(self, effects: EffectValues) -> list[Array] | None:
         """What effects change of each pair; each (bins, channels). None if it cannot be run."""
-        point = ModelPoint(self.reference.point.theta, {**self.reference.point.effects, **effects})
+        own = {**self.reference.point.effects, **effects}
+        return self.change_of(ModelPoint(self.reference.point.theta, own))
+
+    def change_of(self, point: ModelPoint) -> list[Array] | None:
+        """The same of any model."""
         runs = {id(p.played): p.played for p in self.pairs}
         found = dict(zip(runs, predictions(self.plant, point, list(runs.values())), strict=True))
         if not finite(list(found.values())):

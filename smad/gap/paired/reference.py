@@ -67,13 +67,18 @@ class RunReference:
 
 @dataclass(frozen=True)
 class Reference:
-    """Everything that a check-up needs of the good bench."""
+    """Everything that a check-up needs of the good bench.
+
+    `responses` has those of the plant's places for each run, (terms, bins, channels), as
+    `smad.diagnosis.places` makes them; empty where its equations cannot be forced.
+    """
 
     runs: tuple[RunReference, ...]
     point: ModelPoint
     floor: Floor
     atoms: tuple[Atom, ...]
     repeats: int
+    responses: tuple[NDArray[np.float32], ...] = ()
 
 
 def start_values(run: GapRun, channels: Sequence[str]) -> dict[str, float]:

@@ -270,7 +270,9 @@ class SmaPlant:
         rows: dict[str, Array] = {}
         for name, unit in zip(uncertainty.names, np.eye(len(uncertainty.names)), strict=True):
             which, _, parameter = _FLOW_SHARE if name == "side_flow" else name.partition(".")
-            if not parameter:
+            if which == "laws":
+                rows[name] = unit
+            elif not parameter:
                 table = "mounting" if which in _KEPT_APART else "parameters"
                 rows[f"{table}.{_KEPT_APART.get(which, which)}"] = unit
             elif which in acting:

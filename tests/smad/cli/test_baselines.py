@@ -11,16 +11,16 @@ from pathlib import Path
 import pytest
 
 import smad.cli.gap_checkup as commands
+from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.series import Play, Recorded, finished
+from smad.checkup.store import read_about
 from smad.cli import execute
 from smad.cli.gap_runs import uncut
-from smad.gap.paired.programme import Programme, ProgrammeRun
-from smad.gap.paired.series import Play, Recorded, finished
-from smad.gap.paired.store import read_about
 from smad.gap.runs import GapRun
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import CUT, Event, Row
 from smad.runlog.writer import write_run
-from tests.smad.gap.paired.short import PLANT, SHORT, played
+from tests.smad.checkup.short import PLANT, SHORT, played
 
 PROGRAMME = Programme("short", "one run", (replace(SHORT, quick=True),))
 OTHER = Programme("short", "another", (replace(SHORT, name="other"),))

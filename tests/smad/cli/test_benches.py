@@ -11,14 +11,14 @@ import msgspec
 import pytest
 
 from smad import api
+from smad.checkup.playing import plan_of
 from smad.cli.benches import _LivePlayer, simulated
 from smad.experiments.driver import log_path
 from smad.experiments.errors import TrippedError
-from smad.gap.paired.playing import plan_of
 from smad.runlog.reader import read_run
+from tests.smad.checkup.short import SHORT
 from tests.smad.experiments.fake_client import FakeClient
 from tests.smad.experiments.helpers import driver
-from tests.smad.gap.paired.short import SHORT
 
 RUN = replace(SHORT, duration_s=12.0, t_s=SHORT.t_s[:4], inputs=SHORT.inputs[:4])
 TRIP = api.Fault(number=7, name="no_cooling")

@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import io
 import socket
-from collections.abc import AsyncIterator, Awaitable
+from collections.abc import AsyncIterator, Awaitable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,12 +19,15 @@ import zmq
 
 from sim_device.bench import SimulatedBench
 from smad.config import Config, DaemonConfig, LinkConfig, RecorderConfig
-from smad.daemon.daemon import Daemon, Process
+from smad.daemon.axis import Axis
+from smad.daemon.daemon import Daemon
 from smad.daemon.journal import Journal
 from smad.daemon.link.port import SocketTransport, Transport
 from smad.daemon.means import Clocks
 from smad.daemon.notify import Notifier
+from smad.daemon.process import Process
 from smad.errors import PortError
+from smad.runlog.schema import Event, LinkSample
 
 T = TypeVar("T")
 LONGEST_RUN_SAMPLES = 100_000
@@ -32,23 +35,66 @@ _TURNS = 4
 _PATIENCE_S = 300.0
 
 
-class Rig:
-    """A bench and a daemon, with a client's view of it."""
+class Line:
+    """One board and the line to it. Its samples fall `phase_us` after those of the first."""
 
-    def __init__(self, config: Config, bench: SimulatedBench) -> None:
+    def __init__(self, bench: SimulatedBench, phase_us: int = 0) -> None:
         self.bench = bench
+        self.phase_us = phase_us
         self.plugged = True
+        self.end: socket.socket | None = None
+
+    @property
+    def due_us(self) -> int:
+        """When its next sample is, by the rig's time."""
+        return self.phase_us + self.bench.now_us + self.bench.period_us
+
+    def open(self) -> Transport:
+        """Open the port, as the daemon does."""
+        if not self.plugged:
+            raise PortError("there is no such port")
+        ours, self.end = socket.socketpair()
+        self.end.setblocking(False)
+        return SocketTransport(ours)
+
+    def step(self) -> None:
+        """Take a sample and send what the board says."""
+        data = self.bench.step()
+        if self.end is not None and data:
+            with contextlib.suppress(OSError):
+                self.end.send(data)
+
+    def receive(self) -> None:
+        """Let the board hear what the daemon said."""
+        if self.end is not None:
+            with contextlib.suppress(OSError):
+                self.bench.receive(self.end.recv(65_536))
+
+    def pull_the_plug(self) -> None:
+        """The port goes away, and stays away until it is plugged in."""
+        self.plugged = False
+        if self.end is not None:
+            self.end.close()
+            self.end = None
+
+
+class Rig:
+    """A bench and a daemon, with a client's view of it. `lines` are by axis."""
+
+    def __init__(self, config: Config, bench: SimulatedBench | Mapping[str, Line]) -> None:
+        self.lines = {"": Line(bench)} if isinstance(bench, SimulatedBench) else bench
         self.lost_us = 0
         """By how much the board's clock is behind: add to it to let the board stand still."""
         self.wall_off_s = 0.0
         """By how much the host's wall clock is wrong."""
         self.journal = Journal(stream=io.StringIO())
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._board_end: socket.socket | None = None
+        self.heard: list[str] = []
+        """Texts of all events, those of the run log alone included."""
         self._last_id = 0
         self.daemon = Daemon(
             config,
-            self._open,
+            {name: line.open for name, line in self.lines.items()},
             Process(
                 loop=asyncio.get_running_loop(),
                 context=self.context,
@@ -60,19 +106,31 @@ class Rig:
             ),
         )
 
+        note = self.daemon.recorder.note
+
+        def listen(record: Event | LinkSample) -> None:
+            if isinstance(record, Event):
+                self.heard.append(record.text)
+            note(record)
+
+        self.daemon.recorder.note = listen  # type: ignore[method-assign]
+
+    @property
+    def bench(self) -> SimulatedBench:
+        """The bench of the first axis."""
+        return next(iter(self.lines.values())).bench
+
+    @property
+    def axis(self) -> Axis:
+        """The first axis."""
+        return next(iter(self.daemon.axes.values()))
+
     def now_us(self) -> int:
         """The host's clock."""
-        return self.bench.now_us + self.lost_us
+        return max(line.phase_us + line.bench.now_us for line in self.lines.values()) + self.lost_us
 
     def _wall_s(self) -> float:
         return 1_700_000_000.0 + self.now_us() * 1e-6 + self.wall_off_s
-
-    def _open(self) -> Transport:
-        if not self.plugged:
-            raise PortError("there is no such port")
-        ours, self._board_end = socket.socketpair()
-        self._board_end.setblocking(False)
-        return SocketTransport(ours)
 
     async def run(self, samples: int) -> None:
         """Let the bench take samples, and the daemon answer."""
@@ -96,30 +154,27 @@ class Rig:
 
     async def run_for(self, seconds: float) -> None:
         """Let board time pass."""
-        await self.run(round(seconds * 1e6 / self.bench.period_us))
+        until_us = self.now_us() - self.lost_us + round(seconds * 1e6)
+        while self.now_us() - self.lost_us < until_us:
+            await self._sample()
 
     async def _sample(self) -> None:
-        data = self.bench.step()
-        end = self._board_end
-        if end is not None and data:
-            with contextlib.suppress(OSError):
-                end.send(data)
+        due_us = min(line.due_us for line in self.lines.values())
+        due = [line for line in self.lines.values() if line.due_us == due_us]
+        for line in due:
+            line.step()
         for _ in range(_TURNS):
             await asyncio.sleep(0)
-        if end is not None:
-            with contextlib.suppress(OSError):
-                self.bench.receive(end.recv(65_536))
+        for line in due:
+            line.receive()
 
     def pull_the_plug(self) -> None:
         """The port goes away, and stays away until `plug_in`."""
-        self.plugged = False
-        if self._board_end is not None:
-            self._board_end.close()
-            self._board_end = None
+        self.lines[""].pull_the_plug()
 
     def plug_in(self) -> None:
         """The port can be opened again."""
-        self.plugged = True
+        self.lines[""].plugged = True
 
     async def ask(
         self,
@@ -197,11 +252,15 @@ def config_in(folder: Path, **sections: Any) -> Config:
 
 @contextlib.asynccontextmanager
 async def rig_in(
-    folder: Path, bench: SimulatedBench | None = None, **sections: Any
+    folder: Path,
+    bench: SimulatedBench | Mapping[str, Line] | None = None,
+    *,
+    without_missing: bool = False,
+    **sections: Any,
 ) -> AsyncIterator[Rig]:
     """A rig whose daemon is started, and closed at the end."""
     rig = Rig(config_in(folder, **sections), bench or SimulatedBench(seed=1))
-    rig.daemon.start()
+    rig.daemon.start(without_missing=without_missing)
     try:
         yield rig
     finally:

@@ -19,18 +19,18 @@ from tests.smad.daemon.rig import Refused, rig_in
 async def test_every_sample_is_answered_by_one_setpoint(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.run(10)
-        before = rig.daemon.control.counts.setpoints
+        before = rig.axis.control.counts.setpoints
         await rig.run(500)
-        counts = rig.daemon.control.counts
+        counts = rig.axis.control.counts
         assert counts.setpoints - before == 500
         assert (counts.skipped, counts.setpoints_dropped) == (0, 0)
-        assert rig.daemon.session.stats.missed_states == 0
+        assert rig.axis.session.stats.missed_states == 0
 
 
 async def test_a_connection_lands_in_monitor_and_reads_the_parameters(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.run_for(2.0)
-        assert rig.daemon.session.state is HostState.MONITOR
+        assert rig.axis.session.state is HostState.MONITOR
         status = await rig.ask("status")
         assert status["board"]["params_agree"] is True
         assert status["motion"]["armed"] is False
@@ -46,7 +46,7 @@ async def test_a_step_is_followed_and_recorded_samples_say_so(tmp_path: Path) ->
         motion = await rig.ask("motion")
         assert motion["reference_mm"] == pytest.approx(5.0)
         assert motion["displacement_mm"] == pytest.approx(5.0, abs=0.5)
-        last = rig.daemon.control.last
+        last = rig.axis.control.last
         assert last is not None
         row = row_of(
             last.sample,
@@ -68,13 +68,13 @@ async def test_the_newest_of_several_samples_is_acted_on_and_the_others_are_coun
 ) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.run(100)
-        before = rig.daemon.control.counts.setpoints
+        before = rig.axis.control.counts.setpoints
         burst = b"".join(rig.bench.step() for _ in range(5))
-        rig.daemon.control.receive(burst)
-        counts = rig.daemon.control.counts
+        rig.axis.control.receive(burst)
+        counts = rig.axis.control.counts
         assert counts.skipped == 4
         assert counts.setpoints == before + 1
-        assert rig.daemon.session.stats.missed_states == 0
+        assert rig.axis.session.stats.missed_states == 0
 
 
 async def test_lost_samples_are_counted_from_the_boards_counter(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ async def test_lost_samples_are_counted_from_the_boards_counter(tmp_path: Path) 
         for _ in range(3):
             rig.bench.step()
         await rig.run(10)
-        assert rig.daemon.session.stats.missed_states == 3
+        assert rig.axis.session.stats.missed_states == 3
 
 
 async def test_pulling_the_plug_lands_in_monitor_and_never_arms_again(tmp_path: Path) -> None:
@@ -92,12 +92,12 @@ async def test_pulling_the_plug_lands_in_monitor_and_never_arms_again(tmp_path: 
         assert (await rig.ask("motion"))["armed"]
         rig.pull_the_plug()
         await rig.run(20)
-        assert rig.daemon.session.state is HostState.DISCONNECTED
+        assert rig.axis.session.state is HostState.DISCONNECTED
         rig.plug_in()
-        while rig.daemon.link.transport is None:
+        while rig.axis.link.transport is None:
             await asyncio.sleep(0.01)
         await rig.run_for(3.0)
-        assert rig.daemon.session.state in (HostState.MONITOR, HostState.FAULTED)
+        assert rig.axis.session.state in (HostState.MONITOR, HostState.FAULTED)
         assert not (await rig.ask("motion"))["armed"]
         assert rig.bench.board.state not in (BoardState.ARMED, BoardState.HOLD)
 
@@ -111,7 +111,7 @@ async def test_a_dying_control_task_stops_stepping_and_still_disarms(
         def explode(sample: object) -> None:
             raise ZeroDivisionError("injected")
 
-        monkeypatch.setattr(rig.daemon.control.controller, "step", explode)
+        monkeypatch.setattr(rig.axis.control.controller, "step", explode)
         await rig.run(2)
         assert rig.daemon.failure.done()
         name, error = rig.daemon.failure.result()
@@ -165,7 +165,7 @@ async def test_the_rate_of_the_configuration_is_set_on_the_board(tmp_path: Path)
         await rig.run(400)
         assert rig.bench.board.rate_hz == 500
         await rig.run(500)
-        assert rig.daemon.session.stats.missed_states == 0
+        assert rig.axis.session.stats.missed_states == 0
         assert (await rig.ask("params.get", name="state_rate_hz"))["value"] == 500
 
 
@@ -177,9 +177,9 @@ async def test_a_board_with_other_messages_is_watched_and_cannot_be_armed(tmp_pa
             await rig.ask("arm")
         assert refused.value.reason == "disagreement"
         assert "RINSE" in refused.value.data["value"]
-        before = rig.daemon.control.counts.samples
+        before = rig.axis.control.counts.samples
         await rig.run(50)
-        assert rig.daemon.control.counts.samples == before + 50
+        assert rig.axis.control.counts.samples == before + 50
 
 
 async def test_a_fault_is_told_with_channel_value_and_limit_and_can_be_cleared(
@@ -212,7 +212,7 @@ async def test_a_fault_latched_before_the_connection_is_read_and_can_be_cleared(
         rig.pull_the_plug()
         await rig.run_for(3.0)
         rig.plug_in()
-        while rig.daemon.link.transport is None:
+        while rig.axis.link.transport is None:
             await asyncio.sleep(0.01)
         await rig.run_for(2.0)
         latched = (await rig.ask("motion"))["fault"]
@@ -230,12 +230,12 @@ async def test_a_board_that_restarts_while_armed_is_only_watched_afterwards(tmp_
         await rig.ask(
             "move", trajectories=[{"kind": "step", "displacement_mm": 5.0, "duration_s": 60.0}]
         )
-        while rig.daemon.session.state is HostState.RUNNING:
+        while rig.axis.session.state is HostState.RUNNING:
             await rig.run(1)
         assert (await rig.ask("motion"))["running"] == "idle"
         await rig.run_for(3.0)
-        assert rig.daemon.session.state is HostState.MONITOR
-        last = rig.daemon.control.last
+        assert rig.axis.session.state is HostState.MONITOR
+        last = rig.axis.control.last
         assert last is not None
         assert last.setpoint is not None
         assert last.setpoint.i_mA == (0, 0)
@@ -256,12 +256,12 @@ async def test_passed_over_samples_are_recorded_in_their_order_and_at_their_time
         await rig.run(100)
         burst = b"".join(rig.bench.step() for _ in range(4))
         seen: list[tuple[int, int]] = []
-        rig.daemon.control.finished.clear()
-        rig.daemon.control.receive(burst)
-        seen = [(item.sample.tick, item.sample.t_us) for item in rig.daemon.control.finished]
+        rig.axis.control.finished.clear()
+        rig.axis.control.receive(burst)
+        seen = [(item.sample.tick, item.sample.t_us) for item in rig.axis.control.finished]
         first_tick, first_us = seen[0]
         assert seen == [(first_tick + n, first_us + 10_000 * n) for n in range(4)]
-        answered = [item.setpoint is not None for item in rig.daemon.control.finished]
+        answered = [item.setpoint is not None for item in rig.axis.control.finished]
         assert answered == [False, False, False, True]
 
 
@@ -271,7 +271,7 @@ async def test_a_reply_that_comes_with_the_sample_that_kills_the_step_is_passed_
     async with rig_in(tmp_path) as rig:
         await rig.run_for(2.0)
 
-        controller = rig.daemon.control.controller
+        controller = rig.axis.control.controller
         whole = controller.step
 
         def explode(sample: Sample) -> Output:
@@ -294,7 +294,7 @@ async def test_a_restart_of_the_board_is_not_counted_as_missed_samples(tmp_path:
         bench.reboot(ResetCause.PIN)
         await rig.run(200)
         assert bench.board.tick < 300
-        assert rig.daemon.session.stats.missed_states == 0
+        assert rig.axis.session.stats.missed_states == 0
 
 
 async def test_a_line_opened_with_another_speed_than_the_boards_is_warned_of(

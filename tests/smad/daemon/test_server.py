@@ -317,7 +317,7 @@ async def test_a_viewer_that_never_reads_costs_samples_not_time(
             await asyncio.sleep(0)
         for number in range(20_000):
             publisher.publish(Row(t_s=float(number)), float(number))
-    assert publisher.sequence == 20_000
+    assert publisher._streams[""].sequence == 20_000
     assert publisher.dropped > 10_000
     publisher.close()
 

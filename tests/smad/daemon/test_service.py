@@ -146,10 +146,10 @@ async def test_a_scale_of_zero_is_refused_by_host_and_board_and_never_armed_with
             await rig.ask("params.set", name="encoder_nm_per_count", value=0)
         assert refused.value.data["limit"].endswith("not 0 nm")
         with pytest.raises(Refusal, match="out of range"):
-            await rig.run_until(rig.daemon.requests.ask(ParamSet(0, number, 0)))
+            await rig.run_until(rig.axis.requests.ask(ParamSet(0, number, 0)))
         assert rig.bench.board.parameters.get("encoder_nm_per_count") == 1000
-        rig.daemon.watch.parameters.values[0, number] = 0
-        rig.daemon.watch.parameters.board_crc = rig.daemon.watch.parameters.crc
+        rig.axis.watch.parameters.values[0, number] = 0
+        rig.axis.watch.parameters.board_crc = rig.axis.watch.parameters.crc
         with pytest.raises(Refused, match="encoder_nm_per_count is zero"):
             await rig.ask("arm")
 
@@ -401,9 +401,9 @@ async def test_thousands_of_mangled_messages_are_answered_and_cost_no_sample(
         for message in _messages():
             rig.daemon.answers.command(b"mangler", message, replies.append)
             await rig.run(1)
-        counts = rig.daemon.control.counts
+        counts = rig.axis.control.counts
         assert counts.skipped == 0
-        assert rig.daemon.session.stats.missed_states == 0
+        assert rig.axis.session.stats.missed_states == 0
         assert not rig.daemon.failure.done()
         assert (await rig.ask("motion"))["armed"]
         assert len(replies) > 1900
@@ -417,7 +417,7 @@ async def test_sensors_that_swap_in_a_run_end_the_motion_and_the_user_is_told(
     async with rig_in(tmp_path, bench, recorder=recorder) as rig:
         await rig.arm()
         await rig.ask("current", i_x_A=4.0)
-        while not rig.daemon.control.controller.trip:
+        while not rig.axis.control.controller.trip:
             await rig.run(1)
         # From the very sample on, before the board is disarmed.
         motion = await rig.ask("motion")

@@ -119,7 +119,7 @@ async def test_the_telemetry_follows_the_host_when_the_board_lost_time(
     published: list[tuple[float, float]] = []
     async with rig_in(tmp_path) as rig:
 
-        def publish(row: Any, timestamp: float) -> None:
+        def publish(row: Any, timestamp: float, axis: str) -> None:
             published.append((timestamp, row.host_time_s))
 
         monkeypatch.setattr(rig.daemon.publisher, "publish", publish)
@@ -144,7 +144,7 @@ async def test_a_board_that_restarts_late_makes_no_leap_in_time(
     rows: list[tuple[float, float, float]] = []
     async with rig_in(tmp_path, bench) as rig:
 
-        def publish(row: Any, timestamp: float) -> None:
+        def publish(row: Any, timestamp: float, axis: str) -> None:
             rows.append((row.t_s, timestamp, row.host_time_s))
 
         monkeypatch.setattr(rig.daemon.publisher, "publish", publish)
@@ -244,7 +244,7 @@ async def test_the_daemon_says_that_its_telemetry_came_back(
     published: list[tuple[float, float]] = []
     async with rig_in(tmp_path) as rig:
 
-        def publish(row: Any, timestamp: float) -> None:
+        def publish(row: Any, timestamp: float, axis: str) -> None:
             published.append((timestamp, row.host_time_s))
 
         monkeypatch.setattr(rig.daemon.publisher, "publish", publish)

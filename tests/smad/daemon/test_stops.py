@@ -39,7 +39,7 @@ async def test_a_stop_right_after_a_reconnection_ends_an_arming_that_waits(tmp_p
         rig.pull_the_plug()
         await rig.run(10)
         rig.plug_in()
-        while rig.daemon.watch.ident is None:
+        while rig.axis.watch.ident is None:
             await rig.run(1)
             await asyncio.sleep(0.001)
         arming = rig.begin("arm")
@@ -148,7 +148,7 @@ async def _time(rig: Rig, until_s: float) -> None:
 
 
 async def _safe(rig: Rig) -> None:
-    while rig.daemon.watch.mode is not BoardState.SAFE:
+    while rig.axis.watch.mode is not BoardState.SAFE:
         await asyncio.sleep(0)
 
 
@@ -242,7 +242,7 @@ async def test_a_lost_link_and_a_board_that_restarts_end_what_was_asked_before(
         await rig.run(3)
         assert (lost := rig.daemon.stops.generation) > generation
         rig.plug_in()
-        while rig.daemon.watch.mode is None:
+        while rig.axis.watch.mode is None:
             await rig.run(1)
             await asyncio.sleep(0.001)
         assert rig.bench.now_us < 5_000_000

@@ -1,64 +1,97 @@
+"""The place whose law takes most of rows that it was not fitted to."""
+
+import msgspec
 import numpy as np
 import pytest
 
+from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.folds import FoldRows
-from smad.diagnosis.search.where import Candidate, where
+from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.search.where import fits, where
 
 FOLDS, N, K = 8, 4000, 5
+NAMES = ("constant", "a", "b", "c", "d")
 
 
 def bench(seed, *, strengths, alike=None):
-    """Rows with what the places of `strengths` add; place `alike` responds nearly as place 0."""
+    """Rows with what a term of the places of `strengths` adds; place `alike` responds as place 0"""
     rng = np.random.default_rng(seed)
-    responses = rng.standard_normal((6 * K, N))
+    responses = rng.standard_normal((6 * K, N)).astype(np.float32)
     if alike is not None:
         own = slice(alike * K, alike * K + K)
-        responses[own] = responses[:K] + 0.05 * rng.standard_normal((K, N))
+        responses[own] = responses[:K] + 0.05 * responses[own]
     rows = rng.standard_normal(N)
     for place, strength in strengths.items():
-        law = rng.standard_normal(K)
-        added = law @ responses[place * K : place * K + K]
-        rows = rows + strength * added / added.std()
+        rows = rows + strength * responses[place * K + 1 + place % 4]
     laid = FoldRows(rows, responses, np.arange(N) * FOLDS // N)
     candidates = [
-        Candidate(f"place-{i}", "both", np.arange(i * K, i * K + K), np.ones(K)) for i in range(6)
+        Candidate(f"place-{i}", "both", np.arange(i * K, i * K + K)[:, None], NAMES, (1,) * K)
+        for i in range(6)
     ]
     return laid, candidates
 
 
+def found_in(laid, candidates, **changes):
+    return where(laid, candidates, msgspec.structs.replace(shipped(), **changes))
+
+
 @pytest.mark.parametrize("place", range(6))
-def test_the_place_of_a_law_comes_first(place):
-    found = where(*bench(place, strengths={place: 1.0}))
+def test_the_place_of_a_law_comes_first_with_its_term(place):
+    found = found_in(*bench(place, strengths={place: 1.0}))
     assert found.ranked[0].candidate.place == f"place-{place}"
     assert found.ranked[0].share == pytest.approx(0.5, abs=0.05)
-    assert [s.chosen.place for s in found.steps] == [f"place-{place}"]
+    (step,) = found.steps
+    assert step.chosen.terms == (NAMES[1 + place % 4], "constant")
 
 
 def test_a_bench_without_a_change_has_no_place():
-    told = sum(bool(where(*bench(seed, strengths={})).steps) for seed in range(60))
-    # One in twenty is what `LEVEL` allows.
-    assert told <= 6
+    assert not any(found_in(*bench(seed, strengths={})).steps for seed in range(60))
 
 
 def test_two_places_are_found_one_beside_the_other():
-    found = where(*bench(3, strengths={1: 1.0, 4: 0.5}))
-    assert [s.chosen.place for s in found.steps] == ["place-1", "place-4"]
+    found = found_in(*bench(3, strengths={1: 1.0, 4: 0.5}))
+    assert [s.chosen.candidate.place for s in found.steps] == ["place-1", "place-4"]
     assert found.steps[1].share > found.steps[0].share
 
 
+def test_no_more_places_are_told_than_allowed():
+    laid, candidates = bench(3, strengths={0: 2.0, 1: 1.4, 2: 1.0, 3: 0.7})
+    assert len(found_in(laid, candidates, most_places=2).steps) == 2
+
+
+def test_a_place_that_takes_too_little_is_not_told():
+    laid, candidates = bench(4, strengths={2: 0.3})
+    assert found_in(laid, candidates, place_share=0.01).steps
+    assert not found_in(laid, candidates, place_share=0.2).steps
+
+
 def test_places_that_respond_alike_are_told_together():
-    found = where(*bench(5, strengths={0: 1.0}, alike=2))
-    assert {c.place for c in found.steps[0].near} == {"place-0", "place-2"}
+    found = found_in(*bench(5, strengths={0: 1.0}, alike=2))
+    assert {s.candidate.place for s in found.steps[0].near} == {"place-0", "place-2"}
 
 
 def test_the_order_of_the_candidates_changes_nothing():
     laid, candidates = bench(7, strengths={2: 1.0, 5: 0.4})
-    one, other = where(laid, candidates), where(laid, candidates[::-1])
-    assert [s.candidate.name for s in one.ranked] == [s.candidate.name for s in other.ranked]
-    assert [s.chosen.name for s in one.steps] == [s.chosen.name for s in other.steps]
+    one, other = found_in(laid, candidates), found_in(laid, candidates[::-1])
+    assert [s.candidate.place for s in one.ranked] == [s.candidate.place for s in other.ranked]
+    assert [s.chosen.columns.tolist() for s in one.steps] == [
+        s.chosen.columns.tolist() for s in other.steps
+    ]
 
 
-def test_a_side_is_part_of_a_candidates_name():
-    column = np.arange(1)
-    assert Candidate("resistance", "x", column, np.ones(1)).name == "resistance X"
-    assert Candidate("force cell", "both", column, np.ones(1)).name == "force cell"
+def test_laws_of_several_places_are_fitted_together_and_without_each_fold():
+    laid, candidates = bench(8, strengths={1: 1.0, 4: 0.5})
+    own = fits(laid, found_in(laid, candidates).steps)
+    assert own.columns.tolist() == [1 * K + 2, 1 * K, 4 * K + 1, 4 * K]
+    assert own.fit.mean[[0, 2]] == pytest.approx([1.0, 0.5], abs=0.06)
+    assert len(own.without) == FOLDS
+    kept = laid.fold != 3
+    A = laid.responses[own.columns][:, kept].astype(float)
+    want = np.linalg.lstsq(A.T, laid.rows[kept], rcond=None)[0]
+    assert own.without[3] == pytest.approx(want, abs=1e-4)
+
+
+def test_the_constants_are_few_and_all_have_a_meaning():
+    names = Constants.__struct_fields__
+    assert len(names) <= 8
+    assert all(f"`{name}`" in (Constants.__doc__ or "") for name in names)

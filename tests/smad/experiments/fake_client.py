@@ -55,6 +55,8 @@ class _Status:
 class FakeClient:
     """Answers as `smad.Client` does; time passes only in `let_pass`."""
 
+    name = ""
+
     def __init__(
         self,
         folder: Path,

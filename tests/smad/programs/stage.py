@@ -16,8 +16,8 @@ import msgspec
 import pytest
 
 import smad.client
-import smad.client.asynchronous
-import smad.client.blocking
+import smad.client.async_commands
+import smad.client.commands
 from sim_device.faults import FAULT_KINDS
 from smad.cli.leased import LeasedDriver
 from smad.client.endpoints import Connection
@@ -136,8 +136,8 @@ class _Channel:
     def close(self) -> None:
         """Nothing is open."""
 
-    def call(self, params: Any, kind: Any, limit_s: float, *, stop: bool) -> Any:
-        call_id, data = self.conversation.request(params)
+    def call(self, params: Any, kind: Any, limit_s: float, *, stop: bool, axes: Any = None) -> Any:
+        call_id, data = self.conversation.request(params, axes)
         reply = self.conversation.reply(
             self._stage.do(self._stage.ask(data, stop=stop)), call_id, kind
         )
@@ -146,8 +146,10 @@ class _Channel:
 
 
 class _AsyncChannel(_Channel):
-    async def call(self, params: Any, kind: Any, limit_s: float, *, stop: bool) -> Any:
-        return super().call(params, kind, limit_s, stop=stop)
+    async def call(
+        self, params: Any, kind: Any, limit_s: float, *, stop: bool, axes: Any = None
+    ) -> Any:
+        return super().call(params, kind, limit_s, stop=stop, axes=axes)
 
 
 class _Renewal:
@@ -166,7 +168,10 @@ class _Renewal:
 
 def _on(stage: Stage, real: Any, channel: type[_Channel]) -> type:
     class StageClient(real):  # type: ignore[misc]
-        def __init__(self, *names: Any, lease_s: float | None = 2.0, **options: Any) -> None:
+        def __init__(
+            self, *names: Any, axis: str = "", lease_s: float | None = 2.0, **options: Any
+        ) -> None:
+            self.name = axis
             self.timeout_s = 5.0
             self.lease_s = lease_s
             self._leased = False
@@ -185,8 +190,8 @@ def set_up(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     async def pause(seconds: float) -> None:
         stage.sleep(seconds)
 
-    monkeypatch.setattr(smad.client.blocking, "pause", stage.sleep)
-    monkeypatch.setattr(smad.client.asynchronous, "pause", pause)
+    monkeypatch.setattr(smad.client.commands, "pause", stage.sleep)
+    monkeypatch.setattr(smad.client.async_commands, "pause", pause)
     monkeypatch.setattr(time, "sleep", stage.sleep)
     for driver in (LiveDriver, LeasedDriver):
         defaults = driver.__init__.__kwdefaults__

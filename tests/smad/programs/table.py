@@ -12,10 +12,13 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
+import smad.checkup.commission
+import smad.checkup.store
 import smad.client
-import smad.gap.paired.commission
-import smad.gap.paired.store
 from sim_device.plant import load_parameters
+from smad.checkup.inquiry import Inquiry
+from smad.checkup.programme import shipped
+from smad.checkup.store import Baseline
 from smad.cli import root
 from smad.control.commands import DriveCurrent, Hold
 from smad.control.plan import Do, Pause, Plan
@@ -24,9 +27,6 @@ from smad.errors import SmadError
 from smad.experiments.driver import log_path
 from smad.experiments.repeating import Repeat
 from smad.experiments.virtual import VirtualDriver
-from smad.gap.paired.inquiry import Inquiry
-from smad.gap.paired.programme import shipped
-from smad.gap.paired.store import Baseline
 
 STOPS = ("disarm", "estop", "lapse", "link loss", "board fault")
 
@@ -129,10 +129,10 @@ def _against_a_baseline(*words: str) -> Callable[[Path], str]:
         reference = SimpleNamespace(runs=[SimpleNamespace(name=name)])
         baseline = Baseline("bench", programme.digest, reference)  # type: ignore[arg-type]
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(smad.gap.paired.store, "load", lambda folder, plant: baseline)
+            patch.setattr(smad.checkup.store, "load", lambda folder, plant: baseline)
             patch.setattr(Repeat, "require_bench", lambda self, uid, bench: None)
             # A run that tripped is judged as far as it goes; there is nothing to judge it by here.
-            patch.setattr(smad.gap.paired.commission, "judged", _judged)
+            patch.setattr(smad.checkup.commission, "judged", _judged)
             patch.setattr(Inquiry, "_judged", _judged)
             return _cli(*words)(folder)
 

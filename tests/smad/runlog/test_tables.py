@@ -174,7 +174,7 @@ def test_runs_that_are_too_many_together_are_refused_with_the_one_too_many(tmp_p
 def test_a_folder_of_runs_is_bounded_as_a_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from smad.gap.paired import files
+    from smad.checkup import files
 
     for k in range(3):
         table = {name: np.zeros(N) for name in ("duty_x", "duty_y", "force_N")}

@@ -164,7 +164,7 @@ def test_a_gain_is_set_and_pages_show_what_is_in_force(page: Any, bench: Bench) 
     )
     until(page, lambda d: "kp_A_per_mm 7" in text_of(d, "said"))
     # Somebody else changes it, and a page that is opened later shows what is in force.
-    shown = "return document.querySelector('#tune input[name=kp_A_per_mm]').value"
+    shown = "return document.querySelector('#tune input[name=kp_A_per_mm]')?.value"
     bench.client.tune(Tune(kp_A_per_mm=6.0))
     until(page, lambda d: d.execute_script(shown) == "6")
     page.refresh()

@@ -95,7 +95,9 @@ def test_the_first_message_holds_nothing_that_json_cannot() -> None:
 
 
 def status(mode: str = "SAFE", fault: api.Fault | None = None, **row: Any) -> api.Status:
-    raw: dict[str, Any] = dict.fromkeys(api.Status.__struct_fields__)
+    raw: dict[str, Any] = {
+        field.name: None for field in msgspec.structs.fields(api.Status) if field.required
+    }
     spread = {"own_share": {}, "setpoint_age": {}, "jitter": {}}
     readings = {name: 25.0 for name in Row.__struct_fields__ if name.startswith("rtd_")}
     sample = {"t_s": 1.0, "supply_V": 12.0, "i_meas_x_A": 0.0, "i_meas_y_A": 0.0, **readings}

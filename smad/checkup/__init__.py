@@ -1,0 +1,1 @@
+"""A bench as its own control: programme, baseline, check-up, investigation."""

@@ -1,0 +1,127 @@
+"""The arrays of a baseline's file: bounded by what their headers say, before one of them is read.
+
+A file of a few megabytes may claim gigabytes of zeros, text in place of numbers, or arrays that do
+not fit each other; it comes from a folder that anybody may have written.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from math import prod
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.lib import format as npy
+
+from smad.gap.plant import PlantModel
+from smad.runlog.bounds import MOST_ARRAYS, MOST_ARRAYS_BYTES
+
+_SUFFIX = ".npy"
+_KINDS = {"floats": "f", "whole numbers": "iu", "yes or no": "b"}
+
+
+class AboutShape(Protocol):
+    """What `baseline.json` says of the arrays' sizes."""
+
+    @property
+    def atoms(self) -> list[Any]: ...
+
+    @property
+    def runs(self) -> list[Any]: ...
+
+    @property
+    def degrees(self) -> int: ...
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of an `.npz` file by name. Raises ValueError for what is no file of numbers, or
+    more than a baseline can be, and what opening and unpacking raise."""
+    arrays = {}
+    left = MOST_ARRAYS_BYTES
+    with zipfile.ZipFile(path) as packed:
+        members = packed.namelist()
+        if len(members) > MOST_ARRAYS or len(set(members)) < len(members):
+            raise ValueError(f"{len(members)} arrays, allowed: {MOST_ARRAYS} of different names")
+        for member in members:
+            with packed.open(member) as file:
+                shape, dtype = _header(member, file)
+            left -= prod(shape) * dtype.itemsize
+            if left < 0:
+                raise ValueError(
+                    f"its arrays are more than {MOST_ARRAYS_BYTES} bytes, too many for a baseline "
+                    f"({member} claims {shape})"
+                )
+        for member in members:
+            with packed.open(member) as file:
+                arrays[member.removesuffix(_SUFFIX)] = npy.read_array(file, allow_pickle=False)
+    return arrays
+
+
+def _header(member: str, file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = npy.read_magic(file)
+    read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
+    if read is None:
+        raise ValueError(f"{member} is of an unknown version {version}")
+    shape, _, dtype = read(file)
+    if dtype.kind not in "fiub" or dtype.itemsize > 8 or any(n < 0 for n in shape):
+        raise ValueError(f"{member} holds {dtype} of shape {shape}, no numbers")
+    return shape, dtype
+
+
+def require_fitting(about: AboutShape, plant: PlantModel, arrays: Mapping[str, np.ndarray]) -> None:
+    """Raises ValueError for an array of another shape or kind than its baseline says, and for
+    numbers that cannot be; KeyError for one that lacks."""
+    channels, regimes = len(plant.channels), arrays["floor.sd"].shape[-1]
+    if about.degrees < 0 or regimes < 1:
+        raise ValueError(f"a floor of {about.degrees} degrees and {regimes} regimes")
+    _require(arrays, "floor.sd", (channels, regimes), "floats", above=0.0)
+    _require(arrays, "floor.rho", (channels,), "floats", least=0.0, below=1.0)
+    _require(arrays, "floor.gauge", (channels,), "floats", above=0.0)
+    _require(arrays, "floor.day_sd", (-1,), "floats", above=0.0)
+    for k, run in enumerate(about.runs):
+        grid = (run.bins, channels)
+        samples = arrays[f"{k}.t_s"].size
+        _require(arrays, f"{k}.t_s", (samples,), "floats")
+        if samples < 2 or not (np.diff(arrays[f"{k}.t_s"]) > 0).all():
+            raise ValueError(f"{k}.t_s does not increase")
+        for signal in plant.inputs:
+            _require(arrays, f"{k}.input.{signal.name}", (samples,), "floats")
+        for name in ("base", "mean", "first.values"):
+            _require(arrays, f"{k}.{name}", grid, "floats")
+        for name in ("valid", "first.valid"):
+            _require(arrays, f"{k}.{name}", grid, "yes or no")
+        _require(arrays, f"{k}.first.inputs", (run.bins, len(plant.inputs)), "floats")
+        _require(arrays, f"{k}.first.covered", (run.bins,), "yes or no")
+        _require(arrays, f"{k}.count", grid, "whole numbers", least=0)
+        _require(arrays, f"{k}.regime", grid, "whole numbers", least=0, below=regimes)
+        _require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
+        if about.atoms:
+            _require(arrays, f"{k}.signatures", (len(about.atoms), *grid), "floats")
+        if f"{k}.responses" in arrays:
+            _require(arrays, f"{k}.responses", (-1, *grid), "floats")
+
+
+def _require(
+    arrays: Mapping[str, np.ndarray],
+    name: str,
+    shape: tuple[int, ...],
+    kind: str,
+    *,
+    least: float = -np.inf,
+    above: float = -np.inf,
+    below: float = np.inf,
+) -> None:
+    found = arrays[name]
+    fits = found.ndim == len(shape) and all(
+        want in (-1, n) for n, want in zip(found.shape, shape, strict=True)
+    )
+    if not fits or found.dtype.kind not in _KINDS[kind]:
+        raise ValueError(
+            f"{name} holds {found.dtype} of shape {found.shape}, allowed: {kind} of {shape}"
+        )
+    wrong = found[~(np.isfinite(found) & (found >= least) & (found < below))]
+    wrong = wrong if len(wrong) else found[found <= above]
+    if len(wrong):
+        raise ValueError(f"{name} holds {wrong[0]}, which it cannot be")

@@ -1,0 +1,241 @@
+"""Runs from files: run logs, and CSV or Parquet of any bench, and which of them are paired."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from smad.checkup.series import cut_in
+from smad.gap.data.guards import same_recording
+from smad.gap.paired.errors import PairingError
+from smad.gap.paired.reference import input_spans
+from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
+from smad.gap.plant import PlantModel
+from smad.gap.runs import GapRun
+from smad.gap.sma.signals import INPUTS, gap_run_of, table_run
+from smad.runlog.bounds import Together
+from smad.runlog.tables import KINDS
+
+_KINDS = (".mcap", *KINDS)
+_LIKE = 0.05
+
+
+@dataclass(frozen=True)
+class Found:
+    """A run of a folder: its name without folder and suffix, and the folder it lies in.
+
+    `board` is the serial number of the board that it was recorded on, empty where the file does not
+    tell. `cut` says what stopped it while it was recorded, empty where nothing did.
+    """
+
+    name: str
+    group: str
+    path: Path
+    run: GapRun
+    board: str = ""
+    cut: str = ""
+
+    @classmethod
+    def of(cls, path: Path, run: GapRun) -> Found:
+        """A run that was read already."""
+        return cls(_stem(path), str(path.parent), path, run)
+
+
+def read_folder(folder: Path) -> list[Found]:
+    """All runs of a folder and its subfolders, by path; links to folders are followed.
+
+    Raises PairingError when there is none.
+    """
+    if not folder.is_dir():
+        raise PairingError(
+            f"{folder} is no folder", action="give the folder that holds the run files"
+        )
+    paths = sorted(p for p in _files_below(folder) if p.is_file() and p.name.endswith(_KINDS))
+    if not paths:
+        raise PairingError(
+            f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
+        )
+    together = Together()
+    return [
+        Found(_stem(p), str(p.parent.relative_to(folder)), p, *_read(p, together)) for p in paths
+    ]
+
+
+def read_good(folder: Path, say: Callable[[str], None]) -> list[Found]:
+    """All runs of a folder that count as good; those that a stop cut are told of and left out.
+
+    Raises PairingError when that leaves none.
+    """
+    found = read_folder(folder)
+    for run in found:
+        if run.cut:
+            say(left_out(run.path, run.cut))
+    whole = [run for run in found if not run.cut]
+    if not whole:
+        raise PairingError(
+            f"every run in {folder} was cut",
+            limit="runs that came to their end",
+            action="play the runs again, and put them there",
+        )
+    return whole
+
+
+def left_out(log: Path, cut: str) -> str:
+    """What is said of a run that does not count as good because of what cut it."""
+    return f"{log} was cut ({cut}), and is left out of the good runs"
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """Every file, by way of links too; a link to a folder that it lies in is not gone into."""
+    for root, folders, names in os.walk(folder, followlinks=True):
+        here = Path(root)
+        above = {here.resolve(), *here.resolve().parents}
+        folders[:] = [name for name in folders if (here / name).resolve() not in above]
+        yield from (here / name for name in names)
+
+
+def _stem(path: Path) -> str:
+    return path.name.split(".")[0]
+
+
+def read_file(path: Path) -> GapRun:
+    """A run of a file; columns are told from their names as `smad log import` does.
+
+    Raises RunLogError, LogImportError and PairingError, which name the file and what is wrong.
+    """
+    return _read(path)[0]
+
+
+def _read(path: Path, together: Together | None = None) -> tuple[GapRun, str, str]:
+    """A run, its board's serial number, and what cut it; empty where the file does not tell."""
+    if path.suffix != ".mcap":
+        return _checked(path, table_run(_stem(path), path, together)), "", ""
+    from smad.runlog.reader import read_run
+
+    log = read_run(path)
+    if together is not None:
+        together.take(path, rows=len(log), columns=len(log.columns))
+    return _checked(path, gap_run_of(log)), log.header.board.get("uid", ""), cut_in(log)
+
+
+def _checked(path: Path, run: GapRun) -> GapRun:
+    if not len(run.t_s):
+        raise PairingError(
+            f"{path} holds no sample", action="play the run again, or leave the file out"
+        )
+    lacking = [s.name for s in INPUTS if s.name not in run.inputs]
+    if lacking or not run.outputs:
+        raise PairingError(
+            f"{path} lacks columns",
+            value=", ".join(lacking) or "no measured channel",
+            limit="currents and duties of both springs, and at least one measured channel",
+            action="add the column, in the unit its name ends with",
+        )
+    return run
+
+
+@dataclass(frozen=True)
+class Matched:
+    """Good runs by what they repeat, and which of them each run of now repeats, by first name.
+
+    `lines` say in words what was paired with what; `alone` names runs that have no partner.
+    """
+
+    groups: list[list[GapRun]]
+    now: list[tuple[GapRun, str]]
+    lines: list[str]
+    alone: list[str]
+
+
+def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Matched:
+    """Pairs files by name where names repeat over folders and inputs agree, else by inputs."""
+    groups: list[list[Found]] = []
+    for found in good:
+        mine = next((g for g in groups if _repeats(plant, found, g[0])), None)
+        if mine is None:
+            groups.append([found])
+        else:
+            mine.append(found)
+    pairs: list[tuple[Found, list[Found]]] = []
+    alone: list[str] = []
+    for found in now:
+        fits = [g for g in groups if _repeats(plant, found, g[0])]
+        fits.sort(key=lambda g: found.name not in {f.name for f in g})
+        if fits:
+            pairs.append((found, fits[0]))
+        else:
+            alone.append(str(found.path))
+    used = [g for g in groups if any(g is own for _, own in pairs)]
+    named = {id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used)
+             else str(g[0].path) for g in used}  # fmt: skip
+    lines = [
+        f"{found.path} repeats {len(own)} good run{'s' if len(own) > 1 else ''}: "
+        + ", ".join(str(f.path) for f in own)
+        for found, own in pairs
+    ]
+    return Matched(
+        [[_renamed(f.run, named[id(g)]) for f in g] for g in used],
+        [(found.run, named[id(own)]) for found, own in pairs],
+        lines,
+        alone,
+    )
+
+
+def _renamed(run: GapRun, name: str) -> GapRun:
+    from dataclasses import replace
+
+    return replace(run, name=name)
+
+
+def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> None:
+    """Raises PairingError when a run of now is one of the good ones, or a good one is there twice.
+
+    A copy under another name, or written by another exporter, is the same recording.
+    """
+    known: list[Found] = []
+    for role, runs in (("good", good), ("now", now)):
+        for found in runs:
+            same = next((k for k in known if same_recording(k.run, found.run)), None)
+            if same is not None:
+                linked = found.path.resolve() == same.path.resolve()
+                raise PairingError(
+                    f"{found.path} is the same recording as {same.path}"
+                    + (": one is a link to the other" if linked else ""),
+                    action="give runs of now that are not among the good ones"
+                    if role == "now"
+                    else "leave one out: a bench repeats itself less well than a copy does",
+                )
+            known += [found] if role == "good" else []
+
+
+def require_one_bench(found: Sequence[Found]) -> None:
+    """Raises PairingError when runs of several boards are mixed, as far as the files tell."""
+    boards = {f.board: f.path for f in found if f.board}
+    if len(boards) > 1:
+        (one, path), (other, second) = list(boards.items())[:2]
+        raise PairingError(
+            "runs of two benches are mixed",
+            value=f"{path} of board {one}, {second} of board {other}",
+            limit="one bench",
+            action="take those of the other bench out; if only the board was replaced, give CSV "
+            "(smad log export), which names none",
+        )
+
+
+def _repeats(plant: PlantModel, one: Found, other: Found) -> bool:
+    """Whether two runs have the same inputs over what both recorded."""
+    a, b = one.run, other.run
+    if not len(edges_s(a)) or not len(edges_s(b)):
+        return one.name == other.name
+    names = [s.name for s in plant.inputs]
+    start = float(b.t_s[0] - b.dt_s)
+    bins = max(1, int(b.duration_s / 0.2))
+    first = binned(b, bins, [], names, start)
+    second = binned(a, bins, [], names, start + offset_s(a, b))
+    both = first.covered & second.covered
+    if both.mean() < 0.05:
+        return False
+    off = input_difference(second, first, input_spans(plant))[both].max(axis=1)
+    return bool(off.mean() < _LIKE)

@@ -1,0 +1,190 @@
+"""The loop of an investigation: play, judge, play what separates best, until it is settled.
+
+Every run is kept under its number, so that an investigation that was interrupted goes on from what
+it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from smad.checkup.commission import Judged, SavesFound, judged, save_found
+from smad.checkup.files import read_file
+from smad.checkup.investigate import Proposal, propose, unpaired_offers
+from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.series import Play, keep, write_whole
+from smad.checkup.spring_pair import TRAITS
+from smad.checkup.verdict import Share, Verdict, budget_of
+from smad.diagnosis.constants import shipped
+from smad.gap.paired.difference import paired
+from smad.gap.paired.errors import BaselineError
+from smad.gap.paired.reference import Reference
+
+REST_S = 60.0
+"""What the rest before a run takes at least, until one has been measured."""
+_HELD_OUT = "for proof"
+Say = Callable[[str], None]
+
+
+class Record(msgspec.Struct, frozen=True):
+    """A run of an investigation: its file, what it repeats, why it was played, whether it was held
+    out as proof, and what it took with its rest."""
+
+    file: str
+    run: str
+    why: str
+    held_out: bool
+    took_s: float
+    ended: str = ""
+
+
+class Report(msgspec.Struct, frozen=True):
+    """`investigation.json`: what was played and why, and what came of it.
+
+    `proof` is the budget over the runs that were held out, with the strengths fitted to the others;
+    `offers` the runs that the baseline lacks, with the separation that the model expects of them.
+    """
+
+    records: list[Record]
+    why_over: str = ""
+    verdict: Verdict | None = None
+    proof: list[Share] = []
+    offers: dict[str, float] = {}
+    model: str = ""
+
+
+def read_report(path: Path) -> Report:
+    """The report of an investigation. Raises BaselineError for a file that is none."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Report)
+    except (OSError, msgspec.MsgspecError) as error:
+        raise BaselineError(
+            f"{path} cannot be read: {getattr(error, 'strerror', None) or error}",
+            action=f"move {path.parent} away, and investigate anew",
+        ) from None
+
+
+@dataclass
+class Inquiry:
+    """An investigation in a folder.
+
+    It begins with the quick runs of the programme, and ends with them, held out as proof.
+    """
+
+    plant: SavesFound
+    reference: Reference
+    programme: Programme
+    originals: Path
+    folder: Path
+    play: Play
+    say: Say
+    seconds: float
+
+    def carry_out(self, progress: Say) -> Report:
+        """Play and judge until it is over. What was recorded is kept whatever happens."""
+        report = self._begun()
+        known = {r.name for r in self.reference.runs}
+        quick = [run for run in self.programme.runs if run.quick and run.name in known]
+        quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
+        for run in quick[sum(not r.held_out for r in report.records) :]:
+            if any(r.ended for r in report.records):
+                break
+            report = self._played(report, run, "for the check-up", held_out=False)
+        while True:
+            found, proposal = self._judged(report, quick, progress)
+            self.say(f"verdict: {found.verdict.headline}")
+            ended = next((r.ended for r in report.records if r.ended), "")
+            if ended or proposal.run is None:
+                self.say(proposal.why)
+                break
+            report = self._played(
+                report, self.programme.run(proposal.run), proposal.why, held_out=False
+            )
+        why = f"a run was ended early: {ended}" if ended else proposal.why
+        report = msgspec.structs.replace(report, verdict=found.verdict)
+        if not ended:
+            report = self._proved(report, quick, found)
+        report = self._with_model(report, found)
+        if proposal.staying:
+            offers = unpaired_offers(found, self.programme)
+            told = {o.run: round(o.separation, 1) for o in offers}
+            report = msgspec.structs.replace(report, offers=told)
+        # Last of all: an investigation that lost its bench during the proof is not over.
+        report = msgspec.structs.replace(report, why_over=why)
+        self._write(report)
+        return report
+
+    def spent_s(self, report: Report) -> float:
+        """Bench time so far."""
+        return sum(r.took_s for r in report.records)
+
+    def _begun(self) -> Report:
+        path = self.folder / "investigation.json"
+        if path.exists():
+            report = read_report(path)
+            self.say(f"goes on with {len(report.records)} runs of {self.folder}")
+            return report
+        return Report([])
+
+    def _played(self, report: Report, run: ProgrammeRun, why: str, *, held_out: bool) -> Report:
+        number = len(report.records) + 1
+        self.say(f"{number}: {run.name}, {run.duration_s:.0f} s, {why}")
+        recorded = self.play(run, self.originals / f"{run.name}.mcap")
+        file = f"{number:02d}-{run.name}{recorded.path.suffix}"
+        keep(recorded.path, self.folder / file)
+        record = Record(file, run.name, why, held_out, recorded.took_s or run.duration_s,
+                        recorded.ended)  # fmt: skip
+        report = msgspec.structs.replace(report, records=[*report.records, record])
+        self._write(report)
+        return report
+
+    def _judged(
+        self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
+    ) -> tuple[Judged, Proposal]:
+        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
+        found = judged(self.plant, self.reference, runs, progress=progress)
+        costs = self._costs_s(report)
+        reserved = sum(costs[run.name] for run in quick)
+        left = self.seconds - self.spent_s(report) - reserved
+        return found, propose(found, shipped(), costs, left)
+
+    def _costs_s(self, report: Report) -> dict[str, float]:
+        """What each run takes: its length, and the longest rest so far."""
+        lengths = {run.name: run.duration_s for run in self.programme.runs}
+        rests = [r.took_s - lengths[r.run] for r in report.records if not r.ended]
+        rest = max(rests, default=REST_S)
+        return {r.name: lengths[r.name] + rest for r in self.reference.runs}
+
+    def _proved(self, report: Report, quick: Sequence[ProgrammeRun], found: Judged) -> Report:
+        """The check-up once more, held out: what the model made before leaves of it."""
+        if not found.has_model:
+            return report
+        for run in quick[sum(r.held_out for r in report.records) :]:
+            report = self._played(report, run, _HELD_OUT, held_out=True)
+            if report.records[-1].ended:
+                break
+        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
+        pairs = paired(self.plant, TRAITS, self.reference, runs)
+        shares, whole = budget_of(pairs, {}, pairs.change_of(found.model))
+        return msgspec.structs.replace(report, proof=[*shares, whole])
+
+    def _with_model(self, report: Report, found: Judged) -> Report:
+        if not found.has_model:
+            return report
+        path = self.folder / "model.toml"
+        try:
+            save_found(self.plant, found, path)
+        except OSError as error:
+            raise BaselineError(
+                f"cannot write {path}: {error.strerror}",
+                action="make room; the runs are kept, and the same command goes on",
+            ) from error
+        return msgspec.structs.replace(report, model=str(path))
+
+    def _write(self, report: Report) -> None:
+        text = msgspec.json.format(msgspec.json.encode(report), indent=1)
+        write_whole(self.folder / "investigation.json", text)

@@ -1,0 +1,217 @@
+"""A programme: open-loop inputs as data, which any bench, simulator or plant can play."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from firmware_protocol.nearest import instead
+from smad.gap.paired.errors import ProgrammeError
+from smad.gap.plant import Array
+from smad.gap.runs import GapRun
+
+COLUMNS = ("t_s", "i_x_A", "i_y_A", "duty_x", "duty_y")
+INPUTS = ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")
+_HIGHEST = (4.0, 4.0, 1.0, 1.0)
+LONGEST_S = 600.0
+TICK_S = 0.01
+_SAFE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
+
+
+class RunEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One run of `programme.toml`: `quick` runs are the part that separates most."""
+
+    name: str
+    title: str
+    duration_s: float
+    quick: bool = False
+
+
+class ProgrammeFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """`programme.toml`: what the CSV files beside it are. `format` is smad-programme-1."""
+
+    format: str
+    name: str
+    title: str
+    runs: list[RunEntry]
+
+
+@dataclass(frozen=True)
+class ProgrammeRun:
+    """Inputs that change at `t_s` and hold until the next row; shape (rows, 4) as `INPUTS`."""
+
+    name: str
+    title: str
+    t_s: Array
+    inputs: Array
+    duration_s: float
+    quick: bool = False
+
+    def __post_init__(self) -> None:
+        finite = np.isfinite(self.t_s).all() and np.isfinite(self.inputs).all()
+        rising = len(self.t_s) > 0 and self.t_s[0] == 0.0 and bool((np.diff(self.t_s) > 0).all())
+        if not (finite and rising):
+            raise ProgrammeError(
+                f"run {self.name}: t_s does not rise from 0 in finite numbers",
+                action="give every row a time, the first of them 0",
+            )
+        if not self.t_s[-1] <= self.duration_s <= LONGEST_S:
+            raise ProgrammeError(
+                f"run {self.name} lasts too long, or ends before its last row",
+                value=f"{self.duration_s:g} s",
+                limit=f"{self.t_s[-1]:g} to {LONGEST_S:g} s",
+                action="correct duration_s in programme.toml",
+            )
+        for name, column, high in zip(COLUMNS[1:], self.inputs.T, _HIGHEST, strict=True):
+            if column.min() < 0.0 or column.max() > high:
+                raise ProgrammeError(
+                    f"run {self.name}: {name} leaves its range",
+                    value=f"{column.min():g} to {column.max():g}",
+                    limit=f"0 to {high:g}",
+                    action="correct the file, or design the programme again",
+                )
+
+    def sampled(self, tick_s: float = TICK_S) -> tuple[Array, Array]:
+        """Ends of the ticks, and the inputs in force over each; shapes (n,) and (n, 4)."""
+        n = round(self.duration_s / tick_s)
+        starts = np.arange(n) * tick_s
+        at = np.searchsorted(self.t_s, starts + 1e-9, side="right") - 1
+        return np.asarray(starts + tick_s, dtype=np.float64), self.inputs[at]
+
+    def as_run(self, inlet_degC: float, ambient_degC: float) -> GapRun:
+        """The run as a replay takes it: inputs, and what water and room show at the start."""
+        t_s, inputs = self.sampled()
+        around = {
+            "rtd_inlet_degC": np.full(len(t_s), inlet_degC),
+            "rtd_ambient_degC": np.full(len(t_s), ambient_degC),
+        }
+        return GapRun(self.name, t_s, dict(zip(INPUTS, inputs.T, strict=True)), around)
+
+
+@dataclass(frozen=True)
+class Programme:
+    """The runs of a programme, in the order in which they are played."""
+
+    name: str
+    title: str
+    runs: tuple[ProgrammeRun, ...]
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of names, times and inputs, as hexadecimal digits."""
+        h = hashlib.sha256()
+        for run in self.runs:
+            h.update(f"{run.name} {run.duration_s:.6f}".encode())
+            h.update(np.ascontiguousarray(np.round(run.t_s, 6)).tobytes())
+            h.update(np.ascontiguousarray(np.round(run.inputs, 6)).tobytes())
+        return h.hexdigest()
+
+    @property
+    def duration_s(self) -> float:
+        """Of all runs together, without the rests between them."""
+        return sum(run.duration_s for run in self.runs)
+
+    def quick(self) -> Programme:
+        """The part that separates most in about three minutes."""
+        return Programme(self.name, self.title, tuple(r for r in self.runs if r.quick))
+
+    def run(self, name: str) -> ProgrammeRun:
+        """The run of that name. Raises ProgrammeError when there is none."""
+        for run in self.runs:
+            if run.name == name:
+                return run
+        raise ProgrammeError(
+            f"programme {self.name} has no such run",
+            value=name,
+            action=instead(name, [r.name for r in self.runs], "its runs.json has their names"),
+        )
+
+
+def read_programme(folder: Path) -> Programme:
+    """The programme of a folder. Raises ProgrammeError."""
+    try:
+        entry = msgspec.toml.decode((folder / "programme.toml").read_bytes(), type=ProgrammeFile)
+    except OSError as error:
+        raise ProgrammeError(
+            f"cannot read {folder / 'programme.toml'}: {error.strerror}",
+            action="name the folder of a programme",
+        ) from error
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise ProgrammeError(
+            f"{folder / 'programme.toml'} is not valid: {error}", action="correct it"
+        ) from None
+    if entry.format != "smad-programme-1" or not entry.runs:
+        raise ProgrammeError(
+            f"{folder} holds no programme of this version",
+            value=f"format {entry.format}, {len(entry.runs)} runs",
+            limit="smad-programme-1, at least one run",
+            action="design it again with python -m evaluation design",
+        )
+    runs = [_read_run(folder, r) for r in entry.runs]
+    return Programme(entry.name, entry.title, tuple(runs))
+
+
+def _read_run(folder: Path, entry: RunEntry) -> ProgrammeRun:
+    if not _SAFE_NAME.fullmatch(entry.name):
+        raise ProgrammeError(
+            "a run's name is a file name: small letters, digits and hyphens",
+            value=entry.name,
+            action="rename the run and its file",
+        )
+    path = folder / f"{entry.name}.csv"
+    try:
+        with path.open(encoding="utf-8") as file:
+            header = file.readline().strip().split(",")
+            rows = np.loadtxt(file, delimiter=",", ndmin=2)
+    except (OSError, ValueError) as error:
+        raise ProgrammeError(f"cannot read {path}: {error}", action="restore the file") from None
+    if tuple(header) != COLUMNS or rows.shape[1:] != (len(COLUMNS),):
+        raise ProgrammeError(
+            f"{path} has other columns",
+            value=",".join(header),
+            limit=",".join(COLUMNS),
+            action="give it these",
+        )
+    return ProgrammeRun(
+        entry.name, entry.title, rows[:, 0], rows[:, 1:], entry.duration_s, entry.quick
+    )
+
+
+def write_programme(programme: Programme, folder: Path) -> None:
+    """Writes `programme.toml` and a CSV for each run."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*.csv"):
+        old.unlink()
+    for run in programme.runs:
+        lines = [",".join(COLUMNS)]
+        for t, row in zip(run.t_s, run.inputs, strict=True):
+            lines.append(",".join(f"{v:.6g}" for v in (t, *row)))
+        (folder / f"{run.name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    head = ("smad-programme-1", programme.name, programme.title)
+    text = [f"{k} = {_quoted(v)}" for k, v in zip(("format", "name", "title"), head, strict=True)]
+    for run in programme.runs:
+        text += [
+            "",
+            "[[runs]]",
+            f"name = {_quoted(run.name)}",
+            f"title = {_quoted(run.title)}",
+            f"duration_s = {run.duration_s:.6g}",
+            f"quick = {'true' if run.quick else 'false'}",
+        ]
+    (folder / "programme.toml").write_text("\n".join(text) + "\n", encoding="utf-8")
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string, whose escapes are those of JSON."""
+    return msgspec.json.encode(text).decode()
+
+
+def shipped() -> Programme:
+    """The programme of the spring pair, as designed by `python -m evaluation design`."""
+    return read_programme(Path(str(files("smad.checkup") / "data" / "spring-pair")))

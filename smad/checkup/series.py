@@ -1,0 +1,221 @@
+"""The runs of a programme, played one after the other into a folder of their own.
+
+A log appears under its run's name once the run has ended, so that what is there is whole. A series
+that was interrupted goes on after the last run that was finished.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from smad.checkup.programme import Programme, ProgrammeRun
+from smad.errors import SmadError
+from smad.gap.paired.errors import BaselineError
+from smad.runlog.reader import Run, read_run
+from smad.runlog.schema import CUT
+
+_STATE = "series.json"
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Where a run was recorded, and the time it took on the bench with the rest before it.
+
+    `ended` says why it ended early, empty when it did not.
+    """
+
+    path: Path
+    ended: str = ""
+    took_s: float = 0.0
+
+
+Play = Callable[[ProgrammeRun, Path | None], Recorded]
+"""Plays a run, or, where there is one, the log of the run that it repeats."""
+
+Say = Callable[[str], None]
+
+
+class State(msgspec.Struct, frozen=True):
+    """`series.json`: which runs are played since when, and how it stands.
+
+    `done` once all have been played; `ended` says why a series was ended before.
+    """
+
+    programme: str
+    began_unix_s: float
+    done: bool = False
+    ended: str = ""
+
+
+def folder_for(parent: Path, kind: str, programme: Programme, clock_s: Callable[[], float]) -> Path:
+    """Where the next series of a kind goes: the newest that is not finished, or a new one.
+
+    Folders are `kind-1`, `kind-2` and so on.
+    """
+    newest = _newest(parent, kind)
+    if newest:
+        folder = parent / f"{kind}-{newest}"
+        state = read_state(folder)
+        if state is not None and not state.done and state.programme == programme.digest:
+            return folder
+    folder = parent / f"{kind}-{newest + 1}"
+    begin(folder, programme, clock_s())
+    return folder
+
+
+def next_open(parent: Path, kind: str, file: str, over: Callable[[Path], bool]) -> Path:
+    """The newest folder of a kind whose `file` is there and not over yet, or a new one's name."""
+    newest = _newest(parent, kind)
+    path = parent / f"{kind}-{newest}" / file
+    if newest and path.exists() and not over(path):
+        return path.parent
+    return parent / f"{kind}-{newest + 1}"
+
+
+def _newest(parent: Path, kind: str) -> int:
+    return max(
+        (
+            int(tail)
+            for folder in parent.glob(f"{kind}-*")
+            if (tail := folder.name.removeprefix(f"{kind}-")).isdecimal()
+        ),
+        default=0,
+    )
+
+
+def read_state(folder: Path) -> State | None:
+    """How the series of a folder stands; None where the folder holds none."""
+    try:
+        return msgspec.json.decode((folder / _STATE).read_bytes(), type=State)
+    except (OSError, msgspec.MsgspecError):
+        return None
+
+
+def begin(folder: Path, programme: Programme, now_unix_s: float) -> None:
+    """Make the folder of a series. Raises BaselineError when it cannot be written."""
+    _write(folder, State(programme.digest, now_unix_s))
+
+
+def play_series(
+    folder: Path, programme: Programme, play: Play, originals: Path | None, say: Say
+) -> str:
+    """Play what the folder lacks. Returns why the series was ended early; empty: it was not.
+
+    `originals` is the folder of the logs that are repeated; None: this is the first time. Raises
+    BaselineError for a full disk, and whatever `play` raises; what was finished is kept then.
+    """
+    state = read_state(folder) or State(programme.digest, time.time())
+    there = [run for run in programme.runs if _whole(folder / f"{run.name}.mcap")]
+    if there:
+        say(f"{folder.name}: goes on after {there[-1].name}, begun {_clock(state.began_unix_s)}")
+    for run in programme.runs:
+        if run in there:
+            continue
+        say(f"{folder.name}: {run.name}, {run.duration_s:.0f} s: {run.title}")
+        original = None if originals is None else originals / f"{run.name}.mcap"
+        with _told_what_is_kept(folder, programme, say):
+            recorded = play(run, original)
+        keep(recorded.path, folder / f"{run.name}.mcap")
+        if recorded.ended:
+            _write(folder, msgspec.structs.replace(state, done=True, ended=recorded.ended))
+            return recorded.ended
+    _write(folder, msgspec.structs.replace(state, done=True))
+    return ""
+
+
+@contextlib.contextmanager
+def _told_what_is_kept(folder: Path, programme: Programme, say: Say) -> Iterator[None]:
+    """Says what an interruption costs, whatever it is."""
+    try:
+        yield
+    except BaseException:
+        kept = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
+        say(
+            f"{folder.name}: {kept} of {len(programme.runs)} runs are kept; the same command goes "
+            "on after them"
+        )
+        raise
+
+
+def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:
+    """Those folders that hold every run of the programme, ended early or not begun left out."""
+    return [
+        folder
+        for folder in folders
+        if all(_whole(folder / f"{run.name}.mcap") for run in programme.runs)
+        and not getattr(read_state(folder), "ended", "")
+    ]
+
+
+def cut_by(log: Path) -> str:
+    """What cut a recorded run, "stopped by …"; empty for a run that came to its end."""
+    return cut_in(read_run(log))
+
+
+def cut_in(run: Run) -> str:
+    """What cut a run that was read, "stopped by …"; empty for one that came to its end."""
+    said = (event.text for event in run.events)
+    return next((text.removeprefix(CUT) for text in said if text.startswith(CUT)), "")
+
+
+def _whole(log: Path) -> bool:
+    if not log.exists():
+        return False
+    try:
+        return not cut_by(log)
+    except SmadError:
+        # What is wrong with it is told when its rows are read.
+        return True
+
+
+def keep(log: Path, target: Path) -> None:
+    """Copy a log, whole or not at all. Raises BaselineError for a full disk."""
+    partial = target.with_suffix(".part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(log, partial)
+        os.replace(partial, target)
+    except OSError as error:
+        unlink_quietly(partial)
+        raise BaselineError(
+            f"cannot keep the run {target.stem} in {target.parent}: {error.strerror}",
+            value=str(log),
+            action="make room; the runs before are kept, and the same command goes on",
+        ) from error
+
+
+def _write(folder: Path, state: State) -> None:
+    write_whole(folder / _STATE, msgspec.json.encode(state))
+
+
+def unlink_quietly(path: Path) -> None:
+    """Remove what is left of a file that could not be written: it would only take the room."""
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all. Raises BaselineError for a full disk."""
+    partial = path.with_name(f"{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_bytes(data)
+        os.replace(partial, path)
+    except OSError as error:
+        unlink_quietly(partial)
+        raise BaselineError(
+            f"cannot write {path}: {error.strerror}",
+            action="make room, or choose another folder; the same command goes on",
+        ) from error
+
+
+def _clock(unix_s: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M", time.localtime(unix_s))

@@ -1,0 +1,35 @@
+"""What each axis of a bench does, a line each. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from smad.api import AxisStatus, Percentiles
+
+
+def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[str]:
+    """What each axis does, a line each, and how well motions begin together."""
+    width = max(map(len, axes))
+    for name, axis in axes.items():
+        row, motion = axis.sample, axis.motion
+        state = motion.mode if axis.link.state not in ("disconnected", "sync") else axis.link.state
+        done = "done" if motion.done else "under way"
+        readings = "no readings yet"
+        if row is not None:
+            readings = (
+                f"{number(row.displacement_mm, 2):>6} mm, {number(row.rtd_x_degC, 1)} and "
+                f"{number(row.rtd_y_degC, 1)} °C"
+            )
+        fault = f", {motion.fault.in_words()}" if motion.fault else ""
+        missed = axis.counts.missed
+        yield (
+            f"{name:<{width}} {state:<7} {readings}; {motion.running}, {done}; "
+            f"{axis.link.rate_hz} Hz, {missed} missed{fault}"
+        )
+    if skew.count:
+        yield f"began together {skew.count} times, within {skew.max_us / 1000:.2f} ms"
+
+
+def number(value: float | None, digits: int) -> str:
+    """Return a number with so many digits; a dash for one that is not known."""
+    return "–" if value is None else f"{value:.{digits}f}"

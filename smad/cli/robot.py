@@ -1,0 +1,134 @@
+"""`smad robot`: joint angles of the segments on a bench of several axes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.output import NEGATIVE, Finite, bench_option, client, progress, wait_for_motion
+
+if TYPE_CHECKING:
+    from smad.client import Client
+    from smad.robot import Angles, Robot
+
+_wait = click.option(
+    "--wait/--no-wait", default=True, help="Wait until it is done, or return at once."
+)
+_segment = click.argument("segment")
+
+
+@click.group()
+def robot() -> None:
+    """Move the segments of a robot by the angles of their joints."""
+
+
+@robot.command()
+@bench_option
+def angles(bench: str) -> None:
+    """Show pitch and yaw of each segment."""
+    with client(bench) as connected:
+        made = _robot(connected)
+        for name, (pitch, yaw) in _standing(connected, made).items():
+            click.echo(f"{name}: pitch {pitch:+.2f}°, yaw {yaw:+.2f}°")
+
+
+@robot.command(context_settings=NEGATIVE)
+@_segment
+@click.argument("pitch_deg", type=Finite())
+@click.argument("yaw_deg", type=Finite())
+@click.option("--for", "duration_s", type=Finite(0.1, 3600), default=10.0, show_default=True)
+@_wait
+@bench_option
+def step(
+    *, segment: str, pitch_deg: float, yaw_deg: float, duration_s: float, wait: bool, bench: str
+) -> None:
+    """Turn SEGMENT to PITCH_DEG and YAW_DEG."""
+    from smad.robot import step as made
+
+    with client(bench) as connected:
+        now = _standing(connected, _robot(connected)).get(segment, (0.0, 0.0))
+        wanted = made((pitch_deg, yaw_deg), duration_s=duration_s, from_deg=now)
+        _move(connected, segment, wanted, wait=wait)
+
+
+@robot.command(context_settings=NEGATIVE)
+@_segment
+@click.argument("radius_deg", type=Finite(0.0, 180.0))
+@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0, show_default=True)
+@click.option("--cycles", type=click.IntRange(1, 1000), default=1, show_default=True)
+@_wait
+@bench_option
+def circle(
+    *, segment: str, radius_deg: float, period_s: float, cycles: int, wait: bool, bench: str
+) -> None:
+    """Draw a circle with the tip of SEGMENT, from its straight position and back."""
+    from smad.robot import circle as made
+
+    with client(bench) as connected:
+        _move(connected, segment, made(radius_deg, period_s=period_s, cycles=cycles), wait=wait)
+
+
+@robot.command()
+@_segment
+@click.argument("path", type=click.Path(path_type=Path))
+@_wait
+@bench_option
+def follow(segment: str, path: Path, wait: bool, bench: str) -> None:
+    """Follow the points of a CSV file with the columns t_s, pitch_deg and yaw_deg."""
+    from smad.robot import waypoints
+
+    with client(bench) as connected:
+        _move(connected, segment, waypoints(path), wait=wait)
+
+
+@robot.command("six-axes")
+@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0, show_default=True)
+@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0, show_default=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Page to write.")
+@bench_option
+def six_axes(radius_deg: float, period_s: float, output: Path | None, bench: str) -> None:
+    """Let each segment draw a circle in turn, then all together; write table and page.
+
+    Arms, and disarms at the end.
+    """
+    from smad.report.page import markdown_table, write_page
+    from smad.robot.circles import Circles, draw, page_of, table, trackings
+    from smad.runlog.reader import read_axes
+
+    with client(bench) as connected, progress() as line:
+        made = _robot(connected)
+        log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
+    click.echo(markdown_table(table(list(trackings(read_axes(log), made)))))
+    click.echo(
+        f"begun together {skew.count} times: p50 {skew.p50_us / 1000:.2f} ms, "
+        f"most {skew.max_us / 1000:.2f} ms apart"
+    )
+    click.echo(write_page(page_of(log, made, skew), output or log.with_suffix(".html")))
+
+
+def _robot(connected: Client) -> Robot:
+    from smad.config import parse_config
+    from smad.robot import Robot
+
+    return Robot.of(parse_config(connected.config()))
+
+
+def _standing(connected: Client, made: Robot) -> dict[str, tuple[float, float]]:
+    """Where the joints stand now, by segment."""
+    import numpy as np
+
+    motion = connected.motion()
+    places = motion.axes or {}
+    mm = {a: np.array([places[a].displacement_mm or 0.0]) for a in made.axes}
+    return {name: (float(p[0]), float(y[0])) for name, (p, y) in made.angles_deg(mm).items()}
+
+
+def _move(connected: Client, segment: str, wanted: Angles, *, wait: bool) -> None:
+    made = _robot(connected)
+    standing = {}
+    for name, (pitch, yaw) in _standing(connected, made).items():
+        standing[made.segments[name].pitch], standing[made.segments[name].yaw] = pitch, yaw
+    connected.move(made.moves({segment: wanted}, standing_deg=standing))
+    wait_for_motion(connected, wait=wait, what=segment)

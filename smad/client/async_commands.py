@@ -1,0 +1,177 @@
+"""What an axis can be told and asked: the part of the client for asyncio that has one.
+
+The blocking one is this file without its `await`s, see asynchronous.py.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator, Callable, Sequence
+from typing import Any
+
+from smad import api
+from smad.client.async_channel import AsyncChannel, pause
+from smad.client.errors import Stopped
+from smad.client.progress import Wait
+from smad.client.wire import Reply
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    FollowInputs,
+    HoldTemperature,
+    Idle,
+    MoveStage,
+    Spring,
+    Trajectory,
+    Tune,
+)
+from smad.control.pieces import in_pieces, rows_in_pieces
+
+POLL_S = 0.05
+
+
+class AsyncCommands(ABC):
+    """Commands of an axis: of the one that is named, else of a bench that has one."""
+
+    name: str
+    timeout_s: float
+    _channel: AsyncChannel
+
+    @abstractmethod
+    async def _call(
+        self,
+        params: Any,
+        kind: type[Reply],
+        *,
+        stop: bool = False,
+        timeout_s: float | None = None,
+    ) -> Reply: ...
+
+    @abstractmethod
+    async def _ended(self, motion: api.Motion) -> None:
+        """Take note that a motion ended before it was done."""
+
+    async def status(self) -> api.Status:
+        """Everything about the bench now."""
+        return await self._call(api.GetStatus(), api.Status)
+
+    async def motion(self) -> api.Motion:
+        """What the controller is doing and whether it is done."""
+        return await self._call(api.GetMotion(), api.Motion)
+
+    async def config(self) -> str:
+        """The configuration in force, as TOML; of an axis, its own."""
+        replied = await self._call(api.GetConfig(), api.ConfigText)
+        return replied.toml
+
+    async def reset_timing(self) -> api.Timing:
+        """Begin the timing's percentiles anew, to measure a stretch by itself."""
+        return await self._call(api.ResetTiming(), api.Timing)
+
+    async def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
+        """Follow trajectories one after the other; `queue` appends to what runs already."""
+        return await self._follow(trajectories, queue=queue)
+
+    async def _follow(self, trajectories: Sequence[Trajectory], *, queue: bool) -> api.Motion:
+        motion: api.Motion | None = None
+        for piece in (piece for whole in trajectories for piece in in_pieces(whole)):
+            command = Follow(trajectories=(piece,), queue=queue or motion is not None)
+            motion = await self._call(command, api.Motion)
+        if motion is None:
+            return await self._call(Follow(trajectories=()), api.Motion)
+        return motion
+
+    async def heat(
+        self,
+        spring: Spring,
+        temperature_degC: float,
+        *,
+        rate_K_per_s: float | None = None,
+        duration_s: float | None = None,
+        use_water: bool = True,
+    ) -> api.Motion:
+        """Hold a spring at a temperature."""
+        command = HoldTemperature(
+            spring=spring,
+            temperature_degC=temperature_degC,
+            rate_K_per_s=rate_K_per_s,
+            duration_s=duration_s,
+            use_water=use_water,
+        )
+        return await self._call(command, api.Motion)
+
+    async def current(self, command: DriveCurrent) -> api.Motion:
+        """Plain currents and pump duties, without feedback."""
+        return await self._call(command, api.Motion)
+
+    async def follow_inputs(self, command: FollowInputs) -> api.Motion:
+        """Play recorded currents and duties; of any length, it is sent in pieces."""
+        first, *rest = rows_in_pieces(command)
+        motion = await self._call(first, api.Motion)
+        for piece in rest:
+            motion = await self._call(piece, api.Motion)
+        return motion
+
+    async def stage(self, stage_mm: float, rate_mm_per_s: float) -> api.Motion:
+        """Move the stretching stage."""
+        return await self._call(
+            MoveStage(stage_mm=stage_mm, rate_mm_per_s=rate_mm_per_s), api.Motion
+        )
+
+    async def idle(self) -> api.Motion:
+        """No current, no water; stays armed."""
+        return await self._call(Idle(), api.Motion)
+
+    async def tune(self, command: Tune) -> api.Motion:
+        """Change gains and options of the running controller."""
+        return await self._call(command, api.Motion)
+
+    async def params(self) -> tuple[api.Param, ...]:
+        """The parameters stored on the board."""
+        replied = await self._call(api.ListParams(), api.ParamList)
+        return replied.params
+
+    async def get_param(self, name: str) -> api.Param:
+        """One parameter of the board."""
+        return await self._call(api.GetParam(name=name), api.Param)
+
+    async def set_param(self, name: str, value: float) -> api.Param:
+        """Change one parameter of the board; returns it as the board has it now."""
+        return await self._call(api.SetParam(name=name, value=value), api.Param)
+
+    async def save_params(self) -> tuple[api.Param, ...]:
+        """Keep the parameters over a power cycle."""
+        replied = await self._call(api.SaveParams(), api.ParamList)
+        return replied.params
+
+    async def wait_until_done(
+        self,
+        progress: Callable[[api.Motion], None] | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> api.Motion:
+        """Return once everything commanded has been carried out; `progress` sees each poll.
+
+        Raises Stopped when it never will be (disarmed, fault, board gone), NoAnswer after
+        `timeout_s`.
+        """
+        wait = Wait(time.monotonic(), timeout_s, self._channel.conversation.generation)
+        while True:
+            motion = await self.motion()
+            if progress is not None:
+                progress(motion)
+            try:
+                if wait.over(motion, time.monotonic()):
+                    return motion
+            except Stopped:
+                await self._ended(motion)
+                raise
+            await pause(POLL_S)
+
+    def telemetry(
+        self, *, timeout_s: float | None = None, queue: int = 1000
+    ) -> AsyncIterator[api.Telemetry]:
+        """Samples of an axis, as they are published. Raises NoAnswer after `timeout_s` without."""
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        return self._channel.telemetry(limit_s, queue, self.name)

@@ -1,0 +1,89 @@
+"""An axis of a bench that has several, and the segments of a robot on them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from smad.config.section import HOST, Section
+
+DEGREES_PER_MM = 6.25
+"""Of the end segment of MINIR-II: ±4 mm of the springs turn it by ±25°."""
+
+USUAL_NAMES = ("pitch-1", "yaw-1", "pitch-2", "yaw-2", "pitch-3", "yaw-3")
+"""Three segments, from the base to the tip, each with an axis for pitch and one for yaw."""
+
+_Gain = Annotated[float, Meta(ge=0.0, le=1000.0)]
+
+
+class AxisConfig(Section, frozen=True, kw_only=True):
+    """An axis of a bench that has several; a key left out has the value of the bench."""
+
+    name: Annotated[
+        str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}\Z", description="what the axis is called")
+    ]
+    port: Annotated[str, Meta(description="device of its board, best /dev/serial/by-id/…")] = ""
+    rate_hz: Annotated[
+        Literal[100, 250, 500] | None, Meta(description="samples per second; link.rate_hz")
+    ] = None
+    kp_A_per_mm: Annotated[
+        _Gain | None, Meta(description="proportional gain; control.kp_A_per_mm")
+    ] = None
+    ki_A_per_mm_s: Annotated[
+        _Gain | None, Meta(description="integral gain; control.ki_A_per_mm_s")
+    ] = None
+    current_limit_A: Annotated[
+        Annotated[float, Meta(ge=0.0, le=HOST.current_mA / 1000)] | None,
+        Meta(description="largest current in a spring; control.current_limit_A"),
+    ] = None
+    travel_mm: Annotated[
+        Annotated[float, Meta(ge=0.1, le=50.0)] | None,
+        Meta(description="travel of the tendon either way; limits.displacement_max_mm"),
+    ] = None
+    temperature_max_degC: Annotated[
+        Annotated[float, Meta(ge=30.0, le=HOST.temperature_cC / 100)] | None,
+        Meta(description="hottest spring; limits.temperature_max_degC"),
+    ] = None
+    coupling: Annotated[
+        tuple[Annotated[float, Meta(ge=-10.0, le=10.0)], ...],
+        Meta(description="travel of this tendon for 1 mm of each axis in order; empty: its own"),
+    ] = ()
+    fault_holds: Annotated[
+        Literal["all", "own"],
+        Meta(description="what a fault, a limit or a lost link of this axis stops"),
+    ] = "all"
+
+
+OF_THE_BENCH = {
+    "port": ("link", "port"),
+    "rate_hz": ("link", "rate_hz"),
+    "kp_A_per_mm": ("control", "kp_A_per_mm"),
+    "ki_A_per_mm_s": ("control", "ki_A_per_mm_s"),
+    "current_limit_A": ("control", "current_limit_A"),
+    "travel_mm": ("limits", "displacement_max_mm"),
+    "temperature_max_degC": ("limits", "temperature_max_degC"),
+}
+"""Key of an axis -> section and key of the bench that it stands for."""
+
+
+class SegmentConfig(Section, frozen=True, kw_only=True):
+    """A segment of a robot: two joint angles from two axes."""
+
+    name: Annotated[
+        str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}\Z", description="what the segment is called")
+    ]
+    pitch: Annotated[str, Meta(min_length=1, description="axis that turns it up and down")]
+    yaw: Annotated[str, Meta(min_length=1, description="axis that turns it to the sides")]
+    gain_deg_per_mm: Annotated[
+        float, Meta(gt=0.0, le=1000.0, description="angle for 1 mm of the tendon")
+    ] = DEGREES_PER_MM
+    limit_deg: Annotated[
+        float, Meta(gt=0.0, le=180.0, description="largest angle of either joint, either way")
+    ] = 25.0
+    pitch_sign: Annotated[
+        Literal[1, -1], Meta(description="sign of the angle for a positive displacement")
+    ] = 1
+    yaw_sign: Annotated[
+        Literal[1, -1], Meta(description="sign of the angle for a positive displacement")
+    ] = 1

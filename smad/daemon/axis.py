@@ -1,0 +1,208 @@
+"""One axis: port, session, control task, what is known of its board, its stop; and its samples.
+
+Nothing here knows how many axes there are. The one of a bench without `[[axes]]` has no name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from firmware_protocol.events import BoardRestarted, HostEvent, HostState, LinkLost
+from firmware_protocol.host import HostSession
+from firmware_protocol.messages import State
+from smad.config import Config
+from smad.control.controller import Controller
+from smad.control.inputs import Departure
+from smad.control.sample import Scales
+from smad.daemon.control import ControlTask, Finished, Outlets
+from smad.daemon.hoststop import HostStop, in_full
+from smad.daemon.link.link import Link
+from smad.daemon.link.port import Opener
+from smad.daemon.link.requests import BoardRequests
+from smad.daemon.link.watch import BoardWatch
+from smad.daemon.means import Means
+from smad.daemon.process import Process
+from smad.daemon.stops import BoardStop, Stops
+from smad.daemon.telemetry.stamps import Stamps
+from smad.errors import CommandError
+from smad.runlog.schema import Row
+
+HOT = (HostState.RUNNING, HostState.READY)
+AWAY = (HostState.DISCONNECTED, HostState.SYNC)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What an axis has of its bench.
+
+    `guarded` carries work out under the name of a part, whose death ends the daemon; `on_finished`
+    is called when a sample waits to be published.
+    """
+
+    means: Means
+    stops: Stops
+    guarded: Callable[..., None]
+    on_finished: Callable[[], None]
+
+
+class Axis:
+    """An antagonistic pair with its board: the parts put together."""
+
+    def __init__(
+        self, name: str, config: Config, opener: Opener, process: Process, bench: Surroundings
+    ) -> None:
+        self.name = name
+        self.config = config
+        self.waits = 0
+        """Groups that it takes part in and that have not begun."""
+        self.means = means = bench.means.named(name)
+        self._guarded = bench.guarded
+        self._degrees_per_mm = config.degrees_per_mm(name)
+        self._stamps = Stamps()
+        self._told_departure: Departure | None = None
+        self.session = HostSession(nonce=process.nonce, patience=process.patience)
+        self.link = Link(
+            opener,
+            loop=process.loop,
+            retry_s=config.link.reconnect_interval_s,
+            on_bytes=self._on_bytes,
+            on_open=self._on_open,
+            on_lost=self._on_lost,
+        )
+        self.control = ControlTask(
+            self.session,
+            Controller(config.control, config.limits),
+            config.link,
+            Outlets(self.link.write, self._on_event, bench.on_finished),
+            process.clocks,
+            trace=process.trace,
+        )
+        self.controller = self.control.controller
+        self.requests = BoardRequests(self.session, means.clocks.us, self.control.flush)
+        self.watch = BoardWatch(
+            config.link,
+            self.requests,
+            means,
+            baud=lambda: 0 if self.link.transport is None else self.link.transport.baud,
+            on_scales=self._set_scales,
+            on_found_armed=self._stop_found,
+        )
+        self.stop = BoardStop(
+            bench.stops,
+            self.control,
+            self.requests,
+            self.watch,
+            means,
+            holds_others=all(axis.fault_holds == "all" for axis in config.axes),
+        )
+        self.host_stop = HostStop(self.controller)
+
+    @property
+    def connected(self) -> bool:
+        """Whether a session with its board is open."""
+        return self.session.state not in AWAY
+
+    @property
+    def hot(self) -> bool:
+        """Whether its board is armed by us, or about to be."""
+        return self.session.state in HOT
+
+    @property
+    def done(self) -> bool:
+        """Whether all that was commanded has ended, groups that it waits for included."""
+        return self.controller.done and not self.waits
+
+    def row(self, item: Finished) -> Row:
+        """Return a sample as a row of the run log."""
+        return item.row(self._degrees_per_mm)
+
+    @contextmanager
+    def told(self) -> Iterator[None]:
+        """Name this axis in what is refused inside the block."""
+        try:
+            yield
+        except CommandError as error:
+            if self.name:
+                error.cause = f"{self.name}: {error.cause}"
+            raise
+
+    def tick(self) -> None:
+        """Let session and stop repeat what was not answered."""
+        # What waits in the port must count before the session is asked whether anything came.
+        self.link.read()
+        self.control.tick()
+        self.stop.tick()
+
+    def finished(self, most: int) -> Iterator[tuple[Row, float]]:
+        """Yield what was sampled and not published yet, `most` samples, with their Unix times."""
+        for _ in range(min(len(self.control.finished), most)):
+            item = self.control.finished.popleft()
+            row = self.row(item)
+            stamp_s = self._stamps.stamp(row.t_s, item.host_s, self._taken_s(item.state))
+            if self._stamps.returned_s:
+                self._tell_of_return(self._stamps.returned_s)
+            yield row, stamp_s
+            self.watch.on_state(item.state)
+            self.stop.on_sample(item.state)
+        self._tell_of_host_stop()
+        self._tell_of_departure()
+
+    def _on_bytes(self, data: bytes) -> None:
+        self._guarded("control", self.control.receive, data)
+
+    def _on_open(self) -> None:
+        self._stamps.restart()
+        self.control.opened()
+        transport = self.link.transport
+        if self.link.counts.opens > 1 and transport is not None:
+            self.means.say("link", f"reopened {transport.name}; monitoring, not armed", {})
+
+    def _on_lost(self, reason: str) -> None:
+        self.control.lost()
+        self.stop.link_lost("the link was lost")
+        self.watch.port_lost(reason)
+
+    def _on_event(self, event: HostEvent) -> None:
+        if isinstance(event, BoardRestarted):
+            self.stop.link_lost("the board restarted")
+        elif isinstance(event, LinkLost):
+            self.stop.link_lost(f"the board fell silent for {event.silent_us / 1000:.0f} ms")
+        self.watch.on_event(event)
+
+    def _stop_found(self) -> None:
+        text = "the board was found armed by somebody else; telling it to disarm"
+        self.means.say("disarm", text, {})
+        self.stop.fails("the board was found armed", by="the daemon, which found it armed")
+
+    def _set_scales(self, scales: Scales) -> None:
+        self.control.scales = scales
+
+    def _taken_s(self, state: State) -> float | None:
+        """Unix time when a sample was taken, by the fit of the clocks; None while unknown."""
+        # In this order: a pause between the two readings makes the time too early, and no jump.
+        wall_s, now_us = self.means.clocks.wall_s(), self.means.clocks.us()
+        host_us = self.session.host_us(state.t_us)
+        return None if host_us is None else wall_s + (host_us - now_us) * 1e-6
+
+    def _tell_of_return(self, returned_s: float) -> None:
+        text = (
+            "the computer's clock had leapt ahead and is back; "
+            f"timestamps of telemetry went back by {returned_s:.0f} s"
+        )
+        self.means.say("warning", text, {"returned_s": returned_s})
+
+    def _tell_of_host_stop(self) -> None:
+        fault = self.host_stop.news()
+        if fault is not None:
+            data: dict[str, Any] = {name: getattr(fault, name) for name in fault.__struct_fields__}
+            self.means.say("fault", f"the host stopped: {in_full(fault)}", data)
+            self.stop.fails(f"a limit of the host: {fault.name}")
+
+    def _tell_of_departure(self) -> None:
+        departure = self.controller.departure
+        if departure is not None and departure is not self._told_departure:
+            self.means.say("warning", f"repeated inputs were ended: {departure.in_words()}", {})
+        self._told_departure = departure

@@ -1,0 +1,93 @@
+"""Motions of several axes that begin together, and how far apart their boards began them.
+
+All are checked before any begins. They begin at one instant of the host, each at the next sample
+of its board. A group that is queued begins when the slowest of its axes has ended what it does.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+
+from firmware_protocol.messages import State
+from smad.control.commands import Follow
+from smad.daemon.axis import Axis
+from smad.daemon.histogram import Histogram
+from smad.daemon.means import Say
+from smad.errors import CommandError
+
+Group = Mapping[str, Follow]
+"""What each axis, by name, is to follow."""
+
+
+class Groups:
+    """Begins groups, and keeps those that wait. `axes` are those of the bench, by name."""
+
+    def __init__(self, axes: Mapping[str, Axis], say: Say) -> None:
+        self.skew = Histogram()
+        """How far apart, on the host's clock, the boards took the samples that a group began at."""
+        self._axes = axes
+        self._say = say
+        self._waiting: deque[Group] = deque()
+
+    def begin(self, group: Group) -> None:
+        """Begin a group now. Raises CommandError, with nothing begun, when one cannot."""
+        self._check(group)
+        self.forget(group)
+        at_us: dict[str, float | None] = {}
+
+        def beginning(axis: Axis) -> Callable[[State], None]:
+            def on_sample(state: State) -> None:
+                at_us[axis.name] = axis.session.host_us(state.t_us)
+                if len(at_us) == len(group):
+                    self._tell_skew({n: t for n in group if (t := at_us[n]) is not None})
+
+            return on_sample
+
+        for name, follow in group.items():
+            axis = self._axes[name]
+            axis.controller.command(follow)
+            axis.control.on_next = beginning(axis)
+
+    def queue(self, group: Group) -> None:
+        """Begin a group once its slowest axis has ended. Raises CommandError if it never could."""
+        self._check(group)
+        self._count(group, 1)
+        self._waiting.append(group)
+
+    def look(self) -> None:
+        """Begin what waits and can; none overtakes an earlier one that has an axis in common."""
+        held: set[str] = set()
+        for group in tuple(self._waiting):
+            ended = all(self._axes[name].controller.done for name in group)
+            if ended and held.isdisjoint(group):
+                self._waiting.remove(group)
+                self._count(group, -1)
+                try:
+                    self.begin(group)
+                except CommandError as error:
+                    self._say("warning", f"a queued motion was left out: {error}", {})
+            held.update(group)
+
+    def forget(self, names: Collection[str]) -> None:
+        """Give up the groups that wait for one of these axes: it was stopped, or does another."""
+        for group in [group for group in self._waiting if not set(names).isdisjoint(group)]:
+            self._waiting.remove(group)
+            self._count(group, -1)
+
+    def _check(self, group: Group) -> None:
+        for name, follow in group.items():
+            with self._axes[name].told():
+                self._axes[name].controller.check(follow)
+
+    def _count(self, group: Group, more: int) -> None:
+        for name in group:
+            self._axes[name].waits += more
+
+    def _tell_skew(self, at_us: Mapping[str, float]) -> None:
+        if len(at_us) < 2:
+            return
+        skew_us = max(at_us.values()) - min(at_us.values())
+        self.skew.add(round(skew_us * 1000))
+        data = {"skew_us": round(skew_us, 1), "at_us": {n: round(t, 1) for n, t in at_us.items()}}
+        self._say("command", f"{', '.join(at_us)} began within {skew_us / 1000:.2f} ms", data)

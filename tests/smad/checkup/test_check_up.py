@@ -1,0 +1,399 @@
+"""A bench as its own control, on short programmes of the simulated bench."""
+
+import io
+import json
+import tracemalloc
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from smad.checkup.commission import checked, checked_files, commissioned, judged
+from smad.checkup.everyday import repeated
+from smad.checkup.files import Found, read_file, read_folder, require_other_recordings
+from smad.checkup.page import checkup_page
+from smad.checkup.programme import (
+    Programme,
+    ProgrammeRun,
+    read_programme,
+    shipped,
+    write_programme,
+)
+from smad.checkup.segments import run_of
+from smad.checkup.store import Baseline, load, save
+from smad.errors import SmadError
+from smad.gap.paired.errors import BaselineError, PairingError, ProgrammeError
+from smad.gap.paired.reference import Reference
+from smad.gap.runs import GapRun
+from smad.gap.sma import SmaPlant
+from smad.report.page import render
+from smad.runlog.header import RunHeader
+from smad.runlog.writer import write_run
+
+from .short import PLANT, SHORT, played
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    return commissioned(PLANT, [[played(seed) for seed in (1, 2, 3)]])
+
+
+def test_a_bench_without_a_change_is_quiet(reference: Reference) -> None:
+    verdict = checked(PLANT, reference, [(played(10), "short")])
+    assert verdict.outcome == "quiet"
+    assert verdict.ratio < 1.5
+
+
+def test_a_lagging_sensor_is_named_with_its_value(reference: Reference) -> None:
+    now = played(11, {"rtd_lag": {"tau_s": 0.3, "y_share": 1.0}})
+    verdict = checked(PLANT, reference, [(now, "short")])
+    assert verdict.outcome == "cause"
+    assert verdict.likely[0].names == ["rtd_lag"]
+    assert verdict.likely[0].values["rtd_lag"]["tau_s"] == pytest.approx(0.3, rel=0.1)
+
+
+def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
+    now = played(12, {"force_offset": {"offset_N": 0.05}})
+    verdict = checked(PLANT, reference, [(now, "short")])
+    force = next(s for s in verdict.budget if s.signal == "force_N")
+    assert force.raw > 10.0 * force.noise
+    assert force.entries < 2.0 * force.noise
+
+
+def test_the_page_shows_answer_budget_and_differences(reference: Reference) -> None:
+    now = played(20, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
+    found = judged(PLANT, reference, [(now, "short")])
+    page = render(checkup_page(found, [("baseline", "somewhere")]))
+    for words in (
+        "Changed: reading of the RTD, X and Y", "less law", "rtd_x_degC", "now − then",
+        "rtd_lag, takes", "rate of its wire",
+    ):  # fmt: skip
+        assert words in page
+    quiet = judged(PLANT, reference, [(played(10), "short")])
+    assert "No change beyond the repeat floor" in render(checkup_page(quiet, []))
+
+
+def test_two_causes_are_named_together(reference: Reference) -> None:
+    both = {"force_offset": {"offset_N": 0.1}, "rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
+    verdict = checked(PLANT, reference, [(played(13, both), "short")])
+    assert sorted(verdict.likely[0].names) == ["force_offset", "rtd_lag"]
+
+
+def test_what_no_entry_explains_is_unknown(reference: Reference) -> None:
+    now = played(14)
+    bent = now.outputs["displacement_mm"] + 0.3 * np.sin(now.t_s)
+    verdict = checked(
+        PLANT, reference, [(now.with_columns(outputs={"displacement_mm": bent}), "short")]
+    )
+    assert verdict.outcome == "unknown"
+
+
+def test_warmer_water_is_carried_over_and_told(reference: Reference) -> None:
+    verdict = checked(PLANT, reference, [(played(15, water_degC=28.5), "short")])
+    assert verdict.outcome in ("quiet", "parameters")
+    assert any("rtd_inlet_degC +1.5 K" in note for note in verdict.notes)
+
+
+CUT = run_of(
+    "short",
+    "the same, with current cut off for the last 0.6 s of heating X, as a board does in a fault",
+    [(3.0, 0, 0, 0, 0), (2.4, 3.0, 0, 0, 0), (0.6, 0, 0, 0, 0), (3.0, 0, 0, 0.8, 0),
+     (2.0, 0, 0, 0, 0), (3.0, 0, 2.8, 0, 0), (4.0, 0, 0, 0, 0.6), (2.0, 1.5, 0, 0, 0),
+     (4.0, 0, 0, 1, 1)],
+)  # fmt: skip
+
+
+def test_a_current_that_was_cut_off_is_carried_over(reference: Reference) -> None:
+    found = judged(PLANT, reference, [(played(21, what=CUT), "short")])
+    assert found.pairs.pairs[0].carried
+    assert found.verdict.outcome in ("quiet", "parameters")
+
+
+def test_a_cause_is_named_at_the_inputs_that_were_played(reference: Reference) -> None:
+    now = played(22, {"driver_gain": {"gain": 0.05, "y_share": 1.0}}, what=CUT)
+    verdict = checked(PLANT, reference, [(now, "short")])
+    assert verdict.likely[0].names == ["driver_gain"]
+    assert verdict.likely[0].values["driver_gain"]["gain"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_run_that_was_cut_short_counts_as_far_as_it_goes(reference: Reference) -> None:
+    now = played(16, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
+    verdict = checked(PLANT, reference, [(now.part(0, len(now.t_s) // 2), "short")])
+    assert verdict.likely[0].names == ["rtd_lag"]
+    assert any("counts as far as it goes" in note for note in verdict.notes)
+
+
+def test_other_inputs_are_refused(reference: Reference) -> None:
+    now = played(17)
+    swapped = {"i_applied_x_A": now.inputs["i_applied_y_A"] * 1.3 + 2.0}
+    with pytest.raises(PairingError, match="other inputs"):
+        checked(PLANT, reference, [(now.with_columns(inputs=swapped), "short")])
+
+
+def test_a_baseline_judges_the_same_after_it_was_stored(
+    reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    again = load(tmp_path, PLANT)
+    now = played(18, {"driver_gain": {"gain": 0.02, "y_share": 1.0}})
+    first, second = (checked(PLANT, r, [(now, "short")]) for r in (reference, again.reference))
+    assert again.bench == "bench"
+    assert first.likely[0].names == second.likely[0].names == ["driver_gain"]
+    assert second.ratio == pytest.approx(first.ratio, rel=1e-6)
+
+
+def test_a_baseline_of_another_library_or_schema_is_refused(
+    reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    fewer = tuple(e.name for e in PLANT.effects[1:])
+    for other in (SmaPlant(variant="printed"), SmaPlant(only=fewer)):
+        with pytest.raises(BaselineError, match="another model or library"):
+            load(tmp_path, other)
+    about = (tmp_path / "baseline.json").read_text()
+    (tmp_path / "baseline.json").write_text(about.replace('"schema": 3', '"schema": 1'))
+    with pytest.raises(BaselineError, match="another version"):
+        load(tmp_path, PLANT)
+
+
+def test_arrays_of_another_baseline_are_refused_and_say_what_to_do(
+    reference: Reference, tmp_path: Path
+) -> None:
+    for name, runs in (("one", reference.runs), ("other", reference.runs[:1])):
+        save(Baseline("bench", name, replace(reference, runs=runs)), PLANT, tmp_path / name)
+    assert load(tmp_path / "one", PLANT).programme == "one"
+    arrays = tmp_path / "one" / "reference.npz"
+    arrays.write_bytes((tmp_path / "other" / "reference.npz").read_bytes() + b" ")
+    with pytest.raises(BaselineError, match=r"two baselines are mixed.*computed anew"):
+        load(tmp_path / "one", PLANT)
+
+
+def test_a_baseline_without_its_digest_that_is_torn_is_refused(
+    reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    about, arrays = tmp_path / "baseline.json", tmp_path / "reference.npz"
+    data = msgspec.json.decode(about.read_bytes()) | {"arrays": ""}
+    about.write_bytes(msgspec.json.encode(data))
+    arrays.write_bytes(arrays.read_bytes()[:5000])
+    with pytest.raises(BaselineError, match="cannot be read"):
+        load(tmp_path, PLANT)
+    arrays.unlink()
+    with pytest.raises(BaselineError, match=r"cannot be read: No such file"):
+        load(tmp_path, PLANT)
+
+
+def test_a_sensor_that_is_missing_now_is_told(reference: Reference) -> None:
+    run = played(41)
+    outputs = {k: v for k, v in run.outputs.items() if k != "force_N"}
+    outputs["displacement_mm"] = np.full(len(run.t_s), np.nan)
+    verdict = checked(PLANT, reference, [(replace(run, outputs=outputs), "short")])
+    assert "recorded then and not now, and left out: displacement_mm (short), force_N (short)" in (
+        verdict.notes
+    )
+
+
+def test_runs_of_two_boards_and_a_recording_given_twice_are_refused(tmp_path: Path) -> None:
+    def found(name: str, seed: int, board: str = "") -> Found:
+        return Found(name, "", tmp_path / name, played(seed), board)
+
+    one, other = found("one", 1, "board-1"), found("other", 2, "board-2")
+    with pytest.raises(PairingError, match=r"two benches are mixed.*one of board board-1"):
+        checked_files(PLANT, [one], [other])
+    with pytest.raises(PairingError, match=r"copy is the same recording as .*leave one out"):
+        checked_files(PLANT, [found("first", 1), found("copy", 1)], [found("now", 2)])
+
+
+def test_a_log_that_was_cut_before_its_first_sample_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "run-1.mcap"
+    write_run(path, RunHeader(source="sim", rate_hz=100.0), [])
+    with pytest.raises(PairingError, match="holds no sample"):
+        read_file(path)
+
+
+def _write(path: Path, run: GapRun) -> None:
+    """A CSV with the names and units of another laboratory."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    names = {
+        "i_applied_x_A": ("current_applied_x (mA)", 1e3),
+        "displacement_mm": ("Displacement [m]", 1e-3),
+        "rtd_x_degC": ("T_x_K", 1.0),
+    }
+    columns = {"time_ms": 1e3 * run.t_s}
+    for name, values in {**run.inputs, **run.outputs}.items():
+        label, factor = names.get(name, (name, 1.0))
+        columns[label] = factor * values + (273.15 if label == "T_x_K" else 0.0)
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+
+
+def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) -> None:
+    for k, seed in enumerate((1, 2)):
+        _write(tmp_path / "good" / f"day-{k}" / "a.csv", played(seed))
+    _write(tmp_path / "now" / "renamed.csv", played(20, {"force_offset": {"offset_N": 0.05}}))
+    found, matched = checked_files(
+        PLANT, read_folder(tmp_path / "good"), read_folder(tmp_path / "now")
+    )
+    assert found.verdict.likely[0].names == ["force_offset"]
+    assert "repeats 2 good runs" in matched.lines[0]
+
+
+def test_good_runs_of_two_days_have_one_name_and_a_copy_among_them_is_told_with_its_folder(
+    tmp_path: Path,
+) -> None:
+    good, now = tmp_path / "good", [Found("now", "", tmp_path / "now", played(3))]
+    for day in (1, 2):
+        _write(good / f"day-{day}" / "run-1.csv", played(day))
+    require_other_recordings(read_folder(good), now)
+    _write(good / "day-3" / "run-1.csv", played(1))
+    said = r"good/day-3/run-1\.csv is the same recording as .*good/day-1/run-1\.csv"
+    with pytest.raises(PairingError, match=said):
+        require_other_recordings(read_folder(good), now)
+
+
+def test_a_recording_that_is_on_both_sides_is_refused(tmp_path: Path) -> None:
+    _write(tmp_path / "good" / "a.csv", played(1))
+    _write(tmp_path / "now" / "b.csv", played(1))
+    with pytest.raises(PairingError, match="same recording"):
+        checked_files(PLANT, read_folder(tmp_path / "good"), read_folder(tmp_path / "now"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a,b\n1,2\n", "no time column"),
+        ("time_s,i_applied_x_A\n0,1\n1,1\n", "lacks columns"),
+        ("time_s,current_x\n0,1\n1,1\n", "unit is missing"),
+        ("time_s,force_N\n0,x\n1,y\n", "is not a number"),
+        ("", "is empty"),
+    ],
+)
+def test_a_file_that_cannot_be_used_says_why(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    with pytest.raises(SmadError, match=said):
+        read_file(path)
+
+
+def test_a_programme_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    programme = Programme("p", 'with "quotes"', (replace(SHORT, quick=True),))
+    write_programme(programme, tmp_path)
+    again = read_programme(tmp_path)
+    assert again.digest == programme.digest
+    assert again.title == programme.title
+    assert again.runs[0].quick
+
+
+def test_a_programme_with_too_much_current_is_refused() -> None:
+    with pytest.raises(ProgrammeError, match="i_x_A leaves its range"):
+        ProgrammeRun("hot", "", np.array([0.0]), np.array([[4.5, 0.0, 0.0, 0.0]]), 5.0)
+
+
+def test_the_shipped_programme_has_a_quick_part_of_three_minutes() -> None:
+    programme = shipped()
+    assert 400.0 <= programme.duration_s <= 660.0
+    assert 0.0 < programme.quick().duration_s <= 180.0
+
+
+def test_what_was_recorded_after_an_early_end_does_not_count(reference: Reference) -> None:
+    now = played(19)
+    cut = now.part(0, 700)
+    idle = {name: np.where(cut.t_s > cut.t_s[0] + 5.4, 0.0, v) for name, v in cut.inputs.items()}
+    warm = cut.outputs["rtd_x_degC"] + np.where(cut.t_s > cut.t_s[0] + 5.4, 9.0, 0.0)
+    ended = cut.with_columns(inputs=idle, outputs={"rtd_x_degC": warm})
+    verdict = checked(PLANT, reference, [(ended, "short")])
+    assert verdict.outcome == "quiet"
+
+
+def as_found(names: str, *runs: GapRun) -> list[Found]:
+    """Runs as if they had been read from files of these names."""
+    return [Found.of(Path(f"{n}.mcap"), r) for n, r in zip(names.split(), runs, strict=True)]
+
+
+def test_everyday_runs_that_repeat_good_ones_are_compared_with_them() -> None:
+    good = as_found("monday tuesday", played(1), played(2))
+    lagging = played(11, {"rtd_lag": {"tau_s": 0.3, "y_share": 1.0}})
+    said = repeated(PLANT, good, as_found("friday", lagging))
+    assert said is not None
+    assert (said.repeats, said.outcome) == (2, "cause")
+    assert max(said.probabilities, key=lambda n: said.probabilities[n]) == "rtd_lag"
+    assert said.pairs == ["friday.mcap repeats 2 good runs: monday.mcap, tuesday.mcap"]
+
+
+def test_without_a_second_good_recording_there_is_no_answer_but_the_pair() -> None:
+    said = repeated(PLANT, as_found("monday", played(1)), as_found("friday", played(11)))
+    assert said is not None
+    assert (said.repeats, said.outcome, said.headline) == (1, "", "")
+    assert said.pairs == ["friday.mcap repeats 1 good run: monday.mcap"]
+
+
+def test_runs_with_inputs_of_their_own_repeat_nothing() -> None:
+    good = as_found("monday tuesday", played(1), played(2))
+    other = run_of("other", "one pulse", [(5.0, 0, 0, 0, 0), (10.0, 0, 1.0, 0, 0)])
+    assert repeated(PLANT, good, as_found("friday", played(3, what=other))) is None
+    assert repeated(PLANT, good, good[:1]) is None
+
+
+def forged(folder: Path, **changes: Any) -> None:
+    """Replaces arrays of a stored baseline, and its sum in `baseline.json` as a forger would."""
+    path = folder / "reference.npz"
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files} | changes
+    np.savez_compressed(path, **arrays)
+    about = json.loads((folder / "baseline.json").read_text())
+    (folder / "baseline.json").write_text(json.dumps({**about, "arrays": ""}))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("floor.sd", lambda a: np.where(a > 0, np.inf, a)),
+        ("floor.sd", lambda a: -a),
+        ("floor.sd", lambda a: a[:-1]),
+        ("floor.rho", lambda a: a + 1.0),
+        ("floor.gauge", lambda a: 0.0 * a),
+        ("floor.day_sd", lambda a: a * np.nan),
+        ("0.mean", lambda a: a[:-1]),
+        ("0.mean", lambda a: a.astype("U8")),
+        ("0.mean", lambda a: np.array([{}], dtype=object)),
+        ("0.valid", lambda a: a.astype(float)),
+        ("0.regime", lambda a: a + 1000),
+        ("0.signatures", lambda a: a[0]),
+        ("0.t_s", lambda a: a[::-1]),
+        ("0.t_s", lambda a: np.float64(1.0)),
+        ("0.base", lambda a: np.zeros((100_000_000,))),
+    ],
+)
+def test_a_forged_array_of_a_baseline_is_refused_in_one_line(
+    name: str, change: Any, reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    with np.load(tmp_path / "reference.npz") as file:
+        was = file[name]
+    forged(tmp_path, **{name: change(was)})
+    with pytest.raises(BaselineError, match=r"reference\.npz cannot be read: .*commission again"):
+        load(tmp_path, PLANT)
+
+
+def test_arrays_that_claim_gigabytes_are_refused_before_they_are_unpacked(
+    reference: Reference, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    about = json.loads((tmp_path / "baseline.json").read_text())
+    (tmp_path / "baseline.json").write_text(json.dumps({**about, "arrays": ""}))
+    with zipfile.ZipFile(tmp_path / "reference.npz", "a") as packed:
+        head = io.BytesIO()
+        claim = {"descr": "<f8", "fortran_order": False, "shape": (10**9,)}
+        np.lib.format.write_array_header_1_0(head, claim)
+        packed.writestr("bomb.npy", head.getvalue())
+    tracemalloc.start()
+    try:
+        with pytest.raises(BaselineError, match="more than 500000000 bytes"):
+            load(tmp_path, PLANT)
+        assert tracemalloc.get_traced_memory()[1] < 50_000_000
+    finally:
+        tracemalloc.stop()

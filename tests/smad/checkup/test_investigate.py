@@ -1,0 +1,222 @@
+"""What is played next, and why; and the loop until it is settled."""
+
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from sim_device.plant.laws import Factor, Law, Term
+from smad.checkup.commission import Judged, commissioned, judged
+from smad.checkup.inquiry import Inquiry, Report
+from smad.checkup.investigate import propose, unpaired_offers
+from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.segments import run_of
+from smad.checkup.series import Recorded
+from smad.diagnosis.constants import shipped
+from smad.diagnosis.search.locate import Alternative, Located
+from smad.diagnosis.search.told import PlaceTold
+from smad.diagnosis.search.where import Where
+from smad.gap.paired.errors import BaselineError
+from smad.gap.paired.reference import Reference
+from smad.gap.plant import EffectValues
+from smad.gap.runs import GapRun
+from smad.runlog.header import RunHeader
+from smad.runlog.schema import Row
+from smad.runlog.writer import write_run
+
+from .short import PLANT, SHORT, played
+
+STILL = run_of(
+    "still", "hardly anything", [(1.0, 0, 0, 0, 0), (6.0, 0, 0, 0.3, 0), (1.0, 0, 0, 0, 0)]
+)
+PROGRAMME = Programme("short", "two runs", (replace(SHORT, quick=True), STILL))
+LAG = {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
+OFFSET = {"force_offset": {"offset_N": 0.1}}
+CONSTANTS = shipped()
+COSTS = {"short": 60.0, "still": 60.0}
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    groups = [[played(10 * k + seed, what=run) for seed in (1, 2, 3)]
+              for k, run in enumerate(PROGRAMME.runs)]  # fmt: skip
+    return commissioned(PLANT, groups)
+
+
+@pytest.fixture(scope="module")
+def lagging(reference: Reference) -> Judged:
+    """A check-up of the run that shows little, on a bench with a lag."""
+    return judged(PLANT, reference, [(played(40, LAG, what=STILL), "still")])
+
+
+def law(place: str, side: str, slope: float, state: str = "current") -> Law:
+    """A law along one state."""
+    line = Factor(state=state, low=0.0, high=3.0, centre=0.0, scale=1.0)
+    return Law(place, side, (Term(name=state, factors=(line,), coefficient=slope),))
+
+
+LAG_LIKE, FORCE_LIKE = law("reading_rtd", "x", 1.0), law("reading_force", "both", 0.1)
+SMALL = law("reading_force", "both", 1e-4)
+
+
+def undecided(found: Judged, *laws: Law) -> Judged:
+    """The check-up with a place told, and these laws between which nothing is decided."""
+    told = PlaceTold(
+        place=laws[0].place, side="x", words=laws[0].place, share=0.5, near=[], terms=[],
+        largest=1.0, unit="K", in_simulator=True,
+    )  # fmt: skip
+    near = tuple(Alternative(f"{law.place} {k}", (law,)) for k, law in enumerate(laws))
+    located = Located(
+        told=(told,), laws=(laws[0],), uncertainty=None, change=(), alternatives=near,
+        beside_parameters=True,
+        where=Where((), ()), square=1.0, count=1,
+    )  # fmt: skip
+    verdict = msgspec.structs.replace(found.verdict, outcome="unknown", places=[told])
+    return replace(found, verdict=verdict, located=located)
+
+
+def test_the_run_that_tells_places_apart_is_proposed_with_the_reason(lagging: Judged) -> None:
+    found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), CONSTANTS, COSTS, 600.0)
+    assert found.run == "short"
+    assert found.staying == ("reading_rtd 0", "reading_force 1")
+    assert [o.run for o in found.offers] == ["short"]
+    assert "it separates reading_rtd 0 or reading_force 1 best" in found.why
+
+
+@pytest.mark.parametrize("outcome", ["quiet", "unknown", "parameters"])
+def test_nothing_is_settled_without_a_place_before_every_run_was_played(
+    lagging: Judged, outcome: str
+) -> None:
+    nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, places=[])
+    unplaced = replace(lagging, verdict=nowhere)
+    found = propose(unplaced, CONSTANTS, COSTS, 600.0)
+    assert found.run == "short"
+    assert not found.settled
+    assert "for the first time now" in found.why
+    assert propose(unplaced, CONSTANTS, COSTS, 30.0).settled
+
+
+def test_one_place_that_no_other_is_near_is_settled(lagging: Judged) -> None:
+    found = propose(undecided(lagging, LAG_LIKE), CONSTANTS, COSTS, 600.0)
+    assert found.settled
+    assert found.why == "settled: reading_rtd; no other place is near"
+
+
+def test_laws_that_predict_the_same_are_not_played_for(lagging: Judged) -> None:
+    found = propose(undecided(lagging, SMALL, SMALL), CONSTANTS, COSTS, 600.0)
+    assert found.run is None
+    assert not found.settled
+    assert "no run on offer tells" in found.why
+
+
+def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Judged) -> None:
+    found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), CONSTANTS, COSTS, 30.0)
+    assert found.run is None
+    assert "the time is spent: short would tell" in found.why
+
+
+def test_a_run_that_the_baseline_lacks_is_offered_by_what_the_model_expects(
+    lagging: Judged,
+) -> None:
+    other = replace(SHORT, name="other")
+    programme = Programme("short", "three runs", (*PROGRAMME.runs, other))
+    (offer,) = unpaired_offers(undecided(lagging, LAG_LIKE, FORCE_LIKE), programme)
+    assert (offer.run, offer.known) == ("other", False)
+    assert offer.separation > 16.0
+
+
+def write_log(path: Path, run: GapRun) -> None:
+    columns = {"t_s": run.t_s, **run.inputs, **run.outputs}
+    rows = [
+        Row(**dict(zip(columns, values, strict=True)))
+        for values in zip(*(c.tolist() for c in columns.values()), strict=True)
+    ]
+    write_run(path, RunHeader(source="sim", rate_hz=100.0), rows)
+
+
+def inquiry(
+    reference: Reference,
+    folder: Path,
+    effects: EffectValues,
+    *,
+    fails_at: int = 0,
+    trips_at: int = 0,
+) -> Inquiry:
+    """An investigation of a simulated bench with effects.
+
+    The run number `fails_at` is lost, that of number `trips_at` is ended by a fault.
+    """
+    number = count(1)
+
+    def play(run: ProgrammeRun, original: Path | None) -> Recorded:
+        k = next(number)
+        if k == fails_at:
+            raise ConnectionError("the daemon went away")
+        log = folder.parent / "played.mcap"
+        log.unlink(missing_ok=True)
+        write_log(log, played(60 + k, effects, what=run))
+        return Recorded(log, "it tripped" if k == trips_at else "", took_s=60.0)
+
+    return Inquiry(
+        plant=PLANT, reference=reference, programme=PROGRAMME, originals=folder, folder=folder,
+        play=play, say=lambda text: None, seconds=600.0,
+    )  # fmt: skip
+
+
+def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
+    reference: Reference, tmp_path: Path
+) -> None:
+    folder = tmp_path / "investigation-1"
+    report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
+    assert report.verdict is not None
+    assert report.verdict.likely[0].names == ["force_offset"]
+    assert [r.held_out for r in report.records] == [False, True]
+    force = next(s for s in report.proof if s.signal == "force_N")
+    assert force.raw > 5.0 * force.noise
+    assert force.laws < 2.0 * force.noise
+    assert PLANT.load_model(Path(report.model)).effects["force_offset"]["offset_N"] == (
+        pytest.approx(0.1, rel=0.1)
+    )
+    assert msgspec.json.decode((folder / "investigation.json").read_bytes(), type=Report) == report
+
+
+def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
+    reference: Reference, tmp_path: Path
+) -> None:
+    folder = tmp_path / "investigation-1"
+    with pytest.raises(ConnectionError):
+        inquiry(reference, folder, OFFSET, fails_at=2).carry_out(lambda text: None)
+    report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
+    assert [r.file for r in report.records] == ["01-short.mcap", "02-short.mcap"]
+    assert report.proof
+
+
+def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
+    reference: Reference, tmp_path: Path
+) -> None:
+    asked = inquiry(reference, tmp_path / "investigation-1", OFFSET, trips_at=1)
+    both = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
+    report = replace(asked, programme=both).carry_out(lambda text: None)
+    assert [r.run for r in report.records] == ["short"]
+    assert report.why_over == "a run was ended early: it tripped"
+    assert report.verdict is not None
+    assert report.verdict.likely[0].names == ["force_offset"]
+    assert report.proof == []
+
+
+def test_a_report_that_was_torn_is_told_with_what_to_do(
+    reference: Reference, tmp_path: Path
+) -> None:
+    folder = tmp_path / "investigation-1"
+    folder.mkdir()
+    (folder / "investigation.json").write_text('{"records": [')
+    with pytest.raises(BaselineError, match=r"cannot be read.*move .*investigation-1 away"):
+        inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
+
+
+def test_a_quiet_bench_needs_no_proof(reference: Reference, tmp_path: Path) -> None:
+    report = inquiry(reference, tmp_path / "investigation-1", {}).carry_out(lambda text: None)
+    assert report.why_over == "settled: nothing has changed beyond the repeat floor"
+    assert (len(report.records), report.proof, report.model) == (2, [], "")
