@@ -36,6 +36,14 @@ const send = WebSocket.prototype.send;
 WebSocket.prototype.send = function (text) {
   if (text.includes('"drawn"')) window.drawn += 1;
   return send.call(this, text);
+};
+window.received = 0;
+const Socket = WebSocket;
+window.WebSocket = class extends Socket {
+  constructor(...rest) {
+    super(...rest);
+    this.addEventListener("message", (event) => { window.received += event.data.length; });
+  }
 };"""
 """The page tells the server of each frame that it has drawn."""
 
@@ -164,6 +172,11 @@ def open_counting(driver: Any, page: LivePage) -> None:
 def frames_drawn(driver: Any) -> float:
     """Frames drawn since `open_counting`."""
     return float(driver.execute_script("return window.drawn"))
+
+
+def kB_received(driver: Any) -> float:
+    """What has come over the WebSocket since `open_counting`."""
+    return float(driver.execute_script("return window.received")) / 1e3
 
 
 def heap_MiB(driver: Any) -> float:

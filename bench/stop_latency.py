@@ -98,6 +98,8 @@ def armed_and_driven(client: Client) -> None:
     deadline_s = time.monotonic() + _PATIENCE_S
     while True:
         try:
+            # The stops before were asked for here: this client knows of them.
+            client.as_of(None)
             client.arm()
             client.current(DriveCurrent(i_x_A=0.3))
         except Refused:

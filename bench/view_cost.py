@@ -27,6 +27,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import click
+import msgspec
 import psutil
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
@@ -37,6 +38,7 @@ from bench.browser import (
     credentials_of,
     frames_drawn,
     heap_MiB,
+    kB_received,
     live_page,
     open_counting,
     running_daemon,
@@ -47,6 +49,7 @@ from smad.bridge.foxglove import CHANNELS, SUBPROTOCOLS
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table, text_table
+from smad.view.strips import LAYOUT, XY_LAYOUT
 
 _SETTLE_S = 2.0
 _REFRESH_S = 1.2
@@ -71,9 +74,25 @@ class Browser:
         return frames_drawn(self._driver)
 
     @property
+    def kB(self) -> float:
+        """What has come over the WebSocket so far."""
+        return kB_received(self._driver)
+
+    @property
     def heap_MiB(self) -> float:
         """Memory of the page's objects."""
         return heap_MiB(self._driver)
+
+
+_SHOW = msgspec.json.encode(
+    {
+        "do": "show",
+        "id": 1,
+        "channels": [name for names in LAYOUT for name in names],
+        "xy": sorted({name for pair in XY_LAYOUT for name in pair}),
+    }
+).decode()
+"""What a page asks for that nobody has changed."""
 
 
 class PlainReader:
@@ -83,6 +102,7 @@ class PlainReader:
 
     def __init__(self, page: LivePage) -> None:
         self.frames = 0.0
+        self.kB = 0.0
         address = urlsplit(page.command)
         cookie, key = credentials_of(page.command)
         self._connection = connect(
@@ -98,11 +118,14 @@ class PlainReader:
         # The type comes first in every message; parsing the rest would be work of ours.
         for message in self._connection:
             text = str(message)
+            self.kB += len(message) / 1e3
             if text[:20].startswith('{"type":"frame"'):
                 self.frames += 1
                 self._connection.send('{"do":"drawn"}')
             elif text[:20].startswith('{"type":"status"'):
                 self._connection.send('{"do":"alive"}')
+            elif text[:20].startswith('{"type":"hello"'):
+                self._connection.send(_SHOW)
 
     def close(self) -> None:
         """Go away."""
@@ -117,7 +140,7 @@ class Viewer:
 
     def __init__(self, address: str) -> None:
         self.frames = 0.0
-        self.bytes = 0
+        self.kB = 0.0
         self._stack = contextlib.ExitStack()
         self._connection = self._stack.enter_context(
             connect(address, subprotocols=[Subprotocol(SUBPROTOCOLS[0])])
@@ -130,7 +153,7 @@ class Viewer:
     def _read(self) -> None:
         for message in self._connection:
             self.frames += isinstance(message, bytes)
-            self.bytes += len(message)
+            self.kB += len(message) / 1e3
 
     def close(self) -> None:
         """Go away."""
@@ -150,16 +173,16 @@ class OpenPage:
         self._began = self._now()
 
     def _now(self) -> tuple[float, float, float, float]:
-        read = getattr(self._reader, "bytes", 0)
-        return time.monotonic(), sum(self._process.cpu_times()[:2]), self._reader.frames, read
+        used = sum(self._process.cpu_times()[:2])
+        return time.monotonic(), used, self._reader.frames, self._reader.kB
 
     def used(self) -> dict[str, float]:
         """Return processor time, memory of server and page, frames and bytes a second."""
-        (began_s, cpu_s, drawn, read), now = self._began, self._now()
+        (began_s, cpu_s, drawn, came), now = self._began, self._now()
         return {
-            "kB": (now[3] - read) / (now[0] - began_s) / 1e3,
             "cpu": 100 * (now[1] - cpu_s) / (now[0] - began_s),
             "frames": (now[2] - drawn) / (now[0] - began_s),
+            "kB": (now[3] - came) / (now[0] - began_s),
             "MiB": self._process.memory_info().rss / 2**20,
             "heap": self._reader.heap_MiB,
         }
@@ -282,7 +305,7 @@ def main(pairs: int, seconds: float, rate: str, reader: str, busy: int) -> None:
         ("MiB", "MiB for the server"),
         ("heap", "MiB for the page's objects"),
         ("frames", "frames (or samples) a second"),
-        ("kB", "kB a second to a viewer of the bridge"),
+        ("kB", "kB a second to the page or viewer"),
     ):
         click.echo(f"{statistics.median(one[figure] for one in opened):.1f} {what}")
 

@@ -34,8 +34,10 @@ class Overview(Struct, frozen=True, kw_only=True):
     problem: str = ""
 
 
-def list_runs(folder: str | Path) -> list[Overview]:
-    """The run logs of a folder by name, which is by time. Reads only head and end of each file.
+def list_runs(folder: str | Path, newest: int | None = None) -> list[Overview]:
+    """The run logs of a folder by name, which is by time, or its `newest` ones.
+
+    Reads only head and end of each file.
 
     Raises RunLogError when the folder cannot be read.
     """
@@ -46,7 +48,7 @@ def list_runs(folder: str | Path) -> list[Overview]:
         raise RunLogError(
             f"cannot read folder {folder}: {error.strerror}", action="name another with --folder"
         ) from error
-    return [_overview(path) for path in paths]
+    return [_overview(path) for path in paths[-newest if newest else 0 :]]
 
 
 def _overview(path: Path) -> Overview:

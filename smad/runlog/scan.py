@@ -99,8 +99,8 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
         if opcode == Opcode.CHUNK:
             index_tells_loss = False
             try:
-                yield from _records_in(_chunk_data(body))
-            except _DamagedError as error:
+                yield from records_in(chunk_data(body))
+            except DamagedError as error:
                 damage.notes.append(f"the chunk at byte {at} is damaged ({error}) and was skipped")
                 index_tells_loss = True
         elif opcode == Opcode.MESSAGE_INDEX:
@@ -108,8 +108,8 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
                 damage.lost_messages += max(len(body) - 6, 0) // _INDEX_ENTRY_BYTES
         else:
             try:
-                yield from _records_in(head + body)
-            except _DamagedError as error:
+                yield from records_in(head + body)
+            except DamagedError as error:
                 damage.notes.append(f"the record at byte {at} is damaged ({error})")
         at += RECORD_HEAD.size + length
     damage.unread_bytes = size - at
@@ -119,23 +119,24 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
         damage.notes.append(f"recording did not end in order: the file breaks off at byte {at}")
 
 
-class _DamagedError(Exception):
+class DamagedError(Exception):
     """A record or chunk that cannot be used; the text says why."""
 
 
-def _chunk_data(body: bytes) -> bytes:
+def chunk_data(body: bytes) -> bytes:
+    """The plain content of a chunk record. Raises DamagedError."""
     try:
         _, _, plain_size, crc, name_length = _CHUNK_HEAD.unpack_from(body)
         at = _CHUNK_HEAD.size + name_length
         compression = body[_CHUNK_HEAD.size : at].decode("ascii")
         (data_length,) = struct.unpack_from("<Q", body, at)
     except (struct.error, UnicodeDecodeError):
-        raise _DamagedError("its head cannot be read") from None
+        raise DamagedError("its head cannot be read") from None
     if plain_size > _LARGEST_CHUNK_BYTES:
-        raise _DamagedError(f"it claims {plain_size} bytes, over {_LARGEST_CHUNK_BYTES}")
+        raise DamagedError(f"it claims {plain_size} bytes, over {_LARGEST_CHUNK_BYTES}")
     data = _decompress(compression, body[at + 8 : at + 8 + data_length], plain_size)
     if crc and zlib.crc32(data) != crc:
-        raise _DamagedError("its checksum does not match")
+        raise DamagedError("its checksum does not match")
     return data
 
 
@@ -146,10 +147,10 @@ def _decompress(compression: str, data: bytes, plain_size: int) -> bytes:
         try:
             claimed = zstandard.frame_content_size(data)
             if claimed > _LARGEST_CHUNK_BYTES:
-                raise _DamagedError(f"it claims {claimed} bytes, over {_LARGEST_CHUNK_BYTES}")
+                raise DamagedError(f"it claims {claimed} bytes, over {_LARGEST_CHUNK_BYTES}")
             return zstandard.ZstdDecompressor().decompress(data, max_output_size=plain_size)
         except zstandard.ZstdError:
-            raise _DamagedError("zstd cannot decompress it") from None
+            raise DamagedError("zstd cannot decompress it") from None
     if compression == "lz4":
         import lz4.frame
 
@@ -157,14 +158,15 @@ def _decompress(compression: str, data: bytes, plain_size: int) -> bytes:
         try:
             plain: bytes = decompressor.decompress(data, max_length=max(plain_size, 1))
         except (RuntimeError, EOFError):
-            raise _DamagedError("lz4 cannot decompress it") from None
+            raise DamagedError("lz4 cannot decompress it") from None
         if not decompressor.eof:
-            raise _DamagedError(f"it holds more than the {plain_size} bytes it claims, or less")
+            raise DamagedError(f"it holds more than the {plain_size} bytes it claims, or less")
         return plain
-    raise _DamagedError(f"its compression {compression!r} is not known")
+    raise DamagedError(f"its compression {compression!r} is not known")
 
 
-def _records_in(data: bytes) -> Iterator[Item]:
+def records_in(data: bytes) -> Iterator[Item]:
+    """The messages, channels and metadata among records. Raises DamagedError."""
     at = 0
     end = len(data)
     while at < end:
@@ -179,5 +181,5 @@ def _records_in(data: bytes) -> Iterator[Item]:
                 if not isinstance(item, records.Schema):
                     yield item
         except PARSE_ERRORS:
-            raise _DamagedError("it does not follow the format") from None
+            raise DamagedError("it does not follow the format") from None
         at += length

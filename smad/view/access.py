@@ -35,6 +35,15 @@ HEADERS = {
 }
 """Sent with every answer: nothing from elsewhere runs in the page, and nobody frames it."""
 
+REPORT_HEADERS = {
+    **HEADERS,
+    "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'; sandbox allow-scripts",
+}
+"""Of a page that a job wrote. It brings its scripts along, so it is nobody's origin: it has neither
+key nor storage of the live page, and sends nothing anywhere."""
+
 
 class Denied(NamedTuple):
     """Why a request gets nothing."""

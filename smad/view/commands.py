@@ -1,20 +1,24 @@
 """What a page may ask for, and the call of the ordinary client that each becomes.
 
-The table is `COMMANDS`. A stop is not in it: it goes past everything that waits (`server`). What a
-person asked for is refused by the daemon when a stop came that the page had not shown yet:
-`generation` is the one that it showed.
+The tables are `COMMANDS`, for the bench, and `QUESTIONS`, for the server's own desk (`desk`). A
+stop is in neither: it goes past everything that waits (`server`). What a person asked for is
+refused by the daemon when a stop came that the page had not shown yet: `generation` is its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
-from typing import Annotated, Any
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from typing import Annotated, Any, get_args
 
 import msgspec
 from msgspec import Meta, Struct
 
+from smad.api import Reason
 from smad.client import AsyncClient, Refused
 from smad.control.commands import Trajectory, Tune
+from smad.view.feed import LONGEST_TAIL_S, WINDOWS
+from smad.view.jobs import Job, RunName, Settings
 
 LEASE_S = 10.0
 """A page that keeps control and goes away leaves a bench that is disarmed after so long."""
@@ -36,10 +40,24 @@ class Alive(Ask, tag="alive", frozen=True, kw_only=True):
     """The status has arrived: the page is there, and so is who looks at it."""
 
 
-class LookAt(Ask, tag="look_at", frozen=True, kw_only=True):
-    """Show another window of time."""
+Channels = Annotated[tuple[str, ...], Meta(max_length=64)]
 
-    window: Annotated[int, Meta(ge=0, le=2)]
+
+class Show(Ask, tag="show", frozen=True, kw_only=True):
+    """Send these channels of a window from now on, and these for XY plots; `live`: or nothing."""
+
+    window: Annotated[int, Meta(ge=0, lt=len(WINDOWS))] = 0
+    channels: Channels = ()
+    xy: Channels = ()
+    tail_s: Annotated[float, Meta(gt=0.0, le=LONGEST_TAIL_S)] = 60.0
+    live: bool = True
+
+
+class LookBack(Ask, tag="look_back", frozen=True, kw_only=True):
+    """Send what was shown between two Unix times, once."""
+
+    from_s: Annotated[float, Meta(ge=0.0, le=1e11)]
+    to_s: Annotated[float, Meta(ge=0.0, le=1e11)]
 
 
 class Stop(Ask, tag="stop", frozen=True, kw_only=True):
@@ -69,16 +87,31 @@ class Rest(Ask, tag="idle", frozen=True, kw_only=True):
     """No current and no water, and stay armed."""
 
 
+def changed(tune: Tune) -> Iterator[tuple[str, object]]:
+    """Yield each field that is to change, and its new value."""
+    for name in tune.__struct_fields__:
+        if (value := getattr(tune, name)) is not None:
+            yield name, value
+
+
 class Gains(Ask, tag="tune", frozen=True, kw_only=True):
     """Change gains."""
 
     tune: Tune
 
+    def mark(self) -> str:
+        """Return what stands on the strips where they were changed."""
+        return ", ".join(f"{name} {value}" for name, value in changed(self.tune))
+
 
 class Note(Ask, tag="note", frozen=True, kw_only=True):
-    """Write into the run log."""
+    """Mark this moment on the strips, and in the run log if there is one."""
 
     text: Annotated[str, Meta(min_length=1, max_length=500)]
+
+    def mark(self) -> str:
+        """Return what stands on the strips."""
+        return self.text
 
 
 class Record(Ask, tag="record", frozen=True, kw_only=True):
@@ -91,10 +124,51 @@ class EndRecord(Ask, tag="end_record", frozen=True, kw_only=True):
     """Close the run log."""
 
 
+class Runs(Ask, tag="runs", frozen=True, kw_only=True):
+    """List the last runs."""
+
+
+class Results(Ask, tag="results", frozen=True, kw_only=True):
+    """Say in a table what a run came to."""
+
+    run: RunName
+
+
+class Experiments(Ask, tag="experiments", frozen=True, kw_only=True):
+    """Make the forms of the experiments."""
+
+
+class Preview(Ask, tag="preview", frozen=True, kw_only=True):
+    """Draw a piece of motion before it is commanded."""
+
+    trajectory: Trajectory
+
+
+class PreviewExperiment(Ask, tag="preview_experiment", frozen=True, kw_only=True):
+    """Draw what an experiment will ask of the bench."""
+
+    experiment: RunName
+    settings: Settings = {}
+
+
+class Begin(Ask, tag="begin", frozen=True, kw_only=True):
+    """Begin a job."""
+
+    job: Job
+
+
+class EndJob(Ask, tag="end_job", frozen=True, kw_only=True):
+    """Interrupt the job, as ctrl-C does."""
+
+
 Command = Arm | Clear | Move | Rest | Gains | Note | Record | EndRecord
-Message = Drawn | Alive | LookAt | Stop | Command
-WATCHING = (Drawn, Alive, LookAt, Stop)
-"""What a page without the right to command may say: anybody may stop."""
+Question = Runs | Results | Experiments | Preview | PreviewExperiment | Begin | EndJob
+Watching = Drawn | Alive | Show | LookBack | Stop
+Message = Watching | Command | Question
+MARKING = (Note, Gains)
+QUESTIONS = get_args(Question)
+WATCHING = get_args(Watching)
+"""What a page without the right to command may say: anybody may look back, and stop."""
 
 decoder = msgspec.json.Decoder(Message)
 
@@ -107,17 +181,27 @@ class Control:
         self.held = False
         self.armed = False
         """Armed under it, and not yet seen to be stopped."""
+        # A renewal that is on its way must not take back what was given away meanwhile.
+        self._one_at_a_time = asyncio.Lock()
 
     async def take(self) -> None:
-        """Take or renew it. Raises NotInControl while somebody else has it."""
-        await self._client.take_control(HOLDER, LEASE_S)
-        self.held = True
+        """Take it. Raises NotInControl while somebody else has it."""
+        async with self._one_at_a_time:
+            await self._client.take_control(HOLDER, LEASE_S)
+            self.held = True
+
+    async def renew(self) -> None:
+        """Renew it, if this page has it. Raises NotInControl when somebody else has it by now."""
+        async with self._one_at_a_time:
+            if self.held:
+                await self._client.take_control(HOLDER, LEASE_S)
 
     async def release(self) -> None:
         """Give it back, if this page has it."""
-        if self.held:
-            self.held = self.armed = False
-            await self._client.release_control()
+        async with self._one_at_a_time:
+            if self.held:
+                self.held = self.armed = False
+                await self._client.release_control()
 
 
 async def _arm(client: AsyncClient, control: Control, ask: Arm) -> str:
@@ -150,15 +234,16 @@ async def _rest(client: AsyncClient, control: Control, ask: Rest) -> str:
 
 async def _tune(client: AsyncClient, control: Control, ask: Gains) -> str:
     await client.tune(ask.tune)
-    fields = msgspec.to_builtins(ask.tune)
-    changed = (
-        f"{name} {fields[name]}" for name in ask.tune.__struct_fields__ if fields[name] is not None
-    )
-    return "set: " + (", ".join(changed) or "nothing")
+    return "set: " + (ask.mark() or "nothing")
 
 
 async def _note(client: AsyncClient, control: Control, ask: Note) -> str:
-    await client.note(ask.text)
+    try:
+        await client.note(ask.text)
+    except Refused as refused:
+        if refused.reason is not Reason.RECORDER:
+            raise
+        return f"marked on the strips alone, as nothing is being recorded: {ask.text}"
     return f"noted in the run log: {ask.text}"
 
 

@@ -89,16 +89,26 @@ def tuning(config: Config) -> Form:
     return msgspec.structs.replace(form, fields=fields)
 
 
-def form_of(struct: type[Struct]) -> Form:
-    """Return the form of a type whose fields are numbers, switches and choices."""
+def form_of(struct: type[Struct], *, skip: bool = False) -> Form:
+    """Return the form of a type whose fields are numbers, switches and choices.
+
+    Another field raises TypeError; with `skip` it is left at its default.
+    """
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)
     tag = str(info.tag)
+    fields = []
+    for field in info.fields:
+        try:
+            fields.append(_field(field))
+        except TypeError:
+            if not skip:
+                raise
     return Form(
         tag=tag,
         title=tag.replace("_", " "),
         about=(inspect.getdoc(struct) or "").partition("\n")[0],
-        fields=tuple(_field(field) for field in info.fields),
+        fields=tuple(fields),
     )
 
 
@@ -162,6 +172,11 @@ _UNITS = (
     ("_A_per_K_s", "A/(K s)"),
     ("_A_per_K", "A/K"),
     ("_A_per_mm", "A/mm"),
+    ("_K_per_s", "K/s"),
+    ("_deg_per_mm", "°/mm"),
+    ("_degC", "°C"),
+    ("_deg", "°"),
+    ("_K", "K"),
     ("_mm", "mm"),
     ("_Hz", "Hz"),
     ("_A", "A"),

@@ -26,10 +26,12 @@ from smad.errors import SmadError
 from smad.style import assets
 from smad.view import commands, forms, strips
 from smad.view.access import Right
-from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor
+from smad.view.desk import Desk
+from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, View
 from smad.view.source import Source
 from smad.view.state import MODE_MEANS, control_condition
 from smad.view.tasks import end
+from smad.view.tier import Frame, Moments
 
 IN_FLIGHT = 2
 """Frames on their way to a page, or being drawn: one while the other travels."""
@@ -58,13 +60,24 @@ class Page:
     """A browser's page at the other end of a WebSocket."""
 
     def __init__(
-        self, connection: ServerConnection, right: Right, source: Source, clients: Clients
+        self,
+        connection: ServerConnection,
+        right: Right,
+        source: Source,
+        clients: Clients,
+        desk: Desk,
     ) -> None:
         self._connection = connection
         self._right = right
         self._source = source
         self._clients = clients
+        self._desk = desk
         self._cursor = Cursor(source.feed)
+        self._shows = commands.Show(live=False)
+        self._back: commands.LookBack | None = None
+        self._looked = asyncio.Event()
+        self._job_version = 0
+        self._marks_set = -1
         self._frames = 0
         self._unconfirmed_s: float | None = None
         self._config: Config | None = None
@@ -74,6 +87,7 @@ class Page:
         self._waiting: asyncio.Queue[commands.Command | commands.Alive] = asyncio.Queue(
             MOST_WAITING
         )
+        self._questions: asyncio.Queue[commands.Question] = asyncio.Queue(MOST_WAITING)
         self._client: AsyncClient | None = None
         self._control: commands.Control | None = None
         self._stops: set[asyncio.Task[None]] = set()
@@ -82,8 +96,8 @@ class Page:
         """Serve the page until it goes away."""
         try:
             async with asyncio.TaskGroup() as tasks:
-                beside = (self._feed(), self._work(), self._miss())
-                rest = [tasks.create_task(one) for one in beside]
+                loops = (self._feed, self._work, self._miss, self._look_back, self._inquire)
+                rest = [tasks.create_task(loop()) for loop in loops]
                 await self._read()
                 await end(*rest)
         except* ConnectionClosed:
@@ -116,8 +130,14 @@ class Page:
             # Whatever the page asks for renews its lease, so nothing waits behind a renewal.
             if self._waiting.empty():
                 self._waiting.put_nowait(ask)
-        elif isinstance(ask, commands.LookAt):
-            self._cursor.look_at(ask.window)
+        elif isinstance(ask, commands.Show):
+            await self._show(ask)
+        elif isinstance(ask, commands.LookBack):
+            # Of several that wait, only the last is worth an answer.
+            if self._looked.is_set() and self._back is not None:
+                await self._reply(self._back.id, False, "another span was asked for")
+            self._back = ask
+            self._looked.set()
         elif isinstance(ask, commands.Stop) and len(self._stops) >= MOST_STOPS:
             await self._reply(ask.id, False, f"{MOST_STOPS} stops are under way already")
         elif isinstance(ask, commands.Stop):
@@ -125,20 +145,40 @@ class Page:
             self._stops.add(task)
             task.add_done_callback(self._stops.discard)
         else:
+            question = isinstance(ask, commands.QUESTIONS)
+            waiting: asyncio.Queue[Any] = self._questions if question else self._waiting
             try:
-                self._waiting.put_nowait(ask)
+                waiting.put_nowait(ask)
             except asyncio.QueueFull:
                 await self._reply(ask.id, False, f"{MOST_WAITING} commands wait already")
 
+    async def _show(self, ask: commands.Show) -> None:
+        unknown = [name for name in (*ask.channels, *ask.xy) if name not in strips.PLACES]
+        if unknown:
+            await self._reply(ask.id, False, f"there is no channel {unknown[0]}")
+            return
+        self._shows = ask
+        self._cursor.look_at(
+            View(
+                window=ask.window,
+                channels=tuple(strips.PLACES[name] for name in ask.channels),
+                xy=tuple(strips.PLACES[name] for name in ask.xy),
+                tail_s=ask.tail_s,
+            )
+        )
+
     def _take_back(self) -> list[int]:
         taken = []
-        with contextlib.suppress(asyncio.QueueEmpty):
-            while True:
-                taken.append(self._waiting.get_nowait().id)
+        for queue in (self._waiting, self._questions):
+            with contextlib.suppress(asyncio.QueueEmpty):
+                while True:
+                    taken.append(queue.get_nowait().id)
         return taken
 
     async def _stop(self, ask: commands.Stop, taken_back: list[int]) -> None:
         spare: AsyncClient | None = None
+        # One that has only just begun would else arm after the stop.
+        self._desk.jobs.interrupt(on_the_bench=True)
         try:
             client, control = self._connected()
             if len(self._stops) > 1:
@@ -170,9 +210,34 @@ class Page:
                 done, text = True, await commands.carry_out(client, control, ask)
                 if isinstance(ask, commands.Arm):
                     self._armed_at = self._source.version
+                elif isinstance(ask, commands.MARKING):
+                    self._source.mark(ask.mark())
             except SmadError as error:
                 done, text = False, str(error)
             await self._reply(ask.id, done, text)
+
+    async def _inquire(self) -> None:
+        while True:
+            ask = await self._questions.get()
+            found = None
+            try:
+                text, found = await self._desk.answer(ask)
+                done = True
+            except SmadError as error:
+                done, text = False, str(error)
+            await self._reply(ask.id, done, text, found)
+
+    async def _look_back(self) -> None:
+        while True:
+            await self._looked.wait()
+            self._looked.clear()
+            ask = self._back
+            assert ask is not None
+            if ask.to_s <= ask.from_s:
+                await self._reply(ask.id, False, "a span ends after it begins")
+                continue
+            found = await self._desk.past(ask.from_s, ask.to_s, self._cursor.view)
+            await self._reply(ask.id, True, "", found)
 
     async def _renew(self) -> None:
         control = self._control
@@ -180,7 +245,7 @@ class Page:
             return
         try:
             # Control is for driving: once somebody has ended that, it is anybody's again.
-            await (control.release() if self._is_over(control) else control.take())
+            await (control.release() if self._is_over(control) else control.renew())
         except SmadError:
             control.held = False
 
@@ -219,7 +284,8 @@ class Page:
         if source.config is not self._config:
             # The daemon was started again, perhaps with other gains and limits: begin anew.
             self._config = source.config
-            self._cursor.look_at(0)
+            self._cursor.look_at(View())
+            self._shows = commands.Show(live=False)
             self._frames = 0
             yield _encode(hello(source, self._right)).decode()
         news = source.version != self._version or silent != self._silent
@@ -228,26 +294,39 @@ class Page:
             self._unconfirmed_s = source.clock_s()
             ours = self._control is not None and self._control.held
             yield _encode(status_message(source, ours=ours)).decode()
-        if self._frames < IN_FLIGHT and not silent:
+            yield from self._other_news()
+        if self._frames < IN_FLIGHT and not silent and self._shows.live:
             taken = self._cursor.take()
             if taken is not None:
                 self._frames += 1
                 yield _encode(self._frame(*taken)).decode()
 
-    def _frame(self, frame: Any, whole: bool) -> dict[str, Any]:
+    def _other_news(self) -> Iterator[str]:
+        source, jobs = self._source, self._desk.jobs
+        if source.marks_set != self._marks_set:
+            self._marks_set = source.marks_set
+            yield _encode({"type": "marks", "marks": list(source.marks)}).decode()
+        if jobs.version != self._job_version and self._right == "command":
+            self._job_version = jobs.version
+            yield _encode({"type": "job", "job": jobs.told()}).decode()
+
+    def _frame(self, frame: Frame, moments: Moments | None, whole: bool) -> dict[str, Any]:
         return {
             "type": "frame",
-            "window": self._cursor.window,
+            # Which request it answers: frames of an earlier one are on their way still.
+            "view": self._shows.id,
             "whole": whole,
             "from_s": frame.from_s,
             "t": frame.t,
             "y": frame.y,
-            "now": self._source.now,
+            "xy": moments,
+            "now": [self._source.now[place] for place in self._cursor.view.channels],
             "mode": self._source.mode_name,
         }
 
-    async def _reply(self, number: int, done: bool, text: str) -> None:
-        await self._send({"type": "reply", "id": number, "done": done, "text": text})
+    async def _reply(self, number: int, done: bool, text: str, found: Any = None) -> None:
+        reply = {"type": "reply", "id": number, "done": done, "text": text, "found": found}
+        await self._send(reply)
 
     async def _send(self, message: dict[str, Any]) -> None:
         await self._connection.send(_encode(message).decode())
@@ -261,7 +340,8 @@ def hello(source: Source, right: Right) -> dict[str, Any]:
         "right": right,
         "modes": MODE_MEANS,
         "windows": [{"label": w.label, "span_s": w.span_s} for w in WINDOWS],
-        "strips": strips.STRIPS,
+        "channels": strips.CHANNELS,
+        "layout": {"strips": strips.LAYOUT, "xy": strips.XY_LAYOUT},
         "limits": strips.limits(source.config),
         "trajectories": forms.trajectories(),
         "tuning": forms.tuning(source.config),
@@ -283,6 +363,7 @@ def status_message(source: Source, *, ours: bool) -> dict[str, Any]:
         "away": source.why_away,
         "silent_s": round(source.silent_s, 1),
         "status": now,
+        "first_s": source.first_s,
         "limits": strips.limits(source.config),
     }
 

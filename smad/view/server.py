@@ -8,7 +8,7 @@ import logging
 import os
 import socket
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from http import HTTPStatus
 from typing import NamedTuple
 from urllib.parse import urlsplit
@@ -21,7 +21,8 @@ from websockets.typing import Subprotocol
 
 from smad.client import AsyncClient
 from smad.errors import ConfigError
-from smad.view.access import HEADERS, PROTOCOL, Denied, Door, Right
+from smad.view.access import HEADERS, PROTOCOL, REPORT_HEADERS, Denied, Door, Right
+from smad.view.desk import Desk
 from smad.view.page import Page, static_files
 from smad.view.source import TIMEOUT_S, Source
 from smad.view.tasks import end
@@ -35,6 +36,7 @@ LARGEST_MESSAGE = 16_384
 CLOSING_S = 1.0
 """How long the server waits at its end for a page to say goodbye; one that is asleep never does."""
 _WEBSOCKET = "/ws"
+_HTML = "text/html; charset=utf-8"
 _KEY_PLACE = b"{key}"
 """Where `index.html` has the key; empty for who has but the cookie."""
 _log = logging.getLogger(__name__)
@@ -52,6 +54,7 @@ class LivePage:
 
     def __init__(self, bench: str, door: Door, port: int) -> None:
         self.source = Source(bench)
+        self.desk = Desk(self.source)
         self._bench = bench
         self._door = door
         self._open: Counter[Right] = Counter()
@@ -74,6 +77,9 @@ class LivePage:
             return _response(HTTPStatus.OK, content, Content_Type=kind, Set_Cookie=judged.cookie)
         if path == _WEBSOCKET:
             return None
+        report = self.desk.jobs.report(path)
+        if report is not None:
+            return _response(HTTPStatus.OK, report, REPORT_HEADERS, Content_Type=_HTML)
         if path not in self._files:
             return _response(HTTPStatus.NOT_FOUND, b"There is no such page.\n")
         kind, content = self._files[path]
@@ -100,6 +106,7 @@ class LivePage:
                 judged.right,
                 self.source,
                 lambda: AsyncClient(self._bench, timeout_s=TIMEOUT_S, lease_s=None),
+                self.desk,
             ).run()
         except Exception:
             _log.exception("a page was closed by an error of the server")
@@ -151,6 +158,7 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
             yield page
         finally:
             await end(following)
+            await page.desk.close()
             if not following.cancelled():
                 following.result()
 
@@ -160,10 +168,12 @@ def _headers(headers: Headers) -> dict[str, str]:
     return {name.lower(): ", ".join(headers.get_all(name)) for name in headers}
 
 
-def _response(status: HTTPStatus, body: bytes, **extra: str) -> Response:
+def _response(
+    status: HTTPStatus, body: bytes, common: Mapping[str, str] = HEADERS, **extra: str
+) -> Response:
     headers = Headers(
         {
-            **HEADERS,
+            **common,
             "Content-Type": "text/plain; charset=utf-8",
             "Content-Length": str(len(body)),
             "Connection": "close",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
+from collections import deque
 from collections.abc import Callable
 
 import msgspec
@@ -22,6 +23,7 @@ from smad.config import Config
 from smad.config.load import parse_config
 from smad.errors import SmadError
 from smad.view import strips
+from smad.view.errands import Mark
 from smad.view.feed import FRAMES_PER_S, Feed
 from smad.view.state import MODES, NO_WORD, Shown, shown
 
@@ -31,6 +33,7 @@ PARAMS_EVERY = 10
 RETRY_S = 0.5
 SILENT_AFTER_S = 1.5
 TIMEOUT_S = 2.0
+MOST_MARKS = 200
 _QUEUE = 2000
 _TOPIC = TELEMETRY_TOPIC.encode()
 
@@ -39,12 +42,18 @@ class Source:
     """One bench, seen by any number of pages.
 
     `why_away` says in a line why the daemon cannot be reached, and is empty while it can.
-    `version` grows with every status, and with every failure to get one.
+    `version` grows with every status, and with every failure to get one. `log_path` is the run log
+    that is written or was last, `folder` where run logs are; both are empty until a status came.
     """
 
     def __init__(self, bench: str, clock_s: Callable[[], float] = time.monotonic) -> None:
         self.bench = bench
-        self.feed = Feed(len(strips.COLUMNS))
+        self.feed = Feed(len(strips.CHANNELS), strips.MOTION)
+        self.marks: deque[Mark] = deque(maxlen=MOST_MARKS)
+        self.marks_set = 0
+        self.log_path = self.folder = ""
+        self.log_first_s: float | None = None
+        self.reference_mm = 0.0
         self.version = 0
         self.why_away = "the daemon has not answered yet"
         self.shown: Shown | None = None
@@ -61,6 +70,19 @@ class Source:
         """Seconds since the last sample, once they are too many; else 0."""
         silent = self.clock_s() - self._last_sample_s
         return silent if silent > SILENT_AFTER_S else 0.0
+
+    @property
+    def first_s(self) -> float | None:
+        """Since when there is something to look back at; None while nothing has come."""
+        return min(
+            (t for t in (self.feed.first_s, self.log_first_s) if t is not None), default=None
+        )
+
+    def mark(self, text: str) -> None:
+        """Mark the newest sample on the strips of all pages."""
+        if self.now:
+            self.marks.append(Mark(round(self.feed.last_s, 3), text))
+            self.marks_set += 1
 
     @property
     def mode_name(self) -> str:
@@ -106,6 +128,11 @@ class Source:
             # The daemon missed the board sooner than we miss its samples.
             self.mode = None
         self.why_away = ""
+        recorder, motion = status.recorder, status.motion
+        if recorder.path != self.log_path:
+            self.log_path, self.log_first_s = recorder.path, None
+        self.folder = recorder.folder
+        self.reference_mm = motion.reference_mm or motion.displacement_mm or 0.0
         self.version += 1
 
     def _away(self, why: str) -> None:

@@ -1,6 +1,7 @@
-"""The one table of what the page draws: strips, their curves, units and limits.
+"""The one table of what the page draws: channels, the strips it begins with, units and limits.
 
-Pure. A page gets it as it is; the columns of a frame are `COLUMNS`, in this order.
+Pure. A page gets both as they are. `STRIPS` is also what the log's page, the terminal and the
+layouts of other viewers show; a live page shows any of `CHANNELS` in any strip.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from msgspec import Struct
 
 from smad.api import Telemetry
 from smad.config import Config
+from smad.runlog import schema
 
 
 class Curve(Struct, frozen=True):
@@ -110,17 +112,85 @@ STRIPS = (
     ),
 )
 
-COLUMNS = tuple(curve.column for strip in STRIPS for curve in strip.curves)
 
-_of_columns = attrgetter(*COLUMNS)
+class Channel(Struct, frozen=True, kw_only=True):
+    """A channel as the live page draws it: `title` says what, `label` which of several.
+
+    `limit`, `both_ways` and `scale` are those of a strip; `span`: the axis is always this one.
+    """
+
+    name: str
+    title: str
+    label: str
+    unit: str
+    digits: int
+    pen: str
+    scale: float = 1.0
+    limit: str = ""
+    both_ways: bool = False
+    span: tuple[float, float] | None = None
+
+
+NO_QUANTITY = frozenset({"t_s", "host_time_s", "tick", "faults", "warnings", "valid"})
+"""Channels of the log that are times, counters of samples or bits: no curve says anything."""
+_DIGITS = {"A": 2, "V": 2, "degC": 1, "mm": 2, "N": 2, "deg": 1, "ms": 2, "1": 2}
+_UNITS = {"degC": "°C", "deg": "°", "1": ""}
+
+
+def _of_strip(strip: Strip, curve: Curve) -> Channel:
+    fixed = strip.least is not None and strip.most is not None
+    return Channel(
+        name=curve.column,
+        title=strip.title,
+        label=curve.label,
+        unit=strip.unit,
+        digits=strip.digits,
+        pen=curve.pen,
+        scale=strip.scale,
+        limit=strip.limit,
+        both_ways=strip.both_ways,
+        span=(strip.least, strip.most) if fixed else None,  # type: ignore[arg-type]
+    )
+
+
+def _of_log(spec: schema.ChannelSpec) -> Channel:
+    title, _, label = spec.description.partition(", ")
+    spring = label if label in ("X", "Y") else ""
+    return Channel(
+        name=spec.name,
+        title=f"{title[0].upper()}{title[1:]}",
+        label=spring or spec.name,
+        unit=_UNITS.get(spec.unit, spec.unit),
+        digits=_DIGITS.get(spec.unit, 0),
+        pen=spring.lower() or "main",
+    )
+
+
+_OF_STRIPS = {curve.column: _of_strip(strip, curve) for strip in STRIPS for curve in strip.curves}
+CHANNELS = tuple(
+    _OF_STRIPS.get(name) or _of_log(spec)
+    for name, spec in schema.CHANNELS.items()
+    if name not in NO_QUANTITY
+)
+PLACES: Mapping[str, int] = {channel.name: place for place, channel in enumerate(CHANNELS)}
+"""Where each channel stands in `values`."""
+MOTION = PLACES["displacement_mm"]
+LAYOUT = tuple(
+    tuple(curve.column for curve in strip.curves) for strip in STRIPS if not strip.on_demand
+)
+"""The strips that a page begins with, by their channels."""
+XY_LAYOUT = (("rtd_x_degC", "displacement_mm"), ("displacement_mm", "force_N"))
+"""The XY plots that a page begins with, by what goes right and what goes up."""
+
+_of_columns = attrgetter(*PLACES)
 
 
 def values(sample: Telemetry) -> tuple[float | None, ...]:
-    """Return what the page draws of a sample, in the order of COLUMNS."""
+    """Return what the page may draw of a sample, in the order of CHANNELS."""
     taken: tuple[float | None, ...] = _of_columns(sample)
     return taken
 
 
 def limits(config: Config) -> Mapping[str, float]:
-    """Return the host's limit of each strip that has one; the daemon ends a motion there."""
-    return {strip.name: attrgetter(strip.limit)(config) for strip in STRIPS if strip.limit}
+    """Return the host's limit of each channel that has one; the daemon ends a motion there."""
+    return {one.name: attrgetter(one.limit)(config) for one in CHANNELS if one.limit}

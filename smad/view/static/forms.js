@@ -1,6 +1,6 @@
 // Inputs made from the server's description of the types; nothing here knows a trajectory by name.
 
-import { element } from "./strips.js";
+import { element } from "./style/plots.js";
 
 // Fill `host` with the inputs of a form; returns a function that reads them.
 export function build(host, form) {

@@ -73,11 +73,18 @@ export class Link {
     }
   }
 
+  // Send what needs no answer; returns its number.
+  tell(message) {
+    this.lastId += 1;
+    this.send({ ...message, id: this.lastId });
+    return this.lastId;
+  }
+
   send(message) {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 
-  // Ask for something; resolves to { done, text }.
+  // Ask for something; resolves to { done, text, found }.
   ask(message) {
     this.lastId += 1;
     const id = this.lastId;

@@ -1,198 +1,237 @@
-// The plots: one uPlot a strip, all on the same time, drawn at most once for each screen refresh.
+// The strips: one uPlot each, all on the same time, drawn at most once for each screen refresh.
 
-import { axis, clipped, css, curve, drawMarks, element, line, onScheme, setText, shown } from "./style/plots.js";
 import uPlot from "./style/vendor/uPlot.js";
-
-export { element, setText };
+import { options } from "./layout.js";
+import { around, button, clock, limitLines } from "./plot.js";
+import { axis, curve, drawMarks, element, setText, shown } from "./style/plots.js";
 
 const HEIGHT = 150;
-const MOST_MARKS = 50;
 const NEAR = 0.1; // of a limit
+const PENS = 6; // colours for runs, which serve where two curves of a strip have one pen
+const MOST_UNITS = 2;
 
 export class Strips {
-  constructor(host, hello, drawn) {
-    this.host = host;
-    this.drawn = drawn; // told when a frame is on the screen
-    this.columns = hello.strips.flatMap((strip) => strip.curves.map((curve) => strip.scale));
-    this.limits = hello.limits;
-    this.fit = false;
-    this.spanS = hello.windows[0].span_s;
-    this.t = [];
-    this.y = this.columns.map(() => []);
-    this.now = this.columns.map(() => null);
-    this.marks = [];
-    this.frames = 0;
-    this.asked = false;
-    let first = 0;
-    this.strips = hello.strips.map((strip) => {
-      const made = new Strip(this, strip, first);
-      first += strip.curves.length;
-      return made;
-    });
-    host.replaceChildren(...this.strips.map((strip) => strip.box));
+  constructor(host, data, view, layout) {
+    Object.assign(this, { host, data, view, layout });
+    this.strips = [];
+    this.pointed = () => {}; // told the time under the pointer, or null
     this.sizes = new ResizeObserver(() => this.strips.forEach((strip) => strip.resize()));
     this.sizes.observe(host);
-    this.light = onScheme(() => this.strips.forEach((strip) => strip.plot.redraw()));
+    this.build();
+  }
+
+  // Those whose channels stay keep their plot.
+  build() {
+    const old = this.strips;
+    const open = new Set(old.filter((strip) => strip.editor.open).map((strip) => strip.key));
+    this.strips = this.layout.strips.map((names, at) => {
+      const place = old.findIndex((strip) => strip.key === names.join());
+      const strip = place < 0 ? new Strip(this, names) : old.splice(place, 1)[0];
+      strip.at = at;
+      return strip;
+    });
+    old.forEach((strip) => strip.plot.destroy());
+    // A strip that was changed by its editor keeps it open.
+    if (old.length === 1 && open.has(old[0].key)) {
+      const changed = this.strips.find((strip) => strip.fresh);
+      if (changed) changed.editor.open = true;
+    }
+    this.strips.forEach((strip) => { strip.fresh = false; });
+    this.host.replaceChildren(...this.strips.map((strip) => strip.box));
     this.strips.forEach((strip) => strip.resize());
   }
 
   close() {
     this.sizes.disconnect();
-    this.light();
     this.strips.forEach((strip) => strip.plot.destroy());
   }
 
-  // Points from `from_s` on are replaced; those that left the window are forgotten.
-  take(frame) {
-    const scaled = frame.y.map((curve, i) => scale(curve, this.columns[i]));
-    this.now = frame.now.map((value, i) => (value == null ? null : value * this.columns[i]));
-    if (frame.whole) {
-      this.t = frame.t;
-      this.y = scaled;
-    } else {
-      let keep = this.t.length;
-      while (keep > 0 && this.t[keep - 1] >= frame.from_s) keep -= 1;
-      const newest = frame.t[frame.t.length - 1];
-      let begin = 0;
-      while (begin < keep && this.t[begin] < newest - this.spanS) begin += 1;
-      this.t = this.t.slice(begin, keep).concat(frame.t);
-      this.y = this.y.map((curve, i) => curve.slice(begin, keep).concat(scaled[i]));
-    }
-    this.frames += 1;
-    this.marks = this.marks.filter((mark) => mark.x >= this.t[0]);
-    this.draw();
-  }
-
   draw() {
-    if (this.asked) return;
-    this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      for (const strip of this.strips) strip.draw();
-      for (; this.frames > 0; this.frames -= 1) this.drawn();
-    });
-  }
-
-  // A line at the newest time: what was changed, so that its effect is seen beside it.
-  mark(text) {
-    if (this.t.length) this.marks.push({ x: this.t[this.t.length - 1], text });
-    if (this.marks.length > MOST_MARKS) this.marks.shift();
-  }
-
-  show(name, visible) {
-    const strip = this.strips.find((one) => one.strip.name === name);
-    strip.box.hidden = !visible;
-    strip.resize();
-    strip.draw();
+    for (const strip of this.strips) strip.draw();
   }
 }
 
-const scale = (curve, by) =>
-  by === 1 ? curve : curve.map((value) => (value == null ? null : value * by));
-
 class Strip {
-  constructor(all, strip, first) {
+  constructor(all, names) {
     this.all = all;
-    this.strip = strip;
-    this.first = first;
-    this.values = strip.curves.map((curve) =>
-      element("span", { className: `value pen-${curve.pen}` }));
+    this.names = names;
+    this.key = names.join();
+    this.fresh = true;
+    this.channels = names.map((name) => all.data.channels.get(name));
+    this.units = [...new Set(this.channels.map((channel) => channel.unit))];
+    this.pens = pensOf(this.channels);
+    this.values = this.channels.map((channel, i) => {
+      const value = element("span", { className: "value", title: channel.name });
+      value.style.color = `var(--${this.pens[i]})`;
+      return value;
+    });
     this.distance = element("span", { className: "distance" });
-    const heading = element("h2", {}, strip.title, ...this.values, this.distance);
-    this.box = element("div", { className: "strip", hidden: strip.on_demand }, heading);
-    this.box.dataset.strip = strip.name;
-    this.plot = new uPlot(this.options(), this.data(), this.box);
+    const titles = [...new Set(this.channels.map((channel) => channel.title))].join(", ");
+    this.heading = element("h2", { draggable: true, title: "Drag to move this strip" }, titles,
+      ...this.values, this.distance);
+    this.editor = this.makeEditor();
+    this.box = element("div", { className: "strip" }, this.heading, this.editor);
+    this.box.dataset.strip = this.key;
+    this.plot = new uPlot(this.options(), this.curves(all.data.drawn(all.view.live)), this.box);
+    this.listen();
   }
 
   options() {
+    const scales = Object.fromEntries(this.units.map((unit, k) => [`y${k}`,
+      { range: (plot, low, high) => this.range(unit, low, high) }]));
+    const sides = this.units.slice(0, MOST_UNITS).map((unit, k) => ({
+      ...axis({ scale: `y${k}`, side: k ? 1 : 3, size: 50, space: 24 }),
+      ...(k ? { grid: { show: false }, label: unit, labelSize: 14 } : {}),
+    }));
     return {
       width: 300,
       height: HEIGHT,
       legend: { show: false },
-      cursor: { sync: { key: "strips" }, drag: { x: false, y: false } },
-      scales: { x: { time: true, auto: false }, y: { range: (plot, low, high) => this.range(low, high) } },
-      axes: [axis({ size: 26, space: 80, values: clock }), axis({ size: 46, space: 24 })],
-      series: [{}, ...this.strip.curves.map(({ pen }) => curve(pen, pen === "reference" ? [6, 4] : []))],
-      hooks: { draw: [() => this.lines()], setCursor: [() => this.label()] },
+      cursor: {
+        sync: { key: "strips", filters: { pub: (kind) => kind === "mousemove" || kind === "mouseleave" } },
+        drag: { x: true, y: false, setScale: false },
+      },
+      scales: { x: { time: true, auto: false }, ...scales },
+      axes: [axis({ size: 26, space: 80, values: clock }), ...sides],
+      series: [{}, ...this.channels.map((channel, i) => ({
+        ...curve(this.pens[i], channel.pen === "reference" ? [6, 4] : []),
+        scale: `y${this.units.indexOf(channel.unit)}`,
+      }))],
+      hooks: {
+        draw: [() => this.lines()],
+        setCursor: [() => this.label()],
+        setSelect: [() => this.selected()],
+      },
     };
   }
 
-  data() {
-    const last = this.first + this.strip.curves.length;
-    return [this.all.t, ...this.all.y.slice(this.first, last)];
+  // The pointer: drag zooms, ctrl with the wheel zooms, shift with it goes back and forth.
+  listen() {
+    const { view } = this.all;
+    const at = (event) => this.plot.posToVal(event.offsetX, "x");
+    this.plot.over.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && !event.shiftKey) return;
+      event.preventDefault();
+      const turned = event.deltaY || event.deltaX;
+      if (event.ctrlKey) view.zoom(turned > 0 ? 1.25 : 0.8, view.live ? undefined : at(event));
+      else view.pan(Math.sign(turned) * 0.1);
+    }, { passive: false });
+    this.plot.over.addEventListener("dblclick", () => view.follow());
+    this.heading.addEventListener("dragstart", (event) => {
+      event.dataTransfer.setData("text/plain", String(this.at));
+    });
+    this.box.addEventListener("dragover", (event) => event.preventDefault());
+    this.box.addEventListener("drop", (event) => {
+      event.preventDefault();
+      const from = Number(event.dataTransfer.getData("text/plain"));
+      if (Number.isInteger(from)) this.all.layout.move("strips", from, this.at);
+    });
   }
 
-  range(low, high) {
-    const limit = this.all.limits[this.strip.name];
-    const wanted = [low, high].filter((value) => value != null);
-    if (!this.all.fit) {
-      wanted.push(...[this.strip.least, this.strip.most].filter((value) => value != null));
-      if (limit != null) wanted.push(limit, ...(this.strip.both_ways ? [-limit] : []));
-    }
-    if (!wanted.length) return [0, 1];
-    const [least, most] = [Math.min(...wanted), Math.max(...wanted)];
-    const margin = Math.max(0.06 * (most - least), 0.5 * 10 ** -this.strip.digits);
-    return [least - margin, most + margin];
+  selected() {
+    const { left, width } = this.plot.select;
+    if (width < 4) return;
+    const [from, to] = [this.plot.posToVal(left, "x"), this.plot.posToVal(left + width, "x")];
+    this.plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+    this.all.view.look(from, to);
+  }
+
+  makeEditor() {
+    const { layout, data } = this.all;
+    const set = (names) => (names.length
+      ? layout.replace("strips", this.at, names) : layout.remove("strips", this.at));
+    const chips = this.channels.map((channel) => button(`${channel.title} ${channel.label} ✕`,
+      `Take ${channel.name} away`, () => set(this.names.filter((name) => name !== channel.name))));
+    const free = (channel) => !this.names.includes(channel.name)
+      && (this.units.includes(channel.unit) || this.units.length < MOST_UNITS);
+    const add = element("select", { ariaLabel: "Add a channel to this strip" },
+      element("option", { value: "", textContent: "add a channel …" }), ...options(data.channels, free));
+    add.onchange = () => add.value && set([...this.names, add.value]);
+    return element("details", { className: "editor" }, element("summary", { textContent: "⋯", title: "Change this strip", ariaLabel: "Change this strip" }),
+      element("div", { className: "row" }, ...chips, add,
+        button("↑", "Move this strip up", () => layout.move("strips", this.at, this.at - 1)),
+        button("↓", "Move this strip down", () => layout.move("strips", this.at, this.at + 1)),
+        button("Remove", "Remove this strip", () => layout.remove("strips", this.at))));
+  }
+
+  curves(drawn) {
+    const none = [];
+    return [drawn.t, ...this.names.map((name) => drawn.y.get(name)
+      ?? (none.length ? none : Object.assign(none, drawn.t.map(() => null))))];
+  }
+
+  range(unit, low, high) {
+    const some = this.channels.filter((channel) => channel.unit === unit);
+    return some[0].span ?? around(low, high, Math.max(...some.map((channel) => channel.digits)));
   }
 
   resize() {
     const width = this.all.host.clientWidth;
-    if (width && !this.box.hidden) this.plot.setSize({ width, height: HEIGHT });
+    if (width) this.plot.setSize({ width, height: HEIGHT });
   }
 
   draw() {
-    if (this.box.hidden) return;
-    const { t, spanS } = this.all;
+    const { data, view } = this.all;
+    const [min, max] = view.range;
     this.plot.batch(() => {
-      this.plot.setData(this.data(), false);
-      const newest = t.length ? t[t.length - 1] : Date.now() / 1000;
-      this.plot.setScale("x", { min: newest - spanS, max: newest });
+      this.plot.setData(this.curves(data.drawn(view.live)), false);
+      this.plot.setScale("x", { min, max });
     });
     this.label();
   }
 
-  // The limits, and the marks of what was changed.
   lines() {
-    const limit = this.all.limits[this.strip.name];
-    if (limit != null) {
-      clipped(this.plot, (ctx, bbox) => {
-        ctx.strokeStyle = css("--limit");
-        ctx.setLineDash([8 * devicePixelRatio, 4 * devicePixelRatio]);
-        for (const value of this.strip.both_ways ? [limit, -limit] : [limit]) {
-          const y = this.plot.valToPos(value, "y", true);
-          line(ctx, bbox.left, y, bbox.left + bbox.width, y);
-        }
-      });
+    const { data, view } = this.all;
+    const limited = new Map(this.channels.filter((channel) => data.limits[channel.name] != null)
+      .map((channel) => [channel.unit, channel]));
+    for (const channel of limited.values()) {
+      limitLines(this.plot, `y${this.units.indexOf(channel.unit)}`, channel, data.limits[channel.name]);
     }
-    drawMarks(this.plot, this.all.marks, true);
+    drawMarks(this.plot, data.marksDrawn(view.live), true);
   }
 
-  // Values under the pointer, or else the newest; and how far the newest is from its limit.
+  // Values under the pointer, or else the newest shown; and how far the newest is from its limit.
   label() {
     if (!this.plot) return;
-    const at = this.plot.cursor.idx;
-    const pointed = at != null && this.plot.cursor.left >= 0;
-    const { curves, digits, unit, both_ways: bothWays } = this.strip;
-    const newest = curves.map((curve, i) => this.all.now[this.first + i]);
-    curves.forEach((curve, i) => {
-      const value = pointed ? this.all.y[this.first + i][at] : newest[i];
-      setText(this.values[i], `${curve.label} ${shown(value, digits)} ${unit}`);
+    const { data, view } = this.all;
+    const { idx, left } = this.plot.cursor;
+    const pointed = idx != null && left >= 0;
+    const drawn = data.drawn(view.live);
+    const at = pointed ? idx : drawn.t.length - 1;
+    if (this.plot.over.matches(":hover")) this.all.pointed(pointed ? drawn.t[idx] : null);
+    this.channels.forEach((channel, i) => {
+      const value = view.live && !pointed ? data.now.get(channel.name) : drawn.y.get(channel.name)?.[at];
+      setText(this.values[i], `${channel.label} ${shown(value, channel.digits)} ${channel.unit}`);
     });
-    const limit = this.all.limits[this.strip.name];
-    const measured = newest.filter((value, i) => value != null && curves[i].pen !== "reference");
-    if (limit == null || !measured.length) return setText(this.distance, "");
-    const left = limit - Math.max(...measured.map((v) => (bothWays ? Math.abs(v) : v)));
-    setText(this.distance, left < 0
-      ? `${shown(-left, digits)} ${unit} beyond the limit of ${limit}`
-      : `${shown(left, digits)} ${unit} to the limit of ${limit}`);
-    this.distance.classList.toggle("near", left < NEAR * limit);
+    const [text, near] = view.live ? distanceOf(this.channels, data) : ["", false];
+    setText(this.distance, text);
+    this.distance.classList.toggle("near", near);
   }
 }
 
-function clock(plot, splits) {
-  const digits = (number) => String(number).padStart(2, "0");
-  return splits.map((seconds) => {
-    const at = new Date(seconds * 1000);
-    return `${digits(at.getHours())}:${digits(at.getMinutes())}:${digits(at.getSeconds())}`;
+// How far the channel is from its limit that is nearest to it.
+function distanceOf(channels, data) {
+  let least = Infinity;
+  let found = ["", false];
+  for (const channel of channels) {
+    const limit = data.limits[channel.name];
+    const value = data.now.get(channel.name);
+    if (limit == null || value == null || channel.pen === "reference") continue;
+    const left = limit - (channel.both_ways ? Math.abs(value) : value);
+    if (left / limit >= least) continue;
+    least = left / limit;
+    const words = left < 0 ? "beyond the limit" : "to the limit";
+    found = [`${shown(Math.abs(left), channel.digits)} ${channel.unit} ${words} of ${limit}`, least < NEAR];
+  }
+  return found;
+}
+
+function pensOf(channels) {
+  const used = new Set();
+  return channels.map((channel) => {
+    let pen = channel.pen;
+    for (let k = 1; used.has(pen) && k <= PENS; k += 1) pen = `run-${k}`;
+    used.add(pen);
+    return pen;
   });
 }

@@ -3,10 +3,13 @@
 
 import { build, buildLive } from "./forms.js";
 import { Link } from "./link.js";
-import { Strips, element, setText } from "./strips.js";
+import { element, setText } from "./style/plots.js";
+import { Plots } from "./plots.js";
+import { Runs, previewed } from "./runs.js";
 
 const $ = (id) => document.getElementById(id);
-let strips = null;
+let plots = null;
+let runs = null;
 let status = null;
 let modes = {};
 let showGains = () => {};
@@ -14,10 +17,11 @@ let showGains = () => {};
 const link = new Link({
   hello: begin,
   frame: (frame) => {
-    if (frame.window !== Number($("window").value)) link.send({ do: "drawn" });
-    else strips.take(frame);
     mode(frame.mode);
+    if (!plots.take(frame)) link.send({ do: "drawn" });
   },
+  marks: ({ marks }) => plots.marks(marks),
+  job: ({ job }) => runs?.job(job),
   status: take,
   lost: (why) => become("lost", "Connection lost", `${why} STOP does not reach the bench from here: use smad disarm, or its switch.`),
 });
@@ -35,40 +39,27 @@ function become(state, what = "", why = "") {
 }
 
 function begin(hello) {
-  strips?.close();
+  plots?.close();
   modes = hello.modes;
-  strips = new Strips($("strips"), hello, () => link.send({ do: "drawn" }));
+  plots = new Plots(hello, link);
   setText($("bench"), hello.bench);
   document.title = `${hello.bench} – smad`;
   if (hello.right !== "command") {
     document.querySelectorAll(".command").forEach((node) => node.remove());
-  } else {
-    moving(hello.trajectories);
-    $("tune").replaceChildren();
-    showGains = buildLive($("tune"), hello.tuning, tune);
+    return;
   }
-  const windows = hello.windows.map((w, i) => element("option", { value: i, textContent: w.label }));
-  $("window").replaceChildren(...windows);
-  $("window").onchange = () => {
-    const window = Number($("window").value);
-    strips.spanS = hello.windows[window].span_s;
-    link.send({ do: "look_at", window });
-  };
-  $("axes").onchange = () => {
-    strips.fit = $("axes").value === "fit";
-    strips.draw();
-  };
-  $("axes").onchange();
-  $("on-demand").replaceChildren(...hello.strips.filter((s) => s.on_demand).map((strip) => {
-    const box = element("input", { type: "checkbox" });
-    box.onchange = () => strips.show(strip.name, box.checked);
-    return element("label", {}, box, ` ${strip.title}`);
-  }));
+  const channel = plots.data.channels.get("displacement_mm");
+  const limit = () => plots.data.limits.displacement_mm;
+  moving(hello.trajectories, channel, limit);
+  $("tune").replaceChildren();
+  showGains = buildLive($("tune"), hello.tuning, tune);
+  runs = new Runs({ ask: (message) => link.ask(message), say: ask, channel, limit });
 }
 
 function take(message) {
   status = message.status;
-  strips.limits = message.limits;
+  plots.data.limits = message.limits;
+  plots.session(message.first_s);
   if (message.away) {
     become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`);
   } else if (message.silent_s > 0) {
@@ -118,7 +109,6 @@ function offer(now) {
   showGains(now.gains);
   setText($("record-go"), now.recording ? "Stop recording" : "Record");
   $("record-name").hidden = now.recording;
-  $("note").hidden = !now.recording;
   const state = (holds) => (holds === null ? "unknown" : holds ? "holds" : "fails");
   $("conditions").replaceChildren(...now.conditions.map((one) => element("li",
     { className: state(one.holds) }, one.text,
@@ -140,12 +130,9 @@ async function ask(message) {
   return reply.done;
 }
 
-async function tune(field, value) {
-  const done = await ask({ do: "tune", tune: { mode: "tune", [field.name]: value } });
-  if (done) strips.mark(`${field.label} ${value} ${field.unit}`);
-}
+const tune = (field, value) => ask({ do: "tune", tune: { mode: "tune", [field.name]: value } });
 
-function moving(kinds) {
+function moving(kinds, channel, limit) {
   const chosen = $("kind").value || kinds[0].tag;
   $("kind").replaceChildren(...kinds.map((kind) => element("option", { value: kind.tag, textContent: kind.title })));
   $("kind").value = chosen;
@@ -157,6 +144,8 @@ function moving(kinds) {
       element("button", { textContent: "Go", value: "go" }),
       element("button", { textContent: "Queue", value: "queue" })));
     movable(Boolean(status?.armed));
+    previewed($("move"), $("move-preview"), (message) => link.ask(message),
+      () => ({ do: "preview", trajectory: { kind: kind.tag, ...read() } }), channel, limit);
     $("move").onsubmit = (event) => {
       event.preventDefault();
       const queue = event.submitter?.value === "queue";
@@ -184,12 +173,16 @@ $("arm-now").onclick = () => {
   $("arming").close();
   ask({ do: "arm", keep_control: $("keep").checked });
 };
+document.addEventListener("keydown", (event) => {
+  if (event.key !== " " || event.target.closest("button, input, select, summary, a")) return;
+  event.preventDefault();
+  $("pause").click();
+});
 submitted("tune", () => {});
 submitted("record", () =>
   ask(status?.recording ? { do: "end_record" } : { do: "record", name: $("record-name").value }));
 submitted("note", async () => {
   const text = $("note-text").value;
   if (!(await ask({ do: "note", text }))) return;
-  strips.mark(text);
   $("note-text").value = "";
 });

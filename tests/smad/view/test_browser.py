@@ -1,17 +1,12 @@
-"""The live page in Debian's chromium, on a simulated bench in a process of its own.
-
-Where there is no browser these tests are skipped; with SMAD_REQUIRE_BROWSER set (as in .ci/run)
-they fail instead.
-"""
+"""The live page in Debian's chromium, on a simulated bench in a process of its own."""
 
 from __future__ import annotations
 
 import http.client
-import os
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -20,108 +15,21 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from bench.browser import (
-    LivePage,
-    browser,
-    credentials_of,
-    live_page,
-    resize,
-    running_daemon,
-    what_is_missing,
-)
-from smad.client import Client
+from bench.browser import LivePage, credentials_of, live_page, resize
 from smad.control.commands import Tune
-from smad.processes.daemon import DaemonProcess
 from smad.runlog.reader import read_run
 from smad.view.state import MODE_MEANS
+from smad.view.strips import LAYOUT
 
-MISSING = what_is_missing()
-REQUIRED = bool(os.environ.get("SMAD_REQUIRE_BROWSER"))
-pytestmark = pytest.mark.skipif(bool(MISSING) and not REQUIRED, reason=MISSING)
+from .browsing import PATIENCE_S, Bench, arm, choose, click, in_a_browser, is_live, text_of, until
 
-PATIENCE_S = 60.0
-"""Until something is there that comes within a second on a machine that is not busy."""
+pytestmark = in_a_browser
 HOSTILE = "<img src=x onerror=hacked=1><script>hacked=1</script>"
 STOP_BOX = """const box = document.getElementById("stop").getBoundingClientRect();
 return [box.left, box.right, box.top]"""
 GREYED = """return document.getElementById("stop").disabled
 && document.getElementById("commands").disabled
 && getComputedStyle(document.getElementById("lost")).display !== 'none'"""
-
-
-class Bench:
-    """A daemon, its page, and a client of ours beside them."""
-
-    def __init__(self, folder: Path, daemon: DaemonProcess, page: LivePage) -> None:
-        self.folder = folder
-        self.daemon = daemon
-        self.page = page
-        self.client = Client(folder=folder, timeout_s=PATIENCE_S)
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    assert not MISSING, MISSING
-    folder = tmp_path_factory.mktemp("view")
-    with running_daemon(folder, "--paced-by-host") as daemon, live_page(folder) as page:
-        made = Bench(folder, daemon, page)
-        with made.client:
-            yield made
-
-
-@pytest.fixture(scope="module")
-def chromium(bench: Bench) -> Iterator[Any]:
-    with browser(bench.folder / "profile") as driver:
-        yield driver
-
-
-@pytest.fixture
-def page(bench: Bench, chromium: Any) -> Iterator[Any]:
-    """The page by its commanding link, live; the bench is disarmed afterwards."""
-    resize(chromium, 1200, 1000)
-    chromium.get(bench.page.command)
-    until(chromium, is_live)
-    # A click on a page that has not shown the last stop yet is refused, as it should be.
-    until(chromium, lambda d: shown_generation(d) == bench.client.motion().generation)
-    yield chromium
-    if bench.client.motion().armed:
-        bench.client.disarm()
-    # The page gives control back once it is disarmed; one that vanishes leaves its lease to lapse.
-    until(chromium, lambda d: not bench.client.status().control.holder)
-    assert [entry for entry in chromium.get_log("browser") if entry["level"] == "SEVERE"] == []
-
-
-def until(driver: Any, true: Callable[[Any], Any]) -> Any:
-    from selenium.webdriver.support.ui import WebDriverWait
-
-    return WebDriverWait(driver, PATIENCE_S, poll_frequency=0.05).until(true)
-
-
-def text_of(driver: Any, name: str) -> str:
-    return str(
-        driver.execute_script("return document.getElementById(arguments[0]).textContent", name)
-    )
-
-
-def is_live(driver: Any) -> bool:
-    return bool(driver.execute_script("return document.body.dataset.link === 'live'"))
-
-
-def shown_generation(driver: Any) -> int:
-    return int(driver.execute_script("return document.body.dataset.generation || -1"))
-
-
-def click(driver: Any, selector: str) -> None:
-    from selenium.webdriver.common.by import By
-
-    until(driver, lambda d: d.find_element(By.CSS_SELECTOR, selector).is_enabled())
-    driver.find_element(By.CSS_SELECTOR, selector).click()
-
-
-def arm(driver: Any) -> None:
-    click(driver, "#arm")
-    click(driver, "#arm-now")
-    until(driver, lambda d: text_of(d, "mode") == "ARMED")
 
 
 def pictures(driver: Any) -> dict[str, str]:
@@ -138,7 +46,7 @@ def test_the_strips_move_and_show_what_the_bench_does(page: Any, bench: Bench) -
         "const kind = document.getElementById('kind'); kind.value = 'sine'; kind.onchange()"
     )
     before = pictures(page)
-    assert set(before) == {"displacement", "force", "temperature", "current", "pump"}
+    assert set(before) == {",".join(names) for names in LAYOUT}
     click(page, "#move button[value=go]")
     until(page, lambda d: "sine" in text_of(d, "said").lower())
     until(page, lambda d: all(now != before[name] for name, now in pictures(d).items()))
@@ -161,10 +69,35 @@ def test_a_page_that_is_loaded_again_goes_on_and_a_new_tab_without_a_link_does_n
     until(page, is_live)
 
 
-def test_voltages_come_on_demand(page: Any) -> None:
-    assert "voltage" not in pictures(page)
-    click(page, "#on-demand input")
-    until(page, lambda d: "voltage" in pictures(d))
+def strip_texts(driver: Any) -> dict[str, str]:
+    # A list: the driver sorts the names of an object.
+    return dict(
+        driver.execute_script(
+            "return [...document.querySelectorAll('.strip')].map("
+            "(box) => [box.dataset.strip, box.querySelector('h2').textContent])"
+        )
+    )
+
+
+def test_a_picked_channel_is_there_after_a_reload(page: Any) -> None:
+    choose(page, "#add-strip", "supply_V")
+    until(page, lambda d: "supply_V" in strip_texts(d))
+    choose(page, ".strip[data-strip=supply_V] .editor select", "rtd_inlet_degC")
+    both = "supply_V,rtd_inlet_degC"
+    until(page, lambda d: re.search(r"\d V.*\d °C", strip_texts(d).get(both, "")))
+    page.execute_script(
+        f'document.querySelector(\'[data-strip="{both}"] [title="Move this strip up"]\').click()'
+    )
+    until(page, lambda d: list(strip_texts(d)).index(both) == len(LAYOUT) - 1)
+    order = list(strip_texts(page))
+    page.refresh()
+    until(page, is_live)
+    until(page, lambda d: list(strip_texts(d)) == order)
+    until(page, lambda d: re.search(r"\d V.*\d °C", strip_texts(d)[both]))
+    page.execute_script('localStorage.setItem(\'smad-layout\', \'{"strips":[["gone"]],"xy":7}\')')
+    page.refresh()
+    until(page, is_live)
+    assert list(strip_texts(page)) == [",".join(names) for names in LAYOUT]
 
 
 def test_arming_takes_two_steps_and_shows_what_has_to_hold(page: Any, bench: Bench) -> None:
@@ -231,7 +164,7 @@ def test_a_gain_is_set_and_pages_show_what_is_in_force(page: Any, bench: Bench) 
     )
     until(page, lambda d: "kp_A_per_mm 7" in text_of(d, "said"))
     # Somebody else changes it, and a page that is opened later shows what is in force.
-    shown = "return document.querySelector('#tune input[name=kp_A_per_mm]').value"
+    shown = "return document.querySelector('#tune input[name=kp_A_per_mm]')?.value"
     bench.client.tune(Tune(kp_A_per_mm=6.0))
     until(page, lambda d: d.execute_script(shown) == "6")
     page.refresh()

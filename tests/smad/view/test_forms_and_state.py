@@ -12,8 +12,9 @@ from smad.config import Config, ControlConfig
 from smad.control.commands import Samples, Trajectory, Tune
 from smad.control.controller import Controller
 from smad.control.inforce import tune_of
-from smad.runlog.schema import Row
+from smad.runlog.schema import CHANNELS, Row
 from smad.view import commands, forms, page, state, strips
+from smad.view.desk import Desk
 from smad.view.source import Source
 
 STATIC = Path(page.__file__).parent / "static"
@@ -58,20 +59,31 @@ def test_a_gain_of_zero_still_has_a_slider() -> None:
     assert all(field.slider != 0.0 for field in form.fields)
 
 
-def test_every_column_of_a_strip_is_one_of_the_telemetry() -> None:
-    assert set(strips.COLUMNS) <= set(api.Telemetry.__struct_fields__)
+def test_every_channel_of_the_page_is_one_of_the_telemetry() -> None:
+    assert set(strips.PLACES) <= set(api.Telemetry.__struct_fields__)
     sample = api.Telemetry(timestamp=1.0, sequence=1, t_s=1.0, force_N=2.5)
-    assert dict(zip(strips.COLUMNS, strips.values(sample), strict=True))["force_N"] == 2.5
+    assert dict(zip(strips.PLACES, strips.values(sample), strict=True))["force_N"] == 2.5
+
+
+def test_every_quantity_of_the_log_is_a_channel_and_the_first_strips_have_theirs() -> None:
+    assert set(strips.PLACES) == set(CHANNELS) - strips.NO_QUANTITY
+    shown = {name for names in (*strips.LAYOUT, *strips.XY_LAYOUT) for name in names}
+    assert shown <= set(strips.PLACES)
+    assert all(channel.title and channel.label for channel in strips.CHANNELS)
 
 
 def test_limits_are_those_of_the_configuration() -> None:
     limits = strips.limits(Config())
-    assert limits["temperature"] == Config().limits.temperature_max_degC
-    assert limits["displacement"] == Config().limits.displacement_max_mm
+    assert limits["rtd_x_degC"] == Config().limits.temperature_max_degC
+    assert limits["displacement_mm"] == Config().limits.displacement_max_mm
 
 
 def test_every_command_of_a_page_has_a_way_to_the_client() -> None:
     assert set(commands.COMMANDS) == set(get_args(commands.Command))
+
+
+def test_every_question_of_a_page_has_an_answer() -> None:
+    assert set(Desk.QUESTIONS) == set(get_args(commands.Question))
 
 
 def test_the_first_message_holds_nothing_that_json_cannot() -> None:
@@ -79,7 +91,7 @@ def test_the_first_message_holds_nothing_that_json_cannot() -> None:
     text = msgspec.json.encode(
         [page.hello(source, "command"), page.status_message(source, ours=False)]
     )
-    assert json.loads(text)[0]["strips"][0]["name"] == "displacement"
+    assert json.loads(text)[0]["layout"]["strips"][0][0] == "displacement_mm"
 
 
 def status(mode: str = "SAFE", fault: api.Fault | None = None, **row: Any) -> api.Status:
@@ -187,5 +199,6 @@ def test_the_page_puts_nothing_in_as_markup() -> None:
 def test_the_page_asks_no_other_machine_for_anything() -> None:
     for path in (*STATIC.glob("*.js"), *STATIC.glob("*.css"), STATIC / "index.html"):
         assert "http" not in path.read_text(), path.name
-    assert all(name.startswith("/") for name in page.static_files())
-    assert "Permission is hereby granted" in (STATIC / "vendor" / "LICENSE.txt").read_text()
+    files = page.static_files()
+    assert all(name.startswith("/") for name in files)
+    assert "Permission is hereby granted" in files["/style/vendor/LICENSE.txt"][1].decode()

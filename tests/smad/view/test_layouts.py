@@ -10,7 +10,9 @@ from click.testing import CliRunner
 from smad.cli.log import log
 from smad.runlog.schema import CHANNELS
 from smad.view.layouts import layouts
-from smad.view.strips import COLUMNS
+from smad.view.strips import STRIPS
+
+COLUMNS = tuple(curve.column for strip in STRIPS for curve in strip.curves)
 
 
 def names_in(layout: object) -> list[str]:

@@ -14,7 +14,10 @@ from firmware_protocol.enums import BoardState
 from smad import api
 from smad.client import AsyncClient, NotReady
 from smad.view import page as pages
+from smad.view import strips
 from smad.view.access import Right
+from smad.view.desk import Desk
+from smad.view.errands import Mark
 from smad.view.page import IN_FLIGHT, MOST_STOPS, MOST_WAITING, PATIENCE_S, Page
 from smad.view.source import SILENT_AFTER_S, Source
 from smad.view.state import NO_WORD, shown
@@ -30,6 +33,8 @@ MOTION = api.Motion(
     displacement_mm=None,
     board_time_s=1.0,
 )
+ONES = (1.0,) * len(strips.PLACES)
+SHOW = {"do": "show", "channels": ["displacement_mm"]}
 MOVE = {"do": "move", "trajectory": {"kind": "hold", "duration_s": 1}}
 
 
@@ -102,6 +107,9 @@ class FakeClient:
         await self.stopped.wait()
         return MOTION
 
+    async def tune(self, gains: Any) -> None:
+        await self._do("tune")
+
     async def take_control(self, name: str, lease_s: float) -> None:
         self.asked.append("take_control")
 
@@ -119,12 +127,14 @@ class Rig:
         self.now_s = 0.0
         self.clients = 0
         self.source = Source("bench", clock_s=lambda: self.now_s)
+        self.desk = Desk(self.source)
         self.browser, self.client = Browser(), FakeClient()
         page = Page(
             cast(ServerConnection, self.browser),
             right,
             self.source,
             self._new_client,
+            self.desk,
         )
         self.running = asyncio.create_task(page.run())
 
@@ -269,8 +279,12 @@ async def test_a_page_that_goes_away_lets_its_lease_lapse() -> None:
         {"do": "note", "text": "x"},
         {"do": "record"},
         {"do": "end_record"},
+        {"do": "runs"},
+        {"do": "begin", "job": {"kind": "diagnose", "run": "a.mcap"}},
+        {"do": "begin", "job": {"kind": "experiment", "experiment": "fig9-cycle"}},
+        {"do": "end_job"},
     ],
-    ids=lambda command: str(command["do"]),
+    ids=lambda command: str(command.get("job", command)),
 )
 async def test_the_link_for_watching_commands_nothing(
     watcher: Rig, command: dict[str, Any]
@@ -298,7 +312,9 @@ async def test_frames_and_status_name_one_mode_and_the_first_message_what_each_m
     rig.source.mode = int(BoardState.COOL)
     await rig.frames_pass(1)
     rig.source.version += 1
-    rig.source.feed.add(1000.0, (1.0,) * 12)
+    rig.source.now = ONES
+    rig.source.feed.add(1000.0, ONES)
+    rig.browser.say(SHOW)
     rig.browser.say({"do": "alive"})
     await rig.settle()
     await rig.frames_pass(2)
@@ -330,7 +346,8 @@ async def test_a_status_that_knows_of_a_lost_link_takes_back_the_state_of_the_la
         '{"do":"shutdown"}',
         '{"do":"move","trajectory":{"kind":"step","displacement_mm":1e9,"duration_s":1}}',
         '{"do":"note","text":""}',
-        '{"do":"look_at","window":7}',
+        '{"do":"show","window":7}',
+        '{"do":"begin","job":{"kind":"rm","run":"a"}}',
         '{"do":"stop","extra":1}',
     ],
 )
@@ -344,8 +361,11 @@ async def test_nonsense_is_refused_and_the_page_goes_on(rig: Rig, text: str) -> 
 
 
 async def test_a_browser_that_draws_nothing_gets_no_more_and_then_the_newest(rig: Rig) -> None:
+    rig.source.now = ONES
+    rig.browser.say(SHOW)
+    await rig.settle()
     for n in range(200):
-        rig.source.feed.add(1000.0 + n * 0.1, (float(n),) * 12)
+        rig.source.feed.add(1000.0 + n * 0.1, (float(n),) * len(strips.PLACES))
         if n % 20 == 0:
             await rig.frames_pass(1)
     await rig.frames_pass(3)
@@ -394,7 +414,9 @@ async def test_a_page_whose_script_answers_nothing_loses_its_place_and_is_told_w
 async def test_a_bench_that_fell_silent_is_said_to_be_and_nothing_old_is_drawn_anew(
     rig: Rig,
 ) -> None:
-    rig.source.feed.add(1000.0, (1.0,) * 12)
+    rig.source.now = ONES
+    rig.source.feed.add(1000.0, ONES)
+    rig.browser.say(SHOW)
     await rig.frames_pass(2)
     rig.browser.say({"do": "alive"})
     rig.browser.say({"do": "drawn"})
@@ -412,12 +434,88 @@ async def test_a_bench_that_fell_silent_is_said_to_be_and_nothing_old_is_drawn_a
     assert rig.browser.replies()[5][0]
 
 
-async def test_another_window_is_sent_whole(rig: Rig) -> None:
+async def test_another_window_and_other_channels_are_sent_whole(rig: Rig) -> None:
+    rig.source.now = ONES
     for n in range(100):
-        rig.source.feed.add(1000.0 + n, (float(n),) * 12)
-    rig.browser.say({"do": "look_at", "window": 2})
+        rig.source.feed.add(1000.0 + n, (float(n),) * len(strips.PLACES))
+    await rig.frames_pass(1)
+    names = ["force_N", "mode"]
+    rig.browser.say({"do": "show", "id": 4, "window": 2, "channels": names, "xy": ["force_N"]})
     await rig.settle()
     await rig.frames_pass(2)
-    frames = [frame for frame in rig.browser.of("frame") if frame["window"] == 2]
+    frames = [frame for frame in rig.browser.of("frame") if frame["view"] == 4]
     assert frames[0]["whole"]
-    assert frames[0]["y"][0][-1] == 99.0
+    assert [curve[-1] for curve in frames[0]["y"]] == [99.0, 99.0]
+    assert frames[0]["now"] == [1.0, 1.0]
+    assert frames[0]["xy"]["y"] == [[float(n) for n in range(39, 100)]]
+
+
+async def test_a_channel_that_is_not_there_is_refused(rig: Rig) -> None:
+    rig.browser.say({"do": "show", "id": 4, "channels": ["t_s"]})
+    await rig.settle()
+    assert rig.browser.replies()[4] == (False, "there is no channel t_s")
+
+
+async def test_a_page_that_looks_back_gets_no_frames_and_what_was_then(watcher: Rig) -> None:
+    watcher.source.now = ONES
+    for n in range(1000):
+        watcher.source.feed.add(1000.0 + n / 10, (float(n),) * len(strips.PLACES))
+    watcher.source.marks.append(Mark(1050.0, "here"))
+    show = {"do": "show", "channels": ["force_N"], "xy": ["force_N"], "live": False}
+    watcher.browser.say(show)
+    watcher.browser.say({"do": "look_back", "id": 3, "from_s": 1040.0, "to_s": 1060.0})
+    await watcher.settle()
+    await watcher.frames_pass(2)
+    assert watcher.browser.of("frame") == []
+    (reply,) = (one for one in watcher.browser.of("reply") if one["id"] == 3)
+    found = reply["found"]
+    assert found["source"] == "memory"
+    assert found["marks"] == [{"x": 1050.0, "text": "here"}]
+    assert 399.0 <= found["frame"]["y"][0][0] <= 401.0
+    assert 600.0 <= found["moments"]["y"][0][-1] <= 602.0
+
+
+async def test_of_several_spans_only_the_last_is_looked_for(rig: Rig) -> None:
+    rig.source.feed.add(1000.0, ONES)
+    rig.browser.say(SHOW)
+    for number in range(1, 30):
+        rig.browser.say({"do": "look_back", "id": number, "from_s": 990.0, "to_s": 1010.0})
+    await rig.settle()
+    done = {number for number, (done, _) in rig.browser.replies().items() if done}
+    assert 29 in done
+    assert len(done) <= 2
+    assert len(rig.browser.replies()) == 29
+
+
+async def test_a_mark_stands_on_the_strips_of_all_pages(rig: Rig) -> None:
+    rig.source.now = ONES
+    rig.source.feed.add(1000.0, ONES)
+    rig.browser.say({"do": "tune", "tune": {"mode": "tune", "kp_A_per_mm": 3.0}})
+    await rig.settle()
+    assert list(rig.source.marks) == [Mark(1000.0, "kp_A_per_mm 3.0")]
+
+
+async def test_a_stop_ends_a_job_on_the_bench_and_no_other(rig: Rig) -> None:
+    asked: list[bool] = []
+
+    def interrupt(*, on_the_bench: bool = False) -> bool:
+        asked.append(on_the_bench)
+        return False
+
+    rig.desk.jobs.interrupt = interrupt  # type: ignore[method-assign]
+    rig.browser.say({"do": "stop", "id": 1})
+    await rig.settle()
+    assert asked == [True]
+    assert rig.client.asked == ["disarm"]
+
+
+async def test_a_job_is_not_begun_after_a_stop_that_the_page_had_not_shown(rig: Rig) -> None:
+    rig.source.shown = shown(status("SAFE"), {}, 100.0)
+    rig.source.folder = "/nowhere"
+    job = {"kind": "page", "runs": ["a.mcap"]}
+    rig.browser.say({"do": "begin", "id": 1, "generation": 2, "job": job})
+    await rig.settle()
+    done, text = rig.browser.replies()[1]
+    assert not done
+    assert "stopped" in text
+    assert rig.desk.jobs.told() is None

@@ -1,0 +1,100 @@
+"""What the server of the page has done by its reader, a process beside it. Types only.
+
+Reading logs and making plans takes seconds of processor time; a click on STOP passes through the
+server and is not to wait for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from msgspec import Struct
+
+from smad.config import LimitsConfig
+from smad.view.tier import Frame, Moments
+
+
+class Errand(Struct, tag_field="do", frozen=True, kw_only=True):
+    """Something for the reader to do."""
+
+
+class Past(Errand, tag="past", frozen=True, kw_only=True):
+    """Read channels of the run log at `path`, and of its further parts, between two times."""
+
+    path: str
+    from_s: float
+    to_s: float
+    channels: tuple[str, ...]
+    xy: tuple[str, ...]
+
+
+class Runs(Errand, tag="runs", frozen=True, kw_only=True):
+    """List the newest run logs of a folder."""
+
+    folder: str
+    most: int
+
+
+class Results(Errand, tag="results", frozen=True, kw_only=True):
+    """Say in a table what a run came to."""
+
+    path: str
+
+
+class Experiments(Errand, tag="experiments", frozen=True, kw_only=True):
+    """Make the forms of the experiments."""
+
+
+class Plan(Errand, tag="plan", frozen=True, kw_only=True):
+    """Draw what an experiment will ask of the bench."""
+
+    experiment: str
+    settings: Mapping[str, Any]
+    limits: LimitsConfig
+    handover_rate_mm_per_s: float
+
+
+Any_ = Past | Runs | Results | Experiments | Plan
+
+
+class Mark(Struct, frozen=True):
+    """A line across the strips: `x`, when, and what happened."""
+
+    x: float
+    text: str
+
+
+class Read(Struct, frozen=True, kw_only=True):
+    """What a run log holds between two times; `first_s` and `last_s` are those of the whole log."""
+
+    frame: Frame
+    moments: Moments | None
+    marks: tuple[Mark, ...]
+    first_s: float
+    last_s: float
+
+
+class Row(Struct, frozen=True):
+    """A run in the list. A duration that is not known yet is None."""
+
+    name: str
+    title: str
+    started_unix_s: float
+    duration_s: float | None
+    rows: int | None
+    problem: str
+
+
+class Drawn(Struct, frozen=True, kw_only=True):
+    """The reference over time as a command or a run will ask for it, and what to say of it.
+
+    `t_s` and `mm` of one length, `mm` None where nothing is followed; `refused` says that the
+    daemon will not take it.
+    """
+
+    title: str
+    t_s: list[float]
+    mm: list[float | None]
+    words: str
+    refused: bool = False

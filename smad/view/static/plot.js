@@ -1,0 +1,45 @@
+// What the plots of the live page share beside those of all pages (`style/plots.js`).
+
+import { clipped, css, element, line, shown } from "./style/plots.js";
+
+export const button = (textContent, title, onclick) =>
+  element("button", { type: "button", textContent, title, ariaLabel: title, onclick });
+
+// What an axis shows: the data with some room, and never so little that noise fills it.
+export function around(low, high, digits) {
+  if (low == null || high == null) return [0, 1];
+  const least = 20 * 10 ** -digits;
+  const half = Math.max(1.12 * (high - low), least) / 2;
+  const middle = (low + high) / 2;
+  return [middle - half, middle + half];
+}
+
+export function time(seconds, parts = 3) {
+  const digits = (number) => String(number).padStart(2, "0");
+  const at = new Date(seconds * 1000);
+  return [at.getHours(), at.getMinutes(), at.getSeconds()].map(digits).slice(0, parts).join(":");
+}
+
+export const clock = (plot, splits, index, space, step) =>
+  splits.map((s) => (step < 1 ? `${time(s)}${(s % 1).toFixed(1).slice(1)}` : time(s)));
+
+// A limit is a dashed line; one beyond the axis stands at its edge, and the data keep the height.
+export function limitLines(plot, scale, channel, limit) {
+  clipped(plot, (ctx, bbox) => {
+    ctx.strokeStyle = ctx.fillStyle = css("--limit");
+    ctx.setLineDash([8 * devicePixelRatio, 4 * devicePixelRatio]);
+    const { min, max } = plot.scales[scale];
+    for (const value of channel.both_ways ? [limit, -limit] : [limit]) {
+      if (value >= min && value <= max) {
+        const y = plot.valToPos(value, scale, true);
+        line(ctx, bbox.left, y, bbox.left + bbox.width, y);
+      } else {
+        const above = value > max;
+        const px = devicePixelRatio;
+        ctx.textAlign = "right";
+        ctx.fillText(`${above ? "▲" : "▼"} limit ${shown(value, 0)} ${channel.unit}`,
+          bbox.left + bbox.width - 6 * px, above ? bbox.top + 12 * px : bbox.top + bbox.height - 5 * px);
+      }
+    }
+  });
+}

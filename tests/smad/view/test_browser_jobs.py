@@ -1,0 +1,162 @@
+"""Runs, jobs and experiments in chromium, on a simulated bench in a process of its own."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from selenium.webdriver.support.ui import WebDriverWait
+
+from bench.browser import browser, live_page
+from bench.view_stop import GOAL_MS, latencies_ms
+from smad.control.commands import Sine
+
+from .browsing import Bench, arm, choose, click, in_a_browser, is_live, text_of, until
+
+pytestmark = in_a_browser
+LONG_S = 280.0
+"""For a diagnosis, ten seconds of processor time, beside other tests."""
+STOPS = 5
+
+
+@pytest.fixture(scope="module")
+def run(bench: Bench) -> str:
+    """A short run in the folder of the bench."""
+    bench.client.arm()
+    with bench.client.record("short") as log:
+        bench.client.move(Sine(amplitude_mm=2.0, period_s=4.5, cycles=2))
+        bench.client.wait_until_done()
+    bench.client.disarm()
+    return Path(log.path).name
+
+
+def state_of_job(driver: Any) -> str:
+    return str(driver.execute_script("return document.getElementById('job').dataset.state ?? ''"))
+
+
+def ended(driver: Any) -> bool:
+    return state_of_job(driver) in ("done", "failed")
+
+
+def opened(driver: Any, section: str) -> None:
+    driver.execute_script("document.getElementById(arguments[0]).open = true", section)
+
+
+def press(driver: Any, run: str, what: str) -> None:
+    opened(driver, "runs")
+    rows = f"#runs-list tr[data-run='{run}']"
+    until(driver, lambda d: d.execute_script(f'return document.querySelector("{rows}") !== null'))
+    driver.execute_script(
+        f'[...document.querySelectorAll("{rows} button")]'
+        ".find((one) => one.textContent === arguments[0]).click()",
+        what,
+    )
+
+
+def report_of(driver: Any) -> str:
+    """Open the job's page in the way a click does, in a tab of its own; return its text."""
+    ours = driver.current_window_handle
+    click(driver, "#job-report")
+    until(driver, lambda d: len(d.window_handles) == 2)
+    driver.switch_to.window(next(one for one in driver.window_handles if one != ours))
+    until(driver, lambda d: d.execute_script("return document.readyState") == "complete")
+    text = str(driver.execute_script("return document.body.innerText"))
+    assert driver.execute_script("return origin") == "null"
+    driver.close()
+    driver.switch_to.window(ours)
+    return text
+
+
+def test_a_run_is_listed_with_its_results_and_its_page_opens(page: Any, run: str) -> None:
+    press(page, run, "Results")
+    until(page, lambda d: "RMS error" in text_of(d, "runs-list"))
+    press(page, run, "Page")
+    WebDriverWait(page, LONG_S).until(ended)
+    assert state_of_job(page) == "done", text_of(page, "job-lines")
+    text = report_of(page)
+    assert run.removesuffix(".mcap") in text
+    assert "Panels" in text
+
+
+def test_a_diagnosis_that_the_page_begins_ends_in_its_report(page: Any, run: str) -> None:
+    press(page, run, "Diagnose")
+    until(page, lambda d: state_of_job(d) == "running")
+    # One job at a time, and its progress is told.
+    press(page, run, "Page")
+    until(page, lambda d: "another job is under way" in text_of(d, "said"))
+    WebDriverWait(page, LONG_S).until(ended)
+    assert state_of_job(page) == "done", text_of(page, "job-lines")
+    assert "noise floor" in text_of(page, "job-lines")
+    assert "noise floor" in report_of(page)
+
+
+def test_stop_is_as_quick_and_the_job_goes_on(bench: Bench, run: str, page: Any) -> None:
+    press(page, run, "Diagnose")
+    until(page, lambda d: state_of_job(d) == "running")
+    # Other tests share the processors: the best of a few says what the page itself takes.
+    taken = latencies_ms(bench.folder, page, "idle", STOPS)
+    assert taken[0] <= GOAL_MS
+    assert state_of_job(page) == "running"
+    click(page, "#job-end")
+    until(page, ended)
+    assert "it was ended" in text_of(page, "job-now"), text_of(page, "job-lines")
+
+
+def test_an_experiment_is_drawn_before_go_and_stop_ends_it(page: Any, bench: Bench) -> None:
+    opened(page, "experiments")
+    until(page, lambda d: "to the limit of 15 mm" in text_of(d, "experiment-preview"))
+    page.execute_script(
+        "const input = document.querySelector('#experiment-form [name=step_mm]');"
+        "input.value = 15; input.dispatchEvent(new Event('input', {bubbles: true}))"
+    )
+    until(page, lambda d: "from -15.00 to 15.00 mm" in text_of(d, "experiment-preview"))
+    choose(page, "#experiment", "fig11-tracking")
+    until(page, lambda d: "fig11-tracking/water" in text_of(d, "experiment-preview"))
+    click(page, "#experiment-form button")
+    until(page, lambda d: state_of_job(d) == "running")
+    until(page, lambda d: "smad run" in text_of(d, "holder") or ended(d))
+    click(page, "#stop")
+    until(page, ended)
+    assert not bench.client.motion().armed
+    assert "it was ended" in text_of(page, "job-now"), text_of(page, "job-lines")
+
+
+def test_a_motion_beyond_the_limit_is_refused_before_go(page: Any) -> None:
+    choose(page, "#kind", "step")
+    page.execute_script(
+        "const input = document.querySelector('#move [name=displacement_mm]');"
+        "input.value = 40; input.dispatchEvent(new Event('input', {bubbles: true}))"
+    )
+    until(page, lambda d: "up to 15 mm" in text_of(d, "move-preview"))
+
+
+def test_a_mark_with_a_note_stands_on_the_page_also_without_a_run_log(page: Any) -> None:
+    page.execute_script("document.getElementById('note-text').value = 'all is well'")
+    click(page, "#note button")
+    until(page, lambda d: "nothing is being recorded" in text_of(d, "said"))
+    assert re.search(r"all is well", text_of(page, "said"))
+
+
+def test_the_job_ends_with_the_server(bench: Bench, run: str, tmp_path: Path) -> None:
+    with live_page(bench.folder) as view, browser(tmp_path / "profile") as driver:
+        driver.get(view.command)
+        until(driver, is_live)
+        press(driver, run, "Diagnose")
+        until(driver, lambda d: state_of_job(d) == "running")
+        began_s = time.monotonic()
+        assert view.end() == 0
+        assert time.monotonic() - began_s < 25.0
+
+
+def test_no_experiment_is_begun_on_a_bench_that_is_armed_already(page: Any, bench: Bench) -> None:
+    arm(page)
+    until(page, lambda d: "this page" in text_of(d, "holder"))
+    opened(page, "experiments")
+    until(page, lambda d: text_of(d, "experiment-form"))
+    click(page, "#experiment-form button")
+    until(page, lambda d: "the job arms by itself" in text_of(d, "said"))
+    assert state_of_job(page) != "running"
+    assert bench.client.motion().armed
