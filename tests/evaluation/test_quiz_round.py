@@ -27,7 +27,7 @@ from smad.gap.sma import SmaPlant
 from smad.gap.sma.catalogue import plan_named
 from smad.gap.sma.signals import read_gap_run
 from tests.evaluation.quick import quicken
-from tests.smad.daemon.rig import Rig, rig_in
+from tests.smad.daemon.rig import Line, Rig, rig_in
 
 SEED = 5
 LONGEST_S = 36.0
@@ -88,7 +88,8 @@ class Session:
             folder = self.folder / f"{'good' if good else 'test'} {name} {seed}"
             folder.mkdir()
             board = Lent(WireBoard(self.riddle.bench, active, 100 + seed))
-            async with rig_in(folder, board) as rig:  # type: ignore[arg-type]
+            lines = {"": Line(board)}  # type: ignore[arg-type]
+            async with rig_in(folder, lines) as rig:
                 await rig.arm()
                 await rig.ask("record.start", still=True, name=folder.name.replace(" ", "-"))
                 await _carry_out(rig, name, seed)

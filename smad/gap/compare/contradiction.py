@@ -3,7 +3,7 @@
 A cause that only some runs have is hidden in the model without it, which describes none of them,
 and in the model with it, whose one strength is right for none. So the runs are judged under every
 single cause that was fitted, each with values of its own: half of a run predicts its other half.
-By the model by which runs predict themselves best, each run is asked whether the others' values do.
+The model by which runs predict themselves best says whether one set of values would have done.
 Everything is one step of normal equations that the fits have left: nothing is replayed.
 """
 
@@ -37,8 +37,10 @@ def agreement_of(fits: Sequence[FitResult], answer: FitResult, raw: Array) -> li
     count = len(ev.runs)
     gains = [float(np.mean(gained[ev.cell_run == k])) for k in range(count)]
     apart = set[int]()
-    if count > 1 and any(
-        _disagrees(ev, gained, k) and _clearly(ev, gained, k) for k in range(count)
+    if (
+        count > 1
+        and float(gained.sum()) > 0.0
+        and any(_disagrees(ev, gained, k) for k in range(count))
     ):
         apart = best.apart()
     squares = np.square(problem.scaled(raw))
@@ -121,16 +123,6 @@ def _disagrees(ev: Dataset, gain: Array, run: int) -> bool:
     """
     own = ev.cell_run == run
     return float(np.mean(gain[own])) > ev.settings.since_gain
-
-
-def _clearly(ev: Dataset, gain: Array, run: int) -> bool:
-    """Whether runs gain together, or this one more than its standard error over the cells.
-
-    The first alone would ask that halves of every run say something of each other.
-    """
-    own = gain[ev.cell_run == run]
-    error = float(np.std(own)) / np.sqrt(len(own))
-    return float(gain.sum()) > 0.0 or float(np.mean(own)) > error
 
 
 def own_halves(fit: FitResult) -> Array:

@@ -78,4 +78,4 @@ def test_the_page_lists_every_kind_of_piece(monkeypatch: pytest.MonkeyPatch) -> 
     assert "triangle_wave" not in docs.pieces()
     assert all(f"({piece.__name__})" in docs.pieces() for piece in PIECES)
     monkeypatch.setattr(commands, "PIECES", (*PIECES, Triangle))
-    assert "### `triangle_wave` (Triangle)" in docs.pieces()
+    assert "- **`triangle_wave`** (Triangle)" in docs.pieces()

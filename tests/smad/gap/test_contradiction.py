@@ -30,16 +30,6 @@ def test_a_run_with_an_effect_that_three_others_lack_is_named(effect: str) -> No
     assert apart(found) == {"random 1"}
 
 
-@pytest.mark.parametrize(
-    ("effect", "count", "seed"),
-    [("coupling", 3, 200), ("backlash", 3, 200), ("dial_delay", 3, 200)],
-)
-def test_a_run_contradicts_also_where_halves_of_another_predict_each_other_badly(
-    effect: str, count: int, seed: int
-) -> None:
-    assert ask(mixed(effect, count, seed)).verdict.outcome is Outcome.CONTRADICTING
-
-
 def test_two_runs_of_each_state_give_no_answer_of_all_four() -> None:
     found = ask(mixed("sensor_lag", 2))
     assert found.verdict.outcome is Outcome.CONTRADICTING
