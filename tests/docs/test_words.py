@@ -5,7 +5,7 @@ import pytest
 from tools.words import KINDS, counted
 
 MOST = {"decisions": 6_500, "generated reference": 13_000}
-MOST_IN_ALL = 57_000
+MOST_IN_ALL = 58_500
 
 
 @pytest.mark.parametrize("kind", MOST)
