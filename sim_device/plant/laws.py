@@ -78,7 +78,11 @@ class Law:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the coefficients in a model file's covariance."""
-        return tuple(f"laws.{self.place}.{self.side}.{term.name}" for term in self.terms)
+        return tuple(self.name_of(term) for term in self.terms)
+
+    def name_of(self, term: Term) -> str:
+        """Name of the coefficient of a term there."""
+        return f"laws.{self.place}.{self.side}.{term.name}"
 
 
 def law_space(

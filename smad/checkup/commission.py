@@ -24,6 +24,7 @@ from smad.checkup.verdict import CAUSE, GROUP, Verdict, decide, is_quiet
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.search.locate import Alternative, Located, locate
+from smad.gap.apply import SavesModel, write_model
 from smad.gap.paired.difference import Paired, paired
 from smad.gap.paired.errors import PairingError
 from smad.gap.paired.reference import Reference, reference_from
@@ -116,23 +117,13 @@ class Judged:
         return Uncertainty(tuple(known.names[k] for k in at), known.covariance[np.ix_(at, at)])
 
 
-class SavesFound(PlantModel, Protocol):
-    """A plant that can write a model file, and how uncertain its values are."""
-
-    def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
-
-    def save_uncertain(
-        self, point: ModelPoint, uncertainty: Uncertainty, path: Path, note: str
-    ) -> None: ...
+class SavablePlant(PlantModel, SavesModel, Protocol):
+    """A plant that can write a model file."""
 
 
-def save_found(plant: SavesFound, found: Judged, path: Path) -> None:
+def save_found(plant: SavesModel, found: Judged, path: Path) -> None:
     """Writes the model that a check-up found, with the covariance of its laws."""
-    note, uncertainty = found.verdict.headline, found.uncertainty
-    if uncertainty is None:
-        plant.save_model(found.model, path, note)
-    else:
-        plant.save_uncertain(found.model, uncertainty, path, note)
+    write_model(plant, found.model, found.uncertainty, path, found.verdict.headline)
 
 
 def judged(

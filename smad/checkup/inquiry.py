@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from smad.checkup.commission import Judged, SavesFound, judged, save_found
+from smad.checkup.commission import Judged, SavablePlant, judged, save_found
 from smad.checkup.files import read_file
 from smad.checkup.investigate import Proposal, propose, unpaired_offers
 from smad.checkup.programme import Programme, ProgrammeRun
@@ -75,7 +75,7 @@ class Inquiry:
     It begins with the quick runs of the programme, and ends with them, held out as proof.
     """
 
-    plant: SavesFound
+    plant: SavablePlant
     reference: Reference
     programme: Programme
     originals: Path

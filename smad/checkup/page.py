@@ -11,7 +11,7 @@ from smad.checkup.commission import Judged
 from smad.checkup.verdict import QUIET, UNCALIBRATED, UNKNOWN, Share, Verdict
 from smad.diagnosis.places.responses import PlacesPlant
 from smad.diagnosis.search.locate import Located
-from smad.diagnosis.search.told import PlaceTold, TermTold, law_series, side_words
+from smad.diagnosis.search.told import PlaceTold, law_series, side_words
 from smad.gap.paired.difference import Pair
 from smad.gap.paired.rows import PERIOD_S
 from smad.gap.places import Forceable
@@ -65,19 +65,11 @@ def _answer(places: Sequence[PlaceTold]) -> Table:
             if p.name
             else (f"none; nearest {p.nearest}, takes {p.takes:.2f}" if p.nearest else "none")
         )
-        law = "; ".join(_term(t) for t in p.read)
+        law = "; ".join(t.text for t in p.read)
         rows.append((where, f"{p.share:.2f}", law, "yes" if p.in_simulator else "no", name))
     header = ("where", "share, held out", "law: change for each unit of", "helps the simulator",
               "name")  # fmt: skip
     return Table(header, rows, numeric=frozenset((1,)))
-
-
-def _term(t: TermTold) -> str:
-    slopes = ", ".join(
-        f"{'' if side == 'both' else side.upper() + ' '}{v:+.2g} ± {t.sd[side]:.1g}"
-        for side, v in t.slopes.items()
-    )
-    return f"{t.words}: {slopes}{'' if t.unit == '1' else ' ' + t.unit}"
 
 
 def _laws(found: Judged, located: Located) -> list[Block]:

@@ -373,12 +373,7 @@ def place_lines(told: PlaceTold) -> list[str]:
     if len(told.near) > _NEAR:
         out.append(f"         or {len(told.near) - _NEAR} more places")
     for k, term in enumerate(told.read):
-        slopes = ", ".join(
-            f"{'' if side == 'both' else side.upper() + ' '}{v:+.2g} ± {term.sd[side]:.1g}"
-            for side, v in term.slopes.items()
-        )
-        unit = "" if term.unit == "1" else f" {term.unit}"
-        out.append(f"  {'law' if not k else '':<5}  {term.words}: {slopes}{unit}")
+        out.append(f"  {'law' if not k else '':<5}  {term.text}")
     if not told.in_simulator:
         out.append("         in the simulator it does not bring the runs nearer: read it as a hint")
     takes = f"takes {100 * told.takes:.0f} % of what the law takes"

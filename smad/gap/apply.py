@@ -12,12 +12,17 @@ from smad.gap.plant import ModelPoint, Uncertainty
 from smad.gap.records import Diagnosis
 
 
-class Savable(Protocol):
+class SavesModel(Protocol):
+    """A plant that can write a model file."""
+
+    def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
+
+
+class Savable(SavesModel, Protocol):
     """A plant that can write a model file, and read it back."""
 
     @property
     def name(self) -> str: ...
-    def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
     def load_model(self, path: Path) -> ModelPoint: ...
 
 
@@ -66,9 +71,15 @@ def apply(diagnosis: Diagnosis, plant: Savable, path: Path) -> ModelPoint:
             action="apply it to the plant it was made with",
         )
     point = model_point(diagnosis)
-    note, uncertainty = diagnosis.verdict.plain, uncertainty_of(diagnosis)
+    write_model(plant, point, uncertainty_of(diagnosis), path, diagnosis.verdict.plain)
+    return point
+
+
+def write_model(
+    plant: SavesModel, point: ModelPoint, uncertainty: Uncertainty | None, path: Path, note: str
+) -> None:
+    """Writes a model file, with what is uncertain of it where that is known and can be kept."""
     if uncertainty is not None and isinstance(plant, SavesUncertainty):
         plant.save_uncertain(point, uncertainty, path, note)
     else:
         plant.save_model(point, path, note)
-    return point

@@ -181,7 +181,7 @@ def _acts(effect: Effect, step: Step) -> bool:
 def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:
     """Laws for a model file, and the covariance of their coefficients by the names it has there."""
     homes = [found.home(int(c)) for c in own.columns]
-    names = tuple(f"laws.{law.place}.{law.side}.{term.name}" for law, term in homes)
+    names = tuple(law.name_of(term) for law, term in homes)
     s = np.array([found.scales[law.place] for law, _ in homes])
     return (
         found.law_of(own.columns, own.fit.mean),

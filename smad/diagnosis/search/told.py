@@ -29,6 +29,15 @@ class TermTold(msgspec.Struct, frozen=True, kw_only=True):
     sd: dict[str, float]
     unit: str
 
+    @property
+    def text(self) -> str:
+        """What it goes with and how, as users read it."""
+        slopes = ", ".join(
+            f"{'' if side == BOTH else side.upper() + ' '}{v:+.2g} ± {self.sd[side]:.1g}"
+            for side, v in self.slopes.items()
+        )
+        return f"{self.words}: {slopes}{'' if self.unit == '1' else ' ' + self.unit}"
+
 
 class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
     """One answer: where, which law, what name.
