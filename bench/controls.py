@@ -17,11 +17,11 @@ from pathlib import Path
 import click
 
 from smad.gap import Settings, diagnose
-from smad.gap.plant import ModelPoint
+from smad.diagnosis.plant import ModelPoint
 from smad.gap.records import Diagnosis, Outcome
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.recorded import recorded
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recorded import recorded
 
 FAMILIES = ("pulses", "levels", "stairs", "mixed")
 HELD = ("sines", "quick levels")

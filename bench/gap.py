@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
-    from smad.gap.plant import ModelPoint, PlantModel
-    from smad.gap.runs import GapRun
-    from smad.gap.sma import SmaPlant
+    from smad.diagnosis.plant import ModelPoint, PlantModel
+    from smad.diagnosis.runs import GapRun
+    from smad.diagnosis.spring_pair import SmaPlant
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -36,8 +36,8 @@ class Row:
 
 def rows() -> list[Row]:
     """All measurements; about three minutes on two free cores."""
-    from smad.gap.plant import ModelPoint
-    from smad.gap.sma import SmaPlant
+    from smad.diagnosis.plant import ModelPoint
+    from smad.diagnosis.spring_pair import SmaPlant
 
     plant = SmaPlant()
     names = tuple(e.name for e in plant.effects)
@@ -121,7 +121,7 @@ def _replay_s(plant: SmaPlant, run: GapRun) -> tuple[float, float]:
     import numpy as np
 
     from sim_device.plant.reference import Reference
-    from smad.gap.plant import ModelPoint
+    from smad.diagnosis.plant import ModelPoint
 
     views = [v.name for v in plant.views if not v.open_loop]
 

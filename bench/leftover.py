@@ -18,16 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from smad.gap.data.admission import admit
-from smad.gap.data.replay import Dataset
-from smad.gap.data.views import local_views
-from smad.gap.errors import GapError
+from smad.diagnosis.data.admission import admit
+from smad.diagnosis.data.grid import Dataset
+from smad.diagnosis.data.views import local_views
+from smad.diagnosis.errors import GapError
 from smad.gap.fit.stages import known_good
-from smad.gap.plant import Array, Effect
-from smad.gap.runs import GapRun
+from smad.diagnosis.plant import Array, Effect
+from smad.diagnosis.runs import GapRun
 from smad.gap.settings import Settings
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.signals import read_gap_run
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.signals import read_gap_run
 
 SHOWN = ("rtd_x_degC", "rtd_y_degC", "displacement_mm", "force_N")
 

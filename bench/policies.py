@@ -35,10 +35,10 @@ from sim_device.plant.models import read_model
 from sim_device.plant.parameters import load_parameters
 from smad.envs.search import Search, tracking_error_mm
 from smad.envs.vector import SpringPairVectorEnv
-from smad.gap.apply import apply
+from smad.diagnosis.model_file import apply
 from smad.gap.diagnose import diagnose
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.signals import table_run
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.signals import table_run
 
 Array = npt.NDArray[np.float64]
 EPISODE_S, TRIED = 12.0, 64

@@ -17,11 +17,11 @@ from sim_device.plant.errors import PlantError
 from smad.gap.fit.joint import posterior
 from smad.gap.fit.resample import DRAWS
 from smad.gap.fit.stages import prepare
-from smad.gap.model.scales import suited
-from smad.gap.plant import ModelPoint
+from smad.diagnosis.data.scales import suited
+from smad.diagnosis.plant import ModelPoint
 from smad.gap.settings import Settings
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.recorded import recorded
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recorded import recorded
 
 Array = npt.NDArray[np.float64]
 FAMILIES, RUN_S = ("pulses", "levels", "stairs"), 50.0

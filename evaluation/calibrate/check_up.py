@@ -23,10 +23,9 @@ from smad.checkup.calibrate import (
 )
 from smad.checkup.constants import Constants, shipped_constants
 from smad.checkup.judge import examine
-from smad.checkup.spring_pair import TRAITS
-from smad.gap.check.names import canonical
-from smad.gap.paired.difference import paired
-from smad.gap.sma import SmaPlant
+from smad.checkup.paired.difference import paired
+from smad.diagnosis.bank.names import canonical
+from smad.diagnosis.spring_pair import SmaPlant
 
 _KINDS = {
     "none": "quiet",
@@ -72,7 +71,7 @@ def _examine_bench(bank: Path, key: Path, bench: str, place: Path) -> str:
         Judged(
             f"{bank.name} {bench}",
             truth_of(entries[case]),
-            bare(examine(paired(plant, TRAITS, reference, runs), constants)),
+            bare(examine(paired(plant, reference, runs), constants)),
         )
         for case, runs in cases
     ]

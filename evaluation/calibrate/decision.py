@@ -19,12 +19,6 @@ from typing import Any
 from unittest import mock
 
 import msgspec
-
-from evaluation.score.seals import refuse_sealed
-from smad.gap.check.bank import chosen, open_bank, read_case
-from smad.gap.check.case import How, Task, source_digest
-from smad.gap.check.key import CaseKey, read_key
-from smad.gap.check.names import canonical
 from smad.gap.compare.tracks import Track, follow_tracks
 from smad.gap.compare.verdict import decide
 from smad.gap.compare.weigh import weigh
@@ -33,9 +27,15 @@ from smad.gap.fit.doubt import Doubt
 from smad.gap.fit.hypothesis import ending_at_bound
 from smad.gap.fit.joint import Start, polished
 from smad.gap.fit.stages import Prepared
-from smad.gap.plant import Effect
 from smad.gap.records import NAMED, Outcome
 from smad.gap.settings import Settings
+
+from evaluation.score.seals import refuse_sealed
+from smad.diagnosis.bank.bank import chosen, open_bank, read_case
+from smad.diagnosis.bank.case import How, Task, source_digest
+from smad.diagnosis.bank.key import CaseKey, read_key
+from smad.diagnosis.bank.names import canonical
+from smad.diagnosis.plant import Effect
 
 GRID: dict[str, tuple[float, ...]] = {
     "since_gain": (0.7, 1.0, 1.4),

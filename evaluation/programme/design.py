@@ -11,7 +11,7 @@ import numpy as np
 
 from smad.checkup.design import Separations, design
 from smad.checkup.programme import write_programme
-from smad.gap.sma import SmaPlant
+from smad.diagnosis.spring_pair import SmaPlant
 
 TARGET = Path(__file__).parents[2] / "smad/checkup/data/spring-pair"
 _NEAR = 16.0

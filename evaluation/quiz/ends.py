@@ -10,8 +10,8 @@ from evaluation.errors import QuizError
 from smad.checkup.inquiry import Report
 from smad.checkup.programme import Programme
 from smad.checkup.verdict import CAUSE, GROUP, QUIET, UNKNOWN
-from smad.gap.check.intervals import wilson
-from smad.gap.check.names import canonical
+from smad.diagnosis.bank.intervals import wilson
+from smad.diagnosis.bank.names import canonical
 from smad.report.page import Table
 
 End = dict[str, Any]

@@ -21,13 +21,13 @@ import msgspec
 
 from evaluation.errors import QuizError
 from evaluation.quiz.ends import told
+from smad.checkup.errors import BaselineError
 from smad.checkup.inquiry import Report, read_report
 from smad.checkup.programme import shipped
 from smad.checkup.store import read_about
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.client.signals import ended_by_signals
 from smad.errors import DaemonError
-from smad.gap.paired.errors import BaselineError
 from smad.processes.daemon import running_daemon
 
 BENCH = "quiz"

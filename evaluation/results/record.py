@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from evaluation.errors import WithheldError
-from smad.gap.check.running import commit
+from smad.diagnosis.bank.running import commit
 from smad.report.page import Table
 
 FOLDER = Path(__file__).parent

@@ -19,13 +19,12 @@ from smad.checkup.commission import asked, commissioned
 from smad.checkup.constants import Constants, shipped_constants
 from smad.checkup.files import read_file
 from smad.checkup.judge import Findings
-from smad.checkup.spring_pair import TRAITS
+from smad.checkup.paired.difference import Paired, paired
+from smad.checkup.paired.reference import Reference
 from smad.checkup.verdict import CAUSE, GROUP, QUIET, Verdict, decide
-from smad.gap.check.names import canonical
-from smad.gap.paired.difference import Paired, paired
-from smad.gap.paired.reference import Reference
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
+from smad.diagnosis.bank.names import canonical
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
 
 OUTCOMES = {
     "quiet": "no_gap",
@@ -125,7 +124,7 @@ def _judged_bench(
     for _, reference, cases in of_bench:
         for case, runs in cases:
             began = time.process_time()
-            pairs = paired(plant, TRAITS, reference, runs)
+            pairs = paired(plant, reference, runs)
             floors = floors or _floors(pairs)
             findings, located = asked(pairs, constants)
             found = decide(pairs, findings, constants, located)

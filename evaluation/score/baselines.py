@@ -16,10 +16,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 from scipy.stats import chi2
-
-from smad.gap.check.names import canonical
-from smad.gap.check.verdicts import Short
 from smad.gap.records import Diagnosis, FittedRecord
+
+from smad.diagnosis.bank.names import canonical
+from smad.diagnosis.bank.verdicts import Short
 
 _PASSES = 0.95
 

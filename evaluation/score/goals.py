@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from smad.gap.check.score import Pair, Row
+from smad.diagnosis.bank.score import Pair, Row
 
 Protocol = Literal["any runs", "check-up"]
 

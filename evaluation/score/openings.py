@@ -12,7 +12,7 @@ from pathlib import Path
 
 from evaluation.results.record import FOLDER
 from evaluation.score.scores import Published
-from smad.gap.check.errors import KeyMismatchError
+from smad.diagnosis.bank.errors import KeyMismatchError
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 
 from evaluation.score.goals import Scored, protocol_of, with_goal
-from smad.gap.check.key import STRENGTHS
-from smad.gap.check.names import NAMING
-from smad.gap.check.score import (
+from smad.diagnosis.bank.key import STRENGTHS
+from smad.diagnosis.bank.names import NAMING
+from smad.diagnosis.bank.score import (
     ABSENT,
     Bin,
     Mistake,
@@ -31,7 +31,7 @@ from smad.gap.check.score import (
     share,
     table,
 )
-from smad.gap.check.verdicts import Short
+from smad.diagnosis.bank.verdicts import Short
 
 OURS = "the diagnosis"
 _LEAST_SHRINK = 0.05

@@ -11,12 +11,12 @@ from evaluation.score.baselines import told_beside
 from evaluation.score.openings import Ledger
 from evaluation.score.scores import Published, published
 from evaluation.score.tables import tables, text
+from smad.diagnosis.bank.key import SEALED, file_digest, read_key
+from smad.diagnosis.bank.running import commit
+from smad.diagnosis.bank.score import matched
+from smad.diagnosis.bank.verdicts import read_verdicts
+from smad.diagnosis.spring_pair import SmaPlant
 from smad.errors import SmadError
-from smad.gap.check.key import SEALED, file_digest, read_key
-from smad.gap.check.running import commit
-from smad.gap.check.score import matched
-from smad.gap.check.verdicts import read_verdicts
-from smad.gap.sma import SmaPlant
 
 
 def run(

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from evaluation.errors import BankError
-from smad.gap.check.key import SEALED
+from smad.diagnosis.bank.key import SEALED
 
 
 def refuse_sealed(key: Path) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from evaluation.score.scores import Published
-from smad.gap.check.names import CAUSES
-from smad.gap.check.score import mistakes_table, number
+from smad.diagnosis.bank.names import CAUSES
+from smad.diagnosis.bank.score import mistakes_table, number
 from smad.report.page import Table, text_table
 
 _MET = {True: "yes", False: "no", None: ""}

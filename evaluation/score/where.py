@@ -21,14 +21,13 @@ from evaluation.run.check_ups import benches_of, manifest_of
 from evaluation.score.seals import refuse_sealed
 from smad.checkup.commission import asked
 from smad.checkup.constants import shipped_constants
-from smad.checkup.spring_pair import TRAITS
+from smad.checkup.paired.difference import paired
 from smad.checkup.verdict import decide
+from smad.diagnosis.bank.intervals import wilson
+from smad.diagnosis.bank.names import canonical
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.search.locate import Located
-from smad.gap.check.intervals import wilson
-from smad.gap.check.names import canonical
-from smad.gap.paired.difference import paired
-from smad.gap.sma import SmaPlant
+from smad.diagnosis.spring_pair import SmaPlant
 
 Case = dict[str, Any]
 
@@ -89,7 +88,7 @@ def _bench(bank: Path, key: Path, bench: str) -> list[Case]:
     out = []
     for case, runs in cases:
         began = time.process_time()
-        pairs = paired(plant, TRAITS, reference, runs)
+        pairs = paired(plant, reference, runs)
         findings, located = asked(pairs, constants)
         told = decide(pairs, findings, constants, located)
         entry = entries[case]

@@ -19,8 +19,8 @@ import numpy as np
 from examples.public_records.silverbox import RATE_HZ, Silverbox
 from examples.public_records.tanks import STEP_S, Tanks
 from smad.errors import SmadError
-from smad.gap.plant import Array, PlantModel
-from smad.gap.runs import GapRun
+from smad.diagnosis.plant import Array, PlantModel
+from smad.diagnosis.runs import GapRun
 
 _TIMEOUT_S = 60.0
 _SETTLING = 100

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from smad.gap.plant import Channel, Effect, EffectParameter, Output, Parameter, Signal, View
+from smad.diagnosis.plant import Channel, Effect, EffectParameter, Output, Parameter, Signal, View
 
 RATE_HZ = 1e7 / 2**14
 """Samples a second (equation 12)."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from smad.gap.plant import Channel, Effect, EffectParameter, Output, Parameter, Signal, View
+from smad.diagnosis.plant import Channel, Effect, EffectParameter, Output, Parameter, Signal, View
 
 STEP_S = 4.0
 END_V = 10.0

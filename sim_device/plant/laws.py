@@ -16,6 +16,7 @@ from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from sim_device.plant.errors import InputError
 from sim_device.plant.places import BOTH, SLOTS, STATE_NAMES, STATES, keys_of, place
@@ -85,6 +86,21 @@ class Law:
         return f"laws.{self.place}.{self.side}.{term.name}"
 
 
+def joined(laws: Iterable[Law]) -> tuple[Law, ...]:
+    """The laws with one for each place and side; terms of one name add up.
+
+    Terms of one name at a place must be the same function, as those of one space are.
+    """
+    terms: dict[tuple[str, str], dict[str, Term]] = {}
+    for law in laws:
+        own = terms.setdefault((law.place, law.side), {})
+        for term in law.terms:
+            known = own.get(term.name)
+            more = 0.0 if known is None else known.coefficient
+            own[term.name] = replace(term, coefficient=term.coefficient + more)
+    return tuple(Law(*key, tuple(own.values())) for key, own in terms.items())
+
+
 def law_space(
     place_name: str,
     side: str,
@@ -94,18 +110,34 @@ def law_space(
     lags: bool = True,
     products: bool = True,
 ) -> tuple[Term, ...]:
-    """Candidate terms of a place by rule, coefficients 0, for the states that `support` names.
+    """Candidate terms of a place by rule, see `terms_over`, for the states that `support` names.
 
-    A constant; of each state a straight line and two bends at thirds of its support (truncated
-    linear spline), of velocities their sign; of each state its lags of 1 and 10 s; of each pair of
-    states the product of their straight lines. States that do not vary are left out. Lines run
-    from -1 to 1 over the support. Raises InputError.
+    Raises InputError for an unknown place, side or state.
     """
     entry = place(place_name)
     keys_of(place_name, side)
     _known_states(entry.name, support)
+    return terms_over(entry.states, support, bends=bends, lags=lags, products=products)
+
+
+def terms_over(
+    states: Sequence[str],
+    support: Support,
+    *,
+    bends: bool = True,
+    lags: bool = True,
+    products: bool = True,
+    signed: Sequence[str] = ("velocity",),
+) -> tuple[Term, ...]:
+    """Candidate terms by rule, coefficients 0.
+
+    A constant; of each state a straight line and two bends at thirds of its support (truncated
+    linear spline), of those `signed` their sign; of each state its lags of 1 and 10 s; of each pair
+    of states the product of their straight lines. States that do not vary are left out. Lines run
+    from -1 to 1 over the support. Raises InputError for a support that is not finite.
+    """
     lines: dict[str, Factor] = {}
-    for state in entry.states:
+    for state in states:
         if state not in support:
             continue
         low, high = (float(bound) for bound in support[state])
@@ -128,9 +160,10 @@ def law_space(
             for n, share in enumerate(_BENDS, 1):
                 knot = line.low + share * (line.high - line.low)
                 add(f"{state}_bend{n}", 2, replace(line, kind="bend", centre=knot))
-        if state == "velocity":
+        if state in signed:
             # Friction; a line cannot stand for it.
-            add("velocity_sign", 2, replace(line, kind="sign", centre=0.0, scale=REST_SPEED))
+            speed = REST_SPEED if state == "velocity" else 0.01 * line.scale
+            add(f"{state}_sign", 2, replace(line, kind="sign", centre=0.0, scale=speed))
         if lags and state != "time":
             for lag_s in LAGS_S:
                 add(f"{state}_lag{lag_s:g}", 3, replace(line, lag_s=lag_s))
@@ -183,12 +216,16 @@ def support_of(
 
 def lagged(values: Array, t_s: Array, lag_s: float) -> Array:
     """A first-order lag of samples, shape (n,), that starts at the first of them."""
+    return _lagged(np.ascontiguousarray(values), 1.0 - np.exp(-np.diff(t_s) / lag_s))
+
+
+@njit(cache=True, nogil=True)
+def _lagged(values: Array, rest: Array) -> Array:
     out = np.empty(len(values))
-    out[0] = values[0]
-    rest = 1.0 - np.exp(-np.diff(t_s) / lag_s)
-    behind = float(values[0])
+    behind = values[0]
+    out[0] = behind
     for k in range(1, len(values)):
-        behind += (float(values[k]) - behind) * float(rest[k - 1])
+        behind += (values[k] - behind) * rest[k - 1]
         out[k] = behind
     return out
 
@@ -219,7 +256,14 @@ def design_matrix(
     so that the forcing of row k + 1 is made of row k (`as_forcing`). Raises InputError.
     """
     (key,) = keys_of(place_name, side) if side != BOTH else keys_of(place_name, side)[:1]
-    seen = own_states(place_name, key[1], states)
+    return basis(own_states(place_name, key[1], states), terms, t_s)
+
+
+def basis(seen: Mapping[str, Array], terms: Sequence[Term], t_s: Array) -> Array:
+    """Basis functions of terms on the states that a place sees, by name; shape (n, k).
+
+    Raises InputError for a state that is not there.
+    """
     known: dict[tuple[str, float], Array] = {}
 
     def of(factor: Factor) -> Array:
@@ -227,8 +271,7 @@ def design_matrix(
         if which not in known:
             if factor.state not in seen:
                 raise InputError(
-                    f"the trajectory has no state {factor.state!r} for {place_name};"
-                    f" it has {', '.join(seen)}"
+                    f"the trajectory has no state {factor.state!r}; it has {', '.join(seen)}"
                 )
             values = seen[factor.state]
             known[which] = lagged(values, t_s, factor.lag_s) if factor.lag_s > 0.0 else values

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.lib import format as npy
 
-from smad.gap.plant import PlantModel
+from smad.diagnosis.plant import PlantModel
 from smad.runlog.bounds import MOST_ARRAYS, MOST_ARRAYS_BYTES
 
 _SUFFIX = ".npy"

@@ -18,10 +18,10 @@ import numpy as np
 from smad.checkup.constants import Constants
 from smad.checkup.evidence import evidence
 from smad.checkup.judge import Findings, score
-from smad.checkup.refine import Refined
 from smad.checkup.verdict import Likely, hypotheses, is_quiet, sizes_of, weighed
-from smad.gap.check.names import canonical
-from smad.gap.plant import Array
+from smad.diagnosis.bank.names import canonical
+from smad.diagnosis.plant import Array
+from smad.diagnosis.search.refine import Refined
 
 FALSE_ALARMS = 1.0 / 60.0
 """Of quiet benches, one in so many may be called changed, over all three limits together."""

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from smad.checkup.constants import Constants, shipped_constants
+from smad.checkup.errors import PairingError
 from smad.checkup.files import (
     Found,
     Matched,
@@ -18,19 +19,17 @@ from smad.checkup.files import (
     require_one_bench,
     require_other_recordings,
 )
-from smad.checkup.judge import Findings, best_entry, examine
-from smad.checkup.spring_pair import TRAITS
+from smad.checkup.judge import Findings, entry_of, examine
+from smad.checkup.paired.difference import Paired, paired
+from smad.checkup.paired.reference import Reference, reference_from
 from smad.checkup.verdict import CAUSE, GROUP, Verdict, decide, is_quiet
 from smad.diagnosis.constants import shipped
+from smad.diagnosis.model_file import SavesModel, write_model
+from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.places.responses import responses
+from smad.diagnosis.plant import ModelPoint, PlantModel, Uncertainty
+from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.locate import Alternative, Located, locate
-from smad.gap.apply import SavesModel, write_model
-from smad.gap.paired.difference import Paired, paired
-from smad.gap.paired.errors import PairingError
-from smad.gap.paired.reference import Reference, reference_from
-from smad.gap.places import Forceable
-from smad.gap.plant import ModelPoint, PlantModel, Uncertainty
-from smad.gap.runs import GapRun
 
 
 def _silent(text: str) -> None:
@@ -44,7 +43,7 @@ def commissioned(
     progress: Callable[[str], None] = _silent,
 ) -> Reference:
     """The reference of good runs, the repeats of each run of a programme in a group."""
-    reference = reference_from(plant, TRAITS, groups, start, progress)
+    reference = reference_from(plant, groups, start, progress)
     if not isinstance(plant, Forceable):
         return reference
     played = [r.played for r in reference.runs]
@@ -135,7 +134,7 @@ def judged(
 ) -> Judged:
     """The same with what it rests on, which a page and a model file need."""
     constants = constants or shipped_constants()
-    pairs = paired(plant, TRAITS, reference, runs)
+    pairs = paired(plant, reference, runs)
     findings, located = asked(pairs, constants, progress=progress)
     return Judged(pairs, decide(pairs, findings, constants, located), located)
 
@@ -160,7 +159,7 @@ def asked(
     progress("where it lies")
     played = [r.played for r in pairs.reference.runs]
     found = responses(plant, pairs.reference.point, played, known=known)
-    entry = partial(best_entry, pairs)
+    entry = partial(entry_of, pairs)
     return findings, locate(pairs, plant, found, entry, constants=shipped(), exclude=exclude)
 
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.segments import candidate, milder
-from smad.gap.paired.model import Played, finite, predictions, slopes
-from smad.gap.plant import Array, ModelPoint, PlantModel
+from smad.diagnosis.data.played import Played, finite, predictions, slopes
+from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 
 WATER_DEGC = 27.0
 _ENOUGH = 400.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from smad.checkup.commission import commissioned, judged
+from smad.checkup.errors import PairingError
 from smad.checkup.files import Found, match
-from smad.gap.paired.errors import PairingError
-from smad.gap.plant import PlantModel
+from smad.diagnosis.plant import PlantModel
 from smad.gap.records import RepeatedRecord
 
 _LEAST_REPEATS = 2

@@ -16,12 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.checkup.constants import Constants
-from smad.checkup.refine import Refined
-from smad.gap.paired.difference import SHARE, Paired
-from smad.gap.plant import Array
+from smad.checkup.paired.difference import SHARE, Paired
+from smad.diagnosis.plant import Array
+from smad.diagnosis.search.names import PER_COORDINATE
+from smad.diagnosis.search.refine import Refined
 
-PER_COORDINATE = 6.0
-"""What a free coordinate takes of noise off the sum of squares, and must take beyond to count."""
 _PRIOR = 1.0
 _LEAST_DIRECTION = 1e-9
 _RIDGE = 1e-6

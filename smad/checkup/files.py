@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from smad.checkup.errors import PairingError
+from smad.checkup.paired.reference import input_spans
 from smad.checkup.series import cut_in
-from smad.gap.data.guards import same_recording
-from smad.gap.paired.errors import PairingError
-from smad.gap.paired.reference import input_spans
-from smad.gap.paired.rows import binned, edges_s, input_difference, offset_s
-from smad.gap.plant import PlantModel
-from smad.gap.runs import GapRun
-from smad.gap.sma.signals import INPUTS, gap_run_of, table_run
+from smad.diagnosis.data.guards import same_recording
+from smad.diagnosis.data.rows import binned, edges_s, input_difference, offset_s
+from smad.diagnosis.plant import PlantModel
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair.signals import INPUTS, gap_run_of, table_run
 from smad.runlog.bounds import Together
 from smad.runlog.tables import KINDS
 

@@ -13,16 +13,16 @@ from pathlib import Path
 import msgspec
 
 from smad.checkup.commission import Judged, SavablePlant, judged, save_found
+from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
 from smad.checkup.investigate import Proposal, propose, unpaired_offers
+from smad.checkup.paired.difference import paired
+from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, keep, write_whole
-from smad.checkup.spring_pair import TRAITS
 from smad.checkup.verdict import Share, Verdict, budget_of
 from smad.diagnosis.constants import shipped
-from smad.gap.paired.difference import paired
-from smad.gap.paired.errors import BaselineError
-from smad.gap.paired.reference import Reference
+from smad.diagnosis.gap import change_of
 
 REST_S = 60.0
 """What the rest before a run takes at least, until one has been measured."""
@@ -168,8 +168,8 @@ class Inquiry:
             if report.records[-1].ended:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
-        pairs = paired(self.plant, TRAITS, self.reference, runs)
-        shares, whole = budget_of(pairs, {}, pairs.change_of(found.model))
+        pairs = paired(self.plant, self.reference, runs)
+        shares, whole = budget_of(pairs, {}, change_of(pairs, found.model))
         return msgspec.structs.replace(report, proof=[*shares, whole])
 
     def _with_model(self, report: Report, found: Judged) -> Report:

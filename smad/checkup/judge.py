@@ -8,20 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from smad.checkup.constants import Constants
-from smad.checkup.evidence import PER_COORDINATE, Products, products
-from smad.checkup.fits import Screened, screen
-from smad.checkup.refine import Refined, refine
-from smad.diagnosis.search.locate import Entry
-from smad.gap.paired.difference import Paired
-from smad.gap.plant import Array, Effect, Mask
+from smad.checkup.evidence import Products, products
+from smad.checkup.paired.difference import Paired
+from smad.diagnosis.gap import white_change
+from smad.diagnosis.plant import Array, Effect, Mask
+from smad.diagnosis.search.names import Entry, best_entry, score, screened
+from smad.diagnosis.search.refine import Refined, refine
+from smad.diagnosis.search.screen import Screened
 
 _REFINED = 6
 _REFINED_FURTHER = 2
-_REFINED_AT_PLACE = 3
 MOST_CAUSES = 3
 _LEAST_SLOPE = 1e-9
 
@@ -59,9 +60,9 @@ def examine(
     z, white = paired.z, paired.white
     good = white.valid
     S = paired.signatures
-    screened = _screened(paired, S @ S.T, S @ z, exclude)
+    found = _screened(paired, S @ S.T, S @ z, exclude)
     progress("refining the best")
-    singles = _refined_singles(paired, screened, z)
+    singles = _refined_singles(paired, found, z)
     sets = _grown(paired, constants, singles, exclude)
     return Findings(
         white.count,
@@ -80,46 +81,19 @@ def _ratios(z: Array, good: Mask, group: Array, size: int) -> Array:
 
 
 def _screened(paired: Paired, G: Array, b: Array, exclude: Sequence[str]) -> list[Screened]:
-    out = []
-    atoms = paired.reference.atoms
-    for effect in paired.plant.effects:
-        if effect.name in exclude:
-            continue
-        rows = [
-            (i, a.strength, a.level, a.variant, a.values)
-            for i, a in enumerate(atoms)
-            if a.entry == effect.name
-        ]
-        found = screen(effect, rows, G, b) if rows else None
-        if found is not None:
-            out.append(found)
-    return sorted(out, key=lambda s: -s.gain)
+    effects = [e for e in paired.plant.effects if e.name not in exclude]
+    return screened(effects, paired.reference.atoms, G, b)
 
 
-def best_entry(paired: Paired, effects: Sequence[Effect], z: Array) -> Entry | None:
+def entry_of(paired: Paired, effects: Sequence[Effect], z: Array) -> Entry | None:
     """The one of these effects that takes most of the white rows `z`, refined by replay."""
-    S = paired.signatures
-    screened = _screened(paired, S @ S.T, S @ z, [e.name for e in paired.plant.effects
-                                                  if e not in effects])  # fmt: skip
-    found = [
-        refine([s.effect], {s.effect.name: s.values}, z, paired.white_change)
-        for s in screened[:_REFINED_AT_PLACE]
-    ]
-    best = max((f for f in found if f is not None), key=score, default=None)
-    if best is None or best.gain <= 0.0:
-        return None
-    return Entry(best.names[0], best.values, best.gain)
+    return best_entry(paired, paired.reference.atoms, paired.signatures, None, effects, z)
 
 
-def score(fit: Refined) -> float:
-    """What a fit takes, less what its free parameters take of noise."""
-    return fit.gain - PER_COORDINATE * len(fit.coordinates)
-
-
-def _refined_singles(paired: Paired, screened: Sequence[Screened], z: Array) -> list[Refined]:
+def _refined_singles(paired: Paired, entries: Sequence[Screened], z: Array) -> list[Refined]:
     out = []
-    for s in screened[:_REFINED]:
-        found = refine([s.effect], {s.effect.name: s.values}, z, paired.white_change)
+    for s in entries[:_REFINED]:
+        found = refine([s.effect], {s.effect.name: s.values}, z, partial(white_change, paired))
         if found is not None:
             out.append(found)
     return sorted(out, key=lambda r: -score(r))
@@ -152,7 +126,7 @@ def _further(paired: Paired, now: Refined, exclude: Sequence[str]) -> Refined | 
     beside, T = left - Q.T @ (Q @ left), S - (S @ Q.T) @ Q
     found = [
         refine([*now.effects, s.effect], {**now.values, s.effect.name: s.values}, z,
-               paired.white_change, rounds=2)
+               partial(white_change, paired), rounds=2)
         for s in _screened(paired, T @ T.T, T @ beside, (*now.names, *exclude))[:_REFINED_FURTHER]
     ]  # fmt: skip
     better = [f for f in found if f is not None and score(f) > score(now)]

@@ -8,14 +8,15 @@ import numpy as np
 
 from sim_device.plant.laws import Law, own_states, unit_of_state
 from smad.checkup.commission import Judged
+from smad.checkup.paired.difference import Pair
 from smad.checkup.verdict import QUIET, UNCALIBRATED, UNKNOWN, Share, Verdict
-from smad.diagnosis.places.responses import PlacesPlant
+from smad.diagnosis.data.grid import PERIOD_S
+from smad.diagnosis.gap import change_of, with_effects
+from smad.diagnosis.places.place import Forceable, PlacesPlant
+from smad.diagnosis.plant import Array
 from smad.diagnosis.search.locate import Located
-from smad.diagnosis.search.told import PlaceTold, law_series, side_words
-from smad.gap.paired.difference import Pair
-from smad.gap.paired.rows import PERIOD_S
-from smad.gap.places import Forceable
-from smad.gap.plant import Array
+from smad.diagnosis.search.told import law_series, side_words
+from smad.diagnosis.verdict import PlaceTold
 from smad.report.page import Block, Page, Picture, Section, Table, Text
 from smad.style.palette import in_print
 
@@ -255,7 +256,7 @@ def _said(found: Judged, k: int) -> tuple[Array | None, str]:
     if found.located is not None and found.located.laws and v.places:
         return found.located.change[k], "law, fitted without this run"
     values = v.likely[0].values if v.likely else {}
-    change = found.pairs.change(values) if values else None
+    change = change_of(found.pairs, with_effects(found.pairs.point, values)) if values else None
     return (None, "") if change is None else (change[k], " + ".join(v.likely[0].names))
 
 

@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 
 from firmware_protocol.nearest import instead
-from smad.gap.paired.errors import ProgrammeError
-from smad.gap.plant import Array
-from smad.gap.runs import GapRun
+from smad.checkup.errors import ProgrammeError
+from smad.diagnosis.plant import Array
+from smad.diagnosis.runs import GapRun
 
 COLUMNS = ("t_s", "i_x_A", "i_y_A", "duty_x", "duty_y")
 INPUTS = ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")

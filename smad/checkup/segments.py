@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from smad.checkup.programme import ProgrammeRun
-from smad.gap.plant import Array
+from smad.diagnosis.plant import Array
 
 Step = tuple[float, float, float, float, float]
 Piece = list[Step]

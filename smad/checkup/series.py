@@ -16,9 +16,9 @@ from pathlib import Path
 
 import msgspec
 
+from smad.checkup.errors import BaselineError
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.errors import SmadError
-from smad.gap.paired.errors import BaselineError
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CUT
 

@@ -18,16 +18,16 @@ import msgspec
 import numpy as np
 
 from smad.checkup.arrays import read_arrays, require_fitting
+from smad.checkup.errors import BaselineError
+from smad.checkup.paired.floor import Floor
+from smad.checkup.paired.reference import Reference, RunReference
 from smad.checkup.series import unlink_quietly
+from smad.diagnosis.data.played import Atom, Played
+from smad.diagnosis.data.rows import Binned
+from smad.diagnosis.places.place import Forceable, places_of
 from smad.diagnosis.places.responses import responses
-from smad.gap.paired.errors import BaselineError
-from smad.gap.paired.floor import Floor
-from smad.gap.paired.model import Atom, Played
-from smad.gap.paired.reference import Reference, RunReference
-from smad.gap.paired.rows import Binned
-from smad.gap.places import Forceable, places_of
-from smad.gap.plant import ModelPoint, PlantModel
-from smad.gap.runs import GapRun
+from smad.diagnosis.plant import ModelPoint, PlantModel
+from smad.diagnosis.runs import GapRun
 
 SCHEMA = 3
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"

@@ -10,11 +10,12 @@ import numpy as np
 from smad.checkup.constants import Constants
 from smad.checkup.evidence import Evidence, evidence
 from smad.checkup.judge import Findings, score
-from smad.checkup.refine import Refined
+from smad.checkup.paired.difference import SHARE, Paired
+from smad.diagnosis.gap import change_of, with_effects
+from smad.diagnosis.plant import Array, EffectValues, Mask
 from smad.diagnosis.search.locate import Located
-from smad.diagnosis.search.told import PlaceTold
-from smad.gap.paired.difference import SHARE, Paired
-from smad.gap.plant import Array, EffectValues, Mask
+from smad.diagnosis.search.refine import Refined
+from smad.diagnosis.verdict import PlaceTold
 
 QUIET, PARAMETERS, CAUSE, GROUP, UNKNOWN = "quiet", "parameters", "cause", "group", "unknown"
 
@@ -250,7 +251,7 @@ def budget_of(
     By signal, and over all signals in floors.
     """
     raw = [p.difference for p in paired.pairs]
-    change = paired.change(values) if values else None
+    change = change_of(paired, with_effects(paired.point, values)) if values else None
     entries = change or [np.zeros_like(d) for d in raw]
     after = _without_days(paired, [d - c for d, c in zip(raw, entries, strict=True)])
     beside = [x + c for x, c in zip(after, entries, strict=True)]

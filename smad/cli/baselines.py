@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from smad.checkup.programme import Programme
     from smad.checkup.series import Play
     from smad.checkup.verdict import Verdict
-    from smad.gap.sma import SmaPlant
+    from smad.diagnosis.spring_pair import SmaPlant
 
 
 def require_same(
     folder: Path, bench: str, whose: str, digest: str, programme: Programme, *, part: bool = False
 ) -> None:
     """Refuses a baseline of another bench or programme; `part`: some of its runs suffice."""
+    from smad.checkup.errors import BaselineError
     from smad.checkup.programme import shipped
-    from smad.gap.paired.errors import BaselineError
 
     if bench != whose:
         raise BaselineError(
@@ -53,7 +53,7 @@ def other_part(digest: str) -> str:
 
 
 def new_plant() -> SmaPlant:
-    from smad.gap.sma import SmaPlant
+    from smad.diagnosis.spring_pair import SmaPlant
 
     return SmaPlant()
 

@@ -29,11 +29,11 @@ from smad.cli.gap_runs import (
 from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
-    from smad.gap.plant import ModelPoint
+    from smad.diagnosis.plant import ModelPoint
+    from smad.diagnosis.runs import GapRun
+    from smad.diagnosis.spring_pair import SmaPlant
     from smad.gap.records import Diagnosis, ExperimentRecord
     from smad.gap.report import Asked
-    from smad.gap.runs import GapRun
-    from smad.gap.sma import SmaPlant
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
@@ -126,7 +126,7 @@ def diagnose(
 
             write_page(page_of(result, asked), html_path)
         if model_path is not None and plant is not None:
-            from smad.gap.apply import apply
+            from smad.diagnosis.model_file import apply
 
             apply(result, plant, model_path)
     for path in (json_path, html_path, model_path):
@@ -141,8 +141,8 @@ def effects(*, variant: str, as_json: bool) -> None:
     """List the candidate effects, from the registry."""
     import msgspec
 
+    from smad.diagnosis.spring_pair import SmaPlant
     from smad.gap.report.terms import with_unit
-    from smad.gap.sma import SmaPlant
 
     library = SmaPlant(variant=variant).effects
     if as_json:
@@ -175,7 +175,7 @@ def verify(
 
     plant = _plant(params, variant)
     with _clean_errors():
-        from smad.gap.verify import verified
+        from smad.diagnosis.verify import verified
 
         rows = verified(plant, _read(runs, runs), plant.load_model(model_path))
     if as_json:
@@ -274,7 +274,7 @@ def _propose(baseline: Path) -> None:
 
 def _plant(params: str, variant: str) -> SmaPlant:
     from sim_device.plant import load_parameters
-    from smad.gap.sma import SmaPlant
+    from smad.diagnosis.spring_pair import SmaPlant
 
     with _clean_errors():
         return SmaPlant(load_parameters(params), variant)
@@ -284,7 +284,7 @@ def _plant(params: str, variant: str) -> SmaPlant:
 def _clean_errors() -> Iterator[None]:
     """Errors of the plant become one line, as all others."""
     from sim_device.plant.errors import PlantError
-    from smad.gap.errors import GapError
+    from smad.diagnosis.errors import GapError
 
     try:
         yield
@@ -293,7 +293,7 @@ def _clean_errors() -> Iterator[None]:
 
 
 def _read(paths: Sequence[Path], among: Sequence[Path]) -> list[GapRun]:
-    from smad.gap.sma.signals import read_gap_run
+    from smad.diagnosis.spring_pair.signals import read_gap_run
     from smad.runlog.bounds import Together
 
     together = Together()
@@ -395,7 +395,7 @@ def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None
 
 
 def _list_catalogue() -> None:
-    from smad.gap.sma.catalogue import CATALOGUE, ROUTINE
+    from smad.diagnosis.spring_pair.catalogue import CATALOGUE, ROUTINE
 
     for heading, timelines in (
         ("everyday runs, to fit on and to judge on", ROUTINE),
@@ -412,9 +412,9 @@ def _perform(name: str, seed: int, bench: str) -> None:
     from smad.cli.leased import LeasedDriver
     from smad.cli.output import client, shown
     from smad.client.signals import ended_by_signals
+    from smad.diagnosis.spring_pair.catalogue import plan_named
     from smad.experiments.live import LiveDriver
     from smad.experiments.ready import require_ready
-    from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
     with ended_by_signals(), client(bench) as connected, progress() as line:
@@ -432,7 +432,7 @@ def _simulated_point(
 ) -> ModelPoint:
     """The simulated bench: the model, or the nominal one, with effects in place of its own."""
     from sim_device.plant.effects.registry import from_text, resolve
-    from smad.gap.plant import ModelPoint
+    from smad.diagnosis.plant import ModelPoint
 
     point = ModelPoint({}) if model_path is None else plant.load_model(model_path)
     more = resolve(dict(from_text(text) for text in effects))
@@ -441,10 +441,10 @@ def _simulated_point(
 
 def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelPoint) -> None:
     """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
+    from smad.diagnosis.errors import GapError
+    from smad.diagnosis.spring_pair.catalogue import plan_named
     from smad.experiments.driver import log_path
     from smad.experiments.virtual import VirtualDriver
-    from smad.gap.errors import GapError
-    from smad.gap.sma.catalogue import plan_named
 
     plan = plan_named(name, seed)
     if seed:

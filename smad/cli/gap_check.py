@@ -10,8 +10,8 @@ import click
 from smad.cli.output import bad
 
 if TYPE_CHECKING:
-    from smad.gap.check.running import Order, Progress
-    from smad.gap.check.verdicts import CaseVerdict, VerdictFile
+    from smad.diagnosis.bank.running import Order, Progress
+    from smad.diagnosis.bank.verdicts import CaseVerdict, VerdictFile
 
 _OUT = click.Path(dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -53,11 +53,11 @@ def check(
 
     An interrupted check goes on where it stopped when the same command is given again.
     """
-    from smad.gap.check.bank import chosen, open_bank, require_files
-    from smad.gap.check.case import How
-    from smad.gap.check.running import Order
-    from smad.gap.check.running import check as run
-    from smad.gap.check.verdicts import write_verdicts
+    from smad.diagnosis.bank.bank import chosen, open_bank, require_files
+    from smad.diagnosis.bank.case import How
+    from smad.diagnosis.bank.running import Order
+    from smad.diagnosis.bank.running import check as run
+    from smad.diagnosis.bank.verdicts import write_verdicts
     from smad.gap.settings import Settings
 
     opened = open_bank(bank)
@@ -141,10 +141,10 @@ def _failed(order: Order, file: VerdictFile) -> int:
 )
 def score(*, verdicts: Path, key: Path, json_path: Path | None, answered_only: bool) -> None:
     """Compare VERDICTS with the KEY of their bank."""
-    from smad.gap.check.errors import KeyMismatchError
-    from smad.gap.check.key import SEALED, read_key
-    from smad.gap.check.score import matched, scores, text, write_scores
-    from smad.gap.check.verdicts import read_verdicts
+    from smad.diagnosis.bank.errors import KeyMismatchError
+    from smad.diagnosis.bank.key import SEALED, read_key
+    from smad.diagnosis.bank.score import matched, scores, text, write_scores
+    from smad.diagnosis.bank.verdicts import read_verdicts
 
     file = read_verdicts(verdicts)
     truth, key_sha256 = read_key(key)

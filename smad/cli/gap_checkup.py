@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from smad.checkup.programme import Programme
     from smad.checkup.series import Play
     from smad.checkup.store import Baseline
-    from smad.gap.runs import GapRun
-    from smad.gap.sma import SmaPlant
+    from smad.diagnosis.runs import GapRun
+    from smad.diagnosis.spring_pair import SmaPlant
 
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
@@ -71,9 +71,9 @@ def commission(
     computed anew from its runs. Arms the bench and heats it.
     """
     from smad.checkup.commission import commissioned
+    from smad.checkup.errors import BaselineError
     from smad.checkup.series import finished, folder_for, play_series
     from smad.checkup.store import Baseline, save
-    from smad.gap.paired.errors import BaselineError
 
     plant = new_plant()
     programme = chosen_programme(programme_folder, quick)
@@ -223,10 +223,10 @@ def _of_baseline(
     bench: str,
 ) -> Judged:
     from smad.checkup.commission import judged
+    from smad.checkup.errors import BaselineError
     from smad.checkup.files import read_folder
     from smad.checkup.series import folder_for, play_series, read_state
     from smad.checkup.store import load
-    from smad.gap.paired.errors import BaselineError
 
     plant = new_plant()
     baseline = load(folder, plant)
@@ -274,8 +274,8 @@ def _require_other_runs(folder: Path, now: Sequence[Found]) -> None:
 
 def _known(folder: Path, plant: SmaPlant) -> Baseline | None:
     """The baseline of a folder; None where there is none, or none that this version can read."""
+    from smad.checkup.errors import BaselineError
     from smad.checkup.store import load
-    from smad.gap.paired.errors import BaselineError
 
     if not (folder / "baseline.json").exists():
         return None
@@ -288,8 +288,8 @@ def _known(folder: Path, plant: SmaPlant) -> Baseline | None:
 
 def _require_its_runs(folder: Path, programme: Programme) -> None:
     """Raises BaselineError when the good runs that are there are of another programme."""
+    from smad.checkup.errors import BaselineError
     from smad.checkup.series import read_state
-    from smad.gap.paired.errors import BaselineError
 
     for place in _good(folder):
         state = read_state(place)

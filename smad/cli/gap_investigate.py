@@ -107,11 +107,11 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
 def proposal(folder: Path, now: Path | None) -> Proposal:
     """What an investigation would play next, from the newest check-up or investigation."""
     from smad.checkup.commission import judged
+    from smad.checkup.errors import BaselineError
     from smad.checkup.files import read_folder
     from smad.checkup.investigate import propose
     from smad.checkup.store import load
     from smad.diagnosis.constants import shipped
-    from smad.gap.paired.errors import BaselineError
 
     plant = new_plant()
     reference = load(folder, plant).reference

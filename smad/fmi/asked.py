@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from smad.diagnosis.data.scales import suited
+from smad.diagnosis.runs import GapRun, bridged
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import open_unit
 from smad.gap import diagnose
-from smad.gap.model.scales import suited
 from smad.gap.records import Diagnosis
-from smad.gap.runs import GapRun, bridged
 from smad.gap.settings import Settings
 from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded

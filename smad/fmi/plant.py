@@ -10,11 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.signal import lfilter
 
-from smad.fmi.errors import FmiError
-from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, TermRow, require_fit
-from smad.fmi.running import Fed, Runner, signed_power
-from smad.fmi.unit_file import UnitFile
-from smad.gap.plant import (
+from smad.diagnosis.plant import (
     Array,
     Channel,
     Effect,
@@ -26,8 +22,12 @@ from smad.gap.plant import (
     Signal,
     View,
 )
-from smad.gap.runs import GapRun
-from smad.gap.sma.signals import means_over_pieces
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair.signals import means_over_pieces
+from smad.fmi.errors import FmiError
+from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, TermRow, require_fit
+from smad.fmi.running import Fed, Runner, signed_power
+from smad.fmi.unit_file import UnitFile
 
 _SUB_MODEL = "unit"
 _KEPT = 64

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from smad.diagnosis.plant import Array
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
-from smad.gap.plant import Array
 from smad.parts import part
 
 _OK_OR_WARNING = (0, 1)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from smad.gap.check.running import Part, Task, Work
+from smad.diagnosis.bank.running import Part, Task, Work
 
 _SIZES = {
     "compare.select._SURVIVORS": 2,
@@ -27,7 +27,7 @@ def quicken(monkeypatch: pytest.MonkeyPatch, **sizes: int) -> None:
     """Cuts it short for a test; a check keeps its cases in this process. `sizes` by last name."""
     for name, size in _SIZES.items():
         monkeypatch.setattr(f"smad.gap.{name}", sizes.get(name.rpartition(".")[2], size))
-    monkeypatch.setattr("smad.gap.check.running.apart", _here)
+    monkeypatch.setattr("smad.diagnosis.bank.running.apart", _here)
 
 
 def _here(work: Work, task: Task) -> Part:

@@ -13,18 +13,18 @@ from evaluation.bank.cases import Case
 from evaluation.bank.making import Style, make
 from evaluation.plant.effects import BY_NAME, Active, names
 from smad.cli import execute
-from smad.gap.check.bank import open_bank
-from smad.gap.check.case import How
-from smad.gap.check.names import ALIASES, CAUSES, canonical, subsystem_of
-from smad.gap.check.running import Order, Progress, check
-from smad.gap.check.score import Scores
-from smad.gap.check.verdicts import (
+from smad.diagnosis.bank.bank import open_bank
+from smad.diagnosis.bank.case import How
+from smad.diagnosis.bank.names import ALIASES, CAUSES, canonical, subsystem_of
+from smad.diagnosis.bank.running import Order, Progress, check
+from smad.diagnosis.bank.score import Scores
+from smad.diagnosis.bank.verdicts import (
     read_verdict_file,
     read_verdicts,
     write_verdicts,
 )
 from smad.gap.settings import Settings
-from smad.gap.sma import SmaPlant
+from smad.diagnosis.spring_pair import SmaPlant
 from tests.evaluation.quick import quicken
 
 RUN_S = 12.0
@@ -132,7 +132,7 @@ def test_every_listed_cause_has_an_entry_in_the_library() -> None:
 
 
 def test_a_key_in_full_reads_as_the_scorer_wants_it(bank: Path) -> None:
-    from smad.gap.check.key import read_key
+    from smad.diagnosis.bank.key import read_key
 
     key, sha256 = read_key(bank.with_name("small-key") / "KEY.json")
     assert sha256 == open_bank(bank).manifest.key_sha256

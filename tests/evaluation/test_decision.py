@@ -17,7 +17,7 @@ from evaluation.calibrate.decision import (
     shares_right,
     worth,
 )
-from smad.gap.check.key import CaseKey, TrueEffect
+from smad.diagnosis.bank.key import CaseKey, TrueEffect
 from smad.gap.records import Outcome
 from smad.gap.settings import Settings
 

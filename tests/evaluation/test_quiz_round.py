@@ -22,10 +22,10 @@ from smad.api import BY_PARAMS
 from smad.control.plan import Do, Pause
 from smad.gap import Diagnosis, Settings, diagnose
 from smad.gap.records import Outcome
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.catalogue import plan_named
-from smad.gap.sma.signals import read_gap_run
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.catalogue import plan_named
+from smad.diagnosis.spring_pair.signals import read_gap_run
 from tests.evaluation.quick import quicken
 from tests.smad.daemon.rig import Line, Rig, rig_in
 

@@ -17,10 +17,10 @@ from evaluation.score.goals import Scored
 from evaluation.score.openings import Ledger
 from evaluation.score.scores import Published, published
 from evaluation.score.tables import tables
-from smad.gap.check.errors import KeyMismatchError
-from smad.gap.check.key import FORMAT, file_digest, read_key
-from smad.gap.check.score import Mistake, matched
-from smad.gap.check.verdicts import (
+from smad.diagnosis.bank.errors import KeyMismatchError
+from smad.diagnosis.bank.key import FORMAT, file_digest, read_key
+from smad.diagnosis.bank.score import Mistake, matched
+from smad.diagnosis.bank.verdicts import (
     CaseVerdict,
     HeldOut,
     Short,
@@ -29,7 +29,7 @@ from smad.gap.check.verdicts import (
     write_verdicts,
 )
 from smad.gap.records import FittedRecord
-from smad.gap.sma import SmaPlant
+from smad.diagnosis.spring_pair import SmaPlant
 from tests.smad.gap.test_check_score import LAG, SHA, _entry, _key, _named
 
 OPENED = "7190a021eeda81c23647ee7713a967cf1d690b3a2d3908e28a25a6caccf8d6d1"

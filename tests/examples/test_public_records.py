@@ -17,8 +17,8 @@ from examples.public_records.records import RECORDS, Asked, Record, RecordError
 from examples.public_records.silverbox import RATE_HZ, Silverbox
 from examples.public_records.tanks import STEP_S, Tanks
 from smad.gap import diagnose
-from smad.gap.plant import Array, ModelPoint, PlantModel
-from smad.gap.runs import GapRun
+from smad.diagnosis.plant import Array, ModelPoint, PlantModel
+from smad.diagnosis.runs import GapRun
 
 TANKS, SILVERBOX = RECORDS["tanks"], RECORDS["silverbox"]
 PART = 1500

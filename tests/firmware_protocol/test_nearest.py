@@ -9,7 +9,7 @@ from smad.config import parse_config
 from smad.errors import ConfigError, SmadError
 from smad.experiments.registry import make_experiment
 from smad.faults.campaign import chosen_rows
-from smad.gap.sma.catalogue import timeline_named
+from smad.diagnosis.spring_pair.catalogue import timeline_named
 
 MANY = [f"name_{k}" for k in range(40)]
 

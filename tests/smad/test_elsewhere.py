@@ -18,7 +18,7 @@ for module, names in ((os, ("getuid", "geteuid", "fork", "openpty")), (signal, (
 """
 PARTS = (
     "smad", "smad.client", "smad.cli", "smad.runlog.reader", "smad.runlog.export", "smad.gap",
-    "smad.gap.sma", "smad.checkup.files", "sim_device.plant", "smad.control.runner",
+    "smad.diagnosis.spring_pair", "smad.checkup.files", "sim_device.plant", "smad.control.runner",
 )  # fmt: skip
 
 

@@ -9,25 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_device.plant.errors import PlantError
-from sim_device.plant.laws import Law, Term, as_forcing, design_matrix, law_space, support_of
+from sim_device.plant.laws import Law, Term, basis, terms_over
+from smad.diagnosis.data.played import Played, finite
+from smad.diagnosis.data.rows import bin_numbers
 from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.candidate import Candidate
-from smad.gap.paired.model import Played, finite
-from smad.gap.paired.rows import bin_numbers
-from smad.gap.places import BOTH, Forceable, Forcing
-from smad.gap.plant import ModelPoint, PlantModel
+from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
+from smad.diagnosis.plant import ModelPoint
 
 Singles = NDArray[np.float32]
 
 
-class PlacesPlant(PlantModel, Forceable, Protocol):
-    """A plant whose equations can be forced."""
+Space = tuple[tuple[Law, ...], tuple[range, ...]]
+"""Candidate laws of every place, and where the terms of each stand."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,25 +90,49 @@ class Responses:
         return tuple(out)
 
 
-def candidate_laws(
-    plant: PlacesPlant, point: ModelPoint, runs: Sequence[Played]
-) -> tuple[tuple[Law, ...], tuple[range, ...]]:
+def candidate_laws(plant: PlacesPlant, point: ModelPoint, runs: Sequence[Played]) -> Space:
     """Lines, signs and lags of every place over the runs' states, and where each law's stand.
 
-    Bends and products would cost five times the replays.
+    Bends and products would cost five times the replays: bends are asked of plants without places
+    of their own, which have few.
     """
     states = [plant.trajectory(point, p.run, fast=True) for p in runs]
+    bare = isinstance(plant, BarePlaces)
+    signed = tuple(n for n in plant.places[0].states if n.endswith("_rate")) if bare else None
     laws: list[Law] = []
     columns: list[range] = []
     count = 0
     for place in plant.places:
         for side in place.sides:
-            support = support_of(place.name, side, states)
-            terms = law_space(place.name, side, support, bends=False, products=False)
+            support = _support(plant, place, side, states)
+            terms = terms_over(
+                place.states, support, bends=bare, products=False,
+                signed=("velocity",) if signed is None else signed,
+            )  # fmt: skip
             laws.append(Law(place.name, side, terms))
             columns.append(range(count, count + len(terms)))
             count += len(terms)
     return tuple(laws), tuple(columns)
+
+
+def _support(
+    plant: PlacesPlant, place: Place, side: str, states: Sequence[Mapping[str, Array]]
+) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each state of a place over some trajectories."""
+    out: dict[str, tuple[float, float]] = {}
+    for trajectory in states:
+        for own in single_sides(place, side):
+            for name, values in plant.seen(place.name, own, trajectory).items():
+                low, high = out.get(name, (np.inf, -np.inf))
+                out[name] = min(low, float(values.min())), max(high, float(values.max()))
+    return out
+
+
+def law_values(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
+    """Basis functions of a law's terms on a trajectory, (n, k), as its first side sees it."""
+    place = next(p for p in plant.places if p.name == law.place)
+    (side, *_) = single_sides(place, law.side)
+    return basis(plant.seen(law.place, side, states), law.terms, t_s)
 
 
 def responses(
@@ -117,6 +141,7 @@ def responses(
     runs: Sequence[Played],
     *,
     known: Sequence[Singles] | None = None,
+    space: Space | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Responses:
     """Responses of all places at `point`. Terms that the model cannot replay have response 0.
@@ -124,7 +149,7 @@ def responses(
     `known` are the arrays of an earlier call for the same runs, from which nothing is replayed.
     Raises ValueError where they do not fit.
     """
-    laws, columns = candidate_laws(plant, point, runs)
+    laws, columns = space or candidate_laws(plant, point, runs)
     scales = {place.name: place.scale for place in plant.places}
     count = columns[-1].stop if columns else 0
     if known is not None:
@@ -155,8 +180,8 @@ class _Replayed:
         at = 0
         for law in laws:
             place = places[law.place]
-            X = design_matrix(law.place, law.side, states, law.terms, run.t_s)
-            forcing = place.scale * as_forcing(law.place, X)
+            X = law_values(self.plant, law, states, run.t_s)
+            forcing = place.scale * (X if place.reading else _later(X))
             of = self._of_reading if place.reading else self._of_place
             out[at : at + len(law.terms)] = of((law.place, law.side), forcing, base)
             at += len(law.terms)
@@ -187,9 +212,14 @@ class _Replayed:
         return np.asarray(means[:, :, None] * share)
 
 
+def _later(values: Array) -> Array:
+    """Values of a law at samples as the forcing of the sample that follows."""
+    return np.concatenate([values[:1], values[:-1]])
+
+
 def _means(series: Array, played: Played) -> Array:
     """Means of series (m, n) in each bin, (m, bins)."""
-    at = bin_numbers(played.run, played.start_s)
+    at = bin_numbers(played.run, played.start_s, played.period_s)
     inside = (at >= 0) & (at < played.bins)
     count = np.maximum(np.bincount(at[inside], minlength=played.bins), 1)
     return np.array(

@@ -9,26 +9,19 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from sim_device.plant.laws import Law
+from sim_device.plant.laws import Law, joined
 from smad.diagnosis.constants import Constants
+from smad.diagnosis.data.played import finite, predictions
+from smad.diagnosis.gap import Gap
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
-from smad.diagnosis.places.responses import PlacesPlant, Responses
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.places.rows import fold_rows
-from smad.diagnosis.search.told import PlaceTold, Teller, one_of_each_place, side_words
+from smad.diagnosis.plant import Effect, Uncertainty
+from smad.diagnosis.search.names import Entry
+from smad.diagnosis.search.told import Teller, one_of_each_place, side_words
 from smad.diagnosis.search.where import Fits, Step, Where, fits, where
-from smad.gap.paired.difference import Paired
-from smad.gap.paired.model import finite, predictions
-from smad.gap.plant import Effect, ModelPoint, Uncertainty
-
-
-@dataclass(frozen=True)
-class Entry:
-    """An effect of the library, refined: what it takes of the rows' sum of squares."""
-
-    name: str
-    values: dict[str, dict[str, float]]
-    gain: float
-
+from smad.diagnosis.verdict import PlaceTold
 
 Refine = Callable[[Sequence[Effect], Array], Entry | None]
 """The one of some effects that takes most of white rows."""
@@ -65,7 +58,7 @@ class Located:
 
 
 def locate(
-    pairs: Paired,
+    gap: Gap,
     plant: PlacesPlant,
     found: Responses,
     refine: Refine,
@@ -79,21 +72,21 @@ def locate(
     had no part in it. An effect is a name for a place only where it acts there or at a place near
     it, and takes enough of what the law takes.
     """
-    rows = fold_rows(pairs, found)
+    rows = fold_rows(gap, found)
     w = where(rows, found.candidates(), constants)
     effects = [e for e in plant.effects if e.name not in exclude]
-    named = _named(rows, w.steps, effects, refine, constants.name_share)
-    tried = _tried(pairs, found, rows, [n.step for n in named])
+    named = named_steps(rows, w.steps, effects, refine, constants.name_share)
+    tried = _tried(gap, found, rows, [n.step for n in named])
     kept = [n.step for n in named[: len(tried)]]
     shown = named[: max(len(tried), 1)]
     told: list[PlaceTold] = []
     if shown:
-        teller = Teller(plant, pairs, found, fits(rows, [n.step for n in shown]))
+        teller = Teller(plant, gap, found, fits(rows, [n.step for n in shown]))
         for k, n in enumerate(shown):
             one = teller.told(n.step, n.share, in_simulator=k < len(tried))
             told.append(msgspec.structs.replace(one, **n.name))
     laws, uncertainty = _laws(found, fits(rows, kept)) if kept else ((), None)
-    still = tuple(np.zeros_like(p.base) for p in pairs.pairs)
+    still = tuple(np.zeros_like(b) for b in gap.base)
     return Located(
         told=tuple(told), laws=laws, uncertainty=uncertainty, change=tried[-1] if tried else still,
         alternatives=_alternatives(plant, found, rows, shown[0].step) if shown else (),
@@ -103,7 +96,7 @@ def locate(
 
 
 @dataclass(frozen=True)
-class _Named:
+class Named:
     """A step with what it adds, and what is told of its name."""
 
     step: Step
@@ -111,18 +104,18 @@ class _Named:
     name: dict[str, Any]
 
 
-def _named(
+def named_steps(
     rows: FoldRows,
     steps: Sequence[Step],
     effects: Sequence[Effect],
     refine: Refine,
     least: float,
-) -> list[_Named]:
+) -> list[Named]:
     """The effect that takes most at each place, beside the laws of the places before.
 
     Among places that these runs do not tell apart, the one where a named effect acts comes first.
     """
-    out: list[_Named] = []
+    out: list[Named] = []
     left, before = rows, 0.0
     for step in steps:
         change = _change(left, fits(left, [step]))
@@ -132,7 +125,7 @@ def _named(
         if told.get("name"):
             (effect,) = (e for e in effects if e.name == told["name"])
             own = _first_at(step, effect)
-        out.append(_Named(own, step.share - before, told))
+        out.append(Named(own, step.share - before, told))
         left, before = replace(left, rows=left.rows - change), step.share
     return out
 
@@ -190,16 +183,16 @@ def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:
 
 
 def _tried(
-    pairs: Paired, found: Responses, rows: FoldRows, steps: Sequence[Step]
+    gap: Gap, found: Responses, rows: FoldRows, steps: Sequence[Step]
 ) -> list[tuple[Array, ...]]:
     """What the simulator makes of the laws of 1, 2 … places, as far as each brings it nearer."""
     kept: list[tuple[Array, ...]] = []
-    least = float(pairs.z @ pairs.z)
+    least = float(gap.z @ gap.z)
     for n in range(1, len(steps) + 1):
-        change = _in_simulator(pairs, found, fits(rows, steps[:n]), rows.fold)
+        change = _in_simulator(gap, found, fits(rows, steps[:n]), rows.fold)
         if change is None:
             break
-        left = pairs.z - pairs.tie(pairs.white([c[None] for c in change]))[0]
+        left = gap.z - gap.rows([c[None] for c in change])[0]
         if (square := float(left @ left)) >= least:
             break
         least = square
@@ -207,20 +200,18 @@ def _tried(
     return kept
 
 
-def _in_simulator(
-    pairs: Paired, found: Responses, own: Fits, fold: Index
-) -> tuple[Array, ...] | None:
-    """The change of each pair with laws fitted without it; None where it cannot be simulated."""
-    point = pairs.reference.point
-    run = pairs.white.run_of_row()
+def _in_simulator(gap: Gap, found: Responses, own: Fits, fold: Index) -> tuple[Array, ...] | None:
+    """The change of each run with laws fitted without it; None where it cannot be simulated."""
+    point = gap.point
     out = []
-    for k, p in enumerate(pairs.pairs):
-        mine = np.unique(fold[(run == k) & (fold >= 0)])
+    for k, (played, base) in enumerate(zip(gap.played, gap.base, strict=True)):
+        mine = np.unique(fold[(gap.run_of_row == k) & (fold >= 0)])
         values = np.mean([own.without[f] for f in mine], axis=0) if len(mine) else own.fit.mean
         laws = found.law_of(own.columns, values)
-        model = ModelPoint(point.theta, point.effects, laws)
-        (moved,) = predictions(pairs.plant, model, [p.played])
+        (moved,) = predictions(
+            gap.plant, replace(point, laws=joined((*point.laws, *laws))), [played]
+        )
         if not finite([moved]):
             return None
-        out.append(moved - p.base)
+        out.append(moved - base)
     return tuple(out)

@@ -4,72 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
-from sim_device.plant.laws import Law, Term, design_matrix
-from sim_device.plant.places import STATES
+from sim_device.plant.laws import Law, Term
+from smad.diagnosis.gap import Gap
 from smad.diagnosis.numerics.folds import Array, Index
-from smad.diagnosis.places.responses import PlacesPlant, Responses
+from smad.diagnosis.places.place import BOTH, Place, PlacesPlant
+from smad.diagnosis.places.responses import Responses, law_values
+from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.where import Fits, Scored, Step
-from smad.gap.paired.difference import Paired
-from smad.gap.places import BOTH, Place
-from smad.gap.runs import GapRun
-
-_STATES = {s.name: s for s in STATES}
-
-
-class TermTold(msgspec.Struct, frozen=True, kw_only=True):
-    """A term of a law: what it goes with in `words`, its `slopes` by spring with their standard
-    deviations `sd`, in `unit`."""
-
-    name: str
-    words: str
-    slopes: dict[str, float]
-    sd: dict[str, float]
-    unit: str
-
-    @property
-    def text(self) -> str:
-        """What it goes with and how, as users read it."""
-        slopes = ", ".join(
-            f"{'' if side == BOTH else side.upper() + ' '}{v:+.2g} ± {self.sd[side]:.1g}"
-            for side, v in self.slopes.items()
-        )
-        return f"{self.words}: {slopes}{'' if self.unit == '1' else ' ' + self.unit}"
-
-
-class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
-    """One answer: where, which law, what name.
-
-    `share` is what the place adds to the held-out part of the change, in squares of white rows;
-    `near` are places that do nearly as well. `largest` is the law's largest value in the runs, in
-    `unit`. `in_simulator` says whether the law brought the simulator nearer to the bench. `name` is
-    an effect of the library that acts there, empty for none; `nearest` the best of those that act
-    there, `takes` what it takes of what the law takes.
-    """
-
-    place: str
-    side: str
-    words: str
-    share: float
-    near: list[str]
-    terms: list[TermTold]
-    largest: float
-    unit: str
-    in_simulator: bool
-    name: str = ""
-    values: dict[str, dict[str, float]] = {}
-    nearest: str = ""
-    takes: float = 0.0
-
-    @property
-    def read(self) -> list[TermTold]:
-        """The terms that say something: a constant only where there is no other.
-
-        Beside others it depends on where the middle of their states lies.
-        """
-        return self.terms[:-1] if len(self.terms) > 1 else self.terms
+from smad.diagnosis.verdict import PlaceTold, TermTold
 
 
 @dataclass(frozen=True)
@@ -77,7 +21,7 @@ class Teller:
     """Reads laws that were fitted together."""
 
     plant: PlacesPlant
-    pairs: Paired
+    gap: Gap
     found: Responses
     own: Fits
 
@@ -95,6 +39,7 @@ class Teller:
                 side_words(places[s.candidate.place], s.candidate.side)
                 for s in one_of_each_place(step)[1:]
             ],
+            near_places=[s.candidate.place for s in one_of_each_place(step)],
             terms=self._terms(step, place),
             largest=self._largest(step),
             unit=place.unit,
@@ -112,23 +57,42 @@ class Teller:
         out: list[TermTold] = []
         for k, name in enumerate(step.chosen.terms):
             slopes, spread = {}, {}
-            unit, words = place.unit, ""
+            unit, words, state = place.unit, "", ""
             for n in at[width * k : width * (k + 1)]:
                 law, term = self.found.home(int(self.own.columns[n]))
-                span, unit, words = _read(term, place.unit)
+                span, unit, words, state = self._read(law.place, term, place.unit)
                 slopes[law.side] = place.scale * float(self.own.fit.mean[n]) / span
                 spread[law.side] = place.scale * float(sd[n]) / span
-            out.append(TermTold(name=name, words=words, slopes=slopes, sd=spread, unit=unit))
+            out.append(
+                TermTold(name=name, state=state, words=words, slopes=slopes, sd=spread, unit=unit)
+            )
         return out
 
     def _largest(self, step: Step) -> float:
         most = 0.0
         at = self._at(step)
         for law in self.found.law_of(self.own.columns[at], self.own.fit.mean[at]):
-            for p in self.pairs.pairs:
-                series = law_series(self.plant, self.pairs, law, p.reference.played.run)
+            for p in self.gap.played:
+                series = law_series(self.plant, self.gap, law, p.run)
                 most = max(most, float(np.abs(series).max(initial=0.0)))
         return most
+
+    def _read(self, place: str, term: Term, unit: str) -> tuple[float, str, str, str]:
+        """The span of a term's state, the unit of its slope, what it goes with, and its state."""
+        if not term.factors:
+            return 1.0, unit, "always", ""
+        factor, *more = term.factors
+        label, own = self.plant.state_words(place, factor.state)
+        label += f", behind by {factor.lag_s:g} s" if factor.lag_s else ""
+        if more:
+            other, _ = self.plant.state_words(place, more[0].state)
+            return 1.0, unit, f"{label} times {other}", factor.state
+        if factor.kind == "sign":
+            return 1.0, unit, f"sign of the {label}", factor.state
+        if factor.kind == "bend":
+            label += f" above {factor.centre:.3g} {own}"
+        slope = unit if own == "1" else f"{unit}/({own})" if "/" in own else f"{unit}/{own}"
+        return factor.scale, slope, label, factor.state
 
 
 def side_words(place: Place, side: str) -> str:
@@ -138,11 +102,12 @@ def side_words(place: Place, side: str) -> str:
     return f"{place.label}, {'X and Y' if side == BOTH else side.upper()}"
 
 
-def law_series(plant: PlacesPlant, pairs: Paired, law: Law, run: GapRun) -> Array:
+def law_series(plant: PlacesPlant, gap: Gap, law: Law, run: GapRun) -> Array:
     """Values of a law on the reference trajectory of a run, in the unit of the place."""
-    states = plant.trajectory(pairs.reference.point, run, fast=True)
-    X = design_matrix(law.place, law.side, states, law.terms, run.t_s)
-    return np.asarray(X @ np.array([t.coefficient for t in law.terms]))
+    states = plant.trajectory(gap.point, run, fast=True)
+    return np.asarray(
+        law_values(plant, law, states, run.t_s) @ np.array([t.coefficient for t in law.terms])
+    )
 
 
 def one_of_each_place(step: Step) -> list[Scored]:
@@ -151,17 +116,3 @@ def one_of_each_place(step: Step) -> list[Scored]:
     for s in (step.chosen, *step.near):
         best.setdefault(s.candidate.place, s)
     return list(best.values())
-
-
-def _read(term: Term, unit: str) -> tuple[float, str, str]:
-    """The span of a term's state, the unit of its slope, and what it goes with."""
-    if not term.factors:
-        return 1.0, unit, "always"
-    (factor,) = term.factors
-    state = _STATES[factor.state]
-    own = {"reading": unit, "reading_rate": f"{unit}/s"}.get(factor.state, state.unit)
-    label = state.label + (f", behind by {factor.lag_s:g} s" if factor.lag_s else "")
-    if factor.kind == "sign":
-        return 1.0, unit, f"sign of the {label}"
-    slope = unit if own == "1" else f"{unit}/({own})" if "/" in own else f"{unit}/{own}"
-    return factor.scale, slope, label

@@ -120,10 +120,16 @@ def _scored(
         start = np.concatenate([before, always])
         products = rows.products(free, start)
         groups = len(start) + np.searchsorted(free, c.groups[1:])
-        worth = _SIMPLER ** (np.array(c.orders[1:]) - 1.0)
-        found = forward(products, groups, worth, depth=constants.most_terms, before=len(start))
+        found = forward(
+            products, groups, worth_of(c), depth=constants.most_terms, before=len(start)
+        )
         out.append(Scored(c, found, max(found.best, taken) / max(rows.square, 1e-12)))
     return tuple(sorted(out, key=lambda s: (-s.share, s.candidate.place, s.candidate.side)))
+
+
+def worth_of(c: Candidate) -> Array:
+    """What each term but the constant is worth: simpler ones go first."""
+    return np.asarray(_SIMPLER ** (np.array(c.orders[1:]) - 1.0))
 
 
 def fits(rows: FoldRows, steps: Sequence[Step]) -> Fits:

@@ -4,9 +4,9 @@ import numpy as np
 
 from smad.checkup.programme import ProgrammeRun
 from smad.checkup.segments import run_of
-from smad.gap.plant import EffectValues, ModelPoint
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
+from smad.diagnosis.plant import EffectValues, ModelPoint
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
 
 PLANT = SmaPlant(only=("rtd_lag", "driver_gain", "tube_friction", "force_offset"))
 SHORT = run_of(

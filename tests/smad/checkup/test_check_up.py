@@ -26,10 +26,10 @@ from smad.checkup.programme import (
 from smad.checkup.segments import run_of
 from smad.checkup.store import Baseline, load, save
 from smad.errors import SmadError
-from smad.gap.paired.errors import BaselineError, PairingError, ProgrammeError
-from smad.gap.paired.reference import Reference
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
+from smad.checkup.errors import BaselineError, PairingError, ProgrammeError
+from smad.checkup.paired.reference import Reference
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
 from smad.report.page import render
 from smad.runlog.header import RunHeader
 from smad.runlog.writer import write_run

@@ -18,10 +18,10 @@ from smad.diagnosis.constants import shipped
 from smad.diagnosis.search.locate import Alternative, Located
 from smad.diagnosis.search.told import PlaceTold
 from smad.diagnosis.search.where import Where
-from smad.gap.paired.errors import BaselineError
-from smad.gap.paired.reference import Reference
-from smad.gap.plant import EffectValues
-from smad.gap.runs import GapRun
+from smad.checkup.errors import BaselineError
+from smad.checkup.paired.reference import Reference
+from smad.diagnosis.plant import EffectValues
+from smad.diagnosis.runs import GapRun
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import Row
 from smad.runlog.writer import write_run

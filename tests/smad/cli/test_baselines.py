@@ -16,7 +16,7 @@ from smad.checkup.series import Play, Recorded, finished
 from smad.checkup.store import read_about
 from smad.cli import execute
 from smad.cli.gap_runs import uncut
-from smad.gap.runs import GapRun
+from smad.diagnosis.runs import GapRun
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import CUT, Event, Row
 from smad.runlog.writer import write_run

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from smad.gap import Diagnosis, Settings, diagnose
-from smad.gap.plant import Effect
-from smad.gap.runs import GapRun
+from smad.diagnosis.plant import Effect
+from smad.diagnosis.runs import GapRun
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 
 OTHER = {"c_J_K": 31.0, "ha_W_K": 0.57}

@@ -12,9 +12,9 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 
-from smad.gap.check.intervals import wilson
+from smad.diagnosis.bank.intervals import wilson
 from smad.gap.records import Diagnosis, Outcome
-from smad.gap.runs import GapRun
+from smad.diagnosis.runs import GapRun
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, without
 
 _SEEDS_APART = 100

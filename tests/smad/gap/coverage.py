@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from itertools import product
 
 from smad.gap import diagnose
-from smad.gap.check.intervals import wilson
-from smad.gap.plant import ModelPoint, PlantModel
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.recorded import recorded
+from smad.diagnosis.bank.intervals import wilson
+from smad.diagnosis.plant import ModelPoint, PlantModel
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recorded import recorded
 from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, bank
 from tests.smad.gap.heater_plant import HeaterPlant
 

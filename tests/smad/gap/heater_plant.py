@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from scipy.signal import lfilter
 
-from smad.gap.plant import (
+from smad.diagnosis.plant import (
     Array,
     Channel,
     Effect,
@@ -26,7 +26,7 @@ from smad.gap.plant import (
     Signal,
     View,
 )
-from smad.gap.runs import GapRun
+from smad.diagnosis.runs import GapRun
 
 DT = 0.1
 

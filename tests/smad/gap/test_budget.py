@@ -9,7 +9,7 @@ import pytest
 from smad.gap import diagnose
 from smad.gap.compare.tracks import follow_tracks
 from smad.gap.diagnose import ready
-from smad.gap.plant import Effect
+from smad.diagnosis.plant import Effect
 from smad.gap.records import Budget, BudgetRow, Diagnosis, Outcome
 from smad.gap.report import summary_lines
 from smad.gap.report.advice import Asked

@@ -9,18 +9,18 @@ import pytest
 
 from sim_device.plant.parameters import initial_detwinned
 from smad.gap import Settings, diagnose
-from smad.gap.data.noise import estimate_floors
-from smad.gap.data.replay import Dataset, Detail, Grid, thinned
-from smad.gap.data.views import local_views
+from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.data.grid import Dataset, Detail, Grid, thinned
+from smad.diagnosis.data.views import local_views
 from smad.gap.fit.discrepancy import fed_noise
 from smad.gap.fit.lsq import Problem, drive, fitting, sensitivities
-from smad.gap.model.space import Space
+from smad.diagnosis.search.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
-from smad.gap.plant import ModelPoint
+from smad.diagnosis.plant import ModelPoint
 from smad.gap.records import Outcome
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.recorded import recorded as sma_recorded
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recorded import recorded as sma_recorded
 from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 

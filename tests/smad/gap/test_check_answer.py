@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from smad.gap.check.answer import COMPARABLE, hypotheses, quantities
+from smad.diagnosis.bank.answer import COMPARABLE, hypotheses, quantities
 from smad.gap.records import Outcome, ValueRecord, Verdict
-from smad.gap.sma import SmaPlant
+from smad.diagnosis.spring_pair import SmaPlant
 
 EMPTY = Verdict(
     outcome=Outcome.EFFECT, effects=["rtd_lag"], group=[], sub_model="sensors", regimes=[],

@@ -14,10 +14,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from smad.cli import execute
-from smad.gap.check.bank import chosen, open_bank, read_case
-from smad.gap.check.errors import BankError
-from smad.gap.check.key import read_key
-from smad.gap.check.names import CAUSES, subsystem_of
+from smad.diagnosis.bank.bank import chosen, open_bank, read_case
+from smad.diagnosis.bank.errors import BankError
+from smad.diagnosis.bank.key import read_key
+from smad.diagnosis.bank.names import CAUSES, subsystem_of
 
 N = 400
 

@@ -13,10 +13,10 @@ import msgspec
 import pytest
 
 import sim_device.plant
-from smad.gap.check.bank import open_bank
-from smad.gap.check.case import How, Part, Task, case_path, judge, source_digest
-from smad.gap.check.running import Order, Progress, check
-from smad.gap.check.verdicts import CaseVerdict, read_verdicts, write_verdicts
+from smad.diagnosis.bank.bank import open_bank
+from smad.diagnosis.bank.case import How, Part, Task, case_path, judge, source_digest
+from smad.diagnosis.bank.running import Order, Progress, check
+from smad.diagnosis.bank.verdicts import CaseVerdict, read_verdicts, write_verdicts
 from smad.gap.settings import Settings
 from tests.smad.gap.test_check_bank import columns, make, write
 
@@ -32,7 +32,7 @@ def order(tmp_path: Path, here: None) -> Order:
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every case is worked on in this process."""
-    monkeypatch.setattr("smad.gap.check.running.apart", lambda work, task: work(task))
+    monkeypatch.setattr("smad.diagnosis.bank.running.apart", lambda work, task: work(task))
 
 
 def counting(seen: list[str], failing: tuple[str, ...] = ()) -> Callable[[Task], Part]:
@@ -121,7 +121,7 @@ def test_parts_made_with_other_parameters_in_a_file_of_one_name_are_not_taken_up
 
 def test_code_counts_as_other_code_with_another_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     before = source_digest()
-    monkeypatch.setattr("smad.gap.check.case.version", lambda name: f"{name} of tomorrow")
+    monkeypatch.setattr("smad.diagnosis.bank.case.version", lambda name: f"{name} of tomorrow")
     assert source_digest.__wrapped__() != before
 
 

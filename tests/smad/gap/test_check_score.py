@@ -9,13 +9,13 @@ import msgspec
 import pytest
 
 from smad.cli import execute
-from smad.gap.check import score
-from smad.gap.check.errors import KeyMismatchError, VerdictError
-from smad.gap.check.intervals import bootstrap, wilson
-from smad.gap.check.key import FORMAT, CaseKey, Key, file_digest, read_key
-from smad.gap.check.names import ALIASES, CAUSES, OUTCOMES, canonical
-from smad.gap.check.score import Mistake, Scores, scores
-from smad.gap.check.verdicts import (
+from smad.diagnosis.bank import score
+from smad.diagnosis.bank.errors import KeyMismatchError, VerdictError
+from smad.diagnosis.bank.intervals import bootstrap, wilson
+from smad.diagnosis.bank.key import FORMAT, CaseKey, Key, file_digest, read_key
+from smad.diagnosis.bank.names import ALIASES, CAUSES, OUTCOMES, canonical
+from smad.diagnosis.bank.score import Mistake, Scores, scores
+from smad.diagnosis.bank.verdicts import (
     CaseVerdict,
     Estimate,
     Hypothesis,
@@ -26,7 +26,7 @@ from smad.gap.check.verdicts import (
     write_verdicts,
 )
 from smad.gap.records import Outcome
-from smad.gap.sma import SmaPlant
+from smad.diagnosis.spring_pair import SmaPlant
 
 SHA = "a" * 64
 

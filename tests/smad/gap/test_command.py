@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from smad.cli.gap import gap
 from smad.errors import SmadError
-from smad.gap.sma.catalogue import CATALOGUE
+from smad.diagnosis.spring_pair.catalogue import CATALOGUE
 from tests.smad.gap.cases import ask_alike
 
 
@@ -70,8 +70,8 @@ def test_an_unknown_experiment_is_refused_with_the_known_ones() -> None:
 
 
 def test_a_recorded_experiment_is_a_run_that_verify_can_read(log: Path, tmp_path: Path) -> None:
-    from smad.gap.plant import ModelPoint
-    from smad.gap.sma import SmaPlant
+    from smad.diagnosis.plant import ModelPoint
+    from smad.diagnosis.spring_pair import SmaPlant
 
     model = tmp_path / "model.toml"
     SmaPlant().save_model(ModelPoint({"flow_max": 1.6e-7}), model, "")
@@ -82,7 +82,7 @@ def test_a_recorded_experiment_is_a_run_that_verify_can_read(log: Path, tmp_path
 
 
 def test_a_log_that_is_cut_is_used_up_to_the_cut(log: Path, tmp_path: Path) -> None:
-    from smad.gap.sma.signals import read_gap_run
+    from smad.diagnosis.spring_pair.signals import read_gap_run
 
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(log.read_bytes()[: int(0.6 * log.stat().st_size)])
@@ -92,7 +92,7 @@ def test_a_log_that_is_cut_is_used_up_to_the_cut(log: Path, tmp_path: Path) -> N
 
 
 def test_an_exported_table_is_the_same_run_as_its_log(log: Path, tmp_path: Path) -> None:
-    from smad.gap.sma.signals import read_gap_run
+    from smad.diagnosis.spring_pair.signals import read_gap_run
     from smad.runlog.export import export_run
     from smad.runlog.reader import read_run
 

@@ -12,16 +12,16 @@ import pytest
 from bench.leftover import Lawless, leftover, main
 from smad.gap import Settings, diagnose
 from smad.gap.compare.tracks import follow_tracks
-from smad.gap.data.replay import Grid, thinned
+from smad.diagnosis.data.grid import Grid, thinned
 from smad.gap.fit.baseline import choices
 from smad.gap.fit.judge import judge
 from smad.gap.fit.stages import known_good, prepare
-from smad.gap.plant import Array, Effect, EffectParameter, ModelPoint
+from smad.diagnosis.plant import Array, Effect, EffectParameter, ModelPoint
 from smad.gap.records import Outcome
 from smad.gap.report import page_of
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.recorded import recorded
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recorded import recorded
 from smad.report.page import render
 from tests.smad.gap.cases import OTHER, SETTINGS, ask, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant

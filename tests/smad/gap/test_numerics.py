@@ -13,15 +13,15 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from smad.gap import Settings
 from smad.gap.compare.residual_tests import ar_coefficients, cross_correlation, ljung_box
-from smad.gap.data.noise import estimate_floors
-from smad.gap.data.replay import Dataset, Grid
-from smad.gap.data.views import local_views, open_views
+from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.data.grid import Dataset, Grid
+from smad.diagnosis.data.views import local_views, open_views
 from smad.gap.fit.lsq import Problem, drive, fitting, solve_box
 from smad.gap.model.flexible import Designs, fit_correction
-from smad.gap.model.space import Space
+from smad.diagnosis.search.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening, arma_innovations
-from smad.gap.plant import Channel, ModelPoint, Signal
-from smad.gap.runs import GapRun
+from smad.diagnosis.plant import Channel, ModelPoint, Signal
+from smad.diagnosis.runs import GapRun
 from tests.smad.gap.cases import OTHER, bank
 from tests.smad.gap.heater_plant import NOMINAL, PARAMETERS, HeaterPlant, recorded
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from sim_device.plant.laws import Law, Term, as_forcing, design_matrix, law_space, support_of
-from smad.gap.errors import GapError
-from smad.gap.places import Forceable, forced_run, places_of
-from smad.gap.plant import ModelPoint, nominal_point
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.recorded import recorded
+from smad.diagnosis.errors import GapError
+from smad.diagnosis.places.place import Forceable, forced_run, places_of
+from smad.diagnosis.plant import ModelPoint, nominal_point
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recorded import recorded
 from tests.smad.gap.heater_plant import HeaterPlant, make_inputs, simulated
 
 PLANT = SmaPlant()

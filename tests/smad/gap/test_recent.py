@@ -8,12 +8,12 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from smad.gap.data.replay import Grid, thinned
-from smad.gap.plant import ModelPoint
-from smad.gap.runs import GapRun
-from smad.gap.sma import SmaPlant
-from smad.gap.sma.recent import Recent
-from smad.gap.sma.recorded import recorded
+from smad.diagnosis.data.grid import Grid, thinned
+from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recent import Recent
+from smad.diagnosis.spring_pair.recorded import recorded
 
 LAWS = {"driver_lag": {"tau_s": 0.02}, "unified_kinetics": {"tails": 0.2}}
 # Parameters that act in different passes, or in none.

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from smad.gap.plant import Array, ModelPoint
-from smad.gap.runs import GapRun
+from smad.diagnosis.plant import Array, ModelPoint
+from smad.diagnosis.runs import GapRun
 from tests.smad.gap.cases import OTHER, ask
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
 

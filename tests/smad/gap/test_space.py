@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from smad.gap.errors import GapError
-from smad.gap.model.space import Space
-from smad.gap.plant import Effect, EffectParameter
+from smad.diagnosis.errors import GapError
+from smad.diagnosis.search.space import Space
+from smad.diagnosis.plant import Effect, EffectParameter
 
 DRAUGHT = Effect(
     "draught", "a draught", "thermal",

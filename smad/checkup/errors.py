@@ -1,0 +1,17 @@
+"""Errors of check-ups. Each names the cause, the value, the limit and what to do next."""
+
+from __future__ import annotations
+
+from smad.diagnosis.errors import GapError
+
+
+class ProgrammeError(GapError):
+    """A programme cannot be read, or a bench could not play it safely."""
+
+
+class BaselineError(GapError):
+    """A baseline cannot be read, or does not belong to what is to be judged."""
+
+
+class PairingError(GapError):
+    """Runs of a good day and of now do not have the same inputs."""

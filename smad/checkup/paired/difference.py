@@ -1,0 +1,213 @@
+"""The paired residual: (measured now − predicted now) − (measured then − predicted then)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from smad.checkup.errors import PairingError
+from smad.checkup.paired.reference import (
+    Reference,
+    RunReference,
+    day_directions,
+    input_spans,
+    start_values,
+)
+from smad.diagnosis.data.played import Played, predictions, scaled_signatures
+from smad.diagnosis.data.rows import (
+    binned,
+    offset_s,
+    require_like_inputs,
+    same_inputs,
+    without_other_end,
+)
+from smad.diagnosis.gap import folds
+from smad.diagnosis.numerics.folds import Index
+from smad.diagnosis.numerics.white import RunRows, Shrink, White
+from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, traits_of
+from smad.diagnosis.runs import GapRun
+
+SHARE = 0.05
+"""How far a parameter may have moved between two days, in its prior's standard deviations."""
+_LEAST_ROWS = 50
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A run of now beside its reference. `share` of the programme's run was recorded; `carried`
+    says that inputs differed and the model carried the difference over. `played` is what the model
+    replays to tell what an effect changes, `base` its prediction without one: of the reference's
+    inputs, or of the run's own where it was carried."""
+
+    now: str
+    reference: RunReference
+    difference: Array
+    rows: RunRows
+    share: float
+    carried: bool
+    around: Mapping[str, float]
+    played: Played
+    base: Array
+
+
+@dataclass(frozen=True)
+class Paired:
+    """All pairs of a check-up, in white space."""
+
+    plant: PlantModel
+    reference: Reference
+    pairs: tuple[Pair, ...]
+
+    @cached_property
+    def white(self) -> White:
+        return White(tuple(p.rows for p in self.pairs))
+
+    @cached_property
+    def tie(self) -> Shrink:
+        """Takes off what parameters may have moved between days."""
+        return Shrink(SHARE * self.slopes)
+
+    @cached_property
+    def slopes(self) -> Array:
+        """White slopes of all parameters, (parameters, rows), days taken off."""
+        return self.white([p.reference.slopes for p in self.pairs])
+
+    @cached_property
+    def untied(self) -> Array:
+        """White difference with no parameter moved; shape (rows,)."""
+        return np.asarray(self.white([p.difference[None] for p in self.pairs])[0])
+
+    @cached_property
+    def z(self) -> Array:
+        """White difference beside tied parameters; shape (rows,)."""
+        return np.asarray(self.tie(self.untied[None])[0])
+
+    @property
+    def point(self) -> ModelPoint:
+        """The reference model; with the following, what a `Gap` has."""
+        return self.reference.point
+
+    @property
+    def played(self) -> tuple[Played, ...]:
+        """What the model replays of each pair."""
+        return tuple(p.played for p in self.pairs)
+
+    @property
+    def base(self) -> tuple[Array, ...]:
+        """Its prediction of each pair."""
+        return tuple(p.base for p in self.pairs)
+
+    @property
+    def kind_of_run(self) -> list[int]:
+        """The run of the reference that each pair repeats."""
+        names = [r.name for r in self.reference.runs]
+        return [names.index(p.reference.name) for p in self.pairs]
+
+    @cached_property
+    def run_of_row(self) -> Index:
+        """Number of the pair of each row."""
+        return self.white.run_of_row()
+
+    @cached_property
+    def fold(self) -> Index:
+        """Fold of each row. Runs whose inputs the model carried over are in none: responses are of
+        the good run's inputs."""
+        return folds(self.run_of_row, [not p.carried for p in self.pairs], self.white.valid)
+
+    def rows(self, values: Sequence[Array]) -> Array:
+        """White rows of per-pair arrays (m, bins, channels) beside tied parameters; (m, rows)."""
+        return self.tie(self.white(values))
+
+    @cached_property
+    def signatures(self) -> Array:
+        """White signatures of all atoms beside tied parameters; (atoms, rows).
+
+        Those of runs with other inputs are made anew for these.
+        """
+        other = [i for i, p in enumerate(self.pairs) if p.carried]
+        found = [p.reference.signatures for p in self.pairs]
+        own = scaled_signatures(
+            self.plant,
+            self.reference.point,
+            [self.pairs[i].played for i in other],
+            [self.pairs[i].base for i in other],
+            self.reference.atoms,
+        )
+        for i, signature in zip(other, own, strict=True):
+            found[i] = signature
+        return self.tie(self.white(found))
+
+
+def paired(
+    plant: PlantModel,
+    reference: Reference,
+    runs: Sequence[tuple[GapRun, str]],
+) -> Paired:
+    """Pairs of `runs`, each with the name of the run of the reference that it repeats.
+
+    Raises PairingError for inputs that differ too much and when too little is left to judge.
+    """
+    by_name = {r.name: r for r in reference.runs}
+    pairs = tuple(_pair(plant, reference, run, by_name[name]) for run, name in runs)
+    count = sum(int(p.rows.valid.sum()) for p in pairs)
+    if count < _LEAST_ROWS:
+        raise PairingError(
+            "too little was recorded both then and now to judge",
+            value=f"{count} readings on the grid",
+            limit=_LEAST_ROWS,
+            action="play the runs again to their end",
+        )
+    return Paired(plant, reference, pairs)
+
+
+def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReference) -> Pair:
+    start = then.played.start_s + offset_s(run, then.played.whole)
+    now = binned(
+        run, then.played.bins, [c.name for c in plant.channels], [s.name for s in plant.inputs],
+        start,
+    )  # fmt: skip
+    spans = input_spans(plant)
+    now = without_other_end(now, then.inputs, spans)
+    require_like_inputs(now, then.inputs, spans)
+    around = start_values(run, list(traits_of(plant).environment.values()))
+    other = not same_inputs(now, then.inputs, spans)
+    difference = now.values - then.mean
+    played, base = then.played, then.base
+    again = _again(then, run if other else None, around, start)
+    found = predictions(plant, reference.point, [again])[0]
+    moved = np.where(np.isfinite(found) & now.covered[:, None], found - base, 0.0)
+    if other:
+        played, base = again, base + moved
+    difference = difference - moved
+    valid = now.valid & then.valid & now.covered[:, None]
+    rows = rows_of(plant, reference, then, valid).carried(moved)
+    return Pair(
+        run.name, then, difference, rows, now.share, other, around, played=played, base=base
+    )
+
+
+def rows_of(plant: PlantModel, reference: Reference, then: RunReference, valid: Mask) -> RunRows:
+    """White space of one more recording of a run, `valid` where it has readings."""
+    day = day_directions(plant, then.slopes, then.base)
+    inflate = np.sqrt(1.0 + 1.0 / np.maximum(then.count, 1))
+    return RunRows(
+        sd=reference.floor.of(then.regime, day) * inflate,
+        valid=valid,
+        day=day,
+        day_sd=reference.floor.day_sd * float(inflate.mean()),
+        rho=reference.floor.rho,
+    )
+
+
+def _again(
+    then: RunReference, run: GapRun | None, around: Mapping[str, float], start_s: float
+) -> Played:
+    """The reference's run in other surroundings, with the inputs of `run` where it has others."""
+    source = then.played.whole if run is None else run
+    shown = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
+    again = GapRun(source.name, source.t_s, source.inputs, shown)
+    at = then.played.start_s if run is None else start_s
+    return replace(Played.of(again, at), bins=then.played.bins)

@@ -1,0 +1,356 @@
+"""From what a search proved to a verdict: budgets, laws in words, models."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from smad.diagnosis.changed import Changed
+from smad.diagnosis.data.played import predictions
+from smad.diagnosis.gap import Residual, rms
+from smad.diagnosis.model_file import SavesModel, write_model
+from smad.diagnosis.numerics.folds import Array, FoldRows
+from smad.diagnosis.numerics.forward import Fit
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.plant import ModelPoint, Uncertainty
+from smad.diagnosis.search.contrast import apart
+from smad.diagnosis.search.listed import Listed
+from smad.diagnosis.search.locate import Named
+from smad.diagnosis.search.told import Teller, side_words
+from smad.diagnosis.search.where import Fits, Scored
+from smad.diagnosis.simulator import Asked, Held
+from smad.diagnosis.verdict import (
+    CHANGED,
+    CONTRADICTING,
+    DIFFERS,
+    PARAMETERS,
+    PLACES,
+    QUIET,
+    ParameterTold,
+    PlaceShare,
+    PlaceTold,
+    RunGap,
+    SignalGap,
+    Verdict,
+)
+
+_APART_SETS = 8
+"""Of the likeliest places, whose laws are asked whether a run needs one of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """A verdict with what it rests on, for figures and models; both None where runs were refused.
+
+    `points` and `uncertain` are of the models with the parameters alone and after each place.
+    """
+
+    verdict: Verdict
+    listed: Listed | None = None
+    points: tuple[ModelPoint, ...] = ()
+    uncertain: tuple[Uncertainty, ...] = ()
+
+    @property
+    def model(self) -> ModelPoint:
+        """The model with everything that is told."""
+        return self.points[-1]
+
+
+def answer_of_differs(asked: Asked, held: Held) -> Answer:
+    """The list of what the simulator lacks."""
+    listing = held.listed
+    budget, whole, gaps = _budget(asked, listing, asked.floors)
+    columns = [s.columns for s in _best_of_places(held.where.ranked)[:_APART_SETS]]
+    by_run = _by_run(asked, held.rows, held.gap, columns, gaps)
+    odd = [r.run for r in by_run if r.contradicts]
+    places = _told(asked.plant, listing, held.named)
+    c = asked.constants
+    if odd:
+        outcome = CONTRADICTING
+    elif places:
+        outcome = PLACES
+    else:
+        outcome = QUIET if whole.raw < c.quiet_floors else PARAMETERS
+    return _answer(
+        asked, listing, places, whole,
+        Verdict(
+            question=DIFFERS,
+            outcome=outcome,
+            headline=_headline(outcome, places, whole, odd),
+            budget=budget,
+            by_run=by_run,
+            ranked=_ranked(asked.plant, held.where.ranked),
+            unseen=_unseen(asked.plant, held.rows, held.where.ranked, c.place_share),
+        ),
+    )  # fmt: skip
+
+
+def answer_of_changed(asked: Asked, found: Changed) -> Answer:
+    """What is new since the good runs."""
+    listing = found.listed
+    budget, whole, gaps = _budget(asked, listing, asked.floors)
+    rows = found.contrast.own
+    columns = [s.columns for s in _best_of_places(found.contrast.ranked)[:_APART_SETS]]
+    joint_run = found.joint.run_of_row - len(asked.good)
+    by_run = _by_run(asked, rows, found.joint, columns, gaps, joint_run)
+    odd = [r.run for r in by_run if r.contradicts]
+    places = _told(asked.plant, listing, found.named, new=True)
+    outcome = found.outcome
+    if odd and outcome == PLACES:
+        outcome = CONTRADICTING
+    return _answer(
+        asked, listing, places, whole,
+        Verdict(
+            question=CHANGED,
+            outcome=outcome,
+            headline=_changed_headline(outcome, places, odd),
+            budget=budget,
+            by_run=by_run,
+            ranked=_ranked(asked.plant, found.contrast.ranked),
+            unseen=_unseen(
+                asked.plant, rows, found.contrast.ranked, asked.constants.changed_share
+            ),
+        ),
+    )  # fmt: skip
+
+
+def _answer(
+    asked: Asked, listing: Listed, places: list[PlaceTold], whole: SignalGap, verdict: Verdict
+) -> Answer:
+    settler = listing.settler
+    points = tuple(settler.model(s) for s in listing.settled)
+    uncertain = tuple(settler.uncertainty(s) for s in listing.settled)
+    taken = (whole.raw**2 - whole.parameters**2) / max(whole.raw**2 - 1.0, 1e-9)
+    said = msgspec.structs.replace(
+        verdict,
+        places=places,
+        whole=whole,
+        parameters_take=float(np.clip(taken, 0.0, 1.0)),
+        parameters=_parameters(asked.plant, settler.start, points[-1], uncertain[-1]),
+        judged_on=_judged_on(asked),
+        models=_models(asked.plant, points, uncertain, verdict.headline),
+    )
+    return Answer(verdict=said, listed=listing, points=points, uncertain=uncertain)
+
+
+def _judged_on(asked: Asked) -> str:
+    if asked.fit < len(asked.runs):
+        return f"{len(asked.runs) - asked.fit} runs held out"
+    if asked.fit == 1:
+        return "stretches of the one run, each by a model of the others"
+    return f"{asked.fit} runs, each by a model of the others"
+
+
+def _told(
+    plant: PlacesPlant, listing: Listed, named: Sequence[Named], *, new: bool = False
+) -> list[PlaceTold]:
+    """The places of the list with the coefficients that they have in the simulator.
+
+    A change that no simulator would follow (`new`) is told all the same, as a hint.
+    """
+    n = len(plant.parameters)
+    last, gap = listing.settled[-1], listing.settler.gap
+    unit = listing.settler.uncertainty(last).covariance[n:, n:]
+    scale = np.array([_scale(listing, int(c)) for c in last.columns])
+    covariance = unit / np.outer(scale, scale) if len(scale) else np.zeros((0, 0))
+    own = Fits(last.columns, Fit(last.x[n:], covariance), ())
+    teller = Teller(plant, gap, listing.settler.found, own)
+    by_step = {id(x.step): x for x in named}
+    out = []
+    for step, share in zip(listing.steps, listing.shares, strict=True):
+        told = teller.told(step, share, in_simulator=True)
+        out.append(msgspec.structs.replace(told, **by_step[id(step)].name))
+    if new and not out and named:
+        first = named[0]
+        columns = first.step.chosen.columns
+        zero = Fits(columns, Fit(np.zeros(len(columns)), np.zeros((len(columns),) * 2)), ())
+        told = Teller(plant, gap, listing.settler.found, zero).told(
+            first.step, first.step.share, in_simulator=False
+        )
+        out.append(msgspec.structs.replace(told, **first.name))
+    return out
+
+
+def _scale(listing: Listed, column: int) -> float:
+    law, _ = listing.settler.found.home(column)
+    return listing.settler.found.scales[law.place]
+
+
+def _budget(
+    asked: Asked, listing: Listed, floors: Array
+) -> tuple[list[SignalGap], SignalGap, Array]:
+    """By signal, over all in floors, and by run (stages, runs) in floors."""
+    settler, m = listing.settler, listing.settler.gap.measured
+    raw = predictions(asked.plant, settler.start, m.played)
+    stages = [tuple(raw), *listing.predicted]
+    judged = list(asked.judged)
+    valid = [m.valid[k] for k in judged]
+    table = np.array([
+        rms([m.values[k] - stage[k] for k in judged], valid) for stage in stages
+    ])  # fmt: skip
+    there = np.array([v.any(axis=0) for v in valid]).any(axis=0)
+    channels = [(i, c) for i, c in enumerate(asked.plant.channels) if there[i]]
+    budget = [
+        SignalGap(
+            signal=c.name, unit=c.unit, floor=float(floors[i]), raw=float(table[0, i]),
+            parameters=float(table[1, i]), places=[float(x) for x in table[2:, i]],
+        )
+        for i, c in channels
+    ]  # fmt: skip
+    by_run = np.array([
+        [_floors(m.values[k] - stage[k], m.valid[k], floors) for k in range(len(m.played))]
+        for stage in stages
+    ])  # fmt: skip
+    sizes = np.array([float(m.valid[k].sum()) for k in judged])
+    total = np.sqrt((by_run[:, judged] ** 2 @ sizes) / sizes.sum())
+    whole = SignalGap(
+        signal="all signals", unit="floors", floor=1.0, raw=float(total[0]),
+        parameters=float(total[1]), places=[float(x) for x in total[2:]],
+    )  # fmt: skip
+    return budget, whole, by_run
+
+
+def _floors(left: Array, valid: Array, floors: Array) -> float:
+    scaled = np.where(valid, left / floors, 0.0)
+    return float(np.sqrt((scaled**2).sum() / max(int(valid.sum()), 1)))
+
+
+def _by_run(
+    asked: Asked,
+    rows: FoldRows,
+    gap: Residual,
+    columns: Sequence[Array],
+    gaps: Array,
+    run_of_row: Array | None = None,
+) -> list[RunGap]:
+    of_row = gap.run_of_row if run_of_row is None else run_of_row
+    alone = asked.fit < 2
+    out = []
+    for k, run in enumerate(asked.runs):
+        own = 0.0 if alone or k >= asked.fit else apart(rows, of_row, columns, k)
+        out.append(
+            RunGap(
+                run=run.name, raw=float(gaps[0, k]), parameters=float(gaps[1, k]),
+                final=float(gaps[-1, k]), apart=max(own, 0.0),
+                contradicts=own >= asked.constants.apart_share,
+            )
+        )  # fmt: skip
+    return out
+
+
+def _best_of_places(ranked: Sequence[Scored]) -> list[Scored]:
+    best: dict[str, Scored] = {}
+    for s in ranked:
+        best.setdefault(s.candidate.place, s)
+    return list(best.values())
+
+
+def _ranked(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShare]:
+    places = {p.name: p for p in plant.places}
+    return [
+        PlaceShare(
+            place=s.candidate.place, side=s.candidate.side, share=max(s.share, 0.0),
+            words=side_words(places[s.candidate.place], s.candidate.side),
+        )
+        for s in _best_of_places(ranked)
+    ]  # fmt: skip
+
+
+def _unseen(
+    plant: PlacesPlant, rows: FoldRows, ranked: Sequence[Scored], share: float
+) -> list[str]:
+    """For each place the size of a constant law that these runs would have shown."""
+    places = {p.name: p for p in plant.places}
+    kept = rows.fold >= 0
+    need = share * rows.square
+    out = []
+    for s in sorted(_best_of_places(ranked), key=lambda s: list(places).index(s.candidate.place)):
+        place = places[s.candidate.place]
+        a = rows.responses[s.candidate.groups[0]][:, kept].astype(np.float64).sum(axis=0)
+        square = float(a @ a)
+        if square <= 0.0:
+            out.append(f"{side_words(place, s.candidate.side)}: nothing, whatever its size")
+            continue
+        size = place.scale * np.sqrt(need / square)
+        text = f"{100 * size:.2g} %" if place.unit == "1" else f"{size:.2g} {place.unit}"
+        out.append(f"{side_words(place, s.candidate.side)}: less than {text}, always there")
+    return out
+
+
+def _parameters(
+    plant: PlacesPlant, start: ModelPoint, point: ModelPoint, uncertain: Uncertainty
+) -> list[ParameterTold]:
+    sd = np.sqrt(np.maximum(np.diag(uncertain.covariance), 0.0))
+    out = []
+    for q, own in zip(plant.parameters, sd, strict=False):
+        after = point.theta.get(q.name, q.nominal)
+        out.append(
+            ParameterTold(
+                name=q.name, unit=q.unit, before=start.theta.get(q.name, q.nominal), after=after,
+                sd=float(own), at_bound=bool(after <= q.low or after >= q.high),
+            )
+        )  # fmt: skip
+    return out
+
+
+def _models(
+    plant: PlacesPlant,
+    points: Sequence[ModelPoint],
+    uncertain: Sequence[Uncertainty],
+    note: str,
+) -> list[str]:
+    """The models as the plant writes them, as text; none for a plant that writes no files."""
+    if not isinstance(plant, SavesModel):
+        return []
+    out = []
+    with tempfile.TemporaryDirectory() as folder:
+        for k, (point, own) in enumerate(zip(points, uncertain, strict=True)):
+            path = Path(folder) / f"model-{k}.toml"
+            write_model(plant, point, own, path, note)
+            out.append(path.read_text("utf-8"))
+    return out
+
+
+def _headline(
+    outcome: str, places: Sequence[PlaceTold], whole: SignalGap, odd: Sequence[str]
+) -> str:
+    if outcome == CONTRADICTING:
+        return f"no answer for all runs: {_apart(odd)} of another state than the rest"
+    if outcome == QUIET:
+        return "no gap beyond the floor: the simulator is as good as the readings"
+    if outcome == PARAMETERS:
+        return (
+            f"other values of the parameters bring the gap from {whole.raw:.1f} to "
+            f"{whole.parameters:.1f} floors; no place takes enough of the rest"
+        )
+    listing = ", ".join(p.words for p in places[:3]) + (" and more" if len(places) > 3 else "")
+    return (
+        f"the simulator lacks something at {len(places)} place{'s'[: len(places) > 1]}: {listing}; "
+        f"the gap goes from {whole.raw:.1f} to {whole.final:.1f} floors"
+    )
+
+
+def _changed_headline(outcome: str, places: Sequence[PlaceTold], odd: Sequence[str]) -> str:
+    if outcome == CONTRADICTING:
+        return f"changed, but not alike in all runs: {_apart(odd)} of another state than the rest"
+    if outcome == QUIET:
+        return "nothing is new beyond what good runs differ in"
+    if outcome == PARAMETERS:
+        return "changed: other values of the parameters explain it"
+    first, *further = places
+    size = (
+        f", by up to {first.largest:.2g} {first.unit}"
+        if first.unit != "1"
+        else f", by up to {100 * first.largest:.2g} %"
+    )
+    beside = f", and {len(further)} more" if further else ""
+    return f"changed: {first.words}{size if first.in_simulator else ''}{beside}"
+
+
+def _apart(odd: Sequence[str]) -> str:
+    return f"{', '.join(odd)} {'is' if len(odd) == 1 else 'are'}"

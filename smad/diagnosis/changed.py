@@ -1,0 +1,142 @@
+"""What is new since the good runs, whatever their inputs.
+
+The reference is the simulator with what good runs have taught it: parameters and laws, proven on
+runs left out. A place is new by what a law for the runs in question alone adds, beside a law of the
+same terms that good runs share; so what the simulator still gets wrong everywhere counts nowhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.diagnosis.data.played import predictions, slopes
+from smad.diagnosis.gap import Measured, Residual, row_scale
+from smad.diagnosis.numerics.folds import Array, FoldRows
+from smad.diagnosis.places.responses import responses
+from smad.diagnosis.places.rows import fold_rows
+from smad.diagnosis.plant import ModelPoint, traits_of
+from smad.diagnosis.search.contrast import Contrast, contrast, parameters_share
+from smad.diagnosis.search.listed import Listed, listed
+from smad.diagnosis.search.locate import Named, named_steps
+from smad.diagnosis.search.names import Library
+from smad.diagnosis.search.settle import Settler
+from smad.diagnosis.simulator import Asked, Held, cannot_replay, held_against
+from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET
+
+_TIE = 0.3
+"""How far parameters of a bench may have moved since its good runs, in prior deviations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Changed:
+    """What is new: `outcome`, the contrast and names, and the list proven in the simulator.
+
+    `joint` is the gap of good runs and runs in question together. `parameters` is the share of the
+    rows in question that other values of the parameters take, `good` what the good runs taught.
+    """
+
+    outcome: str
+    good: Held
+    contrast: Contrast
+    joint: Residual
+    parameters: float
+    named: tuple[Named, ...]
+    gap: Residual
+    listed: Listed
+
+
+def changed(asked: Asked) -> Changed:
+    """Return what is new in the runs since the good ones. Raises GapError as `held_against`."""
+    c, plant = asked.constants, asked.plant
+    good = Measured.of(plant, asked.good, asked.period_s)
+    now = Measured.of(plant, asked.runs, asked.period_s)
+    every = range(len(asked.good))
+    taught = held_against(
+        asked, good, counts=[True for _ in every], judged=every, beside=now, named=False
+    )
+    scale = row_scale(
+        [y - p for y, p in zip(good.values, taught.listed.predicted[-1], strict=True)],
+        good.valid, asked.floors,
+    )  # fmt: skip
+    found = responses(plant, taught.model, now.played, space=(taught.found.laws,
+                      taught.found.columns), progress=asked.say)  # fmt: skip
+    joint, J = _joint(asked, taught.model, good, now, scale)
+    both = replace(taught.found, runs=(*taught.found.runs, *found.runs))
+    only = (*(False for _ in every), *(True for _ in asked.runs))
+    at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
+    asked.say("what is new")
+    moved = tuple(j if own else np.zeros_like(j) for j, own in zip(J, only, strict=True))
+    parameters = parameters_share(joint, moved, at)
+    if parameters >= c.changed_share:
+        # Parameters are asked first: a place must add to what other values of them take.
+        open_ = (np.concatenate(x) for x in zip(joint.open, moved, strict=True))
+        joint = replace(joint, open=tuple(open_))
+    news = contrast(
+        fold_rows(joint, both, only), at, both.candidates(), depth=c.most_terms,
+        most=c.most_places, first_share=c.changed_share, further_share=c.further_share,
+        near=c.near,
+    )  # fmt: skip
+    outcome = _outcome(news, parameters, c.changed_share)
+    steps = news.steps if outcome == PLACES else ()
+    named = tuple(named_steps(news.own, steps, asked.effects, Library(joint, only), c.name_share))
+    gap = _residual(asked, taught.model, now, scale)
+    free = parameters >= c.changed_share
+    settler = Settler(gap, found, taught.model, spread=1.0 if free else _TIE)
+    listing = listed(
+        settler, _of_now(news, joint, len(asked.good)), [n.step for n in named], asked.judged,
+        c.place_share,
+    )  # fmt: skip
+    if listing is None:
+        raise cannot_replay(gap)
+    return Changed(
+        outcome=outcome, good=taught, contrast=news, joint=joint, parameters=parameters, named=named, gap=gap,
+        listed=listing,
+    )  # fmt: skip
+
+
+def _outcome(news: Contrast, parameters: float, least: float) -> str:
+    if news.steps:
+        return PLACES
+    return PARAMETERS if parameters >= least else QUIET
+
+
+def _joint(
+    asked: Asked, point: ModelPoint, good: Measured, now: Measured, scale: Array
+) -> tuple[Residual, list[Array]]:
+    """The gap of good runs and runs in question to what good runs taught, and its slopes.
+
+    Parameters stay open within `_TIE`, and those of a day in each run by themselves.
+    """
+    plant, measured = asked.plant, good + now
+    J = slopes(plant, point, measured.played)
+    day = traits_of(plant).day
+    at = [n for n, q in enumerate(plant.parameters) if q.name in day]
+    share = np.array([day[plant.parameters[n].name] for n in at])[:, None, None]
+    open_ = []
+    for k, own in enumerate(J):
+        parts = [_TIE * own]
+        parts += [share * own[at] if i == k else 0.0 * own[at] for i in range(len(J))]
+        open_.append(np.concatenate(parts))
+    return Residual(
+        plant=plant, point=point, measured=measured,
+        base=tuple(predictions(plant, point, measured.played)), scale=scale, open=tuple(open_),
+        counts=(*(True for _ in asked.good), *asked.counts),
+    ), J  # fmt: skip
+
+
+def _residual(asked: Asked, point: ModelPoint, now: Measured, scale: Array) -> Residual:
+    """The gap of the runs in question alone, for the simulator."""
+    base = tuple(predictions(asked.plant, point, now.played))
+    return Residual(
+        plant=asked.plant, point=point, measured=now, base=base, scale=scale,
+        open=tuple(np.zeros((0, *b.shape)) for b in base), counts=asked.counts,
+    )  # fmt: skip
+
+
+def _of_now(news: Contrast, joint: Residual, good: int) -> FoldRows:
+    """Rows of the contrast that are of the runs in question."""
+    own = joint.run_of_row >= good
+    rows = news.own
+    return replace(rows, rows=rows.rows[own], responses=rows.responses[:, own], fold=rows.fold[own])

@@ -1,0 +1,137 @@
+"""What would make a verdict false: the same recording twice, too few runs, or runs that go further.
+
+A recording is known by what it holds, not by its name or file: a copy that was renamed, or written
+by another exporter with other rounding, is the same one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from smad.diagnosis.data.views import nominal_replay
+from smad.diagnosis.plant import Array, PlantModel
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.verdict import Finding
+
+FIT, HOLD_OUT, GOOD = "fit", "hold-out", "good"
+FURTHER = "further than good"
+"""Kind of the finding that runs in question go where no known-good run was."""
+_ROUNDING = 1e-5
+_FURTHER_SHARE = 0.5
+"""Of the range of known-good runs, by which others must go beyond it to be said to."""
+_MOVING_SHARE = 0.03
+"""Of a channel's range, that this must be at least, or it is the room that drifts."""
+_WHY_NOT = {
+    (FIT, FIT): "it would only count twice",
+    (HOLD_OUT, HOLD_OUT): "it would only count twice",
+    (GOOD, GOOD): "known-good runs would seem to repeat better than they do",
+    (FIT, HOLD_OUT): "a model cannot be judged on what it was fitted to",
+    (FIT, GOOD): "a run that is in question cannot say what is good",
+    (HOLD_OUT, GOOD): "a run that is in question cannot say what is good",
+}
+
+
+def without_repeats(
+    groups: Mapping[str, Sequence[GapRun]],
+) -> tuple[dict[str, list[GapRun]], list[Finding]]:
+    """The groups (fit, hold-out, good) with each recording once, in the first that has it.
+
+    The second says what was left out; each of it is a refused run.
+    """
+    kept: dict[str, list[GapRun]] = {role: [] for role in groups}
+    findings = []
+    for role, runs in groups.items():
+        for run in runs:
+            earlier = next(
+                ((r, k) for r, others in kept.items() for k in others if same_recording(k, run)),
+                None,
+            )
+            if earlier is None:
+                kept[role].append(run)
+            else:
+                findings.append(_repeated(run, role, *earlier))
+    return kept, findings
+
+
+def _repeated(run: GapRun, role: str, earlier_role: str, earlier: GapRun) -> Finding:
+    own, other = "", ""
+    if role != earlier_role:
+        own, other = f"given as {role}, ", f", given as {earlier_role}"
+    why = _WHY_NOT[earlier_role, role]
+    text = f"{own}holds the same samples as {earlier.name}{other}; left out, since {why}"
+    return Finding(run.name, "given twice", text, refuses=True)
+
+
+def same_recording(one: GapRun, other: GapRun) -> bool:
+    """Whether two runs hold the same samples, up to rounding and the start of their clocks."""
+    if len(one.t_s) != len(other.t_s) or not len(one.t_s):
+        return False
+    shared = one.outputs.keys() & other.outputs.keys()
+    if one.inputs.keys() != other.inputs.keys() or not shared:
+        return False
+    columns = [(one.t_s - one.t_s[0], other.t_s - other.t_s[0])]
+    columns += [(one.outputs[name], other.outputs[name]) for name in shared]
+    columns += [(one.inputs[name], other.inputs[name]) for name in one.inputs]
+    return all(_alike(a, b) for a, b in columns)
+
+
+def _alike(a: Array, b: Array) -> bool:
+    size = float(np.max(np.abs(a), initial=0.0, where=np.isfinite(a)))
+    return np.allclose(a, b, rtol=0.0, atol=_ROUNDING * size, equal_nan=True)
+
+
+def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list[Finding]:
+    """What fewer runs than a diagnosis needs cost it, by group; the groups are admitted runs."""
+    texts = []
+    if len(groups[FIT]) == 1 and not groups[HOLD_OUT]:
+        texts.append(
+            "a single run to fit and none held out: every figure is of the run that was fitted to; "
+            "give a second run, or one to --hold-out"
+        )
+    if asked_good and len(groups[GOOD]) == 1:
+        texts.append(
+            "a single known-good run: what good runs differ in is not known, and any difference "
+            "counts as a change; give two or more of different kinds"
+        )
+    return [Finding("all runs", "few runs", text, refuses=False) for text in texts]
+
+
+def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> list[Finding]:
+    """A sentence on runs in question that drive the bench beyond where the known-good ones do.
+
+    By what the nominal model makes of their inputs, so that no effect counts as excitation.
+    """
+    good = _ranges(groups[GOOD], plant)
+    asked = _ranges([*groups[FIT], *groups[HOLD_OUT]], plant)
+    channels = {c.name: c for c in plant.channels}
+    further = []
+    for name, (low, high) in good.items():
+        a, b = asked.get(name, (low, high))
+        channel, beyond = channels[name], max(low - a, b - high)
+        least = _FURTHER_SHARE * (high - low)
+        if beyond > max(least, _MOVING_SHARE * (channel.high - channel.low)):
+            further.append(
+                f"{name} from {a:.3g} to {b:.3g} {channel.unit}, the known-good ones only from "
+                f"{low:.3g} to {high:.3g} {channel.unit}"
+            )
+    if not further:
+        return []
+    text = (
+        f"by their inputs they should drive {'; '.join(further)}: what the model gets wrong out "
+        "there counts as a change; give known-good runs that go as far"
+    )
+    return [Finding("the runs in question", FURTHER, text, refuses=False)]
+
+
+def _ranges(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each channel that the nominal model predicts of some runs."""
+    found: dict[str, tuple[float, float]] = {}
+    for run in runs:
+        for channel, values in nominal_replay(run, plant).items():
+            y = values[np.isfinite(values)]
+            if channel in run.outputs and len(y):
+                low, high = found.get(channel, (np.inf, -np.inf))
+                found[channel] = min(low, float(y.min())), max(high, float(y.max()))
+    return found

@@ -1,0 +1,142 @@
+"""The noise floor of each channel: from rest segments, from differences, and from the quantum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.diagnosis.data.grid import Grid
+from smad.diagnosis.plant import Array, Channel, Mask, PlantModel
+from smad.diagnosis.runs import GapRun
+
+_MIN_REST_ROWS = 30
+_MIN_REST_RUN = 12
+_RESOLUTION = 0.001
+"""Share of a channel's excursion below which no simulator is trusted."""
+_BANDS = 8
+"""Equal parts of a channel's spectrum."""
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """Noise of one channel on the analysis grid, in channel units.
+
+    `source` is "rest", "differences" or "assumed". `rho` is the correlation between neighbouring
+    rows. `resolution` is what a simulator is not trusted below.
+    """
+
+    channel: str
+    sigma: float
+    rho: float
+    source: str
+    resolution: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Noise and resolution in quadrature: what a residual is measured by."""
+        return float(np.hypot(self.sigma, self.resolution))
+
+
+def _stretches(mask: Mask) -> list[slice]:
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int)))
+    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _detrended(y: Array) -> Array:
+    t = np.linspace(-1.0, 1.0, len(y))
+    return y - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 2))
+
+
+def rest_residuals(
+    runs: Sequence[GapRun], grids: Sequence[Grid], plant: PlantModel, channel: Channel
+) -> list[Array]:
+    """Detrended rest stretches of one channel, on the grid."""
+    found = []
+    for run, grid in zip(runs, grids, strict=True):
+        if channel.name not in run.outputs:
+            continue
+        rest = grid.majority(plant.regimes(run, channel.side)["rest"]) & grid.valid
+        y = grid.mean(run.outputs[channel.name])
+        found += [_detrended(y[s]) for s in _stretches(rest) if s.stop - s.start >= _MIN_REST_RUN]
+    return found
+
+
+def _difference_sigma(runs: Sequence[GapRun], grids: Sequence[Grid], name: str) -> float:
+    """Noise of one channel where nothing rests: what is left of it that no motion explains."""
+    courses = [
+        g.mean(r.outputs[name])[max(_stretches(g.valid), key=lambda s: s.stop - s.start)]
+        for r, g in zip(runs, grids, strict=True)
+        if name in r.outputs and g.valid.any()
+    ]
+    sigma, (quiet, bins) = _third_differences(courses), _quietest_band(courses)
+    # What moves within a few rows is no smooth course. Noise is at most what the spectrum has
+    # where it has least; that this is less by chance is left out by four standard errors.
+    return quiet if quiet * np.sqrt(1.0 + 4.0 / np.sqrt(bins)) < sigma else sigma
+
+
+def _quietest_band(courses: Sequence[Array]) -> tuple[float, float]:
+    """Standard deviation of white noise as strong as the quietest band, and the band's bins."""
+    powers, bins = np.zeros(_BANDS), np.zeros(_BANDS)
+    for y in (y for y in courses if len(y) > 2 * _BANDS):
+        window = np.hanning(len(y))
+        level = y - np.linspace(y[0], y[-1], len(y))
+        power = np.square(np.abs(np.fft.rfft(window * level)[1:])) / np.sum(window**2)
+        for i, band in enumerate(np.array_split(power, _BANDS)):
+            powers[i] += float(np.sum(band))
+            bins[i] += len(band)
+    if not bins.any():
+        return float("inf"), 1.0
+    means = powers / bins
+    least = int(np.argmin(means))
+    return float(np.sqrt(means[least])), float(bins[least])
+
+
+def _third_differences(courses: Sequence[Array]) -> float:
+    # Third differences remove any smooth course; their variance is 20 σ². The lower quartile of
+    # |d| keeps the edges of the excitation out.
+    joined = np.abs(np.concatenate([np.zeros(0), *(np.diff(y, 3) for y in courses)]))
+    return float(np.quantile(joined, 0.25) / 0.3186 / np.sqrt(20.0)) if len(joined) else 0.0
+
+
+def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> dict[str, Floor]:
+    """Floor of every channel that some run has, by channel name."""
+    grids = [Grid.of(run, period_s) for run in runs]
+    floors = {}
+    for channel in plant.channels:
+        name = channel.name
+        if not any(name in run.outputs for run in runs):
+            continue
+        least = float(channel.quantum / np.sqrt(12.0))
+        rest = rest_residuals(runs, grids, plant, channel)
+        rows = sum(len(y) for y in rest)
+        rho = 0.0
+        if rows >= _MIN_REST_ROWS:
+            # Three coefficients were fitted to each stretch.
+            freedom = max(rows - 3 * len(rest), 1) / rows
+            # By the median, since a lost contact or a late edge is not noise.
+            middle = float(np.median(np.abs(np.concatenate(rest))))
+            sigma = middle / 0.6745 / float(np.sqrt(freedom))
+            cut = [np.clip(y, -4 * sigma, 4 * sigma) for y in rest]
+            power = sum(float(y @ y) for y in cut)
+            lagged = sum(float(y[1:] @ y[:-1]) for y in cut)
+            rho = float(np.clip(lagged / power, 0.0, 0.95)) if power > 0 else 0.0
+            source = "rest"
+        else:
+            sigma, source = _difference_sigma(runs, grids, name), "differences"
+        if sigma < least:
+            rho = 0.0
+        if sigma <= 0.0 and least == 0.0:
+            sigma, source = channel.noise, "assumed"
+        resolution = _RESOLUTION * _excursion(runs, name)
+        floors[name] = Floor(name, max(sigma, least), rho, source, resolution)
+    return floors
+
+
+def _excursion(runs: Sequence[GapRun], name: str) -> float:
+    """Median over runs of the range that a channel goes through, less its extreme percents."""
+    having = [r for r in runs if name in r.outputs]
+    return float(
+        np.median([np.ptp(np.quantile(r.outputs[name][r.good], (0.01, 0.99))) for r in having])
+    )

@@ -1,0 +1,182 @@
+"""Runs on a common grid: bins of the programme's clock, one column a channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.checkup.errors import PairingError
+from smad.diagnosis.data.grid import PERIOD_S
+from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel
+from smad.diagnosis.runs import GapRun
+
+_EDGE = 0.05
+_SAME_INPUT = 0.02
+_OTHER_INPUT = 0.25
+_NEARLY = 0.1
+
+
+@dataclass(frozen=True)
+class Binned:
+    """One run on the grid: means and whether they count, both (bins, channels).
+
+    `inputs` are the means of the inputs (bins, inputs); bins that were not recorded are 0.
+    """
+
+    name: str
+    values: Array
+    valid: Mask
+    inputs: Array
+    covered: Mask
+
+    @property
+    def share(self) -> float:
+        """How much of the grid was recorded."""
+        return float(self.covered.mean()) if len(self.covered) else 0.0
+
+
+def edges_s(run: GapRun) -> Array:
+    """When an input of the run steps by more than a twentieth of its span, first to last."""
+    out: list[float] = []
+    for column in run.inputs.values():
+        span = float(column.max()) if len(column) else 0.0
+        if span > 0.0:
+            at = np.flatnonzero(np.abs(np.diff(column)) > _EDGE * span) + 1
+            out += run.t_s[at].tolist()
+    return np.unique(np.array(out))
+
+
+def offset_s(run: GapRun, reference: GapRun) -> float:
+    """What must be taken off the times of `run` for its inputs to step when the reference's do.
+
+    The median over the reference's steps, each matched with the nearest of the run once the first
+    ones lie on each other.
+    """
+    mine, theirs = edges_s(run), edges_s(reference)
+    if not len(mine) or not len(theirs):
+        return float(run.t_s[0] - reference.t_s[0])
+    first = mine[0] - theirs[0]
+    at = np.searchsorted(mine, theirs + first)
+    left, right = np.clip(at - 1, 0, len(mine) - 1), np.clip(at, 0, len(mine) - 1)
+    off = np.stack([mine[left] - theirs, mine[right] - theirs]) - first
+    nearest = np.where(np.abs(off[0]) < np.abs(off[1]), off[0], off[1])
+    close = nearest[np.abs(nearest) < PERIOD_S]
+    # The start of a run tells its clock; a clock that runs fast is a finding, not an offset.
+    head = close[: max(8, len(close) // 4)]
+    return float(first + (np.median(head) if len(head) else 0.0))
+
+
+def bin_numbers(run: GapRun, start_s: float, period_s: float = PERIOD_S) -> NDArray[np.intp]:
+    """Bin of each sample, told by the middle of the interval that it ends."""
+    middle = run.t_s - 0.5 * run.dt_s - start_s
+    return np.asarray(np.floor(middle / period_s + 1e-9), dtype=np.intp)
+
+
+def _whole_bin(dt_s: float, period_s: float) -> float:
+    """How many samples a bin has that lacks none.
+
+    A bin with a lost sample does not count: with an edge in it, its mean would be off by more than
+    any floor.
+    """
+    usual = max(period_s / max(dt_s, 1e-9), 1.0)
+    near = round(usual)
+    return float(near if abs(usual - near) < _NEARLY else np.floor(usual))
+
+
+def binned(
+    run: GapRun,
+    bins: int,
+    channels: Sequence[str],
+    inputs: Sequence[str],
+    start_s: float,
+    period_s: float = PERIOD_S,
+) -> Binned:
+    """The run in `bins` bins of the grid that begins at `start_s` of its own clock."""
+    at = bin_numbers(run, start_s, period_s)
+    inside = (at >= 0) & (at < bins)
+    at = at[inside]
+    whole = _whole_bin(run.dt_s, period_s)
+
+    def mean(column: Array, good: Mask) -> tuple[Array, Mask]:
+        keep = good[inside] & np.isfinite(column[inside])
+        count = np.bincount(at[keep], minlength=bins)
+        total = np.bincount(at[keep], column[inside][keep], minlength=bins)
+        return total / np.maximum(count, 1), count >= whole
+
+    everything = np.ones(len(run.t_s), dtype=bool)
+    values, valid = np.zeros((bins, len(channels))), np.zeros((bins, len(channels)), dtype=bool)
+    for c, name in enumerate(channels):
+        if name in run.outputs:
+            values[:, c], valid[:, c] = mean(np.asarray(run.outputs[name], float), run.good)
+    applied = np.zeros((bins, len(inputs)))
+    for i, name in enumerate(inputs):
+        if name in run.inputs:
+            applied[:, i] = mean(np.asarray(run.inputs[name], float), everything)[0]
+    covered = np.bincount(at, minlength=bins) >= whole
+    return Binned(run.name, values, valid, applied, covered)
+
+
+def prediction(
+    plant: PlantModel,
+    point: ModelPoint,
+    run: GapRun,
+    bins: int,
+    start_s: float,
+    period_s: float = PERIOD_S,
+) -> Array:
+    """The open-loop prediction of a run on the grid; shape (bins, channels). NaN if it fails."""
+    view = next(v for v in plant.views if v.open_loop)
+    found = plant.simulate(point, run, [view.name], fast=True)
+    at = bin_numbers(run, start_s, period_s)
+    inside = (at >= 0) & (at < bins)
+    count = np.maximum(np.bincount(at[inside], minlength=bins), 1)
+    by_channel = {o.channel: found[o.key] for o in view.outputs}
+    return np.column_stack(
+        [
+            np.bincount(at[inside], by_channel[c.name][inside], minlength=bins) / count
+            for c in plant.channels
+        ]
+    )
+
+
+def input_difference(now: Binned, reference: Binned, spans: Array) -> Array:
+    """|difference| of the inputs over their spans, in bins that both recorded; (bins, inputs)."""
+    both = now.covered & reference.covered
+    return np.where(both[:, None], np.abs(now.inputs - reference.inputs) / spans, 0.0)
+
+
+def without_other_end(now: Binned, reference: Binned, spans: Array) -> Binned:
+    """The run up to where its inputs leave the reference's for good, as after an early end."""
+    other = input_difference(now, reference, spans).max(axis=1) > _OTHER_INPUT
+    covered = np.flatnonzero(now.covered & reference.covered)
+    alike = np.flatnonzero(now.covered & reference.covered & ~other)
+    if not len(alike) or alike[-1] == covered[-1]:
+        return now
+    kept = np.arange(len(now.covered)) <= alike[-1]
+    return replace(now, valid=now.valid & kept[:, None], covered=now.covered & kept)
+
+
+def same_inputs(now: Binned, reference: Binned, spans: Array) -> bool:
+    """Whether nothing has to be carried over: inputs equal within 2 % but for single bins.
+
+    Those are edges that fall a little elsewhere within their bin.
+    """
+    off = input_difference(now, reference, spans).max(axis=1)
+    return bool(np.mean(off > _SAME_INPUT) < 0.01 and off.max() < _OTHER_INPUT)
+
+
+def require_like_inputs(now: Binned, reference: Binned, spans: Array) -> None:
+    """Raises PairingError when the inputs differ by more than the model can carry over."""
+    both = now.covered & reference.covered
+    off = input_difference(now, reference, spans)
+    mean = float(off[both].max(axis=1).mean()) if both.any() else 1.0
+    if mean > _OTHER_INPUT:
+        raise PairingError(
+            f"run {now.name} has other inputs than {reference.name}",
+            value=f"{100 * mean:.0f} % of their span apart",
+            limit=f"{100 * _OTHER_INPUT:.0f} %",
+            action="play the same programme, or give the run that repeats this one",
+        )

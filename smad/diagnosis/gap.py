@@ -1,0 +1,240 @@
+"""The gap: what bench and model differ by, as rows that a law must explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from smad.diagnosis.data.played import Played, finite, predictions, slopes
+from smad.diagnosis.data.rows import binned
+from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.numerics.white import Shrink
+from smad.diagnosis.plant import EffectValues, Mask, ModelPoint, PlantModel
+from smad.diagnosis.runs import GapRun
+
+_MOST_RHO = 0.98
+_FOLDS = 4
+"""As many runs, or fewer of which each is in all folds by turns."""
+_TURNS = 2
+
+
+class Gap(Protocol):
+    """A difference of bench and model over some runs, and the white space that it is judged in.
+
+    `point` is the reference that responses are of, `base` its prediction of each of `played`, (bins,
+    channels). `z` (rows,) are the white rows of the difference, `fold` (rows,) the fold of each,
+    negative where it does not count. `kind_of_run` tells which run of the responses each one is.
+    """
+
+    @property
+    def plant(self) -> PlantModel: ...
+    @property
+    def point(self) -> ModelPoint: ...
+    @property
+    def played(self) -> Sequence[Played]: ...
+    @property
+    def base(self) -> Sequence[Array]: ...
+    @property
+    def z(self) -> Array: ...
+    @property
+    def fold(self) -> Index: ...
+    @property
+    def run_of_row(self) -> Index: ...
+    @property
+    def kind_of_run(self) -> Sequence[int]: ...
+
+    def rows(self, values: Sequence[Array]) -> Array:
+        """White rows of per-run arrays (m, bins, channels), beside what is left open; (m, rows)."""
+        ...
+
+
+def change_of(gap: Gap, point: ModelPoint) -> list[Array] | None:
+    """What a model predicts beyond the reference, (bins, channels) a run; None if it cannot."""
+    runs = {id(p): p for p in gap.played}
+    found = dict(zip(runs, predictions(gap.plant, point, list(runs.values())), strict=True))
+    if not finite(list(found.values())):
+        return None
+    return [found[id(p)] - b for p, b in zip(gap.played, gap.base, strict=True)]
+
+
+def with_effects(point: ModelPoint, effects: EffectValues) -> ModelPoint:
+    """The point with these effects in place of its own of the same names."""
+    return replace(point, effects={**point.effects, **effects})
+
+
+def white_change(
+    gap: Gap, effects: EffectValues, *, only: Sequence[bool] | None = None
+) -> Array | None:
+    """White rows of what effects change of the reference, in the runs marked `only`; (rows,)."""
+    moved = change_of(gap, with_effects(gap.point, effects))
+    if moved is None:
+        return None
+    kept = [True] * len(moved) if only is None else only
+    return np.asarray(gap.rows([m[None] * float(k) for m, k in zip(moved, kept, strict=True)])[0])
+
+
+def folds(run_of_row: Index, count: Sequence[bool], valid: Mask) -> Index:
+    """The fold of each row: a run, or every fourth stretch of few runs; −1 for runs that do not
+    count and rows that are not valid."""
+    kept = [k for k, own in enumerate(count) if own]
+    fold = np.full(len(run_of_row), -1, dtype=np.intp)
+    for n, k in enumerate(kept):
+        at = np.flatnonzero(run_of_row == k)
+        block = (np.arange(len(at)) * _FOLDS * _TURNS) // len(at)
+        fold[at] = n if len(kept) >= _FOLDS else block % _FOLDS
+    fold[~valid] = -1
+    return fold
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """Runs on the grid: what the model replays, and readings (bins, channels) that are valid."""
+
+    played: tuple[Played, ...]
+    values: tuple[Array, ...]
+    valid: tuple[Mask, ...]
+
+    @classmethod
+    def of(cls, plant: PlantModel, runs: Sequence[GapRun], period_s: float) -> Measured:
+        """The runs, each on a grid of `period_s` that begins with it."""
+        played = tuple(Played.of(r, float(r.t_s[0] - r.dt_s), period_s) for r in runs)
+        channels, inputs = [c.name for c in plant.channels], [s.name for s in plant.inputs]
+        found = [
+            binned(r, p.bins, channels, inputs, p.start_s, period_s)
+            for r, p in zip(runs, played, strict=True)
+        ]
+        return cls(
+            played=played,
+            values=tuple(b.values for b in found),
+            valid=tuple(b.valid for b in found),
+        )
+
+    def __add__(self, other: Measured) -> Measured:
+        return Measured(
+            played=self.played + other.played,
+            values=self.values + other.values,
+            valid=self.valid + other.valid,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Residual:
+    """Measured − predicted by a reference model; a `Gap`.
+
+    `scale` (channels,) is the standard deviation of a row, what neighbours tell of each other
+    counted in. `open` are directions per run (k, bins, channels) at one standard deviation, that
+    stay open. `counts`: runs that laws are selected on.
+    """
+
+    plant: PlantModel
+    point: ModelPoint
+    measured: Measured
+    base: tuple[Array, ...]
+    scale: Array
+    open: tuple[Array, ...]
+    counts: tuple[bool, ...]
+
+    @property
+    def played(self) -> tuple[Played, ...]:
+        """The runs as they are replayed."""
+        return self.measured.played
+
+    @property
+    def kind_of_run(self) -> Sequence[int]:
+        """Each run has responses of its own."""
+        return range(len(self.played))
+
+    @cached_property
+    def difference(self) -> tuple[Array, ...]:
+        """Measured − predicted, (bins, channels) a run; 0 where nothing was measured."""
+        m = self.measured
+        return tuple(
+            np.where(v, y - b, 0.0) for v, y, b in zip(m.valid, m.values, self.base, strict=True)
+        )
+
+    def scaled(self, values: Sequence[Array]) -> Array:
+        """Rows of per-run arrays (m, bins, channels) over their scale, nothing left open."""
+        parts = [
+            (np.where(v, x, 0.0) / self.scale).reshape(len(x), v.size)
+            for v, x in zip(self.measured.valid, values, strict=True)
+        ]
+        return np.concatenate(parts, axis=1)
+
+    @cached_property
+    def _shrink(self) -> Shrink:
+        return Shrink(self.scaled(self.open))
+
+    def rows(self, values: Sequence[Array]) -> Array:
+        """See `Gap`."""
+        return self._shrink(self.scaled(values))
+
+    @cached_property
+    def z(self) -> Array:
+        """See `Gap`."""
+        return np.asarray(self.rows([d[None] for d in self.difference])[0])
+
+    @cached_property
+    def run_of_row(self) -> Index:
+        """See `Gap`."""
+        return np.concatenate([np.full(b.size, k, dtype=np.intp) for k, b in enumerate(self.base)])
+
+    @cached_property
+    def valid(self) -> Mask:
+        """Which rows were measured."""
+        return np.concatenate([v.ravel() for v in self.measured.valid])
+
+    @cached_property
+    def fold(self) -> Index:
+        """See `Gap`."""
+        return folds(self.run_of_row, self.counts, self.valid)
+
+
+_CORRELATED = 4.0
+"""A residual of the model's form lasts seconds: sixteen rows are worth an independent one."""
+
+
+def rms(arrays: Sequence[Array], valid: Sequence[Mask]) -> Array:
+    """Root mean square of per-run arrays (bins, channels) over valid rows; (channels,)."""
+    square = np.sum([(np.where(v, a, 0.0) ** 2).sum(axis=0)
+                     for a, v in zip(arrays, valid, strict=True)], axis=0)  # fmt: skip
+    count = np.sum([v.sum(axis=0) for v in valid], axis=0)
+    return np.asarray(np.sqrt(square / np.maximum(count, 1)))
+
+
+def row_scale(difference: Sequence[Array], valid: Sequence[Mask], least: Array) -> Array:
+    """Standard deviation that a row counts with, (channels,): the residual's RMS, at least `least`.
+
+    So every channel counts alike, whatever its floor.
+    """
+    return _CORRELATED * np.maximum(rms(difference, valid), least)
+
+
+def residual(
+    plant: PlantModel,
+    point: ModelPoint,
+    measured: Measured,
+    *,
+    counts: Sequence[bool],
+    least: Array,
+    open_share: float = 1.0,
+    scale: Array | None = None,
+) -> Residual:
+    """The gap of runs to a model whose parameters stay open within `open_share` of their priors.
+
+    Without a `scale` it is that of the residual of the runs that count.
+    """
+    base = tuple(predictions(plant, point, measured.played))
+    J = slopes(plant, point, measured.played)
+    kept = [k for k, own in enumerate(counts) if own]
+    if scale is None:
+        scale = row_scale(
+            [measured.values[k] - base[k] for k in kept], [measured.valid[k] for k in kept], least
+        )
+    return Residual(
+        plant=plant, point=point, measured=measured, base=base, scale=scale,
+        open=tuple(open_share * j for j in J), counts=tuple(counts),
+    )  # fmt: skip

@@ -1,0 +1,129 @@
+"""White space: rows in which a bench without a change shows independent numbers of variance 1.
+
+A difference is divided by the repeat floor of its output and regime, what one bin tells of the next
+is taken off (AR(1), a factor for each output), and directions in which one day differs from another
+are shrunk by their spread. Missing rows are 0 in everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from smad.diagnosis.plant import Array, Mask
+
+_LEAST_DIRECTION = 1e-6
+_DAY_FORM = 0.4
+
+
+@dataclass(frozen=True)
+class Shrink:
+    """Applies (I + D Dᵀ)^(−1/2) to rows, for directions D given as rows (k, n)."""
+
+    directions: Array
+
+    @cached_property
+    def _parts(self) -> tuple[Array, Array]:
+        # Through the small matrix of inner products: there are few directions and many rows.
+        square, inner = np.linalg.eigh(self.directions @ self.directions.T)
+        keep = square > _LEAST_DIRECTION
+        basis = (inner[:, keep].T @ self.directions) / np.sqrt(square[keep])[:, None]
+        return basis, 1.0 - 1.0 / np.sqrt(1.0 + square[keep])
+
+    def __call__(self, values: Array) -> Array:
+        """`values` (m, n), shrunk along the directions."""
+        if not len(self.directions):
+            return values
+        basis, factor = self._parts
+        return np.asarray(values - ((values @ basis.T) * factor) @ basis)
+
+
+def with_day_form(sd: Array, day: Array, day_sd: Array) -> Array:
+    """Standard deviations with what is not known of the form of a day: a share of its directions.
+
+    The model's slope of, say, the film is not the bench's. Where a day shows much, it is trusted
+    less to be taken off.
+    """
+    moved = np.tensordot(day_sd**2, day**2, axes=1)
+    return np.asarray(np.sqrt(sd**2 + _DAY_FORM**2 * moved))
+
+
+@dataclass(frozen=True)
+class RunRows:
+    """What white space needs of one run of a programme.
+
+    `sd` (bins, channels) of one difference, `valid` likewise, `day` (directions, bins, channels)
+    with their coefficients' standard deviations in `day_sd`; `rho` is one number a channel.
+    """
+
+    sd: Array
+    valid: Mask
+    day: Array
+    day_sd: Array
+    rho: Array
+
+    def independent(self, values: Array) -> Array:
+        """Scaled by the floor and freed of correlation: (m, bins, channels) to (m, rows)."""
+        scaled = np.where(self.valid, values / self.sd, 0.0)
+        both = self.valid[1:] & self.valid[:-1]
+        step = (scaled[:, 1:] - self.rho * scaled[:, :-1]) / np.sqrt(1.0 - self.rho**2)
+        out = scaled.copy()
+        out[:, 1:] = np.where(both, step, scaled[:, 1:])
+        return out.reshape(len(values), self.sd.size)
+
+    def carried(self, moved: Array) -> RunRows:
+        """The same beside what the model carried over, as a day direction of its own.
+
+        What it makes of a warmer room is wrong in size and form as its slopes of days are.
+        `moved` is (bins, channels).
+        """
+        one = np.ones(1)
+        return replace(
+            self,
+            sd=with_day_form(self.sd, moved[None], one),
+            day=np.concatenate([self.day, moved[None]]),
+            day_sd=np.append(self.day_sd, _DAY_FORM * one),
+        )
+
+    @cached_property
+    def days(self) -> Array:
+        """The day directions at one standard deviation, freed of correlation."""
+        return np.asarray(self.independent(self.day) * self.day_sd[:, None])
+
+    @cached_property
+    def shrink(self) -> Shrink:
+        """Takes off what the day directions explain."""
+        return Shrink(self.days)
+
+
+@dataclass(frozen=True)
+class White:
+    """The transformation for a set of runs."""
+
+    runs: tuple[RunRows, ...]
+
+    def __call__(self, values: Sequence[Array]) -> Array:
+        """White rows of per-run arrays (m, bins, channels); shape (m, all rows)."""
+        parts = [r.shrink(r.independent(v)) for r, v in zip(self.runs, values, strict=True)]
+        return np.concatenate(parts, axis=1)
+
+    @property
+    def count(self) -> int:
+        """Rows that count."""
+        return int(sum(int(r.valid.sum()) for r in self.runs))
+
+    @property
+    def valid(self) -> Mask:
+        """Which of the white rows count."""
+        return np.concatenate([r.valid.ravel() for r in self.runs])
+
+    def channel_of_row(self) -> Array:
+        """Number of the channel of each row."""
+        return np.concatenate([np.tile(np.arange(r.sd.shape[1]), len(r.sd)) for r in self.runs])
+
+    def run_of_row(self) -> Array:
+        """Number of the run of each row."""
+        return np.concatenate([np.full(r.sd.size, i) for i, r in enumerate(self.runs)])

@@ -1,0 +1,161 @@
+"""Places of a plant that offers none: its readings, and its inputs.
+
+A law at a reading adds to what the channel shows, one at an input to what the plant is given. Both
+go with what any plant has: its inputs, what it predicts to be measured, rates of that, and time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sim_device.plant.laws import Law, basis
+from smad.diagnosis.places.place import BOTH, Forceable, Forcing, Place, PlacesPlant
+from smad.diagnosis.plant import Array, ModelPoint, PlantModel
+from smad.diagnosis.runs import GapRun
+
+_READING, _INPUT = "reading_", "input_"
+_PASSES = 4
+"""Replays in which laws of inputs and the states that they go with are made to agree."""
+
+
+def with_places(plant: PlantModel) -> PlacesPlant:
+    """The plant itself where it can be forced, else a plant that is the same with bare places."""
+    return plant if isinstance(plant, Forceable) else BarePlaces(plant)  # type: ignore[return-value]
+
+
+class BarePlaces:
+    """A `PlantModel` with its readings and inputs as places; everything else is the plant's own.
+
+    Laws of a model point act in `simulate`: those of inputs on states of the replay before, which
+    is repeated until they agree.
+    """
+
+    def __init__(self, plant: PlantModel) -> None:
+        self.plain = plant
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.plain, name)
+
+    @cached_property
+    def places(self) -> Sequence[Place]:
+        """One for each channel, and one for each input."""
+        rates = [f"{c.name}_rate" for c in self.plain.channels]
+        states = [s.name for s in self.plain.inputs] + [c.name for c in self.plain.channels]
+        states += [*rates, "time"]
+        readings = [
+            Place(
+                name=f"{_READING}{c.name}",
+                label=f"reading of {c.name}",
+                unit=c.unit,
+                scale=max(c.quantum, c.noise, 1e-3 * (c.high - c.low)),
+                sides=(BOTH,),
+                states=tuple(states),
+                channels={BOTH: (c.name,)},
+                reading=True,
+            )
+            for c in self.plain.channels
+        ]
+        inputs = [
+            Place(
+                name=f"{_INPUT}{s.name}",
+                label=f"what {s.name} does",
+                unit=s.unit,
+                scale=0.03 * (s.high - s.low),
+                sides=(BOTH,),
+                states=tuple(states),
+                channels={BOTH: tuple(c.name for c in self.plain.channels)},
+            )
+            for s in self.plain.inputs
+        ]
+        return (*readings, *inputs)
+
+    def state_words(self, place: str, state: str) -> tuple[str, str]:
+        """See `Forceable`."""
+        units = {s.name: s.unit for s in self.plain.inputs}
+        units |= {c.name: c.unit for c in self.plain.channels}
+        units |= {f"{c.name}_rate": f"{c.unit}/s" for c in self.plain.channels}
+        words = f"rate of {state.removesuffix('_rate')}" if state.endswith("_rate") else state
+        return words, units.get(state, "s")
+
+    def seen(self, place: str, side: str, states: Mapping[str, Array]) -> dict[str, Array]:
+        """See `Forceable`: every place sees everything."""
+        return dict(states)
+
+    def trajectory(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
+        """See `Forceable`."""
+        return self._states(run, self._replayed(point, run, fast=fast))
+
+    def forced(
+        self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
+    ) -> dict[str, Array]:
+        """See `Forceable`."""
+        pushed = {n.removeprefix(_INPUT): f for (n, _), f in forcing.items()
+                  if n.startswith(_INPUT)}  # fmt: skip
+        out = self._replayed(point, _pushed(run, pushed), fast=fast)
+        for (name, _), series in forcing.items():
+            if name.startswith(_READING):
+                channel = name.removeprefix(_READING)
+                out[channel] = out[channel] + series
+        return out
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        """See `PlantModel`; laws act in the open loop only."""
+        if not point.laws:
+            return self.plain.simulate(point, run, views, fast=fast)
+        shown = self._replayed(point, run, fast=fast)
+        view = next(v for v in self.plain.views if v.open_loop)
+        rest = [v for v in views if v != view.name]
+        out = self.plain.simulate(replace(point, laws=()), run, rest, fast=fast) if rest else {}
+        return out | {o.key: shown[o.channel] for o in view.outputs}
+
+    def _replayed(self, point: ModelPoint, run: GapRun, *, fast: bool) -> dict[str, Array]:
+        """Channels in open loop, laws of the point in force."""
+        view = next(v for v in self.plain.views if v.open_loop)
+        bare = replace(point, laws=())
+
+        def channels(of: GapRun) -> dict[str, Array]:
+            found = self.plain.simulate(bare, of, [view.name], fast=fast)
+            return {o.channel: found[o.key] for o in view.outputs}
+
+        out = channels(run)
+        inputs = [law for law in point.laws if law.place.startswith(_INPUT)]
+        for _ in range(_PASSES if inputs else 0):
+            states = self._states(run, out)
+            out = channels(
+                _pushed(run, {x.place.removeprefix(_INPUT): _value(x, states, run) for x in inputs})
+            )
+        states = self._states(run, out)
+        for law in point.laws:
+            if law.place.startswith(_READING):
+                channel = law.place.removeprefix(_READING)
+                out[channel] = out[channel] + _value(law, states, run)
+        return out
+
+    def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
+        """Inputs, channels, their rates and time. Rates are by central differences, one a second."""
+        out = {s.name: np.asarray(run.inputs[s.name], float) for s in self.plain.inputs}
+        for c in self.plain.channels:
+            out[c.name] = shown[c.name]
+            out[f"{c.name}_rate"] = np.gradient(shown[c.name], run.t_s)
+        return out | {"time": run.t_s - run.t_s[0]}
+
+
+def _value(law: Law, states: Mapping[str, Array], run: GapRun) -> Array:
+    """Values of a law on a trajectory."""
+    X = basis(states, law.terms, run.t_s)
+    return np.asarray(X @ np.array([t.coefficient for t in law.terms]))
+
+
+def _pushed(run: GapRun, more: Mapping[str, Array]) -> GapRun:
+    """The run with something added to its inputs."""
+    if not more:
+        return run
+    whole = run.inputs | {n: np.asarray(run.inputs[n]) + x for n, x in more.items()}  # type: ignore[operator]
+    return replace(run, inputs=whole)

@@ -1,0 +1,80 @@
+"""Where a plant's model can be wrong: its places, and replays that are forced there.
+
+Optional for a plant. One that offers none has its readings and its inputs as places all the same
+(`smad.diagnosis.places.bare`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from smad.diagnosis.plant import Array, ModelPoint, PlantModel
+from smad.diagnosis.runs import GapRun
+
+BOTH = "both"
+Forcing = Mapping[tuple[str, str], Array]
+"""One series, shape (n,), for each (place, side), in the unit of the place."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """A place where an equation of a model can be wrong.
+
+    unit: of the forcing. scale: a typical size in it. sides: single ones that can be forced.
+    states: those that a law here may depend on. channels: measured channels that it touches
+    directly, by side. reading: the forcing adds to one channel and nothing else, times `gain` in
+    that channel's unit, so that its response needs no replay.
+    """
+
+    name: str
+    label: str
+    unit: str
+    scale: float
+    sides: tuple[str, ...]
+    states: tuple[str, ...]
+    channels: Mapping[str, tuple[str, ...]]
+    reading: bool = False
+    gain: float = 1.0
+
+
+@runtime_checkable
+class Forceable(Protocol):
+    """What a plant has beside, if its model can be forced."""
+
+    @property
+    def places(self) -> Sequence[Place]: ...
+
+    def trajectory(
+        self, point: ModelPoint, run: GapRun, *, fast: bool = False
+    ) -> Mapping[str, Array]:
+        """Every state that a law may depend on, shape (n,) each, of the run replayed unforced."""
+        ...
+
+    def seen(self, place: str, side: str, states: Mapping[str, Array]) -> dict[str, Array]:
+        """The states of a trajectory as a place sees them on one side, by the name of a state."""
+        ...
+
+    def state_words(self, place: str, state: str) -> tuple[str, str]:
+        """A state of a place in words, and its unit."""
+        ...
+
+    def forced(
+        self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
+    ) -> dict[str, Array]:
+        """Channels of the run replayed in open loop under a forcing, by channel, in its unit.
+
+        Row k is in force over the sample that ends at t_s[k], or in the reading of t_s[k]. `fast`
+        allows longer steps.
+        """
+        ...
+
+
+class PlacesPlant(PlantModel, Forceable, Protocol):
+    """A plant whose model can be forced."""
+
+
+def single_sides(place: Place, side: str) -> tuple[str, ...]:
+    """The sides that can be forced which a side stands for: both of two is each of them."""
+    return (side,) if side in place.sides else place.sides

@@ -1,0 +1,288 @@
+"""What the engine knows of a plant: signals, parameters, effects, views, and how to simulate it.
+
+Anything that satisfies `PlantModel` can be diagnosed. The engine never looks behind it, and nothing
+in the engine knows the name of a channel, a parameter or an effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.diagnosis.errors import GapError
+from smad.diagnosis.runs import GapRun
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+EffectValues = Mapping[str, Mapping[str, float]]
+"""Values of the parameters of each effect that is switched on, by effect and parameter name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """An input that was applied, as recorded."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A measured channel: quantum and range in its unit, and the sub-model it is closest to.
+
+    `twin` names the channel of the same kind on the other side, if there is one; swapped cables are
+    looked for between twins. `noise` is a typical standard deviation of one sample, used only when
+    no run allows an estimate.
+    """
+
+    name: str
+    unit: str
+    quantum: float
+    low: float
+    high: float
+    sub_model: str
+    noise: float
+    side: str = ""
+    twin: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter that the refit may move, in its unit, with hard bounds and a prior."""
+
+    name: str
+    unit: str
+    nominal: float
+    low: float
+    high: float
+    prior_sd: float
+    sub_model: str
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """One parameter of an effect.
+
+    A *strength* switches the effect: at 0 it is absent. A *shape* says how the effect acts and
+    means nothing while every strength is 0. `low < 0` makes a strength two-sided.
+
+    Raises GapError for a range without width, and for a strength that is typically absent.
+    """
+
+    name: str
+    unit: str
+    typical: float
+    low: float
+    high: float
+    strength: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise GapError(
+                f"the effect parameter {self.name} has no range",
+                value=f"{self.low:g} to {self.high:g} {self.unit}",
+                limit="low < high",
+                action="correct it in the plant's library",
+            )
+        if self.strength and self.typical == 0.0:
+            raise GapError(
+                f"the strength {self.name} is typically 0, which is no effect at all",
+                value=self.typical,
+                limit="not 0",
+                action="give the value that a bench may well show",
+            )
+
+    @property
+    def scale(self) -> float:
+        """What a step of 1 in a fit's coordinate is: |typical|, or half the range where it is 0."""
+        return abs(self.typical) or (self.high - self.low) / 2
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A candidate cause: an entry of the plant's library.
+
+    `law`: a good bench follows it too, more or less (no driver is without lag), so that known-good
+    runs are asked for its value before anything else. `places`: where it acts, by name.
+    """
+
+    name: str
+    title: str
+    sub_model: str
+    parameters: tuple[EffectParameter, ...]
+    signals: tuple[str, ...]
+    equation: str = ""
+    confused_with: tuple[str, ...] = ()
+    separates: str = ""
+    reference: str = ""
+    law: bool = False
+    places: tuple[str, ...] = ()
+
+    def at(self, level: float = 1.0) -> dict[str, float]:
+        """Parameter values with every strength at `level` times its typical value."""
+        return {p.name: p.typical * level if p.strength else p.typical for p in self.parameters}
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What a view predicts: `key` is unique in the plant, `channel` is the measured counterpart."""
+
+    key: str
+    channel: str
+    side: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One way to run the model: the whole of it, or one sub-model fed with measured neighbours."""
+
+    name: str
+    sub_model: str
+    outputs: tuple[Output, ...]
+    feeds: tuple[str, ...] = ()
+    open_loop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """An entry of the plant's catalogue of safe experiments, in the order it would be offered."""
+
+    name: str
+    title: str
+    duration_s: float
+    command: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelPoint:
+    """A point of the model space: parameters by name, effects that are on with their values.
+
+    laws: what is missing at places, as the plant itself writes it.
+    """
+
+    theta: Mapping[str, float]
+    effects: EffectValues = field(default_factory=dict)
+    laws: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
+    """What a diagnosis left uncertain: covariance (k, k) of values in the plant's own units.
+
+    A name is that of a parameter, or EFFECT.PARAMETER.
+    """
+
+    names: tuple[str, ...]
+    covariance: Array
+
+
+class PlantModel(Protocol):
+    """The interface of a plant. Arrays are one value a sample of the run, in channel units."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def version(self) -> str: ...
+    @property
+    def inputs(self) -> Sequence[Signal]: ...
+    @property
+    def channels(self) -> Sequence[Channel]: ...
+    @property
+    def parameters(self) -> Sequence[Parameter]: ...
+    @property
+    def effects(self) -> Sequence[Effect]: ...
+    @property
+    def views(self) -> Sequence[View]:
+        """One open-loop view, and the local views in coupling order, upstream first."""
+        ...
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        """Noise-free prediction of every output of `views`, by output key.
+
+        `Dataset` leaves out views whose feeds the run lacks: they are not asked for. `fast` allows
+        a coarser step that changes nothing beyond the noise floor. Releases the GIL or is quick: it
+        is called from threads.
+        """
+        ...
+
+    def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
+        """Masks over the samples by regime name, for one side. `rest` must be among them: nothing
+        is driven and nothing moves, so that what remains is noise. Masks may overlap."""
+        ...
+
+    def features(self, run: GapRun, side: str) -> dict[str, Array]:
+        """What a flexible correction may depend on: inputs and measured or derived states."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traits:
+    """What a plant's parameters do from one run to the next.
+
+    `day`: parameters that differ a little, with the share of their prior's standard deviation that
+    is usual. `environment`: parameter -> channel that measures it at the start of a run; its
+    difference is carried over by the model.
+    """
+
+    day: Mapping[str, float] = field(default_factory=dict)
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+
+@runtime_checkable
+class Varying(Protocol):
+    """What a plant has beside, if some of its parameters differ from run to run."""
+
+    @property
+    def traits(self) -> Traits: ...
+
+
+def traits_of(plant: PlantModel) -> Traits:
+    """The traits of a plant; none where it tells none."""
+    return plant.traits if isinstance(plant, Varying) else Traits()
+
+
+@runtime_checkable
+class Experimenter(Protocol):
+    """What a plant has beside, if experiments are to be proposed."""
+
+    def catalogue(self) -> Sequence[Experiment]:
+        """Safe experiments, within the limits of temperature, current and force."""
+        ...
+
+    def perform(self, experiment: str, point: ModelPoint, seed: int) -> GapRun:
+        """The run that the plant at `point` would give: inputs and noise-free measured channels."""
+        ...
+
+
+def catalogue_of(plant: PlantModel) -> Sequence[Experiment]:
+    """The experiments of a plant, none where it has no catalogue."""
+    return plant.catalogue() if isinstance(plant, Experimenter) else ()
+
+
+def performed(plant: PlantModel, experiment: str, point: ModelPoint, seed: int) -> GapRun:
+    """The run that the plant at `point` would give. Raises GapError without a catalogue."""
+    if not isinstance(plant, Experimenter):
+        raise GapError(
+            "the plant performs no experiments",
+            value=plant.name,
+            action="give it the methods `catalogue` and `perform`",
+        )
+    return plant.perform(experiment, point, seed)
+
+
+def nominal_point(plant: PlantModel) -> ModelPoint:
+    """Every parameter at its nominal value, and no effect."""
+    return ModelPoint({p.name: p.nominal for p in plant.parameters})
+
+
+def units(plant: PlantModel) -> dict[str, str]:
+    """Unit of each channel, by name."""
+    return {c.name: c.unit for c in plant.channels}

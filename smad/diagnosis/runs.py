@@ -1,0 +1,128 @@
+"""A run as the diagnosis sees it: inputs and measured channels on one time axis."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.diagnosis.errors import GapError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GapRun:
+    """One recorded run.
+
+    `t_s` is the sample time. `inputs` and `outputs` hold one value a sample, in the units of the
+    plant's signals and channels; a channel that the bench lacks is absent. `valid` is False where a
+    sample was lost or marked bad; values there are never read. `notes` carry facts of the log that
+    the admission reports, such as its being cut short. `whole` is the run that this one was thinned
+    from, for what must be replayed at its own pace.
+    """
+
+    name: str
+    t_s: Array
+    inputs: Mapping[str, Array]
+    outputs: Mapping[str, Array]
+    valid: NDArray[np.bool_] | None = None
+    cut_short: bool = False
+    notes: tuple[str, ...] = ()
+    whole: GapRun | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.t_s)
+        for kind in (self.inputs, self.outputs):
+            for name, column in kind.items():
+                if len(column) != n:
+                    raise GapError(
+                        f"run {self.name}: column {name} is not as long as the time axis",
+                        value=len(column),
+                        limit=n,
+                        action="give every column one value for each sample",
+                    )
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last sample; 0 for an empty run."""
+        return float(self.t_s[-1] - self.t_s[0]) if len(self.t_s) > 1 else 0.0
+
+    @cached_property
+    def dt_s(self) -> float:
+        """Median sample interval."""
+        return float(np.median(np.diff(self.t_s))) if len(self.t_s) > 1 else 0.0
+
+    @cached_property
+    def pieces(self) -> NDArray[np.float64]:
+        """How many samples of `whole` each sample is the mean of; ones in a run not thinned."""
+        if self.whole is None:
+            return np.ones(len(self.t_s))
+        stops = np.searchsorted(self.whole.t_s, self.t_s, side="right")
+        return np.asarray(np.diff(np.r_[0, stops]), dtype=np.float64)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of names, times, inputs and outputs, as hexadecimal digits."""
+        h = hashlib.sha256()
+        h.update(np.ascontiguousarray(self.t_s).tobytes())
+        for kind in (self.inputs, self.outputs):
+            for name in sorted(kind):
+                h.update(name.encode())
+                h.update(np.ascontiguousarray(kind[name], dtype=np.float64).tobytes())
+        return h.hexdigest()
+
+    @property
+    def good(self) -> NDArray[np.bool_]:
+        """`valid`, or all True."""
+        return np.ones(len(self.t_s), dtype=bool) if self.valid is None else self.valid
+
+    def with_columns(
+        self, inputs: Mapping[str, Array] | None = None, outputs: Mapping[str, Array] | None = None
+    ) -> GapRun:
+        """The same run with some columns replaced."""
+        return replace(
+            self,
+            inputs={**self.inputs, **(inputs or {})},
+            outputs={**self.outputs, **(outputs or {})},
+        )
+
+    def part(self, start: int, stop: int) -> GapRun:
+        """Samples `start` to `stop`."""
+        return replace(
+            self,
+            t_s=self.t_s[start:stop],
+            inputs={k: v[start:stop] for k, v in self.inputs.items()},
+            outputs={k: v[start:stop] for k, v in self.outputs.items()},
+            valid=None if self.valid is None else self.valid[start:stop],
+        )
+
+
+def bridged(column: Array, valid: NDArray[np.bool_]) -> Array:
+    """The column without gaps, some number in it given; unmarks the samples that had one."""
+    good = np.isfinite(column)
+    if good.all():
+        return column
+    valid &= good
+    index = np.arange(len(column))
+    return np.interp(index, index[good], column[good])
+
+
+def distinctly_named(groups: Iterable[Sequence[GapRun]]) -> list[list[GapRun]]:
+    """The same groups of runs, whose findings and scores are told apart by name.
+
+    A run that has the name of an earlier one is numbered: "push (2)".
+    """
+    taken: set[str] = set()
+
+    def named(run: GapRun) -> GapRun:
+        tries = (run.name, *(f"{run.name} ({i})" for i in range(2, len(taken) + 2)))
+        name = next(n for n in tries if n not in taken)
+        taken.add(name)
+        return replace(run, name=name)
+
+    return [[named(run) for run in group] for group in groups]

@@ -1,0 +1,104 @@
+"""Names: which effect of the library acts as the law of a place does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+
+from smad.diagnosis.data.played import Atom, signatures
+from smad.diagnosis.gap import Gap, white_change
+from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.plant import Effect
+from smad.diagnosis.search.refine import Refined, refine
+from smad.diagnosis.search.screen import Screened, screen
+
+PER_COORDINATE = 6.0
+"""What a free coordinate takes of noise off the sum of squares, and must take beyond to count."""
+_REFINED = 3
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An effect of the library, refined: what it takes of the rows' sum of squares."""
+
+    name: str
+    values: dict[str, dict[str, float]]
+    gain: float
+
+
+def screened(
+    effects: Sequence[Effect], atoms: Sequence[Atom], G: Array, b: Array
+) -> list[Screened]:
+    """The best linear fit of each of these effects, best first; G, b are products of the atoms."""
+    out = []
+    for effect in effects:
+        rows = [
+            (i, a.strength, a.level, a.variant, a.values)
+            for i, a in enumerate(atoms)
+            if a.entry == effect.name
+        ]
+        found = screen(effect, rows, G, b) if rows else None
+        if found is not None:
+            out.append(found)
+    return sorted(out, key=lambda s: -s.gain)
+
+
+def score(fit: Refined) -> float:
+    """What a fit takes, less what its free parameters take of noise."""
+    return fit.gain - PER_COORDINATE * len(fit.coordinates)
+
+
+def best_entry(
+    gap: Gap,
+    atoms: Sequence[Atom],
+    S: Array,
+    only: Sequence[bool] | None,
+    effects: Sequence[Effect],
+    z: Array,
+) -> Entry | None:
+    """The one of these effects that takes most of the white rows `z`, refined by replay.
+
+    `S` (atoms, rows) are white signatures; with `only` effects act in the runs marked alone.
+    """
+    found = [
+        refine([s.effect], {s.effect.name: s.values}, z, partial(white_change, gap, only=only))
+        for s in screened(effects, atoms, S @ S.T, S @ z)[:_REFINED]
+    ]
+    best = max((f for f in found if f is not None), key=score, default=None)
+    if best is None or best.gain <= 0.0:
+        return None
+    return Entry(best.names[0], best.values, best.gain)
+
+
+@dataclass
+class Library:
+    """Effects asked at a gap; signatures are made as they are first asked for."""
+
+    gap: Gap
+    only: tuple[bool, ...] | None = None
+    _known: dict[str, tuple[list[Atom], Array]] = field(default_factory=dict)
+
+    def __call__(self, effects: Sequence[Effect], z: Array) -> Entry | None:
+        """See `best_entry`."""
+        atoms: list[Atom] = []
+        parts = [np.zeros((0, len(z)))]
+        for effect in effects:
+            own, rows = self._signatures(effect)
+            atoms += own
+            parts.append(rows)
+        return best_entry(self.gap, atoms, np.concatenate(parts), self.only, effects, z)
+
+    def _signatures(self, effect: Effect) -> tuple[list[Atom], Array]:
+        if effect.name not in self._known:
+            gap = self.gap
+            atoms, found = signatures(gap.plant, gap.point, gap.played, effects=[effect])
+            raw = [f.astype(np.float64).reshape(len(atoms), *b.shape)
+                   for f, b in zip(found, gap.base, strict=True)]  # fmt: skip
+            if self.only is not None:
+                raw = [r if own else np.zeros_like(r)
+                       for r, own in zip(raw, self.only, strict=True)]  # fmt: skip
+            self._known[effect.name] = atoms, gap.rows(raw)
+        return self._known[effect.name]

@@ -1,0 +1,206 @@
+"""Laws inside the simulator: parameters and coefficients fitted by replay.
+
+The search is linear in the responses around a reference. What it found is settled here by
+Gauss-Newton steps in which the laws run in the model, functions of its own simulated states.
+Coordinates without a fold are one more step of the same normal equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim_device.plant.laws import joined
+from smad.diagnosis.data.played import finite, predictions
+from smad.diagnosis.gap import Residual
+from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.places.responses import Responses
+from smad.diagnosis.plant import ModelPoint, PlantModel, Uncertainty
+
+_DAMPING = (0.0, 0.1, 1.0, 10.0)
+_STEP = 0.1
+_ROUNDS = 2
+_LEAST_GAIN = 0.01
+_RIDGE = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settled:
+    """A model with laws, fitted by replay.
+
+    Coordinates `x` (k,): parameters in prior standard deviations from the start, then coefficients
+    of the responses `columns`. `left` (rows,) are the rows it leaves, `slopes` (k, rows) their
+    negative derivatives.
+    """
+
+    columns: Index
+    x: Array
+    left: Array
+    slopes: Array
+
+
+@dataclass(frozen=True)
+class Settler:
+    """Fits parameters and the laws of some responses by replay.
+
+    `start` is where the priors of the parameters are centred, `spread` how wide they are in their
+    own standard deviations.
+    """
+
+    gap: Residual
+    found: Responses
+    start: ModelPoint
+    spread: float = 1.0
+
+    @property
+    def plant(self) -> PlantModel:
+        """The plant of the gap."""
+        return self.gap.plant
+
+    def point(self, columns: Index, x: Array) -> ModelPoint:
+        """The model at some coordinates; laws add to those of the start."""
+        n = len(self.plant.parameters)
+        theta = {
+            q.name: float(np.clip(self._centre(q.name, q.nominal) + q.prior_sd * v, q.low, q.high))
+            for q, v in zip(self.plant.parameters, x[:n], strict=True)
+        }
+        laws = self.found.law_of(columns, x[n:])
+        return ModelPoint(theta, self.start.effects, joined((*self.start.laws, *laws)))
+
+    def first(self) -> Settled | None:
+        """The parameters alone, from the gap's reference on; None where nothing can be replayed."""
+        at = self.gap.point.theta
+        x = np.array(
+            [
+                (at.get(q.name, q.nominal) - self._centre(q.name, q.nominal)) / q.prior_sd
+                for q in self.plant.parameters
+            ]
+        )
+        none = np.zeros(0, dtype=np.intp)
+        left = self._left(none, x)
+        if left is None:
+            return None
+        slopes = self._slopes(none, x, left, range(len(x)))
+        now = self._stepped(Settled(columns=none, x=x, left=left, slopes=slopes))
+        for _ in range(_ROUNDS):
+            before = self._cost(now.columns, now.left, now.x)
+            better = self.refreshed(now)
+            gained = before - self._cost(better.columns, better.left, better.x)
+            now = better
+            if gained < _LEAST_GAIN * before:
+                break
+        return now
+
+    def extended(self, before: Settled, columns: Index, coefficients: Array) -> Settled | None:
+        """More laws beside, all coefficients begun where the linear picture has them.
+
+        Slopes of what was there are kept: `refreshed` makes them anew.
+        """
+        n = len(self.plant.parameters)
+        x = np.r_[before.x[:n], coefficients]
+        left = self._left(columns, x)
+        if left is None:
+            return None
+        known = len(before.columns)
+        slopes = np.zeros((len(x), len(left)))
+        slopes[: n + known] = before.slopes
+        new = self._slopes(columns, x, left, range(n + known, len(x)))
+        slopes[n + known :] = new[n + known :]
+        return self._stepped(Settled(columns=columns, x=x, left=left, slopes=slopes))
+
+    def refreshed(self, settled: Settled) -> Settled:
+        """One more step with slopes of where it stands."""
+        slopes = self._slopes(settled.columns, settled.x, settled.left, range(len(settled.x)))
+        return self._stepped(replace(settled, slopes=slopes))
+
+    def model(self, settled: Settled) -> ModelPoint:
+        """The model of all runs that count."""
+        return self.point(settled.columns, settled.x)
+
+    def uncertainty(self, settled: Settled) -> Uncertainty:
+        """Covariance of parameters and coefficients in their own units, rows as they scatter."""
+        A, _ = self._normal(settled)
+        kept = self.gap.fold >= 0
+        r = settled.left[kept]
+        variance = max(float(r @ r) / max(int(kept.sum()), 1), 1e-12)
+        homes = [self.found.home(int(c)) for c in settled.columns]
+        names = tuple(q.name for q in self.plant.parameters)
+        names += tuple(law.name_of(term) for law, term in homes)
+        unit = np.r_[
+            [q.prior_sd for q in self.plant.parameters],
+            [self.found.scales[law.place] for law, _ in homes],
+        ]
+        return Uncertainty(names, unit[:, None] * (variance * np.linalg.inv(A)) * unit)
+
+    def held_out(self, settled: Settled) -> list[Array] | None:
+        """Predictions of every run by the model that had no part of it; None if it cannot."""
+        gap, out = self.gap, []
+        A, g = self._normal(settled)
+        for k, played in enumerate(gap.played):
+            x = []
+            for f in np.unique(gap.fold[(gap.run_of_row == k) & (gap.fold >= 0)]):
+                own = gap.fold == f
+                J = settled.slopes[:, own]
+                x.append(settled.x + np.linalg.solve(A - J @ J.T, g - J @ settled.left[own]))
+            mean = np.mean(x, axis=0) if x else settled.x
+            out += predictions(self.plant, self.point(settled.columns, mean), [played])
+        return out if finite(out) else None
+
+    def square(self, predicted: Sequence[Array], runs: Sequence[int]) -> float:
+        """Sum of squares of the rows that predictions leave, over some runs."""
+        r = self._rows(predicted)
+        own = np.isin(self.gap.run_of_row, runs) & self.gap.valid
+        return float(r[own] @ r[own])
+
+    def _centre(self, name: str, nominal: float) -> float:
+        return self.start.theta.get(name, nominal)
+
+    def _precision(self, columns: Index) -> Array:
+        own = np.full(len(self.plant.parameters), self.spread**-2)
+        return np.r_[own, np.full(len(columns), _RIDGE)]
+
+    def _normal(self, s: Settled) -> tuple[Array, Array]:
+        kept = self.gap.fold >= 0
+        J, p = s.slopes[:, kept], self._precision(s.columns)
+        return J @ J.T + np.diag(p), J @ s.left[kept] - p * s.x
+
+    def _stepped(self, s: Settled) -> Settled:
+        """One Gauss-Newton step, damped until it helps; the same where none does."""
+        A, g = self._normal(s)
+        now = self._cost(s.columns, s.left, s.x)
+        for damping in _DAMPING:
+            x = s.x + np.linalg.solve(A + damping * np.diag(np.diag(A)), g)
+            left = self._left(s.columns, x)
+            if left is not None and self._cost(s.columns, left, x) < now:
+                return replace(s, x=x, left=left)
+        return s
+
+    def _cost(self, columns: Index, left: Array, x: Array) -> float:
+        own = left[self.gap.fold >= 0]
+        return float(own @ own + x @ (self._precision(columns) * x))
+
+    def _left(self, columns: Index, x: Array) -> Array | None:
+        found = predictions(self.plant, self.point(columns, x), self.gap.played)
+        return self._rows(found) if finite(found) else None
+
+    def _rows(self, predicted: Sequence[Array]) -> Array:
+        m = self.gap.measured
+        left = [(y - p)[None] for y, p in zip(m.values, predicted, strict=True)]
+        return np.asarray(self.gap.scaled(left)[0])
+
+    def _slopes(self, columns: Index, x: Array, left: Array, which: range) -> Array:
+        """−d left/dx of some coordinates, (k, rows); 0 for those that cannot be moved."""
+        out = np.zeros((len(x), len(left)))
+        n = len(self.plant.parameters)
+        for i in which:
+            step = _STEP if i < n else max(_STEP, _STEP * abs(x[i]))
+            for sign in (1.0, -1.0):
+                q = x.copy()
+                q[i] += sign * step
+                moved = self._left(columns, q)
+                if moved is not None and not np.array_equal(moved, left):
+                    out[i] = (left - moved) / (sign * step)
+                    break
+        return out

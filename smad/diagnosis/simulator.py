@@ -1,0 +1,132 @@
+"""The simulator held against runs: parameters, then places whose laws bring it nearer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from smad.diagnosis.constants import Constants
+from smad.diagnosis.data.played import reference_point
+from smad.diagnosis.errors import GapError
+from smad.diagnosis.gap import Measured, Residual, residual
+from smad.diagnosis.numerics.folds import Array, FoldRows
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.responses import Responses, candidate_laws, responses
+from smad.diagnosis.places.rows import fold_rows
+from smad.diagnosis.plant import Effect, ModelPoint, nominal_point
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.listed import Listed, listed
+from smad.diagnosis.search.locate import Named, named_steps
+from smad.diagnosis.search.names import Library
+from smad.diagnosis.search.settle import Settler
+from smad.diagnosis.search.where import Where, where
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """Runs that were admitted: the first `fit` of them to fit, the rest held out; and good ones.
+
+    `floors` (channels,) is the noise of a row of `period_s`, in channel units.
+    """
+
+    plant: PlacesPlant
+    runs: tuple[GapRun, ...]
+    fit: int
+    good: tuple[GapRun, ...]
+    effects: tuple[Effect, ...]
+    period_s: float
+    floors: Array
+    constants: Constants
+    say: Say
+
+    @property
+    def judged(self) -> tuple[int, ...]:
+        """The runs that figures are of: those held out, else each in turn."""
+        held = tuple(range(self.fit, len(self.runs)))
+        return held or tuple(range(self.fit))
+
+    @property
+    def counts(self) -> tuple[bool, ...]:
+        """Which runs laws are selected on."""
+        return tuple(k < self.fit for k in range(len(self.runs)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """What holding a simulator against runs gave: the search, its names, and the proven list."""
+
+    gap: Residual
+    found: Responses
+    rows: FoldRows
+    where: Where
+    named: tuple[Named, ...]
+    listed: Listed
+
+    @property
+    def model(self) -> ModelPoint:
+        """The simulator with all that brings it nearer."""
+        return self.listed.settler.model(self.listed.settled[-1])
+
+
+def held_against(
+    asked: Asked,
+    measured: Measured,
+    *,
+    counts: Sequence[bool],
+    judged: Sequence[int],
+    beside: Measured | None = None,
+    named: bool = True,
+) -> Held:
+    """Hold the nominal simulator against runs.
+
+    Laws are over the states of these runs and of those `beside`. Raises GapError where the model
+    cannot replay a run.
+    """
+    plant, c, start = asked.plant, asked.constants, nominal_point(asked.plant)
+    kept = [k for k, own in enumerate(counts) if own]
+    asked.say("parameters")
+    point = reference_point(
+        plant, start, [measured.played[k] for k in kept],
+        measured=[measured.values[k] for k in kept], valid=[measured.valid[k] for k in kept],
+        least=asked.floors,
+    )  # fmt: skip
+    gap = residual(plant, point, measured, counts=counts, least=asked.floors)
+    every = measured.played if beside is None else (*measured.played, *beside.played)
+    found = responses(
+        plant, point, measured.played, space=candidate_laws(plant, point, every),
+        progress=asked.say,
+    )  # fmt: skip
+    rows = fold_rows(gap, found)
+    asked.say("where it lies")
+    limits = msgspec.structs.replace(c, most_places=c.most_listed, place_gain=c.list_gain)
+    searched = where(rows, found.candidates(), limits)
+    asked.say("names")
+    names = tuple(
+        named_steps(rows, searched.steps, asked.effects, Library(gap), c.name_share)
+        if named
+        else [Named(s, 0.0, {}) for s in searched.steps]
+    )
+    asked.say("in the simulator")
+    listing = listed(
+        Settler(gap, found, start), rows, [n.step for n in names], judged, c.place_share
+    )
+    if listing is None:
+        raise cannot_replay(gap)
+    return Held(gap=gap, found=found, rows=rows, where=searched, named=names, listed=listing)
+
+
+def cannot_replay(gap: Residual) -> GapError:
+    """The model gives no numbers for the runs."""
+    bad = [
+        p.whole.name for p, b in zip(gap.played, gap.base, strict=True) if not np.isfinite(b).all()
+    ]
+    return GapError(
+        "the model cannot replay these runs",
+        value=", ".join(bad) or "with its parameters moved",
+        action="leave them out, or mend the model where it stops",
+    )

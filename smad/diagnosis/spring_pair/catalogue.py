@@ -1,0 +1,237 @@
+"""Safe experiments on the spring pair, as timelines of controller commands.
+
+Two uses: the next-experiment stage chooses among `CATALOGUE`, and `ROUTINE` makes varied everyday
+runs for tests, controls and benchmarks. Every timeline stays within the host's limits: at most 4 A,
+springs below 65 °C in the model, ±9 mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from firmware_protocol.nearest import instead
+from smad.control.commands import (
+    DriveCurrent,
+    Follow,
+    HoldTemperature,
+    Idle,
+    ModeCommand,
+    Ramp,
+    RandomLevels,
+    Sine,
+    Staircase,
+    Step,
+    Tune,
+)
+from smad.control.plan import Action, Do, Pause, Plan
+from smad.diagnosis.errors import GapError
+
+REST_S = 4.0
+
+Part = tuple[float, ModeCommand]
+"""A command with its duration in s."""
+
+
+@dataclass(frozen=True, slots=True)
+class At:
+    """A command at a time of the run."""
+
+    t_s: float
+    command: ModeCommand
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """One experiment: what it separates is in the title."""
+
+    name: str
+    title: str
+    duration_s: float
+    make: Callable[[np.random.Generator], Sequence[At]]
+
+    def commands(self, seed: int) -> list[At]:
+        """The commands in the order of their times; `seed` draws what is random."""
+        rng = np.random.default_rng([seed, *self.name.encode()])
+        return sorted(self.make(rng), key=lambda at: at.t_s)
+
+
+def _sequence(*parts: Part, start: float = REST_S) -> list[At]:
+    """Commands one after the other, each with its duration; idle after the last."""
+    out, t = [], start
+    for duration, command in parts:
+        out.append(At(t, command))
+        t += duration
+    return [*out, At(t, Idle())]
+
+
+def _current(x: float = 0.0, y: float = 0.0, px: float = 0.0, py: float = 0.0) -> DriveCurrent:
+    return DriveCurrent(i_x_A=x, i_y_A=y, pump_x_duty=px, pump_y_duty=py, stop_above_degC=62.0)
+
+
+def _follow(*pieces: Step | Ramp | Sine | RandomLevels | Staircase) -> Follow:
+    return Follow(trajectories=pieces)
+
+
+def _pulses(rng: np.random.Generator) -> Sequence[At]:
+    """Open-loop pulses of heat and water on both sides, with rests between."""
+    parts: list[Part] = []
+    t = REST_S
+    while t < 67.0:  # The last pulse ends before the 75 s of the run do.
+        x_side = bool(rng.random() < 0.5)
+        heat, hold = float(rng.uniform(1.5, 3.8)), float(rng.uniform(1.5, 4.5))
+        cool, rest = float(rng.uniform(2.0, 5.0)), float(rng.uniform(0.5, 3.0))
+        duty = float(rng.choice([0.4, 0.7, 1.0]))
+        on = _current(x=heat) if x_side else _current(y=heat)
+        off = _current(px=duty) if x_side else _current(py=duty)
+        parts += [(hold, on), (rest, Idle()), (cool, off)]
+        t += hold + rest + cool
+    return _sequence(*parts)
+
+
+def _levels(amplitude: float, dwell: float, rng: np.random.Generator) -> Sequence[At]:
+    seed = int(rng.integers(2**31))
+    piece = RandomLevels(amplitude_mm=amplitude, levels=60, dwell_s=dwell, seed=seed)
+    return _sequence((61.0, _follow(piece)))
+
+
+def _sines(rng: np.random.Generator) -> Sequence[At]:
+    ranges = (((1.5, 3), (6, 9), 4), ((4, 7), (14, 20), 3))
+    return _sequence((61.0, _follow(*(
+        Sine(
+            amplitude_mm=float(rng.uniform(*amplitude)),
+            period_s=float(rng.uniform(*period)),
+            cycles=cycles,
+        )
+        for amplitude, period, cycles in ranges
+    ))))  # fmt: skip
+
+
+def _stairs(rng: np.random.Generator) -> Sequence[At]:
+    step = float(rng.uniform(1.2, 2.2)) * (1 if rng.random() < 0.5 else -1)
+    return _sequence((61.0, _follow(*(
+        Staircase(step_mm=mm, steps=4, dwell_s=3.5, there_and_back=True) for mm in (step, -step)
+    ))))  # fmt: skip
+
+
+def _mixed(rng: np.random.Generator) -> Sequence[At]:
+    return [*_sequence((22.0, _wave(3.0, period_s=7.0))), *_sequence(
+        (3.0, _current(x=float(rng.uniform(2, 3.5)))), (4.0, Idle()), (4.0, _current(px=1.0)),
+        (3.0, _current(y=float(rng.uniform(2, 3.5)))), (4.0, _current(py=0.6)), (5.0, Idle()),
+        start=31.0,
+    )]  # fmt: skip
+
+
+def _fixed(name: str, title: str, duration_s: float, *commands: At) -> Timeline:
+    """A timeline in which nothing is random."""
+    return Timeline(name, title, duration_s, lambda rng: commands)
+
+
+def _cycles(of: Callable[[float], Sequence[Part]], values: Iterable[float]) -> list[Part]:
+    """The commands of a cycle for each of some values, one after the other."""
+    return [part for value in values for part in of(value)]
+
+
+def _wave(amplitude_mm: float, period_s: float = 8.0) -> Follow:
+    return _follow(Sine(amplitude_mm=amplitude_mm, period_s=period_s, cycles=3))
+
+
+def _ramp_x(rate_K_per_s: float) -> HoldTemperature:
+    return HoldTemperature(spring="x", temperature_degC=52.0, rate_K_per_s=rate_K_per_s)
+
+
+_WASH = _current(px=1.0, py=1.0)
+_STAIRS_A = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+_EDGES = [(0.5, _current(x=3.5)), (0.5, _current(y=3.5))] * 4
+
+ROUTINE: tuple[Timeline, ...] = (
+    Timeline("pulses", "open-loop pulses of heat and water", 75.0, _pulses),
+    Timeline("levels", "random displacement levels", 75.0, partial(_levels, 6.0, 4.0)),
+    Timeline("sines", "sines of two amplitudes and periods", 75.0, _sines),
+    Timeline("stairs", "displacement staircases", 75.0, _stairs),
+    Timeline("mixed", "a sine, then open-loop pulses", 75.0, _mixed),
+    Timeline("quick levels", "small quick levels", 75.0, partial(_levels, 3.0, 2.0)),
+)
+"""Everyday runs. The first families are for fitting, the last for holding out."""
+
+CATALOGUE: tuple[Timeline, ...] = (
+    _fixed("pump widths", "pump pulses of many widths on a warm spring", 60.0, *_sequence(
+        *_cycles(lambda width: [(3.2, _current(x=3.2)), (width, _current(px=1.0)), (2.5, Idle())],
+                 (0.2, 0.4, 0.8, 1.6, 3.2)),
+        (3.0, _current(y=3.2)), (2.0, _current(py=0.5)), (3.0, Idle()))),
+    _fixed("current stairs", "current staircases against water", 65.0, *_sequence(
+        *((2.5, _current(x=i, px=0.5)) for i in _STAIRS_A), (6.0, _current(px=1.0)),
+        *((2.5, _current(y=i, py=0.5)) for i in _STAIRS_A), (6.0, _current(py=1.0)))),
+    _fixed("edges", "equal short edges at start and end", 75.0,
+        *_sequence(*_EDGES, (12.0, _WASH)),
+        *_sequence(*_EDGES, start=60.0)[:-1], At(64.0, _WASH)),
+    _fixed("two rates", "temperature ramps at two rates", 70.0, *_sequence(
+        (28.0, _ramp_x(1.0)), (12.0, _current(px=1.0)),
+        (8.0, _ramp_x(6.0)), (14.0, _current(px=1.0)))),
+    # One side after the other.
+    _fixed("slow sweep", "low current through the transformation and back", 75.0, *_sequence(
+        (24.0, _current(x=1.8)), (18.0, _current(x=0.3, px=0.15)),
+        (14.0, _current(y=2.2)), (12.0, _current(y=0.3, py=0.2)))),
+    # Small reversals, then the same with both springs warm, at a higher preload.
+    _fixed("two preloads", "reversals at two preloads", 75.0, *_sequence(
+        (25.0, _wave(1.5)), (6.0, _WASH), (4.0, _current(x=2.6, y=2.6)), (3.0, Idle()),
+        *[(3.0, _current(x=3.0, py=0.6)), (3.0, _current(y=3.0, px=0.6))] * 3, (6.0, _WASH))),
+    # First-order reversal curves.
+    _fixed("reversal curves", "partial cycles of growing depth", 60.0, *_sequence(
+        *_cycles(lambda heat: [(heat, _current(x=3.4)), (2.5, _current(px=0.5)),
+                               (heat, _current(x=3.4)), (5.0, _current(px=1.0))],
+                 (1.5, 2.0, 2.5, 3.0)))),
+    # Plateaus, drift, cooling in air.
+    _fixed("isotherm", "warm up, then rest", 70.0, *_sequence(
+        (3.2, _current(x=3.6)), (24.0, Idle()), (3.2, _current(y=3.6)), (24.0, Idle()),
+        (6.0, _WASH))),
+    # Y must not notice more than the tendon.
+    _fixed("one side", "one side driven, the other idle", 60.0, *_sequence(
+        *_cycles(lambda _: [(3.0, _current(x=3.2)), (3.0, _current(px=1.0)), (3.0, Idle())],
+                 range(6)))),
+    # The first cycle against the last.
+    _fixed("repeats", "the same cycle many times", 75.0, *_sequence(
+        *[(2.6, _current(x=3.6)), (3.6, _current(px=1.0))] * 11)),
+    _fixed("dry and wet", "the same motion without and with water", 75.0,
+        At(0.5, Tune(cooling="off")), *_sequence((25.0, _wave(2.0))), At(30.0, _WASH),
+        At(38.0, Tune(cooling="switch")), *_sequence((25.0, _wave(2.0)), start=39.0)),
+    # Held at both ends, then let go: creep, slack, near-zero force.
+    _fixed("long holds", "long holds at both ends", 65.0, *_sequence(
+        (22.0, _follow(Step(displacement_mm=6.0, duration_s=22.0))),
+        (22.0, _follow(Step(displacement_mm=-6.0, duration_s=22.0))), (10.0, _WASH))),
+)  # fmt: skip
+"""Experiments to tell confused causes apart."""
+
+_BY_NAME = {t.name: t for t in (*ROUTINE, *CATALOGUE)}
+
+
+def plan_named(name: str, seed: int) -> Plan:
+    """An experiment as a plan, which a bench or a simulated one carries out.
+
+    Raises GapError for a name that is not in the catalogue.
+    """
+    timeline = timeline_named(name)
+    actions: list[Action] = []
+    now = 0.0
+    for at in timeline.commands(seed):
+        if at.t_s > now:
+            actions.append(Pause(at.t_s - now))
+            now = at.t_s
+        actions.append(Do(at.command))
+    if timeline.duration_s > now:
+        actions.append(Pause(timeline.duration_s - now))
+    return Plan(f"gap {timeline.name}", tuple(actions))
+
+
+def timeline_named(name: str) -> Timeline:
+    """The experiment of that name. Raises GapError for one that is not in the catalogue."""
+    if name not in _BY_NAME:
+        raise GapError(
+            "no such experiment in the catalogue",
+            value=name,
+            action=instead(name, _BY_NAME, "smad gap next names the one to play"),
+        )
+    return _BY_NAME[name]

@@ -1,0 +1,366 @@
+"""The antagonistic spring pair as a plant of the diagnosis: an adapter of `sim_device.plant`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from firmware_protocol.nearest import instead
+from sim_device.plant import ParameterSet, load_parameters
+from sim_device.plant.covariance import Covariance
+from sim_device.plant.effects.registry import EFFECTS
+from sim_device.plant.errors import PlantError
+from sim_device.plant.laws import own_states
+from sim_device.plant.parameters import spring_factors
+from smad.diagnosis.errors import PlantMismatch
+from smad.diagnosis.places.place import Forcing, Place
+from smad.diagnosis.plant import (
+    Array,
+    Effect,
+    EffectParameter,
+    Experiment,
+    ModelPoint,
+    Parameter,
+    Uncertainty,
+)
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import catalogue, signals
+from smad.diagnosis.spring_pair.given import GivenPoint, GivenRun
+from smad.diagnosis.spring_pair.passes import KeptDrivers, Passes
+from smad.diagnosis.spring_pair.places import places_of_pair, state_words
+from smad.diagnosis.spring_pair.recent import Recent
+from smad.diagnosis.spring_pair.recorded import recorded
+from smad.diagnosis.spring_pair.traits import TRAITS
+
+_POINTS = 64
+_RUNS = 64
+_WIDE = 0.4
+_WIDE_K = 6.0
+
+# Refitted parameter -> the sub-model it belongs to. Geometry and noise are not refitted: only their
+# products with these can be seen.
+REFITTED = {
+    "modulus_martensite": "mechanics",
+    "modulus_austenite": "mechanics",
+    "stress_start": "phase",
+    "stress_finish": "phase",
+    "max_deflection": "phase",
+    "austenite_start": "phase",
+    "austenite_finish": "phase",
+    "martensite_start": "phase",
+    "martensite_finish": "phase",
+    "slope_austenite": "phase",
+    "slope_martensite": "phase",
+    "initial_deflection": "mechanics",
+    "initial_force": "mechanics",
+    "heat_capacity_heating": "thermal",
+    "heat_capacity_cooling": "thermal",
+    "latent_heating": "thermal",
+    "latent_cooling": "thermal",
+    "resistivity": "electrical",
+    "warming_share": "thermal",
+    "tube_loss": "thermal",
+    "tube_diameter": "thermal",
+    "flow_max": "thermal",
+    "film_scale": "thermal",
+    "water_temperature": "thermal",
+    "ambient_temperature": "thermal",
+}
+_TEMPERATURES = {
+    "austenite_start", "austenite_finish", "martensite_start", "martensite_finish",
+    "water_temperature", "ambient_temperature",
+}  # fmt: skip
+# Closures of a lumped model rather than material: well-mixed water against a front that moves, one
+# film coefficient, one capacity and one latent heat for a whole wire. Known to a factor.
+_LUMPED = {
+    "flow_max": 2.5, "film_scale": 3.0, "warming_share": 4.0, "latent_cooling": 4.0,
+    "latent_heating": 2.5, "heat_capacity_cooling": 2.5, "heat_capacity_heating": 1.6,
+    "tube_loss": 4.0, "stress_finish": 2.5, "slope_martensite": 2.0,
+}  # fmt: skip
+_PRIOR_SHARE = 0.08
+_PRIOR_K = 1.5
+# What differs from bench to bench between the two springs, and the encoder's zero: refitted like a
+# parameter, but no entry of a parameter set. Nominal value, bounds, standard deviation, sub-model.
+_MOUNTING = (
+    Parameter("side_flow", "1", 0.0, -0.5, 0.5, 0.1, "thermal"),
+    Parameter("side_resistance", "1", 0.0, -0.2, 0.2, 0.03, "electrical"),
+    Parameter("displacement_zero", "mm", 0.0, -2.0, 2.0, 0.15, "mechanics"),
+)
+_FLOW_EFFECT = "uneven_flow"
+_FLOW_SHARE = (_FLOW_EFFECT, ".", "share")
+# What of these a model file keeps as mounting, and its name there; the flow is kept as an effect.
+_KEPT_APART = {
+    "side_resistance": "side_resistance",
+    "displacement_zero": "displacement_zero_mm",
+}
+_RANGES = {(e.name, q.name): (q.low, q.high) for e in EFFECTS for q in e.parameters}
+
+
+@dataclass(frozen=True)
+class SmaPlant:
+    """Satisfies `PlantModel`. Parameter values are SI, as in a parameter set.
+
+    `variant` is "extended" or "printed". Effects that cannot act in the variant are not candidates.
+    `only` restricts the library to these names, for tests.
+    """
+
+    parameter_set: ParameterSet = field(default_factory=lambda: load_parameters("A"))
+    variant: str = "extended"
+    only: tuple[str, ...] | None = None
+    kept: KeptDrivers = field(default_factory=dict, repr=False, compare=False)
+
+    name = "spring pair"
+    traits = TRAITS
+    inputs = signals.INPUTS
+    channels = signals.CHANNELS
+    views = signals.VIEWS
+    regimes = staticmethod(signals.regimes)
+    features = staticmethod(signals.features)
+
+    @cached_property
+    def given_points(self) -> Recent[ModelPoint, GivenPoint]:
+        """What the latest points give to every run: enough for those replayed together."""
+        return Recent(_POINTS)
+
+    @cached_property
+    def given_runs(self) -> Recent[GapRun, GivenRun]:
+        """What the latest runs give to every point: enough for all of a diagnosis."""
+        return Recent(_RUNS)
+
+    @property
+    def version(self) -> str:
+        return f"{self.variant}, parameters {self.parameter_set.digest()[:12]}"
+
+    @cached_property
+    def parameters(self) -> Sequence[Parameter]:
+        own = tuple(self._parameter(name, part) for name, part in REFITTED.items())
+        return own + _MOUNTING
+
+    def _parameter(self, name: str, part: str) -> Parameter:
+        entry = self.parameter_set.entry(name)
+        if name in _TEMPERATURES:
+            reach, sd = _WIDE_K, max(_PRIOR_K, (entry.high - entry.low) / 6.0)
+        else:
+            reach = _WIDE * abs(entry.value)
+            sd = max(_PRIOR_SHARE * abs(entry.value), (entry.high - entry.low) / 8.0)
+        low, high = min(entry.low, entry.value - reach), max(entry.high, entry.value + reach)
+        if (factor := _LUMPED.get(name)) is not None:
+            low, high = min(low, entry.value / factor), max(high, entry.value * factor)
+            sd = max(sd, 0.15 * abs(entry.value))
+        if name == "warming_share":
+            high = min(high, 1.0)
+        return Parameter(name, entry.unit, entry.value, low, high, sd, part)
+
+    @cached_property
+    def effects(self) -> Sequence[Effect]:
+        return tuple(
+            Effect(
+                e.name,
+                e.title,
+                e.subsystem,
+                tuple(
+                    EffectParameter(q.name, q.unit, q.typical, q.low, q.high, q.is_strength)
+                    for q in e.parameters
+                    if not q.switch
+                ),
+                e.signals,
+                e.equation,
+                e.confused_with,
+                e.separated_by,
+                e.reference,
+                e.law,
+                e.places,
+            )
+            for e in EFFECTS
+            if self.variant in dict(e.needs).get("variant", (self.variant,))
+            and (self.only is None or e.name in self.only)
+        )
+
+    def simulate(
+        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
+    ) -> dict[str, Array]:
+        """See `PlantModel`. A point that the plant refuses or cannot solve gives NaN."""
+        try:
+            return self._passes(point, run, fast=fast).views(views)
+        except PlantError:
+            keys = [o.key for v in self.views if v.name in views for o in v.outputs]
+            return {key: np.full(len(run.t_s), np.nan) for key in keys}
+
+    @cached_property
+    def places(self) -> Sequence[Place]:
+        return places_of_pair(self.variant)
+
+    def trajectory(
+        self, point: ModelPoint, run: GapRun, *, fast: bool = False
+    ) -> Mapping[str, Array]:
+        """States of the run replayed in open loop, SI, by the names of the plant's trajectory.
+
+        Raises PlantError where the plant refuses the point or cannot solve it, as `forced` does.
+        """
+        return self._passes(point, run, fast=fast).trajectory()
+
+    def seen(self, place: str, side: str, states: Mapping[str, Array]) -> dict[str, Array]:
+        """States as a place sees them on a side, by the names of `sim_device.plant.places`."""
+        return own_states(place, side, states)
+
+    def state_words(self, place: str, state: str) -> tuple[str, str]:
+        """A state in words and its unit."""
+        return state_words(place, state)
+
+    def forced(
+        self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
+    ) -> dict[str, Array]:
+        """Channels of the run in open loop under a forcing, see `smad.diagnosis.places.place`."""
+        return self._passes(point, run, fast=fast).forced(forcing)
+
+    def _passes(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> Passes:
+        given = self.given_points.of(point, lambda: GivenPoint(self, point))
+        return Passes(given, run, fast, self.given_runs, self.kept)
+
+    def catalogue(self) -> Sequence[Experiment]:
+        return tuple(
+            Experiment(t.name, t.title, t.duration_s, f"smad gap next --run '{t.name}'")
+            for t in catalogue.CATALOGUE
+        )
+
+    def perform(self, experiment: str, point: ModelPoint, seed: int) -> GapRun:
+        return recorded(experiment, self, point, seed, noise=False)
+
+    def set_of(self, theta: Mapping[str, float]) -> ParameterSet:
+        """The parameter set with these values. Raises ParameterError when it is not physical."""
+        known = {p.name for p in self.parameters}
+        unknown = sorted(set(theta) - known)
+        if unknown:
+            raise PlantMismatch(
+                "a parameter is not one that this plant refits",
+                value=unknown[0],
+                action=instead(
+                    unknown[0], sorted(known), "use a model file made with the same plant"
+                ),
+            )
+        mounting = {p.name for p in _MOUNTING}
+        values = {k: float(v) for k, v in theta.items() if k not in mounting}
+        return self.parameter_set.replace(**self._mountable(values))
+
+    def _mountable(self, values: dict[str, float]) -> dict[str, float]:
+        """The values with the preload moved, if need be, to one that the pair can be mounted with.
+
+        Eq. (10) must give a martensite fraction from 0 to 1. A fit that leans on that edge would
+        otherwise be stopped there in every direction.
+        """
+        names = (
+            "modulus_martensite", "max_deflection", "initial_deflection", "initial_force",
+        )  # fmt: skip
+        modulus, reach, slack, force = (values.get(n, self.parameter_set[n]) for n in names)
+        c1, c2 = spring_factors(self.parameter_set)
+        stiffness = c2 * modulus / c1
+        taut, loose = stiffness * slack, stiffness * (slack - reach)
+        edge = 1e-9 * taut
+        return values | {"initial_force": float(np.clip(force, loose + edge, taut - edge))}
+
+    def save_model(self, point: ModelPoint, path: Path, note: str) -> None:
+        """Writes the model file that the simulated device and the replay load.
+
+        It carries every parameter that differs from the built-in set A, so that it stands alone.
+        """
+        self._save(point, None, path, note)
+
+    def save_uncertain(
+        self, point: ModelPoint, uncertainty: Uncertainty, path: Path, note: str
+    ) -> None:
+        """As `save_model`, with the covariance of what the file has."""
+        self._save(point, self._covariance(point, uncertainty), path, note)
+
+    def _covariance(self, point: ModelPoint, uncertainty: Uncertainty) -> Covariance:
+        """The covariance in a model file's names: there the flow of a side is an effect's share."""
+        acting = self.acting(point)
+        rows: dict[str, Array] = {}
+        for name, unit in zip(uncertainty.names, np.eye(len(uncertainty.names)), strict=True):
+            which, _, parameter = _FLOW_SHARE if name == "side_flow" else name.partition(".")
+            if which == "laws":
+                rows[name] = unit
+            elif not parameter:
+                table = "mounting" if which in _KEPT_APART else "parameters"
+                rows[f"{table}.{_KEPT_APART.get(which, which)}"] = unit
+            elif which in acting:
+                key = f"effects.{which}.{parameter}"
+                rows[key] = rows.get(key, np.zeros(unit.size)) + unit
+        moves = np.array(list(rows.values()))
+        matrix = moves @ uncertainty.covariance @ moves.T
+        return Covariance(tuple(rows), 0.5 * (matrix + matrix.T))
+
+    def _save(
+        self, point: ModelPoint, covariance: Covariance | None, path: Path, note: str
+    ) -> None:
+        from sim_device.plant.models import save_model
+
+        base, own = load_parameters("A"), self.set_of(point.theta)
+        save_model(
+            path,
+            base="A",
+            variant=self.variant,
+            overrides={n: own[n] for n in own.names if own[n] != base[n]},
+            effects=self.acting(point),
+            mounting={
+                key: point.theta[name]
+                for name, key in _KEPT_APART.items()
+                if point.theta.get(name, 0.0) != 0.0
+            },
+            laws=point.laws,
+            covariance=covariance,
+            note=note,
+        )
+
+    def load_model(self, path: Path) -> ModelPoint:
+        """The point of this plant that a model file holds.
+
+        Raises ModelError when it cannot be read and PlantMismatch when it is of another variant,
+        or of other parameters that are not refitted.
+        """
+        from sim_device.plant.models import read_model
+
+        model = read_model(path)
+        if model.variant != self.variant:
+            raise PlantMismatch(
+                f"{path.name} is a model of another variant",
+                value=model.variant,
+                limit=self.variant,
+                action="give the same variant as the model was made with",
+            )
+        own = self.parameter_set
+        for name in (n for n in own.names if n not in REFITTED):
+            if not np.isclose(model.parameters[name], own[name], rtol=1e-9, atol=0.0):
+                raise PlantMismatch(
+                    f"{path.name} was made with another parameter file: {name} differs",
+                    value=f"{model.parameters[name]:g}",
+                    limit=f"{own[name]:g}",
+                    action="give with --params the file that the model was made with",
+                )
+        theta = {n: model.parameters[n] for n in REFITTED}
+        theta |= {n: model.mounting[key] for n, key in _KEPT_APART.items() if key in model.mounting}
+        return ModelPoint(theta, model.effects, model.laws)
+
+    def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]:
+        """Effects of a point, with what its parameters say of the two sides."""
+        effects = self.within(point.effects)
+        flow = point.theta.get("side_flow", 0.0)
+        if flow != 0.0:
+            share = effects.get(_FLOW_EFFECT, {}).get("share", 0.0) + flow
+            effects |= self.within({_FLOW_EFFECT: {"share": share}})
+        return effects
+
+    def within(self, effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+        """Effect values moved into their ranges, where rounding put them outside."""
+        return {
+            name: {q: _clipped(float(v), *_RANGES[name, q]) for q, v in values.items()}
+            for name, values in effects.items()
+        }
+
+
+def _clipped(value: float, low: float, high: float) -> float:
+    """As `np.clip`, which takes a hundred times as long for one number."""
+    return min(max(value, low), high)

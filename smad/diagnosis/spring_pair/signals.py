@@ -1,0 +1,264 @@
+"""Channels, views, regimes and features of the spring pair, and its runs from logs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from smad.diagnosis.plant import Array, Channel, Mask, Output, Signal, View
+from smad.diagnosis.runs import GapRun, bridged
+from smad.runlog.bounds import Together
+from smad.runlog.tables import read_channels
+
+if TYPE_CHECKING:
+    from smad.runlog.reader import Run
+
+INPUTS = (
+    Signal("i_applied_x_A", "A", 0.0, 4.0),
+    Signal("i_applied_y_A", "A", 0.0, 4.0),
+    Signal("duty_x", "1", 0.0, 1.0),
+    Signal("duty_y", "1", 0.0, 1.0),
+)
+_OPTIONAL_INPUTS = ("drain_x", "drain_y")
+
+
+def _pair(stem: str, unit: str, quantum: float, span: tuple[float, float], *, noise: float,
+          sub_model: str) -> tuple[Channel, ...]:  # fmt: skip
+    def one(own: str, other: str) -> Channel:
+        name, twin = (f"{stem}_{s}_{unit}" for s in (own, other))
+        return Channel(name, unit, quantum, *span, sub_model, noise, own.upper(), twin)
+
+    return one("x", "y"), one("y", "x")
+
+
+CHANNELS = (
+    *_pair("i_meas", "A", 0.001, (-1.0, 6.0), noise=0.002, sub_model="actuator"),
+    *_pair("v", "V", 0.001, (-1.0, 15.0), noise=0.002, sub_model="electrical"),
+    *_pair("rtd", "degC", 0.01, (-20.0, 120.0), noise=0.02, sub_model="thermal"),
+    Channel("rtd_inlet_degC", "degC", 0.01, -20.0, 120.0, "thermal", 0.02),
+    Channel("rtd_ambient_degC", "degC", 0.01, -20.0, 120.0, "thermal", 0.02),
+    Channel("displacement_mm", "mm", 0.001, -25.0, 25.0, "mechanics", 0.002),
+    Channel("force_N", "N", 0.001, -1.0, 12.0, "mechanics", 0.002),
+)
+_TEMPERATURES = ("rtd_x_degC", "rtd_y_degC")
+_CURRENTS = ("i_meas_x_A", "i_meas_y_A")
+_RATE_TAU_S = 0.3
+
+
+def _view(name: str, channels: Iterable[str], feeds: tuple[str, ...] = ()) -> View:
+    side = {c.name: c.side for c in CHANNELS}
+    return View(name, name, tuple(Output(f"{name}:{c}", c, side[c]) for c in channels), feeds)
+
+
+VIEWS = (
+    replace(_view("open", (c.name for c in CHANNELS)), sub_model="all", open_loop=True),
+    _view("actuator", _CURRENTS),
+    _view("thermal", (*_TEMPERATURES, "rtd_inlet_degC", "rtd_ambient_degC"), _CURRENTS),
+    _view("electrical", ("v_x_V", "v_y_V"), (*_CURRENTS, *_TEMPERATURES)),
+    _view("mechanics", ("displacement_mm", "force_N"), _TEMPERATURES),
+    View(
+        "phase",
+        "phase",
+        (Output("phase:X", "force_N", "X"), Output("phase:Y", "force_N", "Y")),
+        (*_TEMPERATURES, "displacement_mm"),
+    ),
+)
+"""The local views from command to tendon. The phase view holds each spring at the measured
+displacement: either spring then predicts the tendon force by itself, so that its residual belongs
+to one side."""
+
+
+def smooth(y: Array, dt_s: float, tau_s: float) -> Array:
+    """Exponential smoothing forth and back, without delay; shape as given."""
+    keep = float(np.exp(-dt_s / tau_s))
+    b, a = [1.0 - keep], [1.0, -keep]
+    forth = lfilter(b, a, y, axis=0, zi=keep * np.atleast_1d(y[:1]))[0]
+    back = lfilter(b, a, forth[::-1], axis=0, zi=keep * np.atleast_1d(forth[-1:]))[0]
+    return np.asarray(back[::-1])
+
+
+def means_over_pieces(run: GapRun, y: Array) -> Array:
+    """Values at the ends of a thinned run's samples, made means over them as measured ones are.
+
+    Linear in between; in a run that is not thinned nothing changes.
+    """
+    back = 0.5 - 0.5 / run.pieces[1:]
+    out = y.copy()
+    out[1:] -= back * (y[1:] - y[:-1])
+    return out
+
+
+def at_ends_of_pieces(run: GapRun, means: Array) -> Array:
+    """The way back, of what varies slowly."""
+    on = 0.5 - 0.5 / run.pieces[:-1]
+    out = means.copy()
+    out[:-1] += on * (means[1:] - means[:-1])
+    return out
+
+
+def _rate(y: Array, dt_s: float) -> Array:
+    return np.asarray(np.gradient(smooth(y, dt_s, _RATE_TAU_S), dt_s))
+
+
+def _recent(active: Mask, dt_s: float, memory_s: float) -> Mask:
+    """True from an active sample until `memory_s` after it."""
+    n = max(1, round(memory_s / dt_s))
+    count = np.cumsum(np.r_[np.zeros(n), active.astype(float)])
+    return np.asarray(count[n:] - count[: len(active)] > 0.5)
+
+
+def _near(edge: Mask, dt_s: float, width_s: float) -> Mask:
+    n = max(1, round(width_s / dt_s))
+    return np.asarray(np.convolve(edge.astype(float), np.ones(2 * n + 1), mode="same") > 0.5)
+
+
+def _speed(run: GapRun) -> Array:
+    if "displacement_mm" not in run.outputs:
+        return np.zeros(len(run.t_s))
+    return _rate(run.outputs["displacement_mm"], run.dt_s)
+
+
+def _warmth(run: GapRun, side: str) -> Array:
+    """Temperature of a spring over its water, as far as it is measured."""
+    name = f"rtd_{side}_degC"
+    if name not in run.outputs:
+        return np.zeros(len(run.t_s))
+    inlet = run.outputs.get("rtd_inlet_degC")
+    start = max(1, round(1.0 / run.dt_s))
+    base = float(np.median((run.outputs[name] if inlet is None else inlet)[:start]))
+    return run.outputs[name] - base
+
+
+def _springs(side: str) -> tuple[str, ...]:
+    """The springs of a side, both where it is none."""
+    return (side.lower(),) if side else ("x", "y")
+
+
+def regimes(run: GapRun, side: str) -> dict[str, Mask]:
+    """Regimes of one spring ("X", "Y") or of the pair (""): see `smad.diagnosis.plant`.
+
+    Order is precedence where a row must belong to one only.
+    """
+    sides, dt_s, speed = _springs(side), run.dt_s, _speed(run)
+    current = np.max([run.inputs[f"i_applied_{s}_A"] for s in sides], axis=0)
+    water = np.max([run.inputs[f"duty_{s}"] for s in sides], axis=0) > 0.02
+    driven = np.max([run.inputs[s.name] for s in INPUTS], axis=0) > 0.01
+    warm = np.max([_warmth(run, s) for s in sides], axis=0) > 2.0
+    any_warm = np.max([_warmth(run, s) for s in ("x", "y")], axis=0) > 0.7
+    moving = np.abs(speed) > 0.05
+    turns = np.r_[False, np.diff(np.sign(np.where(moving, speed, 0.0))) != 0]
+    force = run.outputs.get("force_N")
+    out = {"rest": ~_recent(driven, dt_s, 2.0) & ~any_warm & ~moving}
+    if force is not None:
+        out["near-zero force"] = smooth(force, dt_s, 0.1) < 0.35
+    heating = current > 0.2
+    return out | {
+        "reversal": _near(turns, dt_s, 0.4),
+        "pump on": water,
+        "heating": heating,
+        "air cooling": ~heating & ~water & warm,
+        "holding": ~moving,
+    }
+
+
+def features(run: GapRun, side: str) -> dict[str, Array]:
+    """What a flexible correction may depend on, for one spring or for the pair."""
+    shown, dt_s = run.outputs, run.dt_s
+    out: dict[str, Array] = {"time": run.t_s - run.t_s[0]}
+    for s in _springs(side):
+        out[f"current {s}"] = run.inputs[f"i_applied_{s}_A"]
+        out[f"water {s}"] = run.inputs[f"duty_{s}"]
+        if (name := f"rtd_{s}_degC") in shown:
+            out[f"temperature {s}"] = smooth(shown[name], dt_s, 0.2)
+            out[f"heating rate {s}"] = _rate(shown[name], dt_s)
+    if "displacement_mm" in shown:
+        out["displacement"] = smooth(shown["displacement_mm"], dt_s, 0.2)
+        out["speed"] = speed = _speed(run)
+        out["direction"] = np.tanh(speed / 0.1)
+    if "force_N" in shown:
+        out["force"] = smooth(shown["force_N"], dt_s, 0.2)
+    return out
+
+
+def run_from_columns(
+    name: str,
+    columns: Mapping[str, NDArray[Any]],
+    *,
+    cut_short: bool = False,
+    notes: tuple[str, ...] = (),
+) -> GapRun:
+    """A run from the columns of a run log (`smad.runlog.schema`).
+
+    The current of the board counts as input; where a log has none, the commanded one does. A column
+    of which nothing was recorded is absent. Samples with a gap in an input, or in a channel that is
+    otherwise recorded, are not valid; their values are carried over.
+    """
+    t_s = np.asarray(columns["t_s"], dtype=np.float64)
+    valid = np.ones(len(t_s), dtype=bool)
+    inputs: dict[str, Array] = {}
+    for wanted in (*(s.name for s in INPUTS), *_OPTIONAL_INPUTS):
+        column = _recorded(columns, wanted)
+        if column is None and wanted.startswith("i_applied"):
+            column = _recorded(columns, wanted.replace("applied", "cmd"))
+        if column is not None:
+            inputs[wanted] = np.maximum(bridged(column, valid), 0.0)
+    shown = {c.name: _recorded(columns, c.name) for c in CHANNELS}
+    outputs = {name: bridged(y, valid) for name, y in shown.items() if y is not None}
+    return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes)
+
+
+def table_run(name: str, path: Path, together: Together | None = None) -> GapRun:
+    """A table made elsewhere (`smad.runlog.tables`) as a run of the diagnosis.
+
+    Rows with a `valid` of 0 are not valid, and what was read in them is no more to be fed to a
+    model than to be compared with it. A run without other rows keeps its channels: its admission
+    refuses it, and wants to see them. Raises LogImportError for a file that cannot be used, and
+    RunLogError where it is one too many of those held `together`.
+    """
+    columns = read_channels(path, together)
+    flagged = columns.pop("valid", None)
+    if flagged is None:
+        return run_from_columns(name, columns)
+    use = np.nan_to_num(flagged) > 0.5
+    measured = {c.name for c in CHANNELS} if use.any() else set()
+    kept = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
+    run = run_from_columns(name, kept)
+    assert run.valid is not None, "a run from columns says which samples are valid"
+    return replace(run, valid=run.valid & use)
+
+
+def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
+    if name not in columns:
+        return None
+    raw = columns[name]
+    column = np.asarray(raw, dtype=np.float64)
+    if raw.dtype.kind in "iu":
+        column = np.where(raw < 0, np.nan, column)
+    return column if np.isfinite(column).any() else None
+
+
+def read_gap_run(path: Path, together: Together | None = None) -> GapRun:
+    """A run log or a table as a run of the diagnosis.
+
+    Raises RunLogError (of a table LogImportError) when it cannot be read at all.
+    """
+    if path.suffix != ".mcap":
+        return table_run(path.name.split(".")[0], path, together)
+    from smad.runlog.reader import read_run
+
+    log = read_run(path)
+    if together is not None:
+        together.take(path, rows=len(log), columns=len(log.columns))
+    return gap_run_of(log)
+
+
+def gap_run_of(log: Run) -> GapRun:
+    """A run log that was read, as a run of the diagnosis."""
+    notes = tuple(log.notes) if not log.cut_short else ()
+    return run_from_columns(log.path.stem, log.columns, cut_short=log.cut_short, notes=notes)

@@ -1,1 +1,0 @@
-"""Causes against each other: which are taken, what each is worth, which verdict follows."""

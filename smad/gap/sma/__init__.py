@@ -1,9 +1,0 @@
-"""The spring pair as a plant of the diagnosis: an adapter of `sim_device.plant`.
-
-It is a plant like anyone's; the engine knows none of it.
-"""
-
-from smad.gap.sma.pair import SmaPlant
-from smad.gap.sma.signals import read_gap_run
-
-__all__ = ["SmaPlant", "read_gap_run"]
