@@ -91,7 +91,7 @@ def _runs(plant: SmaPlant, bench: ModelPoint) -> list[GapRun]:
 
 def _seconds(plant: SmaPlant, runs: Sequence[GapRun]) -> tuple[float, int, float]:
     """Wall seconds, replays and processor seconds of one diagnosis."""
-    from smad.gap import diagnose
+    from smad.diagnosis import diagnose
 
     counted = _Counting(plant)
     began, cpu = time.perf_counter(), time.process_time()
@@ -111,6 +111,10 @@ class _Counting:
     def simulate(self, *args: Any, **options: Any) -> dict[str, Any]:
         self.count += 1
         return self._plant.simulate(*args, **options)
+
+    def forced(self, *args: Any, **options: Any) -> dict[str, Any]:
+        self.count += 1
+        return self._plant.forced(*args, **options)
 
 
 def _replay_s(plant: SmaPlant, run: GapRun) -> tuple[float, float]:

@@ -33,12 +33,12 @@ from evaluation.plant.parameters import Bench, another_bench
 from sim_device.plant.effects.registry import effect
 from sim_device.plant.models import read_model
 from sim_device.plant.parameters import load_parameters
-from smad.envs.search import Search, tracking_error_mm
-from smad.envs.vector import SpringPairVectorEnv
+from smad.diagnosis import diagnose
 from smad.diagnosis.model_file import apply
-from smad.gap.diagnose import diagnose
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.signals import table_run
+from smad.envs.search import Search, tracking_error_mm
+from smad.envs.vector import SpringPairVectorEnv
 
 Array = npt.NDArray[np.float64]
 EPISODE_S, TRIED = 12.0, 64
@@ -102,7 +102,7 @@ def diagnosed(bench: Withheld, path: Path) -> str:
             files.write_run(table, made.log)
             runs.append(table_run(family, table))
         plant = SmaPlant()
-        apply(diagnose(runs, plant=plant), plant, path)
+        apply(diagnose(runs, plant=plant).verdict, path)
     return read_model(path).note
 
 

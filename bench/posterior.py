@@ -14,12 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant.errors import PlantError
-from smad.gap.fit.joint import posterior
-from smad.gap.fit.resample import DRAWS
-from smad.gap.fit.stages import prepare
-from smad.diagnosis.data.scales import suited
+from smad.diagnosis import diagnose
 from smad.diagnosis.plant import ModelPoint
-from smad.gap.settings import Settings
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 
@@ -53,15 +49,9 @@ def off(number: int) -> dict[str, float]:
             # No pair can be built of these.
             continue
         break
-    settings = suited(Settings(), runs, plant)
-    fit = prepare(runs, plant, settings).fit
-    deviation = posterior(fit, DRAWS, settings.seed).std(axis=0, ddof=1)
-    truth = fit.space.start()
-    for i, q in enumerate(fit.space.theta):
-        if q.name in values:
-            truth[i] = (values[q.name] - q.nominal) / q.prior_sd
-    z = (fit.p - truth) / deviation
-    return dict(zip((q.name for q in fit.space.theta), z.tolist(), strict=True))
+    told = diagnose(runs, plant=plant).verdict.parameters
+    truth = {q.name: values.get(q.name, q.before) for q in told}
+    return {q.name: (q.after - truth[q.name]) / max(q.sd, 1e-12) for q in told}
 
 
 def lines(found: dict[str, Array]) -> Iterator[str]:

@@ -21,7 +21,7 @@ from msgspec import inspect as types
 from smad import api
 from smad.config.template import markdown_lists
 from smad.control import commands
-from smad.gap.settings import shipped
+from smad.diagnosis.constants import Constants, shipped
 from smad.runlog.schema import Row, markdown_list
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -110,15 +110,10 @@ def trust() -> str:
 
 
 def settings() -> str:
-    """Every size and threshold of the diagnosis, a list for each group."""
-    lines: list[str] = []
-    group = ""
-    for name, (own, value, meaning) in shipped().items():
-        if own != group:
-            group = own
-            lines += [*([""] if lines else []), f"*{group}*", ""]
-        lines.append(f"- `{name}` = {value}: {meaning}")
-    return "\n".join((*lines, ""))
+    """Every number that decides in a diagnosis, with its value."""
+    values = shipped()
+    rows = [f"`{name}` = {getattr(values, name):g}" for name in Constants.__struct_fields__]
+    return f"{', '.join(rows)}.\n"
 
 
 PARTS: dict[str, Callable[[], str]] = {

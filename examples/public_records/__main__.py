@@ -8,8 +8,9 @@ from pathlib import Path
 import click
 
 from examples.public_records.records import RECORDS, RecordError
-from smad.gap import diagnose
-from smad.gap.report.page import page_of, summary_lines
+from smad.diagnosis import diagnose
+from smad.diagnosis.report.page import page_of
+from smad.diagnosis.report.words import lines
 from smad.report.page import write_page
 
 
@@ -18,9 +19,8 @@ from smad.report.page import write_page
 @click.option("--folder", type=click.Path(path_type=Path), default=Path("public-records"),
               help="Where the file is, or is put when it has been fetched.")  # fmt: skip
 @click.option("--html", type=click.Path(path_type=Path), help="Write the report there.")
-@click.option("--leave-out", is_flag=True, help="Ask again without the first cause.")
 @click.option("--exchange", is_flag=True, help="Fit the runs to judge on, and the other way round.")
-def main(name: str, folder: Path, html: Path | None, leave_out: bool, exchange: bool) -> None:
+def main(name: str, folder: Path, html: Path | None, exchange: bool) -> None:
     """Diagnose a public record whose cause is published, and print the verdict."""
     record = RECORDS[name]
     try:
@@ -28,14 +28,11 @@ def main(name: str, folder: Path, html: Path | None, leave_out: bool, exchange: 
     except RecordError as error:
         raise click.ClickException(str(error)) from error
     fit, held = (asked.hold_out, asked.fit) if exchange else (asked.fit, asked.hold_out)
-    diagnosis = diagnose(fit, plant=record.plant, hold_out=held, leave_out=leave_out)
-    click.echo("\n".join(summary_lines(diagnosis)))
-    for less in diagnosis.left_out:
-        answer = ", ".join(less.names) or less.outcome
-        click.echo(f"Without {less.effect}: {answer} ({less.probability:.2f})")
+    answer = diagnose(fit, plant=record.plant, hold_out=held)
+    click.echo("\n".join(lines(answer.verdict)))
     click.echo(f"{time.process_time():.0f} s of processor time")
     if html is not None:
-        write_page(page_of(diagnosis), html)
+        write_page(page_of(answer), html)
 
 
 if __name__ == "__main__":

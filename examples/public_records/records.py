@@ -18,9 +18,9 @@ import numpy as np
 
 from examples.public_records.silverbox import RATE_HZ, Silverbox
 from examples.public_records.tanks import STEP_S, Tanks
-from smad.errors import SmadError
 from smad.diagnosis.plant import Array, PlantModel
 from smad.diagnosis.runs import GapRun
+from smad.errors import SmadError
 
 _TIMEOUT_S = 60.0
 _SETTLING = 100

@@ -17,10 +17,11 @@ import numpy as np
 
 from smad.checkup.constants import Constants
 from smad.checkup.evidence import evidence
-from smad.checkup.judge import Findings, score
+from smad.checkup.judge import Findings
 from smad.checkup.verdict import Likely, hypotheses, is_quiet, sizes_of, weighed
 from smad.diagnosis.bank.names import canonical
 from smad.diagnosis.plant import Array
+from smad.diagnosis.search.names import score
 from smad.diagnosis.search.refine import Refined
 
 FALSE_ALARMS = 1.0 / 60.0

@@ -8,7 +8,7 @@ from smad.checkup.commission import commissioned, judged
 from smad.checkup.errors import PairingError
 from smad.checkup.files import Found, match
 from smad.diagnosis.plant import PlantModel
-from smad.gap.records import RepeatedRecord
+from smad.diagnosis.verdict import Repeated
 
 _LEAST_REPEATS = 2
 
@@ -18,7 +18,7 @@ def repeated(
     good: Sequence[Found],
     runs: Sequence[Found],
     progress: Callable[[str], None] = lambda text: None,
-) -> RepeatedRecord | None:
+) -> Repeated | None:
     """What the runs say that repeat the inputs of known-good ones; None where none does.
 
     Without two good recordings of the same inputs there is no repeat floor, and nothing is said
@@ -32,17 +32,16 @@ def repeated(
     groups = [g for g in matched.groups if len(g) >= _LEAST_REPEATS]
     now = [(run, name) for run, name in matched.now if repeats[name] >= _LEAST_REPEATS]
     if not now:
-        return RepeatedRecord(matched.lines, min(repeats.values()))
+        return Repeated(lines=matched.lines, repeats=min(repeats.values()))
     progress("comparing with the runs that they repeat")
     try:
         reference = commissioned(plant, groups, progress=progress)
         verdict = judged(plant, reference, now, progress=progress).verdict
     except PairingError as error:
-        return RepeatedRecord(matched.lines, _LEAST_REPEATS, headline=f"not possible: {error}")
-    return RepeatedRecord(
-        matched.lines,
-        reference.repeats,
-        verdict.outcome,
-        verdict.headline,
-        {" + ".join(x.names): x.probability for x in verdict.likely},
-    )
+        return Repeated(
+            lines=matched.lines, repeats=_LEAST_REPEATS, headline=f"not possible: {error}"
+        )
+    return Repeated(
+        lines=matched.lines, repeats=reference.repeats, outcome=verdict.outcome,
+        headline=verdict.headline,
+    )  # fmt: skip

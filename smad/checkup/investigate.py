@@ -124,7 +124,7 @@ def _offers(found: Judged, staying: Sequence[Alternative]) -> list[Offer]:
         if played > min(times):
             continue
         changes = [_change(pairs, run.played, x) for x in staying]
-        rows = rows_of(pairs.plant, pairs.traits, pairs.reference, run, run.valid)
+        rows = rows_of(pairs.plant, pairs.reference, run, run.valid)
         slopes = rows.shrink(rows.independent(run.slopes))
         d2 = _separation(changes, rows, SHARE * slopes)
         out.append(Offer(run.name, d2 / found.variance))

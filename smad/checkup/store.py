@@ -24,7 +24,8 @@ from smad.checkup.paired.reference import Reference, RunReference
 from smad.checkup.series import unlink_quietly
 from smad.diagnosis.data.played import Atom, Played
 from smad.diagnosis.data.rows import Binned
-from smad.diagnosis.places.place import Forceable, places_of
+from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
@@ -89,7 +90,7 @@ def identity(plant: PlantModel) -> str:
         (e.name, [(q.name, q.unit, q.typical, q.low, q.high, q.strength) for q in e.parameters])
         for e in plant.effects
     )
-    places = [(p.name, p.scale, p.sides, p.states) for p in places_of(plant)]
+    places = [(p.name, p.scale, p.sides, p.states) for p in with_places(plant).places]
     digest = hashlib.sha256(repr((library, places)).encode()).hexdigest()
     return f"{plant.name}, {plant.version}, library {digest[:8]}"
 

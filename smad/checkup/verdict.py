@@ -9,11 +9,12 @@ import numpy as np
 
 from smad.checkup.constants import Constants
 from smad.checkup.evidence import Evidence, evidence
-from smad.checkup.judge import Findings, score
+from smad.checkup.judge import Findings
 from smad.checkup.paired.difference import SHARE, Paired
 from smad.diagnosis.gap import change_of, with_effects
 from smad.diagnosis.plant import Array, EffectValues, Mask
 from smad.diagnosis.search.locate import Located
+from smad.diagnosis.search.names import score
 from smad.diagnosis.search.refine import Refined
 from smad.diagnosis.verdict import PlaceTold
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli import complete
-from smad.cli.gap_check import check, score
+from smad.cli.gap_check import check
 from smad.cli.gap_checkup import checkup, commission
 from smad.cli.gap_investigate import investigate
 from smad.cli.gap_runs import (
@@ -29,14 +29,15 @@ from smad.cli.gap_runs import (
 from smad.cli.output import bench_option, progress
 
 if TYPE_CHECKING:
+    from smad.diagnosis.answer import Answer
     from smad.diagnosis.plant import ModelPoint
     from smad.diagnosis.runs import GapRun
     from smad.diagnosis.spring_pair import SmaPlant
-    from smad.gap.records import Diagnosis, ExperimentRecord
-    from smad.gap.report import Asked
+    from smad.diagnosis.verdict import Verdict
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
+_OFFERS = 4
 
 _params = click.option(
     "--params", default="A", show_default=True, help="Parameter file, or A, B, conserving."
@@ -57,7 +58,6 @@ def gap() -> None:
 
 
 gap.add_command(check)
-gap.add_command(score)
 gap.add_command(commission)
 gap.add_command(checkup)
 gap.add_command(investigate)
@@ -70,10 +70,10 @@ gap.add_command(investigate)
 @leave_out_option
 @_params
 @_variant
-@_seed
-@click.option("--json", "json_path", type=_OUT, help="Write the whole diagnosis here.")
+@click.option("--json", "json_path", type=_OUT, help="Write the whole verdict here.")
 @click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
-@click.option("--apply", "model_path", type=_OUT, help="Write the improved model here.")
+@click.option("--apply", "model_path", type=_OUT,
+              help="Write the model with everything that is told here.")  # fmt: skip
 @click.option("--fmu", type=_RUN, help="The model is this unit of FMI 2.0; needs --map.")
 @click.option("--map", "map_path", type=_RUN, help="With --fmu: what its variables are (TOML).")
 def diagnose(
@@ -84,17 +84,16 @@ def diagnose(
     leave_out: tuple[str, ...],
     params: str,
     variant: str,
-    seed: int,
     json_path: Path | None,
     html_path: Path | None,
     model_path: Path | None,
     fmu: Path | None,
     map_path: Path | None,
 ) -> None:
-    """Say where model and RUNs disagree, because of what, and how much of the gap goes.
+    """Say where model and RUNs disagree, which law is missing there, and how much of the gap goes.
 
     With --good the question is what has changed since those runs; without, every difference between
-    model and bench counts. Without --hold-out each run is left out in turn.
+    model and bench counts. Without --hold-out each run is judged by a model of the others.
 
     A RUN is a run log, a folder of them, or a quoted pattern. Give RUNs before --hold-out and
     --good, which take all that follows.
@@ -107,31 +106,60 @@ def diagnose(
         raise click.UsageError("--fmu and --map belong together; give both")
     if fmu is not None and model_path is not None:
         raise click.UsageError("--apply writes a model of the spring pair; leave it out with --fmu")
-    plant = None if fmu is not None else _plant(params, variant)
     with _clean_errors():
-        if plant is None:
-            assert fmu is not None
-            assert map_path is not None
-            result = _of_unit((fmu, map_path), runs, good, hold_out, seed)
+        if fmu is not None and map_path is not None:
+            from smad.fmi.asked import diagnose_unit
+
+            with progress() as line:
+                answer = diagnose_unit(
+                    fmu, map_path, runs, good=good, hold_out=hold_out, progress=line.say
+                )
+            asked = ""
         else:
-            result = _diagnosed(plant, runs, good, hold_out, seed)
-        # Of a plant that is not ours, no command but this one is known.
-        asked = None if plant is None else _asked(runs, hold_out, good, model_path)
-        _print_verdict(result, asked)
+            answer = _diagnosed(_plant(params, variant), runs, good, hold_out)
+            # Of a plant that is not ours, no command but this one is known.
+            asked = _asked(runs, hold_out, good)
+        _print_verdict(answer.verdict, asked)
         if json_path is not None:
-            json_path.write_bytes(result.to_json())
+            json_path.write_bytes(answer.verdict.to_json())
         if html_path is not None:
-            from smad.gap.report import page_of
+            from smad.diagnosis.report.page import page_of
             from smad.report.page import write_page
 
-            write_page(page_of(result, asked), html_path)
-        if model_path is not None and plant is not None:
-            from smad.diagnosis.model_file import apply
+            write_page(page_of(answer, asked), html_path)
+        if model_path is not None:
+            from smad.diagnosis.model_file import apply as write
 
-            apply(result, plant, model_path)
+            write(answer.verdict, model_path)
     for path in (json_path, html_path, model_path):
         if path is not None:
             click.echo(f"written: {path}", err=True)
+
+
+@gap.command()
+@click.argument("verdict", type=_RUN)
+@click.option("--out", type=_OUT, required=True, help="The model file to write.")
+@click.option("--first", type=click.IntRange(0),
+              help="Only the first places of the list; 0: the parameters alone.")  # fmt: skip
+def apply(*, verdict: Path, out: Path, first: int | None) -> None:
+    """Write the model of a VERDICT (what --json wrote), with all its places or the first ones."""
+    import msgspec
+
+    from smad.diagnosis.errors import GapError
+    from smad.diagnosis.model_file import apply as write
+    from smad.diagnosis.verdict import Verdict
+
+    try:
+        told = Verdict.from_json(verdict.read_bytes())
+    except msgspec.DecodeError as error:
+        raise GapError(
+            f"{verdict} is no verdict",
+            value=str(error),
+            action="give a file that smad gap diagnose --json wrote",
+        ) from error
+    write(told, out, first)
+    kept = told.places if first is None else told.places[:first]
+    click.echo(f"{out}: parameters" + "".join(f", {p.words}" for p in kept))
 
 
 @gap.command()
@@ -142,7 +170,6 @@ def effects(*, variant: str, as_json: bool) -> None:
     import msgspec
 
     from smad.diagnosis.spring_pair import SmaPlant
-    from smad.gap.report.terms import with_unit
 
     library = SmaPlant(variant=variant).effects
     if as_json:
@@ -154,7 +181,7 @@ def effects(*, variant: str, as_json: bool) -> None:
         click.echo(f"    places: {', '.join(e.places)}")
         for q in e.parameters:
             kind = "" if q.strength else ", shape"
-            high = with_unit(f"{q.high:g}", q.unit)
+            high = f"{q.high:g}" + (f" {q.unit}" if q.unit != "1" else "")
             click.echo(f"    {q.name}: {q.low:g} to {high}, typically {q.typical:g}{kind}")
         click.echo(f"    confused with: {', '.join(e.confused_with) or 'nothing known'}")
         click.echo(f"    told apart by: {e.separates}")
@@ -181,14 +208,9 @@ def verify(
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=1).decode())
         return
-    width = max(len(r.channel) for r in rows)
-    click.echo(f"{'channel':<{width}}  {'floor':>14}  {'before':>9}  {'after':>9}  {'shrink':>6}")
+    click.echo(f"{'RMS of measured − predicted':<29} {'before':>9} {'after':>9} {'floor':>9}")
     for r in rows:
-        floor = f"{r.floor:.3g} {r.unit}" if r.unit else ""
-        click.echo(
-            f"{r.channel:<{width}}  {floor:>14}  {r.before:>8.2f}×  {r.after:>8.2f}×  "
-            f"{r.shrink:>6.2f}"
-        )
+        click.echo(f"{r.signal:<21} {r.unit:<7} {r.raw:>9.3g} {r.final:>9.3g} {r.floor:>9.3g}")
 
 
 @gap.command(name="next", cls=ManyRuns)
@@ -253,12 +275,19 @@ def next_experiment(
         if not runs:
             _list_catalogue()
             return
-        good = uncut(good)
-        result = _diagnosed(plant, runs, good, hold_out, seed)
-    _print_verdict(result, _asked(runs, hold_out, good, None))
-    from smad.gap.settings import enough_d2
+        from smad.diagnosis.next_run import offers
 
-    _print_experiments(result.experiments, enough_d2(result.settings["odds"]))
+        good = uncut(good)
+        answer = _diagnosed(plant, runs, good, hold_out)
+        _print_verdict(answer.verdict, "")
+        with progress() as line:
+            confused, found = offers(answer, line.say)
+    if not confused:
+        click.echo("Nothing is confused that a run of the catalogue could tell apart.")
+        return
+    click.echo(f"Not told apart: {' or '.join(confused)}. Least d² between two of them:")
+    for x in found[:_OFFERS]:
+        click.echo(f"  d² {x.separation:>7.1f}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
 
 
 def _propose(baseline: Path) -> None:
@@ -316,82 +345,44 @@ def _unlike(path: Path, paths: Sequence[Path]) -> str:
 
 
 def _diagnosed(
-    plant: SmaPlant,
-    runs: Sequence[Path],
-    good: Sequence[Path],
-    hold_out: Sequence[Path],
-    seed: int,
-) -> Diagnosis:
+    plant: SmaPlant, runs: Sequence[Path], good: Sequence[Path], hold_out: Sequence[Path]
+) -> Answer:
     import msgspec
 
     from smad.checkup.everyday import repeated
     from smad.checkup.files import Found
-    from smad.gap import Settings, diagnose
+    from smad.diagnosis import diagnose
 
     with progress() as line:
         say: Callable[[str], None] = line.say
         say("reading")
         everything = (*runs, *good, *hold_out)
         asked, known, held = (_read(some, everything) for some in (runs, good, hold_out))
-        found = diagnose(
-            asked,
-            plant=plant,
-            good=known,
-            hold_out=held,
-            settings=Settings(seed=seed),
-            progress=say,
-        )
+        found = diagnose(asked, plant=plant, good=known, hold_out=held, progress=say)
         now = [Found.of(*x) for x in zip((*runs, *hold_out), (*asked, *held), strict=True)]
         then = [Found.of(*x) for x in zip(good, known, strict=True)]
-        return msgspec.structs.replace(found, repeated=repeated(plant, then, now, say))
+        verdict = msgspec.structs.replace(found.verdict, repeated=repeated(plant, then, now, say))
+        return dataclasses.replace(found, verdict=verdict)
 
 
-def _of_unit(
-    unit: tuple[Path, Path],
-    runs: Sequence[Path],
-    good: Sequence[Path],
-    hold_out: Sequence[Path],
-    seed: int,
-) -> Diagnosis:
-    from smad.fmi.asked import diagnose_unit
-
-    with progress() as line:
-        return diagnose_unit(
-            *unit, runs, good=good, hold_out=hold_out, seed=seed, progress=line.say
-        )
-
-
-def _asked(
-    runs: Sequence[Path], hold_out: Sequence[Path], good: Sequence[Path], model: Path | None
-) -> Asked:
+def _asked(runs: Sequence[Path], hold_out: Sequence[Path], good: Sequence[Path]) -> str:
     """The arguments as a shell takes them, to ask once more."""
-    from smad.gap.report import Asked
-
     words = [str(path) for path in runs]
     for option, paths in (("--hold-out", hold_out), ("--good", good)):
         words += [option, *map(str, paths)] if paths else []
-    return Asked(shlex.join(words), "" if model is None else str(model))
+    return shlex.join(words)
 
 
-def _print_verdict(result: Diagnosis, asked: Asked | None) -> None:
-    from smad.gap.report import summary_lines
+def _print_verdict(verdict: Verdict, asked: str) -> None:
+    from smad.diagnosis.report.words import advice, lines
 
-    headline, *rest = summary_lines(result, asked)
+    headline, *rest = lines(verdict)
     width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
         click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
-
-
-def _print_experiments(found: Sequence[ExperimentRecord], wanted: float) -> None:
-    """Proposals with their commands; without any, the verdict has said why."""
-    if not found:
-        return
-    for x in found:
-        counted = x.counted or 0.0
-        click.echo(f"d² {counted:>7.1f}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
-    together = found[-1].together or 0.0
-    click.echo(f"Together d² {together:.1f}, one run of each; {wanted:.0f} tell two causes apart.")
+    for command, why in advice(verdict, asked) if asked else ():
+        click.echo(f"{why}: {command}" if command else why)
 
 
 def _list_catalogue() -> None:

@@ -11,7 +11,8 @@ from smad.cli.output import bad
 
 if TYPE_CHECKING:
     from smad.diagnosis.bank.running import Order, Progress
-    from smad.diagnosis.bank.verdicts import CaseVerdict, VerdictFile
+    from smad.diagnosis.bank.verdicts import VerdictFile
+    from smad.diagnosis.verdict import Verdict
 
 _OUT = click.Path(dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -25,16 +26,13 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option("--out", type=_OUT, help="The verdict file  [default: BANK_FOLDER-verdicts.json]")
 @click.option("--jobs", type=click.IntRange(1, 256), default=2, show_default=True,
               help="Cases at the same time, each in a process of one thread.")  # fmt: skip
-@click.option("--leave-out/--no-leave-out", default=False, show_default=True,
-              help="Judge once more without the first cause in the library.")  # fmt: skip
-@click.option("--keep", type=_FOLDER, help="Write each whole diagnosis into this folder.")
 @click.option("--effects", default="", help="Only these of the library, with commas between.")
 @click.option("--params", default="A", show_default=True,
               help="Parameter file, or A, B, conserving.")  # fmt: skip
 @click.option("--variant", type=click.Choice(["extended", "printed"]), default="extended",
               show_default=True, help="The thermal model.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-              help="Of the diagnosis, and of the spread of --cases.")  # fmt: skip
+              help="Of the spread of --cases.")  # fmt: skip
 def check(
     *,
     bank: Path,
@@ -42,8 +40,6 @@ def check(
     only: str,
     out: Path | None,
     jobs: int,
-    leave_out: bool,
-    keep: Path | None,
     effects: str,
     params: str,
     variant: str,
@@ -58,17 +54,14 @@ def check(
     from smad.diagnosis.bank.running import Order
     from smad.diagnosis.bank.running import check as run
     from smad.diagnosis.bank.verdicts import write_verdicts
-    from smad.gap.settings import Settings
 
     opened = open_bank(bank)
     taken = chosen(opened, count=cases, only=_listed(only), seed=seed)
     require_files(opened, taken)
     path = out or bank.with_name(f"{bank.resolve().name}-verdicts.json")
-    how = How(params, variant, Settings(seed=seed), leave_out, tuple(_listed(effects)) or None)
+    how = How(params, variant, tuple(_listed(effects)) or None)
     how.require()
-    order = Order(opened, taken, how, path.with_name(path.name + ".parts"), keep)
-    if keep is not None:
-        keep.mkdir(parents=True, exist_ok=True)
+    order = Order(opened, taken, how, path.with_name(path.name + ".parts"))
     _announce(order, f"{jobs} at a time")
     try:
         file = run(order, jobs=jobs, report=_tell)
@@ -105,12 +98,10 @@ def _tell(progress: Progress) -> None:
     )
 
 
-def _in_short(verdict: CaseVerdict) -> str:
-    if not verdict.causes:
+def _in_short(verdict: Verdict) -> str:
+    if not verdict.places:
         return verdict.outcome
-    first = verdict.causes[0]
-    names = " or ".join(verdict.group) if verdict.group else " + ".join(first.names)
-    return f"{verdict.outcome}: {names} ({first.probability:.2f})"
+    return f"{verdict.outcome}: {', '.join(p.place for p in verdict.places)}"
 
 
 def _clock(seconds: float) -> str:
@@ -130,32 +121,3 @@ def _failed(order: Order, file: VerdictFile) -> int:
         err=True,
     )
     return 1
-
-
-@click.command()
-@click.argument("verdicts", type=_FILE)
-@click.argument("key", type=_FILE)
-@click.option("--json", "json_path", type=_OUT, help="Write all scores here.")
-@click.option(
-    "--answered-only", is_flag=True, help="Leave out cases without a verdict, after --cases."
-)
-def score(*, verdicts: Path, key: Path, json_path: Path | None, answered_only: bool) -> None:
-    """Compare VERDICTS with the KEY of their bank."""
-    from smad.diagnosis.bank.errors import KeyMismatchError
-    from smad.diagnosis.bank.key import SEALED, read_key
-    from smad.diagnosis.bank.score import matched, scores, text, write_scores
-    from smad.diagnosis.bank.verdicts import read_verdicts
-
-    file = read_verdicts(verdicts)
-    truth, key_sha256 = read_key(key)
-    if truth.bank == SEALED:
-        raise KeyMismatchError(
-            "this key is sealed, and its use is logged",
-            value=str(key),
-            action="use python -m evaluation score, in a checkout",
-        )
-    result = scores(matched(file, truth, key_sha256, answered_only=answered_only), truth.bank)
-    click.echo(text(result))
-    if json_path is not None:
-        write_scores(json_path, result)
-        click.echo(f"written: {json_path}", err=True)

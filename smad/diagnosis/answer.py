@@ -14,10 +14,10 @@ from smad.diagnosis.changed import Changed
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.gap import Residual, rms
 from smad.diagnosis.model_file import SavesModel, write_model
-from smad.diagnosis.numerics.folds import Array, FoldRows
+from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import ModelPoint, Uncertainty
+from smad.diagnosis.plant import Mask, ModelPoint, Uncertainty
 from smad.diagnosis.search.contrast import apart
 from smad.diagnosis.search.listed import Listed
 from smad.diagnosis.search.locate import Named
@@ -45,13 +45,16 @@ _APART_SETS = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """A verdict with what it rests on, for figures and models; both None where runs were refused.
+    """A verdict with what it rests on, for figures and models; None where runs were refused.
+
+    `rows` are those that the laws of `listed` were fitted to.
 
     `points` and `uncertain` are of the models with the parameters alone and after each place.
     """
 
     verdict: Verdict
     listed: Listed | None = None
+    rows: FoldRows | None = None
     points: tuple[ModelPoint, ...] = ()
     uncertain: tuple[Uncertainty, ...] = ()
 
@@ -77,7 +80,7 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
     else:
         outcome = QUIET if whole.raw < c.quiet_floors else PARAMETERS
     return _answer(
-        asked, listing, places, whole,
+        asked, listing, held.rows, places, whole,
         Verdict(
             question=DIFFERS,
             outcome=outcome,
@@ -104,7 +107,7 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
     if odd and outcome == PLACES:
         outcome = CONTRADICTING
     return _answer(
-        asked, listing, places, whole,
+        asked, listing, found.rows, places, whole,
         Verdict(
             question=CHANGED,
             outcome=outcome,
@@ -120,7 +123,12 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
 
 
 def _answer(
-    asked: Asked, listing: Listed, places: list[PlaceTold], whole: SignalGap, verdict: Verdict
+    asked: Asked,
+    listing: Listed,
+    rows: FoldRows,
+    places: list[PlaceTold],
+    whole: SignalGap,
+    verdict: Verdict,
 ) -> Answer:
     settler = listing.settler
     points = tuple(settler.model(s) for s in listing.settled)
@@ -135,7 +143,7 @@ def _answer(
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
     )
-    return Answer(verdict=said, listed=listing, points=points, uncertain=uncertain)
+    return Answer(verdict=said, listed=listing, rows=rows, points=points, uncertain=uncertain)
 
 
 def _judged_on(asked: Asked) -> str:
@@ -193,7 +201,7 @@ def _budget(
     table = np.array([
         rms([m.values[k] - stage[k] for k in judged], valid) for stage in stages
     ])  # fmt: skip
-    there = np.array([v.any(axis=0) for v in valid]).any(axis=0)
+    there: Mask = np.concatenate(valid).sum(axis=0) > 0
     channels = [(i, c) for i, c in enumerate(asked.plant.channels) if there[i]]
     budget = [
         SignalGap(
@@ -215,7 +223,7 @@ def _budget(
     return budget, whole, by_run
 
 
-def _floors(left: Array, valid: Array, floors: Array) -> float:
+def _floors(left: Array, valid: Mask, floors: Array) -> float:
     scaled = np.where(valid, left / floors, 0.0)
     return float(np.sqrt((scaled**2).sum() / max(int(valid.sum()), 1)))
 
@@ -224,9 +232,9 @@ def _by_run(
     asked: Asked,
     rows: FoldRows,
     gap: Residual,
-    columns: Sequence[Array],
+    columns: Sequence[Index],
     gaps: Array,
-    run_of_row: Array | None = None,
+    run_of_row: Index | None = None,
 ) -> list[RunGap]:
     of_row = gap.run_of_row if run_of_row is None else run_of_row
     alone = asked.fit < 2

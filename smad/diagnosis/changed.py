@@ -33,7 +33,8 @@ _TIE = 0.3
 class Changed:
     """What is new: `outcome`, the contrast and names, and the list proven in the simulator.
 
-    `joint` is the gap of good runs and runs in question together. `parameters` is the share of the
+    `joint` is the gap of good runs and runs in question together, `rows` those that the laws in
+    question were fitted to. `parameters` is the share of the
     rows in question that other values of the parameters take, `good` what the good runs taught.
     """
 
@@ -41,6 +42,7 @@ class Changed:
     good: Held
     contrast: Contrast
     joint: Residual
+    rows: FoldRows
     parameters: float
     named: tuple[Named, ...]
     gap: Residual
@@ -84,14 +86,12 @@ def changed(asked: Asked) -> Changed:
     gap = _residual(asked, taught.model, now, scale)
     free = parameters >= c.changed_share
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _TIE)
-    listing = listed(
-        settler, _of_now(news, joint, len(asked.good)), [n.step for n in named], asked.judged,
-        c.place_share,
-    )  # fmt: skip
+    rows = _of_now(news, joint, len(asked.good))
+    listing = listed(settler, rows, [n.step for n in named], asked.judged, c.place_share)
     if listing is None:
         raise cannot_replay(gap)
     return Changed(
-        outcome=outcome, good=taught, contrast=news, joint=joint, parameters=parameters, named=named, gap=gap,
+        outcome=outcome, good=taught, contrast=news, joint=joint, rows=rows, parameters=parameters, named=named, gap=gap,
         listed=listing,
     )  # fmt: skip
 

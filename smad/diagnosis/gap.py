@@ -13,6 +13,7 @@ from smad.diagnosis.data.played import Played, finite, predictions, slopes
 from smad.diagnosis.data.rows import binned
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.numerics.white import Shrink
+from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import EffectValues, Mask, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
@@ -130,7 +131,7 @@ class Residual:
     stay open. `counts`: runs that laws are selected on.
     """
 
-    plant: PlantModel
+    plant: PlacesPlant
     point: ModelPoint
     measured: Measured
     base: tuple[Array, ...]
@@ -214,7 +215,7 @@ def row_scale(difference: Sequence[Array], valid: Sequence[Mask], least: Array) 
 
 
 def residual(
-    plant: PlantModel,
+    plant: PlacesPlant,
     point: ModelPoint,
     measured: Measured,
     *,

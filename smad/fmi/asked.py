@@ -9,15 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from smad.diagnosis.data.scales import suited
+from smad.diagnosis import Answer, diagnose
 from smad.diagnosis.runs import GapRun, bridged
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import open_unit
-from smad.gap import diagnose
-from smad.gap.records import Diagnosis
-from smad.gap.settings import Settings
 from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded
 from smad.runlog.tables import KINDS, open_table
@@ -30,10 +27,9 @@ def diagnose_unit(
     *,
     good: Sequence[Path] = (),
     hold_out: Sequence[Path] = (),
-    seed: int = 0,
     progress: Callable[[str], None] = lambda text: None,
-) -> Diagnosis:
-    """Where a unit and the runs disagree; as `smad.gap.diagnose`.
+) -> Answer:
+    """Where a unit and the runs disagree; as `smad.diagnosis.diagnose`.
 
     Raises FmiError for a unit or a map that cannot be used, RunLogError for a run that cannot.
     """
@@ -43,10 +39,7 @@ def diagnose_unit(
         asked, known, held = (
             [read_mapped(path, mapped) for path in paths] for paths in (runs, good, hold_out)
         )
-        settings = suited(Settings(seed=seed), [*asked, *known, *held], plant)
-        return diagnose(
-            asked, plant=plant, good=known, hold_out=held, settings=settings, progress=progress
-        )
+        return diagnose(asked, plant=plant, good=known, hold_out=held, progress=progress)
 
 
 def read_mapped(path: Path, mapped: Map) -> GapRun:

@@ -109,7 +109,7 @@ class Paired:
     @cached_property
     def run_of_row(self) -> Index:
         """Number of the pair of each row."""
-        return self.white.run_of_row()
+        return self.white.run_of_row().astype(np.intp)
 
     @cached_property
     def fold(self) -> Index:

@@ -45,7 +45,6 @@ class Order:
     cases: Sequence[Case]
     how: How
     parts: Path
-    keep: Path | None = None
 
     @functools.cached_property
     def folder(self) -> Path:
@@ -75,17 +74,12 @@ class Order:
         return {c: hashlib.sha256(" ".join(d).encode()).hexdigest() for c, d in runs.items()}
 
     def finished(self) -> dict[str, Part]:
-        """The parts of earlier checks that still hold, by case.
-
-        They are of these run files, and with `keep` the whole diagnosis stands where it is wanted.
-        """
+        """The parts of earlier checks that still hold, by case: those of these run files."""
         found = {case.id: _read_part(self.folder, case.id) for case in self.cases}
         return {c: p for c, p in found.items() if p is not None and self._holds(c, p)}
 
     def _holds(self, case: str, part: Part) -> bool:
-        if part.runs_sha256 != self.runs_sha256[case]:
-            return False
-        return self.keep is None or part.kept_sha256 == _digest(case_path(self.keep, case))
+        return part.runs_sha256 == self.runs_sha256[case]
 
 
 def _digest(path: Path) -> str:
@@ -151,7 +145,7 @@ def check(
         report(Progress(part, len(parts), len(order.cases), left_s))
     manifest, found = order.bank.manifest, [parts[c.id] for c in order.cases]
     return VerdictFile(
-        format="smad-verdicts-1",
+        format="smad-verdicts-2",
         bank=manifest.bank,
         key_sha256=manifest.key_sha256,
         verdicts={p.case: p.verdict for p in found if p.verdict is not None},
@@ -161,8 +155,9 @@ def check(
             "commit": commit(),
             "source_sha256": source_digest(),
             "how": dataclasses.asdict(order.how),
+            "cpu_s": {p.case: p.cpu_s for p in found},
         },
-        notes={p.case: p.error or p.note for p in found if p.error or p.note},
+        notes={p.case: p.error for p in found if p.error},
     )
 
 
@@ -170,7 +165,7 @@ def _worked(order: Order, todo: Sequence[Case], jobs: int, work: Work) -> Iterat
     """Parts as they come. Whatever ends this early ends the cases under way."""
     before = set(active_children())
     with ThreadPoolExecutor(jobs) as threads:
-        tasks = [Task(order.bank, case, order.how, source_digest(), order.keep) for case in todo]
+        tasks = [Task(order.bank, case, order.how, source_digest()) for case in todo]
         try:
             for future in as_completed([threads.submit(work, task) for task in tasks]):
                 yield future.result()

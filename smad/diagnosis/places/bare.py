@@ -25,7 +25,7 @@ _PASSES = 4
 
 def with_places(plant: PlantModel) -> PlacesPlant:
     """The plant itself where it can be forced, else a plant that is the same with bare places."""
-    return plant if isinstance(plant, Forceable) else BarePlaces(plant)  # type: ignore[return-value]
+    return plant if isinstance(plant, Forceable) else BarePlaces(plant)
 
 
 class BarePlaces:

@@ -132,7 +132,11 @@ def named_steps(
 
 def _first_at(step: Step, effect: Effect) -> Step:
     """The step with the best of its places where the effect acts as the chosen one."""
-    first = next(s for s in one_of_each_place(step) if s.candidate.place in effect.places)
+    first = next(
+        s
+        for s in one_of_each_place(step)
+        if not effect.places or s.candidate.place in effect.places
+    )
     rest = tuple(s for s in step.near if s.candidate.place != first.candidate.place)
     return replace(step, chosen=first, near=(first, *rest))
 
@@ -168,7 +172,8 @@ def _gain(rows: Array, change: Array) -> float:
 
 
 def _acts(effect: Effect, step: Step) -> bool:
-    return bool({s.candidate.place for s in step.near} & set(effect.places))
+    """Whether an effect may act at one of a step's places; one that names no place, at any."""
+    return not effect.places or bool({s.candidate.place for s in step.near} & set(effect.places))
 
 
 def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:

@@ -16,8 +16,9 @@ from sim_device.plant.laws import joined
 from smad.diagnosis.data.played import finite, predictions
 from smad.diagnosis.gap import Residual
 from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import ModelPoint, PlantModel, Uncertainty
+from smad.diagnosis.plant import ModelPoint, Uncertainty
 
 _DAMPING = (0.0, 0.1, 1.0, 10.0)
 _STEP = 0.1
@@ -55,7 +56,7 @@ class Settler:
     spread: float = 1.0
 
     @property
-    def plant(self) -> PlantModel:
+    def plant(self) -> PlacesPlant:
         """The plant of the gap."""
         return self.gap.plant
 
@@ -132,7 +133,7 @@ class Settler:
             [q.prior_sd for q in self.plant.parameters],
             [self.found.scales[law.place] for law, _ in homes],
         ]
-        return Uncertainty(names, unit[:, None] * (variance * np.linalg.inv(A)) * unit)
+        return Uncertainty(names, unit[:, None] * np.asarray(variance * np.linalg.inv(A)) * unit)
 
     def held_out(self, settled: Settled) -> list[Array] | None:
         """Predictions of every run by the model that had no part of it; None if it cannot."""
@@ -159,7 +160,7 @@ class Settler:
 
     def _precision(self, columns: Index) -> Array:
         own = np.full(len(self.plant.parameters), self.spread**-2)
-        return np.r_[own, np.full(len(columns), _RIDGE)]
+        return np.concatenate([own, np.full(len(columns), _RIDGE)])
 
     def _normal(self, s: Settled) -> tuple[Array, Array]:
         kept = self.gap.fold >= 0

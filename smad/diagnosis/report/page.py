@@ -1,0 +1,177 @@
+"""A diagnosis as one HTML page: the answer, the laws, the places, the budget, the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from smad.diagnosis.answer import Answer
+from smad.diagnosis.data.played import predictions
+from smad.diagnosis.report import figures
+from smad.diagnosis.report.words import advice, name_words, repeated_lines
+from smad.diagnosis.verdict import REFUSED, PlaceTold, Verdict
+from smad.report.page import Block, Code, Page, Picture, Section, Table, Text
+
+_SIGNALS = 5
+
+
+def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = ()) -> Page:
+    """The page. `asked` are the arguments as a shell takes them, `facts` files and the like."""
+    v = answer.verdict
+    sections = [Section("Answer", _answer(v), "answer")]
+    if answer.listed is not None:
+        laws = _laws(answer)
+        sections += [
+            *([Section("Laws", laws, "laws")] if laws else []),
+            Section("Places", [figures.places_map(v.ranked)], "places"),
+            Section("Budget", _budget(v), "budget"),
+            Section("Measured and simulated", [_course(answer)], "course"),
+            Section("Parameters", [_parameters(v)], "parameters"),
+            Section("What these runs would not have shown", [_unseen(v)], "unseen"),
+        ]
+    sections.append(Section("Runs", _runs(v), "runs"))
+    steps = [f"{c}    # {why}" if c else f"# {why}" for c, why in advice(v, asked)]
+    if steps:
+        sections.append(Section("What to do next", [Code("\n".join(steps))], "next"))
+    known = [("plant", f"{v.plant} {v.plant_version}"), ("question", v.question),
+             ("judged on", v.judged_on), ("time", f"{v.seconds:.0f} s"), *facts]  # fmt: skip
+    title = "What is new" if v.question == "changed" else "Where the simulator is wrong"
+    lead = v.headline[0].upper() + v.headline[1:] + "."
+    return Page(title, sections, lead, [(n, x) for n, x in known if x])
+
+
+def answer_table(places: Sequence[PlaceTold]) -> Table:
+    """Where, which law, what name; a row for each place."""
+    rows = [
+        (
+            p.words + "".join(f" or {near}" for near in p.near),
+            f"{p.share:.2f}",
+            "; ".join(t.text for t in p.read),
+            "yes" if p.in_simulator else "no",
+            name_words(p),
+        )
+        for p in places
+    ]
+    header = ("where", "share, held out", "law: change for each unit of", "helps the simulator",
+              "name")  # fmt: skip
+    return Table(header, rows, numeric=frozenset((1,)))
+
+
+def _answer(v: Verdict) -> list[Block]:
+    out: list[Block] = []
+    if v.outcome != REFUSED and v.question != "changed":
+        out.append(
+            Text(f"Other values of the parameters take {100 * v.parameters_take:.0f} % of the gap.")
+        )
+    if v.places:
+        out.append(answer_table(v.places))
+    out += [Text(line, "note") for line in (*repeated_lines(v), *v.notes)]
+    return out or [Text("Nothing stands out of what the readings' own noise explains.")]
+
+
+def _laws(answer: Answer) -> list[Block]:
+    listing = answer.listed
+    if listing is None or not answer.verdict.places or not listing.steps:
+        return []
+    settler, last = listing.settler, listing.settled[-1]
+    found = settler.found.law_of(last.columns, last.x[len(settler.plant.parameters) :])
+    return figures.laws(
+        settler.gap.plant,
+        settler.gap.point,
+        [p.run for p in settler.gap.played],
+        answer.verdict.places,
+        found,
+    )
+
+
+def _budget(v: Verdict) -> list[Block]:
+    names = [s.signal for s in v.budget]
+    stages: list[tuple[str, Sequence[float]]] = [
+        ("raw", [s.raw for s in v.budget]),
+        ("parameters", [s.parameters for s in v.budget]),
+    ]
+    if v.places:
+        stages.append(("and laws", [s.final for s in v.budget]))
+    told = [p.words for p in v.places] if v.whole and len(v.whole.places) == len(v.places) else []
+    rows = [
+        (s.signal, s.unit, *(f"{x:.3g}" for x in (s.raw, s.parameters, *s.places, s.floor)))
+        for s in (*v.budget, *([v.whole] if v.whole else []))
+    ]
+    count = 4 + (len(v.whole.places) if v.whole else 0) - 1
+    header = ("signal", "unit", "raw", "parameters", *(f"+ {w}" for w in told), "floor")
+    return [
+        Picture(
+            figures.budget(names, [s.floor for s in v.budget], stages),
+            "RMS of measured minus predicted in noise floors, each run judged by a model that had "
+            "no part of it.",
+        ),
+        Table(header, rows, numeric=frozenset(range(2, 2 + count))),
+    ]
+
+
+def _course(answer: Answer) -> Picture:
+    """The run with the largest gap: measured, as configured, and with everything told."""
+    from smad.report.plots import draw, label, new_figure, svg_of
+
+    assert answer.listed is not None
+    listing = answer.listed
+    gap, v = listing.settler.gap, answer.verdict
+    k = int(np.argmax([r.raw for r in v.by_run]))
+    played, measured = gap.played[k], gap.measured
+    (raw,) = predictions(gap.plant, listing.settler.start, [played])
+    last = listing.predicted[-1][k]
+    floors = {s.signal: s.floor for s in v.budget}
+    channels = list(enumerate(gap.plant.channels))
+    size = {
+        i: float(np.nanmean(np.where(measured.valid[k][:, i], measured.values[k][:, i] - raw[:, i],
+                                     np.nan) ** 2)) / floors[c.name] ** 2
+        for i, c in channels
+        if c.name in floors and measured.valid[k][:, i].any()
+    }  # fmt: skip
+    shown = sorted(size, key=lambda i: -size[i])[:_SIGNALS]
+    figure, axes = new_figure(len(shown), height_in=1.5 * len(shown) + 0.4, share_x=True)
+    t = (np.arange(played.bins) + 0.5) * played.period_s
+    for ax, i in zip(axes, shown, strict=True):
+        there = measured.valid[k][:, i]
+        draw(ax, t, np.where(there, measured.values[k][:, i], np.nan), "measured", "main")
+        draw(ax, t, raw[:, i], "simulator as configured", "reference", style="--")
+        draw(ax, t, last[:, i], "with what is told", "y")
+        c = gap.plant.channels[i]
+        label(ax, "", f"{c.name}, {c.unit}", legend=i == shown[0])
+    axes[-1].set_xlabel("time of the run, s")
+    return Picture(
+        svg_of(figure, "Measured and simulated"),
+        f"{played.whole.name}, the run with the largest gap: the signals that are furthest off. "
+        "The model with what is told had no part of this run.",
+    )
+
+
+def _parameters(v: Verdict) -> Table:
+    rows = [
+        (q.name, q.unit, f"{q.before:.5g}", f"{q.after:.5g}", f"{q.sd:.2g}",
+         "at the end of its range" if q.at_bound else "")
+        for q in v.parameters
+    ]  # fmt: skip
+    header = ("parameter", "unit", "before", "in the model", "± sd", "")
+    caption = "sd is what the scatter of these runs leaves open, laws beside them free."
+    return Table(header, rows, caption, frozenset((2, 3, 4)))
+
+
+def _unseen(v: Verdict) -> Table:
+    return Table(("place", "size"), [tuple(text.split(": ", 1)) for text in v.unseen])
+
+
+def _runs(v: Verdict) -> list[Block]:
+    gaps = {r.run: r for r in v.by_run}
+    rows = []
+    for r in v.runs:
+        own = gaps.get(r.name)
+        numbers = (f"{own.raw:.1f}", f"{own.final:.1f}", f"{own.apart:.2f}") if own else ("",) * 3
+        rows.append((r.name, r.role, f"{r.duration_s:.0f} s", *numbers, r.sha256[:16]))
+    header = ("run", "role", "length", "gap before", "gap after", "own state", "SHA-256")
+    caption = ("Gaps in floors. Own state is the share that coefficients of its own would take of "
+               "a run beyond those of the others.")  # fmt: skip
+    out: list[Block] = [Table(header, rows, caption, frozenset((3, 4, 5)))]
+    return out + [Text(f"{f.run}: {f.text}", "warning" if f.refuses else "note")
+                  for f in v.findings]  # fmt: skip

@@ -1,0 +1,115 @@
+"""A verdict in plain words: what a terminal shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from smad.diagnosis.verdict import (
+    CHANGED,
+    PARAMETERS,
+    PLACES,
+    QUIET,
+    REFUSED,
+    PlaceTold,
+    SignalGap,
+    Verdict,
+)
+
+_NEAR = 3
+_UNSEEN = 4
+
+
+def lines(verdict: Verdict) -> list[str]:
+    """The verdict in plain words, the headline first; lines that begin with a space are tables."""
+    v = verdict
+    out = [v.headline]
+    out += [f"{f.run}: {f.text}" for f in v.findings if f.refuses or f.run == "all runs"]
+    if v.outcome == REFUSED:
+        return out
+    if v.outcome != QUIET and v.question != CHANGED:
+        out.append(f"  parameters: other values take {100 * v.parameters_take:.0f} % of the gap")
+    for place in v.places:
+        out += place_lines(place, _of(v))
+    out += budget_lines(v)
+    if v.by_run and (apart := [r.run for r in v.by_run if r.contradicts]):
+        out.append(f"of another state than the other runs: {', '.join(apart)}; ask without them")
+    if v.whole is not None and v.budget:
+        most = max(v.by_run, key=lambda r: r.final)
+        out.append(f"judged on {v.judged_on}; the largest gap that is left is in {most.run}")
+    if v.repeated is not None:
+        out += repeated_lines(v)
+    if v.unseen:
+        shown = v.unseen[:_UNSEEN]
+        out.append("these runs would not have shown (all of it: --html)")
+        out += [f"  {text}" for text in shown]
+    return [*out, *v.notes]
+
+
+def _of(verdict: Verdict) -> str:
+    return "the change" if verdict.question == CHANGED else "what the parameters leave"
+
+
+def place_lines(told: PlaceTold, of: str = "the change") -> list[str]:
+    """One answer in words: where, which law, what name."""
+    out = [f"  where  {told.words}: {100 * told.share:.0f} % of {of}, on runs left out"]
+    out += [f"         or {near}, which these runs do not tell apart" for near in told.near[:_NEAR]]
+    if len(told.near) > _NEAR:
+        out.append(f"         or {len(told.near) - _NEAR} more places")
+    for k, term in enumerate(told.read):
+        out.append(f"  {'law' if not k else '':<5}  {term.text}")
+    if not told.in_simulator:
+        out.append("         in the simulator it does not bring the runs nearer: read it as a hint")
+    return [*out, f"  name   {name_words(told)}"]
+
+
+def name_words(told: PlaceTold) -> str:
+    """What a place's law is called, and how far that goes."""
+    takes = f"takes {100 * told.takes:.0f} % of what the law takes"
+    if told.name:
+        values = ", ".join(f"{q} = {x:.3g}" for q, x in told.values[told.name].items())
+        return f"{told.name} ({values}) {takes}"
+    if told.nearest:
+        return f"none in the library; the nearest there, {told.nearest}, {takes}"
+    return "none: no effect of the library acts there"
+
+
+def budget_lines(verdict: Verdict) -> list[str]:
+    """Where the gap goes, signal by signal: RMS of measured − predicted."""
+    rows: Sequence[SignalGap] = [*verdict.budget, *([verdict.whole] if verdict.whole else [])]
+    if not rows:
+        return []
+    head = f"  {'RMS of measured − predicted':<29} {'raw':>9} {'parameters':>10}"
+    head += f" {'and laws':>9}" * bool(verdict.places) + f" {'floor':>9}"
+    out = [head]
+    for s in rows:
+        line = f"  {s.signal:<21} {s.unit:<7} {s.raw:>9.3g} {s.parameters:>10.3g}"
+        line += f" {s.final:>9.3g}" * bool(verdict.places) + f" {s.floor:>9.3g}"
+        out.append(line)
+    return out
+
+
+def repeated_lines(verdict: Verdict) -> list[str]:
+    """What runs say that repeat known-good ones."""
+    r = verdict.repeated
+    if r is None:
+        return []
+    if not r.outcome:
+        why = r.headline or ("compare them with smad gap checkup once each is recorded good twice")
+        return [f"{len(r.lines)} runs repeat known-good ones: {why}"]
+    return [f"the {len(r.lines)} runs that repeat known-good ones, as a check-up: {r.headline}"]
+
+
+def advice(verdict: Verdict, asked: str) -> list[tuple[str, str]]:
+    """What to do next: commands and why; `asked` are the arguments as a shell takes them."""
+    v = verdict
+    if v.outcome == REFUSED:
+        return [("", "mend what is refused above, and ask again")]
+    out = []
+    if any(p.near for p in v.places) and v.question != CHANGED:
+        out.append((f"smad gap next {asked}", "which run would tell places apart"))
+    if v.models and v.outcome in (PLACES, PARAMETERS):
+        out.append((f"smad gap diagnose {asked} --apply better.toml", "write the better model"))
+        out.append(
+            ("smad gap verify NEW-RUNS --model better.toml", "try it on runs it has not seen")
+        )
+    return out
