@@ -11,7 +11,6 @@ from typing import Protocol
 import numpy as np
 
 from smad.checkup.constants import Constants, shipped_constants
-from smad.checkup.errors import PairingError
 from smad.checkup.files import (
     Found,
     Matched,
@@ -24,6 +23,7 @@ from smad.checkup.paired.difference import Paired, paired
 from smad.checkup.paired.reference import Reference, reference_from
 from smad.checkup.verdict import CAUSE, GROUP, Verdict, decide, is_quiet
 from smad.diagnosis.constants import shipped
+from smad.diagnosis.errors import PairingError
 from smad.diagnosis.model_file import SavesModel, write_model
 from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.places.responses import responses

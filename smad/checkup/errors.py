@@ -11,7 +11,3 @@ class ProgrammeError(GapError):
 
 class BaselineError(GapError):
     """A baseline cannot be read, or does not belong to what is to be judged."""
-
-
-class PairingError(GapError):
-    """Runs of a good day and of now do not have the same inputs."""

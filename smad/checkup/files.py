@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from smad.checkup.errors import PairingError
 from smad.checkup.paired.reference import input_spans
 from smad.checkup.series import cut_in
 from smad.diagnosis.data.guards import same_recording
 from smad.diagnosis.data.rows import binned, edges_s, input_difference, offset_s
+from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import INPUTS, gap_run_of, table_run

@@ -13,6 +13,7 @@ from smad.checkup.judge import Findings
 from smad.checkup.paired.difference import SHARE, Paired
 from smad.diagnosis.gap import change_of, with_effects
 from smad.diagnosis.plant import Array, EffectValues, Mask
+from smad.diagnosis.report.words import place_lines
 from smad.diagnosis.search.locate import Located
 from smad.diagnosis.search.names import score
 from smad.diagnosis.search.refine import Refined
@@ -349,8 +350,6 @@ def _where_headline(places: Sequence[PlaceTold]) -> str:
     return f"changed: {first.words}{size}{beside}"
 
 
-_NEAR = 3
-
 UNCALIBRATED = (
     "the probabilities are relative to the library and not calibrated yet: on development benches"
     " they were too sure (smad docs guide/check-up)"
@@ -366,27 +365,6 @@ def budget_lines(shares: Sequence[Share], *, laws: bool = False) -> list[str]:
         f"{s.laws if laws else s.entries:>10.3g} {s.noise:>9.3g}"
         for s in shares
     ]
-
-
-def place_lines(told: PlaceTold) -> list[str]:
-    """One answer in words: where, which law, what name."""
-    out = [f"  where  {told.words}: {100 * told.share:.0f} % of the change, on runs left out"]
-    out += [f"         or {near}, which these runs do not tell apart" for near in told.near[:_NEAR]]
-    if len(told.near) > _NEAR:
-        out.append(f"         or {len(told.near) - _NEAR} more places")
-    for k, term in enumerate(told.read):
-        out.append(f"  {'law' if not k else '':<5}  {term.text}")
-    if not told.in_simulator:
-        out.append("         in the simulator it does not bring the runs nearer: read it as a hint")
-    takes = f"takes {100 * told.takes:.0f} % of what the law takes"
-    if told.name:
-        values = ", ".join(f"{q} = {x:.3g}" for q, x in told.values[told.name].items())
-        out.append(f"  name   {told.name} ({values}) {takes}")
-    elif told.nearest:
-        out.append(f"  name   none in the library; the nearest there, {told.nearest}, {takes}")
-    else:
-        out.append("  name   none: no effect of the library acts there")
-    return out
 
 
 def lines(verdict: Verdict) -> list[str]:

@@ -87,7 +87,7 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
             headline=_headline(outcome, places, whole, odd),
             budget=budget,
             by_run=by_run,
-            ranked=_ranked(asked.plant, held.where.ranked),
+            ranked=place_shares(asked.plant, held.where.ranked),
             unseen=_unseen(asked.plant, held.rows, held.where.ranked, c.place_share),
         ),
     )  # fmt: skip
@@ -114,7 +114,7 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
             headline=_changed_headline(outcome, places, odd),
             budget=budget,
             by_run=by_run,
-            ranked=_ranked(asked.plant, found.contrast.ranked),
+            ranked=place_shares(asked.plant, found.contrast.ranked),
             unseen=_unseen(
                 asked.plant, rows, found.contrast.ranked, asked.constants.changed_share
             ),
@@ -258,7 +258,8 @@ def _best_of_places(ranked: Sequence[Scored]) -> list[Scored]:
     return list(best.values())
 
 
-def _ranked(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShare]:
+def place_shares(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShare]:
+    """What each place alone takes, the best of its sides, best first."""
     places = {p.name: p for p in plant.places}
     return [
         PlaceShare(

@@ -15,3 +15,7 @@ class RunRefused(GapError):
 
 class PlantMismatch(GapError):
     """A run, a parameter file or a model file does not belong to this plant."""
+
+
+class PairingError(GapError):
+    """Runs of a good day and of now do not have the same inputs."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from smad.gap.settings import Settings
 
 from evaluation.bank import files
 from evaluation.bank.cases import Case
@@ -23,7 +24,6 @@ from smad.diagnosis.bank.verdicts import (
     read_verdicts,
     write_verdicts,
 )
-from smad.gap.settings import Settings
 from smad.diagnosis.spring_pair import SmaPlant
 from tests.evaluation.quick import quicken
 

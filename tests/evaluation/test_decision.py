@@ -5,6 +5,8 @@ from __future__ import annotations
 import tomllib
 
 import pytest
+from smad.gap.records import Outcome
+from smad.gap.settings import Settings
 
 from evaluation.calibrate.decision import (
     CONSTANTS,
@@ -18,8 +20,6 @@ from evaluation.calibrate.decision import (
     worth,
 )
 from smad.diagnosis.bank.key import CaseKey, TrueEffect
-from smad.gap.records import Outcome
-from smad.gap.settings import Settings
 
 LAG = CaseKey("single", [TrueEffect("rtd_lag", "sensors")])
 PAIR = CaseKey("pair", [TrueEffect("rtd_lag", "sensors"), TrueEffect("force_offset", "sensors")])

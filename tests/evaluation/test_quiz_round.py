@@ -14,14 +14,14 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from smad.gap import Diagnosis, Settings, diagnose
+from smad.gap.records import Outcome
 
 from evaluation.command import main
 from evaluation.quiz import mystery as quiz
 from evaluation.quiz.wire_board import WireBoard
 from smad.api import BY_PARAMS
 from smad.control.plan import Do, Pause
-from smad.gap import Diagnosis, Settings, diagnose
-from smad.gap.records import Outcome
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.catalogue import plan_named

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from smad.gap.records import FittedRecord
 
 from evaluation.command import main
 from evaluation.results.page import rendered
@@ -28,7 +29,6 @@ from smad.diagnosis.bank.verdicts import (
     read_verdicts,
     write_verdicts,
 )
-from smad.gap.records import FittedRecord
 from smad.diagnosis.spring_pair import SmaPlant
 from tests.smad.gap.test_check_score import LAG, SHA, _entry, _key, _named
 

@@ -6,10 +6,10 @@ from firmware_protocol.nearest import instead, nearest
 from sim_device.plant.effects.registry import EFFECTS, effect
 from sim_device.plant.errors import EffectError
 from smad.config import parse_config
+from smad.diagnosis.spring_pair.catalogue import timeline_named
 from smad.errors import ConfigError, SmadError
 from smad.experiments.registry import make_experiment
 from smad.faults.campaign import chosen_rows
-from smad.diagnosis.spring_pair.catalogue import timeline_named
 
 MANY = [f"name_{k}" for k in range(40)]
 

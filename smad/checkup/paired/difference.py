@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from smad.checkup.errors import PairingError
 from smad.checkup.paired.reference import (
     Reference,
     RunReference,
@@ -24,6 +23,7 @@ from smad.diagnosis.data.rows import (
     same_inputs,
     without_other_end,
 )
+from smad.diagnosis.errors import PairingError
 from smad.diagnosis.gap import folds
 from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.numerics.white import RunRows, Shrink, White

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.checkup.errors import PairingError
 from smad.diagnosis.data.grid import PERIOD_S
+from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 

@@ -18,9 +18,9 @@ from smad.checkup.calibrate import (
 from smad.checkup.constants import Constants
 from smad.checkup.evidence import Products, evidence
 from smad.checkup.judge import Findings
-from smad.diagnosis.search.refine import Refined
 from smad.checkup.verdict import hypotheses, is_quiet
 from smad.diagnosis.plant import Effect
+from smad.diagnosis.search.refine import Refined
 
 from .short import PLANT
 

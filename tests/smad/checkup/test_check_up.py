@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from smad.checkup.commission import checked, checked_files, commissioned, judged
+from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.everyday import repeated
 from smad.checkup.files import Found, read_file, read_folder, require_other_recordings
 from smad.checkup.page import checkup_page
+from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import (
     Programme,
     ProgrammeRun,
@@ -25,11 +27,10 @@ from smad.checkup.programme import (
 )
 from smad.checkup.segments import run_of
 from smad.checkup.store import Baseline, load, save
-from smad.errors import SmadError
-from smad.checkup.errors import BaselineError, PairingError, ProgrammeError
-from smad.checkup.paired.reference import Reference
+from smad.diagnosis.errors import PairingError
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.errors import SmadError
 from smad.report.page import render
 from smad.runlog.header import RunHeader
 from smad.runlog.writer import write_run

@@ -9,19 +9,19 @@ import pytest
 
 from sim_device.plant.laws import Factor, Law, Term
 from smad.checkup.commission import Judged, commissioned, judged
+from smad.checkup.errors import BaselineError
 from smad.checkup.inquiry import Inquiry, Report
 from smad.checkup.investigate import propose, unpaired_offers
+from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.segments import run_of
 from smad.checkup.series import Recorded
 from smad.diagnosis.constants import shipped
+from smad.diagnosis.plant import EffectValues
+from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.locate import Alternative, Located
 from smad.diagnosis.search.told import PlaceTold
 from smad.diagnosis.search.where import Where
-from smad.checkup.errors import BaselineError
-from smad.checkup.paired.reference import Reference
-from smad.diagnosis.plant import EffectValues
-from smad.diagnosis.runs import GapRun
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import Row
 from smad.runlog.writer import write_run

@@ -6,7 +6,7 @@ import pytest
 
 from smad.checkup.files import _files_below, read_folder
 from smad.cli.gap import _unlike
-from smad.checkup.errors import PairingError
+from smad.diagnosis.errors import PairingError
 
 
 def test_a_link_to_a_folder_is_followed_and_one_to_a_folder_above_ends(tmp_path: Path) -> None:

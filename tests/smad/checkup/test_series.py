@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from smad.checkup.errors import BaselineError
 from smad.checkup.playing import plan_of
 from smad.checkup.programme import Programme, ProgrammeRun, shipped
 from smad.checkup.series import Recorded, finished, folder_for, play_series, read_state
 from smad.control.commands import FollowInputs
 from smad.control.plan import Do
-from smad.checkup.errors import BaselineError
 
 PROGRAMME = shipped().quick()
 FIRST, SECOND = (run.name for run in PROGRAMME.runs)

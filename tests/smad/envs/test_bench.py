@@ -12,11 +12,11 @@ import pytest
 from smad.api import Control
 from smad.client import NotInControl
 from smad.control.commands import DriveCurrent
+from smad.diagnosis.spring_pair import read_gap_run
 from smad.envs import on_bench
 from smad.envs.bench import Answering
 from smad.envs.errors import ActionRefused, PolicyFailed
 from smad.envs.signals import NAMES
-from smad.diagnosis.spring_pair import read_gap_run
 from smad.runlog.schema import Row
 from tests.smad.daemon.rig import Refused, rig_in
 from tests.smad.experiments.fake_client import FakeClient

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from smad.cli import execute
+from smad.diagnosis.plant import ModelPoint
 from smad.fmi.asked import read_mapped
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import MOST_BYTES, open_unit
-from smad.diagnosis.plant import ModelPoint
 from tests.smad.runlog.helpers import write_small_run
 
 from .heater import MAP, compiled_unit, heater_unit, run_file

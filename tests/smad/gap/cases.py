@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from smad.gap import Diagnosis, Settings, diagnose
+
 from smad.diagnosis.plant import Effect
 from smad.diagnosis.runs import GapRun
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded

@@ -12,8 +12,9 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 
-from smad.diagnosis.bank.intervals import wilson
 from smad.gap.records import Diagnosis, Outcome
+
+from smad.diagnosis.bank.intervals import wilson
 from smad.diagnosis.runs import GapRun
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, without
 

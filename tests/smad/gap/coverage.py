@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from smad.gap import diagnose
+
 from smad.diagnosis.bank.intervals import wilson
 from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-
 from smad.gap.compare import select
 from smad.gap.compare.select import Hypothesis, Selection, Selector
 from smad.gap.fit.joint import JointFit, Start, joint_fits
 from smad.gap.fit.lsq import FitResult
 from smad.gap.fit.stages import prepare
+
 from smad.diagnosis.plant import Effect
 from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant

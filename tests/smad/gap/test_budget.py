@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-
 from smad.gap import diagnose
 from smad.gap.compare.tracks import follow_tracks
 from smad.gap.diagnose import ready
-from smad.diagnosis.plant import Effect
 from smad.gap.records import Budget, BudgetRow, Diagnosis, Outcome
 from smad.gap.report import summary_lines
 from smad.gap.report.advice import Asked
 from smad.gap.report.budget import budget_of, way
 from smad.gap.report.plain import plain
+
+from smad.diagnosis.plant import Effect
 from tests.smad.gap.cases import FAR_OFF, OTHER, SETTINGS, SHOWN, ask, bank, without
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from smad.gap.compare import cells
 from smad.gap.compare.cells import hangs_on_cells
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import follow_tracks
 from smad.gap.diagnose import ready
+
 from tests.smad.gap.cases import OTHER, SHOWN, bank
 from tests.smad.gap.heater_plant import HeaterPlant
 

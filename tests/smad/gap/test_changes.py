@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from sim_device.plant.parameters import initial_detwinned
 from smad.gap import Settings, diagnose
-from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.data.grid import Dataset, Detail, Grid, thinned
-from smad.diagnosis.data.views import local_views
 from smad.gap.fit.discrepancy import fed_noise
 from smad.gap.fit.lsq import Problem, drive, fitting, sensitivities
-from smad.diagnosis.search.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
-from smad.diagnosis.plant import ModelPoint
 from smad.gap.records import Outcome
+
+from sim_device.plant.parameters import initial_detwinned
+from smad.diagnosis.data.grid import Dataset, Detail, Grid, thinned
+from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.data.views import local_views
+from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.space import Space
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded as sma_recorded
 from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, ask, bank

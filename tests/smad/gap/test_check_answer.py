@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import msgspec
 import pytest
+from smad.gap.records import Outcome, ValueRecord, Verdict
 
 from smad.diagnosis.bank.answer import COMPARABLE, hypotheses, quantities
-from smad.gap.records import Outcome, ValueRecord, Verdict
 from smad.diagnosis.spring_pair import SmaPlant
 
 EMPTY = Verdict(

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from smad.gap.settings import Settings
 
 import sim_device.plant
 from smad.diagnosis.bank.bank import open_bank
 from smad.diagnosis.bank.case import How, Part, Task, case_path, judge, source_digest
 from smad.diagnosis.bank.running import Order, Progress, check
 from smad.diagnosis.bank.verdicts import CaseVerdict, read_verdicts, write_verdicts
-from smad.gap.settings import Settings
 from tests.smad.gap.test_check_bank import columns, make, write
 
 QUIET = CaseVerdict(outcome="no_gap")

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from smad.gap.records import Outcome
 
 from smad.cli import execute
 from smad.diagnosis.bank import score
@@ -25,7 +26,6 @@ from smad.diagnosis.bank.verdicts import (
     read_verdicts,
     write_verdicts,
 )
-from smad.gap.records import Outcome
 from smad.diagnosis.spring_pair import SmaPlant
 
 SHA = "a" * 64

@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from smad.cli.gap import gap
-from smad.errors import SmadError
 from smad.diagnosis.spring_pair.catalogue import CATALOGUE
+from smad.errors import SmadError
 from tests.smad.gap.cases import ask_alike
 
 

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from smad.gap import Settings
 from smad.gap.compare.select import Selection, Selector
 from smad.gap.compare.tracks import follow_tracks
 from smad.gap.compare.weigh import weigh
-from smad.diagnosis.data.grid import Dataset, Detail
-from smad.diagnosis.data.views import local_views
 from smad.gap.fit import joint
 from smad.gap.fit.descent import descent
 from smad.gap.fit.judge import judge
 from smad.gap.fit.lsq import FitResult, Problem, drive, fitting
 from smad.gap.fit.stages import Prepared, prepare
-from smad.diagnosis.search.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
+
+from smad.diagnosis.data.grid import Dataset, Detail
+from smad.diagnosis.data.views import local_views
 from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.search.space import Space
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded as bench_recorded
 from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, bank

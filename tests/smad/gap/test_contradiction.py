@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 import pytest
-
-from smad.cli.gap_runs import remaining
 from smad.gap.records import Diagnosis, Outcome
 from smad.gap.report import Asked, summary_lines
+
+from smad.cli.gap_runs import remaining
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, without
 from tests.smad.gap.contradicting import apart, counted, mixed
 from tests.smad.gap.coverage import PLANTS, covered

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from smad.gap.records import Outcome
 
 from smad.diagnosis.data.admission import admit
-from smad.gap.records import Outcome
 from smad.diagnosis.runs import GapRun
 from tests.smad.gap.cases import OTHER, SETTINGS, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import HeaterPlant, recorded

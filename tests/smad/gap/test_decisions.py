@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from smad.gap import Settings
 from smad.gap.compare.assess import Worth
 from smad.gap.compare.verdict import Evidenced, StandsOut, decide, p_unknown

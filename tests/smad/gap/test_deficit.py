@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-
 from smad.gap import Settings
 from smad.gap.compare.verdict import StandsOut, decide
 from smad.gap.fit.deficit import Usual, clearest
 from smad.gap.records import Outcome
+
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, without
 from tests.smad.gap.test_decisions import evidenced, worth
 

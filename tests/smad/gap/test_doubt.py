@@ -7,13 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-
 from smad.gap import Settings
 from smad.gap.compare.select import Selection
 from smad.gap.compare.tracks import follow_tracks
 from smad.gap.diagnose import ready
 from smad.gap.fit.doubt import Doubt
 from smad.gap.fit.stages import Prepared
+
 from smad.diagnosis.plant import ModelPoint
 from tests.smad.gap.cases import OTHER, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant, recorded

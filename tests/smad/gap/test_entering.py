@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-
 from smad.gap import Settings
 from smad.gap.fit.hypothesis import Hypothesis, acceptable, asked_gain
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from smad.gap.records import Diagnosis, Outcome
 
 from smad.diagnosis.data.guards import goes_further, same_recording
 from smad.diagnosis.plant import ModelPoint
-from smad.gap.records import Diagnosis, Outcome
 from smad.diagnosis.runs import GapRun
 from tests.smad.gap.cases import OTHER, ask
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, make_inputs, recorded, simulated

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from smad.gap import Settings
-from smad.diagnosis.plant import Array, Effect, EffectParameter, ModelPoint
 from smad.gap.records import Outcome
+
+from smad.diagnosis.plant import Array, Effect, EffectParameter, ModelPoint
 from smad.diagnosis.runs import GapRun
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant

@@ -5,8 +5,8 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-
 from smad.gap.records import Diagnosis
+
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank, renamed
 from tests.smad.gap.heater_plant import HeaterPlant
 

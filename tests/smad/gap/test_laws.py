@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from bench.leftover import Lawless, leftover, main
 from smad.gap import Settings, diagnose
 from smad.gap.compare.tracks import follow_tracks
-from smad.diagnosis.data.grid import Grid, thinned
 from smad.gap.fit.baseline import choices
 from smad.gap.fit.judge import judge
 from smad.gap.fit.stages import known_good, prepare
-from smad.diagnosis.plant import Array, Effect, EffectParameter, ModelPoint
 from smad.gap.records import Outcome
 from smad.gap.report import page_of
+
+from smad.diagnosis.data.grid import Grid, thinned
+from smad.diagnosis.plant import Array, Effect, EffectParameter, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from smad.gap import Settings
-from smad.diagnosis.data.grid import Dataset
-from smad.diagnosis.data.views import open_views
 from smad.gap.fit.leave_out import left_out
 from smad.gap.fit.lsq import FitResult, Problem, drive, fitting, objective
-from smad.diagnosis.search.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
+
+from smad.diagnosis.data.grid import Dataset
+from smad.diagnosis.data.views import open_views
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.space import Space
 from tests.smad.gap.cases import bank
 from tests.smad.gap.heater_plant import PARAMETERS, HeaterPlant
 

@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
+from smad.gap import Settings
+from smad.gap.compare.residual_tests import ar_coefficients, cross_correlation, ljung_box
+from smad.gap.fit.lsq import Problem, drive, fitting, solve_box
+from smad.gap.model.flexible import Designs, fit_correction
+from smad.gap.model.whiten import OutputNoise, Whitening, arma_innovations
 from statsmodels.regression.linear_model import yule_walker
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
-from smad.gap import Settings
-from smad.gap.compare.residual_tests import ar_coefficients, cross_correlation, ljung_box
-from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.grid import Dataset, Grid
+from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.views import local_views, open_views
-from smad.gap.fit.lsq import Problem, drive, fitting, solve_box
-from smad.gap.model.flexible import Designs, fit_correction
-from smad.diagnosis.search.space import Space
-from smad.gap.model.whiten import OutputNoise, Whitening, arma_innovations
 from smad.diagnosis.plant import Channel, ModelPoint, Signal
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.space import Space
 from tests.smad.gap.cases import OTHER, bank
 from tests.smad.gap.heater_plant import NOMINAL, PARAMETERS, HeaterPlant, recorded
 

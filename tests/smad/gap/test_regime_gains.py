@@ -8,6 +8,7 @@ from smad.gap.fit.joint import Start, joint_fits
 from smad.gap.fit.judge import regime_gains
 from smad.gap.fit.lsq import FitResult
 from smad.gap.fit.stages import Prepared
+
 from tests.smad.gap.cases import OTHER, SHOWN, bank
 from tests.smad.gap.heater_plant import EFFECTS, HeaterPlant
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from threadpoolctl import threadpool_info, threadpool_limits
-
 from smad.gap import diagnose
 from smad.gap.fit.threads import repeatable
+from threadpoolctl import threadpool_info, threadpool_limits
+
 from tests.smad.gap.cases import OTHER, SETTINGS, bank
 from tests.smad.gap.heater_plant import HeaterPlant
 

@@ -9,22 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from msgspec.structs import replace
-
-from sim_device.plant import load_parameters
-from smad.diagnosis.model_file import apply, model_point, uncertainty_of
 from smad.gap.compare.assess import counted_share
 from smad.gap.compare.nextexp import Trial, enough, propose
-from smad.diagnosis.errors import GapError, PlantMismatch, RunRefused
 from smad.gap.fit.hypothesis import Hypothesis
 from smad.gap.fit.joint import JointFit
 from smad.gap.fit.judge import Judged
 from smad.gap.fit.lsq import FitResult
-from smad.diagnosis.search.space import Space
-from smad.diagnosis.plant import Array, ModelPoint, performed
 from smad.gap.records import Diagnosis, ExperimentRecord, Outcome, RepeatedRecord
 from smad.gap.report import page_of, summary_lines
 from smad.gap.report.numbers import next_line
 from smad.gap.settings import Settings
+
+from sim_device.plant import load_parameters
+from smad.diagnosis.errors import GapError, PlantMismatch, RunRefused
+from smad.diagnosis.model_file import apply, model_point, uncertainty_of
+from smad.diagnosis.plant import Array, ModelPoint, performed
+from smad.diagnosis.search.space import Space
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verify import verified
 from smad.report.page import render
@@ -226,10 +226,11 @@ def test_different_experiments_add_up_to_a_separation_or_do_not() -> None:
 
 def test_a_separation_counts_by_how_much_more_than_expected_the_runs_vary_along_it() -> None:
     """A background nine times as strong as Σ says leaves a ninth; one of its size leaves all."""
-    from smad.diagnosis.data.grid import Dataset
-    from smad.diagnosis.data.views import local_views
     from smad.gap.fit.lsq import Problem
     from smad.gap.model.whiten import OutputNoise, Whitening
+
+    from smad.diagnosis.data.grid import Dataset
+    from smad.diagnosis.data.views import local_views
 
     class Plain(Problem):
         def row_weight(self, z: Array, heat: float = 1.0) -> Array:

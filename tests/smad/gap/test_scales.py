@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from smad.gap import Settings, diagnose
+from smad.gap.records import Outcome
+
 from smad.diagnosis.data.grid import Grid
 from smad.diagnosis.data.scales import correlation_time_s, suited
-from smad.gap.records import Outcome
 from smad.diagnosis.runs import GapRun
 from tests.smad.gap.cases import OTHER, SHOWN
 from tests.smad.gap.heater_plant import HeaterPlant, recorded

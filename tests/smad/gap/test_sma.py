@@ -7,21 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from smad.gap import Settings
+from smad.gap.fit.discrepancy import fed_noise
+from smad.gap.fit.joint import dispersion
+from smad.gap.fit.lsq import Problem, drive, fitting
+from smad.gap.model.whiten import Whitening
 
 from sim_device.plant.draws import draw
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.models import read_model
-from smad.gap import Settings
-from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.grid import Dataset
+from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.views import local_views
-from smad.gap.fit.discrepancy import fed_noise
-from smad.gap.fit.joint import dispersion
-from smad.gap.fit.lsq import Problem, drive, fitting
-from smad.diagnosis.search.space import Space
-from smad.gap.model.whiten import Whitening
 from smad.diagnosis.plant import ModelPoint, Uncertainty
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.space import Space
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.errors import GapError
-from smad.diagnosis.search.space import Space
 from smad.diagnosis.plant import Effect, EffectParameter
+from smad.diagnosis.search.space import Space
 
 DRAUGHT = Effect(
     "draught", "a draught", "thermal",

@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from smad.gap import Settings
-from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.data.grid import Dataset, Detail
-from smad.diagnosis.data.views import local_views
 from smad.gap.fit.coarse import serving_replays
 from smad.gap.fit.lsq import Problem, drive, fitting
-from smad.diagnosis.search.space import Space
 from smad.gap.model.whiten import OutputNoise, Whitening
+
+from smad.diagnosis.data.grid import Dataset, Detail
+from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.data.views import local_views
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.space import Space
 from tests.smad.gap.cases import OTHER, SHOWN, ask, bank
 from tests.smad.gap.heater_plant import NOMINAL, HeaterPlant, recorded
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-
 from smad.gap import diagnose
-from smad.diagnosis.errors import PlantMismatch
 from smad.gap.records import NAMED, Diagnosis, Outcome
+
+from smad.diagnosis.errors import PlantMismatch
 from tests.smad.gap.cases import FAR_OFF, OTHER, SETTINGS, SHOWN, ask, bank, without
 from tests.smad.gap.heater_plant import HeaterPlant, recorded
 
