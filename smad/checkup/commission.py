@@ -25,6 +25,7 @@ from smad.checkup.verdict import CAUSE, GROUP, Verdict, decide, is_quiet
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.model_file import SavesModel, write_model
+from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel, Uncertainty
@@ -36,6 +37,7 @@ def _silent(text: str) -> None:
     pass
 
 
+@repeatable
 def commissioned(
     plant: PlantModel,
     groups: Sequence[Sequence[GapRun]],
@@ -125,6 +127,7 @@ def save_found(plant: SavesModel, found: Judged, path: Path) -> None:
     write_model(plant, found.model, found.uncertainty, path, found.verdict.headline)
 
 
+@repeatable
 def judged(
     plant: PlantModel,
     reference: Reference,

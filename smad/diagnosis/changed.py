@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smad.diagnosis.data.played import predictions, slopes
-from smad.diagnosis.gap import Measured, Residual, row_scale
+from smad.diagnosis.gap import Measured, Residual, by_itself, row_scale
 from smad.diagnosis.numerics.folds import Array, FoldRows
-from smad.diagnosis.places.responses import responses
+from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.places.rows import fold_rows
 from smad.diagnosis.plant import ModelPoint, traits_of
 from smad.diagnosis.search.contrast import Contrast, contrast, parameters_share
@@ -64,8 +64,8 @@ def changed(asked: Asked) -> Changed:
     )  # fmt: skip
     found = responses(plant, taught.model, now.played, space=(taught.found.laws,
                       taught.found.columns), progress=asked.say)  # fmt: skip
-    joint, J = _joint(asked, taught.model, good, now, scale)
     both = replace(taught.found, runs=(*taught.found.runs, *found.runs))
+    joint, J = _joint(asked, taught.model, good + now, both, scale)
     only = (*(False for _ in every), *(True for _ in asked.runs))
     at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
     asked.say("what is new")
@@ -103,26 +103,27 @@ def _outcome(news: Contrast, parameters: float, least: float) -> str:
 
 
 def _joint(
-    asked: Asked, point: ModelPoint, good: Measured, now: Measured, scale: Array
+    asked: Asked,
+    point: ModelPoint,
+    measured: Measured,
+    both: Responses,
+    scale: Array,
 ) -> tuple[Residual, list[Array]]:
     """The gap of good runs and runs in question to what good runs taught, and its slopes.
 
-    Parameters stay open within `_TIE`, and those of a day in each run by themselves.
+    Parameters stay open within `_TIE`; in each run by itself those of a day, and what wanders.
     """
-    plant, measured = asked.plant, good + now
+    plant = asked.plant
     J = slopes(plant, point, measured.played)
-    day = traits_of(plant).day
-    at = [n for n, q in enumerate(plant.parameters) if q.name in day]
-    share = np.array([day[plant.parameters[n].name] for n in at])[:, None, None]
-    open_ = []
-    for k, own in enumerate(J):
-        parts = [_TIE * own]
-        parts += [share * own[at] if i == k else 0.0 * own[at] for i in range(len(J))]
-        open_.append(np.concatenate(parts))
+    traits = traits_of(plant)
+    at = [n for n, q in enumerate(plant.parameters) if q.name in traits.day]
+    share = np.array([traits.day[plant.parameters[n].name] for n in at])[:, None, None]
+    own = [np.concatenate([share * j[at], both.drifts(traits.drift, k)]) for k, j in enumerate(J)]
+    count = (*(True for _ in asked.good), *asked.counts)
     return Residual(
         plant=plant, point=point, measured=measured,
-        base=tuple(predictions(plant, point, measured.played)), scale=scale, open=tuple(open_),
-        counts=(*(True for _ in asked.good), *asked.counts),
+        base=tuple(predictions(plant, point, measured.played)), scale=scale,
+        open=by_itself([_TIE * j for j in J], own), counts=count,
     ), J  # fmt: skip
 
 

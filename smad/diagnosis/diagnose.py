@@ -19,6 +19,7 @@ from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.scales import row_length_s
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.gap import Measured
+from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.runs import GapRun, distinctly_named
@@ -34,6 +35,7 @@ from smad.diagnosis.verdict import (
 from smad.version import VERSION
 
 
+@repeatable
 def diagnose(
     runs: Sequence[GapRun],
     *,

@@ -194,6 +194,15 @@ class Residual:
         return folds(self.run_of_row, self.counts, self.valid)
 
 
+def by_itself(shared: Sequence[Array], own: Sequence[Array]) -> tuple[Array, ...]:
+    """Open directions per run: those that all share, and those of each run by itself."""
+    return tuple(
+        np.concatenate([shared[k], *(x if i == k else np.zeros((len(x), *own[k].shape[1:]))
+                                     for i, x in enumerate(own))])
+        for k in range(len(own))
+    )  # fmt: skip
+
+
 _CORRELATED = 4.0
 """A residual of the model's form lasts seconds: sixteen rows are worth an independent one."""
 

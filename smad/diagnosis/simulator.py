@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -11,12 +11,12 @@ import numpy as np
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import reference_point
 from smad.diagnosis.errors import GapError
-from smad.diagnosis.gap import Measured, Residual, residual
+from smad.diagnosis.gap import Measured, Residual, by_itself, residual
 from smad.diagnosis.numerics.folds import Array, FoldRows
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, candidate_laws, responses
 from smad.diagnosis.places.rows import fold_rows
-from smad.diagnosis.plant import Effect, ModelPoint, nominal_point
+from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.listed import Listed, listed
 from smad.diagnosis.search.locate import Named, named_steps
@@ -101,6 +101,9 @@ def held_against(
         plant, point, measured.played, space=candidate_laws(plant, point, every),
         progress=asked.say,
     )  # fmt: skip
+    drift = traits_of(plant).drift
+    wandering = [found.drifts(drift, k) for k in range(len(measured.played))]
+    gap = replace(gap, open=by_itself(gap.open, wandering))
     rows = fold_rows(gap, found)
     asked.say("where it lies")
     limits = msgspec.structs.replace(c, most_places=c.most_listed, place_gain=c.list_gain)

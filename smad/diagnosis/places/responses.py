@@ -24,6 +24,7 @@ from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, singl
 from smad.diagnosis.plant import ModelPoint
 
 Singles = NDArray[np.float32]
+_WANDERING = ("constant", "time")
 
 
 Space = tuple[tuple[Law, ...], tuple[range, ...]]
@@ -63,6 +64,19 @@ class Responses:
             orders = tuple(t.order for t in sides[0][0].terms if t.name in names)
             out.append(Candidate(place, BOTH, groups, names, orders))
         return out
+
+    def drifts(self, drift: Mapping[str, float], run: int) -> Array:
+        """A run's responses to places that wander by themselves, (k, bins, channels).
+
+        A constant and a straight line in time of the size that is given for each place.
+        """
+        out = [np.zeros((0, *self.runs[run].shape[1:]))]
+        for law, own in zip(self.laws, self.columns, strict=True):
+            size = drift.get(law.place, 0.0) / self.scales[law.place]
+            at = [own[n] for n, t in enumerate(law.terms) if t.name in _WANDERING]
+            if size > 0.0 and at:
+                out.append(size * self.runs[run][at].astype(np.float64))
+        return np.concatenate(out)
 
     def home(self, column: int) -> tuple[Law, Term]:
         """The law and the term that a response is of."""
@@ -159,7 +173,7 @@ def responses(
     found = []
     for played in runs:
         progress(f"responses of the places: {played.whole.name}")
-        found.append(_Replayed(plant, point, played).responses(laws, count))
+        found.append(_Replayed(plant, point, played.coarse).responses(laws, count))
     return Responses(laws=laws, columns=columns, scales=scales, runs=tuple(found))
 
 

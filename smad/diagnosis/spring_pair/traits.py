@@ -18,5 +18,7 @@ TRAITS = Traits(
         "water_temperature": "rtd_inlet_degC",
         "ambient_temperature": "rtd_ambient_degC",
     },
+    drift={"inlet_water": 0.2, "ambient_air": 0.2},
 )
-"""Loss, flow, film, temperatures beyond what is measured, and where a run starts from."""
+"""Loss, flow, film, temperatures beyond what is measured, and where a run starts from. Water and
+room wander within a run."""
