@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smad.diagnosis.data.played import predictions, slopes
-from smad.diagnosis.gap import Measured, Residual, by_itself, row_scale
+from smad.diagnosis.gap import Measured, Residual, by_itself, neighbours, row_scale
 from smad.diagnosis.numerics.folds import Array, FoldRows
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.places.rows import fold_rows
@@ -25,6 +25,8 @@ from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.simulator import Asked, Held, cannot_replay, held_against
 from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET
 
+_DAY = 0.05
+"""The same from one day to the next."""
 _TIE = 0.3
 """How far parameters of a bench may have moved since its good runs, in prior deviations."""
 
@@ -58,14 +60,14 @@ def changed(asked: Asked) -> Changed:
     taught = held_against(
         asked, good, counts=[True for _ in every], judged=every, beside=now, named=False
     )
-    scale = row_scale(
-        [y - p for y, p in zip(good.values, taught.listed.predicted[-1], strict=True)],
-        good.valid, asked.floors,
-    )  # fmt: skip
+    left = [y - p for y, p in zip(good.values, taught.listed.predicted[-1], strict=True)]
+    scale = row_scale(left, good.valid, asked.floors)
+    rho = neighbours(left, good.valid)
     found = responses(plant, taught.model, now.played, space=(taught.found.laws,
                       taught.found.columns), progress=asked.say)  # fmt: skip
     both = replace(taught.found, runs=(*taught.found.runs, *found.runs))
     joint, J = _joint(asked, taught.model, good + now, both, scale)
+    joint = replace(joint, rho=rho)
     only = (*(False for _ in every), *(True for _ in asked.runs))
     at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
     asked.say("what is new")
@@ -85,7 +87,7 @@ def changed(asked: Asked) -> Changed:
     named = tuple(named_steps(news.own, steps, asked.effects, Library(joint, only), c.name_share))
     gap = _residual(asked, taught.model, now, scale)
     free = parameters >= c.changed_share
-    settler = Settler(gap, found, taught.model, spread=1.0 if free else _TIE)
+    settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))
     listing = listed(settler, rows, [n.step for n in named], asked.judged, c.place_share)
     if listing is None:
