@@ -110,6 +110,7 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
         asked, listing, found.rows, places, whole,
         Verdict(
             question=CHANGED,
+            parameters_take=max(found.parameters, 0.0),
             outcome=outcome,
             headline=_changed_headline(outcome, places, odd),
             budget=budget,
@@ -138,7 +139,7 @@ def _answer(
         verdict,
         places=places,
         whole=whole,
-        parameters_take=float(np.clip(taken, 0.0, 1.0)),
+        parameters_take=verdict.parameters_take or float(np.clip(taken, 0.0, 1.0)),
         parameters=_parameters(asked.plant, settler.start, points[-1], uncertain[-1]),
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
