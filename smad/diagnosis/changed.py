@@ -81,9 +81,9 @@ def changed(asked: Asked) -> Changed:
         most=c.most_places, first_share=least, further_share=c.further_share,
         near=c.near,
     )  # fmt: skip
-    outcome = _outcome(news, parameters, c.changed_share)
-    steps = news.steps if outcome == PLACES else ()
-    named = tuple(named_steps(news.own, steps, asked.effects, Library(joint, only), c.name_share))
+    named = tuple(
+        named_steps(news.own, news.steps, asked.effects, Library(joint, only), c.name_share)
+    )
     gap = _residual(asked, taught.model, now, scale)
     free = parameters >= c.changed_share
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
@@ -91,16 +91,14 @@ def changed(asked: Asked) -> Changed:
     listing = listed(settler, rows, [n.step for n in named], c.place_share)
     if listing is None:
         raise cannot_replay(gap)
+    if listing.steps:
+        outcome = PLACES
+    else:
+        outcome = PARAMETERS if free else QUIET
     return Changed(
         outcome=outcome, good=taught, contrast=news, joint=joint, rows=rows, parameters=parameters, named=named, gap=gap,
         listed=listing,
     )  # fmt: skip
-
-
-def _outcome(news: Contrast, parameters: float, least: float) -> str:
-    if news.steps:
-        return PLACES
-    return PARAMETERS if parameters >= least else QUIET
 
 
 def _joint(
