@@ -149,7 +149,8 @@ def _answer(
 
 def _judged_on(asked: Asked) -> str:
     if asked.fit < len(asked.runs):
-        return f"{len(asked.runs) - asked.fit} runs held out"
+        held = len(asked.runs) - asked.fit
+        return f"{held} run{'s'[: held > 1]} held out"
     if asked.fit == 1:
         return "stretches of the one run, each by a model of the others"
     return f"{asked.fit} runs, each by a model of the others"
