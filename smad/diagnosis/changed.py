@@ -78,6 +78,7 @@ def changed(asked: Asked) -> Changed:
     least = c.beside_parameters if parameters >= c.changed_share else c.changed_share
     news = contrast(
         fold_rows(joint, both, only), at, both.candidates(), depth=c.most_terms,
+        run_of_row=joint.run_of_row, only=only, chance=c.chance,
         most=c.most_places, first_share=least, further_share=c.further_share,
         near=c.near,
     )  # fmt: skip
