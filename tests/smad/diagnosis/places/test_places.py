@@ -9,7 +9,7 @@ from smad.diagnosis.places.place import Forceable, forced_run, places_of
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
-from tests.smad.gap.heater_plant import HeaterPlant, make_inputs, simulated
+from tests.smad.diagnosis.heater_plant import HeaterPlant, make_inputs, simulated
 
 PLANT = SmaPlant()
 POINT = nominal_point(PLANT)
