@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from smad.gap import diagnose
 
 from examples.public_records.__main__ import main
 from examples.public_records.records import RECORDS, Asked, Record, RecordError
 from examples.public_records.silverbox import RATE_HZ, Silverbox
 from examples.public_records.tanks import STEP_S, Tanks
+from smad.diagnosis import Verdict, diagnose
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 

@@ -49,12 +49,13 @@ WHOLE = SignalGap(signal="all signals", unit="floors", floor=1.0, raw=9.0, param
 
 
 def verdict(outcome: str, question: str = DIFFERS, **changes: Any) -> Verdict:
-    places = [PLACE] if outcome == PLACES else []
     run = RunGap(run="odd one", raw=9.0, parameters=7.0, final=2.0, apart=0.6,
                  contradicts=outcome == CONTRADICTING)  # fmt: skip
-    full = {} if outcome == REFUSED else {"budget": [SIGNAL], "whole": WHOLE, "by_run": [run]}
+    full: dict[str, Any] = {"places": [PLACE] if outcome == PLACES else []}
+    if outcome != REFUSED:
+        full |= {"budget": [SIGNAL], "whole": WHOLE, "by_run": [run]}
     return Verdict(
-        question=question, outcome=outcome, headline=f"it is {outcome}", places=places,
+        question=question, outcome=outcome, headline=f"it is {outcome}",
         judged_on="2 runs", parameters_take=0.25, **(full | changes),
     )  # fmt: skip
 
