@@ -223,7 +223,9 @@ def test_runs_that_cannot_be_used_give_no_verdict_but_the_reason(spoil, kind: st
     assert [r.role for r in found.runs] == ["refused", "refused"]
 
 
-@pytest.mark.parametrize(("role", "words"), [("good", "known to be good"), ("hold_out", "held out")])
+@pytest.mark.parametrize(
+    ("role", "words"), [("good", "known to be good"), ("hold_out", "held out")]
+)
 def test_what_was_asked_is_not_exchanged_when_a_group_of_runs_is_refused(
     role: str, words: str
 ) -> None:

@@ -145,7 +145,9 @@ def test_every_outcome_has_a_page_with_its_answer(kind: str, answers: dict[str, 
 
 def test_bars_begin_at_zero(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Any] = []
-    monkeypatch.setattr("smad.report.plots.svg_of", lambda figure, title: shown.append(figure) or "")
+    monkeypatch.setattr(
+        "smad.report.plots.svg_of", lambda figure, title: shown.append(figure) or ""
+    )
     figures.places_map(
         [PlaceShare(place=n, side="both", words=n, share=s) for n, s in (("a", 0.9), ("b", 0.85))]
     )
