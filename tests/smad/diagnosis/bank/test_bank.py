@@ -85,7 +85,7 @@ def test_the_manifest_that_the_guide_shows_can_be_read(tmp_path: Path) -> None:
     guide = Path(__file__).parents[4] / "docs" / "guide" / "check-your-own-bank.md"
     manifest, *_ = re.findall(r"```json\n(.*?)```", guide.read_text(), re.DOTALL)
     (tmp_path / "manifest.json").write_text(manifest)
-    assert [c.id for c in open_bank(tmp_path).manifest.cases][0] == "case-001"
+    assert open_bank(tmp_path).manifest.cases[0].id == "case-001"
 
 
 def test_runs_of_one_name_in_two_folders_stay_apart(tmp_path: Path) -> None:

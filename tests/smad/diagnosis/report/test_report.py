@@ -1,4 +1,4 @@
-"""What is said and shown of a verdict: every outcome, and nothing that the verdict does not hold."""
+"""What is said and shown of a verdict: every outcome, and only what the verdict holds."""
 
 from __future__ import annotations
 

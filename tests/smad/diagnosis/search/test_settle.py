@@ -13,10 +13,10 @@ from smad.diagnosis.numerics.folds import FoldRows
 from smad.diagnosis.numerics.forward import Forward
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import Responses, candidate_laws, responses
-from smad.diagnosis.places.rows import fold_rows
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.listed import Listed, listed
+from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import Scored, Step
 from tests.smad.diagnosis.cases import OTHER

@@ -139,14 +139,14 @@ def test_columns_of_a_log_become_a_run_with_gaps_marked() -> None:
 
 @pytest.mark.parametrize(
     ("name", "y_share"),
-    [("rtd_lag", 0.75), ("driver_gain", 1.0), ("tube_friction", None), ("pump_lag", 1.0)],
+    [("rtd_lag", 0.75), ("driver_gain", 1.0), ("pump_lag", 1.0)],
 )
 def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
-    name: str, y_share: float | None
+    name: str, y_share: float
 ) -> None:
     """Through sensors, noise and quanta, from a third of the strength; parameters known."""
     effect = next(e for e in PLANT.effects if e.name == name)
-    truth = effect.at(0.7) | ({} if y_share is None else {"y_share": y_share})
+    truth = effect.at(0.7) | {"y_share": y_share}
     run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
     floors = estimate_floors([run], PLANT, 0.2)
     least = np.array([floors[c.name].total for c in PLANT.channels])
