@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smad.diagnosis.data.played import predictions, slopes
-from smad.diagnosis.gap import Measured, Residual, by_itself, row_scale
+from smad.diagnosis.gap import Measured, Residual, by_itself, neighbours, row_scale
 from smad.diagnosis.numerics.folds import Array, FoldRows
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import ModelPoint, traits_of
@@ -25,6 +25,8 @@ from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.simulator import Asked, Held, cannot_replay, held_against
 from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET
 
+_DAY = 0.05
+"""The same from one day to the next."""
 _TIE = 0.3
 """How far parameters of a bench may have moved since its good runs, in prior deviations."""
 
@@ -55,17 +57,15 @@ def changed(asked: Asked) -> Changed:
     good = Measured.of(plant, asked.good, asked.period_s)
     now = Measured.of(plant, asked.runs, asked.period_s)
     every = range(len(asked.good))
-    taught = held_against(
-        asked, good, counts=[True for _ in every], judged=every, beside=now, named=False
-    )
-    scale = row_scale(
-        [y - p for y, p in zip(good.values, taught.listed.predicted[-1], strict=True)],
-        good.valid, asked.floors,
-    )  # fmt: skip
+    taught = held_against(asked, good, counts=[True for _ in every], beside=now, named=False)
+    left = [y - p for y, p in zip(good.values, taught.listed.predicted[-1], strict=True)]
+    scale = row_scale(left, good.valid, asked.floors)
+    rho = neighbours(left, good.valid)
     found = responses(plant, taught.model, now.played, space=(taught.found.laws,
                       taught.found.columns), progress=asked.say)  # fmt: skip
     both = replace(taught.found, runs=(*taught.found.runs, *found.runs))
     joint, J = _joint(asked, taught.model, good + now, both, scale)
+    joint = replace(joint, rho=rho)
     only = (*(False for _ in every), *(True for _ in asked.runs))
     at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
     asked.say("what is new")
@@ -75,31 +75,30 @@ def changed(asked: Asked) -> Changed:
         # Parameters are asked first: a place must add to what other values of them take.
         open_ = (np.concatenate(x) for x in zip(joint.open, moved, strict=True))
         joint = replace(joint, open=tuple(open_))
+    least = c.beside_parameters if parameters >= c.changed_share else c.changed_share
     news = contrast(
         fold_rows(joint, both, only), at, both.candidates(), depth=c.most_terms,
-        most=c.most_places, first_share=c.changed_share, further_share=c.further_share,
+        most=c.most_places, first_share=least, further_share=c.further_share,
         near=c.near,
     )  # fmt: skip
-    outcome = _outcome(news, parameters, c.changed_share)
-    steps = news.steps if outcome == PLACES else ()
-    named = tuple(named_steps(news.own, steps, asked.effects, Library(joint, only), c.name_share))
+    named = tuple(
+        named_steps(news.own, news.steps, asked.effects, Library(joint, only), c.name_share)
+    )
     gap = _residual(asked, taught.model, now, scale)
     free = parameters >= c.changed_share
-    settler = Settler(gap, found, taught.model, spread=1.0 if free else _TIE)
+    settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))
-    listing = listed(settler, rows, [n.step for n in named], asked.judged, c.place_share)
+    listing = listed(settler, rows, [n.step for n in named], c.place_share)
     if listing is None:
         raise cannot_replay(gap)
+    if listing.steps:
+        outcome = PLACES
+    else:
+        outcome = PARAMETERS if free else QUIET
     return Changed(
         outcome=outcome, good=taught, contrast=news, joint=joint, rows=rows, parameters=parameters, named=named, gap=gap,
         listed=listing,
     )  # fmt: skip
-
-
-def _outcome(news: Contrast, parameters: float, least: float) -> str:
-    if news.steps:
-        return PLACES
-    return PARAMETERS if parameters >= least else QUIET
 
 
 def _joint(

@@ -17,7 +17,8 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import EffectValues, Mask, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
-_MOST_RHO = 0.98
+_MOST_RHO = 0.8
+"""Beyond, rows would be the readings' steps alone."""
 _FOLDS = 4
 """As many runs, or fewer of which each is in all folds by turns."""
 _TURNS = 2
@@ -138,6 +139,7 @@ class Residual:
     scale: Array
     open: tuple[Array, ...]
     counts: tuple[bool, ...]
+    rho: Array | None = None
 
     @property
     def played(self) -> tuple[Played, ...]:
@@ -159,10 +161,14 @@ class Residual:
 
     def scaled(self, values: Sequence[Array]) -> Array:
         """Rows of per-run arrays (m, bins, channels) over their scale, nothing left open."""
-        parts = [
-            (np.where(v, x, 0.0) / self.scale).reshape(len(x), v.size)
-            for v, x in zip(self.measured.valid, values, strict=True)
-        ]
+        parts = []
+        for v, x in zip(self.measured.valid, values, strict=True):
+            rows = np.where(v, x, 0.0) / self.scale
+            if self.rho is not None:
+                both = v[1:] & v[:-1]
+                step = (rows[:, 1:] - self.rho * rows[:, :-1]) / np.sqrt(1.0 - self.rho**2)
+                rows = np.concatenate([rows[:, :1], np.where(both, step, rows[:, 1:])], axis=1)
+            parts.append(rows.reshape(len(x), v.size))
         return np.concatenate(parts, axis=1)
 
     @cached_property
@@ -213,6 +219,14 @@ def rms(arrays: Sequence[Array], valid: Sequence[Mask]) -> Array:
                      for a, v in zip(arrays, valid, strict=True)], axis=0)  # fmt: skip
     count = np.sum([v.sum(axis=0) for v in valid], axis=0)
     return np.asarray(np.sqrt(square / np.maximum(count, 1)))
+
+
+def neighbours(left: Sequence[Array], valid: Sequence[Mask]) -> Array:
+    """Correlation of a row with the one before it, (channels,), from what a model leaves."""
+    e = [np.where(v, x, 0.0) for x, v in zip(left, valid, strict=True)]
+    lagged = np.sum([(x[1:] * x[:-1]).sum(axis=0) for x in e], axis=0)
+    square = np.sum([(x**2).sum(axis=0) for x in e], axis=0)
+    return np.asarray(np.clip(lagged / np.maximum(square, 1e-30), 0.0, _MOST_RHO))
 
 
 def row_scale(difference: Sequence[Array], valid: Sequence[Mask], least: Array) -> Array:

@@ -60,9 +60,7 @@ class Played:
 
         Two in place of five leave 2 % of such a change out (median over terms), at half the time.
         """
-        return replace(
-            Played.of(self.whole, self.start_s, self.period_s, _COARSE), bins=self.bins
-        )
+        return replace(Played.of(self.whole, self.start_s, self.period_s, _COARSE), bins=self.bins)
 
 
 @dataclass(frozen=True)
