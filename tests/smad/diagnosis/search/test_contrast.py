@@ -106,6 +106,8 @@ def test_coefficients_with_priors_take_what_is_there_and_little_of_what_priors_f
     rows, _ = states(8, [0.8] * RUNS)
     loose = FoldRows(rows.rows, rows.responses[1:2], rows.fold)
     tight = FoldRows(rows.rows, 1e-3 * rows.responses[1:2], rows.fold)
-    every = np.arange(1)
-    assert with_priors(loose.products(every)) / rows.square == pytest.approx(0.64 / 1.64, abs=0.05)
-    assert with_priors(tight.products(every)) / rows.square < 0.01
+    one, folds = np.arange(1), np.arange(RUNS)
+    assert with_priors(loose.products(one), folds) / rows.square == pytest.approx(
+        0.64 / 1.64, abs=0.05
+    )
+    assert with_priors(tight.products(one), folds) / rows.square < 0.01

@@ -89,7 +89,7 @@ def test_laws_in_the_simulator_are_found_back_within_their_deviation_parameters_
     alone = settler.first()
     assert alone is not None
     columns = np.array([b.column(*key) for key in TRUE], dtype=np.intp)
-    end = settler.extended(alone, columns, np.zeros(len(columns)))
+    end = settler.extended(alone, columns, np.zeros(len(columns)), alone=False)
     assert end is not None
     for _ in range(2):
         end = settler.refreshed(end)
@@ -110,9 +110,7 @@ def test_laws_in_the_simulator_are_found_back_within_their_deviation_parameters_
 def in_order(*keys: tuple[str, str]) -> Listed:
     b = bench()
     steps = [b.step(*key) for key in keys]
-    found = listed(
-        Settler(b.gap, b.found, nominal_point(PLANT)), b.rows, steps, (0, 1), least_share=0.03
-    )
+    found = listed(Settler(b.gap, b.found, nominal_point(PLANT)), b.rows, steps, least_share=0.03)
     assert found is not None
     return found
 
