@@ -135,7 +135,7 @@ def test_runs_held_out_are_judged_on_and_not_fitted() -> None:
     runs = bank(OTHER, GAIN)
     other = recorded("random", 9, {**OTHER, "rod_um_K": 3.4}, GAIN, duration_s=50.0)
     found = ask(runs[:3], hold_out=[other])
-    assert found.judged_on == "1 runs held out"
+    assert found.judged_on == "1 run held out"
     fitted = {q.name: q.after for q in found.parameters}
     assert fitted["rod_um_K"] == pytest.approx(3.0, abs=0.02)
     rod = next(s for s in found.budget if s.signal == "rod_um")
@@ -150,8 +150,8 @@ def test_a_single_run_is_said_to_be_one_and_judged_by_its_own_stretches() -> Non
 
 
 def test_a_run_of_another_state_than_the_others_is_named() -> None:
-    late = {"dial_delay": {"delay_s": 1.0}}
-    found = ask(bank(OTHER, late)[:3] + bank(OTHER)[3:])
+    stuck = {"sticky_fan": {"tau_s": 4.0}}
+    found = ask(bank(OTHER, stuck)[:3] + bank(OTHER)[3:])
     assert found.outcome == CONTRADICTING
     assert [r.run for r in found.by_run if r.contradicts] == ["sines 4"]
     assert "sines 4 is of another state" in found.headline
