@@ -25,7 +25,7 @@ REASONS = {
     "another program": "PlotJuggler, MATLAB and the like are not here",
     "runs until ctrl-C": "it is started, used and ended in tests/smad/view",
     "needs the internet": "the same script reads files of the same form in tests/examples",
-    "needs runs of a bench": "the same questions are asked of made runs in tests/smad/gap",
+    "needs runs of a bench": "the same questions are asked of made runs in tests/smad/diagnosis",
 }
 
 

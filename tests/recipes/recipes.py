@@ -458,7 +458,7 @@ EFFECT = Recipe(
         "test_every_term_of_the_kernel_belongs_to_one_parameter",
         "tests/sim_device/plant/test_effects.py::test_every_term_is_computed_with",
         "tests/sim_device/plant/test_effects.py::test_an_entry_is_complete",
-        "tests/smad/gap/test_check_score.py",
+        "tests/smad/diagnosis/places/test_pair_places.py",
     ),
     shows=("tests.recipes.effect_shows", "force_curve", "force_N"),
 )

@@ -16,8 +16,6 @@ import pytest
 from smad.cli import execute
 from smad.diagnosis.bank.bank import chosen, open_bank, read_case
 from smad.diagnosis.bank.errors import BankError
-from smad.diagnosis.bank.key import read_key
-from smad.diagnosis.bank.names import CAUSES, subsystem_of
 
 N = 400
 
@@ -83,17 +81,11 @@ def test_a_case_that_asks_what_differs_has_no_good_runs(tmp_path: Path) -> None:
     assert read_case(bank, bank.case("case-1")).good == []
 
 
-def test_the_manifest_and_the_key_that_the_guide_shows_can_be_read(tmp_path: Path) -> None:
-    guide = Path(__file__).parents[3] / "docs" / "guide" / "check-your-own-bank.md"
-    manifest, key, _ = re.findall(r"```json\n(.*?)```", guide.read_text(), re.DOTALL)
+def test_the_manifest_that_the_guide_shows_can_be_read(tmp_path: Path) -> None:
+    guide = Path(__file__).parents[4] / "docs" / "guide" / "check-your-own-bank.md"
+    manifest, *_ = re.findall(r"```json\n(.*?)```", guide.read_text(), re.DOTALL)
     (tmp_path / "manifest.json").write_text(manifest)
-    (tmp_path / "KEY.json").write_text(key)
-    bank, (truth, _) = open_bank(tmp_path), read_key(tmp_path / "KEY.json")
-    assert truth.bank == bank.manifest.bank
-    assert {c.id for c in bank.manifest.cases} <= set(truth.cases)
-    (effect,) = truth.cases["case-001"].effects
-    assert effect.name in CAUSES
-    assert effect.subsystem == subsystem_of(effect.name)
+    assert open_bank(tmp_path).manifest.cases[0].id == "case-001"
 
 
 def test_runs_of_one_name_in_two_folders_stay_apart(tmp_path: Path) -> None:

@@ -1,15 +1,13 @@
-"""Places as the diagnosis sees them: the spring pair's, and readings where a plant offers none."""
+"""Places of the spring pair as the diagnosis sees them."""
 
 import numpy as np
 import pytest
 
 from sim_device.plant.laws import Law, Term, as_forcing, design_matrix, law_space, support_of
-from smad.diagnosis.errors import GapError
-from smad.diagnosis.places.place import Forceable, forced_run, places_of
+from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
-from tests.smad.gap.heater_plant import HeaterPlant, make_inputs, simulated
 
 PLANT = SmaPlant()
 POINT = nominal_point(PLANT)
@@ -28,7 +26,7 @@ def open_loop(run, point=POINT):
 def test_every_reading_of_the_pair_is_a_place_in_the_channels_unit(run):
     assert isinstance(PLANT, Forceable)
     plain = open_loop(run)
-    readings = [place for place in places_of(PLANT) if place.reading]
+    readings = [place for place in PLANT.places if place.reading]
     assert {c for p in readings for s in p.sides for c in p.channels[s]} == {
         channel.name for channel in PLANT.channels
     }
@@ -79,24 +77,3 @@ def test_a_saved_point_comes_back_with_its_laws(tmp_path):
     law = Law("film", "both", (Term(name="constant", coefficient=-0.1),))
     PLANT.save_model(ModelPoint(POINT.theta, {}, (law,)), tmp_path / "better.toml", "note")
     assert PLANT.load_model(tmp_path / "better.toml").laws == (law,)
-
-
-def test_a_plant_that_offers_no_places_has_its_readings():
-    heater = HeaterPlant()
-    places = places_of(heater)
-    assert [place.channels["both"] for place in places] == [(c.name,) for c in heater.channels]
-    assert all(place.reading and place.scale > 0.0 for place in places)
-
-
-def test_a_reading_of_a_plant_without_places_is_forced_by_adding():
-    heater = HeaterPlant()
-    point = nominal_point(heater)
-    run = simulated(heater, "still", make_inputs("still", 20.0, 1), point)
-    view = next(v for v in heater.views if v.open_loop)
-    plain = heater.simulate(point, run, [view.name])
-    first = view.outputs[0]
-    series = np.linspace(0.0, 1.0, len(run.t_s))
-    forced = forced_run(heater, point, run, {(f"reading_{first.channel}", "both"): series})
-    assert np.array_equal(forced[first.channel], plain[first.key] + series)
-    with pytest.raises(GapError, match="no such place"):
-        forced_run(heater, point, run, {("film", "x"): series})

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
 
-import msgspec
 import pytest
-from smad.gap.settings import Settings
 
 import sim_device.plant
 from smad.diagnosis.bank.bank import open_bank
-from smad.diagnosis.bank.case import How, Part, Task, case_path, judge, source_digest
+from smad.diagnosis.bank.case import How, Part, Task, judge, source_digest
 from smad.diagnosis.bank.running import Order, Progress, check
-from smad.diagnosis.bank.verdicts import CaseVerdict, read_verdicts, write_verdicts
-from tests.smad.gap.test_check_bank import columns, make, write
+from smad.diagnosis.bank.verdicts import read_verdicts, write_verdicts
+from smad.diagnosis.verdict import DIFFERS, REFUSED, Verdict
+from tests.smad.diagnosis.bank.test_bank import columns, make, write
 
-QUIET = CaseVerdict(outcome="no_gap")
+QUIET = Verdict(question=DIFFERS, outcome="quiet", headline="no gap")
 
 
 @pytest.fixture
@@ -74,8 +72,8 @@ def test_half_a_part_is_done_again(order: Order) -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [{"settings": Settings(seed=1)}, {"leave_out": True}, {"effects": ("rtd_lag",)}],
-    ids=["settings", "leave out", "library"],
+    [{"variant": "printed"}, {"params": "B"}, {"effects": ("rtd_lag",)}],
+    ids=["variant", "parameters", "library"],
 )
 def test_parts_made_in_another_way_are_not_taken_up(
     order: Order, change: dict[str, object]
@@ -123,26 +121,6 @@ def test_code_counts_as_other_code_with_another_numpy(monkeypatch: pytest.Monkey
     before = source_digest()
     monkeypatch.setattr("smad.diagnosis.bank.case.version", lambda name: f"{name} of tomorrow")
     assert source_digest.__wrapped__() != before
-
-
-def keeping(task: Task) -> Part:
-    """A worker that writes its whole diagnosis where it is wanted, as `judge` does."""
-    part = Part(task.case.id, 0.0, QUIET)
-    if task.keep is None:
-        return part
-    case_path(task.keep, task.case.id).write_bytes(b"{}")
-    return msgspec.structs.replace(part, kept_sha256=hashlib.sha256(b"{}").hexdigest())
-
-
-def test_whole_diagnoses_that_are_wanted_later_are_made_later(order: Order, tmp_path: Path) -> None:
-    check(order, jobs=1, work=keeping)
-    kept = dataclasses.replace(order, keep=tmp_path)
-    check(kept, jobs=1, work=keeping)
-    assert len(list(tmp_path.glob("case-*.json"))) == 4
-    assert _parts_again(kept) == []
-    (tmp_path / "case-3.json").unlink()
-    (tmp_path / "case-4.json").write_bytes(b"of another check")
-    assert _parts_again(kept) == ["case-3", "case-4"]
 
 
 def test_parts_of_another_bank_are_not_taken_up(order: Order) -> None:
@@ -199,11 +177,12 @@ def test_a_run_that_cannot_be_read_is_part_of_the_answer(order: Order) -> None:
     assert "duty_y" in part.error
 
 
-def test_runs_without_excitation_give_a_verdict_that_says_why(order: Order) -> None:
+def test_runs_that_are_too_short_give_a_verdict_that_says_why(order: Order) -> None:
     part = judge(Task(order.bank, order.cases[0], order.how, source_digest()))
     assert part.verdict is not None
-    assert part.verdict.outcome == "not_enough_excitation"
-    assert part.verdict.causes == []
+    assert part.verdict.outcome == REFUSED
+    assert part.verdict.places == []
+    assert "at least 8 s are needed" in " ".join(f.text for f in part.verdict.findings)
 
 
 def test_a_worker_with_other_code_refuses(order: Order) -> None:

@@ -7,21 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from smad.gap import Settings
-from smad.gap.fit.discrepancy import fed_noise
-from smad.gap.fit.joint import dispersion
-from smad.gap.fit.lsq import Problem, drive, fitting
-from smad.gap.model.whiten import Whitening
 
 from sim_device.plant.draws import draw
-from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.models import read_model
-from smad.diagnosis.data.grid import Dataset
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.data.views import local_views
-from smad.diagnosis.plant import ModelPoint, Uncertainty
+from smad.diagnosis.gap import Measured, residual, white_change
+from smad.diagnosis.plant import ModelPoint, Uncertainty, nominal_point
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.search.space import Space
+from smad.diagnosis.search.refine import refine
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns
@@ -144,63 +137,30 @@ def test_columns_of_a_log_become_a_run_with_gaps_marked() -> None:
     assert np.isfinite(run.outputs["v_x_V"]).all()
 
 
-@cache
-def _bench_runs(name: str) -> tuple[GapRun, ...]:
-    effect = next(e for e in EFFECTS if e.name == name)
-    plant = PRINTED if name == "water_warming" else PLANT
-    bench = ModelPoint({}, {name: effect.at(0.7)})
-    return tuple(recorded(f, plant, bench, 5, duration_s=45.0) for f in ("mixed", "repeats"))
-
-
-@pytest.mark.parametrize("name", [e.name for e in EFFECTS])
-def test_each_effect_is_recovered_from_runs_made_with_it(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "y_share"),
+    [("rtd_lag", 0.75), ("driver_gain", 1.0), ("pump_lag", 1.0)],
+)
+def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
+    name: str, y_share: float
+) -> None:
     """Through sensors, noise and quanta, from a third of the strength; parameters known."""
-    plant = PRINTED if name == "water_warming" else PLANT
-    runs, settings = _bench_runs(name), Settings()
-    effect = next(e for e in plant.effects if e.name == name)
-    floors = estimate_floors(runs, plant, settings)
-    ev = Dataset(plant, runs, local_views(plant), settings)
-    nominal = ModelPoint({p.name: p.nominal for p in plant.parameters})
-    ev = ev.calibrated(nominal)
-    noise = fed_noise(ev, floors, nominal, 0)
-    problem = Problem(ev, Whitening(ev, noise), np.zeros(ev.n))
-    space = Space((), (effect,))
-    start = space.start({name: effect.at(0.25)})
-    end = drive([fitting(problem, space, start, iterations=12)])[0]
-    end = drive([fitting(end.recalibrated().problem, space, end.p, iterations=6)])[0]
-    truth = effect.at(0.7)
-    reached = {
-        q.name: abs(end.point.effects[name][q.name] - truth[q.name]) / abs(q.typical)
-        for q in effect.parameters
-        if q.strength or all(not other.strength for other in effect.parameters)
-    }
-    # Slack and the force that takes it up act as one, and a loss of strain by 0.2 % a cycle hardly
-    # shows in two cycles; either alone is only known to a third.
-    vague = name in {"tendon_slack", "transformation_fatigue"}
-    assert max(reached.values()) < (0.35 if vague else 0.2), end.point
-    assert min(dispersion(problem, end.z).values()) > 0.0
-
-
-@pytest.mark.parametrize("name", ["rtd_lag", "driver_gain", "contact_resistance", "pump_lag"])
-def test_the_share_of_each_side_is_found(name: str) -> None:
-    """From an even start; the strength that is reported is the mean of both sides."""
-    settings = Settings()
     effect = next(e for e in PLANT.effects if e.name == name)
-    truth = effect.at(0.7) | {"y_share": 0.75}
-    bench = ModelPoint({}, {name: truth})
-    runs = tuple(recorded(f, PLANT, bench, 5, duration_s=45.0) for f in ("mixed", "repeats"))
-    floors = estimate_floors(runs, PLANT, settings)
-    ev = Dataset(PLANT, runs, local_views(PLANT), settings)
-    nominal = ModelPoint({p.name: p.nominal for p in PLANT.parameters})
-    ev = ev.calibrated(nominal)
-    problem = Problem(ev, Whitening(ev, fed_noise(ev, floors, nominal, 0)), np.zeros(ev.n))
-    space = Space((), (effect,))
-    end = drive([fitting(problem, space, space.start({name: effect.at(0.5)}), iterations=12)])
-    found = end[0].point.effects[name]
-    assert found["y_share"] == pytest.approx(0.75, abs=0.1)
+    truth = effect.at(0.7) | {"y_share": y_share}
+    run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
+    floors = estimate_floors([run], PLANT, 0.2)
+    least = np.array([floors[c.name].total for c in PLANT.channels])
+    gap = residual(
+        PLANT, nominal_point(PLANT), Measured.of(PLANT, [run], 0.2),
+        counts=(True,), least=least, open_share=0.0, scale=least,
+    )  # fmt: skip
+    end = refine([effect], {name: effect.at(0.25)}, gap.z, lambda v: white_change(gap, v), rounds=8)
+    assert end is not None
     for q in effect.parameters:
-        if q.strength:
-            assert found[q.name] == pytest.approx(truth[q.name], abs=0.15 * abs(q.typical)), found
+        if q.strength or q.name == "y_share":
+            assert end.values[name][q.name] == pytest.approx(
+                truth[q.name], abs=0.2 * abs(q.typical)
+            ), end.values
 
 
 def test_a_model_file_from_before_the_shares_is_even(tmp_path: Path) -> None:
