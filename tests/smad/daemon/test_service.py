@@ -18,8 +18,9 @@ from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
 from smad.daemon.command.answers import MOST_WAITING_EACH
 from smad.daemon.command.service import Service
 from smad.daemon.errors import Refusal
+from smad.faults.virtual import Refused, result_of
 from smad.runlog.reader import read_run
-from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
+from tests.smad.daemon.rig import Rig, rig_in
 
 STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}
 
