@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import functools
 import math
 import random
 from collections.abc import Awaitable, Callable
@@ -32,6 +31,7 @@ TIGHTENED_UNHEATED_mJ = {"A": 20_000, "B": 8_000}
 _CONFIG = Config(recorder=RecorderConfig(automatic=False))
 _NOT_NOW = (Reason.NOT_CONNECTED, Reason.NOT_ARMED, Reason.FAULTED, Reason.STOPPED)
 """A script's command that is refused for these is asked for again."""
+_SHORTEST_TWIN_S = 20.0
 _TWIN_SLACK_J = 12.0
 _TWIN_SLACK = 1.25
 _NOISE_GROUPS = ("bytes", "link", "host")
@@ -197,26 +197,33 @@ def _mended_us(bench: WatchedBench) -> int:
     return max(ends_us)
 
 
-@functools.lru_cache(maxsize=32)
-def _healthy(scene_name: str, bench_seed: int, tens_of_s: int) -> tuple[int, Trace]:
-    """Start and trace of the same scene with nothing broken."""
+_TWINS: dict[tuple[str, int], tuple[float, int, Trace]] = {}
+"""Of healthy benches, by scene and bench: for how long (s after arming), start in us, trace."""
+
+
+def _healthy(scene: Scene, bench_seed: int, to_s: float) -> tuple[int, Trace]:
+    """Start and trace, until `to_s` after arming at least, of a scene with nothing broken."""
+    known_s, start_us, trace = _TWINS.get((scene.name, bench_seed), (0.0, 0, Trace()))
+    if known_s >= to_s:
+        return start_us, trace
+    until_s = max(_SHORTEST_TWIN_S, 2.0 * known_s, to_s)
 
     async def whole(rig: Rig, bench: WatchedBench) -> None:
-        end_us = bench.now_us + tens_of_s * 10_000_000
-        await _carry_out(rig, bench, SCENES[scene_name], end_us)
+        await _carry_out(rig, bench, scene, bench.now_us + round(until_s * 1e6))
 
-    ran = _run(SCENES[scene_name], bench_seed, whole)
+    ran = _run(scene, bench_seed, whole)
     if ran.bench.board.state not in HOT:
         raise SmadError(
-            "the healthy bench stopped by itself", value=f"{scene_name}, bench {bench_seed}",
+            "the healthy bench stopped by itself", value=f"{scene.name}, bench {bench_seed}",
             action="this is a nuisance trip; run the scene alone to see why",
         )  # fmt: skip
+    _TWINS[scene.name, bench_seed] = until_s, ran.start_us, ran.bench.trace
     return ran.start_us, ran.bench.trace
 
 
 def healthy_J(scene: Scene, bench_seed: int, from_s: float, to_s: float) -> float:
     """Heat of the same bench with nothing broken, between two times after arming, in J."""
-    start_us, trace = _healthy(scene.name, bench_seed, max(3, math.ceil(to_s / 10.0)))
+    start_us, trace = _healthy(scene, bench_seed, to_s)
     return trace.heat_at(start_us + round(to_s * 1e6)) - trace.heat_at(
         start_us + round(from_s * 1e6)
     )
@@ -280,21 +287,25 @@ def described(one: Injection, start_us: int) -> str:
 
 def expectation(case: Case, onset_s: float, until_s: float) -> Expectation:
     """What must follow a case, given when it was safe (or the watching ended), s after arming."""
-    healthy = healthy_J(case.scene, case.bench_seed, onset_s, until_s)
-    allowed_J = healthy * _TWIN_SLACK + _TWIN_SLACK_J
-    if len(case.rows) == 1:
-        row = case.rows[0]
-        then = row.then_in(case.scene.name)
-        stop_J = row.stop_budget_J
-        bounded = then not in (Then.GOES_ON, Then.MAY_STOP)
-        budget_J = stop_J if bounded else allowed_J + (stop_J if math.isfinite(stop_J) else 0.0)
-        told = then is Then.STOPS and row.kind.group in ("sensor", "actuator")
-        return Expectation(then, row.faults, budget_J, told)
-    between_J = healthy_J(case.scene, case.bench_seed, onset_s, onset_s + case.apart_s)
-    return _pair_expectation(case, allowed_J, between_J * _TWIN_SLACK)
+
+    def twin_J(to_s: float) -> float:
+        return healthy_J(case.scene, case.bench_seed, onset_s, to_s) * _TWIN_SLACK
+
+    if len(case.rows) > 1:
+        return _pair_expectation(case, twin_J, onset_s, until_s)
+    row = case.rows[0]
+    then = row.then_in(case.scene.name)
+    stop_J = row.stop_budget_J
+    if then in (Then.GOES_ON, Then.MAY_STOP):
+        more_J = stop_J if math.isfinite(stop_J) else 0.0
+        return Expectation(then, row.faults, twin_J(until_s) + _TWIN_SLACK_J + more_J)
+    told = then is Then.STOPS and row.kind.group in ("sensor", "actuator")
+    return Expectation(then, row.faults, stop_J, told)
 
 
-def _pair_expectation(case: Case, allowed_J: float, between_J: float) -> Expectation:
+def _pair_expectation(
+    case: Case, twin_J: Callable[[float], float], onset_s: float, until_s: float
+) -> Expectation:
     """Of two faults: each may use its budget, and until the second the first may be harmless."""
     thens = {row.then_in(case.scene.name) for row in case.rows}
     faults = {name for row in case.rows for name in row.faults}
@@ -304,9 +315,9 @@ def _pair_expectation(case: Case, allowed_J: float, between_J: float) -> Expecta
         faults.add("SETPOINT_LOST")
     budgets = [row.stop_budget_J for row in case.rows]
     stop_J = sum(budget for budget in budgets if math.isfinite(budget))
-    if thens & {Then.RESTARTS, Then.ENDS_OFF} or (noise and Then.STOPS in thens):
-        return Expectation(Then.ENDS_OFF, tuple(sorted(faults)), between_J + stop_J)
-    if Then.STOPS in thens:
-        return Expectation(Then.STOPS, tuple(sorted(faults)), between_J + stop_J)
+    off = thens & {Then.RESTARTS, Then.ENDS_OFF} or (noise and Then.STOPS in thens)
+    if off or Then.STOPS in thens:
+        then = Then.ENDS_OFF if off else Then.STOPS
+        return Expectation(then, tuple(sorted(faults)), twin_J(onset_s + case.apart_s) + stop_J)
     then = Then.MAY_STOP if faults else Then.GOES_ON
-    return Expectation(then, tuple(sorted(faults)), allowed_J + stop_J)
+    return Expectation(then, tuple(sorted(faults)), twin_J(until_s) + _TWIN_SLACK_J + stop_J)
