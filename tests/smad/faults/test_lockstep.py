@@ -69,6 +69,7 @@ def test_a_name_of_the_device_chooses_all_its_rows_and_a_wrong_one_is_refused() 
         ("reboot", "holding", ""),
         ("stall_short", "heating", ""),
         ("wall_clock_jump", "heating", ""),
+        ("unplug", "heating", "SETPOINT_LOST"),
     ],
 )
 def test_a_fault_ends_as_it_must(name: str, scene: str, fault: str) -> None:
