@@ -8,5 +8,4 @@ reference in docs/guide/clients.md are made from it; motion commands are those o
 from smad.api.methods import *
 from smad.api.refusals import *
 from smad.api.replies import *
-from smad.api.requests import *
 from smad.api.stream import *

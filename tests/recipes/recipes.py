@@ -268,7 +268,7 @@ COMMAND = Recipe(
     (
         Insert(
             "its parameters",
-            "smad/api/requests.py",
+            "smad/api/methods.py",
             '''class Greet(Params, frozen=True, kw_only=True):
     """Nothing but an answer."""
 
