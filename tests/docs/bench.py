@@ -9,7 +9,7 @@ from pathlib import Path
 
 START_DEADLINE_S = 90.0
 
-FAST = ("--speed", "6", "--paced-by-host")
+FAST = ("--speed", "4", "--paced-by-host")
 """The board waits for each setpoint, so that a busy machine makes a page slower, never wrong."""
 
 
