@@ -22,12 +22,14 @@ from evaluation.quiz import mystery as quiz
 from evaluation.quiz.wire_board import WireBoard
 from smad.api import BY_PARAMS
 from smad.control.plan import Do, Pause
+from smad.diagnosis import Verdict, diagnose
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.catalogue import plan_named
 from smad.diagnosis.spring_pair.signals import read_gap_run
+from smad.faults.virtual import Line
 from tests.evaluation.quick import quicken
-from tests.smad.daemon.rig import Line, Rig, rig_in
+from tests.smad.daemon.rig import Rig, rig_in
 
 SEED = 5
 LONGEST_S = 36.0
@@ -91,9 +93,9 @@ class Session:
             lines = {"": Line(board)}  # type: ignore[arg-type]
             async with rig_in(folder, lines) as rig:
                 await rig.arm()
-                await rig.ask("record.start", still=True, name=folder.name.replace(" ", "-"))
+                await rig.ask_still("record.start", name=folder.name.replace(" ", "-"))
                 await _carry_out(rig, name, seed)
-                await rig.ask("record.stop", still=True)
+                await rig.ask_still("record.stop")
             (log,) = folder.rglob("*.mcap")
             runs.append(read_gap_run(log))
         return runs

@@ -268,7 +268,7 @@ COMMAND = Recipe(
     (
         Insert(
             "its parameters",
-            "smad/api.py",
+            "smad/api/methods.py",
             '''class Greet(Params, frozen=True, kw_only=True):
     """Nothing but an answer."""
 
@@ -278,7 +278,7 @@ COMMAND = Recipe(
         ),
         Insert(
             "its row in METHODS",
-            "smad/api.py",
+            "smad/api/methods.py",
             '    Method("greet", Greet, Motion, "watch"),\n',
             before='    Method("timing.reset", ResetTiming',
         ),

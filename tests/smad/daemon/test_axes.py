@@ -11,8 +11,9 @@ from firmware_protocol.events import DisarmRequested
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.config import DaemonConfig, LimitsConfig
+from smad.faults.virtual import Line, Refused, result_of
 from tests.smad.daemon.axes import NAMES, axes_in, lines
-from tests.smad.daemon.rig import Line, Refused, Rig, result_of
+from tests.smad.daemon.rig import Rig
 
 HOT = (BoardState.ARMED, BoardState.HOLD)
 STEP = {"kind": "step", "displacement_mm": 2.0, "duration_s": 5.0}
@@ -121,8 +122,6 @@ async def test_until_every_board_confirms_a_stop_no_axis_is_moved(
 async def test_what_fails_on_one_axis_stops_all(tmp_path: Path, fault: str) -> None:
     boards = lines(faults={"yaw-1": [injection(fault, 4.0)]})
     async with axes_in(tmp_path, boards) as rig:
-        if fault == "unplug":
-            boards["yaw-1"].bench.on_unplug = lambda _: boards["yaw-1"].pull_the_plug()
         began = await armed(rig)
         await move_all(rig)
         await rig.run_for(3.0)
