@@ -110,7 +110,11 @@ class Bridge:
     async def talk(self, connection: ServerConnection) -> None:
         """Serve one viewer."""
         viewer = Viewer(
-            self._source.bench, self._session, lambda: self._source.parameters, self._kept
+            self._source.bench,
+            self._session,
+            lambda: self._source.channels,
+            lambda: self._source.parameters,
+            self._kept,
         )
         seat = Seat(connection, viewer)
         self._seats.add(seat)

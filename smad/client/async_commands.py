@@ -69,6 +69,15 @@ class AsyncCommands(ABC):
         """Begin the timing's percentiles anew, to measure a stretch by itself."""
         return await self._call(api.ResetTiming(), api.Timing)
 
+    async def clear(self, fault: int | None = None) -> api.Motion:
+        """Acknowledge the latched fault (or the one of that number, if it is the latched one).
+
+        A person has seen what stopped the bench: the next `arm` starts anew.
+        """
+        motion = await self._call(api.Clear(fault=fault), api.Motion)
+        self._channel.conversation.begin(None)
+        return motion
+
     async def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
         """Follow trajectories one after the other; `queue` appends to what runs already."""
         return await self._follow(trajectories, queue=queue)

@@ -203,15 +203,6 @@ class AsyncClient(AsyncCommands):
         """Everything off until the board's power is cycled; returns when the board says ESTOP."""
         return await self._call(api.EStop(), api.Motion, stop=True)
 
-    async def clear(self, fault: int | None = None) -> api.Motion:
-        """Acknowledge the latched fault (or the one of that number, if it is the latched one).
-
-        A person has seen what stopped the bench: the next `arm` starts anew.
-        """
-        motion = await self._call(api.Clear(fault=fault), api.Motion)
-        self._conversation.begin(None)
-        return motion
-
     async def move(
         self,
         *trajectories: Trajectory | Mapping[str, Trajectory | Sequence[Trajectory]],

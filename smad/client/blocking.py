@@ -202,15 +202,6 @@ class Client(Commands):
         """Everything off until the board's power is cycled; returns when the board says ESTOP."""
         return self._call(api.EStop(), api.Motion, stop=True)
 
-    def clear(self, fault: int | None = None) -> api.Motion:
-        """Acknowledge the latched fault (or the one of that number, if it is the latched one).
-
-        A person has seen what stopped the bench: the next `arm` starts anew.
-        """
-        motion = self._call(api.Clear(fault=fault), api.Motion)
-        self._conversation.begin(None)
-        return motion
-
     def move(
         self,
         *trajectories: Trajectory | Mapping[str, Trajectory | Sequence[Trajectory]],

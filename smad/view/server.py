@@ -20,11 +20,12 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from smad.client import AsyncClient
+from smad.client.following import TIMEOUT_S
 from smad.errors import ConfigError
 from smad.view.access import HEADERS, PROTOCOL, REPORT_HEADERS, Denied, Door, Right
 from smad.view.desk import Desk
 from smad.view.page import Page, static_files
-from smad.view.source import TIMEOUT_S, Source
+from smad.view.source import Source
 from smad.view.tasks import end
 
 HOST = "127.0.0.1"

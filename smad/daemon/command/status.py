@@ -186,28 +186,12 @@ class StatusReport:
         return self._resident_MiB
 
     def link_counters(self) -> dict[str, float]:
-        """Return what the run log keeps about the links once a second: host's and boards' counts.
-
-        Of a bench of several, the name of each has that of its axis and a dot before it.
-        """
-        return {
-            f"{name}.{counter}".lstrip("."): value
-            for name, axis in self._bench.axes.items()
-            for counter, value in self._counters(axis).items()
-        }
-
-    def _counters(self, axis: Axis) -> dict[str, float]:
-        timing, counts = self._timing[axis.name], axis.control.counts
-        return {
-            **{f"host_{name}": float(value) for name, value in _frames(axis).items()},
-            **{f"board_{name}": float(value) for name, value in axis.watch.stats.items()},
-            "missed_samples": float(axis.session.stats.missed_states),
-            "skipped_samples": float(counts.skipped),
-            "setpoints_dropped": float(counts.setpoints_dropped),
-            "commands_refused": float(self._commands.refused),
-            "setpoint_age_p99_us": timing.setpoint_age.p99_us,
-            "own_share_p99_us": timing.own_share.p99_us,
-        }
+        """Return what the run log keeps about the links once a second."""
+        found: dict[str, float] = {}
+        for name, axis in self._bench.axes.items():
+            counts, timing = self._counts(axis), self._timing[name]
+            found |= api.link_counters(name, _frames(axis), axis.watch.stats, counts, timing)
+        return found
 
     def _link_status(self, axis: Axis) -> api.LinkStatus:
         link, config = axis.link, axis.config.link

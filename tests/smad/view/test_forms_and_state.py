@@ -89,7 +89,10 @@ def test_every_question_of_a_page_has_an_answer() -> None:
 def test_the_first_message_holds_nothing_that_json_cannot() -> None:
     source = Source("bench")
     text = msgspec.json.encode(
-        [page.hello(source, "command"), page.status_message(source, ours=False)]
+        [
+            page.hello(source, source.axis(""), "command"),
+            page.status_message(source, source.axis(""), ours=False),
+        ]
     )
     assert json.loads(text)[0]["layout"]["strips"][0][0] == "displacement_mm"
 
