@@ -241,8 +241,9 @@ def _run(
     patience: int = 1,
     without_missing: bool = False,
 ) -> int:
-    from smad.daemon.lifecycle import Options, run
+    from smad.daemon.lifecycle import run
     from smad.daemon.link.port import Opener, PortFinder, SocketTransport, Transport, open_serial
+    from smad.daemon.process import Options
     from smad.daemon.trace import Trace
 
     def opener(own: Config) -> Opener:

@@ -63,7 +63,7 @@ class Axis:
         self._degrees_per_mm = config.degrees_per_mm(name)
         self._stamps = Stamps()
         self._told_departure: Departure | None = None
-        self.session = HostSession(nonce=process.nonce, patience=process.patience)
+        self.session = HostSession(nonce=process.nonce, patience=process.options.patience)
         self.link = Link(
             opener,
             loop=process.loop,
@@ -78,7 +78,7 @@ class Axis:
             config.link,
             Outlets(self.link.write, self._on_event, bench.on_finished),
             process.clocks,
-            trace=process.trace,
+            trace=process.options.trace,
         )
         self.controller = self.control.controller
         self.requests = BoardRequests(self.session, means.clocks.us, self.control.flush)
@@ -121,11 +121,11 @@ class Axis:
 
     @contextmanager
     def told(self) -> Iterator[None]:
-        """Name this axis in what is refused inside the block."""
+        """Name this axis, once, in what is refused inside the block."""
         try:
             yield
         except CommandError as error:
-            if self.name:
+            if self.name and not error.cause.startswith(f"{self.name}: "):
                 error.cause = f"{self.name}: {error.cause}"
             raise
 

@@ -12,7 +12,7 @@ import os
 import secrets
 import signal
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ from smad.daemon.link.wirerate import check_rate
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
 from smad.daemon.place import Place
-from smad.daemon.process import Process
+from smad.daemon.process import Options, Process
 from smad.daemon.sockets.descriptors import (
     OPENED_LATER,
     Descriptors,
@@ -49,7 +49,6 @@ from smad.daemon.sockets.descriptors import (
     open_descriptors,
     shares_of,
 )
-from smad.daemon.trace import Trace
 from smad.errors import DaemonError, PortError
 from smad.version import VERSION
 
@@ -68,24 +67,6 @@ class Ended:
 
     status: int
     line: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """How a daemon is run.
-
-    `reread` reads the configuration file again, if there is one: on SIGHUP, for the list of keys.
-    `parameter_text` marks a simulated bench. `check_baud` off: the transport has no baud rate.
-    `trace` is for a benchmark: every step's time, saved at the end. `patience` multiplies how long
-    a silent board is waited for (`HostSession`). `without_missing`: start when some board answers.
-    """
-
-    parameter_text: str | None = None
-    reread: Callable[[], Config] | None = None
-    check_baud: bool = True
-    trace: Trace | None = None
-    patience: int = 1
-    without_missing: bool = False
 
 
 def run(config: Config, openers: Mapping[str, Opener], options: Options) -> Ended:
@@ -132,9 +113,7 @@ class _Life:
                 notifier=self._notifier,
                 nonce=secrets.randbits(32),
                 reserve=self._descriptors.reserve,
-                parameter_text=self._options.parameter_text,
-                patience=self._options.patience,
-                trace=self._options.trace,
+                options=self._options,
             ),
         )
         # A terminal that goes away ends the daemon that was started there; a service has none.
