@@ -17,8 +17,8 @@ from firmware_protocol.events import HostState
 from firmware_protocol.mirror import STOPPED
 from smad.config import Config
 from smad.daemon.axis import Axis, Surroundings
-from smad.daemon.bench import Bench, CommandCounts
 from smad.daemon.command.answers import Answers
+from smad.daemon.command.bench import Bench, CommandCounts
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.command.server import CommandServer, Handlers
 from smad.daemon.command.service import Service
@@ -92,9 +92,12 @@ class Daemon:
         self.publisher = Publisher(self.loop, config.telemetry)
         self.collector = IdleCollector(enabled=False)
         self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
+        self._towards_clients(process, means)
+
+    def _towards_clients(self, process: Process, means: Means) -> None:
         counts = CommandCounts()
         bench = Bench(
-            config=config,
+            config=self.config,
             axes=self.axes,
             stops=self.stops,
             groups=self.groups,
@@ -119,7 +122,7 @@ class Daemon:
             process.context,
             Handlers(self.answers.command, self.answers.stop, self._look_at_ports),
             loop=self.loop,
-            queue=config.daemon.command_queue,
+            queue=self.config.daemon.command_queue,
             reserve=process.reserve,
         )
         self._unwelcome = Unwelcome(self.server, counts, self.say)

@@ -10,7 +10,7 @@ from typing import Any
 from msgspec import Struct
 
 from smad.api import Reason
-from smad.daemon.bench import CommandCounts
+from smad.daemon.command.bench import CommandCounts
 from smad.daemon.command.lease import Caller
 from smad.daemon.command.rpc import Call, Decoder, error_reply, result_reply
 from smad.daemon.command.server import Send

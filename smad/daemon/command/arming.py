@@ -15,7 +15,7 @@ from firmware_protocol.messages import ArmConfirm, ArmRequest, ArmToken, Message
 from smad.api import Reason
 from smad.control.commands import Idle
 from smad.daemon.axis import Axis
-from smad.daemon.bench import Bench
+from smad.daemon.command.bench import Bench
 from smad.daemon.command.conditions import parameters_read, require_armable
 from smad.daemon.command.lease import Caller
 from smad.daemon.errors import Refusal

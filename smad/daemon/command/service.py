@@ -28,8 +28,8 @@ from smad.control.commands import (
     Tune,
 )
 from smad.daemon.axis import Axis
-from smad.daemon.bench import Bench
 from smad.daemon.command.arming import Arming
+from smad.daemon.command.bench import Bench
 from smad.daemon.command.conditions import (
     not_connected,
     require_armed,

@@ -15,7 +15,7 @@ from firmware_protocol.events import HostState
 from smad import api
 from smad.control.limits import HostLimit
 from smad.daemon.axis import Axis
-from smad.daemon.bench import Bench
+from smad.daemon.command.bench import Bench
 from smad.daemon.link.board import board_of
 from smad.version import VERSION
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from smad.daemon.bench import CommandCounts
+from smad.daemon.command.bench import CommandCounts
 from smad.daemon.command.server import CommandServer
 from smad.daemon.means import Say
 
