@@ -183,6 +183,7 @@ def _require_ports_apart(config: Config) -> None:
             raise ConfigError(
                 f"the axes {seen[real]} and {name} are on one port",
                 value=f"{own.link.port} is {real}",
+                limit="one axis a port, as a board drives one",
                 action="give each axis the port of its own board",
             )
         seen[real] = name

@@ -70,7 +70,9 @@ class Daemon:
         self._left_hot_us: int | None = None
         means = Means(process.clocks, self.say, self.spawn)
         self.stops = Stops(self.say, on_begin=self._on_stop_begun)
-        surroundings = Surroundings(means, self.stops, self._guarded, self._on_finished)
+        surroundings = Surroundings(
+            means, self.stops, config.turns(), {}, self._guarded, self._on_finished
+        )
         self.axes = {
             name: Axis(name, own, openers[name], process, surroundings)
             for name, own in config.by_axis().items()

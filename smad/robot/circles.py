@@ -108,7 +108,7 @@ def trackings(runs: Mapping[str, Run], robot: Robot) -> Iterator[Tracking]:
         raise RunLogError(
             f"{base.path} is no log of six-axes",
             value=f"{len(marks)} marks",
-            action="record one: smad robot six-axes",
+            action="record one: smad run six-axes",
         )
     columns = side_by_side(runs).columns
     came_s = base.columns["host_time_s"]
