@@ -7,7 +7,8 @@ commands and a subscriber that never reads. Steps of moments at which the machin
 are left out, as in `bench.daemon`. Afterwards a third client stops the bench again and again: from
 its call until the reply, which comes when no board is armed.
 
-Ten minutes of six axes: `--axes 6 --seconds 600 --load`, and the same with `--rate 250`.
+Ten minutes of six axes: `--axes 6 --seconds 600 --load`, and the same with `--rate 250`. An hour of
+board time, as fast as it goes: `--axes 6 --memory 60`.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import click
 
-from bench.daemon import REFRESH_S, SETTLE_S, Result, Row, percentile
+from bench.daemon import REFRESH_S, SETTLE_S, Result, Row, memory_over, percentile
 from bench.daemon_rig import Case, Rig, arm, hurry
 from bench.stop_latency import STOPPER_PRIORITY
 from smad.api import Status
@@ -44,6 +46,8 @@ from smad.daemon.trace import load
 from smad.processes.daemon import DaemonProcess
 
 PERIOD_S = 2.0
+SINE = Sine(amplitude_mm=1.0, period_s=PERIOD_S, cycles=5)
+SPEED = "6"
 OWN_GOAL_US = {0.99: 400.0, 0.999: 1000.0}
 STOP_GOAL_MS = 25.0
 _BAUD = 921_600
@@ -85,16 +89,15 @@ class Bench(NamedTuple):
         finally:
             daemon.end()
 
-    def begin(self, client: Client) -> None:
-        """Let all axes begin a sinusoid together, for the next few seconds."""
-        sine = Sine(amplitude_mm=1.0, period_s=PERIOD_S, cycles=5)
+    def begin(self, client: Client, sine: Sine = SINE) -> None:
+        """Let all axes begin a sinusoid together."""
         client.move(dict.fromkeys(self.ports, sine)) if len(self.ports) > 1 else client.move(sine)
 
 
 @contextlib.contextmanager
-def boards(rig: Rig, case: Case, count: int) -> Iterator[Bench]:
+def boards(rig: Rig, case: Case, count: int, *extra: str) -> Iterator[Bench]:
     """So many simulated boards, which no other process keeps waiting."""
-    extra = ("--axes", str(count)) if count > 1 else ()
+    extra += ("--axes", str(count)) if count > 1 else ()
     with rig.device(case, *extra) as (port, _):
         names = {name: f"{port}.{name}" for name in USUAL_NAMES[:count]}
         yield Bench(rig, case, names if count > 1 else {"": port})
@@ -249,6 +252,14 @@ def _drive(client: Client, axes: tuple[str, ...]) -> None:
             return
 
 
+def memory_rows(bench: Bench, minutes: float) -> list[Row]:
+    """Resident memory of the daemon over so much board time, faster than real time."""
+    with bench.daemon() as client:
+        return memory_over(
+            client, minutes, lambda sine: bench.begin(client, sine), bench.case.rate_hz
+        )
+
+
 def measure(bench: Bench, seconds: float, pairs: int, stops: int) -> Iterator[Row]:
     """Yield the figures of a bench."""
     ours, theirs, rest = Result(), Result(), list[Row]()
@@ -285,6 +296,7 @@ def _met(value: float, goal: float) -> tuple[float, str]:
 @click.option("--pairs", type=click.IntRange(1), default=1, show_default=True)
 @click.option("--stops", type=click.IntRange(0), default=100, show_default=True)
 @click.option("--load", "loaded", is_flag=True, help="On a machine kept busy.")
+@click.option("--memory", type=click.FloatRange(min=1.0), metavar="MINUTES", help="Only memory.")
 @click.option("--no-realtime", is_flag=True, help="The daemon at ordinary priority.")
 def main(
     *,
@@ -294,13 +306,20 @@ def main(
     pairs: int,
     stops: int,
     loaded: bool,
+    memory: float | None,
     no_realtime: bool,
 ) -> None:
     """Print the figures of each number of axes."""
     case = Case("daemon", 250 if rate == "250" else 100, loaded, realtime=not no_realtime)
     with tempfile.TemporaryDirectory(prefix="smad-axes-") as place:
         rig = Rig(Path(place))
-        for count in counts:
+        for count in counts if memory is not None else ():
+            plain = replace(case, realtime=False)
+            with boards(rig, plain, count, "--speed", SPEED, "--paced-by-host") as bench:
+                click.echo(f"\n{bench.name}")
+                for row in memory_rows(bench, memory or 1.0):
+                    click.echo(row)
+        for count in counts if memory is None else ():
             with boards(rig, case, count) as bench:
                 click.echo(f"\n{bench.name}, {os.cpu_count()} cores, {seconds:g} s")
                 for row in measure(bench, seconds, pairs, stops):

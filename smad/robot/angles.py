@@ -54,7 +54,7 @@ def sine(
 
 
 def circle(
-    radius_deg: float, *, period_s: float, cycles: int = 1, approach_s: float = 2.0
+    radius_deg: float, *, period_s: float, cycles: int = 1, approach_s: float = 4.0
 ) -> Angles:
     """A circle of the tip about the straight segment, from there and back there.
 
