@@ -13,6 +13,7 @@ from websockets.asyncio.server import ServerConnection
 from firmware_protocol.enums import BoardState
 from smad import api
 from smad.client import AsyncClient, NotReady
+from smad.config import AxisConfig, Config
 from smad.view import page as pages
 from smad.view import strips
 from smad.view.access import Right
@@ -79,6 +80,7 @@ class FakeClient:
     def __init__(self) -> None:
         self.asked: list[str] = []
         self.generations: list[int | None] = []
+        self.axes: list[str] = []
         self.free = asyncio.Event()
         self.free.set()
         self.stopped = asyncio.Event()
@@ -96,7 +98,12 @@ class FakeClient:
     async def move(self, *pieces: Any, queue: bool) -> api.Motion:
         return await self._do("move")
 
+    def __getitem__(self, axis: str) -> FakeClient:
+        self.axes.append(axis)
+        return self
+
     async def arm(self, *axes: str) -> api.Motion:
+        self.axes += axes
         await self._do("arm")
         if self.refuse_arming:
             raise NotReady("it is too warm")
@@ -494,6 +501,40 @@ async def test_a_mark_stands_on_the_strips_of_all_pages(rig: Rig) -> None:
     rig.browser.say({"do": "tune", "tune": {"mode": "tune", "kp_A_per_mm": 3.0}})
     await rig.settle()
     assert list(rig.source.marks) == [Mark(1000.0, "kp_A_per_mm 3.0")]
+
+
+async def test_a_page_looks_at_one_axis_and_its_commands_are_for_that(rig: Rig) -> None:
+    rig.source.configured(Config(axes=(AxisConfig(name="pitch-1"), AxisConfig(name="yaw-1"))))
+    yaw = rig.source.axis("yaw-1")
+    yaw.now = ONES
+    yaw.feed.add(1000.0, ONES)
+    await rig.frames_pass(2)
+    rig.browser.say({"do": "look_at", "axis": "yaw-1"})
+    await rig.frames_pass(2)
+    assert [one["axis"] for one in rig.browser.of("hello")][-2:] == ["pitch-1", "yaw-1"]
+    rig.browser.say(SHOW)
+    await rig.frames_pass(2)
+    assert rig.browser.of("frame")[-1]["now"] == [1.0]
+    rig.browser.say({**MOVE, "id": 1, "axis": "yaw-1"})
+    rig.browser.say({"do": "arm", "id": 2, "axes": ["pitch-1"], "keep_control": False})
+    tune = {"mode": "tune", "kp_A_per_mm": 3.0}
+    rig.browser.say({"do": "tune", "id": 3, "axis": "pitch-1", "tune": tune})
+    await rig.settle()
+    assert rig.client.axes == ["yaw-1", "pitch-1", "pitch-1"]
+    assert list(rig.source.marks) == [Mark(1000.0, "pitch-1: kp_A_per_mm 3.0")]
+
+
+async def test_a_silent_axis_leaves_the_others_in_sight(rig: Rig) -> None:
+    rig.source.configured(Config(axes=(AxisConfig(name="pitch-1"), AxisConfig(name="yaw-1"))))
+    rig.now_s = 2 * SILENT_AFTER_S
+    pitch = rig.source.axis("pitch-1")
+    pitch.now, pitch.mode = ONES, int(BoardState.ARMED)
+    pitch.heard()
+    told = pages.status_message(rig.source, rig.source.axis("yaw-1"), ours=False)
+    assert told["silent_s"] > 0
+    one, other = told["tiles"]
+    assert (one.mode, one.displacement_mm) == ("ARMED", 1.0)
+    assert (other.mode, other.displacement_mm) == ("", None)
 
 
 async def test_a_stop_ends_a_job_on_the_bench_and_no_other(rig: Rig) -> None:
