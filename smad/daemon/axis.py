@@ -59,9 +59,9 @@ class Axis:
         self, name: str, config: Config, opener: Opener, process: Process, bench: Surroundings
     ) -> None:
         self.name = name
+        self.lead = f"{name}: " if name else ""
+        """Begins what is said of it; empty for the only one."""
         self.config = config
-        self.waits = 0
-        """Groups that it takes part in and that have not begun."""
         self.means = means = bench.means.named(name)
         self._guarded = bench.guarded
         self._turns = bench.turns[name]
@@ -115,11 +115,6 @@ class Axis:
         """Whether its board is armed by us, or about to be."""
         return self.session.state in HOT
 
-    @property
-    def done(self) -> bool:
-        """Whether all that was commanded has ended, groups that it waits for included."""
-        return self.controller.done and not self.waits
-
     def row(self, item: Finished) -> Row:
         """Return a sample as a row of the run log."""
         standing_mm = self._standing_mm
@@ -136,8 +131,8 @@ class Axis:
         try:
             yield
         except CommandError as error:
-            if self.name and not error.cause.startswith(f"{self.name}: "):
-                error.cause = f"{self.name}: {error.cause}"
+            if not error.cause.startswith(self.lead):
+                error.cause = self.lead + error.cause
             raise
 
     def tick(self) -> None:

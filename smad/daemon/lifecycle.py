@@ -232,7 +232,7 @@ class _Life:
             incompatible = axis.watch.incompatible
             if incompatible is not None and incompatible.reason is IncompatibleReason.MAJOR:
                 raise PortError(
-                    f"{_lead(axis)}the board speaks another version of the protocol",
+                    f"{axis.lead}the board speaks another version of the protocol",
                     value=incompatible.fields[0],
                     limit="the same major version",
                     action="update the older of firmware and smad",
@@ -245,7 +245,7 @@ class _Life:
         granted = (note for transport in transports for note in transport.notes)
         for note in dict.fromkeys((*daemon.status.notes, *granted)):
             self._journal.say(f"note: {note}")
-        ports = ", ".join(f"{_lead(axis)}{axis.config.link.port}" for axis in axes)
+        ports = ", ".join(f"{axis.lead}{axis.config.link.port}" for axis in axes)
         text = f"ready: bench {self._endpoints.bench!r} on {ports}, not armed"
         self._journal.say(text)
         self._notifier.ready(text)
@@ -282,28 +282,24 @@ class _Life:
             self._signal.set_result(signal.Signals(number).name)
 
 
-def _lead(axis: Axis) -> str:
-    return f"{axis.name}: " if axis.name else ""
-
-
 def _silent(axis: Axis, timeout_s: float) -> PortError:
     config = axis.config.link
     counts = axis.link.counts
     if counts.bytes_in == 0:
         return PortError(
-            f"{_lead(axis)}the board does not answer",
+            f"{axis.lead}the board does not answer",
             value=f"nothing received on {config.port} in {timeout_s:g} s",
             action="check that it is powered and that this is its port",
         )
     frames = axis.session.stats.decoder.frames
     if frames == 0:
         return PortError(
-            f"{_lead(axis)}what comes from the port is not our protocol",
+            f"{axis.lead}what comes from the port is not our protocol",
             value=f"{counts.bytes_in} bytes at {config.baud} baud, none of them a valid frame",
             action="set link.baud to the board's baud rate, or check that this is its port",
         )
     return PortError(
-        f"{_lead(axis)}the board sends, but does not answer",
+        f"{axis.lead}the board sends, but does not answer",
         value=f"{frames} frames in {timeout_s:g} s, no IDENT",
         action="check the wire to the board (transmit), then its firmware",
     )

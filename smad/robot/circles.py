@@ -177,9 +177,10 @@ def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:
 def _plane(one: Tracking) -> Plane:
     """The way of the tip, as one looks at it from the front."""
     (p, y), (a, b) = one.wanted_deg, one.actual_deg
-    joints = [Quantity(name, "°", 1, 0.1) for name in ("yaw", "pitch")]
+    across, up = (Quantity(name, "°", 1, 0.1) for name in ("yaw", "pitch"))
     wanted = Curve(label="reference", x=y, y=p, pen="reference", t=one.t_s, dash=(6, 4))
-    return Plane("Tip", *joints, [wanted, Curve(label="measured", x=b, y=a, pen="main", t=one.t_s)])
+    actual = Curve(label="measured", x=b, y=a, pen="main", t=one.t_s)
+    return Plane("Tip", across, up, [wanted, actual])
 
 
 def _panels(one: Tracking) -> list[Panel]:

@@ -59,7 +59,7 @@ class StatusReport:
         fault = axis.host_stop.fault or axis.watch.fault
         return api.Motion(
             running=controller.mode,
-            done=axis.done and fault is None,
+            done=controller.done and fault is None and not self._bench.groups.wait_for(axis.name),
             armed=axis.session.state is HostState.RUNNING,
             mode=axis.watch.mode.name if axis.watch.mode is not None else "UNKNOWN",
             reference_mm=_mm(controller.reference_m),

@@ -310,7 +310,7 @@ async def test_a_queued_group_waits_for_its_slowest_and_a_stop_forgets_it(tmp_pa
         await rig.ask("together", moves={"pitch-1": [STEP]})
         await rig.ask("together", moves=both, queue=True)
         await rig.ask("disarm")
-        assert not any(axis.waits for axis in rig.daemon.axes.values())
+        assert not any(rig.daemon.groups.wait_for(name) for name in NAMES)
 
 
 async def test_an_axis_that_vanishes_and_comes_back_is_not_armed_by_itself(tmp_path: Path) -> None:
