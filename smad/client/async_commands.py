@@ -38,7 +38,6 @@ class AsyncCommands(ABC):
     timeout_s: float
     _channel: AsyncChannel
 
-    @abstractmethod
     async def _call(
         self,
         params: Any,
@@ -46,7 +45,10 @@ class AsyncCommands(ABC):
         *,
         stop: bool = False,
         timeout_s: float | None = None,
-    ) -> Reply: ...
+        axes: tuple[str, ...] = (),
+    ) -> Reply:
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        return await self._channel.call(params, kind, limit_s, stop=stop, axes=axes or self.name)
 
     @abstractmethod
     async def _ended(self, motion: api.Motion) -> None:

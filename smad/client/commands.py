@@ -38,7 +38,6 @@ class Commands(ABC):
     timeout_s: float
     _channel: Channel
 
-    @abstractmethod
     def _call(
         self,
         params: Any,
@@ -46,7 +45,10 @@ class Commands(ABC):
         *,
         stop: bool = False,
         timeout_s: float | None = None,
-    ) -> Reply: ...
+        axes: tuple[str, ...] = (),
+    ) -> Reply:
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        return self._channel.call(params, kind, limit_s, stop=stop, axes=axes or self.name)
 
     @abstractmethod
     def _ended(self, motion: api.Motion) -> None:
