@@ -131,6 +131,28 @@ class Timing(Struct, frozen=True, kw_only=True):
     collections: Annotated[int, Meta(description="garbage collections, all in idle time")]
 
 
+def named(axis: str, name: str) -> str:
+    """Return the name of something of an axis among those of all; of the only one, as it is."""
+    return f"{axis}.{name}" if axis else name
+
+
+def link_counters(
+    axis: str, frames: dict[str, int], board_stats: dict[str, int], counts: Counts, timing: Timing
+) -> dict[str, float]:
+    """Return what the run log keeps about a link once a second: host's and board's counts."""
+    found = {
+        **{f"host_{name}": float(value) for name, value in frames.items()},
+        **{f"board_{name}": float(value) for name, value in board_stats.items()},
+        "missed_samples": float(counts.missed),
+        "skipped_samples": float(counts.skipped),
+        "setpoints_dropped": float(counts.setpoints_dropped),
+        "commands_refused": float(counts.refused),
+        "setpoint_age_p99_us": timing.setpoint_age.p99_us,
+        "own_share_p99_us": timing.own_share.p99_us,
+    }
+    return {named(axis, name): value for name, value in found.items()}
+
+
 class RecorderStatus(Struct, frozen=True, kw_only=True):
     """The run log being written."""
 
@@ -215,36 +237,35 @@ class AxisStatus(Struct, frozen=True, kw_only=True):
     gains: Annotated[Tune, Meta(description="gains and options in force")] = Tune()
 
 
-class Status(Struct, frozen=True, kw_only=True):
-    """Everything about the bench now."""
+class Status(AxisStatus, frozen=True, kw_only=True):
+    """Everything about the bench now; of several axes, what concerns one is of the first."""
 
     bench: Annotated[str, Meta(description="name of the bench")]
     version: Annotated[str, Meta(description="version of smad")]
     pid: Annotated[int, Meta(description="process of the daemon")]
     uptime_s: Annotated[float, Meta(description="seconds since it started")]
     memory_MiB: Annotated[float, Meta(description="resident memory of the daemon")]
-    link: Annotated[LinkStatus, Meta(description="the serial link")]
-    board: Annotated[Board | None, Meta(description="the board; empty before the handshake")]
-    motion: Annotated[Motion, Meta(description="what the controller is doing")]
-    limiter: Annotated[str, Meta(description="what holds the current down")]
-    faults: Annotated[tuple[str, ...], Meta(description="faults present")]
-    warnings: Annotated[tuple[str, ...], Meta(description="warnings present")]
-    sample: Annotated[Row | None, Meta(description="the last sample")]
-    counts: Annotated[Counts, Meta(description="totals")]
-    timing: Annotated[Timing, Meta(description="the loop's timing")]
     realtime: Annotated[tuple[Measure, ...], Meta(description="real-time measures")]
     recorder: Annotated[RecorderStatus, Meta(description="the run log")]
     control: Annotated[Control, Meta(description="exclusive control")]
     events: Annotated[tuple[Entry, ...], Meta(description="what happened last, oldest first")]
-    gains: Annotated[Tune, Meta(description="gains and options in force")] = Tune()
     axes: Annotated[
-        dict[str, AxisStatus] | UnsetType,
-        Meta(description="of a bench of several: each by name; what stands above is of the first"),
+        dict[str, AxisStatus] | UnsetType, Meta(description="of a bench of several: each by name")
     ] = UNSET
     skew: Annotated[
         Percentiles | UnsetType,
         Meta(description="how far apart the boards began motions that begin together"),
     ] = UNSET
+
+    def parts(self) -> dict[str, AxisStatus]:
+        """Return what concerns each axis by its name; of a bench of one, all by the empty name."""
+        return self.axes or {"": self}
+
+    def of(self, axis: str) -> Status:
+        """Return it as the status of a bench of this axis alone. Raises KeyError."""
+        part = self.parts()[axis]
+        own = {name: getattr(part, name) for name in AxisStatus.__struct_fields__}
+        return msgspec.structs.replace(self, **own, axes=UNSET)
 
     def _repr_html_(self) -> str:
         from smad import notebook

@@ -11,7 +11,15 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field, structs
 
-from smad.config.axes import DEGREES_PER_MM, OF_THE_BENCH, USUAL_NAMES, AxisConfig, SegmentConfig
+from smad.config.axes import (
+    DEGREES_PER_MM,
+    OF_THE_BENCH,
+    USUAL_NAMES,
+    AxisConfig,
+    SegmentConfig,
+    coupling_of,
+    inverse,
+)
 from smad.config.control import ControlConfig, LimitsConfig
 from smad.config.section import HOST, Section
 from smad.curve_key import KEY_CHARACTERS, is_curve_key
@@ -193,19 +201,32 @@ class Config(Section, frozen=True, kw_only=True):
             values = [getattr(axis, key) for axis in self.axes if getattr(axis, key)]
             twice = next((value for value in values if values.count(value) > 1), None)
             if twice is not None:
-                raise ValueError(f"`axes`: two have the {key} {twice!r}; give each its own")
+                board = ": a board drives one axis" if key == "port" else ""
+                raise ValueError(f"`axes`: two have the {key} {twice!r}; give each its own{board}")
 
     def by_axis(self) -> dict[str, Config]:
         """Return the configuration of each axis by its name; of a bench of one, itself by ""."""
         return {axis.name: self._of(axis) for axis in self.axes} or {"": self}
 
-    def degrees_per_mm(self, axis: str) -> float:
-        """Return by how much 1 mm of an axis turns its joint, with its sign."""
+    def turns(self) -> dict[str, dict[str, float]]:
+        """Return by how many degrees 1 mm of each tendon turns the joint of each axis; no zeros.
+
+        Raises ConfigError for a coupling that does not fit or has no inverse.
+        """
+        gains: dict[str, float] = {}
         for one in self.segments:
-            for joint, sign in ((one.pitch, one.pitch_sign), (one.yaw, one.yaw_sign)):
-                if joint == axis:
-                    return sign * one.gain_deg_per_mm
-        return DEGREES_PER_MM
+            gains[one.pitch] = one.pitch_sign * one.gain_deg_per_mm
+            gains[one.yaw] = one.yaw_sign * one.gain_deg_per_mm
+        names = [axis.name for axis in self.axes]
+        rows = zip(names, inverse(coupling_of(self.axes)), strict=True)
+        return {
+            name: {
+                other: gains.get(name, DEGREES_PER_MM) * share
+                for other, share in zip(names, row, strict=True)
+                if share
+            }
+            for name, row in rows
+        } or {"": {"": DEGREES_PER_MM}}
 
     def with_axes(self, count: int | None) -> Config:
         """Return it with so many axes: the first that it has, or those of MINIR-II.
@@ -223,7 +244,8 @@ class Config(Section, frozen=True, kw_only=True):
                 limit=len(axes),
                 action="add [[axes]] to it",
             )
-        return structs.replace(self, axes=axes[:count])
+        kept = [structs.replace(axis, coupling=axis.coupling[:count]) for axis in axes[:count]]
+        return structs.replace(self, axes=tuple(kept))
 
     def _of(self, axis: AxisConfig) -> Config:
         changed: dict[str, dict[str, object]] = {}

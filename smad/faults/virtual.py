@@ -26,7 +26,7 @@ from smad.daemon.journal import Journal
 from smad.daemon.link.port import SocketTransport, Transport
 from smad.daemon.means import Clocks
 from smad.daemon.notify import Notifier
-from smad.daemon.process import Process
+from smad.daemon.process import Options, Process
 from smad.errors import PortError
 from smad.runlog.schema import Event, LinkSample
 
@@ -131,7 +131,7 @@ class Rig:
                 journal=self.journal,
                 notifier=Notifier({}),
                 nonce=nonce,
-                parameter_text="",
+                options=Options(parameter_text=""),
                 clocks=Clocks(self.now_us, self._wall_s),
             ),
         )

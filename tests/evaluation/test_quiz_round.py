@@ -22,7 +22,7 @@ from evaluation.quiz import mystery as quiz
 from evaluation.quiz.wire_board import WireBoard
 from smad.api import BY_PARAMS
 from smad.control.plan import Do, Pause
-from smad.diagnosis import Verdict, diagnose
+from smad.diagnosis import diagnose
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.catalogue import plan_named

@@ -283,12 +283,6 @@ COMMAND = Recipe(
             before='    Method("timing.reset", ResetTiming',
         ),
         Insert(
-            "its row in the service",
-            "smad/daemon/command/service.py",
-            "            api.Greet: self.greet,\n",
-            before="            api.ResetTiming: self.reset_timing,\n",
-        ),
-        Insert(
             "what the service does",
             "smad/daemon/command/service.py",
             '''    def greet(self, params: api.Greet, caller: Caller) -> api.Motion:
@@ -296,7 +290,7 @@ COMMAND = Recipe(
         return self._status.motion(self._bench.named(caller.axes))
 
 ''',
-            before="    def reset_timing(self, params",
+            before="    def timing_reset(self, params",
         ),
         Insert(
             "the clients' method",

@@ -17,7 +17,6 @@ from smad.envs import on_bench
 from smad.envs.bench import Answering
 from smad.envs.errors import ActionRefused, PolicyFailed
 from smad.envs.signals import NAMES
-from smad.diagnosis.spring_pair import read_gap_run
 from smad.faults.virtual import Refused
 from smad.runlog.schema import Row
 from tests.smad.daemon.rig import rig_in

@@ -1,4 +1,4 @@
-"""The bench as commands and status see it: its axes by name, its stops, motions together."""
+"""The bench as commands and status see it: its axes by name, and what it has once for all."""
 
 from __future__ import annotations
 
@@ -8,12 +8,26 @@ from dataclasses import dataclass
 from smad.api import Reason
 from smad.config import Config
 from smad.daemon.axis import Axis
+from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.errors import Refusal
+from smad.daemon.journal import Journal
+from smad.daemon.means import Means
+from smad.daemon.realtime import IdleCollector
 from smad.daemon.stops import Stops
+from smad.daemon.telemetry.recorder import Recorder
 from smad.daemon.together import Groups
 
 
-@dataclass(frozen=True)
+@dataclass
+class CommandCounts:
+    """Commands carried out and refused; `malformed` are those refused that were no command."""
+
+    done: int = 0
+    refused: int = 0
+    malformed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Bench:
     """What a bench consists of; a bench of one has its axis under the empty name."""
 
@@ -21,6 +35,13 @@ class Bench:
     axes: Mapping[str, Axis]
     stops: Stops
     groups: Groups
+    recorder: Recorder
+    lease: Lease
+    dead_man: DeadMan
+    journal: Journal
+    collector: IdleCollector
+    counts: CommandCounts
+    means: Means
 
     def named(self, names: tuple[str, ...]) -> list[Axis]:
         """Return the axes of these names; all without any. Raises Refusal for an unknown one."""
