@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from msgspec import UNSET, Meta, Struct, UnsetType
+from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
 from smad.control.commands import Tune
 from smad.runlog.schema import Row
@@ -265,7 +265,7 @@ class Status(AxisStatus, frozen=True, kw_only=True):
         """Return it as the status of a bench of this axis alone. Raises KeyError."""
         part = self.parts()[axis]
         own = {name: getattr(part, name) for name in AxisStatus.__struct_fields__}
-        return msgspec.structs.replace(self, **own, axes=UNSET)
+        return structs.replace(self, **own, axes=UNSET)
 
     def _repr_html_(self) -> str:
         from smad import notebook

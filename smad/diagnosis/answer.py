@@ -139,7 +139,11 @@ def _answer(
         verdict,
         places=places,
         whole=whole,
-        parameters_take=verdict.parameters_take or float(np.clip(taken, 0.0, 1.0)),
+        parameters_take=(
+            verdict.parameters_take
+            if verdict.question == CHANGED
+            else float(np.clip(taken, 0.0, 1.0))
+        ),
         parameters=_parameters(asked.plant, settler.start, points[-1], uncertain[-1]),
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
