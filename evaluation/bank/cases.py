@@ -120,6 +120,21 @@ def draw(bank: str, seed: int, counts: dict[str, int], differs: int) -> list[Cas
     ]
 
 
+def drawn_differs(bank: str, seed: int, count: int, first: int) -> list[Case]:
+    """Cases of *differs*: every second one has an effect, listed and unlisted ones in turn."""
+    rng = np.random.default_rng((seed, 4))
+    pools = (names("known"), names("sealed" if bank == "sealed" else "dev"))
+    choices: list[tuple[tuple[Active, ...], ...]] = [((),)] * count
+    for i in range(0, count, 2):
+        pool = pools[i // 2 % 2]
+        choices[i] = _substitutes(rng, pool, str(rng.choice(pool)))
+    order = rng.permutation(count)
+    seeds = rng.integers(2**31, size=count)
+    return [
+        Case(first + n, "differs", choices[i], 0.0, int(seeds[n])) for n, i in enumerate(order)
+    ]
+
+
 def plan(rng: np.random.Generator, seconds: float = RUN_s) -> Plan:
     """Four runs to fit and two held out, of other families, in shuffled order."""
     fit = ["open_loop", *rng.choice([f for f in FOR_FITTING if f != "open_loop"], 3, replace=False)]

@@ -161,10 +161,11 @@ def _good(order: Order, number: int) -> Array:
     if len(repeats) < 2:
         repeats.append(play(bench, (), programme, seed + 7))
     pairs = list(pairwise(repeats))
-    return np.asarray(np.sqrt(np.mean([_difference(a, b) ** 2 for a, b in pairs], axis=0)))
+    return np.asarray(np.sqrt(np.mean([rms_difference(a, b) ** 2 for a, b in pairs], axis=0)))
 
 
-def _difference(one: list[Run], other: list[Run]) -> Array:
+def rms_difference(one: Sequence[Run], other: Sequence[Run]) -> Array:
+    """RMS of what two recordings of the same runs differ by, for each of `SIGNALS`."""
     columns = [_column(s) for s in SIGNALS]
     off = np.concatenate([(a.grid - b.grid)[:, columns]
                           for a, b in zip(one, other, strict=True)])  # fmt: skip
@@ -177,12 +178,35 @@ def _column(signal: str) -> int:
     return READINGS.index(signal)
 
 
-def _scaled(active: tuple[Active, ...], factor: float) -> tuple[Active, ...]:
+def raised(active: tuple[Active, ...], tried: Array, target: float) -> tuple[Active, ...]:
+    """Effects that gave the gaps `tried`, scaled to `target` floors within their limits."""
+    factor = target / max(float(tried.max()), _LEAST_GAP)
     out = []
     for a in active:
         limit = BY_NAME[a.name].limit
         out.append(replace(a, magnitude=float(np.clip(a.magnitude * factor, -limit, limit))))
     return tuple(out)
+
+
+def gap_entry(gap: Array) -> dict[str, Any]:
+    """The gaps of a case as the key has them, in floors."""
+    return {
+        "gap_worst": round(float(gap.max()), 4),
+        "gap_paired": {s: round(float(g), 3) for s, g in zip(SIGNALS, gap, strict=True)},
+    }
+
+
+def effect_entry(active: Active) -> dict[str, Any]:
+    """One effect as the key has it."""
+    spec = BY_NAME[active.name]
+    return {
+        "name": active.name,
+        "known": spec.kind == "known",
+        "subsystem": spec.subsystem,
+        "magnitude": active.magnitude,
+        "y_share": active.y_share,
+        "shape": active.shape,
+    }
 
 
 def _make(order: Order, case: Case, floor: Array) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -204,30 +228,18 @@ def _make(order: Order, case: Case, floor: Array) -> tuple[dict[str, Any], dict[
     gap = np.zeros(len(SIGNALS))
     without = play(bench, (), programme, seed)
     if active:
-        tried = _difference(play(bench, active, programme, seed), without) / floor
-        active = _scaled(active, target / max(float(tried.max()), _LEAST_GAP))
+        tried = rms_difference(play(bench, active, programme, seed), without) / floor
+        active = raised(active, tried, target)
     other = active or room_K or tested is not bench
     now = play(tested, active, programme, seed, room_K) if other else without
-    gap = _difference(now, without) / floor
+    gap = rms_difference(now, without) / floor
     _write(order.folder / "cases" / case.name, now)
     entry = {
         "kind": case.kind,
         "bench": number + 1,
         "target_floors": round(target, 4) if active else 0.0,
-        "gap_worst": round(float(gap.max()), 4),
-        "gap_paired": {s: round(float(g), 3) for s, g in zip(SIGNALS, gap, strict=True)},
-        "effects": [
-            {
-                "name": a.name,
-                "known": BY_NAME[a.name].kind == "known",
-                "subsystem": BY_NAME[a.name].subsystem,
-                "magnitude": a.magnitude,
-                "y_share": a.y_share,
-                "shape": a.shape,
-                "quantity": None,
-            }
-            for a in active
-        ],
+        **gap_entry(gap),
+        "effects": [effect_entry(a) for a in active],
     }
     return {"id": case.name, "bench": f"bench-{number + 1}"}, entry
 

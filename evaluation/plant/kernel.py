@@ -15,8 +15,8 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
-    CELL_WIDTH,
     CELLS,
+    CELL_WIDTH,
     COLUMNS,
     DUTY_X,
     DUTY_Y,
@@ -25,21 +25,23 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     GLANCE,
+    GRIP,
     HEATED_FROM,
-    I_X,
     INLET,
+    I_X,
     LUCK_X,
+    MEAN_T,
     OHM,
     OUTLET,
     PAIR_WIDTH,
     PLATE,
     PLAY,
     RELAXING,
+    RINGS,
     RING_DUTY_X,
     RING_FORCE,
     RING_LENGTH,
     RING_X,
-    RINGS,
     RTD_A,
     RTD_B,
     SIDE_WIDTH,
@@ -113,6 +115,8 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OUTLET] = water_degC
     side[:, PLATE] = ambient_degC
     side[:, RELAXING] = 0.5 * bench.span_m
+    side[:, GRIP] = 0.5 * bench.span_m
+    side[:, MEAN_T] = water_degC
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
     quiet = np.zeros(8)
     quiet[INLET] = water_degC

@@ -86,8 +86,17 @@ CELL_WIDTH = PLAY + PLAYS
     PLATE,
     BUCKLING,
     BUCKLED,
+    LIMITED,
+    TRIPPED,
+    MOTOR,
+    AMMETER,
+    GROWN,
+    HELD,
+    MEAN_T,
+    CHARGE,
+    GRIP,
     SIDE_WIDTH,
-) = range(58)
+) = range(67)
 
 (
     TIME,
@@ -119,8 +128,9 @@ CELL_WIDTH = PLAY + PLAYS
     COUNTED,
     AVERAGED,
     PULLED,
+    CELL_WARM,
     PAIR_WIDTH,
-) = range(30)
+) = range(31)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -20,6 +20,7 @@ from evaluation.plant.layout import (
     BRIDGED,
     BUBBLE,
     CELLS,
+    CHARGE,
     COAT,
     CONTACT,
     COOLED_FROM,
@@ -28,6 +29,8 @@ from evaluation.plant.layout import (
     FRACTION,
     HEATED_FROM,
     HEATING,
+    HELD,
+    MEAN_T,
     MOST_TURNED,
     OHM,
     OUTLET,
@@ -40,6 +43,8 @@ from evaluation.plant.layout import (
     RATE,
     RESERVOIR,
     SHUNT,
+    SPEED,
+    TRIPPED,
     TURNED,
     WALL,
     WET,
@@ -119,6 +124,9 @@ OVERTURNING = slot("overturning_water")
 QUENCHED = slot("quenched_martensite")
 SHORTS = slot("shorted_turns")
 VARIANTS = slot("variant_creep")
+HOT_CLIPS = slot("hot_clips")
+TRIPPING = slot("film_tripping")
+STIRRING = slot("stirring_coils")
 
 BRIDGING_A = 0.5  # current that breaks the oxide between turns that touch
 VARIANTS_S = 2.0
@@ -196,6 +204,12 @@ def coefficients(
     if e[s, PITCH] > 0.0:
         stretch = (pair[X] if s == 1 else -pair[X]) / 0.01
         reach = math.exp(e[s, PITCH] * stretch / (1.0 + 0.5 * abs(stretch)))
+    if e[s, STIRRING] > 0.0:
+        reach *= 1.0 + e[s, STIRRING] * min(abs(pair[SPEED]) / 5e-3, 3.0)
+    if e[s, TRIPPING] > 0.0:
+        eddies = 1.0 if share > (0.4 if side[s, TRIPPED] > 0.5 else 0.55) else 0.0
+        side[s, TRIPPED] = eddies
+        reach *= 1.0 + e[s, TRIPPING] * eddies
     for i in range(CELLS):
         row = rows[i]
         water = cells[s, i, W]
@@ -230,6 +244,8 @@ def coefficients(
         row[HEAT_SHARE] = 1.0 + e[s, HEAT_BY_PHASE] * (1.0 - cells[s, i, FRACTION])
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
+    rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
+    rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
     mix = CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0
     if e[s, OVERTURNING] > 0.0:
         unstable = max(cells[s, CELLS - 1, W] - cells[s, 0, W], 0.0)
@@ -244,6 +260,7 @@ def remember(
     """Update what each cell remembers after its fraction has moved."""
     moved_all = 0.0
     mean = 0.0
+    warm = 0.0
     turned_new = turned_by(stress + side[s, EASED], p)
     if e[s, TWO_WAY] > 0.0:
         turned_new = min(1.0, turned_new + e[s, TWO_WAY] * (0.1 + side[s, MOST_TURNED]))
@@ -278,11 +295,16 @@ def remember(
         cell[FRACTION] = fraction
         moved_all += abs(moved) / CELLS
         mean += fraction / CELLS
+        warm += cell[T] / CELLS
         if e[s, R_PHASES] > 0.0 or e[s, RESISTIVITY] > 0.0:
             lift = 0.1 * (stress - 57.0)
             comes = falling((cell[T] - 37.0 - lift) / 2.0) * (1.0 - fraction)
             stays = falling((cell[T] - 40.5 - lift) / 2.0) * (1.0 - fraction)
             cell[R_PHASE] = min(max(cell[R_PHASE], comes), max(stays, comes))
+    still = abs(warm - side[s, MEAN_T]) < 0.3 * dt
+    side[s, HELD] = side[s, HELD] + dt if still else approach(side[s, HELD], 0.0, dt, 0.5)
+    side[s, MEAN_T] = warm
+    side[s, CHARGE] += abs(side[s, AMPERE]) * dt
     side[s, WORK_DONE] += moved_all
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
     if mean < 0.5:
