@@ -1,4 +1,4 @@
-"""`smad gap check` and `smad gap score`: is the diagnosis right on data it was not told about?"""
+"""`smad gap check`: verdicts on a bank of recorded runs whose causes smad was not told."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
     joint_run = found.joint.run_of_row - len(asked.good)
     by_run = _by_run(asked, rows, found.joint, columns, gaps, joint_run)
     odd = [r.run for r in by_run if r.contradicts]
-    places = _told(asked.plant, listing, found.named, new=True)
+    places = _told(asked.plant, listing, found.named)
     outcome = found.outcome
     if odd and outcome == PLACES:
         outcome = CONTRADICTING
@@ -110,6 +110,7 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
         asked, listing, found.rows, places, whole,
         Verdict(
             question=CHANGED,
+            parameters_take=max(found.parameters, 0.0),
             outcome=outcome,
             headline=_changed_headline(outcome, places, odd),
             budget=budget,
@@ -138,7 +139,7 @@ def _answer(
         verdict,
         places=places,
         whole=whole,
-        parameters_take=float(np.clip(taken, 0.0, 1.0)),
+        parameters_take=verdict.parameters_take or float(np.clip(taken, 0.0, 1.0)),
         parameters=_parameters(asked.plant, settler.start, points[-1], uncertain[-1]),
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
@@ -154,13 +155,8 @@ def _judged_on(asked: Asked) -> str:
     return f"{asked.fit} runs, each by a model of the others"
 
 
-def _told(
-    plant: PlacesPlant, listing: Listed, named: Sequence[Named], *, new: bool = False
-) -> list[PlaceTold]:
-    """The places of the list with the coefficients that they have in the simulator.
-
-    A change that no simulator would follow (`new`) is told all the same, as a hint.
-    """
+def _told(plant: PlacesPlant, listing: Listed, named: Sequence[Named]) -> list[PlaceTold]:
+    """The places of the list with the coefficients that they have in the simulator."""
     n = len(plant.parameters)
     last, gap = listing.settled[-1], listing.settler.gap
     unit = listing.settler.uncertainty(last).covariance[n:, n:]
@@ -173,14 +169,6 @@ def _told(
     for step, share in zip(listing.steps, listing.shares, strict=True):
         told = teller.told(step, share, in_simulator=True)
         out.append(msgspec.structs.replace(told, **by_step[id(step)].name))
-    if new and not out and named:
-        first = named[0]
-        columns = first.step.chosen.columns
-        zero = Fits(columns, Fit(np.zeros(len(columns)), np.zeros((len(columns),) * 2)), ())
-        told = Teller(plant, gap, listing.settler.found, zero).told(
-            first.step, first.step.share, in_simulator=False
-        )
-        out.append(msgspec.structs.replace(told, **first.name))
     return out
 
 
@@ -358,7 +346,7 @@ def _changed_headline(outcome: str, places: Sequence[PlaceTold], odd: Sequence[s
         else f", by up to {100 * first.largest:.2g} %"
     )
     beside = f", and {len(further)} more" if further else ""
-    return f"changed: {first.words}{size if first.in_simulator else ''}{beside}"
+    return f"changed: {first.words}{size}{beside}"
 
 
 def _apart(odd: Sequence[str]) -> str:

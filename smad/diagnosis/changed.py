@@ -57,9 +57,7 @@ def changed(asked: Asked) -> Changed:
     good = Measured.of(plant, asked.good, asked.period_s)
     now = Measured.of(plant, asked.runs, asked.period_s)
     every = range(len(asked.good))
-    taught = held_against(
-        asked, good, counts=[True for _ in every], judged=every, beside=now, named=False
-    )
+    taught = held_against(asked, good, counts=[True for _ in every], beside=now, named=False)
     left = [y - p for y, p in zip(good.values, taught.listed.predicted[-1], strict=True)]
     scale = row_scale(left, good.valid, asked.floors)
     rho = neighbours(left, good.valid)
@@ -77,31 +75,30 @@ def changed(asked: Asked) -> Changed:
         # Parameters are asked first: a place must add to what other values of them take.
         open_ = (np.concatenate(x) for x in zip(joint.open, moved, strict=True))
         joint = replace(joint, open=tuple(open_))
+    least = c.beside_parameters if parameters >= c.changed_share else c.changed_share
     news = contrast(
         fold_rows(joint, both, only), at, both.candidates(), depth=c.most_terms,
-        most=c.most_places, first_share=c.changed_share, further_share=c.further_share,
+        most=c.most_places, first_share=least, further_share=c.further_share,
         near=c.near,
     )  # fmt: skip
-    outcome = _outcome(news, parameters, c.changed_share)
-    steps = news.steps if outcome == PLACES else ()
-    named = tuple(named_steps(news.own, steps, asked.effects, Library(joint, only), c.name_share))
+    named = tuple(
+        named_steps(news.own, news.steps, asked.effects, Library(joint, only), c.name_share)
+    )
     gap = _residual(asked, taught.model, now, scale)
     free = parameters >= c.changed_share
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))
-    listing = listed(settler, rows, [n.step for n in named], asked.judged, c.place_share)
+    listing = listed(settler, rows, [n.step for n in named], c.place_share)
     if listing is None:
         raise cannot_replay(gap)
+    if listing.steps:
+        outcome = PLACES
+    else:
+        outcome = PARAMETERS if free else QUIET
     return Changed(
         outcome=outcome, good=taught, contrast=news, joint=joint, rows=rows, parameters=parameters, named=named, gap=gap,
         listed=listing,
     )  # fmt: skip
-
-
-def _outcome(news: Contrast, parameters: float, least: float) -> str:
-    if news.steps:
-        return PLACES
-    return PARAMETERS if parameters >= least else QUIET
 
 
 def _joint(

@@ -98,7 +98,7 @@ def _answered(asked: Asked) -> Answer:
     if asked.good:
         return answer_of_changed(asked, changed(asked))
     measured = Measured.of(asked.plant, asked.runs, asked.period_s)
-    held = held_against(asked, measured, counts=asked.counts, judged=asked.judged)
+    held = held_against(asked, measured, counts=asked.counts)
     return answer_of_differs(asked, held)
 
 

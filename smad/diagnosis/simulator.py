@@ -78,7 +78,6 @@ def held_against(
     measured: Measured,
     *,
     counts: Sequence[bool],
-    judged: Sequence[int],
     beside: Measured | None = None,
     named: bool = True,
 ) -> Held:
@@ -115,9 +114,7 @@ def held_against(
         else [Named(s, 0.0, {}) for s in searched.steps]
     )
     asked.say("in the simulator")
-    listing = listed(
-        Settler(gap, found, start), rows, [n.step for n in names], judged, c.place_share
-    )
+    listing = listed(Settler(gap, found, start), rows, [n.step for n in names], c.place_share)
     if listing is None:
         raise cannot_replay(gap)
     return Held(gap=gap, found=found, rows=rows, where=searched, named=names, listed=listing)

@@ -145,16 +145,18 @@ def parameters_share(gap: Residual, moved: Sequence[Array], asked: Index) -> flo
     `moved` (k, bins, channels) a run are slopes for one prior standard deviation, 0 elsewhere.
     """
     own = FoldRows(gap.z, gap.rows(moved).astype(np.float32), gap.fold)
-    taken = with_priors(own.products(np.arange(len(own.responses))))
+    products = own.products(np.arange(len(own.responses)))
+    taken = with_priors(products, np.unique(gap.fold[asked]))
     square = float(gap.z[asked] @ gap.z[asked])
     return taken / max(square, 1e-12)
 
 
-def with_priors(products: FoldProducts) -> float:
-    """What responses with coefficients of prior variance 1 take of held-out rows."""
+def with_priors(products: FoldProducts, folds: Index) -> float:
+    """What responses with coefficients of prior variance 1 take of some folds, held out."""
     gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
     taken, unit = 0.0, np.eye(len(against))
-    for G, b in zip(products.gram, products.against, strict=True):
+    for f in folds:
+        G, b = products.gram[f], products.against[f]
         x = np.linalg.solve(gram - G + unit, against - b)
         taken += float(2.0 * x @ b - x @ G @ x)
     return taken

@@ -33,43 +33,47 @@ class Listed:
 
 
 def listed(
-    settler: Settler,
-    rows: FoldRows,
-    steps: Sequence[Step],
-    judged: Sequence[int],
-    least_share: float,
+    settler: Settler, rows: FoldRows, steps: Sequence[Step], least_share: float
 ) -> Listed | None:
     """The steps that each take `least_share` more in the simulator; None if it cannot replay.
 
-    `judged` are the runs that count: held out by whole runs, or by turns of a run's stretches.
+    What counts are the runs that laws are selected on, each by a model that had no part of it:
+    runs that are held out altogether have no say in the list.
     """
+    runs = [k for k, own in enumerate(settler.gap.counts) if own]
     now = settler.first()
     predicted = None if now is None else settler.held_out(now)
     if now is None or predicted is None:
         return None
-    square = settler.square(predicted, judged)
     kept: list[Step] = []
-    settled, found, squares = [now], [tuple(predicted)], [square]
+    settled, found = [now], [tuple(predicted)]
+    squares = [settler.square(predicted, runs)]
     for step in steps:
         own = fits(rows, [*kept, step])
-        more = settler.extended(settled[-1], own.columns, own.fit.mean)
-        predicted = None if more is None else settler.held_out(more)
-        if more is None or predicted is None:
-            continue
-        left = settler.square(predicted, judged)
-        if squares[-1] - left < least_share * squares[0]:
+        best: tuple[float, Settled, list[Array]] | None = None
+        for alone in (True, False):
+            more = settler.extended(settled[-1], own.columns, own.fit.mean, alone=alone)
+            predicted = None if more is None else settler.held_out(more)
+            if more is not None and predicted is not None:
+                left = settler.square(predicted, runs)
+                if best is None or left < best[0]:
+                    best = left, more, predicted
+        if best is None or squares[-1] - best[0] < least_share * squares[0]:
             continue
         kept.append(step)
-        settled.append(more)
-        found.append(tuple(predicted))
-        squares.append(left)
-    if kept:
+        squares.append(best[0])
+        settled.append(best[1])
+        found.append(tuple(best[2]))
+    for _ in range(_ROUNDS if kept else 0):
         last = settler.refreshed(settled[-1])
         predicted = settler.held_out(last)
-        if predicted is not None and settler.square(predicted, judged) < squares[-1]:
-            settled[-1], found[-1] = last, tuple(predicted)
-            squares[-1] = settler.square(predicted, judged)
+        if predicted is None or (left := settler.square(predicted, runs)) >= squares[-1]:
+            break
+        settled[-1], found[-1], squares[-1] = last, tuple(predicted), left
     return Listed(
         settler=settler, steps=tuple(kept), settled=tuple(settled), predicted=tuple(found),
         squares=tuple(squares),
     )  # fmt: skip
+
+
+_ROUNDS = 4

@@ -18,7 +18,7 @@ from smad.diagnosis.gap import Residual
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import ModelPoint, Uncertainty
+from smad.diagnosis.plant import Mask, ModelPoint, Uncertainty
 
 _DAMPING = (0.0, 0.1, 1.0, 10.0)
 _STEP = 0.1
@@ -33,13 +33,14 @@ class Settled:
 
     Coordinates `x` (k,): parameters in prior standard deviations from the start, then coefficients
     of the responses `columns`. `left` (rows,) are the rows it leaves, `slopes` (k, rows) their
-    negative derivatives.
+    negative derivatives, `without` (k,) a fold the coordinates without it.
     """
 
     columns: Index
     x: Array
     left: Array
     slopes: Array
+    without: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -94,10 +95,13 @@ class Settler:
                 break
         return now
 
-    def extended(self, before: Settled, columns: Index, coefficients: Array) -> Settled | None:
+    def extended(
+        self, before: Settled, columns: Index, coefficients: Array, *, alone: bool
+    ) -> Settled | None:
         """More laws beside, all coefficients begun where the linear picture has them.
 
-        Slopes of what was there are kept: `refreshed` makes them anew.
+        Slopes of what was there are kept: `refreshed` makes them anew. `alone`: the parameters
+        stay where they were.
         """
         n = len(self.plant.parameters)
         x = np.r_[before.x[:n], coefficients]
@@ -109,7 +113,10 @@ class Settler:
         slopes[: n + known] = before.slopes
         new = self._slopes(columns, x, left, range(n + known, len(x)))
         slopes[n + known :] = new[n + known :]
-        return self._stepped(Settled(columns=columns, x=x, left=left, slopes=slopes))
+        made = Settled(columns=columns, x=x, left=left, slopes=slopes)
+        if not alone:
+            return self._stepped(made)
+        return self._stepped(made, [w[:n] - before.x[:n] for w in before.without])
 
     def refreshed(self, settled: Settled) -> Settled:
         """One more step with slopes of where it stands."""
@@ -138,13 +145,9 @@ class Settler:
     def held_out(self, settled: Settled) -> list[Array] | None:
         """Predictions of every run by the model that had no part of it; None if it cannot."""
         gap, out = self.gap, []
-        A, g = self._normal(settled)
         for k, played in enumerate(gap.played):
-            x = []
-            for f in np.unique(gap.fold[(gap.run_of_row == k) & (gap.fold >= 0)]):
-                own = gap.fold == f
-                J = settled.slopes[:, own]
-                x.append(settled.x + np.linalg.solve(A - J @ J.T, g - J @ settled.left[own]))
+            folds = np.unique(gap.fold[(gap.run_of_row == k) & (gap.fold >= 0)])
+            x = [settled.without[f] for f in folds]
             mean = np.mean(x, axis=0) if x else settled.x
             out += predictions(self.plant, self.point(settled.columns, mean), [played])
         return out if finite(out) else None
@@ -162,21 +165,44 @@ class Settler:
         own = np.full(len(self.plant.parameters), self.spread**-2)
         return np.concatenate([own, np.full(len(columns), _RIDGE)])
 
-    def _normal(self, s: Settled) -> tuple[Array, Array]:
-        kept = self.gap.fold >= 0
+    def _normal(self, s: Settled, rows: Mask | None = None) -> tuple[Array, Array]:
+        kept = self.gap.fold >= 0 if rows is None else rows
         J, p = s.slopes[:, kept], self._precision(s.columns)
         return J @ J.T + np.diag(p), J @ s.left[kept] - p * s.x
 
-    def _stepped(self, s: Settled) -> Settled:
-        """One Gauss-Newton step, damped until it helps; the same where none does."""
+    def _stepped(self, s: Settled, held: Sequence[Array] | None = None) -> Settled:
+        """One Gauss-Newton step, damped until it helps; the same where none does.
+
+        `held` are how far the first coordinates are without each fold: these do not move.
+        """
+        first = 0 if held is None else len(self.plant.parameters)
         A, g = self._normal(s)
         now = self._cost(s.columns, s.left, s.x)
         for damping in _DAMPING:
-            x = s.x + np.linalg.solve(A + damping * np.diag(np.diag(A)), g)
+            x = s.x.copy()
+            x[first:] += np.linalg.solve(
+                A[first:, first:] + damping * np.diag(np.diag(A)[first:]), g[first:]
+            )
             left = self._left(s.columns, x)
             if left is not None and self._cost(s.columns, left, x) < now:
-                return replace(s, x=x, left=left)
-        return s
+                s = replace(s, x=x, left=left)
+                break
+        return replace(s, without=self._without(s, held))
+
+    def _without(self, s: Settled, held: Sequence[Array] | None) -> tuple[Array, ...]:
+        """Coordinates without each fold: one more step of the normal equations."""
+        out = []
+        for f in range(int(self.gap.fold.max(initial=-1)) + 1):
+            A, g = self._normal(s, (self.gap.fold >= 0) & (self.gap.fold != f))
+            step = np.zeros(len(s.x))
+            first = 0
+            if held is not None:
+                first = len(held[f])
+                step[:first] = held[f]
+                g = g - A @ step
+            step[first:] = np.linalg.solve(A[first:, first:], g[first:])
+            out.append(s.x + step)
+        return tuple(out)
 
     def _cost(self, columns: Index, left: Array, x: Array) -> float:
         own = left[self.gap.fold >= 0]
