@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -73,7 +72,9 @@ def begun(order: Ordered) -> Ordered:
     path = order.parts / "order.json"
     if not path.exists():
         if order.folder.exists() or order.key_folder.exists():
-            raise BankError(f"{order.folder} or its key exists: give another folder, or remove both")
+            raise BankError(
+                f"{order.folder} or its key exists: give another folder, or remove both"
+            )
         order.parts.mkdir(parents=True)
         seed = secrets.randbits(48) if order.seed is None else order.seed
         files.write_json(path, {"seed": seed, "asked": asked})
@@ -95,7 +96,7 @@ def made(
     """
     missing = [n for n in work if not (order.parts / f"{n}.json").exists()]
     running: dict[Future[Any], str] = {}
-    with ProcessPoolExecutor(order.jobs, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(order.jobs) as pool:
         while missing or running:
             while missing and len(running) < order.jobs and time.monotonic() < until:
                 name = missing.pop(0)
@@ -110,7 +111,7 @@ def made(
 
 
 def sealed_up(order: Order, cases: Mapping[str, tuple[Entry, Entry]], manifest: Entry) -> str:
-    """Write manifest and key of a bank whose runs lie there, forget its parts; the key's SHA-256."""
+    """Write manifest and key of a bank whose runs are made, forget its parts; the key's SHA-256."""
     key = {"format": "smad-key-1", "bank": order.name, "cases": {n: c[1] for n, c in cases.items()}}
     path = order.key_folder / "KEY.json"
     files.write_json(path, key)

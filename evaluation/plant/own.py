@@ -23,7 +23,7 @@ _OWN = (
      "six cells with flow from inlet to outlet and mixing, in place of one stirred volume: the "
      "water leaves warmer than its mean, wire and RTD are not at the mean temperature"),
     ("heat_into_water",
-     "loss to the room as a power 1.12 of the temperature step, in place of a constant conductance"),
+     "loss to the room as a power 1.12 of the temperature step, in place of a conductance"),
     ("heat_into_wire",
      "one heat capacity and one latent heat, the same for heating and cooling"),
 )  # fmt: skip

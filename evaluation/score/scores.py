@@ -261,4 +261,3 @@ def _wrong(pairs: Sequence[Pair]) -> Table:
     ]  # fmt: skip
     head = ("case", "kind", "truth", "floors", "outcome", "places told")
     return Table(head, lines, numeric=frozenset({3}))
-
