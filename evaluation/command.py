@@ -78,6 +78,13 @@ def _seal(options: argparse.Namespace) -> None:
         Ledger.of().seal(sha256, f"{order.key_folder.name}/KEY.json")
 
 
+def _usual(options: argparse.Namespace) -> None:
+    from evaluation.bank.usual import usual
+
+    for name in options.effects:
+        print("{}  {:.3g}, {:.2f} floors".format(name, *usual(name)))
+
+
 def _check_up(options: argparse.Namespace) -> None:
     from evaluation.run.check_ups import run
 
@@ -187,6 +194,9 @@ def _banks(commands: _Commands) -> None:
     _of_any_inputs(seal, changed=60, differs=24)
     _of_check_ups(seal, cases=96, benches=12, once=False)
     seal.set_defaults(run=_seal)
+    sizes = commands.add_parser("usual", help="the magnitude of effects near three floors")
+    sizes.add_argument("effects", nargs="+", help="names of the plant's table")
+    sizes.set_defaults(run=_usual)
 
 
 def _of_any_inputs(command: argparse.ArgumentParser, changed: int, differs: int) -> None:

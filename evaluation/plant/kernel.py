@@ -30,7 +30,6 @@ from evaluation.plant.layout import (
     I_X,
     INLET,
     LUCK_X,
-    MEAN_T,
     OHM,
     OUTLET,
     PAIR_WIDTH,
@@ -116,7 +115,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, PLATE] = ambient_degC
     side[:, RELAXING] = 0.5 * bench.span_m
     side[:, GRIP] = 0.5 * bench.span_m
-    side[:, MEAN_T] = water_degC
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
     quiet = np.zeros(8)
     quiet[INLET] = water_degC

@@ -87,16 +87,13 @@ CELL_WIDTH = PLAY + PLAYS
     BUCKLING,
     BUCKLED,
     LIMITED,
-    TRIPPED,
     MOTOR,
     AMMETER,
     GROWN,
-    HELD,
-    MEAN_T,
     CHARGE,
     GRIP,
     SIDE_WIDTH,
-) = range(67)
+) = range(64)
 
 (
     TIME,

@@ -19,7 +19,6 @@ from evaluation.plant.layout import (
     COOLED_FROM,
     FRACTION,
     HEATED_FROM,
-    HELD,
     PEAK,
     QUENCH,
     RATE,
@@ -47,7 +46,6 @@ QUENCHED = slot("quenched_martensite")
 PINNING = slot("pinned_fronts")
 GRAINS = slot("grain_slopes")
 DEFORMED = slot("deformed_martensite")
-ISOTHERMAL = slot("isothermal_martensite")
 HYDROGEN = slot("hydrogen_uptake")
 
 ARREST_K = 2.0  # width of what is remembered
@@ -110,8 +108,6 @@ def shifts(
         wider = e[s, GRAINS] * (0.5 - cells[s, i, FRACTION]) * (stress - 57.0)
         heat += wider / p[HEAT_SLOPE]
         cool += wider / p[COOL_SLOPE]
-    if e[s, ISOTHERMAL] > 0.0:
-        cool += e[s, ISOTHERMAL] * math.log10(1.0 + side[s, HELD] / 2.0)
     if e[s, HYDROGEN] != 0.0:
         lowered = e[s, HYDROGEN] * side[s, CHARGE] / (side[s, CHARGE] + 60.0)
         heat -= lowered

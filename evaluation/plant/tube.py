@@ -29,8 +29,6 @@ from evaluation.plant.layout import (
     FRACTION,
     HEATED_FROM,
     HEATING,
-    HELD,
-    MEAN_T,
     MOST_TURNED,
     OHM,
     OUTLET,
@@ -44,7 +42,6 @@ from evaluation.plant.layout import (
     RESERVOIR,
     SHUNT,
     SPEED,
-    TRIPPED,
     TURNED,
     WALL,
     WET,
@@ -125,7 +122,6 @@ QUENCHED = slot("quenched_martensite")
 SHORTS = slot("shorted_turns")
 VARIANTS = slot("variant_creep")
 HOT_CLIPS = slot("hot_clips")
-TRIPPING = slot("film_tripping")
 STIRRING = slot("stirring_coils")
 
 BRIDGING_A = 0.5  # current that breaks the oxide between turns that touch
@@ -206,10 +202,6 @@ def coefficients(
         reach = math.exp(e[s, PITCH] * stretch / (1.0 + 0.5 * abs(stretch)))
     if e[s, STIRRING] > 0.0:
         reach *= 1.0 + e[s, STIRRING] * min(abs(pair[SPEED]) / 5e-3, 3.0)
-    if e[s, TRIPPING] > 0.0:
-        eddies = 1.0 if share > (0.4 if side[s, TRIPPED] > 0.5 else 0.55) else 0.0
-        side[s, TRIPPED] = eddies
-        reach *= 1.0 + e[s, TRIPPING] * eddies
     for i in range(CELLS):
         row = rows[i]
         water = cells[s, i, W]
@@ -260,7 +252,6 @@ def remember(
     """Update what each cell remembers after its fraction has moved."""
     moved_all = 0.0
     mean = 0.0
-    warm = 0.0
     turned_new = turned_by(stress + side[s, EASED], p)
     if e[s, TWO_WAY] > 0.0:
         turned_new = min(1.0, turned_new + e[s, TWO_WAY] * (0.1 + side[s, MOST_TURNED]))
@@ -295,15 +286,11 @@ def remember(
         cell[FRACTION] = fraction
         moved_all += abs(moved) / CELLS
         mean += fraction / CELLS
-        warm += cell[T] / CELLS
         if e[s, R_PHASES] > 0.0 or e[s, RESISTIVITY] > 0.0:
             lift = 0.1 * (stress - 57.0)
             comes = falling((cell[T] - 37.0 - lift) / 2.0) * (1.0 - fraction)
             stays = falling((cell[T] - 40.5 - lift) / 2.0) * (1.0 - fraction)
             cell[R_PHASE] = min(max(cell[R_PHASE], comes), max(stays, comes))
-    still = abs(warm - side[s, MEAN_T]) < 0.3 * dt
-    side[s, HELD] = side[s, HELD] + dt if still else approach(side[s, HELD], 0.0, dt, 0.5)
-    side[s, MEAN_T] = warm
     side[s, CHARGE] += abs(side[s, AMPERE]) * dt
     side[s, WORK_DONE] += moved_all
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
