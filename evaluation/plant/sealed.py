@@ -14,7 +14,7 @@ EFFECTS: tuple[Effect, ...] = (
            "crimped sense clips hold better under tension: V + I e[(1.24 N/F)² − 1]"),
     Effect("hot_clips", "sealed", "thermal", "W", 1.8, 6.0, "heat_into_wire", "current",
            "worn crimps heat the ends of the wire with e(I/4 A)², 8 s behind"),
-    Effect("pump_waste_heat", "sealed", "thermal", "K", 8.6, 30.0, "inlet_water heat_into_water",
+    Effect("pump_waste_heat", "sealed", "thermal", "K", 8.6, 10.0, "inlet_water heat_into_water",
            "duty",
            "the pump's motor warms within 20 s as it runs and heats by e what it draws"),
     Effect("stirring_coils", "sealed", "thermal", "1", 0.59, 5.0, "film", "velocity",
