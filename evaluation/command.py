@@ -7,11 +7,11 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from evaluation.bank import check_ups, recorded
-from evaluation.bank.cases import DIFFERS
-from evaluation.errors import BankError, WithheldError
+from evaluation.bank import any_inputs, check_ups
+from evaluation.bank.making import Order
+from evaluation.errors import WithheldError
 from evaluation.quiz import mystery
 
 if TYPE_CHECKING:
@@ -19,39 +19,70 @@ if TYPE_CHECKING:
 
 
 def _make(options: argparse.Namespace) -> None:
-    order = recorded.Order(
-        options.bank,
-        options.out,
-        cases=options.cases,
-        full=options.full,
+    _told(_any_inputs(options, options.bank, seed=options.seed))
+
+
+def _any_inputs(options: argparse.Namespace, folder: Path, **more: Any) -> any_inputs.AnyInputs:
+    return any_inputs.AnyInputs(
+        folder=folder,
+        changed=options.changed,
         differs=options.differs,
-        seed=options.seed,
         jobs=options.jobs,
-        suffix=".csv.gz" if options.csv else ".parquet",
+        minutes=options.minutes,
+        **more,
     )
-    _made(order, recorded.make_bank(order))
 
 
 def _play(options: argparse.Namespace) -> None:
-    if options.sealed and options.seed is not None:
-        raise BankError("a sealed bank draws its seed in secret: leave --seed out")
-    order = check_ups.Order(
-        options.bank,
-        options.programme,
+    _told(_check_ups(options, options.bank, seed=options.seed, mixture=options.mixture))
+
+
+def _check_ups(options: argparse.Namespace, folder: Path, **more: Any) -> check_ups.CheckUps:
+    return check_ups.CheckUps(
+        folder=folder,
+        programme=options.programme,
         cases=options.cases,
         benches=options.benches,
         repeats=options.repeats,
-        seed=28 if options.seed is None else options.seed,
-        mixture=options.mixture,
-        sealed=options.sealed,
+        jobs=options.jobs,
+        minutes=options.minutes,
+        **more,
     )
-    _made(order, check_ups.make(order, jobs=options.jobs))
 
 
-def _made(order: recorded.Order | check_ups.Order, sha256: str) -> None:
+def _told(order: Order) -> str:
+    sha256 = any_inputs.make(order) if isinstance(order, any_inputs.AnyInputs) else ""
+    if isinstance(order, check_ups.CheckUps):
+        sha256 = check_ups.make(order)
+    if not sha256:
+        print(f"{order.folder} is not finished: the same command goes on")
+        return ""
     print(f"bank  {order.folder}")
     print(f"key   {order.key_folder / 'KEY.json'}")
     print(f"SHA-256 of the key  {sha256}")
+    return sha256
+
+
+def _seal(options: argparse.Namespace) -> None:
+    from evaluation.score.openings import Ledger
+
+    for order in (
+        _any_inputs(options, options.folder / "any-inputs", sealed=True),
+        _check_ups(options, options.folder / "check-ups", sealed=True),
+    ):
+        if (order.folder / "manifest.json").exists():
+            continue
+        sha256 = _told(order)
+        if not sha256:
+            return
+        Ledger.of().seal(sha256, f"{order.key_folder.name}/KEY.json")
+
+
+def _usual(options: argparse.Namespace) -> None:
+    from evaluation.bank.usual import usual
+
+    for name in options.effects:
+        print("{}  {:.3g}, {:.2f} floors".format(name, *usual(name)))
 
 
 def _check_up(options: argparse.Namespace) -> None:
@@ -73,23 +104,10 @@ def _score(options: argparse.Namespace) -> None:
     run(
         options.verdicts,
         options.key,
-        diagnoses=options.kept,
         out=options.out,
         title=options.title,
         note=options.note,
         answered_only=options.answered_only,
-    )
-
-
-def _decide(options: argparse.Namespace) -> None:
-    from evaluation.calibrate.decision import decide_constants
-
-    decide_constants(
-        options.banks,
-        options.out,
-        _named(options.cases),
-        as_is=options.as_is,
-        write=options.write,
     )
 
 
@@ -142,7 +160,6 @@ def _results(options: argparse.Namespace) -> None:
 def _elsewhere() -> dict[str, str]:
     """Commands that parse their own arguments, and what they are for."""
     return {
-        "where": "how often the place of an effect comes first",
         "design": "design the programme of the check-up",
     }
 
@@ -161,29 +178,49 @@ def _arguments() -> argparse.ArgumentParser:
 
 
 def _banks(commands: _Commands) -> None:
-    make = commands.add_parser("make", help="make a bank of recorded runs with a sealed key")
-    make.add_argument("bank", choices=("dev", "sealed", "mini"))
-    make.add_argument("--cases", type=int, help="about so many cases, in the same mixture")
-    make.add_argument("--full", action="store_true", help="440 cases instead of 150")
-    make.add_argument(
-        "--differs", type=int, default=DIFFERS, help="cases without good runs (default 4)"
-    )
-    make.add_argument("--out", type=Path, default=Path("banks"), help="where bank and key go")
-    make.add_argument("--seed", type=int, help="default: fixed for dev, secret for sealed")
-    make.add_argument("--jobs", type=int, default=2)
-    make.add_argument("--csv", action="store_true", help="gzipped CSV instead of Parquet")
+    make = commands.add_parser("make", help="a bank of any inputs: what has changed, what differs")
+    make.add_argument("bank", type=Path, help="the folder to make; its key goes beside it")
+    make.add_argument("--seed", type=int, required=True)
+    _of_any_inputs(make, changed=24, differs=8)
     make.set_defaults(run=_make)
     play = commands.add_parser("play", help="a bank of check-ups: a programme, good and now")
     play.add_argument("bank", type=Path, help="the folder to make; its key goes beside it")
-    play.add_argument("--programme", type=Path, required=True, help="folder of the programme")
-    play.add_argument("--cases", type=int, default=66)
-    play.add_argument("--benches", type=int, default=6)
-    play.add_argument("--repeats", type=int, default=2, help="good repeats of each bench")
-    play.add_argument("--seed", type=int, help="default: 28; secret for sealed")
-    play.add_argument("--sealed", action="store_true", help="with effects nobody has looked at")
+    play.add_argument("--seed", type=int, required=True)
     play.add_argument("--mixture", choices=tuple(check_ups.MIXTURES), default="scores")
-    play.add_argument("--jobs", type=int, default=2)
+    _of_check_ups(play, cases=66, benches=6)
     play.set_defaults(run=_play)
+    seal = commands.add_parser("seal", help="both kinds, seeds secret, effects nobody looked at")
+    seal.add_argument("folder", type=Path, help="for banks and keys, outside of the repository")
+    _of_any_inputs(seal, changed=60, differs=24)
+    _of_check_ups(seal, cases=96, benches=12, once=False)
+    seal.set_defaults(run=_seal)
+    sizes = commands.add_parser("usual", help="the magnitude of effects near three floors")
+    sizes.add_argument("effects", nargs="+", help="names of the plant's table")
+    sizes.set_defaults(run=_usual)
+
+
+def _of_any_inputs(command: argparse.ArgumentParser, changed: int, differs: int) -> None:
+    command.add_argument("--changed", type=int, default=changed, help="cases with good runs")
+    command.add_argument("--differs", type=int, default=differs, help="cases without")
+    _of_all(command)
+
+
+def _of_check_ups(
+    command: argparse.ArgumentParser, cases: int, benches: int, *, once: bool = True
+) -> None:
+    command.add_argument("--programme", type=Path, required=True, help="folder of the programme")
+    command.add_argument("--cases", type=int, default=cases)
+    command.add_argument("--benches", type=int, default=benches)
+    command.add_argument("--repeats", type=int, default=2, help="good repeats of each bench")
+    if once:
+        _of_all(command)
+
+
+def _of_all(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--jobs", type=int, default=2)
+    command.add_argument(
+        "--minutes", type=float, default=float("inf"), help="stop after so long; go on later"
+    )
 
 
 def _runs(commands: _Commands) -> None:
@@ -201,7 +238,6 @@ def _runs(commands: _Commands) -> None:
     score = commands.add_parser("score", help="scores as they are published, with their goals")
     score.add_argument("verdicts", type=Path)
     score.add_argument("key", type=Path)
-    score.add_argument("--kept", type=Path, help="whole diagnoses of `--keep`, for simpler rules")
     score.add_argument("--answered-only", action="store_true", help="leave out the other cases")
     _kept_as(score)
     score.set_defaults(run=_score)
@@ -214,13 +250,6 @@ def _kept_as(command: argparse.ArgumentParser) -> None:
 
 
 def _constants(commands: _Commands) -> None:
-    deciding = commands.add_parser("decide", help="constants of the diagnosis's decision")
-    deciding.add_argument("banks", type=Path, nargs="+", help="development banks, keys beside them")
-    deciding.add_argument("--out", type=Path, required=True, help="folder for the answers")
-    deciding.add_argument("--as-is", action="store_true", help="shares of right answers only")
-    deciding.add_argument("--cases", default="", help="only these, as case-001,case-007")
-    deciding.add_argument("--write", action="store_true", help="write them to the package")
-    deciding.set_defaults(run=_decide)
     fitted = commands.add_parser("calibrate", help="constants of the check-up from banks")
     fitted.add_argument("banks", type=Path, nargs="+", help="development banks of `play`")
     fitted.add_argument("--kept", type=Path, required=True, help="folder for what was found")
@@ -266,10 +295,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
         match given[:1]:
-            case ["where"]:
-                from evaluation.score.where import main as where
-
-                where(given[1:])
             case ["design"]:
                 from evaluation.programme.design import main as design
 

@@ -1,28 +1,20 @@
-"""Which cases a bank has: kinds, effects, strengths and seeds, all drawn from one number."""
+"""Which cases a bank has: kinds, effects and seeds, all drawn from one number."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from evaluation.bank.excitation import FOR_FITTING, FOR_HOLDING_OUT, RUN_s
-from evaluation.bank.strength import Plan
 from evaluation.plant.effects import BY_NAME, SIGNED, Active, names
 
-Kind = Literal[
-    "single", "none", "parameters", "unknown", "pair", "triple", "differs",
-    "room", "preload", "drift",
-]  # fmt: skip
+KINDS = ("single", "unknown", "pair", "triple")
+WITHOUT = ("none", "parameters", "room", "preload", "drift")
+"""Kinds of cases with and without an effect; of *differs* every second case has one."""
+DIFFERS = "differs"
 
-STRENGTHS = (1.0, 3.0, 10.0)
-DEFAULT = {"single": 60, "none": 15, "parameters": 15, "unknown": 36, "pair": 18, "triple": 6}
-FULL = {"single": 186, "none": 45, "parameters": 45, "unknown": 100, "pair": 48, "triple": 16}
-MINI = {"single": 1, "none": 1, "parameters": 1, "unknown": 1, "pair": 1, "triple": 0}
-
-DIFFERS = 4
-
-WITHOUT: tuple[Kind, ...] = ("none", "parameters", "room", "preload", "drift")
-"""Kinds of cases without an effect."""
+ONE_SIDED = 0.25
+"""Share of the effects of single springs that act on X alone, and as many on Y alone."""
+CHOICES = 4
 
 APART = {
     frozenset(("tube_friction", "viscous_drag")),
@@ -39,9 +31,8 @@ class Case:
     """One case before it is made. `choices` are tried in order until one reaches its strength."""
 
     number: int
-    kind: Kind
+    kind: str
     choices: tuple[tuple[Active, ...], ...]
-    target: float
     seed: int
 
     @property
@@ -51,29 +42,28 @@ class Case:
 
 
 def _drawn(rng: np.random.Generator, name: str) -> Active:
-    """One effect, magnitude left open (0 but signed), with spring Y's share and its shape."""
+    """One effect at its usual size, with sign, the springs' shares and its shape."""
     sign = -1.0 if name in SIGNED and rng.integers(2) else 1.0
-    share, shape = float(rng.uniform(0.6, 1.0)), float(rng.uniform())
-    return Active(name, sign * BY_NAME[name].usual, share, shape)
+    x_share, y_share, shape = 1.0, float(rng.uniform(0.6, 1.0)), float(rng.uniform())
+    where = rng.uniform()
+    if BY_NAME[name].side != "both" and where < 2 * ONE_SIDED:
+        x_share, y_share = (1.0, 0.0) if where < ONE_SIDED else (0.0, 1.0)
+    return Active(name, sign * BY_NAME[name].usual, y_share, shape, x_share)
 
 
-def _spread(rng: np.random.Generator, pool: tuple[str, ...], count: int) -> list[tuple[str, float]]:
-    """`count` (effect, strength) with every strength and every effect about equally often."""
-    out: list[tuple[str, float]] = []
-    for i, strength in enumerate(STRENGTHS):
-        wanted = count // 3 + (1 if i < count % 3 else 0)
-        order: list[str] = []
-        while len(order) < wanted:
-            order += [str(n) for n in rng.permutation(pool)]
-        out += [(name, strength) for name in order[:wanted]]
-    return out
+def _spread(rng: np.random.Generator, pool: tuple[str, ...], count: int) -> list[str]:
+    """`count` effects, every one about equally often."""
+    order: list[str] = []
+    while len(order) < count:
+        order += [str(n) for n in rng.permutation(pool)]
+    return order[:count]
 
 
 def _substitutes(
     rng: np.random.Generator, pool: tuple[str, ...], first: str
 ) -> tuple[tuple[Active, ...], ...]:
-    others = [str(n) for n in rng.permutation([n for n in pool if n != first])[:3]]
-    return tuple((_drawn(rng, n),) for n in (first, *others))
+    others = rng.permutation([n for n in pool if n != first])[: CHOICES - 1]
+    return tuple((_drawn(rng, str(n)),) for n in (first, *others))
 
 
 def _together(rng: np.random.Generator, size: int) -> tuple[Active, ...]:
@@ -86,57 +76,34 @@ def _together(rng: np.random.Generator, size: int) -> tuple[Active, ...]:
             return tuple(_drawn(rng, n) for n in chosen)
 
 
-def scaled(counts: dict[str, int], total: int) -> dict[str, int]:
+def scaled(counts: Mapping[str, int], total: int) -> dict[str, int]:
     """The same mixture with about `total` cases, at least one of each kind that it has."""
     factor = total / sum(counts.values())
-    return {kind: max(1, round(n * factor)) if n else 0 for kind, n in counts.items()}
+    return {kind: max(1, round(n * factor)) for kind, n in counts.items() if n and total}
 
 
-def draw(bank: str, seed: int, counts: dict[str, int], differs: int) -> list[Case]:
-    """All cases of a bank in shuffled order; `bank` decides which unknown effects it may hold."""
+def draw(seed: int, counts: Mapping[str, int], *, sealed: bool) -> list[Case]:
+    """All cases of a bank in shuffled order; effects of no list are sealed ones or `dev`.
+
+    Of `counts` each kind has so many; those of *differs* come last.
+    """
     rng = np.random.default_rng((seed, 1))
-    counts = {"single": 0, "unknown": 0, "pair": 0, "triple": 0, **counts}
-    unknown = names("sealed" if bank == "sealed" else "dev")
-    known = names("known")
-    drawn: list[tuple[Kind, tuple[tuple[Active, ...], ...], float]] = []
-    for name, strength in _spread(rng, known, counts["single"]):
-        drawn.append(("single", _substitutes(rng, known, name), strength))
-    for name, strength in _spread(rng, unknown, counts["unknown"]):
-        drawn.append(("unknown", _substitutes(rng, unknown, name), strength))
-    several: tuple[tuple[Kind, int], ...] = (("pair", 2), ("triple", 3))
-    for kind, size in several:
-        for i in range(counts[kind]):
-            choices = tuple(_together(rng, size) for _ in range(4))
-            drawn.append((kind, choices, (3.0, 10.0)[i % 2]))
-    for kind in WITHOUT:
-        drawn += [(kind, ((),), 0.0)] * counts.get(kind, 0)
-    for name in (str(n) for n in rng.permutation(np.resize(known, differs))):
-        drawn.append(("differs", _substitutes(rng, known, name), STRENGTHS[-1]))
-    order = rng.permutation(len(drawn))
+    pools = {"single": names("known"), "unknown": names("sealed" if sealed else "dev")}
+    drawn: list[tuple[str, tuple[tuple[Active, ...], ...]]] = []
+    for kind, pool in pools.items():
+        some = _spread(rng, pool, counts.get(kind, 0))
+        drawn += [(kind, _substitutes(rng, pool, name)) for name in some]
+    for kind, size in (("pair", 2), ("triple", 3)):
+        for _ in range(counts.get(kind, 0)):
+            drawn.append((kind, tuple(_together(rng, size) for _ in range(CHOICES))))
+    drawn += [(kind, ((),)) for kind in WITHOUT for _ in range(counts.get(kind, 0))]
+    drawn = [drawn[i] for i in rng.permutation(len(drawn))]
+    of_differs = []
+    for i in range(counts.get(DIFFERS, 0)):
+        pool = pools["single" if i % 4 == 0 else "unknown"]
+        with_effect = i % 2 == 0
+        choices = _substitutes(rng, pool, str(rng.choice(pool))) if with_effect else ((),)
+        of_differs.append((DIFFERS, choices))
+    drawn += [of_differs[i] for i in rng.permutation(len(of_differs))]
     seeds = rng.integers(2**31, size=len(drawn))
-    return [
-        Case(n + 1, drawn[i][0], drawn[i][1], drawn[i][2], int(seeds[n]))
-        for n, i in enumerate(order)
-    ]
-
-
-def plan(rng: np.random.Generator, seconds: float = RUN_s) -> Plan:
-    """Four runs to fit and two held out, of other families, in shuffled order."""
-    fit = ["open_loop", *rng.choice([f for f in FOR_FITTING if f != "open_loop"], 3, replace=False)]
-    held_out = rng.choice(FOR_HOLDING_OUT, 2, replace=False)
-    runs = [(str(f), "fit") for f in fit] + [(str(f), "hold_out") for f in held_out]
-    seeds = rng.integers(2**31, size=len(runs))
-    return Plan(
-        tuple((runs[i][0], int(seeds[i]), runs[i][1]) for i in rng.permutation(len(runs))),
-        seconds,
-    )
-
-
-def commissioning(rng: np.random.Generator) -> list[tuple[str, int]]:
-    """Families and seeds of three known-good runs, among them one of the held-out families."""
-    kinds = [
-        str(rng.choice(("steps", "staircase", "air"))),
-        str(rng.choice(("open_loop", "slow_heat"))),
-        str(rng.choice(FOR_HOLDING_OUT)),
-    ]
-    return [(kind, int(rng.integers(2**31))) for kind in kinds]
+    return [Case(n + 1, *one, int(seeds[n])) for n, one in enumerate(drawn)]

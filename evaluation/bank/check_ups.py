@@ -8,15 +8,13 @@
 Cases of one bench share its good runs, so that a diagnosis commissions a bench once.
 """
 
-import secrets
 import shutil
+import time
 import tomllib
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +22,19 @@ from numpy.typing import NDArray
 from evaluation.bank import files
 from evaluation.bank.cases import Case, draw, scaled
 from evaluation.bank.excitation import TICK_s
+from evaluation.bank.making import (
+    Entry,
+    Order,
+    answer,
+    begun,
+    made,
+    raised,
+    rms_difference,
+    sealed_up,
+)
 from evaluation.bank.recorder import Run, record_program
 from evaluation.errors import BankError
-from evaluation.plant.effects import BY_NAME, Active
+from evaluation.plant.effects import Active
 from evaluation.plant.parameters import (
     Bench,
     another_bench,
@@ -39,7 +47,6 @@ Array = NDArray[np.float64]
 
 COLUMNS = ("t_s", "i_x_A", "i_y_A", "duty_x", "duty_y")
 FORMAT = "smad-checkup-1"
-SEALED = "sealed"
 MIXTURE = {"single": 60, "none": 24, "parameters": 12, "unknown": 24, "pair": 12, "triple": 4}
 OTHER_DAYS = {"none": 12, "room": 12, "preload": 12, "parameters": 12, "drift": 12}
 """Benches without an effect on days unlike those they were commissioned on."""
@@ -47,8 +54,6 @@ MIXTURES = {"scores": MIXTURE, "other-days": OTHER_DAYS}
 ROOM_K = 4.0
 STRENGTHS = (0.3, 30.0)
 """Weakest and strongest effect, in repeat floors of the signal that shows it most."""
-_LEAST_GAP = 0.01
-SIGNALS = ("i_meas_x_A", "v_x_V", "v_y_V", "rtd_x_degC", "rtd_y_degC", "displacement_mm", "force_N")
 
 
 @dataclass(frozen=True)
@@ -83,35 +88,25 @@ def _read_run(folder: Path, name: str, duration_s: float) -> Played:
     return Played(name, program)
 
 
-@dataclass(frozen=True)
-class Order:
-    """A bank to make: how many cases on how many benches, how many good repeats.
+@dataclass(frozen=True, kw_only=True)
+class CheckUps(Order):
+    """A bank of check-ups: how many cases on how many benches, how many good repeats."""
 
-    `sealed`: effects of no list come from the sealed ones, and the seed is drawn in secret.
-    """
-
-    folder: Path
     programme: Path
-    cases: int
-    benches: int
-    repeats: int
-    seed: int
+    cases: int = 66
+    benches: int = 6
+    repeats: int = 2
     mixture: str = "scores"
-    sealed: bool = False
-
-    @property
-    def name(self) -> str:
-        """What manifest and key call the bank."""
-        return SEALED if self.sealed else self.folder.name
-
-    @property
-    def key_folder(self) -> Path:
-        return self.folder.with_name(f"{self.folder.name}-key")
 
 
-def bench_of(order: Order, number: int) -> Bench:
+def bench_of(order: CheckUps, number: int) -> Bench:
     """Bench `number` of the bank."""
-    return another_bench(np.random.default_rng((order.seed, 28, number)))
+    return another_bench(np.random.default_rng((_seed(order), 28, number)))
+
+
+def _seed(order: CheckUps) -> int:
+    assert order.seed is not None
+    return order.seed
 
 
 def play(
@@ -148,44 +143,23 @@ def _write(folder: Path, runs: list[Run]) -> None:
         files.write_run(folder / f"{run.family}.parquet", run.log)
 
 
-def _good(order: Order, number: int) -> Array:
+def _good(order: CheckUps, number: int) -> list[float]:
     """Write the good repeats of a bench; its floor: RMS between two of its good days, by signal."""
     programme = read_programme(order.programme)
     bench = bench_of(order, number)
     repeats = []
     for repeat in range(order.repeats):
-        seed = int(np.random.default_rng((order.seed, 29, number, repeat)).integers(2**31))
+        seed = int(np.random.default_rng((_seed(order), 29, number, repeat)).integers(2**31))
         place = order.folder / "benches" / f"bench-{number + 1}" / f"good-{repeat + 1}"
         repeats.append(play(bench, (), programme, seed))
         _write(place, repeats[-1])
     if len(repeats) < 2:
         repeats.append(play(bench, (), programme, seed + 7))
-    pairs = list(pairwise(repeats))
-    return np.asarray(np.sqrt(np.mean([_difference(a, b) ** 2 for a, b in pairs], axis=0)))
+    squares = [rms_difference(a, b) ** 2 for a, b in pairwise(repeats)]
+    return [float(x) for x in np.sqrt(np.mean(squares, axis=0))]
 
 
-def _difference(one: list[Run], other: list[Run]) -> Array:
-    columns = [_column(s) for s in SIGNALS]
-    off = np.concatenate([(a.grid - b.grid)[:, columns]
-                          for a, b in zip(one, other, strict=True)])  # fmt: skip
-    return np.asarray(np.sqrt(np.mean(off**2, axis=0)))
-
-
-def _column(signal: str) -> int:
-    from evaluation.plant.layout import READINGS
-
-    return READINGS.index(signal)
-
-
-def _scaled(active: tuple[Active, ...], factor: float) -> tuple[Active, ...]:
-    out = []
-    for a in active:
-        limit = BY_NAME[a.name].limit
-        out.append(replace(a, magnitude=float(np.clip(a.magnitude * factor, -limit, limit))))
-    return tuple(out)
-
-
-def _make(order: Order, case: Case, floor: Array) -> tuple[dict[str, Any], dict[str, Any]]:
+def _make(order: CheckUps, case: Case, floor: list[float]) -> tuple[Entry, Entry]:
     """Write one case; its manifest entry and its key entry.
 
     An effect is tried at its usual size and scaled once, to a strength drawn evenly in its
@@ -201,68 +175,33 @@ def _make(order: Order, case: Case, floor: Array) -> tuple[dict[str, Any], dict[
     seed = int(rng.integers(2**31))
     target = float(np.exp(rng.uniform(*np.log(STRENGTHS))))
     active = case.choices[0]
-    gap = np.zeros(len(SIGNALS))
     without = play(bench, (), programme, seed)
     if active:
-        tried = _difference(play(bench, active, programme, seed), without) / floor
-        active = _scaled(active, target / max(float(tried.max()), _LEAST_GAP))
+        tried = rms_difference(play(bench, active, programme, seed), without) / floor
+        active = raised(active, tried, target)
     other = active or room_K or tested is not bench
     now = play(tested, active, programme, seed, room_K) if other else without
-    gap = _difference(now, without) / floor
+    gap = rms_difference(now, without) / floor
     _write(order.folder / "cases" / case.name, now)
-    entry = {
-        "kind": case.kind,
-        "bench": number + 1,
-        "target_floors": round(target, 4) if active else 0.0,
-        "gap_worst": round(float(gap.max()), 4),
-        "gap_paired": {s: round(float(g), 3) for s, g in zip(SIGNALS, gap, strict=True)},
-        "effects": [
-            {
-                "name": a.name,
-                "known": BY_NAME[a.name].kind == "known",
-                "subsystem": BY_NAME[a.name].subsystem,
-                "magnitude": a.magnitude,
-                "y_share": a.y_share,
-                "shape": a.shape,
-                "quantity": None,
-            }
-            for a in active
-        ],
-    }
+    entry = answer(case.kind, active, target, gap) | {"bench": number + 1}
     return {"id": case.name, "bench": f"bench-{number + 1}"}, entry
 
 
-def make(order: Order, jobs: int = 2) -> str:
-    """Write the bank and its key; the key's SHA-256. A folder that exists is refused.
+def make(order: CheckUps) -> str:
+    """Make a bank or go on with it; the SHA-256 of its key, empty when time ran out.
 
-    The seed of a sealed bank is drawn here and kept nowhere: its good repeats and cases would tell.
+    Raises BankError when another bank is in the way.
     """
-    if order.sealed:
-        order = replace(order, seed=secrets.randbits(48))
-    if order.folder.exists() or order.key_folder.exists():
-        raise BankError(f"{order.folder} or its key exists: give another folder, or remove both")
-    shutil.copytree(order.programme, order.folder / "programme")
-    counts = scaled(MIXTURES[order.mixture], order.cases)
-    cases = draw(SEALED if order.sealed else "dev", order.seed, counts, 0)
-    with ProcessPoolExecutor(jobs) as pool:
-        floors = list(pool.map(_good, [order] * order.benches, range(order.benches)))
-        own = [floors[case.number % order.benches] for case in cases]
-        made = list(pool.map(_make, [order] * len(cases), cases, own))
-    order.key_folder.mkdir(parents=True)
-    key = {
-        "format": "smad-key-1",
-        "bank": order.name,
-        "cases": {m["id"]: entry for m, entry in made},
-    }
-    files.write_json(order.key_folder / "KEY.json", key)
-    sha256 = files.digest(order.key_folder / "KEY.json")
-    manifest = {
-        "format": FORMAT,
-        "bank": order.name,
-        "key_sha256": sha256,
-        "columns": files.UNITS,
-        "repeats": order.repeats,
-        "cases": [m for m, _ in made],
-    }
-    files.write_json(order.folder / "manifest.json", manifest)
-    return sha256
+    until = time.monotonic() + 60.0 * order.minutes
+    order = begun(order)
+    shutil.copytree(order.programme, order.folder / "programme", dirs_exist_ok=True)
+    cases = draw(_seed(order), scaled(MIXTURES[order.mixture], order.cases), sealed=order.sealed)
+    benches = {f"bench-{n + 1}": (order, n) for n in range(order.benches)}
+    floors = made(order, until, _good, benches)
+    if floors is None:
+        return ""
+    own = {c.name: floors[f"bench-{c.number % order.benches + 1}"] for c in cases}
+    done = made(order, until, _make, {c.name: (order, c, own[c.name]) for c in cases})
+    if done is None:
+        return ""
+    return sealed_up(order, done, {"format": FORMAT, "repeats": order.repeats})

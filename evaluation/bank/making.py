@@ -1,148 +1,171 @@
-"""One case of a bank: find the strength, record the runs, ask the oracle, write the answer."""
+"""What the makers of banks share: parts that are made once, a key that lies apart, its hash."""
 
+import secrets
+import shutil
+import sys
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bank import strength
-from evaluation.bank.cases import Case, commissioning, plan
-from evaluation.bank.files import write_run
-from evaluation.bank.oracle import SIGNALS
-from evaluation.bank.quantities import true_quantity
-from evaluation.bank.recorder import Run, record
-from evaluation.bank.strength import Rig
+from evaluation.bank import files
+from evaluation.bank.recorder import Run
+from evaluation.errors import BankError
 from evaluation.plant.effects import BY_NAME, Active
-from evaluation.plant.parameters import Bench, another_bench, changed_parameters
+from evaluation.plant.layout import READINGS
 
 Array = NDArray[np.float64]
 Entry = dict[str, Any]
 
-
-@dataclass(frozen=True)
-class Style:
-    """How a bank is made: length of its runs, kind of its files, effort of the search."""
-
-    seconds: float
-    suffix: str = ".parquet"
-    search: bool = True
+SEALED = "sealed"
+SIGNALS = ("i_meas_x_A", "v_x_V", "v_y_V", "rtd_x_degC", "rtd_y_degC", "displacement_mm", "force_N")
+_COLUMNS = [READINGS.index(s) for s in SIGNALS]
+_LEAST_GAP = 0.01
 
 
-def _rounded(values: Array) -> dict[str, float]:
-    return {name: round(float(v), 4) for name, v in zip(SIGNALS, values, strict=True)}
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """A bank to make. `seed` None: drawn in secret, and kept only until the bank is made.
+
+    `sealed`: effects of no list are those that nobody has looked at. `minutes`: stop after so long;
+    the same order goes on.
+    """
+
+    folder: Path
+    seed: int | None = None
+    sealed: bool = False
+    jobs: int = 2
+    minutes: float = float("inf")
+
+    @property
+    def name(self) -> str:
+        """What manifest and key call the bank."""
+        return SEALED if self.sealed else self.folder.name
+
+    @property
+    def key_folder(self) -> Path:
+        """The key, and what is needed to resume."""
+        return self.folder.with_name(f"{self.folder.name}-key")
+
+    @property
+    def parts(self) -> Path:
+        """Parts of an unfinished bank."""
+        return self.key_folder / "parts"
 
 
-def _at_strength(rig: Rig, case: Case, style: Style) -> tuple[tuple[Active, ...], bool]:
-    """The first of the case's choices that reaches the strength, each of its effects alone."""
-    best: tuple[tuple[Active, ...], bool] = ((), False)
-    for choice in case.choices:
-        if not style.search:
-            return tuple(_usual(a, case.target) for a in choice), True
-        found = [strength.find(rig, _usual(a, case.target), case.target) for a in choice]
-        best = (tuple(f.active for f in found), all(f.reaches(case.target) for f in found))
-        if best[1]:
-            break
-    return best
+Ordered = TypeVar("Ordered", bound=Order)
 
 
-def _sign(active: Active) -> float:
-    return -1.0 if active.magnitude < 0 else 1.0
+def begun(order: Ordered) -> Ordered:
+    """The order with its seed, which is drawn or found where the bank was begun.
 
-
-def _usual(active: Active, target: float) -> Active:
-    spec = BY_NAME[active.name]
-    return replace(active, magnitude=_sign(active) * min(spec.usual * target / 3.0, spec.limit))
-
-
-def make(case: Case, folder: Path, style: Style) -> tuple[Entry, Entry]:
-    """Write the case's run files under `folder`; its manifest entry and its key entry."""
-    rng = np.random.default_rng((case.seed, 2))
-    bench = another_bench(rng)
-    rig = strength.rig(bench, plan(rng, style.seconds))
-    active, reached = _at_strength(rig, case, style)
-    tested = changed_parameters(rng, bench) if case.kind == "parameters" else bench
-    runs = rig.recorded(active, tested)
-    files = _write_runs(case, folder, style, rig, runs, rng=rng)
-    gap, refit = rig.after_refit(runs)
-    entry: Entry = {
-        "kind": case.kind,
-        "target_floors": case.target,
-        "reached": reached,
-        "effects": [_effect_entry(a) for a in active],
-        "floor": _rounded(np.sqrt(rig.floor_squares)),
-        "raw_gap": _rounded(strength.raw_gap(rig, runs).by_signal),
-        "gap": _rounded(gap.by_signal),
-        "gap_worst": round(gap.worst, 4),
-        "refit_steps": [round(float(s), 4) for s in refit.steps],
-        "bench": {k: float(v) for k, v in asdict(bench).items()},
-        "changed": _changed(bench, tested),
-        "run_seeds": [seed for _, seed, _ in rig.plan.runs],
-    }
-    if active:
-        exact = strength.exact_law(rig, runs, active)
-        entry["gap_exact_law"] = _rounded(exact.by_signal)
-        entry["shrink_exact_law"] = round(1.0 - exact.worst / max(gap.worst, 1e-9), 4)
-    question = "differs" if case.kind == "differs" else "changed"
-    return {"id": case.name, "question": question, "runs": files}, entry
-
-
-def _effect_entry(active: Active) -> Entry:
-    spec = BY_NAME[active.name]
-    return {
-        "name": active.name,
-        "known": spec.kind == "known",
-        "subsystem": spec.subsystem,
-        "magnitude": active.magnitude,
-        "unit": spec.unit,
-        "y_share": active.y_share,
-        "shape": active.shape,
-        "quantity": true_quantity(active),
-    }
-
-
-def _changed(bench: Bench, tested: Bench) -> dict[str, list[float]]:
-    before, after = asdict(bench), asdict(tested)
-    return {k: [before[k], after[k]] for k in before if before[k] != after[k]}
-
-
-def _write_runs(
-    case: Case, folder: Path, style: Style, rig: Rig, runs: list[Run], *, rng: np.random.Generator
-) -> list[Entry]:
-    place = folder / "cases" / case.name
-    place.mkdir(parents=True, exist_ok=True)
-    files: list[Entry] = []
-
-    def add(name: str, run: Run, role: str) -> None:
-        path = place / f"{name}{style.suffix}"
-        write_run(path, run.log)
-        where = str(path.relative_to(folder))
-        files.append({"file": where, "role": role, "family": run.family, "bench": "this"})
-
-    for i, (run, (_, _, role)) in enumerate(zip(runs, rig.plan.runs, strict=True)):
-        add(f"run-{i + 1}", run, role)
-    if case.kind != "differs":
-        for i, (family, seed) in enumerate(commissioning(rng)):
-            good = record(rig.bench, (), family, seed, seconds=style.seconds, number=i - 1000)
-            add(f"good-{i + 1}", good, "good")
-    return files
-
-
-def sisters(seed: int, count: int, folder: Path, style: Style) -> list[Entry]:
-    """Write two known-good runs of each of `count` sister benches; their manifest entries."""
-    place = folder / "sisters"
-    place.mkdir(parents=True, exist_ok=True)
-    entries: list[Entry] = []
-    for i in range(count):
-        rng = np.random.default_rng((seed, 3, i))
-        bench = another_bench(rng)
-        for j, (family, run_seed) in enumerate(commissioning(rng)[1:]):
-            run = record(bench, (), family, run_seed, seconds=style.seconds, number=10 * i + j)
-            path = place / f"sister-{i + 1}-run-{j + 1}{style.suffix}"
-            write_run(path, run.log)
-            where = str(path.relative_to(folder))
-            entries.append(
-                {"file": where, "role": "good", "family": family, "bench": f"sister-{i + 1}"}
+    Raises BankError when a finished bank or another order's is in the way.
+    """
+    if (order.folder / "manifest.json").exists():
+        raise BankError(f"{order.folder} is already made: give another folder, or remove it")
+    asked = {k: str(v) for k, v in asdict(order).items() if k not in ("jobs", "minutes")}
+    path = order.parts / "order.json"
+    if not path.exists():
+        if order.folder.exists() or order.key_folder.exists():
+            raise BankError(
+                f"{order.folder} or its key exists: give another folder, or remove both"
             )
-    return entries
+        order.parts.mkdir(parents=True)
+        seed = secrets.randbits(48) if order.seed is None else order.seed
+        files.write_json(path, {"seed": seed, "asked": asked})
+    known = files.read_json(path)
+    if known["asked"] != asked:
+        raise BankError(
+            f"{order.folder} was begun with other options ({known['asked']}): repeat those, or "
+            f"remove it and {order.key_folder}"
+        )
+    return replace(order, seed=int(known["seed"]))
+
+
+def made(
+    order: Order, until: float, one: Callable[..., Any], work: Mapping[str, tuple[Any, ...]]
+) -> dict[str, Any] | None:
+    """What `one` gives for all `work`, by name; parts that exist are not made again.
+
+    None when `until` (monotonic seconds) came before the end.
+    """
+    missing = [n for n in work if not (order.parts / f"{n}.json").exists()]
+    running: dict[Future[Any], str] = {}
+    with ProcessPoolExecutor(order.jobs) as pool:
+        while missing or running:
+            while missing and len(running) < order.jobs and time.monotonic() < until:
+                name = missing.pop(0)
+                running[pool.submit(one, *work[name])] = name
+            if not running:
+                return None
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                files.write_json(order.parts / f"{running.pop(future)}.json", future.result())
+                left = len(missing) + len(running)
+                print(f"\r{len(work) - left}/{len(work)} ", end="", file=sys.stderr, flush=True)
+    return {n: files.read_json(order.parts / f"{n}.json") for n in work}
+
+
+def sealed_up(order: Order, cases: Mapping[str, tuple[Entry, Entry]], manifest: Entry) -> str:
+    """Write manifest and key of a bank whose runs are made, forget its parts; the key's SHA-256."""
+    key = {"format": "smad-key-1", "bank": order.name, "cases": {n: c[1] for n, c in cases.items()}}
+    path = order.key_folder / "KEY.json"
+    files.write_json(path, key)
+    sha256 = files.digest(path)
+    whole = {
+        "bank": order.name,
+        "key_sha256": sha256,
+        "columns": files.UNITS,
+        "cases": [c[0] for c in cases.values()],
+        **manifest,
+    }
+    files.write_json(order.folder / "manifest.json", whole)
+    shutil.rmtree(order.parts)
+    return sha256
+
+
+def rms_difference(one: list[Run], other: list[Run]) -> Array:
+    """RMS of what two recordings of the same runs differ by, for each of `SIGNALS`."""
+    off = [(a.grid - b.grid)[:, _COLUMNS] for a, b in zip(one, other, strict=True)]
+    return np.asarray(np.sqrt(np.mean(np.concatenate(off) ** 2, axis=0)))
+
+
+def raised(active: tuple[Active, ...], tried: Array, target: float) -> tuple[Active, ...]:
+    """Effects that gave the gaps `tried`, scaled to `target` floors within their limits."""
+    factor = target / max(float(tried.max()), _LEAST_GAP)
+    out = []
+    for a in active:
+        limit = BY_NAME[a.name].limit
+        out.append(replace(a, magnitude=float(np.clip(a.magnitude * factor, -limit, limit))))
+    return tuple(out)
+
+
+def answer(kind: str, active: tuple[Active, ...], target: float, gap: Array) -> Entry:
+    """What the key says of any case: its effects with their truth, and its gaps in floors."""
+    return {
+        "kind": kind,
+        "target_floors": round(target, 4) if active else 0.0,
+        "gap_worst": round(float(gap.max()), 4),
+        "gap_paired": {s: round(float(g), 3) for s, g in zip(SIGNALS, gap, strict=True)},
+        "effects": [
+            {
+                "name": a.name,
+                "known": BY_NAME[a.name].kind == "known",
+                "subsystem": BY_NAME[a.name].subsystem,
+                "magnitude": a.magnitude,
+                "unit": BY_NAME[a.name].unit,
+                "x_share": a.x_share,
+                "y_share": a.y_share,
+                "shape": a.shape,
+                "places": BY_NAME[a.name].places,
+                "states": BY_NAME[a.name].states,
+                "side": a.side,
+                "equation": BY_NAME[a.name].form,
+            }
+            for a in active
+        ],
+    }

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.run.check_ups import benches_of, manifest_of
-from evaluation.score.seals import refuse_sealed
+from evaluation.score.openings import refuse_sealed
 from smad.checkup.calibrate import (
     Judged,
     Truth,

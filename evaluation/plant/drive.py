@@ -25,6 +25,7 @@ from evaluation.plant.layout import (
     LAG_A,
     LAG_B,
     LAG_C,
+    LIMITED,
     LOOSE,
     OHM,
     PUMP,
@@ -82,6 +83,8 @@ REFRESH = slot("gate_refresh")
 LEAKAGE = slot("bridge_leakage")
 KINK = slot("tube_kink")
 BREATHING = slot("breathing_tube")
+POWER_LIMIT = slot("shared_power_limit")
+COARSE = slot("coarse_driver")
 
 CURRENT_LIMIT_A = 4.0
 IDLE_A = 0.05  # command below which the current loop counts as idle
@@ -183,6 +186,12 @@ def current(
         i /= 1.0 + e[s, FOLDBACK] * max(0.0, side[s, JUNCTION] - 0.12)
     if e[s, DROOP] > 0.0:
         i *= 1.0 - min(0.8, e[s, DROOP] * drawn(side) * 0.25 * i)
+    if e[0, POWER_LIMIT] > 0.0:
+        watts = side[0, AMPERE] ** 2 * side[0, OHM] + side[1, AMPERE] ** 2 * side[1, OHM]
+        side[s, LIMITED] = approach(side[s, LIMITED], max(watts / 8.0 - 1.0, 0.0), dt, 0.5)
+        i /= 1.0 + e[0, POWER_LIMIT] * side[s, LIMITED]
+    if e[s, COARSE] > 0.0:
+        i = e[s, COARSE] * round(i / e[s, COARSE])
     if e[s, REFRESH] > 0.0:
         i *= 1.0 - e[s, REFRESH] * refilling(s, i, side, dt)
     if e[s, LEAKAGE] > 0.0:

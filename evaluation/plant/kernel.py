@@ -25,6 +25,7 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     GLANCE,
+    GRIP,
     HEATED_FROM,
     I_X,
     INLET,
@@ -113,6 +114,7 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OUTLET] = water_degC
     side[:, PLATE] = ambient_degC
     side[:, RELAXING] = 0.5 * bench.span_m
+    side[:, GRIP] = 0.5 * bench.span_m
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
     quiet = np.zeros(8)
     quiet[INLET] = water_degC

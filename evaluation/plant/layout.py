@@ -86,8 +86,14 @@ CELL_WIDTH = PLAY + PLAYS
     PLATE,
     BUCKLING,
     BUCKLED,
+    LIMITED,
+    MOTOR,
+    AMMETER,
+    GROWN,
+    CHARGE,
+    GRIP,
     SIDE_WIDTH,
-) = range(58)
+) = range(64)
 
 (
     TIME,
@@ -119,8 +125,9 @@ CELL_WIDTH = PLAY + PLAYS
     COUNTED,
     AVERAGED,
     PULLED,
+    CELL_WARM,
     PAIR_WIDTH,
-) = range(30)
+) = range(31)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

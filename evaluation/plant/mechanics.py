@@ -27,14 +27,19 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
+    FRAME,
     FREE_STRAIN,
     FRICTION,
+    GRIP,
+    GROWN,
     MOST_TURNED,
     PULLED,
+    PUMP,
     R_PHASE,
     RELAXING,
     SEAT,
     SPEED,
+    STARTED,
     TIME,
     TIPPING,
     TURNED,
@@ -81,12 +86,17 @@ PRESSURE = slot("pressure_stiffening")
 CLINGING = slot("clinging_coils")
 KNOT = slot("knot_tightening")
 BUCKLES = slot("tube_buckling")
+EXPANSION = slot("coil_expansion")
+SLIPPING = slot("clamp_slip")
+GROWTH = slot("frame_growth")
+HAMMER = slot("water_hammer")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
 SHAFT_TURN_m = 0.013
 TAPER_m = 0.010
+GRIPS_m = 2e-3  # how far a tube is drawn from its rest before it slips in its clamp
 PUSHES_m = 0.0225  # deflection under which a tube is pressed
 
 
@@ -143,6 +153,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
     side[s, EASED] = e[s, EASING] * math.tanh(max(warm, 0.0) / 20.0)
+    side[s, GROWN] = e[s, EXPANSION] * 1e-3 * warm / 20.0
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -158,7 +169,7 @@ def deflection(s: int, force: float, p: Array, cells: Array, side: Array) -> tup
         left = math.exp(-power)
         turned = 1.0 - left
         rate = left * p[TURN_POWER] * power / excess * p[STRESS] / p[TURN_SCALE]
-    length = side[s, COMPLIANT] * force
+    length = side[s, COMPLIANT] * force + side[s, GROWN]
     slope = side[s, COMPLIANT]
     for i in range(CELLS):
         share = side[s, FREE_STRAIN] * cells[s, i, FRACTION]
@@ -227,6 +238,18 @@ def tighten(e: Array, pair: Array) -> None:
 
 
 @compiled
+def gripped(s: int, length: float, e: Array, side: Array) -> float:
+    """Force (N) of the tube of spring `s` between its clamps."""
+    return float(e[s, SLIPPING] * min(max((length - side[s, GRIP]) / GRIPS_m, -1.0), 1.0))
+
+
+@compiled
+def jolt(s: int, e: Array, side: Array) -> float:
+    """Force (N) by which a pump that changes its speed takes from the tendon."""
+    return float(e[s, HAMMER] * (side[s, PUMP] - side[s, STARTED]))
+
+
+@compiled
 def pull(
     s: int, length: float, guess: float, p: Array, e: Array, cells: Array, side: Array
 ) -> tuple[float, float]:
@@ -274,6 +297,10 @@ def pull(
         push, rate = pressed_tube(s, length, e, side)
         force -= push
         slope += rate
+    if e[s, SLIPPING] > 0.0:
+        force += gripped(s, length, e, side)
+        slope += e[s, SLIPPING] / GRIPS_m
+    force -= jolt(s, e, side)
     if e[s, RELAXATION] > 0.0:
         force += e[s, RELAXATION] * (length - side[s, RELAXING]) / 0.005
         slope += e[s, RELAXATION] / 0.005
@@ -303,6 +330,7 @@ def longer_tendon(force: float, x: float, e: Array, pair: Array) -> tuple[float,
         scale = e[0, CREEP] * 1e-3 * math.log(1.0 + pair[TIME] / 3.0)
         stretch += scale * tension
         slope += scale
+    stretch -= e[0, GROWTH] * 1e-3 * pair[FRAME]
     stretch += e[0, WETTING] * 1e-3 * pair[DAMP]
     stretch += e[0, ROCKING] * 1e-3 * pair[SEAT]
     stretch += e[0, KNOT] * 1e-3 * math.tanh(pair[PULLED] / 0.3)
@@ -403,6 +431,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         length = stretched(s, x, p, e)
         cling(s, length, e, side)
         buckle(s, length, e, side, dt)
+        side[s, GRIP] = min(max(side[s, GRIP], length - GRIPS_m), length + GRIPS_m)
         side[s, RELAXING] += (length - side[s, RELAXING]) * (1.0 - math.exp(-dt / 6.0))
 
 
@@ -422,6 +451,7 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     if e[s, BUCKLES] > 0.0:
         push, _ = pressed_tube(s, length, e, side)
         beside -= push
+    beside += gripped(s, length, e, side) - jolt(s, e, side)
     if e[s, RELAXATION] > 0.0:
         beside += e[s, RELAXATION] * (length - side[s, RELAXING]) / 0.005
     if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:

@@ -12,9 +12,11 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach, drawn, late
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    AMMETER,
     AMPERE,
     AVERAGED,
     BATHED,
+    CELL_WARM,
     CELLS,
     CONTACT,
     CORE,
@@ -113,6 +115,11 @@ ZENER = slot("soft_zener")
 COUNTS = slot("pwm_counts")
 SEEPAGE = slot("rtd_seepage")
 AVERAGING = slot("adaptive_filter")
+CLIPS = slot("clip_tension")
+BOW = slot("rtd_bow")
+BENDING = slot("shaft_bending")
+SPAN_DRIFT = slot("cell_span_drift")
+AMMETER_LAG = slot("ammeter_average")
 
 TURN_mm = 13.0
 AXIS_OFF = 0.2  # rad between the tendon and the load cell's axis at rest
@@ -163,6 +170,9 @@ def rtd(
     if e[s, RTD_STRAIN] != 0.0:
         off = pair[X] if s == 1 else -pair[X]
         reading += e[s, RTD_STRAIN] * (off / 0.01 + 0.3 * (off / 0.01) ** 2)
+    if e[s, BOW] != 0.0:
+        z = (reading - 27.0) / 30.0
+        reading += 4.0 * e[s, BOW] * z * (1.0 - z)
     if e[s, SEEPAGE] > 0.0:
         reading -= e[s, SEEPAGE] * soaked(s, reading, side, dt)
     if e[s, CARRY] != 0.0:
@@ -227,6 +237,7 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
         turn = 2.0 * math.pi * reading / TURN_mm
         reading += e[0, ECCENTRIC] * (math.sin(turn + phase) - math.sin(phase))
     reading += e[0, SPOOL] * (reading / 10.0) ** 2
+    reading += e[0, BENDING] * (pair[FORCE_X] / 1.24 - 1.0)
     if e[0, MISCOUNT] > 0.0:
         reading += e[0, MISCOUNT] * reversals(pair[ENCODER], pair)
     if e[0, COUNTS] != 0.0:
@@ -265,12 +276,18 @@ def averaged(reading: float, longest: float, shape: float, dt: float, pair: Arra
 
 
 @compiled
-def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+def load(seen_N: float, dt: float, e: Array, cells: Array, side: Array, pair: Array) -> float:
     """Load cell reading (N) for a tendon force (N)."""
     time = pair[TIME]
     reading = seen_N * (1.0 + e[0, FORCE_GAIN] * (0.7 + 0.2 * seen_N))
     if e[0, ANGLE] != 0.0:
         reading *= math.cos(AXIS_OFF + e[0, ANGLE] * pair[X] / 0.01) / math.cos(AXIS_OFF)
+    if e[0, SPAN_DRIFT] != 0.0:
+        warm = 0.0
+        for i in range(CELLS):
+            warm += (cells[0, i, W] - 27.0) / CELLS
+        pair[CELL_WARM] = approach(pair[CELL_WARM], warm, dt, 20.0)
+        reading *= 1.0 + e[0, SPAN_DRIFT] * pair[CELL_WARM] / 20.0
     if e[0, STOP] > 0.0:
         past = seen_N - 1.27 - 0.2 * e[2, STOP]
         reading -= e[0, STOP] * 0.5 * (past + math.sqrt(past * past + 9e-4))
@@ -343,6 +360,9 @@ def read(
             out[s] += e[s, REMANENCE] * (side[s, CORE] - relative)
         if e[s, RANGES] != 0.0:
             out[s] *= 1.0 + e[s, RANGES] * low_range(s, side)
+        if e[s, AMMETER_LAG] > 0.0:
+            side[s, AMMETER] = approach(side[s, AMMETER], out[s], dt, e[s, AMMETER_LAG])
+            out[s] = side[s, AMMETER]
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         if e[s, POLARISATION] > 0.0:
@@ -350,6 +370,9 @@ def read(
             slow = 6.0 if pulled > side[s, POLARISED] else 15.0
             side[s, POLARISED] = approach(side[s, POLARISED], pulled, dt, slow)
             out[2 + s] += e[s, POLARISATION] * side[s, POLARISED]
+        if e[s, CLIPS] > 0.0:
+            tension = max(pair[FORCE_X] if s == 0 else pair[FORCE_Y], 0.3)
+            out[2 + s] += e[s, CLIPS] * side[s, AMPERE] * ((1.24 / tension) ** 2 - 1.0)
         out[2 + s] += e[s, RETURN_WIRE] * (side[0, AMPERE] + side[1, AMPERE])
         if e[s, GROUND_LIFT] != 0.0:
             out[2 + s] += e[s, GROUND_LIFT] * drawn(side)
@@ -367,7 +390,7 @@ def read(
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks = e[0, DELAY] * wander / dt
     out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
-    out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
+    out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, cells, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     beat = 0.0
     if e[0, BEAT] > 0.0:

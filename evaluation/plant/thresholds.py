@@ -15,6 +15,7 @@ from evaluation.plant.layout import (
     ARRESTED,
     ASLEEP,
     CELLS,
+    CHARGE,
     COOLED_FROM,
     FRACTION,
     HEATED_FROM,
@@ -45,6 +46,7 @@ QUENCHED = slot("quenched_martensite")
 PINNING = slot("pinned_fronts")
 GRAINS = slot("grain_slopes")
 DEFORMED = slot("deformed_martensite")
+HYDROGEN = slot("hydrogen_uptake")
 
 ARREST_K = 2.0  # width of what is remembered
 
@@ -106,6 +108,10 @@ def shifts(
         wider = e[s, GRAINS] * (0.5 - cells[s, i, FRACTION]) * (stress - 57.0)
         heat += wider / p[HEAT_SLOPE]
         cool += wider / p[COOL_SLOPE]
+    if e[s, HYDROGEN] != 0.0:
+        lowered = e[s, HYDROGEN] * side[s, CHARGE] / (side[s, CHARGE] + 60.0)
+        heat -= lowered
+        cool -= lowered
     if e[s, DEFORMED] > 0.0:
         heat += e[s, DEFORMED] * cells[s, i, TURNED] / 0.1
     return heat, cool

@@ -20,6 +20,7 @@ from evaluation.plant.layout import (
     BRIDGED,
     BUBBLE,
     CELLS,
+    CHARGE,
     COAT,
     CONTACT,
     COOLED_FROM,
@@ -40,6 +41,7 @@ from evaluation.plant.layout import (
     RATE,
     RESERVOIR,
     SHUNT,
+    SPEED,
     TURNED,
     WALL,
     WET,
@@ -119,6 +121,8 @@ OVERTURNING = slot("overturning_water")
 QUENCHED = slot("quenched_martensite")
 SHORTS = slot("shorted_turns")
 VARIANTS = slot("variant_creep")
+HOT_CLIPS = slot("hot_clips")
+STIRRING = slot("stirring_coils")
 
 BRIDGING_A = 0.5  # current that breaks the oxide between turns that touch
 VARIANTS_S = 2.0
@@ -196,6 +200,8 @@ def coefficients(
     if e[s, PITCH] > 0.0:
         stretch = (pair[X] if s == 1 else -pair[X]) / 0.01
         reach = math.exp(e[s, PITCH] * stretch / (1.0 + 0.5 * abs(stretch)))
+    if e[s, STIRRING] > 0.0:
+        reach *= 1.0 + e[s, STIRRING] * min(abs(pair[SPEED]) / 5e-3, 3.0)
     for i in range(CELLS):
         row = rows[i]
         water = cells[s, i, W]
@@ -230,6 +236,8 @@ def coefficients(
         row[HEAT_SHARE] = 1.0 + e[s, HEAT_BY_PHASE] * (1.0 - cells[s, i, FRACTION])
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
+    rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
+    rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
     mix = CELLS * p[CONDUCTION] + p[MIXING] * abs(side[s, FLOW]) * CELLS / 6.0
     if e[s, OVERTURNING] > 0.0:
         unstable = max(cells[s, CELLS - 1, W] - cells[s, 0, W], 0.0)
@@ -283,6 +291,7 @@ def remember(
             comes = falling((cell[T] - 37.0 - lift) / 2.0) * (1.0 - fraction)
             stays = falling((cell[T] - 40.5 - lift) / 2.0) * (1.0 - fraction)
             cell[R_PHASE] = min(max(cell[R_PHASE], comes), max(stays, comes))
+    side[s, CHARGE] += abs(side[s, AMPERE]) * dt
     side[s, WORK_DONE] += moved_all
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
     if mean < 0.5:

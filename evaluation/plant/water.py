@@ -18,8 +18,10 @@ from evaluation.plant.layout import (
     FILL,
     FLOW,
     MOLTEN,
+    MOTOR,
     PLATE,
     POCKET,
+    PUMP,
     RESERVOIR,
     SPILT,
     STOOD,
@@ -42,6 +44,7 @@ COATING = slot("gas_coat")
 SPILL = slot("evaporating_spill")
 WAX = slot("wax_melting")
 TOUCH = slot("frame_touch")
+WASTE = slot("pump_waste_heat")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -160,6 +163,9 @@ def entering(s: int, inlet: float, dt: float, e: Array, side: Array, pair: Array
         else:
             side[s, STOOD] = approach(side[s, STOOD], 1.0, dt, 15.0)
         source += e[s, SLUG] * side[s, STOOD]
+    if e[s, WASTE] > 0.0:
+        side[s, MOTOR] = approach(side[s, MOTOR], side[s, PUMP], dt, 20.0)
+        source += e[s, WASTE] * side[s, MOTOR]
     return float(source)
 
 

@@ -7,10 +7,10 @@ from statistics import median
 from typing import Any
 
 from evaluation.errors import QuizError
+from evaluation.score.intervals import wilson
 from smad.checkup.inquiry import Report
 from smad.checkup.programme import Programme
 from smad.checkup.verdict import CAUSE, GROUP, QUIET, UNKNOWN
-from smad.diagnosis.bank.intervals import wilson
 from smad.diagnosis.bank.names import canonical
 from smad.report.page import Table
 

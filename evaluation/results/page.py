@@ -30,13 +30,16 @@ One line for each use of the key of a sealed bank. Nothing may be tuned on what 
 _MOST_WORDS = 350
 """A larger first table is read in its file, as all others are."""
 _COLUMNS = {
-    "false alarms on none": "false alarms",
-    "detected at 3× the floor": "noticed at 3 floors",
-    "detected at 10× the floor": "at 10",
-    "right name first, of the detected": "right first",
-    "unknown effects named as a known one": "unknown given a name",
-}
-"""The scores of an opening that the page shows, and their heads; the log has all of them."""
+    "false alarms": ("check-up: quiet benches called changed", "false alarms on none"),
+    "noticed at 3 floors": ("check-up: noticed near 3 floors", "detected at 3× the floor"),
+    "at 10": ("check-up: noticed near 10 floors", "detected at 10× the floor"),
+    "place right first": ("check-up: place right first, listed",),
+    "right name": ("check-up: right name, of noticed listed", "right name first, of the detected"),
+    "unknown given a name": (
+        "check-up: unlisted given a name", "unknown effects named as a known one",
+    ),
+}  # fmt: skip
+"""Heads of the page's columns and what they show, as the log calls it now or did before."""
 
 
 def rendered(results: list[Result], openings: Path = OPENINGS) -> str:
@@ -62,18 +65,22 @@ def _openings(path: Path) -> Table:
     lines = path.read_text().splitlines() if path.exists() else []
     rows = []
     for entry in map(json.loads, lines):
-        scores = (entry["scores"].get(name) for name in _COLUMNS)
+        scores = (_first(entry["scores"], names) for names in _COLUMNS.values())
         rows.append(
             (
                 entry["opened"],
                 entry["commit"],
                 entry["key_sha256"][:12],
-                f"{entry['answered']}/{entry['cases']}",
+                str(entry["cases"]),
                 *("–" if value is None else f"{value:.2f}" for value in scores),
             )
         )
-    head = ("opened (UTC)", "commit", "key", "answered", *_COLUMNS.values())
+    head = ("opened (UTC)", "commit", "key", "cases", *_COLUMNS)
     return Table(head, rows, numeric=frozenset(range(3, len(head))))
+
+
+def _first(scores: dict[str, float | None], names: tuple[str, ...]) -> float | None:
+    return next((scores[n] for n in names if n in scores), None)
 
 
 def main(arguments: list[str]) -> int:

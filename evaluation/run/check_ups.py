@@ -1,4 +1,4 @@
-"""Judges a bank of check-ups with the product, and writes verdicts that `smad gap score` reads.
+"""Judges a bank of check-ups with the product, and writes answers that `score` reads.
 
 A bench is commissioned once, from its good repeats; each of its cases is then judged against that.
 """
@@ -11,29 +11,21 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from evaluation.errors import BankError
-from evaluation.score.seals import refuse_sealed
+from evaluation.score.openings import refuse_sealed
 from smad.checkup.commission import asked, commissioned
-from smad.checkup.constants import Constants, shipped_constants
+from smad.checkup.constants import shipped_constants
 from smad.checkup.files import read_file
 from smad.checkup.judge import Findings
 from smad.checkup.paired.difference import Paired, paired
 from smad.checkup.paired.reference import Reference
-from smad.checkup.verdict import CAUSE, GROUP, QUIET, Verdict, decide
+from smad.checkup.verdict import QUIET, Verdict, decide
 from smad.diagnosis.bank.names import canonical
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
-
-OUTCOMES = {
-    "quiet": "no_gap",
-    "parameters": "parameters_only",
-    "cause": "effect",
-    "group": "ambiguous",
-    "unknown": "unknown",
-}
-
 
 Recordings = list[tuple[GapRun, str]]
 """The runs of a case, each with its name."""
@@ -93,7 +85,7 @@ def run(
     manifest = manifest_of(bank)
     verdicts: dict[str, Any] = {}
     document: dict[str, Any] = {
-        "format": "smad-verdicts-1",
+        "format": "smad-verdicts-2",
         "bank": manifest["bank"],
         "key_sha256": manifest["key_sha256"],
         "tool": {"version": "check-up", "commit": ""},
@@ -132,17 +124,12 @@ def _judged_bench(
             told["baselines"] = baselines(pairs, findings, case)
             if case in entries and found.outcome != QUIET:
                 cause, names = entries[case]
-                less = _without(pairs, constants, names)
+                findings, located = asked(pairs, constants, names)
+                less = decide(pairs, findings, constants, located)
                 told["left_out"] = {cause: _short(less)}
             verdicts[case] = told
             print(f"{case} {bench} {found.ratio:.2f} {found.left:.2f} {found.headline}", flush=True)
     return bench, floors, verdicts
-
-
-def _without(pairs: Paired, constants: Constants, names: Sequence[str]) -> Verdict:
-    """The verdict of a library that lacks these entries."""
-    findings, located = asked(pairs, constants, names)
-    return decide(pairs, findings, constants, located)
 
 
 def _floors(pairs: Paired) -> dict[str, float]:
@@ -192,31 +179,27 @@ def baselines(pairs: Paired, findings: Findings, case: str) -> dict[str, Any]:
     chance = random.Random(case).choice(names)
     best = max(bic, key=lambda n: bic[n], default="")
     return {
-        "match": {"outcome": "effect", "names": [max(like, key=lambda n: like[n])]},
+        "match": {"outcome": "places", "names": [max(like, key=lambda n: like[n])]},
         "bic": (
-            {"outcome": "effect", "names": [best]}
+            {"outcome": "places", "names": [best]}
             if best and bic[best] > 0.0
-            else {"outcome": "no_gap", "names": []}
+            else {"outcome": "quiet", "names": []}
         ),
-        "random": {"outcome": "effect", "names": [chance]},
+        "random": {"outcome": "places", "names": [chance]},
     }
 
 
 def _short(found: Verdict) -> dict[str, Any]:
-    names = found.group if found.outcome == GROUP else []
-    if found.outcome == CAUSE:
-        names = found.likely[0].names
-    return {"outcome": OUTCOMES[found.outcome], "names": names}
+    return {"outcome": found.outcome, "places": [p.place for p in found.places]}
 
 
 def as_told(found: Verdict, seconds: float) -> dict[str, Any]:
-    """A verdict in the form that is scored, the likeliest first."""
-    ranked = sorted(found.likely, key=lambda x: -x.probability)
+    """A verdict in the form that is scored."""
     return {
-        "outcome": OUTCOMES[found.outcome],
-        "causes": [{"names": x.names, "probability": round(x.probability, 9)} for x in ranked],
-        "group": found.group,
-        "held_out": {},
-        "shrink": round(1.0 - found.left, 4) if found.outcome != "quiet" else 0.0,
+        "question": "check-up",
+        "outcome": found.outcome,
+        "headline": found.headline,
+        "places": msgspec.to_builtins(found.places),
+        "whole": msgspec.to_builtins(found.whole),
         "seconds": round(seconds, 2),
     }

@@ -1,4 +1,4 @@
-"""The sealed bank: its key's hash comes first, and every use of the key is entered in a log.
+"""The sealed banks: a key's hash comes first, and every use of the key is entered in a log.
 
 Both live in the repository, so that a sealed key is scored from a checkout only.
 """
@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import datetime
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from evaluation.errors import BankError, KeyMismatchError
 from evaluation.results.record import FOLDER
-from evaluation.score.scores import Published
-from smad.diagnosis.bank.errors import KeyMismatchError
+from evaluation.score.goals import Row
+
+SEALED = "sealed"
 
 
 @dataclass(frozen=True)
@@ -27,38 +30,54 @@ class Ledger:
         """The ledger of a folder of results, this checkout's if not given."""
         return cls(folder / "keys.sha256", folder / "openings.jsonl")
 
+    def seal(self, key_sha256: str, name: str) -> None:
+        """Enter the hash of a new key."""
+        with self.seals.open("a") as out:
+            out.write(f"{key_sha256}  {name}\n")
+
     def require_sealed(self, key_sha256: str) -> None:
-        """Raises KeyMismatchError unless the key's hash was committed before."""
-        try:
-            lines = self.seals.read_text().splitlines()
-        except OSError as error:
-            raise KeyMismatchError(
-                "a sealed key can be scored in a checkout of the repository only",
-                value=f"{self.seals}: {error.strerror}",
-                action="run the command in a checkout",
-            ) from error
+        """Raises KeyMismatchError unless the key's hash was entered, and the key never opened."""
+        lines = self.seals.read_text().splitlines()
         if key_sha256 not in [line.split()[0] for line in lines if line.strip()]:
             raise KeyMismatchError(
-                f"the hash of this sealed key is not in {self.seals.name}",
-                value=f"{key_sha256[:16]}…",
-                action="commit its hash before the first verdict, or bring the key that was sealed",
+                f"the hash {key_sha256[:16]}… of this sealed key is not in {self.seals.name}: "
+                "commit its hash before the first answer, or bring the key that was sealed"
+            )
+        opened = self.record.read_text().splitlines() if self.record.exists() else []
+        if key_sha256 in [json.loads(line)["key_sha256"] for line in opened]:
+            raise KeyMismatchError(
+                f"the key {key_sha256[:16]}… was opened before ({self.record.name}): seal another "
+                "bank for another claim"
             )
 
     def enter(
-        self, key_sha256: str, verdicts_sha256: str, scores: Published, *, commit: str,
+        self,
+        key_sha256: str,
+        verdicts_sha256: str,
+        scores: Mapping[str, Sequence[Row]],
+        *,
+        cases: int,
+        commit: str,
         now: datetime.datetime,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Append one opening to the record."""
         line = {
             "opened": now.astimezone(datetime.UTC).strftime("%Y-%m-%d %H:%M"),
             "commit": commit,
             "key_sha256": key_sha256,
             "verdicts_sha256": verdicts_sha256,
-            "cases": scores.cases,
-            "answered": scores.answered,
+            "cases": cases,
             "scores": {
-                r.name: None if r.value is None else round(r.value, 4) for r in scores.table
+                f"{question}: {r.name}": None if r.value is None else round(r.value, 4)
+                for question, rows in scores.items()
+                for r in rows
             },
         }
         with self.record.open("a") as out:
             out.write(json.dumps(line, ensure_ascii=False) + "\n")
+
+
+def refuse_sealed(key: Path) -> None:
+    """Raises BankError for a sealed key: before the answers are frozen nothing reads it."""
+    if json.loads((key / "KEY.json").read_text())["bank"] == SEALED:
+        raise BankError(f"{key} is sealed: give answers without it, and score them with `score`")

@@ -1,200 +1,263 @@
-"""Everything that is published of a bank: scores beside their goals and beside simpler rules.
-
-It stands on what `smad gap score` says of any bank.
-"""
+"""Where, which law, what name: every row of the published table, from answers and keys alone."""
 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 
-import msgspec
-import numpy as np
+from evaluation.score.answers import DIFFERS, STRENGTHS, Pair
+from evaluation.score.goals import GOALS, Row
+from evaluation.score.intervals import wilson
+from smad.diagnosis.bank.names import canonical
+from smad.report.page import Table
 
-from evaluation.score.goals import Scored, protocol_of, with_goal
-from smad.diagnosis.bank.key import STRENGTHS
-from smad.diagnosis.bank.names import NAMING
-from smad.diagnosis.bank.score import (
-    ABSENT,
-    Bin,
-    Mistake,
-    Pair,
-    Row,
-    calibration,
-    confusion,
-    detected,
-    mistakes,
-    name_credit,
-    of_kind,
-    over,
-    said,
-    share,
-    table,
-)
-from smad.diagnosis.bank.verdicts import Short
-
-OURS = "the diagnosis"
-_LEAST_SHRINK = 0.05
-
-
-class Compared(msgspec.Struct, frozen=True):
-    """A case of the question what differs between model and bench; `truth` is what was added."""
-
-    case: str
-    truth: list[str]
-    outcome: str
-    said: str
-    budget: dict[str, float]
-
-
-class Trusted(msgspec.Struct, frozen=True):
-    """What the diagnosis trusts its model to on a channel, in the bank's floors of that channel.
-
-    Median and quartiles over cases: an effect of fewer floors there is smaller than what the model
-    leaves of runs without any.
-    """
-
-    channel: str
-    low: float
-    median: float
-    high: float
-    cases: int
-
-
-class Published(msgspec.Struct, frozen=True):
-    """All scores of one verdict file.
-
-    `confusion` is truth → what was said → cases. `baselines` holds the same rows for the diagnosis
-    itself and for every simpler rule, on the cases that have one.
-    """
-
-    bank: str
-    cases: int
-    answered: int
-    table: list[Scored]
-    by_strength: dict[str, list[Scored]]
-    calibration: list[Bin]
-    confusion: dict[str, dict[str, int]]
-    baselines: dict[str, list[Row]]
-    mistakes: list[Mistake]
-    model_against_bench: list[Compared]
-    trusted: list[Trusted] = []
-
-
-def exact_law_row(pairs: Sequence[Pair]) -> Row:
-    """Shrink beside that of the right effect in the plant itself."""
-    shares = [
-        p.said.shrink / exact
-        for p in of_kind(pairs, "single")
-        if detected(p.said)
-        and p.said.shrink is not None
-        and (exact := p.truth.shrink_exact_law) is not None
-        and exact > _LEAST_SHRINK
-    ]
-    return over("median held-out shrink, tool ÷ O1", shares, statistics.median)
-
-
+_BINS = 5
 _OTHER_DAYS = ("room", "preload", "drift")
-"""Kinds of cases without an effect on days unlike the good ones; `none` tells their goal."""
+_FIRST_OWN = 4
+
+Test = Callable[[Pair], bool]
 
 
-def other_days(pairs: Sequence[Pair]) -> list[Row]:
-    """False alarms on days unlike those of the good runs, where the bank has such cases."""
-    have = [kind for kind in _OTHER_DAYS if of_kind(pairs, kind)]
+def share(name: str, pairs: Sequence[Pair], holds: Callable[[Pair], float]) -> Row:
+    """A row for a share of cases, with Wilson's interval."""
+    if not pairs:
+        return Row(name)
+    hits, n = sum(float(holds(p)) for p in pairs), len(pairs)
+    return Row(name, hits / n, *wilson(hits, n), n)
+
+
+def _over(
+    name: str, values: Sequence[float], of: Callable[[Sequence[float]], float] = statistics.median
+) -> Row:
+    return Row(name, of(values), None, None, len(values)) if values else Row(name)
+
+
+def of_kind(pairs: Sequence[Pair], *kinds: str) -> list[Pair]:
+    """The cases of some kinds."""
+    return [p for p in pairs if p.truth.kind in kinds]
+
+
+def _in_told(p: Pair) -> bool:
+    return bool(p.first.near & p.true_places)
+
+
+def _side_right(p: Pair) -> bool:
+    return any(p.first.place in e.places and p.first.side == e.side for e in p.truth.effects)
+
+
+def _state_right(p: Pair) -> bool:
+    return p.first.terms[0].of in {s for e in p.truth.effects for s in e.states}
+
+
+def _has_law(p: Pair) -> bool:
+    return p.placed and bool(p.first.terms)
+
+
+def _sided(p: Pair) -> bool:
+    """The place is right, and the model has it on either spring."""
+    return p.placed and not p.first.place.startswith(_SHARED)
+
+
+_SHARED = ("force_cell", "inlet_water", "ambient_air", "reading_inlet", "reading_ambient",
+           "reading_displacement", "reading_force")  # fmt: skip
+"""Places that both springs share."""
+
+
+def _gone(pairs: Sequence[Pair]) -> list[float]:
+    return [p.said.whole.gone for p in pairs if p.said.whole is not None]
+
+
+def _both_places(p: Pair) -> bool:
+    first = {q.place for q in p.said.places[:3]}
+    return all(first & set(e.places) for e in p.truth.effects)
+
+
+def _both_names(p: Pair) -> bool:
+    return set(p.given) == {e.name for e in p.truth.effects}
+
+
+def _added_among(p: Pair, first: int) -> bool:
+    return any(q.place in p.true_places for q in p.said.places[:first])
+
+
+def _added_named(p: Pair) -> bool:
+    """The first place of the effect's that has a name has the right one."""
+    named = [q for q in p.said.places if q.name and q.place in p.true_places]
+    return bool(named) and canonical(named[0].name) == p.truth.effects[0].name
+
+
+def _own_found(p: Pair) -> float:
+    """Share of the plant's own differences, four at most, that the first four places hold."""
+    told = {q.place for q in p.said.places[:_FIRST_OWN]}
+    found = sum(bool(told & set(own.places)) for own in p.truth.own)
+    return min(found / min(len(p.truth.own), _FIRST_OWN), 1.0)
+
+
+def calibration(pairs: Sequence[Pair]) -> float:
+    """Expected calibration error of the first place's probability (Guo et al. 2017)."""
+    bins: list[list[tuple[float, float]]] = [[] for _ in range(_BINS)]
+    for p in pairs:
+        said = p.first.probability or 0.0
+        bins[min(int(said * _BINS), _BINS - 1)].append((said, float(p.placed)))
+    means = [(len(b), *(statistics.fmean(x) for x in zip(*b, strict=True))) for b in bins if b]
+    return sum(n * abs(said - was) for n, said, was in means) / len(pairs)
+
+
+def rows(pairs: Sequence[Pair]) -> list[Row]:
+    """Every row of the cases of check-ups, or of what has changed."""
+    effects = of_kind(pairs, "single", "unknown")
+    noticed = [p for p in effects if p.noticed]
+    listed, unlisted = of_kind(noticed, "single"), of_kind(noticed, "unknown")
+    several = of_kind(pairs, "pair")
+    left_out = [p for p in of_kind(pairs, "single") if p.said.left_out]
+    sure = [p for p in noticed if p.first.probability is not None]
+    kinds = (("listed", listed), ("unlisted", unlisted))
+    out = [
+        share("quiet benches called changed", of_kind(pairs, "none"),
+              lambda p: p.said.outcome not in ("quiet", "refused")),
+        share("parameters given a cause", of_kind(pairs, "parameters"),
+              lambda p: bool(p.said.places)),
+        *(share(f"called changed on another day: {kind}", days,
+                lambda p: p.said.outcome not in ("quiet", "refused"))
+          for kind in _OTHER_DAYS if (days := of_kind(pairs, kind))),
+        *(share(f"noticed near {s:.0f} floor{'s' if s > 1.0 else ''}",
+                [p for p in effects if p.strength == s], lambda p: p.noticed) for s in STRENGTHS),
+        *(share(f"place right first, {k}", some, lambda p: p.placed) for k, some in kinds),
+        *(share(f"told places hold the truth, {k}", some, _in_told) for k, some in kinds),
+        _over("told places, mean number", [len(p.first.near) for p in noticed], statistics.fmean),
+        share("side right", [p for p in noticed if _sided(p)], _side_right),
+        share("first state right", [p for p in noticed if _has_law(p)], _state_right),
+        share("right name, of noticed listed", listed, lambda p: p.named),
+        share("right name, of names given", [p for p in noticed if p.first.name],
+              lambda p: p.named),
+        share("unlisted given a name", unlisted, lambda p: bool(p.first.name)),
+        *(_over(f"gap gone with the laws, {k}", _gone(some)) for k, some in kinds),
+        share("pairs: both places among the first three", several, _both_places),
+        share("pairs: both names right", several, _both_names),
+        share("left out: its place still told", left_out,
+              lambda p: any(set(s.places) & p.true_places for s in p.said.left_out.values())),
+    ]  # fmt: skip
+    if sure:
+        out.append(Row("error of the probabilities of places", calibration(sure), count=len(sure)))
+    return out + _time(pairs)
+
+
+def rows_of_differs(pairs: Sequence[Pair]) -> list[Row]:
+    """Every row of the cases without good runs."""
+    added = [p for p in pairs if p.truth.effects]
     return [
-        share(f"false alarms: {kind}", [float(detected(p.said)) for p in of_kind(pairs, kind)])
-        for kind in have
-    ]
-
-
-def by_strength(pairs: Sequence[Pair]) -> dict[str, list[Scored]]:
-    """The main scores apart for 1, 3 and 10 floors."""
-    out: dict[str, list[Scored]] = {"detected": [], "right name first": [], "unknown rejected": []}
-    protocol = protocol_of(pairs)
-    for strength in STRENGTHS:
-        here = [p for p in pairs if p.truth.strength == strength]
-        single, unknown = of_kind(here, "single"), of_kind(here, "unknown")
-        label = f"{strength:.0f}×"
-        seen = [float(detected(p.said)) for p in single + unknown]
-        goal = f"detected at {label} the floor"
-        named = [name_credit(p) for p in single if detected(p.said)]
-        rejected = [float(p.said.outcome == "unknown") for p in unknown if detected(p.said)]
-        for score, hits in zip(out, (seen, named, rejected), strict=True):
-            out[score].append(
-                with_goal(share(label, hits), protocol, goal if score == "detected" else label)
-            )
-    return out
-
-
-def baseline_rows(
-    pairs: Sequence[Pair], baselines: Mapping[str, Mapping[str, Short]]
-) -> dict[str, list[Row]]:
-    """The main scores of the diagnosis and of every simpler rule, by the same simple count.
-
-    `baselines` are by case and rule. A group counts by its first name here, since they have none.
-    """
-    have = [p for p in pairs if p.case in baselines]
-    if not have:
-        return {}
-    out = {OURS: _short_rows([(p, Short(p.said.outcome, list(p.said.first))) for p in have])}
-    for name in sorted({name for p in have for name in baselines[p.case]}):
-        theirs = [(p, baselines[p.case][name]) for p in have if name in baselines[p.case]]
-        out[name] = _short_rows(theirs)
-    return out
-
-
-def _short_rows(have: Sequence[tuple[Pair, Short]]) -> list[Row]:
-    def of(*kinds: str) -> list[tuple[Pair, Short]]:
-        return [(p, s) for p, s in have if p.truth.kind in kinds]
-
-    def named(p: Pair, s: Short) -> float:
-        return float(frozenset(s.names) == p.truth.names and s.outcome in NAMING)
-
-    return [
-        share("false alarms on none", [float(detected(s)) for _, s in of("none", "parameters")]),
-        share("single effects detected", [float(detected(s)) for _, s in of("single")]),
-        share("right name first, of the detected",
-              [named(p, s) for p, s in of("single") if detected(s)]),
-        share("unknown effects rejected",
-              [float(s.outcome == "unknown") for _, s in of("unknown")]),
-        share("pairs: exact", [named(p, s) for p, s in of("pair")]),
+        share("added effect's place among the first three", added, lambda p: _added_among(p, 3)),
+        share("added effect's entry named first at its place",
+              [p for p in added if p.truth.effects[0].known], _added_named),
+        share("own differences among the first four places", pairs, _own_found),
+        *_time(pairs),
     ]  # fmt: skip
 
 
-def trusted(pairs: Sequence[Pair]) -> list[Trusted]:
-    """Every channel of which both the key and the verdicts tell a floor, the worst first."""
-    ratios: dict[str, list[float]] = {}
+def _time(pairs: Sequence[Pair]) -> list[Row]:
+    seconds = [p.said.seconds for p in pairs if p.said.seconds]
+    return [
+        _over("processor time, median", seconds),
+        _over("processor time, longest", seconds, max),
+    ]
+
+
+def number(row: Row) -> str:
+    """Value and interval, or a dash without cases."""
+    if row.value is None:
+        return "–"
+    told = f"{row.value:.2f}"
+    return told if row.low is None else f"{told} [{row.low:.2f}, {row.high:.2f}]"
+
+
+def scored(pairs: Sequence[Pair]) -> dict[str, list[Row]]:
+    """Question → its rows."""
+    by_question: dict[str, list[Pair]] = {}
     for p in pairs:
-        for channel, held in p.said.held_out.items():
-            if p.truth.kind != "differs" and p.truth.floor.get(channel, 0.0) > 0.0:
-                ratios.setdefault(channel, []).append(held.floor / p.truth.floor[channel])
-    out = []
-    for channel, values in ratios.items():
-        low, median, high = np.quantile(values, (0.25, 0.5, 0.75)).tolist()
-        out.append(Trusted(channel, low, median, high, len(values)))
-    return sorted(out, key=lambda t: (-t.median, t.channel))
+        by_question.setdefault(p.truth.question, []).append(p)
+    return {
+        question: rows_of_differs(some) if question == DIFFERS else rows(some)
+        for question, some in by_question.items()
+    }
 
 
-def published(
-    pairs: Sequence[Pair], bank: str, baselines: Mapping[str, Mapping[str, Short]]
-) -> Published:
-    """Everything that is published."""
-    protocol = protocol_of(pairs)
-    rows = (*table(pairs), exact_law_row(pairs), *other_days(pairs))
-    counted = [p for p in pairs if p.truth.kind != "differs"]
-    return Published(
-        bank=bank,
-        cases=len(pairs),
-        answered=sum(p.said is not ABSENT for p in pairs),
-        table=[with_goal(row, protocol) for row in rows],
-        by_strength=by_strength(pairs),
-        calibration=calibration(counted)[1],
-        confusion=confusion(counted),
-        baselines=baseline_rows(pairs, baselines),
-        mistakes=mistakes(pairs),
-        model_against_bench=[
-            Compared(p.case, sorted(p.truth.names), p.said.outcome, said(p.said), p.said.budget)
-            for p in of_kind(pairs, "differs")
-        ],
-        trusted=trusted(pairs),
-    )
+def tables(pairs: Sequence[Pair]) -> dict[str, Table]:
+    """Everything that is published, by heading."""
+    out = {f"Scores, {question}": _scores(question, r) for question, r in scored(pairs).items()}
+    known = [p for p in pairs if p.truth.question != DIFFERS]
+    out |= {
+        "Over strength": _over_strength(known),
+        "Simpler rules: right name, of noticed listed": _rules(known),
+        "Wrong or missed": _wrong(pairs),
+    }
+    return {heading: table for heading, table in out.items() if table.rows}
+
+
+def _scores(question: str, found: Sequence[Row]) -> Table:
+    goals = GOALS[question]
+    lines = []
+    for row in found:
+        goal = goals.get(row.name)
+        met = "" if goal is None or row.value is None else "yes" if goal.met(row.value) else "no"
+        lines.append((row.name, number(row), str(row.count), str(goal or ""), met))
+    head = ("score", "value [95 %]", "cases", "goal", "met")
+    return Table(head, lines, numeric=frozenset({1, 2}))
+
+
+def _over_strength(pairs: Sequence[Pair]) -> Table:
+    """What is told right of single effects near 1, 3 and 10 floors."""
+    effects = of_kind(pairs, "single", "unknown")
+    found = [p for p in effects if p.noticed]
+    listed = of_kind(found, "single")
+    curves: list[tuple[str, list[Pair], Test]] = [
+        ("noticed", effects, lambda p: p.noticed),
+        ("place right first", found, lambda p: p.placed),
+        ("told places hold the truth", found, _in_told),
+        ("side right", [p for p in found if _sided(p)], _side_right),
+        ("first state right", [p for p in found if _has_law(p)], _state_right),
+        ("right name, listed", listed, lambda p: p.named),
+    ]
+    lines = [
+        (name, *(number(share("", [p for p in some if p.strength == s], holds)) for s in STRENGTHS))
+        for name, some, holds in curves
+    ]
+    gone = [_over("", _gone([p for p in found if p.strength == s])) for s in STRENGTHS]
+    lines.append(("gap gone with the laws", *map(number, gone)))
+    head = ("of single effects", *(f"near {s:.0f}×" for s in STRENGTHS))
+    return Table(head, lines if effects else [], numeric=frozenset(range(1, len(head))))
+
+
+def _rules(pairs: Sequence[Pair]) -> Table:
+    listed = [p for p in of_kind(pairs, "single") if p.noticed and p.said.baselines]
+    rules = sorted({rule for p in listed for rule in p.said.baselines})
+    lines = [("the diagnosis", number(share("", listed, lambda p: p.named)))] if rules else []
+    for rule in rules:
+        hits = share("", listed, lambda p, r=rule: _by_rule(p, r))  # type: ignore[misc]
+        lines.append((rule, number(hits)))
+    return Table(("rule", "right name [95 %]"), lines, numeric=frozenset({1}))
+
+
+def _by_rule(p: Pair, rule: str) -> bool:
+    said = p.said.baselines.get(rule)
+    return said is not None and [canonical(n) for n in said.names] == [
+        e.name for e in p.truth.effects
+    ]
+
+
+def _wrong(pairs: Sequence[Pair]) -> Table:
+    """Cases whose first place or silence is wrong, the strongest first."""
+
+    def wrong(p: Pair) -> bool:
+        if not p.truth.effects:
+            return p.truth.question != DIFFERS and p.noticed
+        return not (_added_among(p, 3) if p.truth.question == DIFFERS else p.noticed and p.placed)
+
+    some = sorted((p for p in pairs if wrong(p)), key=lambda p: -p.truth.gap_worst)
+    lines = [
+        (p.case, p.truth.kind, " + ".join(e.name for e in p.truth.effects),
+         f"{p.truth.gap_worst:.1f}", p.said.outcome,
+         ", ".join(f"{q.place} {q.side} {q.name}".strip() for q in p.said.places[:3]))
+        for p in some
+    ]  # fmt: skip
+    head = ("case", "kind", "truth", "floors", "outcome", "places told")
+    return Table(head, lines, numeric=frozenset({3}))

@@ -5,50 +5,40 @@ from __future__ import annotations
 import datetime
 from pathlib import Path
 
-from evaluation.errors import WithheldError
 from evaluation.results.record import keep
-from evaluation.score.baselines import told_beside
-from evaluation.score.openings import Ledger
-from evaluation.score.scores import Published, published
-from evaluation.score.tables import tables, text
-from smad.diagnosis.bank.key import SEALED, file_digest, read_key
+from evaluation.score.answers import digest, read_pairs
+from evaluation.score.openings import SEALED, Ledger
+from evaluation.score.scores import scored, tables
 from smad.diagnosis.bank.running import commit
-from smad.diagnosis.bank.score import matched
-from smad.diagnosis.bank.verdicts import read_verdicts
-from smad.diagnosis.spring_pair import SmaPlant
-from smad.errors import SmadError
+from smad.report.page import Table, text_table
 
 
 def run(
     verdicts: Path,
     key: Path,
     *,
-    diagnoses: Path | None = None,
     out: Path | None = None,
     title: str = "",
     note: str = "",
     answered_only: bool = False,
-) -> Published:
+) -> dict[str, Table]:
     """Print the scores; with `out` keep them as a result. A sealed key is refused unless its hash
-    was committed before, and its use is entered in the log of openings.
+    was entered before and it was never opened; its use is entered in the log of openings.
 
-    Raises WithheldError when verdicts and key do not belong together, and for such a key.
+    Raises WithheldError when answers and key do not belong together, and for such a key.
     """
-    try:
-        file = read_verdicts(verdicts)
-        truth, key_sha256 = read_key(key)
-        pairs = matched(file, truth, key_sha256, answered_only=answered_only)
-        if truth.bank == SEALED:
-            Ledger.of().require_sealed(key_sha256)
-        library = [e.name for e in SmaPlant().effects]
-        beside = told_beside(verdicts, [p.case for p in pairs], diagnoses, library)
-        result = published(pairs, truth.bank, beside)
-        if truth.bank == SEALED:
-            now = datetime.datetime.now(datetime.UTC)
-            Ledger.of().enter(key_sha256, file_digest(verdicts), result, commit=commit(), now=now)
-    except SmadError as error:
-        raise WithheldError(str(error)) from error
-    print(text(result))
+    truth, pairs = read_pairs(verdicts, key, answered_only=answered_only)
+    ledger = Ledger.of()
+    if truth.bank == SEALED:
+        ledger.require_sealed(digest(key))
+    found = tables(pairs)
+    if truth.bank == SEALED:
+        now = datetime.datetime.now(datetime.UTC)
+        ledger.enter(
+            digest(key), digest(verdicts), scored(pairs), cases=len(pairs), commit=commit(), now=now
+        )
+    for heading, table in found.items():
+        print(f"{heading}\n{text_table(table)}")
     if out is not None:
-        keep(out, tables(result), title=title, command="python -m evaluation score", note=note)
-    return result
+        keep(out, found, title=title, command="python -m evaluation score", note=note)
+    return found

@@ -6,13 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.bank.check_ups import Order, make, read_programme
+from evaluation.bank import any_inputs
+from evaluation.bank.check_ups import CheckUps, make, read_programme
 from evaluation.bank.files import read_run
 from evaluation.calibrate.check_up import kept_findings
 from evaluation.command import main
 from evaluation.errors import BankError
 from evaluation.plant.effects import names
 from evaluation.run.check_ups import run
+from evaluation.score.openings import Ledger
 
 PROGRAMME = """format = "smad-programme-1"
 name = "tiny"
@@ -47,8 +49,10 @@ def test_a_folder_without_a_programme_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_bank_keeps_its_key_apart_and_benches_on_days_of_their_own(tmp_path: Path) -> None:
-    order = Order(tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=2, seed=3)
-    make(order, jobs=1)
+    order = CheckUps(
+        folder=tmp_path / "bank", programme=_programme(tmp_path / "p"), cases=5, benches=1, seed=3
+    )
+    make(order)
     manifest = json.loads((order.folder / "manifest.json").read_text())
     key = json.loads((order.key_folder / "KEY.json").read_text())
     assert {c["id"] for c in manifest["cases"]} == set(key["cases"])
@@ -58,16 +62,16 @@ def test_a_bank_keeps_its_key_apart_and_benches_on_days_of_their_own(tmp_path: P
         for n in (1, 2)
     ]
     assert days[0] != days[1]
-    with pytest.raises(BankError, match="exists"):
-        make(order, jobs=1)
+    with pytest.raises(BankError, match="already made"):
+        make(order)
 
 
 def test_other_days_have_no_effect_and_are_unlike_the_good_ones(tmp_path: Path) -> None:
-    order = Order(
-        tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=2, seed=3,
+    order = CheckUps(
+        folder=tmp_path / "bank", programme=_programme(tmp_path / "p"), cases=5, benches=1, seed=3,
         mixture="other-days",
     )  # fmt: skip
-    make(order, jobs=1)
+    make(order)
     key = json.loads((order.key_folder / "KEY.json").read_text())["cases"]
     by_kind = {entry["kind"]: (case, entry) for case, entry in key.items()}
     assert set(by_kind) == {"none", "room", "preload", "parameters", "drift"}
@@ -83,35 +87,30 @@ def test_other_days_have_no_effect_and_are_unlike_the_good_ones(tmp_path: Path) 
     assert room_degC(case) > room_degC(good) + 1.0
 
 
-def test_a_sealed_bank_draws_a_seed_that_nothing_tells(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_sealing_makes_both_banks_and_enters_their_hashes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    programme = _programme(tmp_path / "p")
-    made = []
-    for n in range(2):
-        order = Order(tmp_path / f"bank-{n}", programme, 5, benches=1, repeats=1, seed=3,
-                      sealed=True)  # fmt: skip
-        made.append(make(order, jobs=1))
-        manifest = json.loads((order.folder / "manifest.json").read_text())
-        key = json.loads((order.key_folder / "KEY.json").read_text())
+    (tmp_path / "results").mkdir()
+    ledger = Ledger.of(tmp_path / "results")
+    monkeypatch.setattr(Ledger, "of", lambda: ledger)
+    monkeypatch.setattr(any_inputs, "SECONDS", (13.0, 15.0))
+    few = ["--cases", "5", "--benches", "1", "--repeats", "1", "--changed", "0", "--differs", "2"]
+    programme = str(_programme(tmp_path / "p"))
+    main(["seal", str(tmp_path / "banks"), "--programme", programme, *few])
+    sealed = [line.split()[0] for line in ledger.seals.read_text().splitlines()]
+    assert len(sealed) == 2
+    for n, bank in enumerate(("any-inputs", "check-ups")):
+        manifest = json.loads((tmp_path / "banks" / bank / "manifest.json").read_text())
+        path = tmp_path / "banks" / f"{bank}-key" / "KEY.json"
+        key = json.loads(path.read_text())
         assert manifest["bank"] == key["bank"] == "sealed"
+        assert manifest["key_sha256"] == sealed[n]
         hidden = {e["name"] for c in key["cases"].values() for e in c["effects"] if not e["known"]}
         assert hidden <= set(names("sealed"))
-    assert made[0] != made[1]
-    with pytest.raises(SystemExit):
-        main(
-            ["play", str(tmp_path / "b"), "--programme", str(programme), "--sealed", "--seed", "1"]
-        )
-    assert "draws its seed in secret" in capsys.readouterr().err
-
-
-def test_the_key_of_a_sealed_bank_is_not_read_before_its_verdicts_are_logged(
-    tmp_path: Path,
-) -> None:
-    order = Order(tmp_path / "bank", _programme(tmp_path / "p"), 5, benches=1, repeats=1, seed=3,
-                  sealed=True)  # fmt: skip
-    make(order, jobs=1)
+        assert [p.name for p in path.parent.iterdir()] == ["KEY.json"]
+        ledger.require_sealed(sealed[n])
+    folder = tmp_path / "banks"
     with pytest.raises(BankError, match="is sealed"):
-        run(order.folder, tmp_path / "v.json", key=order.key_folder)
+        run(folder / "check-ups", tmp_path / "v.json", key=folder / "check-ups-key")
     with pytest.raises(BankError, match="is sealed"):
-        kept_findings(order.folder, order.key_folder, tmp_path / "kept")
+        kept_findings(folder / "check-ups", folder / "check-ups-key", tmp_path / "kept")

@@ -1,16 +1,24 @@
 """Every effect acts, acts more when stronger, is gone at zero, and fades in without a jump."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from evaluation.bank.oracle import SCALE, SIGNALS
+from evaluation.bank.making import SIGNALS
 from evaluation.bank.recorder import Run, record
 from evaluation.plant.effects import EFFECTS, Active, Effect, magnitudes, names
 from evaluation.plant.kernel import simulate
+from evaluation.plant.own import own_differences
 from evaluation.plant.parameters import Bench
 
 Array = NDArray[np.float64]
+
+SCALE = np.array([2.3e-3, 2.3e-3, 2.3e-3, 0.05, 0.05, 0.03, 2.5e-3])
+"""About the noise of each of `SIGNALS`."""
+TRUTH = (Path(__file__).resolve().parents[2] / "docs" / "physics.md").read_text()
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +66,7 @@ def test_the_lists_are_long_enough_and_apart() -> None:
     assert len(known) >= 20
     assert len(dev) >= 12
     assert len(sealed) >= 12
-    assert len(spent) >= 72
+    assert len(spent) >= 84
     assert len({*known, *dev, *sealed, *spent}) == len(EFFECTS)
     assert {e.subsystem for e in EFFECTS} == {
         "electrical", "sensors", "thermal", "phase", "mechanics"
@@ -70,3 +78,27 @@ def test_the_lists_are_long_enough_and_apart() -> None:
 def test_an_effect_may_be_weaker_on_spring_y() -> None:
     table = magnitudes((Active("rtd_lag", 2.0, y_share=0.5, shape=0.25),))
     assert table.max(axis=1).tolist() == [2.0, 1.0, 0.5]
+
+
+def test_an_effect_tells_where_the_model_can_hold_it_and_on_what_it_depends() -> None:
+    tables = TRUTH.split("<!-- table: ")
+    places = set(
+        re.findall(r"^\| `(\w+)` \|", next(t for t in tables if t.startswith("places")), re.M)
+    )
+    listed = next(t for t in tables if t.startswith("states")).split("<!--")[0]
+    states = {"constant", *re.findall(r"`(\w+)`", listed)}
+    assert len(places) > 15
+    for effect in EFFECTS:
+        assert effect.places, effect.name
+        assert set(effect.places) <= places, effect.name
+        assert effect.states, effect.name
+        assert set(effect.states) <= states, effect.name
+    assert {p for d in own_differences() for p in d["places"]} <= places
+
+
+def test_an_effect_of_one_spring_is_on_the_side_it_acts_on() -> None:
+    assert Active("rtd_lag", 1.0).side == "both"
+    assert Active("rtd_lag", 1.0, y_share=0.0).side == "x"
+    assert Active("rtd_lag", 1.0, x_share=0.0).side == "y"
+    assert Active("valve_leak", 1.0, y_share=0.0).side == "y"
+    assert Active("force_gain", 1.0, y_share=0.0).side == "both"

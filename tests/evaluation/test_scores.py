@@ -1,4 +1,4 @@
-"""What is published of a bank, on made-up verdicts whose scores are known by hand."""
+"""Scores: what was said against what is true, goals beside, sealed keys behind their hash."""
 
 import datetime
 import hashlib
@@ -6,234 +6,249 @@ import json
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
-from smad.gap.records import FittedRecord
 
 from evaluation.command import main
+from evaluation.errors import KeyMismatchError
 from evaluation.results.page import rendered
-from evaluation.results.record import FOLDER, Result, kept
-from evaluation.score.baselines import baselines, told_beside
-from evaluation.score.goals import Scored
+from evaluation.results.record import FOLDER, kept
+from evaluation.score.answers import digest, read_pairs
+from evaluation.score.goals import Row
+from evaluation.score.intervals import wilson
 from evaluation.score.openings import Ledger
-from evaluation.score.scores import Published, published
-from evaluation.score.tables import tables
-from smad.diagnosis.bank.errors import KeyMismatchError
-from smad.diagnosis.bank.key import FORMAT, file_digest, read_key
-from smad.diagnosis.bank.score import Mistake, matched
-from smad.diagnosis.bank.verdicts import (
-    CaseVerdict,
-    HeldOut,
-    Short,
-    VerdictFile,
-    read_verdicts,
-    write_verdicts,
-)
-from smad.diagnosis.spring_pair import SmaPlant
-from tests.smad.gap.test_check_score import LAG, SHA, _entry, _key, _named
+from evaluation.score.scores import scored, tables
+from evaluation.score.scoring import run
 
 OPENED = "7190a021eeda81c23647ee7713a967cf1d690b3a2d3908e28a25a6caccf8d6d1"
 LINES = 25
 """Of the log of openings when it was last looked at."""
 
-
-def _rows(key: dict[str, Any], verdicts: dict[str, CaseVerdict]) -> dict[str, Scored]:
-    file = VerdictFile(format="smad-verdicts-1", bank="x", key_sha256=SHA, verdicts=verdicts)
-    return {r.name: r for r in published(matched(file, _key(key), SHA), "x", {}).table}
-
-
-def test_a_score_without_a_case_has_a_goal_and_does_not_meet_it() -> None:
-    row = _rows({"a": _entry("none")}, {"a": CaseVerdict(outcome="no_gap")})["pairs: exact"]
-    assert (row.value, row.goal, row.met) == (None, "≥ 0.4", None)
-
-
-def test_false_alarms_are_measured_by_their_goal() -> None:
-    verdicts = {"a": CaseVerdict(outcome="unknown"), "b": CaseVerdict(outcome="no_gap")}
-    row = _rows({"a": _entry("none"), "b": _entry("none")}, verdicts)["false alarms on none"]
-    assert (row.value, row.met) == (0.5, False)
+LAG: dict[str, Any] = {
+    "name": "rtd_lag", "known": True, "places": ["reading_rtd"], "states": ["reading_rate"],
+    "side": "both",
+}  # fmt: skip
+PICKUP = LAG | {"name": "rtd_current_pickup", "known": False, "states": ["current"]}
+DRAG: dict[str, Any] = {
+    "name": "viscous_drag", "known": True, "places": ["force_cell_on_x", "force_cell_on_y"],
+    "states": ["velocity"], "side": "both",
+}  # fmt: skip
 
 
-def test_a_check_up_has_goals_of_its_own() -> None:
-    runs = {f"{i}": _entry("single", LAG) for i in range(10)}
-    paired = {c: {**e, "gap_paired": {"rtd_x": 3.0}} for c, e in runs.items()}
-    verdicts = {c: _named("rtd_lag" if c != "0" else "rtd_offset") for c in runs}
-    name = "right name first, of the detected"
-    assert _rows(runs, verdicts)[name].met is True
-    assert _rows(paired, verdicts)[name].met is False
-    assert _rows(paired, verdicts)[name].goal == "≥ 0.9, interval from 0.85"
+def true(kind: str, *effects: Any, floors: float = 3.0, **more: Any) -> dict[str, Any]:
+    return {"kind": kind, "effects": list(effects), "gap_worst": floors, **more}
 
 
-def test_baselines_and_confusion_are_reported_beside_ours() -> None:
-    key = {"a": _entry("single", LAG), "b": _entry("none")}
-    alarm = Short("effect", ["rtd_lag"])
-    verdicts = {"a": _named("rtd_lag"), "b": CaseVerdict(outcome="no_gap")}
-    file = VerdictFile(format="smad-verdicts-1", bank="x", key_sha256=SHA, verdicts=verdicts)
-    beside = {case: {"smallest_rmse": alarm} for case in "ab"}
-    found = published(matched(file, _key(key), SHA), "x", beside)
-    theirs = {r.name: r.value for r in found.baselines["smallest_rmse"]}
-    assert theirs["false alarms on none"] == 1.0
-    assert theirs["right name first, of the detected"] == 1.0
-    ours = {r.name: r.value for r in found.baselines["the diagnosis"]}
-    assert ours["false alarms on none"] == 0.0
-    assert found.confusion == {"none": {"no_gap": 1}, "rtd_lag": {"rtd_lag": 1}}
+def place(code: str, name: str = "", state: str = "reading_rate", **more: Any) -> dict[str, Any]:
+    return {
+        "place": code, "side": "both", "near_places": [code], "name": name,
+        "terms": [{"name": f"{state} lag 1 s", "state": state}], **more,
+    }  # fmt: skip
 
 
-def test_what_the_model_is_trusted_to_is_told_in_the_floors_of_the_bank() -> None:
-    floors = {"rtd_x_degC": 0.05, "force_N": 0.004}
-    key = {c: _entry("none") | {"floor": floors} for c in "abc"}
-    key["d"] = _entry("differs") | {"floor": floors}
-
-    def quiet(rtd: float) -> CaseVerdict:
-        held = {"rtd_x_degC": HeldOut(0.3, 0.2, 0.2, rtd), "rtd_y_degC": HeldOut(0.3, 0.2, 0.2, 1)}
-        return CaseVerdict(outcome="no_gap", held_out=held)
-
-    verdicts = dict(zip("abcd", map(quiet, (0.1, 0.2, 0.4, 9.0)), strict=True))
-    file = VerdictFile(format="smad-verdicts-1", bank="x", key_sha256=SHA, verdicts=verdicts)
-    found = published(matched(file, _key(key), SHA), "x", {})
-    (rtd,) = found.trusted
-    assert (rtd.channel, rtd.cases) == ("rtd_x_degC", 3)
-    assert [rtd.low, rtd.median, rtd.high] == pytest.approx([3.0, 4.0, 6.0])
-    assert "What the model is trusted to, in floors" in tables(found)
+def said(*places: Any, outcome: str = "places", **more: Any) -> dict[str, Any]:
+    return {"outcome": outcome, "places": list(places), "seconds": 2.0, **more}
 
 
-def test_a_sealed_key_that_was_not_committed_is_refused(
+QUIET = said(outcome="quiet")
+
+
+def written(
+    folder: Path, key: dict[str, Any], answers: dict[str, Any], bank: str = "x"
+) -> tuple[Path, Path]:
+    """A file of answers and a key that belong together."""
+    path = folder / "KEY.json"
+    path.write_text(json.dumps({"format": "smad-key-1", "bank": bank, "cases": key}))
+    told = {"format": "smad-verdicts-2", "bank": bank, "key_sha256": digest(path)}
+    (folder / "answers.json").write_text(json.dumps(told | {"verdicts": answers}))
+    return folder / "answers.json", path
+
+
+def rows(folder: Path, cases: dict[str, tuple[Any, Any]]) -> dict[str, Row]:
+    files = written(
+        folder, {c: t for c, (t, _) in cases.items()}, {c: s for c, (_, s) in cases.items()}
+    )
+    (found,) = scored(read_pairs(*files)[1]).values()
+    return {r.name: r for r in found}
+
+
+def test_places_states_and_names_are_counted_against_the_truth(tmp_path: Path) -> None:
+    near = ["resistance", "reading_rtd"]
+    found = rows(
+        tmp_path,
+        {
+            "a": (true("single", LAG), said(place("reading_rtd", "rtd_lag"))),
+            "b": (
+                true("single", LAG),
+                said(place("resistance", "phase_resistivity", near_places=near)),
+            ),
+            "c": (true("unknown", PICKUP), said(place("reading_rtd", state="wire", side="x"))),
+            "d": (true("unknown", PICKUP, floors=0.5), QUIET),
+            "e": (true("none"), QUIET),
+            "f": (true("parameters"), said(outcome="parameters")),
+        },
+    )
+    value = {name: (row.value, row.count) for name, row in found.items()}
+    assert value["place right first, listed"] == (0.5, 2)
+    assert value["place right first, unlisted"] == (1.0, 1)
+    assert value["told places hold the truth, listed"] == (1.0, 2)
+    assert value["told places, mean number"] == (pytest.approx(4 / 3), 3)
+    assert value["side right"] == (0.5, 2)
+    assert value["first state right"] == (0.5, 2)
+    assert value["right name, of noticed listed"] == (0.5, 2)
+    assert value["right name, of names given"] == (0.5, 2)
+    assert value["unlisted given a name"] == (0.0, 1)
+    assert value["noticed near 1 floor"] == (0.0, 1)
+    assert value["noticed near 3 floors"] == (1.0, 3)
+    assert value["quiet benches called changed"] == (0.0, 1)
+    assert value["parameters given a cause"] == (0.0, 1)
+    assert value["processor time, longest"] == (2.0, 6)
+    low, high = found["place right first, listed"].low, found["place right first, listed"].high
+    assert (low, high) == wilson(1, 2)
+
+
+def test_a_quiet_bench_with_other_parameters_is_called_changed(tmp_path: Path) -> None:
+    found = rows(tmp_path, {"a": (true("none"), said(outcome="parameters"))})
+    assert found["quiet benches called changed"].value == 1.0
+
+
+def test_the_gap_that_goes_is_a_share_of_what_is_above_the_floor(tmp_path: Path) -> None:
+    wholes = (
+        {"raw": 9.0, "parameters": 3.0, "places": [2.0, 1.0]},
+        {"raw": 9.0, "parameters": 3.0, "laws": 5.0**0.5},
+    )
+    cases = {
+        f"{i}": (true("single", LAG), said(place("reading_rtd"), whole=whole))
+        for i, whole in enumerate(wholes)
+    }
+    assert rows(tmp_path, cases)["gap gone with the laws, listed"].value == pytest.approx(0.75)
+
+
+def test_a_pair_wants_both_places_and_both_names(tmp_path: Path) -> None:
+    both = said(place("force_cell_on_y", "viscous_drag"), place("film"), place("reading_rtd"))
+    names = said(place("reading_rtd", "rtd_lag"), place("force_cell_on_x", "viscous_drag"))
+    found = rows(
+        tmp_path,
+        {"a": (true("pair", LAG, DRAG), both), "b": (true("pair", LAG, DRAG), names),
+         "c": (true("pair", LAG, DRAG), said(place("film")))},
+    )  # fmt: skip
+    assert found["pairs: both places among the first three"].value == pytest.approx(2 / 3)
+    assert found["pairs: both names right"].value == pytest.approx(1 / 3)
+
+
+def test_of_differs_the_added_effect_and_the_plants_own_are_looked_for(tmp_path: Path) -> None:
+    own = [{"places": ["film"]}, {"places": ["heat_into_water", "reading_rtd"]}]
+    told = said(place("film"), place("resistance"), place("reading_rtd", "rtd_lag"))
+    found = rows(
+        tmp_path,
+        {
+            "a": (true("differs", LAG, question="differs", own=own), told),
+            "b": (true("differs", question="differs", own=own), said(place("film"))),
+        },
+    )
+    value = {name: (row.value, row.count) for name, row in found.items()}
+    assert value["added effect's place among the first three"] == (1.0, 1)
+    assert value["added effect's entry named first at its place"] == (1.0, 1)
+    assert value["own differences among the first four places"] == (0.75, 2)
+
+
+def test_without_the_right_entry_its_place_may_still_be_told(tmp_path: Path) -> None:
+    less = {"rtd_lag": {"outcome": "places", "places": ["reading_rtd"]}}
+    found = rows(tmp_path, {"a": (true("single", LAG), said(left_out=less))})
+    assert found["left out: its place still told"].value == 1.0
+
+
+def test_probabilities_of_places_are_compared_with_how_often_they_are_right(tmp_path: Path) -> None:
+    cases = {
+        f"{i}": (true("single", LAG), said(place(code, probability=0.9)))
+        for i, code in enumerate(("reading_rtd", "film"))
+    }
+    assert rows(tmp_path, cases)["error of the probabilities of places"].value == pytest.approx(0.4)
+
+
+def test_questions_have_goals_of_their_own_and_tables_beside(tmp_path: Path) -> None:
+    rules = {"bic": {"outcome": "places", "names": ["rtd_offset"]}}
+    key = {"a": true("single", LAG), "b": true("single", LAG, question="changed")}
+    answers = {
+        "a": said(place("reading_rtd", "rtd_lag"), baselines=rules),
+        "b": said(place("film")),
+    }
+    found = tables(read_pairs(*written(tmp_path, key, answers))[1])
+    goals = {h: {r[0]: r[3:] for r in t.rows} for h, t in found.items() if h.startswith("Scores")}
+    assert goals["Scores, check-up"]["noticed near 3 floors"] == ("≥ 0.98", "yes")
+    assert goals["Scores, changed"]["noticed near 3 floors"] == ("≥ 0.75", "yes")
+    assert goals["Scores, changed"]["pairs: both names right"] == ("", "")
+    assert [r[0] for r in found["Simpler rules: right name, of noticed listed"].rows] == [
+        "the diagnosis", "bic",
+    ]  # fmt: skip
+    assert [r[0] for r in found["Wrong or missed"].rows] == ["b"]
+    assert found["Over strength"].rows
+
+
+def test_answers_to_another_bank_or_to_strange_cases_are_refused(tmp_path: Path) -> None:
+    answers, key = written(tmp_path, {"a": true("none")}, {"b": QUIET})
+    with pytest.raises(KeyMismatchError, match="the key has no b"):
+        read_pairs(answers, key)
+    key.write_text(key.read_text() + "\n")
+    with pytest.raises(KeyMismatchError, match="key of their own bank"):
+        read_pairs(answers, key)
+
+
+def test_a_case_without_an_answer_is_refused_or_left_out(tmp_path: Path) -> None:
+    files = written(tmp_path, {"a": true("none"), "b": true("none")}, {"a": QUIET})
+    assert [p.said.outcome for p in read_pairs(*files)[1]] == ["quiet", "refused"]
+    assert len(read_pairs(*files, answered_only=True)[1]) == 1
+
+
+def test_a_sealed_key_that_was_not_entered_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    verdicts, key = _scored(tmp_path, "sealed")
-    record = Ledger.of().record
-    before = record.read_text() if record.exists() else ""
+    answers, key = written(tmp_path, {"a": true("none")}, {"a": QUIET}, bank="sealed")
+    before = Ledger.of().record.read_text()
     with pytest.raises(SystemExit):
-        main(["score", str(verdicts), str(key)])
-    said = capsys.readouterr()
-    assert "commit its hash" in said.err
-    assert "right name first" not in said.out
-    assert (record.read_text() if record.exists() else "") == before
+        main(["score", str(answers), str(key)])
+    shown = capsys.readouterr()
+    assert "commit its hash" in shown.err
+    assert "quiet benches" not in shown.out
+    assert Ledger.of().record.read_text() == before
 
 
-def test_a_sealed_key_is_refused_where_there_is_no_list_of_seals(tmp_path: Path) -> None:
-    with pytest.raises(KeyMismatchError, match="checkout of the repository only"):
-        Ledger.of(tmp_path).require_sealed(SHA)
-
-
-def test_the_command_scores_and_keeps_the_result(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_sealed_key_is_opened_once_and_that_is_logged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    verdicts, key = _scored(tmp_path, "dev")
-    out = tmp_path / "dev.json"
-    main(["score", str(verdicts), str(key), "--out", str(out), "--note", "of two cases"])
-    assert "right name first" in capsys.readouterr().out
-    (result,) = kept_in(out)
-    _, found = _read(verdicts, key)
-    assert result.title == "dev"
-    assert result.notes == ["of two cases"]
-    assert list(result.tables) == list(tables(found))
-    shown = {row[0]: list(row[1:]) for row in result.tables["What was said of what"].rows}
-    for truth, said in found.confusion.items():
-        assert all(f"{name} ({n})" in shown[truth][1] for name, n in said.items())
-    page = rendered([result], tmp_path / "none")
-    assert "| right name first, of the detected | 1.000" in page
-
-
-def kept_in(path: Path) -> list[Result]:
-    folder = path.with_suffix("")
-    folder.mkdir()
-    path.rename(folder / path.name)
-    return kept(folder)
-
-
-def test_a_wrong_answer_is_told_with_its_probability() -> None:
-    wrong = Mistake("case-007", "single", ["rtd_lag"], 3.0, ["rtd_offset"], "effect", 0.9)
-    found = published([], "dev", {})
-    told = tables(msgspec.structs.replace(found, mistakes=[wrong]))["Wrong first answers"]
-    assert told.rows == [("case-007", "single", "rtd_lag", "3.0", "effect", "rtd_offset", "0.90")]
-
-
-def test_every_opening_is_entered_with_date_commit_and_scores(tmp_path: Path) -> None:
-    file, found = _read(*_scored(tmp_path, "dev"))
+    answers, key = written(tmp_path, {"a": true("none")}, {"a": QUIET}, bank="sealed")
     ledger = Ledger.of(tmp_path)
-    when = datetime.datetime(2030, 5, 1, 12, 0, tzinfo=datetime.UTC)
-    for _ in range(2):
-        ledger.enter(file.key_sha256, "c" * 64, found, commit="abc", now=when)
-    assert rendered([], ledger.record).count("| 2030-05-01 12:00 | abc |") == 2
-    line = json.loads(ledger.record.read_text().splitlines()[0])
-    assert line["scores"]["right name first, of the detected"] == 1.0
+    ledger.seal(digest(key), "KEY.json")
+    monkeypatch.setattr(Ledger, "of", lambda: ledger)
+    run(answers, key)
+    assert "quiet benches called changed" in capsys.readouterr().out
+    line = json.loads(ledger.record.read_text())
+    assert line["scores"]["check-up: quiet benches called changed"] == 0.0
+    assert line["verdicts_sha256"] == digest(answers)
+    with pytest.raises(KeyMismatchError, match="opened before"):
+        run(answers, key)
+
+
+def test_an_opening_is_a_line_of_the_page(tmp_path: Path) -> None:
+    ledger = Ledger.of(tmp_path)
+    when = datetime.datetime(2030, 5, 1, 12, tzinfo=datetime.UTC)
+    found = {"check-up": [Row("noticed near 3 floors", 0.987, 0.9, 1.0, 30)]}
+    ledger.enter("ab" * 32, "cd" * 32, found, cases=30, commit="abc", now=when)
+    assert "| 2030-05-01 12:00 | abc | abababababab | 30 | – | 0.99 |" in rendered(
+        [], ledger.record
+    )
+
+
+def test_scores_are_kept_as_a_result(tmp_path: Path) -> None:
+    run(
+        *written(tmp_path, {"a": true("none")}, {"a": QUIET}), out=tmp_path / "kept.json", title="T"
+    )
+    (tmp_path / "KEY.json").unlink()
+    (tmp_path / "answers.json").unlink()
+    (result,) = kept(tmp_path)
+    assert result.title == "T"
+    assert next(iter(result.tables)) == "Scores, check-up"
 
 
 def test_no_opening_of_a_sealed_bank_is_taken_back_or_changed() -> None:
     lines = (FOLDER / "openings.jsonl").read_bytes().splitlines(keepends=True)
     assert hashlib.sha256(b"".join(lines[:LINES])).hexdigest() == OPENED
-
-
-def test_a_day_unlike_the_good_ones_is_no_effect() -> None:
-    verdicts = {"a": CaseVerdict(outcome="no_gap"), "b": CaseVerdict(outcome="unknown")}
-    rows = _rows({"a": _entry("room"), "b": _entry("room")}, verdicts)
-    assert (rows["false alarms: room"].value, rows["false alarms: room"].count) == (0.5, 2)
-    assert rows["false alarms on none"].count == 0
-
-
-def test_shrink_is_told_beside_that_of_the_right_effect() -> None:
-    key = {c: _entry("single", LAG) for c in "ab"}
-    verdicts = {c: _named("rtd_lag", shrink=s) for c, s in (("a", 0.8), ("b", 0.4))}
-    row = _rows(key, verdicts)["median held-out shrink, tool ÷ O1"]
-    assert row.value == pytest.approx(0.6 / 0.9)
-
-
-def _scored(tmp_path: Path, bank: str) -> tuple[Path, Path]:
-    key_path = tmp_path / "KEY.json"
-    cases = {"a": _entry("single", LAG), "b": _entry("none")}
-    key_path.write_text(json.dumps({"format": FORMAT, "bank": bank, "cases": cases}))
-    verdicts = {"a": _named("rtd_lag"), "b": CaseVerdict(outcome="no_gap")}
-    path = tmp_path / "verdicts.json"
-    file = VerdictFile(
-        format="smad-verdicts-1",
-        bank=bank,
-        key_sha256=file_digest(key_path),
-        verdicts=verdicts,
-        tool={"version": "1.2.3"},
-    )
-    write_verdicts(path, file)
-    # As a bank of check-ups tells them.
-    body = json.loads(path.read_text())
-    for verdict in body["verdicts"].values():
-        verdict["baselines"] = {"match": {"outcome": "effect", "names": ["rtd_lag"]}}
-    path.write_text(json.dumps(body))
-    return path, key_path
-
-
-def _read(verdicts: Path, key: Path) -> tuple[VerdictFile, Published]:
-    file = read_verdicts(verdicts)
-    pairs = matched(file, *read_key(key))
-    return file, published(pairs, "dev", told_beside(verdicts, [], None, []))
-
-
-def _fit(*names: str, chi2: float, objective: float, held_out: float) -> FittedRecord:
-    parameters = 20 + 2 * len(names)
-    return FittedRecord(list(names), parameters, 5000, objective, chi2, held_out, 1.0, -objective)
-
-
-FITTED = [
-    _fit(chi2=5000.0, objective=2500.0, held_out=1.5),
-    _fit("rtd_lag", chi2=4900.0, objective=2440.0, held_out=1.3),
-    _fit("rtd_lag", "minor_loop", chi2=4890.0, objective=2436.0, held_out=1.2),
-]
-
-
-def test_each_baseline_follows_its_rule() -> None:
-    said = baselines(FITTED, ["rtd_lag", "minor_loop"], "case-001")
-    assert said["smallest_rmse"].names == ["rtd_lag", "minor_loop"]
-    assert said["bic_only"].names == ["rtd_lag"]
-    assert said["chi2_only"].names == ["rtd_lag", "minor_loop"]
-
-
-def test_a_baseline_that_keeps_the_refit_says_no_gap() -> None:
-    idle = [FITTED[0], _fit("rtd_lag", chi2=4997.0, objective=2499.0, held_out=1.6)]
-    said = baselines(idle, ["rtd_lag"], "case-001")
-    assert {said[n].outcome for n in ("smallest_rmse", "bic_only", "chi2_only")} == {"no_gap"}
-
-
-def test_the_random_baseline_is_the_same_for_a_case_and_varies_over_cases() -> None:
-    library = [e.name for e in SmaPlant().effects]
-    said = [baselines([], library, f"case-{i:03d}")["random"] for i in range(200)]
-    assert said == [baselines([], library, f"case-{i:03d}")["random"] for i in range(200)]
-    assert {"effect", "no_gap", "unknown"} == {s.outcome for s in said}
-    assert len({n for s in said for n in s.names}) > 25

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from evaluation.score.where import PLACES_OF, main, near_places, summary
 
 

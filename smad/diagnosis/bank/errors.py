@@ -15,7 +15,3 @@ class CheckError(GapError):
 
 class VerdictError(GapError):
     """A verdict file does not follow its form, or speaks of cases that the key does not have."""
-
-
-class KeyMismatchError(GapError):
-    """A key that does not belong to the verdicts, or is not the one that was sealed."""
