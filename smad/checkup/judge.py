@@ -87,7 +87,7 @@ def _screened(paired: Paired, G: Array, b: Array, exclude: Sequence[str]) -> lis
 
 def entry_of(paired: Paired, effects: Sequence[Effect], z: Array) -> Entry | None:
     """The one of these effects that takes most of the white rows `z`, refined by replay."""
-    return best_entry(paired, paired.reference.atoms, paired.signatures, None, effects, z)
+    return best_entry(paired, paired.reference.atoms, paired.signatures, effects, z)
 
 
 def _refined_singles(paired: Paired, entries: Sequence[Screened], z: Array) -> list[Refined]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from smad.diagnosis.changed import Changed
 from smad.diagnosis.data.played import predictions
-from smad.diagnosis.gap import Residual, rms
+from smad.diagnosis.gap import rms
 from smad.diagnosis.model_file import SavesModel, write_model
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit
@@ -69,7 +69,7 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
     listing = held.listed
     budget, whole, gaps = _budget(asked, listing, asked.floors)
     columns = [s.columns for s in _best_of_places(held.where.ranked)[:_APART_SETS]]
-    by_run = _by_run(asked, held.rows, held.gap, columns, gaps)
+    by_run = _by_run(asked, held.rows, held.gap.run_of_row, columns, gaps)
     odd = [r.run for r in by_run if r.contradicts]
     places = _told(asked.plant, listing, held.named)
     c = asked.constants
@@ -80,12 +80,14 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
     else:
         outcome = QUIET if whole.raw < c.quiet_floors else PARAMETERS
     return _answer(
-        asked, listing, held.rows, places, whole,
+        asked, listing, held.rows,
         Verdict(
             question=DIFFERS,
             outcome=outcome,
             headline=_headline(outcome, places, whole, odd),
+            places=places,
             budget=budget,
+            whole=whole,
             by_run=by_run,
             ranked=place_shares(asked.plant, held.where.ranked),
             unseen=_unseen(asked.plant, held.rows, held.where.ranked, c.place_share),
@@ -100,20 +102,22 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
     rows = found.contrast.own
     columns = [s.columns for s in _best_of_places(found.contrast.ranked)[:_APART_SETS]]
     joint_run = found.joint.run_of_row - len(asked.good)
-    by_run = _by_run(asked, rows, found.joint, columns, gaps, joint_run)
+    by_run = _by_run(asked, rows, joint_run, columns, gaps)
     odd = [r.run for r in by_run if r.contradicts]
     places = _told(asked.plant, listing, found.named)
     outcome = found.outcome
     if odd and outcome == PLACES:
         outcome = CONTRADICTING
     return _answer(
-        asked, listing, found.rows, places, whole,
+        asked, listing, found.rows,
         Verdict(
             question=CHANGED,
             parameters_take=max(found.parameters, 0.0),
             outcome=outcome,
             headline=_changed_headline(outcome, places, odd),
+            places=places,
             budget=budget,
+            whole=whole,
             by_run=by_run,
             ranked=place_shares(asked.plant, found.contrast.ranked),
             unseen=_unseen(
@@ -123,22 +127,15 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
     )  # fmt: skip
 
 
-def _answer(
-    asked: Asked,
-    listing: Listed,
-    rows: FoldRows,
-    places: list[PlaceTold],
-    whole: SignalGap,
-    verdict: Verdict,
-) -> Answer:
+def _answer(asked: Asked, listing: Listed, rows: FoldRows, verdict: Verdict) -> Answer:
+    whole = verdict.whole
+    assert whole is not None
     settler = listing.settler
     points = tuple(settler.model(s) for s in listing.settled)
     uncertain = tuple(settler.uncertainty(s) for s in listing.settled)
     taken = (whole.raw**2 - whole.parameters**2) / max(whole.raw**2 - 1.0, 1e-9)
     said = msgspec.structs.replace(
         verdict,
-        places=places,
-        whole=whole,
         parameters_take=(
             verdict.parameters_take
             if verdict.question == CHANGED
@@ -224,12 +221,10 @@ def _floors(left: Array, valid: Mask, floors: Array) -> float:
 def _by_run(
     asked: Asked,
     rows: FoldRows,
-    gap: Residual,
+    of_row: Index,
     columns: Sequence[Index],
     gaps: Array,
-    run_of_row: Index | None = None,
 ) -> list[RunGap]:
-    of_row = gap.run_of_row if run_of_row is None else run_of_row
     alone = asked.fit < 2
     out = []
     for k, run in enumerate(asked.runs):

@@ -92,12 +92,11 @@ def changed(asked: Asked) -> Changed:
     listing = listed(settler, rows, [n.step for n in named], c.place_share)
     if listing is None:
         raise cannot_replay(gap)
-    if listing.steps:
-        outcome = PLACES
-    else:
-        outcome = PARAMETERS if free else QUIET
+    otherwise = PARAMETERS if free else QUIET
+    outcome = PLACES if listing.steps else otherwise
     return Changed(
-        outcome=outcome, good=taught, contrast=news, joint=joint, rows=rows, parameters=parameters, named=named, gap=gap,
+        outcome=outcome, good=taught, contrast=news, joint=joint, rows=rows,
+        parameters=parameters, named=named, gap=gap,
         listed=listing,
     )  # fmt: skip
 

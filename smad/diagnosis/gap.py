@@ -27,8 +27,8 @@ _TURNS = 2
 class Gap(Protocol):
     """A difference of bench and model over some runs, and the white space that it is judged in.
 
-    `point` is the reference that responses are of, `base` its prediction of each of `played`, (bins,
-    channels). `z` (rows,) are the white rows of the difference, `fold` (rows,) the fold of each,
+    `point` is the reference that responses are of, `base` its prediction of each of `played`,
+    (bins, channels). `z` (rows,) are the white rows of the difference, `fold` (rows,) the fold of each,
     negative where it does not count. `kind_of_run` tells which run of the responses each one is.
     """
 
@@ -106,7 +106,7 @@ class Measured:
         played = tuple(Played.of(r, float(r.t_s[0] - r.dt_s), period_s) for r in runs)
         channels, inputs = [c.name for c in plant.channels], [s.name for s in plant.inputs]
         found = [
-            binned(r, p.bins, channels, inputs, p.start_s, period_s)
+            binned(r, p.bins, channels, inputs, p.start_s, period_s=period_s)
             for r, p in zip(runs, played, strict=True)
         ]
         return cls(

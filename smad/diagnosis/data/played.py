@@ -76,7 +76,7 @@ class Atom:
 
 def predictions(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list[Array]:
     """Predictions of all runs, each (bins, channels)."""
-    return [prediction(plant, point, p.run, p.bins, p.start_s, p.period_s) for p in runs]
+    return [prediction(plant, point, p.run, p.bins, p.start_s, period_s=p.period_s) for p in runs]
 
 
 def finite(values: Sequence[Array]) -> bool:
@@ -188,7 +188,9 @@ def signatures(
     progress: Callable[[str], None] = lambda text: None,
     effects: Sequence[Effect] | None = None,
 ) -> tuple[list[Atom], list[Array]]:
-    """Atoms of the whole library, or of some effects, and their signatures: per run (atoms, bins, channels), float32.
+    """Atoms of the whole library, or of some effects, and their signatures, float32.
+
+    Signatures are (atoms, bins, channels) a run.
 
     Entries that the model cannot simulate at a level lack that level.
     """

@@ -92,6 +92,7 @@ def binned(
     channels: Sequence[str],
     inputs: Sequence[str],
     start_s: float,
+    *,
     period_s: float = PERIOD_S,
 ) -> Binned:
     """The run in `bins` bins of the grid that begins at `start_s` of its own clock."""
@@ -125,6 +126,7 @@ def prediction(
     run: GapRun,
     bins: int,
     start_s: float,
+    *,
     period_s: float = PERIOD_S,
 ) -> Array:
     """The open-loop prediction of a run on the grid; shape (bins, channels). NaN if it fails."""

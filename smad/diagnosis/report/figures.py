@@ -37,7 +37,7 @@ def laws(
         words, unit = plant.state_words(told.place, state)
         out.append(
             Picture(
-                _law(plant, point, runs, own, told, f"{words}, {unit}"),
+                _law(plant, point, runs, own, told, label=f"{words}, {unit}"),
                 f"{told.words}: the law over {told.terms[0].words}. The line is its mean, the "
                 "band one standard deviation of it within the runs, where other states differ; "
                 "below, how often the runs were there. Beyond its ends the law keeps its last "
@@ -53,6 +53,7 @@ def _law(
     runs: Sequence[GapRun],
     found: Sequence[Law],
     told: PlaceTold,
+    *,
     label: str,
 ) -> str:
     from smad.report.plots import new_figure, svg_of

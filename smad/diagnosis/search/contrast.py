@@ -65,11 +65,11 @@ def contrast(
     (`by_chance`); those within `near` of
     what the best adds are told with it.
     """
-    half = len(rows.responses) // 2
     square = float(rows.rows[asked] @ rows.rows[asked])
+    search = _Search(rows, asked, depth, max(square, 1e-12))
     before, steps = np.zeros(0, dtype=np.intp), list[Step]()
     taken = 0.0
-    first = found = _ranked(rows, half, before, candidates, depth, square)
+    first = found = search.ranked(before, candidates)
     while found and len(steps) < most:
         if found[0].scored.share < (further_share if steps else first_share):
             break
@@ -79,7 +79,7 @@ def contrast(
                 for f in found
                 if f.scored.share >= near * found[0].scored.share
                 and by_chance(
-                    _own(rows, half, np.union1d(before, f.both), asked), rows, f.scored.columns,
+                    search.own(np.union1d(before, f.both)), rows, f.scored.columns,
                     run_of_row, only,
                 ) <= chance
             ),
@@ -92,70 +92,76 @@ def contrast(
         steps.append(Step(best.scored, near_by, taken))
         before = np.unique(np.concatenate([before, best.both]))
         told = {s.chosen.candidate.place for s in steps}
-        rest = [c for c in candidates if c.place not in told]
-        found = _ranked(rows, half, before, rest, depth, square)
-    own = _own(rows, half, before, asked)
-    return Contrast(ranked=tuple(f.scored for f in first), steps=tuple(steps), own=own,
-                    square=square)  # fmt: skip
+        found = search.ranked(before, [c for c in candidates if c.place not in told])
+    return Contrast(
+        ranked=tuple(f.scored for f in first), steps=tuple(steps), own=search.own(before),
+        square=square,
+    )  # fmt: skip
 
 
-def _ranked(
-    rows: FoldRows,
-    half: int,
-    before: Index,
-    candidates: Sequence[Candidate],
-    depth: int,
-    square: float,
-) -> list[_Found]:
-    found = [_asked(rows, half, before, c, depth, square) for c in candidates]
-    return sorted(found, key=lambda f: (-f.scored.share, f.scored.candidate.place))
+@dataclass(frozen=True)
+class _Search:
+    """Candidates beside responses that are always in; `square` is that of the rows `asked`."""
 
+    rows: FoldRows
+    asked: Index
+    depth: int
+    square: float
 
-def _asked(
-    rows: FoldRows, half: int, before: Index, c: Candidate, depth: int, square: float
-) -> _Found:
-    """A law in the runs in question beside one of all runs that has all its terms too."""
-    common = _selected(rows, np.union1d(before, c.groups[0]), c, 0, depth)
-    shared = np.union1d(np.union1d(before, c.groups[0]), _columns(c, common))
-    own = _selected(rows, np.union1d(shared, c.groups[0] + half), c, half, depth)
-    shared = np.union1d(shared, _columns(c, own))
-    both = np.concatenate([shared, c.groups[0] + half, _columns(c, own) + half])
-    added = _held_out(rows, both) - max(_held_out(rows, shared), 0.0)
-    return _Found(Scored(c, own, added / max(square, 1e-12)), both, shared)
+    @property
+    def half(self) -> int:
+        """From here on responses are of the runs in question alone."""
+        return len(self.rows.responses) // 2
+
+    def ranked(self, before: Index, candidates: Sequence[Candidate]) -> list[_Found]:
+        """All candidates, the best first."""
+        found = [self._found(before, c) for c in candidates]
+        return sorted(found, key=lambda f: (-f.scored.share, f.scored.candidate.place))
+
+    def own(self, columns: Index) -> FoldRows:
+        """The rows in question less what is common in the joint fit of these responses."""
+        rows, left = self.rows, self.rows.rows
+        if len(columns):
+            x = fitted(rows.products(columns), np.arange(len(columns))).mean
+            common = columns < self.half
+            left = left - rows.responses[columns[common]].astype(np.float64).T @ x[common]
+        fold = np.full(len(rows.fold), -1, dtype=np.intp)
+        names = np.unique(rows.fold[self.asked])
+        fold[self.asked] = np.searchsorted(names, rows.fold[self.asked])
+        return FoldRows(left, rows.responses[self.half :], fold)
+
+    def _found(self, before: Index, c: Candidate) -> _Found:
+        """A law in the runs in question beside one of all runs that has all its terms too."""
+        half = self.half
+        common = self._selected(np.union1d(before, c.groups[0]), c, 0)
+        shared = np.union1d(np.union1d(before, c.groups[0]), _columns(c, common))
+        own = self._selected(np.union1d(shared, c.groups[0] + half), c, half)
+        shared = np.union1d(shared, _columns(c, own))
+        both = np.concatenate([shared, c.groups[0] + half, _columns(c, own) + half])
+        added = self._held_out(both) - max(self._held_out(shared), 0.0)
+        return _Found(Scored(c, own, added / self.square), both, shared)
+
+    def _selected(self, always: Index, c: Candidate, shift: int) -> Forward:
+        free = np.setdiff1d(np.unique(c.groups[1:] + shift), always)
+        groups = [
+            g for g in range(len(c.groups) - 1) if np.isin(c.groups[1 + g] + shift, free).all()
+        ]
+        if not groups:
+            return Forward(np.zeros((1, self.rows.folds)), ())
+        asked = np.searchsorted(free, c.groups[1:][groups] + shift) + len(always)
+        products = self.rows.products(free, always)
+        worth = worth_of(c)[groups]
+        found = forward(products, asked, worth, depth=self.depth, before=len(always))
+        return replace(found, chosen=tuple(groups[g] for g in found.chosen))
+
+    def _held_out(self, columns: Index) -> float:
+        """What these responses take of rows that they were not fitted to."""
+        products = self.rows.products(columns)
+        return forward(products, _NONE, np.zeros(0), depth=0, before=len(columns)).best
 
 
 def _columns(c: Candidate, found: Forward) -> Index:
     return c.groups[[1 + g for g in found.chosen]].ravel()
-
-
-def _selected(rows: FoldRows, always: Index, c: Candidate, shift: int, depth: int) -> Forward:
-    free = np.setdiff1d(np.unique(c.groups[1:] + shift), always)
-    groups = [g for g in range(len(c.groups) - 1) if np.isin(c.groups[1 + g] + shift, free).all()]
-    if not groups:
-        return Forward(np.zeros((1, rows.folds)), ())
-    asked = np.searchsorted(free, c.groups[1:][groups] + shift) + len(always)
-    worth = worth_of(c)[groups]
-    found = forward(rows.products(free, always), asked, worth, depth=depth, before=len(always))
-    return replace(found, chosen=tuple(groups[g] for g in found.chosen))
-
-
-def _held_out(rows: FoldRows, columns: Index) -> float:
-    """What these responses take of rows that they were not fitted to."""
-    products = rows.products(columns)
-    return forward(products, _NONE[:, :1], np.zeros(0), depth=0, before=len(columns)).best
-
-
-def _own(rows: FoldRows, half: int, columns: Index, asked: Index) -> FoldRows:
-    """The rows in question less what is common in the joint fit of these responses."""
-    left = rows.rows
-    if len(columns):
-        x = fitted(rows.products(columns), np.arange(len(columns))).mean
-        common = columns < half
-        left = left - rows.responses[columns[common]].astype(np.float64).T @ x[common]
-    fold = np.full(len(rows.fold), -1, dtype=np.intp)
-    names = np.unique(rows.fold[asked])
-    fold[asked] = np.searchsorted(names, rows.fold[asked])
-    return FoldRows(left, rows.responses[half:], fold)
 
 
 def by_chance(

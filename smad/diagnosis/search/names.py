@@ -55,9 +55,10 @@ def best_entry(
     gap: Gap,
     atoms: Sequence[Atom],
     S: Array,
-    only: Sequence[bool] | None,
     effects: Sequence[Effect],
     z: Array,
+    *,
+    only: Sequence[bool] | None = None,
 ) -> Entry | None:
     """The one of these effects that takes most of the white rows `z`, refined by replay.
 
@@ -89,7 +90,7 @@ class Library:
             own, rows = self._signatures(effect)
             atoms += own
             parts.append(rows)
-        return best_entry(self.gap, atoms, np.concatenate(parts), self.only, effects, z)
+        return best_entry(self.gap, atoms, np.concatenate(parts), effects, z, only=self.only)
 
     def _signatures(self, effect: Effect) -> tuple[list[Atom], Array]:
         if effect.name not in self._known:

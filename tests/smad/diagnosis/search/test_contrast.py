@@ -34,8 +34,8 @@ def runs_of(seed, *, shared=None, new=None):
 def news(rows, asked, candidates):
     only = tuple(k >= RUNS - 2 for k in range(RUNS))
     return contrast(
-        rows, asked, candidates, run_of_row=np.repeat(np.arange(RUNS), ROWS), only=only, chance=0.01,
-        depth=2, most=3, first_share=0.1, further_share=0.06, near=0.8,
+        rows, asked, candidates, run_of_row=np.repeat(np.arange(RUNS), ROWS), only=only,
+        chance=0.01,        depth=2, most=3, first_share=0.1, further_share=0.06, near=0.8,
     )  # fmt: skip
 
 
