@@ -28,8 +28,8 @@ class Gap(Protocol):
     """A difference of bench and model over some runs, and the white space that it is judged in.
 
     `point` is the reference that responses are of, `base` its prediction of each of `played`,
-    (bins, channels). `z` (rows,) are the white rows of the difference, `fold` (rows,) the fold of each,
-    negative where it does not count. `kind_of_run` tells which run of the responses each one is.
+    (bins, channels). `z` (rows,) are the white rows of the difference, `fold` (rows,) the fold of
+    each, negative where it does not count. `kind_of_run` tells which run of the responses each is.
     """
 
     @property
