@@ -20,7 +20,7 @@ firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flas
 	@$(PY) -m sim_device.firmware.build
 
 test: $(VENV)/.test-installed  ## all the tests
-	@$(PY) -m pytest -n 2 --dist worksteal
+	@$(PY) -m pytest -n 3 --dist worksteal
 
 recipes: $(VENV)/.test-installed  ## every step of docs/architecture.md's recipes left out once: something must complain
 	@$(PY) -m pytest -n 2 -m campaign tests/recipes
@@ -71,7 +71,7 @@ $(VENV)/.test-installed: pyproject.toml $(VENV)/.installed
 	@touch $@
 
 $(VENV)/.site-installed: pyproject.toml $(VENV)/.installed
-	@$(PY) -m pip install -qq --disable-pip-version-check -e '.[all,site]'
+	@test -e $(VENV)/.test-installed || $(PY) -m pip install -qq --disable-pip-version-check -e '.[all,site]'
 	@touch $@
 
 clean:  ## remove what the build made (not your runs)

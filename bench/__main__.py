@@ -14,6 +14,7 @@ BENCHMARKS = {
     "control": "a control step, and virtual time",
     "runlog": "recording and reading runs",
     "daemon": "the control path beside a C program, idle and under load",
+    "axes": "1, 3 and 6 axes beside a C program for each board, skew, stops",
     "stop_latency": "a third party's stop, idle and under floods",
     "view_stop": "a click on STOP of the live page, idle and under floods",
     "view_cost": "setpoint age with the live page open and closed, in pairs",

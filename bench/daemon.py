@@ -275,29 +275,32 @@ def memory_rows(rig: Rig, minutes: float) -> list[Row]:
         try:
             daemon.wait_until_ready()
             with Client(folder=rig.folder, timeout_s=60.0) as client:
-                return _memory_over(client, minutes)
+                return memory_over(client, minutes, client.move)
         finally:
             daemon.end()
 
 
-def _memory_over(client: Client, minutes: float) -> list[Row]:
+def memory_over(
+    client: Client, minutes: float, move: Callable[[Sine], object], rate_hz: int = 500
+) -> list[Row]:
+    """Resident memory over so much board time; `move` lets the bench, or all axes, follow."""
     began = time.monotonic()
     stretch_s = min(600.0, minutes * 20.0)
     stretches = round(minutes * 60.0 / stretch_s)
     seen: list[float] = []
     for number in range(stretches):
         arm(client)
-        client.move(Sine(amplitude_mm=2.0, period_s=stretch_s / 40, cycles=40))
+        move(Sine(amplitude_mm=2.0, period_s=stretch_s / 40, cycles=40))
         client.wait_until_done()
         client.disarm()
         seen.append(client.status().memory_MiB)
         _say(f"memory: {number + 1} of {stretches} stretches of {stretch_s:.0f} s of board time")
-    counts = client.status().counts
+    counts = [part.counts for part in client.status().parts().values()]
     return [
-        Row(f"memory after {stretch_s / 60:g} min of board time at 500 Hz", seen[0], "MiB"),
-        Row(f"memory after {minutes:g} min of board time at 500 Hz", seen[-1], "MiB"),
-        Row("samples in that time", float(counts.samples), ""),
-        Row("missed samples in that time", float(counts.missed), ""),
+        Row(f"memory after {stretch_s / 60:g} min of board time at {rate_hz} Hz", seen[0], "MiB"),
+        Row(f"memory after {minutes:g} min of board time at {rate_hz} Hz", seen[-1], "MiB"),
+        Row("samples in that time", float(sum(c.samples for c in counts)), ""),
+        Row("missed samples in that time", float(sum(c.missed for c in counts)), ""),
         Row("faster than real time by", minutes * 60.0 / (time.monotonic() - began), ""),
     ]
 

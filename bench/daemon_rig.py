@@ -91,7 +91,7 @@ class Rig:
             assert device.stdout is not None
             if not device.stdout.readline().startswith(READY):
                 raise RuntimeError("the simulated device did not start; run smad sim to see why")
-            if not extra:
+            if "--speed" not in extra:
                 hurry(device.pid, DEVICE_PRIORITY)
             ours.setblocking(False)
             yield str(tty), ours.fileno() if case.transport != "pty" else None

@@ -45,7 +45,7 @@ from bench.browser import (
     served,
     what_is_missing,
 )
-from smad.bridge.foxglove import CHANNELS, SUBPROTOCOLS
+from smad.bridge.foxglove import LINK, LOG, SUBPROTOCOLS, rows_of
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table, text_table
@@ -145,7 +145,10 @@ class Viewer:
         self._connection = self._stack.enter_context(
             connect(address, subprotocols=[Subprotocol(SUBPROTOCOLS[0])])
         )
-        wanted = [{"id": channel.id, "channelId": channel.id} for channel in CHANNELS]
+        wanted = [
+            {"id": channel.id, "channelId": channel.id}
+            for channel in (*rows_of(("",)).values(), LINK, LOG)
+        ]
         self._connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
         self._thread = threading.Thread(target=self._read)
         self._thread.start()

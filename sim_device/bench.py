@@ -190,7 +190,7 @@ class SimulatedBench:
     @property
     def heater_J(self) -> float:
         """Electrical heat that both springs have taken in so far."""
-        return self.plant.energy.heat_in
+        return self.plant.heat_in_J
 
     def board_time_us(self, at_us: int) -> int:
         """Return the board's clock at a time at or after the last sample."""

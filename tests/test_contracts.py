@@ -31,7 +31,15 @@ FORBIDDEN = {
         "smad.daemon",
         "smad.runlog",
     },
-    "smad/gap": {"serial", "zmq", "socket", "asyncio", "smad.daemon", "smad.client"},
+    "smad/diagnosis": {
+        "serial",
+        "zmq",
+        "socket",
+        "asyncio",
+        "smad.daemon",
+        "smad.client",
+        "smad.checkup",
+    },
     "smad/daemon": {"sim_device"},
     "firmware": {"smad"},
     "smad": {"firmware"},
@@ -41,9 +49,16 @@ LONGEST_FUNCTION = 60
 MOST_ARGUMENTS = 7
 """`self` and six others."""
 
-# The rooms of the diagnosis, each above those before it, and those that its engine never knows.
-ENGINE = ("data", "model", "fit", "compare", "report")
-AROUND_ENGINE = ("sma", "paired", "check")
+# The rooms of the diagnosis, each with those that it must not know.
+ROOMS_ABOVE = {
+    "numerics": ("data", "places", "search", "report", "spring_pair", "bank"),
+    "data": ("places", "search", "report", "spring_pair", "bank"),
+    "places": ("search", "report", "spring_pair", "bank"),
+    "search": ("report", "spring_pair", "bank"),
+    "report": ("search.", "constants", "simulator", "changed", "diagnose", "spring_pair", "bank"),
+}
+# Who shows the report: what it says decides nothing.
+SHOW_REPORTS = ("smad.cli.", "smad.checkup.page", "smad.checkup.verdict", "smad.diagnosis.report.")
 # Tools of a package that are run by hand; they may read a clock or a file.
 EXEMPT_NAMES = {"generate.py", "__main__.py"}
 
@@ -140,18 +155,34 @@ def test_no_room_imports_itself_by_way_of_others() -> None:
     assert {room: cycle for room, cycle in cycles.items() if cycle} == {}
 
 
-@pytest.mark.parametrize("room", ENGINE)
+@pytest.mark.parametrize("room", ROOMS_ABOVE)
 def test_a_room_of_the_diagnosis_imports_only_rooms_below_it(room: str) -> None:
-    above = {*ENGINE[ENGINE.index(room) + 1 :], *AROUND_ENGINE}
     graph = graph_of_imports()
-    modules = [name for name in graph if name.startswith(f"smad.gap.{room}.")]
+    modules = [name for name in graph if name.startswith(f"smad.diagnosis.{room}.")]
     assert modules
+    above = tuple(f"smad.diagnosis.{name}" for name in ROOMS_ABOVE[room])
     assert [
         f"{module} imports {name}"
         for module in modules
         for name in graph[module]
-        if name.startswith("smad.gap.") and name.split(".")[2] in above
+        if name.startswith(above)
     ] == []
+
+
+def test_the_report_of_a_diagnosis_is_imported_by_nobody_who_decides() -> None:
+    assert [
+        f"{module} imports {name}"
+        for module, others in graph_of_imports().items()
+        for name in others
+        if name.startswith("smad.diagnosis.report.") and not module.startswith(SHOW_REPORTS)
+    ] == []
+
+
+def test_the_first_design_of_the_diagnosis_is_gone() -> None:
+    needle = re.compile(r"smad[./]g" + r"ap\b(?! )")
+    sources = [p for room in ("smad", "tests", "examples") for p in modules_under(room)]
+    assert not (ROOT / "smad" / "gap").exists()
+    assert [str(p.relative_to(ROOT)) for p in sources if needle.search(p.read_text())] == []
 
 
 def test_a_circle_is_found_between_modules_and_between_rooms() -> None:

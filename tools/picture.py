@@ -1,17 +1,22 @@
-"""Draw the picture of the README from the run log of a demo.
+"""Draw the pictures of the handbook from run logs.
 
     smad demo && python tools/picture.py runs/*-demo.mcap
+    smad run six-axes --sim && python tools/picture.py runs/*-six-axes.mcap
 
-The newest of the logs given is drawn, into docs/img/demo.svg or the file named with -o.
+The newest of the logs given is drawn, into docs/img/demo.svg, or six-axes.svg for one of several
+axes, or the file named with -o.
 """
 
 import argparse
 from pathlib import Path
 
+from smad.config import parse_config
 from smad.report.plots import draw, label, new_figure, svg_of
-from smad.runlog.reader import Run, read_run
+from smad.robot import Robot
+from smad.robot.circles import TOGETHER, trackings
+from smad.runlog.reader import Run, read_axes
 
-PICTURE = Path(__file__).resolve().parents[1] / "docs/img/demo.svg"
+FOLDER = Path(__file__).resolve().parents[1] / "docs/img"
 
 
 def picture(run: Run) -> str:
@@ -29,15 +34,40 @@ def picture(run: Run) -> str:
     return svg_of(figure, title)
 
 
+def circles(runs: dict[str, Run]) -> str:
+    """Return the SVG: pitch and yaw of the segments while all draw their circles together."""
+    robot = Robot.of(parse_config(next(iter(runs.values())).header.configuration))
+    drawn = [one for one in trackings(runs, robot) if one.phase == TOGETHER]
+    figure, axes = new_figure(len(drawn), height_in=4.5, share_x=True)
+    for k, (place, one) in enumerate(zip(axes, drawn, strict=True)):
+        for joint, pen, wanted, actual in zip(
+            ("pitch", "yaw"), "xy", one.wanted_deg, one.actual_deg, strict=True
+        ):
+            draw(place, one.t_s, actual, joint, pen)
+            draw(
+                place,
+                one.t_s,
+                wanted,
+                "reference" if joint == "yaw" else "",
+                "reference",
+                style="--",
+            )
+        label(place, "time (s)" if k + 1 == len(drawn) else "", "°", one.segment)
+    return svg_of(figure, "pitch and yaw of three segments that draw circles together, over time")
+
+
 def main() -> None:
     """Draw what the command line names."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("logs", type=Path, nargs="+", metavar="LOG")
-    parser.add_argument("-o", "--output", type=Path, default=PICTURE)
+    parser.add_argument("-o", "--output", type=Path)
     arguments = parser.parse_args()
     newest = max(arguments.logs, key=lambda path: path.name)
-    arguments.output.write_text(picture(read_run(newest)) + "\n")
-    print(f"{arguments.output} from {newest}")
+    runs = read_axes(newest)
+    several = "" not in runs
+    output = arguments.output or FOLDER / ("six-axes.svg" if several else "demo.svg")
+    output.write_text((circles(runs) if several else picture(runs[""])) + "\n")
+    print(f"{output} from {newest}")
 
 
 if __name__ == "__main__":

@@ -76,10 +76,6 @@ class Silverbox:
         large = square > 0.05**2
         return {"rest": np.zeros(len(large), dtype=bool), "small": ~large, "large": large}
 
-    def features(self, run, side):
-        y = run.outputs["output_V"]
-        return {"input": run.inputs["input_V"], "output": y, "rate": np.gradient(y) * RATE_HZ}
-
 
 @numba.njit(nogil=True)
 def _rates(x, w, u, theta, sizes):

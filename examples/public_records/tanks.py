@@ -90,9 +90,6 @@ class Tanks:
             "much water": flow > 3.0,
         }
 
-    def features(self, run, side):
-        return {"pump": run.inputs["pump_V"], "level": run.outputs["level_V"]}
-
 
 @numba.njit(nogil=True)
 def _replay(pump, step_s, theta, values):

@@ -97,14 +97,19 @@ def _meaning(field: Field) -> str:
     return "; ".join(note for note in notes if note)
 
 
+_A_LINE = 12
+"""Members of an enumeration in a line of the page."""
+
+
 def _enums(codec: Codec) -> str:
     text = ""
     for kind in enums_of(codec):
         is_bits = issubclass(kind, enum.IntFlag)
-        members = ", ".join(
+        members = [
             f"{f'0x{member.value:x}' if is_bits else member.value} {member.name}" for member in kind
-        )
-        text += f"- {kind.__name__}: {members}\n"
+        ]
+        lines = [", ".join(members[n : n + _A_LINE]) for n in range(0, len(members), _A_LINE)]
+        text += f"- {kind.__name__}: " + ";\n  ".join(lines) + "\n"
     return text
 
 

@@ -34,6 +34,7 @@ SENSED = slice(
 _DRIVE = slice(k.place_of(k.Work, "drive.i_x"), k.place_of(k.Work, "drive.stage") + 1)
 _FORCES = k.place_of(k.Work, "forces")
 _CURRENT_X, _CURRENT_Y = k.place_of(k.State, "x.current"), k.place_of(k.State, "y.current")
+_HEAT_X, _HEAT_Y = k.place_of(k.State, "x.heat_in"), k.place_of(k.State, "y.heat_in")
 _GIVEN_INLET = k.place_of(k.State, "shared.given_inlet")
 _GIVEN_AIR = k.place_of(k.State, "shared.given_air")
 _OF_SPRINGS = (
@@ -87,6 +88,7 @@ class Plant:
         self._state = setup.state(temperature_K)
         self._start = k.copied(self._state)
         self._row = k.numbers(self._state)
+        self._heat_at_start_J = self._heat_J()
         self._ring = setup.ring()
         self._work = k.zeros(k.Work)
         self._memory = setup.memory()
@@ -169,6 +171,14 @@ class Plant:
     def energy(self) -> EnergyBook:
         """The energy books since the start."""
         return energy_book(self._start[0], self._state[0], self._setup)
+
+    @property
+    def heat_in_J(self) -> float:
+        """Electrical heat of both springs since the start, as in the books; for every sample."""
+        return self._heat_J() - self._heat_at_start_J
+
+    def _heat_J(self) -> float:
+        return float(self._row[_HEAT_X] + self._row[_HEAT_Y])
 
 
 def truth_of(row: np.ndarray) -> PlantTruth:

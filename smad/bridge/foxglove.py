@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 import msgspec
 from msgspec import Meta, Struct
 
-from smad.runlog.schema import LINK_TOPIC, ROW_TOPIC, LinkSample, Row, json_schema
+from smad.runlog.schema import LINK_TOPIC, LinkSample, Row, json_schema, row_topic
 from smad.version import VERSION
 
 SUBPROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
@@ -61,10 +61,18 @@ class Channel(NamedTuple):
     schema: bytes
 
 
-ROWS = Channel(1, ROW_TOPIC, "smad.Row", json_schema(Row))
-LINK = Channel(2, LINK_TOPIC, "smad.LinkSample", json_schema(LinkSample))
-LOG = Channel(3, LOG_TOPIC, "foxglove.Log", _LOG_SCHEMA)
-CHANNELS = (ROWS, LINK, LOG)
+LINK = Channel(1, LINK_TOPIC, "smad.LinkSample", json_schema(LinkSample))
+LOG = Channel(2, LOG_TOPIC, "foxglove.Log", _LOG_SCHEMA)
+_FIRST_ROW_ID = 3
+
+
+def rows_of(axes: Sequence[str]) -> dict[str, Channel]:
+    """Return the channel of the samples of each axis; the only axis has the empty name."""
+    schema = json_schema(Row)
+    return {
+        axis: Channel(number, row_topic(axis), "smad.Row", schema)
+        for number, axis in enumerate(axes, start=_FIRST_ROW_ID)
+    }
 
 
 class _Op(Struct, tag_field="op", rename="camel", frozen=True):
@@ -112,15 +120,22 @@ Kept = Callable[[Channel], Iterable[tuple[int, bytes]]]
 class Viewer:
     """One viewer: what it subscribed to, and what it is answered.
 
-    `parameters` says what they are now; `kept` gives the messages of a channel, with their times
-    in ns, that a new subscription begins with.
+    `channels` and `parameters` say what they are now; `kept` gives the messages of a channel, with
+    their times in ns, that a new subscription begins with.
     """
 
     def __init__(
-        self, bench: str, session: str, parameters: Callable[[], Mapping[str, Value]], kept: Kept
+        self,
+        bench: str,
+        session: str,
+        channels: Callable[[], Sequence[Channel]],
+        parameters: Callable[[], Mapping[str, Value]],
+        kept: Kept,
     ) -> None:
         self._bench = bench
         self._session = session
+        self._offered = channels
+        self._advertised: Sequence[Channel] = ()
         self._parameters = parameters
         self._kept = kept
         self._channels: dict[int, int] = {}
@@ -136,7 +151,13 @@ class Viewer:
             "metadata": {"smad": VERSION},
             "sessionId": self._session,
         }
-        channels = [
+        return [_text(server), *self._channel_news()]
+
+    def _channel_news(self) -> list[str]:
+        """Offer the channels that are new, and take back those that are gone."""
+        known, self._advertised = self._advertised, self._offered()
+        gone = [one.id for one in known if one not in self._advertised]
+        new = [
             {
                 "id": one.id,
                 "topic": one.topic,
@@ -145,9 +166,14 @@ class Viewer:
                 "schema": one.schema.decode(),
                 "schemaEncoding": "jsonschema",
             }
-            for one in CHANNELS
+            for one in self._advertised
+            if one not in known
         ]
-        return [_text(server), _text({"op": "advertise", "channels": channels})]
+        self._channels = {k: number for k, number in self._channels.items() if number not in gone}
+        return [
+            *([_text({"op": "unadvertise", "channelIds": gone})] if gone else []),
+            *([_text({"op": "advertise", "channels": new})] if new else []),
+        ]
 
     def receive(self, text: str) -> list[str | bytes]:
         """Take in a message of the viewer; return what it is answered."""
@@ -169,14 +195,14 @@ class Viewer:
                 return [status(WARNING, refused), self._values(names, number)]
             case _Follow(names):
                 self._followed |= dict.fromkeys(names or self._parameters())
-                return self.changed()
+                return [*self._changed_parameters()]
             case _Unfollow(names):
                 for name in names or list(self._followed):
                     self._followed.pop(name, None)
         return []
 
     def _subscribe(self, asked: _Subscription) -> list[str | bytes]:
-        channel = next((one for one in CHANNELS if one.id == asked.channel_id), None)
+        channel = next((one for one in self._offered() if one.id == asked.channel_id), None)
         if channel is None:
             return [status(ERROR, f"there is no channel {asked.channel_id}")]
         if len(self._channels) >= MOST_SUBSCRIPTIONS and asked.id not in self._channels:
@@ -197,7 +223,10 @@ class Viewer:
         ]
 
     def changed(self) -> list[str | bytes]:
-        """Return the followed parameters that are not what the viewer was last told."""
+        """Return new channels, and followed parameters that are not what the viewer was told."""
+        return [*self._channel_news(), *self._changed_parameters()]
+
+    def _changed_parameters(self) -> list[str]:
         now = self._parameters()
         new = [name for name, told in self._followed.items() if now.get(name) != told]
         self._followed |= {name: now.get(name) for name in new}

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
-import os
-import socket
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Iterable
@@ -28,9 +25,8 @@ from smad.bridge.foxglove import (
     status,
 )
 from smad.bridge.source import Source
-from smad.errors import ConfigError
+from smad.loopback import HOST, listen, quiet
 
-HOST = "127.0.0.1"
 MOST_VIEWERS = 8
 MOST_WAITING = 2000
 """Messages that wait for a viewer: four seconds at 500 Hz. Then the oldest goes."""
@@ -110,7 +106,11 @@ class Bridge:
     async def talk(self, connection: ServerConnection) -> None:
         """Serve one viewer."""
         viewer = Viewer(
-            self._source.bench, self._session, lambda: self._source.parameters, self._kept
+            self._source.bench,
+            self._session,
+            lambda: self._source.channels,
+            lambda: self._source.parameters,
+            self._kept,
         )
         seat = Seat(connection, viewer)
         self._seats.add(seat)
@@ -153,20 +153,9 @@ class Bridge:
 @contextlib.asynccontextmanager
 async def serving(bench: str, port: int) -> AsyncIterator[Bridge]:
     """Serve viewers as long as the block lasts. Port 0: any free one. Raises ConfigError."""
-    try:
-        listening = socket.create_server((HOST, port))
-    except OSError as error:
-        raise ConfigError(
-            f"cannot listen on {HOST}: {os.strerror(error.errno or 0)}",
-            value=port,
-            limit="a free port",
-            action="give another with --port, or 0 for any",
-        ) from error
+    listening = listen(port)
     source = Source(bench)
     bridge = Bridge(source, listening.getsockname()[1])
-    quiet = logging.getLogger("smad.bridge.strangers")
-    quiet.addHandler(logging.NullHandler())
-    quiet.propagate = False
     async with serve(
         bridge.talk,
         sock=listening,
@@ -176,7 +165,7 @@ async def serving(bench: str, port: int) -> AsyncIterator[Bridge]:
         max_size=LARGEST_MESSAGE,
         close_timeout=CLOSING_S,
         server_header=None,
-        logger=quiet,
+        logger=quiet("smad.bridge.strangers"),
     ):
         following = asyncio.create_task(source.run(bridge))
         try:

@@ -1,35 +1,19 @@
-"""The bench, as a client sees it, in the messages of a run log.
-
-The telemetry is emptied thirty times a second instead of being awaited sample by sample: the
-process wakes less often than samples come.
-"""
+"""The bench, as a client sees it, in the messages of a run log."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
+from collections.abc import Mapping
 from typing import Protocol
 
 import msgspec
-import zmq
 
-from smad.api import TELEMETRY_TOPIC, Entry, Status
-from smad.bridge.foxglove import LINK, LOG, ROWS, Channel, Value, log
-from smad.client import AsyncClient
-from smad.client.wire import subscribe
+from smad.api import Entry, Status, link_counters, named
+from smad.bridge.foxglove import LINK, LOG, Channel, Value, log, rows_of
+from smad.client.following import Params, follow
 from smad.config import Config
-from smad.config.load import parse_config
-from smad.errors import SmadError
 from smad.runlog.schema import LinkSample, Row
 
-DRAIN_EVERY_S = 1 / 30
 STATUS_EVERY_S = 1.0
-PARAMS_EVERY = 10
-"""The board's parameters are read once in so many statuses."""
-RETRY_S = 0.5
-TIMEOUT_S = 2.0
-_QUEUE = 2000
-_TOPIC = TELEMETRY_TOPIC.encode()
 _NS = 1e9
 _SECTIONS = ("control", "limits")
 """Of the configuration, what a viewer is shown: not where files and keys lie."""
@@ -54,93 +38,81 @@ class Sink(Protocol):
         """Pass on a message of the channel."""
 
     def news(self, why_away: str) -> None:
-        """Say that status and parameters are new, or why there are none."""
+        """Say that channels, status and parameters are new, or why there are none."""
 
 
 class Source:
-    """One bench. `parameters` by name; `events` are the last ones of the daemon's journal."""
+    """One bench. `parameters` by name; `events` are the last ones of the daemon's journal.
+
+    `rows` has the channel of each axis by its name. Names of parameters and counters begin with
+    that of their axis, where it has one.
+    """
 
     def __init__(self, bench: str) -> None:
         self.bench = bench
+        self.rows = rows_of(("",))
         self.parameters: dict[str, Value] = {}
         self.events: tuple[Entry, ...] = ()
+        self._sink: Sink
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """What a viewer can subscribe to."""
+        return (*self.rows.values(), LINK, LOG)
 
     async def run(self, sink: Sink) -> None:
-        """Follow the bench for ever: connect, and connect again whenever the daemon is gone."""
-        while True:
-            try:
-                async with AsyncClient(self.bench, timeout_s=TIMEOUT_S) as client:
-                    await self._follow(client, sink)
-            except SmadError as error:
-                sink.news(str(error))
-            await asyncio.sleep(RETRY_S)
+        """Follow the bench for ever, and tell the sink."""
+        self._sink = sink
+        await follow(self.bench, self, STATUS_EVERY_S)
 
-    async def _follow(self, client: AsyncClient, sink: Sink) -> None:
-        self.parameters |= _of_config(parse_config(await client.config()))
-        async with asyncio.TaskGroup() as tasks:
-            draining = tasks.create_task(_drain(client.connection.telemetry, sink))
-            try:
-                for count in _forever():
-                    status = await client.status()
-                    if count % PARAMS_EVERY == 0:
-                        with contextlib.suppress(SmadError):
-                            board = {f"board.{p.name}": p.value for p in await client.params()}
-                            self.parameters |= board
-                    self._seen(status, sink)
-                    await asyncio.sleep(STATUS_EVERY_S)
-            except SmadError as error:
-                sink.news(str(error))
-            finally:
-                draining.cancel()
+    def configured(self, config: Config) -> None:
+        """Take over the configuration: the axes, and what is shown of it."""
+        self.rows = rows_of(tuple(config.by_axis()))
+        self.parameters = {
+            named(axis, name): value
+            for axis, own in config.by_axis().items()
+            for name, value in _of_config(own).items()
+        }
 
-    def _seen(self, status: Status, sink: Sink) -> None:
-        gains = msgspec.structs.asdict(status.gains)
-        self.parameters |= {f"gains.{k}": v for k, v in gains.items() if v is not None}
+    def sampled(self, axis: str, data: bytes) -> None:
+        """Pass a sample on; as in the run log, what was not measured is absent."""
+        if self._sink.wants(self.rows[axis]):
+            time_ns = round(_sample(data).timestamp * _NS)
+            self._sink.publish(self.rows[axis], time_ns, _encode(_row(data)))
+
+    def seen(self, status: Status, params: Params) -> None:
+        """Pass on what is new in the status."""
+        for axis, read in params.items():
+            self.parameters |= {named(axis, f"board.{n}"): value for n, value in read.items()}
+        for axis, part in status.parts().items():
+            gains = msgspec.structs.asdict(part.gains).items()
+            self.parameters |= {named(axis, f"gains.{k}"): v for k, v in gains if v is not None}
         known, self.events = set(self.events), status.events
         for entry in status.events:
             if entry not in known:
-                sink.publish(LOG, *log(entry.time_s, entry.kind, entry.text))
-        now_s = status.sample.host_time_s if status.sample is not None else None
-        if now_s is not None and sink.wants(LINK):
-            sample = LinkSample(host_time_s=now_s, counters=link_counters(status))
-            sink.publish(LINK, round(now_s * _NS), _encode(sample))
-        sink.news("")
+                self._sink.publish(LOG, *log(entry.time_s, entry.kind, entry.text))
+        sampled = (part.sample for part in status.parts().values() if part.sample is not None)
+        now_s = max((row.host_time_s for row in sampled if row.host_time_s is not None), default=0)
+        if now_s and self._sink.wants(LINK):
+            sample = LinkSample(host_time_s=now_s, counters=counters(status))
+            self._sink.publish(LINK, round(now_s * _NS), _encode(sample))
+        self._sink.news("")
+
+    def away(self, why: str) -> None:
+        """Pass on why nothing comes."""
+        self._sink.news(why)
 
 
-def link_counters(status: Status) -> dict[str, float]:
-    """Return the counters of the link under the names that the run log has for them."""
-    link, counts, timing = status.link, status.counts, status.timing
-    return {
-        **{f"host_{name}": float(value) for name, value in link.frames.items()},
-        **{f"board_{name}": float(value) for name, value in link.board_stats.items()},
-        "missed_samples": float(counts.missed),
-        "skipped_samples": float(counts.skipped),
-        "setpoints_dropped": float(counts.setpoints_dropped),
-        "commands_refused": float(counts.refused),
-        "setpoint_age_p99_us": timing.setpoint_age.p99_us,
-        "own_share_p99_us": timing.own_share.p99_us,
-    }
+def counters(status: Status) -> dict[str, float]:
+    """Return the counters of the links under the names that the run log has for them."""
+    found: dict[str, float] = {}
+    for axis, part in status.parts().items():
+        link = part.link
+        found |= link_counters(axis, link.frames, link.board_stats, part.counts, part.timing)
+    return found
 
 
-async def _drain(address: str, sink: Sink) -> None:
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    socket = subscribe(context, address, _TOPIC, _QUEUE)
-    try:
-        while True:
-            with contextlib.suppress(zmq.Again):
-                for _ in range(_QUEUE):
-                    _, data = socket.recv_multipart(zmq.NOBLOCK)
-                    if sink.wants(ROWS):
-                        # As in the run log: what was not measured is absent.
-                        time_ns = round(_sample(data).timestamp * _NS)
-                        sink.publish(ROWS, time_ns, _encode(_row(data)))
-            await asyncio.sleep(DRAIN_EVERY_S)
-    finally:
-        socket.close(linger=0)
-        context.destroy(linger=0)
-
-
-def _of_config(config: Config) -> dict[str, Value]:
+def _of_config(config: Config) -> Mapping[str, Value]:
     """Numbers, words and switches of the sections that are shown, by their keys."""
     sections = msgspec.to_builtins({name: getattr(config, name) for name in _SECTIONS})
     found: dict[str, Value] = {}
@@ -151,7 +123,3 @@ def _of_config(config: Config) -> dict[str, Value]:
         elif isinstance(value, str | bool | int | float):
             found[key] = value
     return found
-
-
-def _forever() -> range:
-    return range(2**62)

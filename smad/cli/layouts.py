@@ -15,13 +15,17 @@ PlotJuggler: open a run log, or start the ZeroMQ stream, then File > Load Layout
 
 @click.command()
 @click.argument("folder", default="layouts", type=click.Path(file_okay=False, path_type=Path))
-def layouts(folder: Path) -> None:
-    """Write layouts for PlotJuggler and Foxglove into FOLDER (default: layouts)."""
+@click.option("--axis", "axes", multiple=True, help="An axis of a bench of several; give each.")
+def layouts(folder: Path, axes: tuple[str, ...]) -> None:
+    """Write layouts for PlotJuggler and Foxglove into FOLDER (default: layouts).
+
+    Of several axes, each has a tab.
+    """
     from smad.view.layouts import layouts as contents
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, content in contents().items():
+        for name, content in contents(axes).items():
             (folder / name).write_bytes(content)
             click.echo(folder / name)
     except OSError as error:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import NEGATIVE, Finite, bench_option, client, progress, wait_for_motion
+from smad.cli.output import NEGATIVE, Finite, bench_option, client, wait_for_motion
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -29,7 +29,7 @@ def robot() -> None:
 def angles(bench: str) -> None:
     """Show pitch and yaw of each segment."""
     with client(bench) as connected:
-        made = _robot(connected)
+        made = robot_of(connected)
         for name, (pitch, yaw) in _standing(connected, made).items():
             click.echo(f"{name}: pitch {pitch:+.2f}°, yaw {yaw:+.2f}°")
 
@@ -48,7 +48,7 @@ def step(
     from smad.robot import step as made
 
     with client(bench) as connected:
-        now = _standing(connected, _robot(connected)).get(segment, (0.0, 0.0))
+        now = _standing(connected, robot_of(connected)).get(segment, (0.0, 0.0))
         wanted = made((pitch_deg, yaw_deg), duration_s=duration_s, from_deg=now)
         _move(connected, segment, wanted, wait=wait)
 
@@ -83,32 +83,8 @@ def follow(segment: str, path: Path, wait: bool, bench: str) -> None:
         _move(connected, segment, waypoints(path), wait=wait)
 
 
-@robot.command("six-axes")
-@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0, show_default=True)
-@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0, show_default=True)
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Page to write.")
-@bench_option
-def six_axes(radius_deg: float, period_s: float, output: Path | None, bench: str) -> None:
-    """Let each segment draw a circle in turn, then all together; write table and page.
-
-    Arms, and disarms at the end.
-    """
-    from smad.report.page import markdown_table, write_page
-    from smad.robot.circles import Circles, draw, page_of, table, trackings
-    from smad.runlog.reader import read_axes
-
-    with client(bench) as connected, progress() as line:
-        made = _robot(connected)
-        log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
-    click.echo(markdown_table(table(list(trackings(read_axes(log), made)))))
-    click.echo(
-        f"begun together {skew.count} times: p50 {skew.p50_us / 1000:.2f} ms, "
-        f"most {skew.max_us / 1000:.2f} ms apart"
-    )
-    click.echo(write_page(page_of(log, made, skew), output or log.with_suffix(".html")))
-
-
-def _robot(connected: Client) -> Robot:
+def robot_of(connected: Client) -> Robot:
+    """Return the robot that the bench is configured as."""
     from smad.config import parse_config
     from smad.robot import Robot
 
@@ -126,7 +102,7 @@ def _standing(connected: Client, made: Robot) -> dict[str, tuple[float, float]]:
 
 
 def _move(connected: Client, segment: str, wanted: Angles, *, wait: bool) -> None:
-    made = _robot(connected)
+    made = robot_of(connected)
     standing = {}
     for name, (pitch, yaw) in _standing(connected, made).items():
         standing[made.segments[name].pitch], standing[made.segments[name].yaw] = pitch, yaw

@@ -22,7 +22,7 @@ ALL = "all"
 
 
 class _Run(click.Command):
-    """The command, and `smad run repeat` under its name."""
+    """The command, and others under its name: `smad run repeat`, `smad run six-axes`."""
 
     def make_context(
         self,
@@ -31,11 +31,13 @@ class _Run(click.Command):
         parent: click.Context | None = None,
         **extra: Any,
     ) -> click.Context:
-        """Return the context of one of the two."""
-        if args and args[0] == "repeat":
+        """Return the context of the one that is meant."""
+        if args and args[0] in ("repeat", "six-axes"):
             from smad.cli.repeat import repeat
+            from smad.cli.six_axes import six_axes
 
-            return repeat.make_context(f"{info_name} repeat", args[1:], parent, **extra)
+            own = {"repeat": repeat, "six-axes": six_axes}[args[0]]
+            return own.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
 
@@ -123,6 +125,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     running, which arms the bench.
 
     `smad run repeat RUN` plays the inputs of a recorded run again (smad run repeat --help).
+    `smad run six-axes` draws circles with the segments of a robot (smad run six-axes --help).
     """
     from smad.experiments.ready import require_ready
     from smad.runlog.paths import free_path
@@ -149,6 +152,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
 
 
 def _print_list(*, as_json: bool) -> None:
+    from smad.cli.six_axes import TITLE
     from smad.cli.tables import print_table
     from smad.experiments.driver import PARTS
     from smad.experiments.registry import EXPERIMENTS, make_experiment
@@ -164,6 +168,7 @@ def _print_list(*, as_json: bool) -> None:
     for experiment in experiments:
         needs = [PARTS[part] for part in sorted(experiment.requirements())]
         rows.append((experiment.name, experiment.title, ", ".join(needs) or "a data file"))
+    rows.append(("six-axes", TITLE, "several axes"))
     print_table(Table(("name", "what", "needs"), rows))
 
 

@@ -183,6 +183,7 @@ def _require_ports_apart(config: Config) -> None:
             raise ConfigError(
                 f"the axes {seen[real]} and {name} are on one port",
                 value=f"{own.link.port} is {real}",
+                limit="one axis a port, as a board drives one",
                 action="give each axis the port of its own board",
             )
         seen[real] = name
@@ -241,8 +242,9 @@ def _run(
     patience: int = 1,
     without_missing: bool = False,
 ) -> int:
-    from smad.daemon.lifecycle import Options, run
+    from smad.daemon.lifecycle import run
     from smad.daemon.link.port import Opener, PortFinder, SocketTransport, Transport, open_serial
+    from smad.daemon.process import Options
     from smad.daemon.trace import Trace
 
     def opener(own: Config) -> Opener:

@@ -38,7 +38,6 @@ class AsyncCommands(ABC):
     timeout_s: float
     _channel: AsyncChannel
 
-    @abstractmethod
     async def _call(
         self,
         params: Any,
@@ -46,7 +45,10 @@ class AsyncCommands(ABC):
         *,
         stop: bool = False,
         timeout_s: float | None = None,
-    ) -> Reply: ...
+        axes: tuple[str, ...] = (),
+    ) -> Reply:
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        return await self._channel.call(params, kind, limit_s, stop=stop, axes=axes or self.name)
 
     @abstractmethod
     async def _ended(self, motion: api.Motion) -> None:
@@ -68,6 +70,15 @@ class AsyncCommands(ABC):
     async def reset_timing(self) -> api.Timing:
         """Begin the timing's percentiles anew, to measure a stretch by itself."""
         return await self._call(api.ResetTiming(), api.Timing)
+
+    async def clear(self, fault: int | None = None) -> api.Motion:
+        """Acknowledge the latched fault (or the one of that number, if it is the latched one).
+
+        A person has seen what stopped the bench: the next `arm` starts anew.
+        """
+        motion = await self._call(api.Clear(fault=fault), api.Motion)
+        self._channel.conversation.begin(None)
+        return motion
 
     async def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
         """Follow trajectories one after the other; `queue` appends to what runs already."""

@@ -10,7 +10,6 @@ import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from smad import api
 from smad.client.channel import Channel
@@ -19,7 +18,7 @@ from smad.client.endpoints import Connection
 from smad.client.errors import Refused
 from smad.client.renewal import DEFAULT_LEASE_S, Renewal, program_name
 from smad.client.signals import ended_by_signals
-from smad.client.wire import Keys, Reply, find_daemon, remote
+from smad.client.wire import Keys, find_daemon, remote
 from smad.control.commands import Trajectory
 from smad.control.pieces import first_pieces
 from smad.errors import SmadError
@@ -39,17 +38,6 @@ class Axis(Commands):
     def arm(self) -> api.Motion:
         """Arm this axis alone; see the bench's."""
         return self._bench.arm(self.name)
-
-    def _call(
-        self,
-        params: Any,
-        kind: type[Reply],
-        *,
-        stop: bool = False,
-        timeout_s: float | None = None,
-    ) -> Reply:
-        limit_s = self.timeout_s if timeout_s is None else timeout_s
-        return self._channel.call(params, kind, limit_s, stop=stop, axes=self.name)
 
     def _ended(self, motion: api.Motion) -> None:
         self._bench._ended(self._bench.motion())
@@ -202,15 +190,6 @@ class Client(Commands):
         """Everything off until the board's power is cycled; returns when the board says ESTOP."""
         return self._call(api.EStop(), api.Motion, stop=True)
 
-    def clear(self, fault: int | None = None) -> api.Motion:
-        """Acknowledge the latched fault (or the one of that number, if it is the latched one).
-
-        A person has seen what stopped the bench: the next `arm` starts anew.
-        """
-        motion = self._call(api.Clear(fault=fault), api.Motion)
-        self._conversation.begin(None)
-        return motion
-
     def move(
         self,
         *trajectories: Trajectory | Mapping[str, Trajectory | Sequence[Trajectory]],
@@ -327,18 +306,6 @@ class Client(Commands):
             yield status
         finally:
             self.stop_recording()
-
-    def _call(
-        self,
-        params: Any,
-        kind: type[Reply],
-        *,
-        stop: bool = False,
-        timeout_s: float | None = None,
-        axes: tuple[str, ...] = (),
-    ) -> Reply:
-        limit_s = self.timeout_s if timeout_s is None else timeout_s
-        return self._channel.call(params, kind, limit_s, stop=stop, axes=axes or self.name)
 
     def _ended(self, motion: api.Motion) -> None:
         # Nothing of ours is armed: somebody else may clear the fault and begin anew.

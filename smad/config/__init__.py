@@ -4,23 +4,25 @@
 """
 
 from smad.config.axes import AxisConfig, SegmentConfig
-from smad.config.load import load_config, parse_config
-from smad.config.model import (
-    Config,
+from smad.config.control import (
     ControlConfig,
     CoolingConfig,
-    DaemonConfig,
     FeedforwardConfig,
     HoldConfig,
     LimitsConfig,
+    RepeatConfig,
+    TemperatureConfig,
+)
+from smad.config.load import load_config, parse_config
+from smad.config.model import (
+    Config,
+    DaemonConfig,
     LinkConfig,
     PlantConfig,
     RealtimeConfig,
     RecorderConfig,
-    RepeatConfig,
     TcpConfig,
     TelemetryConfig,
-    TemperatureConfig,
 )
 from smad.config.template import config_to_toml, default_toml
 

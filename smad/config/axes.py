@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
 from smad.config.section import HOST, Section
+from smad.errors import ConfigError
 
 DEGREES_PER_MM = 6.25
 """Of the end segment of MINIR-II: ±4 mm of the springs turn it by ±25°."""
 
 USUAL_NAMES = ("pitch-1", "yaw-1", "pitch-2", "yaw-2", "pitch-3", "yaw-3")
 """Three segments, from the base to the tip, each with an axis for pitch and one for yaw."""
+
+SMALLEST_PIVOT = 1e-6
+"""Of a coupling that has an inverse."""
 
 _Gain = Annotated[float, Meta(ge=0.0, le=1000.0)]
 
@@ -87,3 +92,44 @@ class SegmentConfig(Section, frozen=True, kw_only=True):
     yaw_sign: Annotated[
         Literal[1, -1], Meta(description="sign of the angle for a positive displacement")
     ] = 1
+
+
+def coupling_of(axes: Sequence[AxisConfig]) -> list[list[float]]:
+    """Return the travel of each tendon for 1 mm of each axis, a row a tendon.
+
+    Raises ConfigError for a row that has not a number for each axis.
+    """
+    rows = []
+    for k, axis in enumerate(axes):
+        if axis.coupling and len(axis.coupling) != len(axes):
+            raise ConfigError(
+                f"the coupling of {axis.name} has not a number for each axis",
+                value=len(axis.coupling),
+                limit=len(axes),
+                action="correct it in [[axes]]",
+            )
+        rows.append(list(axis.coupling) or [float(k == j) for j in range(len(axes))])
+    return rows
+
+
+def inverse(coupling: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Return the inverse of a coupling. Raises ConfigError where there is none."""
+    n = len(coupling)
+    rows = [[*row, *(float(k == j) for j in range(n))] for k, row in enumerate(coupling)]
+    for k in range(n):
+        best = max(range(k, n), key=lambda j: abs(rows[j][k]))
+        rows[k], rows[best] = rows[best], rows[k]
+        pivot = rows[k][k]
+        if abs(pivot) < SMALLEST_PIVOT:
+            raise ConfigError(
+                "the coupling of the axes has no inverse",
+                value=f"pivot {pivot:.3g}",
+                limit=f"at least {SMALLEST_PIVOT:g}",
+                action="correct `coupling` in [[axes]]",
+            )
+        rows[k] = [value / pivot for value in rows[k]]
+        for j in range(n):
+            if j != k and rows[j][k] != 0.0:
+                factor = rows[j][k]
+                rows[j] = [a - factor * b for a, b in zip(rows[j], rows[k], strict=True)]
+    return [row[n:] for row in rows]

@@ -5,7 +5,8 @@ Nothing here knows how many axes there are. The one of a bench without `[[axes]]
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -38,12 +39,15 @@ AWAY = (HostState.DISCONNECTED, HostState.SYNC)
 class Surroundings:
     """What an axis has of its bench.
 
-    `guarded` carries work out under the name of a part, whose death ends the daemon; `on_finished`
-    is called when a sample waits to be published.
+    `turns` says by how many degrees 1 mm of each tendon turns each joint, `standing_mm` where each
+    tendon was at its last sample; by axis. `guarded` carries work out under the name of a part,
+    whose death ends the daemon; `on_finished` is called when a sample waits to be published.
     """
 
     means: Means
     stops: Stops
+    turns: Mapping[str, Mapping[str, float]]
+    standing_mm: dict[str, float]
     guarded: Callable[..., None]
     on_finished: Callable[[], None]
 
@@ -55,15 +59,16 @@ class Axis:
         self, name: str, config: Config, opener: Opener, process: Process, bench: Surroundings
     ) -> None:
         self.name = name
+        self.lead = f"{name}: " if name else ""
+        """Begins what is said of it; empty for the only one."""
         self.config = config
-        self.waits = 0
-        """Groups that it takes part in and that have not begun."""
         self.means = means = bench.means.named(name)
         self._guarded = bench.guarded
-        self._degrees_per_mm = config.degrees_per_mm(name)
+        self._turns = bench.turns[name]
+        self._standing_mm = bench.standing_mm
         self._stamps = Stamps()
         self._told_departure: Departure | None = None
-        self.session = HostSession(nonce=process.nonce, patience=process.patience)
+        self.session = HostSession(nonce=process.nonce, patience=process.options.patience)
         self.link = Link(
             opener,
             loop=process.loop,
@@ -78,7 +83,7 @@ class Axis:
             config.link,
             Outlets(self.link.write, self._on_event, bench.on_finished),
             process.clocks,
-            trace=process.trace,
+            trace=process.options.trace,
         )
         self.controller = self.control.controller
         self.requests = BoardRequests(self.session, means.clocks.us, self.control.flush)
@@ -110,23 +115,24 @@ class Axis:
         """Whether its board is armed by us, or about to be."""
         return self.session.state in HOT
 
-    @property
-    def done(self) -> bool:
-        """Whether all that was commanded has ended, groups that it waits for included."""
-        return self.controller.done and not self.waits
-
     def row(self, item: Finished) -> Row:
         """Return a sample as a row of the run log."""
-        return item.row(self._degrees_per_mm)
+        standing_mm = self._standing_mm
+        standing_mm[self.name] = item.sample.displacement_m * 1e3
+        row = item.row(self._turns.get(self.name, 0.0))
+        if len(self._turns) > 1:
+            turned = (k * standing_mm.get(name, math.nan) for name, k in self._turns.items())
+            row.angle_deg = sum(turned)
+        return row
 
     @contextmanager
     def told(self) -> Iterator[None]:
-        """Name this axis in what is refused inside the block."""
+        """Name this axis, once, in what is refused inside the block."""
         try:
             yield
         except CommandError as error:
-            if self.name:
-                error.cause = f"{self.name}: {error.cause}"
+            if not error.cause.startswith(self.lead):
+                error.cause = self.lead + error.cause
             raise
 
     def tick(self) -> None:

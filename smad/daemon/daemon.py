@@ -17,12 +17,12 @@ from firmware_protocol.events import HostState
 from firmware_protocol.mirror import STOPPED
 from smad.config import Config
 from smad.daemon.axis import Axis, Surroundings
-from smad.daemon.bench import Bench
 from smad.daemon.command.answers import Answers
+from smad.daemon.command.bench import Bench, CommandCounts
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.command.server import CommandServer, Handlers
-from smad.daemon.command.service import Claims, Service
-from smad.daemon.command.status import CommandCounts, Own, StatusReport
+from smad.daemon.command.service import Service
+from smad.daemon.command.status import StatusReport
 from smad.daemon.command.unwelcome import Unwelcome
 from smad.daemon.errors import Refusal
 from smad.daemon.link.port import Opener
@@ -35,7 +35,6 @@ from smad.daemon.telemetry.recorder import Recorder
 from smad.daemon.telemetry.runheader import run_header
 from smad.daemon.together import Groups
 from smad.errors import PortError
-from smad.runlog.header import RunHeader
 from smad.runlog.schema import Event, EventKind, LinkSample
 
 HOUSEKEEPING_S = 0.02
@@ -60,10 +59,8 @@ class Daemon:
         self.journal = process.journal
         self.notifier = process.notifier
         self.failure: asyncio.Future[tuple[str, BaseException]] = self.loop.create_future()
-        self.commands = CommandCounts()
         self._clock_us = process.clocks.us
         self._wall_clock = process.clocks.wall_s
-        self._means = Means(process.clocks, self.say, self.spawn)
         self._tasks: set[asyncio.Task[Any]] = set()
         self._publishing = False
         self._second_us = 0
@@ -71,53 +68,57 @@ class Daemon:
         self._recorder_error = ""
         self._housekept_s = time.monotonic()
         self._left_hot_us: int | None = None
-        self._claims = Claims(
-            Lease(secrets.token_urlsafe), DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
-        )
+        means = Means(process.clocks, self.say, self.spawn)
         self.stops = Stops(self.say, on_begin=self._on_stop_begun)
-        bench = Surroundings(self._means, self.stops, self._guarded, self._on_finished)
+        surroundings = Surroundings(
+            means, self.stops, config.turns(), {}, self._guarded, self._on_finished
+        )
         self.axes = {
-            name: Axis(name, own, openers[name], process, bench)
+            name: Axis(name, own, openers[name], process, surroundings)
             for name, own in config.by_axis().items()
         }
         self.groups = Groups(self.axes, self.say)
         self._at_once = max(1, _AT_ONCE // len(self.axes))
         self._period_ns = int(1e9 / max(a.config.link.rate_hz for a in self.axes.values()))
-        self.recorder = self._recorder_of(process)
-        self.publisher = Publisher(self.loop, config.telemetry)
-        self.collector = IdleCollector(enabled=False)
-        self._towards_clients(process)
-
-    def _recorder_of(self, process: Process) -> Recorder:
-        def header(name: str) -> RunHeader:
-            return run_header(
-                self.config,
+        self.recorder = Recorder(
+            config.recorder,
+            lambda name: run_header(
+                config,
                 name,
                 {name: axis.watch.ident for name, axis in self.axes.items()},
-                parameter_text=process.parameter_text,
+                parameter_text=process.options.parameter_text,
                 now_s=self._wall_clock(),
-            )
-
-        return Recorder(self.config.recorder, header, self._wall_clock)
-
-    def _towards_clients(self, process: Process) -> None:
-        bench = Bench(self.config, self.axes, self.stops, self.groups)
-        self.status = StatusReport(
-            bench,
-            self.recorder,
-            lease=self._claims.lease,
-            own=Own(self.journal, self.collector, self.commands),
-            clock_us=self._clock_us,
+            ),
+            self._wall_clock,
         )
-        self.service = Service(
-            bench, self.recorder, self.status, claims=self._claims, means=self._means
+        self.publisher = Publisher(self.loop, config.telemetry)
+        self.collector = IdleCollector(enabled=False)
+        self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
+        self._towards_clients(process, means)
+
+    def _towards_clients(self, process: Process, means: Means) -> None:
+        counts = CommandCounts()
+        bench = Bench(
+            config=self.config,
+            axes=self.axes,
+            stops=self.stops,
+            groups=self.groups,
+            recorder=self.recorder,
+            lease=Lease(secrets.token_urlsafe),
+            dead_man=self._dead_man,
+            journal=self.journal,
+            collector=self.collector,
+            counts=counts,
+            means=means,
         )
+        self.status = StatusReport(bench)
+        self.service = Service(bench, self.status)
         self.answers = Answers(
             self.service,
-            self.commands,
+            counts,
             spawn=self.spawn,
             journal=self.journal,
-            waiting=self._waiting,
+            waiting=lambda: len(self._tasks),
         )
         self.server = CommandServer(
             process.context,
@@ -126,7 +127,7 @@ class Daemon:
             queue=self.config.daemon.command_queue,
             reserve=process.reserve,
         )
-        self._unwelcome = Unwelcome(self.server, self.commands, self.say)
+        self._unwelcome = Unwelcome(self.server, counts, self.say)
 
     def start(self, *, without_missing: bool = False) -> None:
         """Open the ports and begin. Raises PortError when one cannot be opened.
@@ -168,9 +169,6 @@ class Daemon:
     def _look_at_ports(self) -> None:
         for axis in self.axes.values():
             axis.link.read()
-
-    def _waiting(self) -> int:
-        return len(self._tasks)
 
     def spawn(self, name: str, work: Coroutine[Any, Any, None]) -> None:
         """Run something beside the loop; if it dies, the daemon does."""
@@ -229,7 +227,7 @@ class Daemon:
     def _on_stop_begun(self, stopped: Sequence[BoardStop]) -> None:
         self.groups.forget([board.label for board in stopped])
         if len(stopped) == len(self.axes):
-            self._claims.dead_man.forget()
+            self._dead_man.forget()
         self.server.mark()
 
     def _on_finished(self) -> None:

@@ -12,7 +12,7 @@ import os
 import secrets
 import signal
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ from smad.daemon.link.wirerate import check_rate
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
 from smad.daemon.place import Place
-from smad.daemon.process import Process
+from smad.daemon.process import Options, Process
 from smad.daemon.sockets.descriptors import (
     OPENED_LATER,
     Descriptors,
@@ -49,7 +49,6 @@ from smad.daemon.sockets.descriptors import (
     open_descriptors,
     shares_of,
 )
-from smad.daemon.trace import Trace
 from smad.errors import DaemonError, PortError
 from smad.version import VERSION
 
@@ -68,24 +67,6 @@ class Ended:
 
     status: int
     line: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """How a daemon is run.
-
-    `reread` reads the configuration file again, if there is one: on SIGHUP, for the list of keys.
-    `parameter_text` marks a simulated bench. `check_baud` off: the transport has no baud rate.
-    `trace` is for a benchmark: every step's time, saved at the end. `patience` multiplies how long
-    a silent board is waited for (`HostSession`). `without_missing`: start when some board answers.
-    """
-
-    parameter_text: str | None = None
-    reread: Callable[[], Config] | None = None
-    check_baud: bool = True
-    trace: Trace | None = None
-    patience: int = 1
-    without_missing: bool = False
 
 
 def run(config: Config, openers: Mapping[str, Opener], options: Options) -> Ended:
@@ -132,9 +113,7 @@ class _Life:
                 notifier=self._notifier,
                 nonce=secrets.randbits(32),
                 reserve=self._descriptors.reserve,
-                parameter_text=self._options.parameter_text,
-                patience=self._options.patience,
-                trace=self._options.trace,
+                options=self._options,
             ),
         )
         # A terminal that goes away ends the daemon that was started there; a service has none.
@@ -253,7 +232,7 @@ class _Life:
             incompatible = axis.watch.incompatible
             if incompatible is not None and incompatible.reason is IncompatibleReason.MAJOR:
                 raise PortError(
-                    f"{_lead(axis)}the board speaks another version of the protocol",
+                    f"{axis.lead}the board speaks another version of the protocol",
                     value=incompatible.fields[0],
                     limit="the same major version",
                     action="update the older of firmware and smad",
@@ -266,7 +245,7 @@ class _Life:
         granted = (note for transport in transports for note in transport.notes)
         for note in dict.fromkeys((*daemon.status.notes, *granted)):
             self._journal.say(f"note: {note}")
-        ports = ", ".join(f"{_lead(axis)}{axis.config.link.port}" for axis in axes)
+        ports = ", ".join(f"{axis.lead}{axis.config.link.port}" for axis in axes)
         text = f"ready: bench {self._endpoints.bench!r} on {ports}, not armed"
         self._journal.say(text)
         self._notifier.ready(text)
@@ -303,28 +282,24 @@ class _Life:
             self._signal.set_result(signal.Signals(number).name)
 
 
-def _lead(axis: Axis) -> str:
-    return f"{axis.name}: " if axis.name else ""
-
-
 def _silent(axis: Axis, timeout_s: float) -> PortError:
     config = axis.config.link
     counts = axis.link.counts
     if counts.bytes_in == 0:
         return PortError(
-            f"{_lead(axis)}the board does not answer",
+            f"{axis.lead}the board does not answer",
             value=f"nothing received on {config.port} in {timeout_s:g} s",
             action="check that it is powered and that this is its port",
         )
     frames = axis.session.stats.decoder.frames
     if frames == 0:
         return PortError(
-            f"{_lead(axis)}what comes from the port is not our protocol",
+            f"{axis.lead}what comes from the port is not our protocol",
             value=f"{counts.bytes_in} bytes at {config.baud} baud, none of them a valid frame",
             action="set link.baud to the board's baud rate, or check that this is its port",
         )
     return PortError(
-        f"{_lead(axis)}the board sends, but does not answer",
+        f"{axis.lead}the board sends, but does not answer",
         value=f"{frames} frames in {timeout_s:g} s, no IDENT",
         action="check the wire to the board (transmit), then its firmware",
     )

@@ -35,10 +35,6 @@ class Notifier:
         """Say that commands are answered from now on."""
         self._send(f"READY=1\nSTATUS={status}")
 
-    def status(self, text: str) -> None:
-        """Show one line in `systemctl status`."""
-        self._send(f"STATUS={text}")
-
     def stopping(self, text: str) -> None:
         """Say that the daemon is on its way out."""
         self._send(f"STOPPING=1\nSTATUS={text}")

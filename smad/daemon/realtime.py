@@ -207,7 +207,6 @@ class IdleCollector:
     def __init__(self, enabled: bool, clock_ns: Callable[[], int] = time.perf_counter_ns) -> None:
         self.enabled = enabled
         self.collections = 0
-        self.longest_ns = 0
         self._clock_ns = clock_ns
         self._full_cost_ns = 0
         self._last_full_ns = clock_ns()
@@ -223,7 +222,6 @@ class IdleCollector:
         gc.collect(2 if full else 1)
         took_ns = self._clock_ns() - start_ns
         self.collections += 1
-        self.longest_ns = max(self.longest_ns, took_ns)
         if full:
             self._last_full_ns = start_ns
             self._full_cost_ns = took_ns

@@ -52,8 +52,11 @@ class Groups:
     def queue(self, group: Group) -> None:
         """Begin a group once its slowest axis has ended. Raises CommandError if it never could."""
         self._check(group)
-        self._count(group, 1)
         self._waiting.append(group)
+
+    def wait_for(self, name: str) -> bool:
+        """Whether a group that has not begun has this axis."""
+        return any(name in group for group in self._waiting)
 
     def look(self) -> None:
         """Begin what waits and can; none overtakes an earlier one that has an axis in common."""
@@ -62,7 +65,6 @@ class Groups:
             ended = all(self._axes[name].controller.done for name in group)
             if ended and held.isdisjoint(group):
                 self._waiting.remove(group)
-                self._count(group, -1)
                 try:
                     self.begin(group)
                 except CommandError as error:
@@ -73,16 +75,11 @@ class Groups:
         """Give up the groups that wait for one of these axes: it was stopped, or does another."""
         for group in [group for group in self._waiting if not set(names).isdisjoint(group)]:
             self._waiting.remove(group)
-            self._count(group, -1)
 
     def _check(self, group: Group) -> None:
         for name, follow in group.items():
             with self._axes[name].told():
                 self._axes[name].controller.check(follow)
-
-    def _count(self, group: Group, more: int) -> None:
-        for name in group:
-            self._axes[name].waits += more
 
     def _tell_skew(self, at_us: Mapping[str, float]) -> None:
         if len(at_us) < 2:

@@ -139,7 +139,11 @@ def _answer(
         verdict,
         places=places,
         whole=whole,
-        parameters_take=verdict.parameters_take or float(np.clip(taken, 0.0, 1.0)),
+        parameters_take=(
+            verdict.parameters_take
+            if verdict.question == CHANGED
+            else float(np.clip(taken, 0.0, 1.0))
+        ),
         parameters=_parameters(asked.plant, settler.start, points[-1], uncertain[-1]),
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
@@ -149,7 +153,8 @@ def _answer(
 
 def _judged_on(asked: Asked) -> str:
     if asked.fit < len(asked.runs):
-        return f"{len(asked.runs) - asked.fit} runs held out"
+        held = len(asked.runs) - asked.fit
+        return f"{held} run{'s'[: held > 1]} held out"
     if asked.fit == 1:
         return "stretches of the one run, each by a model of the others"
     return f"{asked.fit} runs, each by a model of the others"

@@ -15,12 +15,12 @@ from smad.diagnosis.data.played import predictions, slopes
 from smad.diagnosis.gap import Measured, Residual, by_itself, neighbours, row_scale
 from smad.diagnosis.numerics.folds import Array, FoldRows
 from smad.diagnosis.places.responses import Responses, responses
-from smad.diagnosis.places.rows import fold_rows
 from smad.diagnosis.plant import ModelPoint, traits_of
 from smad.diagnosis.search.contrast import Contrast, contrast, parameters_share
 from smad.diagnosis.search.listed import Listed, listed
 from smad.diagnosis.search.locate import Named, named_steps
 from smad.diagnosis.search.names import Library
+from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.simulator import Asked, Held, cannot_replay, held_against
 from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET
@@ -78,6 +78,7 @@ def changed(asked: Asked) -> Changed:
     least = c.beside_parameters if parameters >= c.changed_share else c.changed_share
     news = contrast(
         fold_rows(joint, both, only), at, both.candidates(), depth=c.most_terms,
+        run_of_row=joint.run_of_row, only=only, chance=c.chance,
         most=c.most_places, first_share=least, further_share=c.further_share,
         near=c.near,
     )  # fmt: skip

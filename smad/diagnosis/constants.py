@@ -29,7 +29,8 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     is none.
 
     Changed: a place, or other values of the parameters, are new when they add `changed_share` of
-    the rows in question, a further place when it adds `further_share`; beside other values of the
+    the rows in question, a further place when it adds `further_share`, and
+    runs of one kind would differ so with probability `chance` at most; beside other values of the
     parameters that take as much, a place must add `beside_parameters` of what they leave. A run is not of one state
     with the others when coefficients of its own take `apart_share` of its rows.
     """
@@ -47,6 +48,7 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     quiet_floors: float
     changed_share: float
     further_share: float
+    chance: float
     apart_share: float
 
 

@@ -218,10 +218,6 @@ class PlantModel(Protocol):
         is driven and nothing moves, so that what remains is noise. Masks may overlap."""
         ...
 
-    def features(self, run: GapRun, side: str) -> dict[str, Array]:
-        """What a flexible correction may depend on: inputs and measured or derived states."""
-        ...
-
 
 @dataclass(frozen=True, kw_only=True)
 class Traits:

@@ -15,12 +15,12 @@ from smad.diagnosis.gap import Measured, Residual, by_itself, residual
 from smad.diagnosis.numerics.folds import Array, FoldRows
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, candidate_laws, responses
-from smad.diagnosis.places.rows import fold_rows
 from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.listed import Listed, listed
 from smad.diagnosis.search.locate import Named, named_steps
 from smad.diagnosis.search.names import Library
+from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import Where, where
 

@@ -20,8 +20,9 @@ from smad.parts import missing
 from smad.view import errands, forms, preview
 
 NICER = 10
-_logs: dict[str, Any] = {}
-MOST_LOGS = 4
+_logs: dict[tuple[str, str], Any] = {}
+MOST_LOGS = 6
+"""That many axes of one log, or logs of one axis."""
 ON_A_BENCH = (
     "fig9-cycle", "fig10-thermal", "fig11-tracking", "fig13-segment", "resistance",
     "fig12-frequency",
@@ -35,11 +36,12 @@ def past(ask: errands.Past) -> errands.Read:
     """Read a log that is followed from one errand to the next."""
     from smad.errands.logs import Log
 
-    if ask.path not in _logs:
+    place = (ask.path, ask.axis)
+    if place not in _logs:
         while len(_logs) >= MOST_LOGS:
             del _logs[next(iter(_logs))]
-        _logs[ask.path] = Log(Path(ask.path))
-    found: errands.Read = _logs[ask.path].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
+        _logs[place] = Log(Path(ask.path), ask.axis)
+    found: errands.Read = _logs[place].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
     return found
 
 
@@ -64,7 +66,7 @@ def results(ask: errands.Results) -> list[tuple[str, str]]:
     from smad.control.metrics import tracking_r2
     from smad.runlog.reader import read_run
 
-    run = read_run(ask.path)
+    run = read_run(ask.path, axis=ask.axis)
     columns = {name: np.where(column == -1, np.nan, column) if column.dtype.kind == "i" else column
                for name, column in run.columns.items()}  # fmt: skip
     table = [("duration", f"{run.duration_s:.1f} s, {len(run)} samples")]

@@ -18,7 +18,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from smad.runlog import schema
-from smad.runlog.mcap_file import CHANNEL_IDS, FIRST_AXIS_ID
+from smad.runlog.mcap_file import CHANNEL_IDS
 from smad.runlog.paths import part_path
 from smad.runlog.reader import columns_of, recorded
 from smad.runlog.scan import RECORD_HEAD, DamagedError, Message, chunk_data, records_in
@@ -35,8 +35,7 @@ ROWS_AT_ONCE = 20_000
 MOST_MARKS = 500
 MARKED = frozenset({"note", "fault", "warning"})
 _TIMES = Layout("<QQ")
-_ROWS = (CHANNEL_IDS[schema.Row], FIRST_AXIS_ID)
-"""Of a bench with several axes, those of the first, which is the one that a page shows."""
+_CHANNEL = Layout("<HHI")
 _EVENT = CHANNEL_IDS[schema.Event]
 _row = msgspec.json.Decoder(schema.Row).decode
 _event = msgspec.json.Decoder(schema.Event).decode
@@ -81,10 +80,12 @@ def of_rows(t: Array, y: Array) -> Stretches:
 
 
 class Follower:
-    """One file of a run log, which may still grow."""
+    """One axis in one file of a run log, which may still grow."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, axis: str) -> None:
         self._path = path
+        self._topic = schema.row_topic(axis).encode()
+        self._rows_id = 0
         self._at = len(MCAP0_MAGIC)
         self._places: list[tuple[int, int]] = []
         self._begin_s: list[float] = []
@@ -114,6 +115,10 @@ class Follower:
                 end = self._at + RECORD_HEAD.size + length
                 if opcode == 0 or end > size or opcode == Opcode.DATA_END:
                     break
+                if opcode == Opcode.CHANNEL:
+                    number, _, size_B = _CHANNEL.unpack(file.read(_CHANNEL.size))
+                    if file.read(size_B) == self._topic:
+                        self._rows_id = number
                 if opcode == Opcode.CHUNK:
                     begin_ns, end_ns = _TIMES.unpack(file.read(_TIMES.size))
                     self._places.append((self._at + RECORD_HEAD.size, length))
@@ -155,7 +160,7 @@ class Follower:
                 at, length = self._places[chunk]
                 file.seek(at)
                 for message in _messages(file.read(length)):
-                    if message.channel_id in _ROWS:
+                    if message.channel_id == self._rows_id:
                         times.append(message.time_ns * _NS)
                         rows.append(_row(message.body))
                     elif message.channel_id == _EVENT and chunk not in self._seen:
@@ -177,10 +182,11 @@ class Follower:
 
 
 class Log:
-    """A run log with all its parts."""
+    """One axis of a run log with all its parts."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, axis: str) -> None:
         self._path = path
+        self._axis = axis
         self._parts: list[Follower] = []
 
     def read(self, from_s: float, to_s: float, channels: Sequence[str], xy: Sequence[str]) -> Read:
@@ -206,7 +212,7 @@ class Log:
             path = self._path if count == 1 else part_path(self._path, count)
             if count > 1 and not path.exists():
                 return
-            self._parts.append(Follower(path))
+            self._parts.append(Follower(path, self._axis))
 
 
 def frame_of(found: Stretches, width_s: float, channels: Sequence[str]) -> Frame:

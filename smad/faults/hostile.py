@@ -31,6 +31,8 @@ from smad.version import VERSION
 HUGE_BYTES = 100_000_000
 _BREATH_S = 2.2
 """Longer than ZeroMQ waits for a greeting, and than the daemon takes to tell."""
+_PERCENTILES_S = 1.2
+"""Longer than the status takes to have new ones."""
 
 _GREETING = bytes.fromhex("ff00000000000000017f")
 _NOTE = "said once"
@@ -247,13 +249,13 @@ def _stood(fort: Fort, attack: Attack) -> Held:
     tried = attack.begin(fort)
     with contextlib.suppress(SmadError):
         fort.wait("it was told", lambda: fort.told(attack.told))
-    # Lines that nobody speaks on are closed after a while; percentiles come once a second.
+    # Lines that nobody speaks on are closed after a while.
     with contextlib.suppress(SmadError):
         fort.wait(
             "descriptors are given back",
             lambda: usage_of(process, 0.0).descriptors <= held.descriptors,
         )
-    fort.breathe(_BREATH_S)
+    fort.breathe(_PERCENTILES_S)
     after, left = fort.client.status(), usage_of(process, 0.0)
     age = after.timing.setpoint_age
     return Held(

@@ -140,10 +140,6 @@ class FmuPlant:
             out[name.replace(" high", " low")] = ~high & ~rest
         return out
 
-    def features(self, run: GapRun, side: str) -> dict[str, Array]:
-        """What was driven and what was measured."""
-        return {"time": run.t_s - run.t_s[0], **run.inputs, **run.outputs}
-
     def close(self) -> None:
         """End the unit."""
         self._runner.close()

@@ -54,13 +54,14 @@ def sine(
 
 
 def circle(
-    radius_deg: float, *, period_s: float, cycles: int = 1, approach_s: float = 2.0
+    radius_deg: float, *, period_s: float, cycles: int = 1, approach_s: float | None = None
 ) -> Angles:
     """A circle of the tip about the straight segment, from there and back there.
 
     Both joints turn by sinusoids of the radius, a quarter of a period apart. The radius grows and
-    shrinks smoothly in `approach_s`, with the phase standing still.
+    shrinks smoothly in `approach_s` (a fifth of the period), with the phase standing still.
     """
+    approach_s = period_s / 5.0 if approach_s is None else approach_s
     turn_s = period_s * cycles
     t_s = _times(turn_s + 2.0 * approach_s)
     phase = 2.0 * np.pi * np.clip((t_s - approach_s) / period_s, 0.0, cycles)

@@ -13,6 +13,7 @@ import numpy as np
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Panel, Panels, Trace
+from smad.report.planes import Curve, Plane, Quantity
 from smad.robot.angles import Angles, Array, circle
 from smad.robot.kinematics import Robot
 from smad.runlog.export import side_by_side
@@ -108,7 +109,7 @@ def trackings(runs: Mapping[str, Run], robot: Robot) -> Iterator[Tracking]:
         raise RunLogError(
             f"{base.path} is no log of six-axes",
             value=f"{len(marks)} marks",
-            action="record one: smad robot six-axes",
+            action="record one: smad run six-axes",
         )
     columns = side_by_side(runs).columns
     came_s = base.columns["host_time_s"]
@@ -164,13 +165,22 @@ def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:
     sections = [Section("Tracking", [table(found), Text(begins)])]
     for one in found:
         name = f"{one.segment}, {'together' if one.phase == TOGETHER else 'alone'}"
-        sections.append(Section(name, [Panels(_panels(one))]))
+        sections.append(Section(name, [Panels(_panels(one), planes=[_plane(one)])]))
     return Page(
         "Six axes: circles of the segments",
         sections,
         "Each segment draws a circle with its tip, in turn and then all of them together.",
         (("run log", log.name),),
     )
+
+
+def _plane(one: Tracking) -> Plane:
+    """The way of the tip, as one looks at it from the front."""
+    (p, y), (a, b) = one.wanted_deg, one.actual_deg
+    across, up = (Quantity(name, "°", 1, 0.1) for name in ("yaw", "pitch"))
+    wanted = Curve(label="reference", x=y, y=p, pen="reference", t=one.t_s, dash=(6, 4))
+    actual = Curve(label="measured", x=b, y=a, pen="main", t=one.t_s)
+    return Plane("Tip", across, up, [wanted, actual])
 
 
 def _panels(one: Tracking) -> list[Panel]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.config import Config, SegmentConfig
+from smad.config.axes import coupling_of, inverse
 from smad.control.commands import Samples
 from smad.errors import CommandError, ConfigError
 from smad.robot.angles import Angles, Array
@@ -56,25 +57,9 @@ class Robot:
                 limit="[[segments]], or axes called pitch-1 and yaw-1",
                 action="add them to the configuration",
             )
-        coupling = np.eye(len(names))
-        for k, axis in enumerate(config.axes):
-            if axis.coupling:
-                if len(axis.coupling) != len(names):
-                    raise ConfigError(
-                        f"the coupling of {axis.name} has not a number for each axis",
-                        value=len(axis.coupling),
-                        limit=len(names),
-                        action="correct it in [[axes]]",
-                    )
-                coupling[k] = axis.coupling
-        if np.linalg.cond(coupling) > 1e6:
-            raise ConfigError(
-                "the coupling of the axes has no inverse",
-                value=f"condition number {np.linalg.cond(coupling):.3g}",
-                limit="below 1e6",
-                action="correct `coupling` in [[axes]]",
-            )
-        return cls(segments, names, coupling)
+        rows = coupling_of(config.axes)
+        inverse(rows)
+        return cls(segments, names, np.array(rows))
 
     def gains_mm_per_deg(self) -> Array:
         """Signed travel for a degree of each axis, shape (n,); nan for one of no segment."""

@@ -126,17 +126,23 @@ def read_axes(path: str | Path, *, progress: Progress = no_progress) -> dict[str
 def read_run(path: str | Path, *, axis: str = "", progress: Progress = no_progress) -> Run:
     """The run in the file at `path`, up to where it is readable; of several axes the one named.
 
+    A log that was made of this axis alone is taken, too.
+
     `progress` is called now and then with the share of the file that was read, 0 to 1.
     Raises RunLogError when the file cannot be opened, is no MCAP file, is no run log, holds more
     than a log of the recorder can, or holds several axes and not the one named.
     """
     run = _read(Path(path), axis, progress)
+    if axis and not run.header.axes and run.header.extra.get("axis") == axis:
+        return _read(Path(path), "", progress)
     if axis not in (run.header.axes or ("",)):
         raise RunLogError(
             f"{path} is the log of {'several axes' if run.header.axes else 'a bench of one axis'}",
             value=axis or "no axis named",
             limit=", ".join(run.header.axes) or "no name",
-            action="name one of these (--axis)" if run.header.axes else "leave --axis out",
+            action="name one of these (--axis), or make a log of each: smad log split"
+            if run.header.axes
+            else "leave --axis out",
         )
     return run
 

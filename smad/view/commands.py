@@ -16,6 +16,7 @@ from msgspec import Meta, Struct
 
 from smad.api import Reason
 from smad.client import AsyncClient, Refused
+from smad.client.async_commands import AsyncCommands
 from smad.control.commands import Trajectory, Tune
 from smad.view.feed import LONGEST_TAIL_S, WINDOWS
 from smad.view.jobs import Job, RunName, Settings
@@ -26,10 +27,11 @@ HOLDER = "live page"
 
 
 class Ask(Struct, tag_field="do", frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Something a page asks for. `id` comes back with the reply."""
+    """Something a page asks for. `id` comes back with the reply; `axis` is the one it looks at."""
 
     id: int = 0
     generation: int | None = None
+    axis: str = ""
 
 
 class Drawn(Ask, tag="drawn", frozen=True, kw_only=True):
@@ -53,6 +55,10 @@ class Show(Ask, tag="show", frozen=True, kw_only=True):
     live: bool = True
 
 
+class LookAt(Ask, tag="look_at", frozen=True, kw_only=True):
+    """Show another axis from now on: the page begins anew with it."""
+
+
 class LookBack(Ask, tag="look_back", frozen=True, kw_only=True):
     """Send what was shown between two Unix times, once."""
 
@@ -65,9 +71,13 @@ class Stop(Ask, tag="stop", frozen=True, kw_only=True):
 
 
 class Arm(Ask, tag="arm", frozen=True, kw_only=True):
-    """Arm; with `keep_control` nobody else commands, and a page that goes away disarms."""
+    """Arm the bench, or the `axes` named.
+
+    With `keep_control` nobody else commands, and a page that goes away disarms.
+    """
 
     keep_control: bool = True
+    axes: Annotated[tuple[str, ...], Meta(max_length=16)] = ()
 
 
 class Clear(Ask, tag="clear", frozen=True, kw_only=True):
@@ -101,7 +111,8 @@ class Gains(Ask, tag="tune", frozen=True, kw_only=True):
 
     def mark(self) -> str:
         """Return what stands on the strips where they were changed."""
-        return ", ".join(f"{name} {value}" for name, value in changed(self.tune))
+        values = ", ".join(f"{name} {value}" for name, value in changed(self.tune))
+        return f"{self.axis}: {values}" if self.axis and values else values
 
 
 class Note(Ask, tag="note", frozen=True, kw_only=True):
@@ -163,7 +174,7 @@ class EndJob(Ask, tag="end_job", frozen=True, kw_only=True):
 
 Command = Arm | Clear | Move | Rest | Gains | Note | Record | EndRecord
 Question = Runs | Results | Experiments | Preview | PreviewExperiment | Begin | EndJob
-Watching = Drawn | Alive | Show | LookBack | Stop
+Watching = Drawn | Alive | Show | LookAt | LookBack | Stop
 Message = Watching | Command | Question
 MARKING = (Note, Gains)
 QUESTIONS = get_args(Question)
@@ -208,7 +219,7 @@ async def _arm(client: AsyncClient, control: Control, ask: Arm) -> str:
     if ask.keep_control:
         await control.take()
     try:
-        await client.arm()
+        await client.arm(*ask.axes)
     except Refused:
         await control.release()
         raise
@@ -217,24 +228,28 @@ async def _arm(client: AsyncClient, control: Control, ask: Arm) -> str:
 
 
 async def _clear(client: AsyncClient, control: Control, ask: Clear) -> str:
-    await client.clear(ask.fault)
+    await _target(client, ask).clear(ask.fault)
     return "the fault is cleared"
 
 
 async def _move(client: AsyncClient, control: Control, ask: Move) -> str:
-    await client.move(ask.trajectory, queue=ask.queue)
+    await _target(client, ask).move(ask.trajectory, queue=ask.queue)
     name = type(ask.trajectory).__name__
     return f"{name}: {'queued' if ask.queue else 'begun'}"
 
 
 async def _rest(client: AsyncClient, control: Control, ask: Rest) -> str:
-    await client.idle()
+    await _target(client, ask).idle()
     return "idle: no current, no water; still armed"
 
 
 async def _tune(client: AsyncClient, control: Control, ask: Gains) -> str:
-    await client.tune(ask.tune)
+    await _target(client, ask).tune(ask.tune)
     return "set: " + (ask.mark() or "nothing")
+
+
+def _target(client: AsyncClient, ask: Ask) -> AsyncCommands:
+    return client[ask.axis] if ask.axis else client
 
 
 async def _note(client: AsyncClient, control: Control, ask: Note) -> str:

@@ -17,7 +17,7 @@ from smad.view.feed import Feed, View
 from smad.view.forms import Form
 from smad.view.helper import Helper
 from smad.view.jobs import ON_THE_BENCH, JobError, Jobs, run_path
-from smad.view.source import Source
+from smad.view.source import Axis, Source
 from smad.view.strips import CHANNELS
 from smad.view.tier import Curve, Frame, Moments
 
@@ -47,20 +47,20 @@ class Desk:
         await self._helper.close()
         await self.jobs.close()
 
-    async def past(self, from_s: float, to_s: float, view: View) -> Past:
+    async def past(self, axis: Axis, from_s: float, to_s: float, view: View) -> Past:
         """Return what was shown between two times: of the run log as far as it goes, or of memory.
 
         The log has every sample; memory has the extremes of stretches.
         """
-        read = await self._of_log(from_s, to_s, view)
+        read = await self._of_log(axis, from_s, to_s, view)
         began_s, ended_s = NO_TIME if read is None else (read.first_s, read.last_s)
         parts: list[tuple[Frame, Moments]] = []
         if from_s < began_s:
-            parts.append(await of_memory(self._source.feed, from_s, min(to_s, began_s), view))
+            parts.append(await of_memory(axis.feed, from_s, min(to_s, began_s), view))
         if read is not None and read.frame.t:
             parts.append((read.frame, read.moments or Moments(0.0, [], [], [[] for _ in view.xy])))
         if read is not None and to_s > ended_s:
-            parts.append(await of_memory(self._source.feed, max(from_s, ended_s), to_s, view))
+            parts.append(await of_memory(axis.feed, max(from_s, ended_s), to_s, view))
         named = [("memory", from_s < began_s), ("run log", read is not None and read.frame.t)]
         known = () if read is None else read.marks
         marks = {
@@ -75,12 +75,13 @@ class Desk:
             source=" and ".join(name for name, used in named if used) or "memory",
         )
 
-    async def _of_log(self, from_s: float, to_s: float, view: View) -> Read | None:
+    async def _of_log(self, axis: Axis, from_s: float, to_s: float, view: View) -> Read | None:
         path = self._source.log_path
         if not path or not Path(path).is_file():
             return None
         errand = errands.Past(
             path=path,
+            axis=axis.name,
             from_s=from_s,
             to_s=to_s,
             channels=tuple(CHANNELS[place].name for place in view.channels),
@@ -92,7 +93,7 @@ class Desk:
             # Memory is there, whatever has become of the file.
             return None
         if read is not None:
-            self._source.log_first_s = read.first_s
+            axis.log_first_s = read.first_s
         return read
 
     async def answer(self, ask: commands.Question) -> tuple[str, Any]:
@@ -104,19 +105,20 @@ class Desk:
         return "", await self._helper.ask(errand, list[errands.Row])
 
     async def _results(self, ask: commands.Results) -> tuple[str, Any]:
-        errand = errands.Results(path=str(run_path(self._folder(), ask.run)))
+        errand = errands.Results(path=str(run_path(self._folder(), ask.run)), axis=ask.axis)
         return "", await self._helper.ask(errand, list[tuple[str, str]])
 
     async def _experiments(self, ask: commands.Experiments) -> tuple[str, Any]:
         return "", await self._helper.ask(errands.Experiments(), list[Form])
 
     async def _preview(self, ask: commands.Preview) -> tuple[str, Any]:
-        config, now = self._source.config, self._source.reference_mm
+        axis = self._source.axis(ask.axis)
+        config = axis.config
         rate = config.control.handover_rate_mm_per_s
-        return "", [preview.drawn(ask.trajectory, now, config.limits, rate)]
+        return "", [preview.drawn(ask.trajectory, axis.reference_mm, config.limits, rate)]
 
     async def _preview_experiment(self, ask: commands.PreviewExperiment) -> tuple[str, Any]:
-        config = self._source.config
+        config = self._source.axis(ask.axis).config
         errand = errands.Plan(
             experiment=ask.experiment,
             settings=ask.settings,
@@ -126,18 +128,19 @@ class Desk:
         return "", await self._helper.ask(errand, list[Drawn])
 
     async def _begin(self, ask: commands.Begin) -> tuple[str, Any]:
-        now = self._source.shown
+        axis = self._source.axis(ask.axis)
+        now = axis.shown
         if now is not None and ask.generation not in (None, now.generation):
             raise NotReady(
                 "the bench was stopped after what this page had shown",
                 action="look at it, then begin the job again",
             )
-        if now is not None and now.armed and isinstance(ask.job, ON_THE_BENCH):
+        if self._source.armed and isinstance(ask.job, ON_THE_BENCH):
             raise NotReady(
                 "the bench is armed already, and the job is to be missed when it vanishes",
                 action="disarm; the job arms by itself",
             )
-        return await self.jobs.begin(ask.job, self._folder(), self._source.bench), None
+        return await self.jobs.begin(ask.job, self._folder(), self._source.bench, axis.name), None
 
     async def _end_job(self, ask: commands.EndJob) -> tuple[str, Any]:
         return "the job is told to end" if self.jobs.interrupt() else "no job is under way", None

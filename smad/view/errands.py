@@ -20,9 +20,13 @@ class Errand(Struct, tag_field="do", frozen=True, kw_only=True):
 
 
 class Past(Errand, tag="past", frozen=True, kw_only=True):
-    """Read channels of the run log at `path`, and of its further parts, between two times."""
+    """Read channels of the run log at `path`, and of its further parts, between two times.
+
+    `axis` is the one whose they are; the only one has no name.
+    """
 
     path: str
+    axis: str
     from_s: float
     to_s: float
     channels: tuple[str, ...]
@@ -37,9 +41,10 @@ class Runs(Errand, tag="runs", frozen=True, kw_only=True):
 
 
 class Results(Errand, tag="results", frozen=True, kw_only=True):
-    """Say in a table what a run came to."""
+    """Say in a table what a run came to, of an axis if it has several."""
 
     path: str
+    axis: str
 
 
 class Experiments(Errand, tag="experiments", frozen=True, kw_only=True):

@@ -86,13 +86,18 @@ class Order(Struct, frozen=True):
     report: Path
 
 
-def order_of(job: Job, folder: Path, bench: str) -> Order:
-    """Return the command of a job. `folder` has the runs. Raises JobError for one that is not."""
+def order_of(job: Job, folder: Path, bench: str, axis: str = "") -> Order:
+    """Return the command of a job. `folder` has the runs; `axis` is that of a bench of several.
+
+    Raises JobError for a job that is none.
+    """
+    of_axis = [f"--axis={axis}"] if axis else []
+    on_the_bench = [f"--bench={bench}", *of_axis]
     if isinstance(job, PageOfRun):
         paths = [run_path(folder, name) for name in job.runs]
         stem = "-with-".join(path.stem for path in paths)[:120]
         report = folder / f"{stem}.html"
-        words = ["log", "plot", *map(str, paths), "-o", str(report)]
+        words = ["log", "plot", *map(str, paths), "-o", str(report), *of_axis]
         title = " and ".join(job.runs)
     elif isinstance(job, Diagnose):
         path = run_path(folder, job.run)
@@ -106,12 +111,12 @@ def order_of(job: Job, folder: Path, bench: str) -> Order:
     elif isinstance(job, CheckUp):
         report = free_path(folder / "check-up.html")
         words = ["gap", "checkup", f"--baseline={job.baseline}", f"--report={report}"]
-        words += [f"--bench={bench}", *(["--quick"] if job.quick else [])]
+        words += [*on_the_bench, *(["--quick"] if job.quick else [])]
         title = f"check-up against {job.baseline}"
     else:
         report = free_path(folder / f"{run_path(folder, job.experiment, of_run=False).name}.html")
         settings = (f"--set={name}={_word(value)}" for name, value in job.settings.items())
-        words = ["run", job.experiment, *settings, f"--report={report}", f"--bench={bench}"]
+        words = ["run", job.experiment, *settings, f"--report={report}", *on_the_bench]
         title = f"experiment {job.experiment}"
     return Order(title, tuple(words), report)
 
@@ -157,9 +162,9 @@ class Jobs:
         self.running = False
         """Whether one is under way."""
 
-    async def begin(self, job: Job, folder: Path, bench: str) -> str:
+    async def begin(self, job: Job, folder: Path, bench: str, axis: str = "") -> str:
         """Begin a job; return what to say. Raises JobError, or RunLogError without a folder."""
-        order = order_of(job, folder, bench)
+        order = order_of(job, folder, bench, axis)
         if self.running:
             assert self._order is not None
             raise JobError(

@@ -5,52 +5,66 @@ Pure. Both show a run log; PlotJuggler's shows the live stream as well.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree as xml
 
 import msgspec
 
-from smad.api import TELEMETRY_TOPIC
+from smad.api import topic_of
 from smad.bridge.foxglove import LOG_TOPIC
-from smad.runlog.schema import EVENT_TOPIC, ROW_TOPIC
+from smad.runlog.schema import EVENT_TOPIC, row_topic
 from smad.style.palette import in_print
 from smad.view.strips import STRIPS, Strip
 
 
-def layouts() -> Mapping[str, bytes]:
-    """Return the content of each layout file by its name."""
+def layouts(axes: Sequence[str] = ()) -> Mapping[str, bytes]:
+    """Return the content of each layout file by its name; of several axes, a tab for each."""
+    names = tuple(axes) or ("",)
     return {
-        "smad-foxglove.json": foxglove(),
-        "smad-plotjuggler-log.xml": plotjuggler(f"{ROW_TOPIC}/"),
-        "smad-plotjuggler-live.xml": plotjuggler(f"{TELEMETRY_TOPIC}/"),
+        "smad-foxglove.json": foxglove(names),
+        "smad-plotjuggler-log.xml": plotjuggler({axis: row_topic(axis) for axis in names}),
+        "smad-plotjuggler-live.xml": plotjuggler({axis: topic_of(axis) for axis in names}),
     }
 
 
-def foxglove() -> bytes:
-    """Return a layout of one plot a strip, the board's state and the events."""
-    panels: dict[str, Any] = {f"Plot!{strip.name}": _plot(strip) for strip in STRIPS}
-    panels["StateTransitions!mode"] = {
-        "paths": [_path(f"{ROW_TOPIC}.mode", "mode", in_print("good"))]
+def foxglove(axes: Sequence[str]) -> bytes:
+    """Return a layout of one plot a strip and the board's state, for each axis; and the events."""
+    panels: dict[str, Any] = {}
+    tabs = []
+    for axis in axes:
+        topic, end = row_topic(axis), f"-{axis}" if axis else ""
+        own = {f"Plot!{strip.name}{end}": _plot(strip, topic) for strip in STRIPS}
+        own[f"StateTransitions!mode{end}"] = {
+            "paths": [_path(f"{topic}.mode", "mode", in_print("good"))]
+        }
+        panels |= own
+        tabs.append((axis, list(own)))
+    events = {
+        "RawMessages!events": {"topicPath": EVENT_TOPIC, "expansion": "all"},
+        # What the bridge sends in their place.
+        "RosOut!log": {"topicToRender": LOG_TOPIC, "minLogLevel": 1, "searchTerms": []},
     }
-    panels["RawMessages!events"] = {"topicPath": EVENT_TOPIC, "expansion": "all"}
-    # What the bridge sends in their place.
-    panels["RosOut!log"] = {"topicToRender": LOG_TOPIC, "minLogLevel": 1, "searchTerms": []}
+    shown = tabs[0][1]
+    if len(axes) > 1:
+        made = [{"title": axis, "layout": _column(names)} for axis, names in tabs]
+        panels["Tab!axes"] = {"activeTabIdx": 0, "tabs": made}
+        shown = ["Tab!axes"]
     layout = {
-        "configById": panels,
+        "configById": panels | events,
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
-        "layout": _column(list(panels)),
+        "layout": _column([*shown, *events]),
     }
     return msgspec.json.format(msgspec.json.encode(layout), indent=1) + b"\n"
 
 
-def _plot(strip: Strip) -> dict[str, Any]:
+def _plot(strip: Strip, topic: str) -> dict[str, Any]:
     return {
         "title": f"{strip.title} [{_unit(strip)}]",
         "paths": [
-            _path(f"{ROW_TOPIC}.{curve.column}", curve.label, in_print(curve.pen))
+            _path(f"{topic}.{curve.column}", curve.label, in_print(curve.pen))
             for curve in strip.curves
         ],
         "showLegend": True,
@@ -87,24 +101,27 @@ def _column(panels: list[str]) -> Any:
     }
 
 
-def plotjuggler(prefix: str) -> bytes:
-    """Return a layout of one plot a strip; `prefix` stands before the name of a column."""
+def plotjuggler(topics: Mapping[str, str]) -> bytes:
+    """Return a layout of one plot a strip and a tab an axis; `topics` are those of the axes."""
     root = xml.Element("root")
     window = xml.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
-    tab = xml.SubElement(window, "Tab", tab_name="smad", containers="1")
     share = ";".join([f"{1 / len(STRIPS):.6f}"] * len(STRIPS))
-    splitter = xml.SubElement(
-        xml.SubElement(tab, "Container"),
-        "DockSplitter",
-        orientation="-",
-        sizes=share,
-        count=str(len(STRIPS)),
-    )
-    for strip in STRIPS:
-        area = xml.SubElement(splitter, "DockArea", name=f"{strip.title} [{_unit(strip)}]")
-        plot = xml.SubElement(area, "plot", mode="TimeSeries", style="Lines")
-        for curve in strip.curves:
-            xml.SubElement(plot, "curve", name=f"{prefix}{curve.column}", color=in_print(curve.pen))
+    for axis, topic in topics.items():
+        splitter = xml.SubElement(
+            xml.SubElement(
+                xml.SubElement(window, "Tab", tab_name=axis or "smad", containers="1"), "Container"
+            ),
+            "DockSplitter",
+            orientation="-",
+            sizes=share,
+            count=str(len(STRIPS)),
+        )
+        for strip in STRIPS:
+            area = xml.SubElement(splitter, "DockArea", name=f"{strip.title} [{_unit(strip)}]")
+            plot = xml.SubElement(area, "plot", mode="TimeSeries", style="Lines")
+            for curve in strip.curves:
+                name = f"{topic}/{curve.column}"
+                xml.SubElement(plot, "curve", name=name, color=in_print(curve.pen))
     xml.SubElement(window, "currentTabIndex", index="0")
     xml.SubElement(root, "use_relative_time_offset", enabled="1")
     xml.indent(root, " ")

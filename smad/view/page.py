@@ -28,8 +28,8 @@ from smad.view import commands, forms, strips
 from smad.view.access import Right
 from smad.view.desk import Desk
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, View
-from smad.view.source import Source
-from smad.view.state import MODE_MEANS, control_condition
+from smad.view.source import Axis, Source
+from smad.view.state import MODE_MEANS, Condition, axis_condition, control_condition
 from smad.view.tasks import end
 from smad.view.tier import Frame, Moments
 
@@ -72,7 +72,8 @@ class Page:
         self._source = source
         self._clients = clients
         self._desk = desk
-        self._cursor = Cursor(source.feed)
+        self._axis = source.axis("")
+        self._cursor = Cursor(self._axis.feed)
         self._shows = commands.Show(live=False)
         self._back: commands.LookBack | None = None
         self._looked = asyncio.Event()
@@ -132,6 +133,9 @@ class Page:
                 self._waiting.put_nowait(ask)
         elif isinstance(ask, commands.Show):
             await self._show(ask)
+        elif isinstance(ask, commands.LookAt):
+            self._axis = self._source.axis(ask.axis)
+            self._config = None
         elif isinstance(ask, commands.LookBack):
             # Of several that wait, only the last is worth an answer.
             if self._looked.is_set() and self._back is not None:
@@ -236,7 +240,7 @@ class Page:
             if ask.to_s <= ask.from_s:
                 await self._reply(ask.id, False, "a span ends after it begins")
                 continue
-            found = await self._desk.past(ask.from_s, ask.to_s, self._cursor.view)
+            found = await self._desk.past(self._axis, ask.from_s, ask.to_s, self._cursor.view)
             await self._reply(ask.id, True, "", found)
 
     async def _renew(self) -> None:
@@ -250,11 +254,9 @@ class Page:
             control.held = False
 
     def _is_over(self, control: commands.Control) -> bool:
-        now = self._source.shown
         return (
             control.armed
-            and now is not None
-            and not now.armed
+            and not self._source.armed
             and self._source.version >= self._armed_at + FRESH_STATUSES
         )
 
@@ -280,20 +282,23 @@ class Page:
 
     def _news(self) -> Iterator[str]:
         source = self._source
-        silent = source.silent_s > 0
         if source.config is not self._config:
-            # The daemon was started again, perhaps with other gains and limits: begin anew.
+            # Another axis is looked at, or the daemon was started again, perhaps with other gains
+            # and limits: begin anew.
             self._config = source.config
-            self._cursor.look_at(View())
+            self._axis = source.axis(self._axis.name)
+            self._cursor = Cursor(self._axis.feed)
             self._shows = commands.Show(live=False)
             self._frames = 0
-            yield _encode(hello(source, self._right)).decode()
+            self._version = self._marks_set = -1
+            yield _encode(hello(source, self._axis, self._right)).decode()
+        silent = self._axis.silent_s > 0
         news = source.version != self._version or silent != self._silent
         if self._unconfirmed_s is None and news:
             self._version, self._silent = source.version, silent
             self._unconfirmed_s = source.clock_s()
             ours = self._control is not None and self._control.held
-            yield _encode(status_message(source, ours=ours)).decode()
+            yield _encode(status_message(source, self._axis, ours=ours)).decode()
             yield from self._other_news()
         if self._frames < IN_FLIGHT and not silent and self._shows.live:
             taken = self._cursor.take()
@@ -320,8 +325,8 @@ class Page:
             "t": frame.t,
             "y": frame.y,
             "xy": moments,
-            "now": [self._source.now[place] for place in self._cursor.view.channels],
-            "mode": self._source.mode_name,
+            "now": [self._axis.now[place] for place in self._cursor.view.channels],
+            "mode": self._axis.mode_name,
         }
 
     async def _reply(self, number: int, done: bool, text: str, found: Any = None) -> None:
@@ -332,40 +337,52 @@ class Page:
         await self._connection.send(_encode(message).decode())
 
 
-def hello(source: Source, right: Right) -> dict[str, Any]:
-    """Return the first message: all that the page is built from."""
+def hello(source: Source, axis: Axis, right: Right) -> dict[str, Any]:
+    """Return the first message: all that the page of an axis is built from."""
     return {
         "type": "hello",
         "bench": source.bench,
+        "axis": axis.name,
         "right": right,
         "modes": MODE_MEANS,
         "windows": [{"label": w.label, "span_s": w.span_s} for w in WINDOWS],
         "channels": strips.CHANNELS,
         "layout": {"strips": strips.LAYOUT, "xy": strips.XY_LAYOUT},
-        "limits": strips.limits(source.config),
+        "limits": strips.limits(axis.config),
         "trajectories": forms.trajectories(),
-        "tuning": forms.tuning(source.config),
+        "tuning": forms.tuning(axis.config),
     }
 
 
-def status_message(source: Source, *, ours: bool) -> dict[str, Any]:
+def status_message(source: Source, axis: Axis, *, ours: bool) -> dict[str, Any]:
     """Return the status, and why it is not to be trusted if so; `ours`: the page has control."""
-    now = source.shown
+    now = axis.shown
     if now is not None:
-        conditions = (*now.conditions, control_condition(now.holder, ours=ours))
+        conditions = (*_arming(source, axis), control_condition(now.holder, ours=ours))
         holder = "this page" if ours and now.holder else now.holder
         # Frames and status name one mode: neither takes the other back.
         now = msgspec.structs.replace(
-            now, mode=source.mode_name, holder=holder, conditions=conditions
+            now, mode=axis.mode_name, holder=holder, conditions=conditions
         )
     return {
         "type": "status",
         "away": source.why_away,
-        "silent_s": round(source.silent_s, 1),
+        "silent_s": round(axis.silent_s, 1),
         "status": now,
-        "first_s": source.first_s,
-        "limits": strips.limits(source.config),
+        "tiles": [one.tile for one in source.axes.values()] if source.several else [],
+        "armed": source.armed,
+        "first_s": axis.first_s,
+        "limits": strips.limits(axis.config),
     }
+
+
+def _arming(source: Source, axis: Axis) -> Iterator[Condition]:
+    """What has to hold to arm: of several axes a line for each that is not armed."""
+    for one in source.axes.values() if source.several else ():
+        if one.shown is not None and not one.shown.armed:
+            yield axis_condition(one.name, one.shown)
+    if not source.several and axis.shown is not None:
+        yield from axis.shown.conditions
 
 
 def static_files() -> dict[str, tuple[str, bytes]]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import os
-import socket
 from collections import Counter
 from collections.abc import AsyncIterator, Mapping
 from http import HTTPStatus
@@ -20,14 +18,14 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from smad.client import AsyncClient
-from smad.errors import ConfigError
+from smad.client.following import TIMEOUT_S
+from smad.loopback import HOST, listen, quiet
 from smad.view.access import HEADERS, PROTOCOL, REPORT_HEADERS, Denied, Door, Right
 from smad.view.desk import Desk
 from smad.view.page import Page, static_files
-from smad.view.source import TIMEOUT_S, Source
+from smad.view.source import Source
 from smad.view.tasks import end
 
-HOST = "127.0.0.1"
 MOST_PAGES = 16
 KEPT_FOR_COMMAND = 4
 """Pages of the watching link leave so many of these places free."""
@@ -124,21 +122,9 @@ class LivePage:
 @contextlib.asynccontextmanager
 async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIterator[LivePage]:
     """Serve the page as long as the block lasts. Port 0: any free one. Raises ConfigError."""
-    try:
-        listening = socket.create_server((HOST, port))
-    except OSError as error:
-        raise ConfigError(
-            f"cannot listen on {HOST}: {os.strerror(error.errno or 0)}",
-            value=port,
-            limit="a free port",
-            action="give another with --port, or 0 for any",
-        ) from error
+    listening = listen(port)
     bound = listening.getsockname()[1]
     page = LivePage(bench, Door(bound, watch_only=watch_only), bound)
-    quiet = logging.getLogger("smad.view.strangers")
-    # Strangers knocking are no news; a person at the terminal would take each for a fault.
-    quiet.addHandler(logging.NullHandler())
-    quiet.propagate = False
     async with serve(
         page.talk,
         sock=listening,
@@ -151,7 +137,7 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
         ping_interval=None,
         close_timeout=CLOSING_S,
         server_header=None,
-        logger=quiet,
+        logger=quiet("smad.view.strangers"),
     ):
         following = asyncio.create_task(page.source.run())
         try:

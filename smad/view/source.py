@@ -1,74 +1,48 @@
-"""The bench as all pages see it: samples into the feed, the status twice a second, who is there.
-
-A client like any other. The telemetry is emptied thirty times a second instead of being awaited
-sample by sample: the process wakes less often than samples come.
-"""
+"""The bench as all pages see it: samples into feeds, the status twice a second, who is there."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import time
 from collections import deque
 from collections.abc import Callable
 
-import msgspec
-import zmq
-
 from firmware_protocol.supervisor.limits import compiled_limits
-from smad.api import TELEMETRY_TOPIC, Status
-from smad.client import AsyncClient
-from smad.client.wire import subscribe, telemetry_of
+from smad.api import Status
+from smad.client.following import Params, follow
+from smad.client.wire import telemetry_of
 from smad.config import Config
-from smad.config.load import parse_config
-from smad.errors import SmadError
 from smad.view import strips
 from smad.view.errands import Mark
-from smad.view.feed import FRAMES_PER_S, Feed
-from smad.view.state import MODES, NO_WORD, Shown, shown
+from smad.view.feed import Feed
+from smad.view.state import MODES, NO_WORD, Shown, Tile, shown
 
 STATUS_EVERY_S = 0.5
-PARAMS_EVERY = 10
-"""The board's parameters are read once in so many statuses."""
-RETRY_S = 0.5
 SILENT_AFTER_S = 1.5
-TIMEOUT_S = 2.0
 MOST_MARKS = 200
-_QUEUE = 2000
-_TOPIC = TELEMETRY_TOPIC.encode()
 
 
-class Source:
-    """One bench, seen by any number of pages.
+class Axis:
+    """What is known of one axis; the only one has no name.
 
-    `why_away` says in a line why the daemon cannot be reached, and is empty while it can.
-    `version` grows with every status, and with every failure to get one. `log_path` is the run log
-    that is written or was last, `folder` where run logs are; both are empty until a status came.
+    `log_first_s` is when its samples in the run log begin, once that was read.
     """
 
-    def __init__(self, bench: str, clock_s: Callable[[], float] = time.monotonic) -> None:
-        self.bench = bench
-        self.feed = Feed(len(strips.CHANNELS), strips.MOTION)
-        self.marks: deque[Mark] = deque(maxlen=MOST_MARKS)
-        self.marks_set = 0
-        self.log_path = self.folder = ""
-        self.log_first_s: float | None = None
-        self.reference_mm = 0.0
-        self.version = 0
-        self.why_away = "the daemon has not answered yet"
-        self.shown: Shown | None = None
+    def __init__(self, name: str, clock_s: Callable[[], float]) -> None:
+        self.name = name
         self.config = Config()
+        self.feed = Feed(len(strips.CHANNELS), strips.MOTION)
+        self.shown: Shown | None = None
         self.now: tuple[float | None, ...] = ()
         self.mode: int | None = None
-        self.clock_s = clock_s
+        self.reference_mm = 0.0
+        self.log_first_s: float | None = None
+        self._clock_s = clock_s
         self._last_sample_s = clock_s()
-        self._params: dict[str, float] = {}
-        self._off_current_mA = float(compiled_limits().off_current_mA)
 
     @property
     def silent_s(self) -> float:
         """Seconds since the last sample, once they are too many; else 0."""
-        silent = self.clock_s() - self._last_sample_s
+        silent = self._clock_s() - self._last_sample_s
         return silent if silent > SILENT_AFTER_S else 0.0
 
     @property
@@ -78,12 +52,6 @@ class Source:
             (t for t in (self.feed.first_s, self.log_first_s) if t is not None), default=None
         )
 
-    def mark(self, text: str) -> None:
-        """Mark the newest sample on the strips of all pages."""
-        if self.now:
-            self.marks.append(Mark(round(self.feed.last_s, 3), text))
-            self.marks_set += 1
-
     @property
     def mode_name(self) -> str:
         """State of the board: that of the newest sample, as long as samples come."""
@@ -91,76 +59,110 @@ class Source:
             return MODES.get(self.mode, "")
         return "" if self.shown is None else self.shown.mode
 
-    async def run(self) -> None:
-        """Follow the bench for ever: connect, and connect again whenever the daemon is gone."""
-        while True:
-            try:
-                async with AsyncClient(self.bench, timeout_s=TIMEOUT_S) as client:
-                    await self._follow(client)
-            except SmadError as error:
-                self._away(str(error))
-            await asyncio.sleep(RETRY_S)
+    @property
+    def tile(self) -> Tile:
+        """What a bench of several axes shows of each."""
 
-    async def _follow(self, client: AsyncClient) -> None:
-        self.config = parse_config(await client.config())
-        self._last_sample_s = self.clock_s()
-        async with asyncio.TaskGroup() as tasks:
-            draining = tasks.create_task(self._drain(client.connection.telemetry))
-            try:
-                count = 0
-                while True:
-                    status = await client.status()
-                    if count % PARAMS_EVERY == 0:
-                        with contextlib.suppress(SmadError):
-                            self._params = {p.name: p.value for p in await client.params()}
-                    count += 1
-                    self.seen(status)
-                    await asyncio.sleep(STATUS_EVERY_S)
-            except SmadError as error:
-                self._away(str(error))
-            finally:
-                draining.cancel()
+        def newest(channel: str) -> float | None:
+            return self.now[strips.PLACES[channel]] if self.now and not self.silent_s else None
 
-    def seen(self, status: Status) -> None:
-        """Take over what the daemon says of itself."""
-        self.shown = shown(status, self._params, self._off_current_mA)
-        if self.shown.mode == NO_WORD:
-            # The daemon missed the board sooner than we miss its samples.
-            self.mode = None
-        self.why_away = ""
-        recorder, motion = status.recorder, status.motion
-        if recorder.path != self.log_path:
-            self.log_path, self.log_first_s = recorder.path, None
-        self.folder = recorder.folder
-        self.reference_mm = motion.reference_mm or motion.displacement_mm or 0.0
-        self.version += 1
+        return Tile(
+            axis=self.name,
+            mode=self.mode_name,
+            running="" if self.shown is None else self.shown.running,
+            trouble="" if self.shown is None or not (t := self.shown.trouble) else t.what,
+            displacement_mm=newest("displacement_mm"),
+            rtd_x_degC=newest("rtd_x_degC"),
+            rtd_y_degC=newest("rtd_y_degC"),
+        )
 
-    def _away(self, why: str) -> None:
-        self.why_away = why
-        self.version += 1
+    def heard(self) -> None:
+        """It is there now."""
+        self._last_sample_s = self._clock_s()
 
-    async def _drain(self, address: str) -> None:
-        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        socket = subscribe(context, address, _TOPIC, _QUEUE)
-        try:
-            while True:
-                self._take_all(socket)
-                await asyncio.sleep(1 / FRAMES_PER_S)
-        finally:
-            socket.close(linger=0)
-            context.destroy(linger=0)
-
-    def _take_all(self, socket: zmq.Socket[bytes]) -> None:
-        for _ in range(_QUEUE):
-            try:
-                _, data = socket.recv_multipart(zmq.NOBLOCK)
-            except zmq.Again:
-                return
-            with contextlib.suppress(msgspec.ValidationError):
-                self._sample(data)
-
-    def _sample(self, data: bytes) -> None:
+    def sampled(self, data: bytes) -> None:
+        """Take over a sample. Raises msgspec.ValidationError for one that is none of ours."""
         sample = telemetry_of(data)
         self.now, self.mode = strips.values(sample), sample.mode
-        self._last_sample_s = self.clock_s()
+        self.heard()
         self.feed.add(sample.timestamp, self.now)
+
+
+class Source:
+    """One bench, seen by any number of pages. `axes` by name, the only one by the empty name.
+
+    `why_away` says in a line why the daemon cannot be reached, and is empty while it can.
+    `version` grows with every status, and with every failure to get one. `log_path` is the run log
+    that is written or was last, `folder` where run logs are; both are empty until a status came.
+    """
+
+    def __init__(self, bench: str, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self.bench = bench
+        self.axes = {"": Axis("", clock_s)}
+        self.marks: deque[Mark] = deque(maxlen=MOST_MARKS)
+        self.marks_set = 0
+        self.log_path = self.folder = ""
+        self.version = 0
+        self.why_away = "the daemon has not answered yet"
+        self.config = Config()
+        self.clock_s = clock_s
+        self._off_current_mA = float(compiled_limits().off_current_mA)
+
+    def axis(self, name: str) -> Axis:
+        """Return the axis of a name, or else the first."""
+        return self.axes.get(name) or next(iter(self.axes.values()))
+
+    @property
+    def several(self) -> bool:
+        """Whether the axes have names."""
+        return "" not in self.axes
+
+    @property
+    def armed(self) -> bool:
+        """Whether any axis was armed at the last status."""
+        return any(axis.shown is not None and axis.shown.armed for axis in self.axes.values())
+
+    def mark(self, text: str) -> None:
+        """Mark the newest sample on the strips of all pages."""
+        last_s = max(axis.feed.last_s for axis in self.axes.values())
+        if last_s > 0.0:
+            self.marks.append(Mark(round(last_s, 3), text))
+            self.marks_set += 1
+
+    async def run(self) -> None:
+        """Follow the bench for ever."""
+        await follow(self.bench, self, STATUS_EVERY_S)
+
+    def configured(self, config: Config) -> None:
+        """Take over a configuration; axes that stay keep their past."""
+        self.config = config
+        own = config.by_axis()
+        self.axes = {name: self.axes.get(name) or Axis(name, self.clock_s) for name in own}
+        for name, axis in self.axes.items():
+            axis.config = own[name]
+            axis.heard()
+
+    def sampled(self, axis: str, data: bytes) -> None:
+        """Take over a sample. Raises msgspec.ValidationError for one that is none of ours."""
+        self.axes[axis].sampled(data)
+
+    def seen(self, status: Status, params: Params) -> None:
+        """Take over what the daemon says of itself."""
+        recorder = status.recorder
+        for name, axis in self.axes.items():
+            own = status.of(name)
+            axis.shown = shown(own, params.get(name, {}), self._off_current_mA)
+            if axis.shown.mode == NO_WORD:
+                # The daemon missed the board sooner than we miss its samples.
+                axis.mode = None
+            axis.reference_mm = own.motion.reference_mm or own.motion.displacement_mm or 0.0
+            if recorder.path != self.log_path:
+                axis.log_first_s = None
+        self.log_path, self.folder = recorder.path, recorder.folder
+        self.why_away = ""
+        self.version += 1
+
+    def away(self, why: str) -> None:
+        """Take over why the daemon cannot be reached."""
+        self.why_away = why
+        self.version += 1

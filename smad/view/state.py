@@ -37,11 +37,15 @@ MODE_MEANS: Mapping[str, str] = {
 
 
 class Condition(Struct, frozen=True):
-    """Something that has to hold before the bench arms. `holds` is None while it is not known."""
+    """Something that has to hold before the bench arms. `holds` is None while it is not known.
+
+    With an `axis` it is needed only to arm that one.
+    """
 
     text: str
     holds: bool | None
     detail: str = ""
+    axis: str = ""
 
 
 class Trouble(Struct, frozen=True):
@@ -51,6 +55,18 @@ class Trouble(Struct, frozen=True):
     what: str
     cause: str
     remedy: str
+
+
+class Tile(Struct, frozen=True, kw_only=True):
+    """What is shown of each axis beside the one that is looked at; None: no reading."""
+
+    axis: str
+    mode: str
+    running: str
+    trouble: str
+    displacement_mm: float | None
+    rtd_x_degC: float | None
+    rtd_y_degC: float | None
 
 
 class Shown(Struct, frozen=True, kw_only=True):
@@ -145,6 +161,14 @@ def conditions(
     )
     parts = () if board is None else board.capabilities
     yield from _readings(row if connected else None, parts, params, off_current_mA)
+
+
+def axis_condition(name: str, now: Shown) -> Condition:
+    """Return the conditions of an axis as one; its detail has those that do not hold."""
+    lacking = [one for one in now.conditions if not one.holds]
+    holds = None if all(one.holds is None for one in lacking) else False
+    words = "; ".join(f"{one.text}: {one.detail or 'no'}" for one in lacking)
+    return Condition(name, holds if lacking else True, words and f"lacking: {words}", axis=name)
 
 
 def control_condition(holder: str, *, ours: bool) -> Condition:

@@ -25,7 +25,7 @@ REASONS = {
     "another program": "PlotJuggler, MATLAB and the like are not here",
     "runs until ctrl-C": "it is started, used and ended in tests/smad/view",
     "needs the internet": "the same script reads files of the same form in tests/examples",
-    "needs runs of a bench": "the same questions are asked of made runs in tests/smad/gap",
+    "needs runs of a bench": "the same questions are asked of made runs in tests/smad/diagnosis",
 }
 
 
@@ -35,10 +35,14 @@ def name(path: Path) -> str:
 
 @pytest.fixture
 def reader(tmp_path: Path) -> dict[str, str]:
+    return reader_in(tmp_path)
+
+
+def reader_in(folder: Path) -> dict[str, str]:
     """What surrounds a reader: a home and a run-time directory of their own, smad on the PATH."""
-    runtime = tmp_path / "run"
+    runtime = folder / "run"
     runtime.mkdir(mode=0o700)
-    home = tmp_path / "home"
+    home = folder / "home"
     home.mkdir()
     return {
         **os.environ,
@@ -49,6 +53,14 @@ def reader(tmp_path: Path) -> dict[str, str]:
         "HOME": str(home),
         "MPLBACKEND": "Agg",
     }
+
+
+def run_page(page: Page, folder: Path, env: dict[str, str]) -> None:
+    """Run what a page shows, in its order, on a simulated bench where it wants one."""
+    with running_bench(folder, env, page.bench):
+        for block in page.blocks:
+            if block.not_run is None:
+                run_block(block, folder, env)
 
 
 def run_block(block: Block, folder: Path, env: dict[str, str]) -> None:
@@ -67,13 +79,9 @@ def run_block(block: Block, folder: Path, env: dict[str, str]) -> None:
 
 @pytest.mark.parametrize("path", PAGES, ids=name)
 def test_every_command_shown_runs(path: Path, tmp_path: Path, reader: dict[str, str]) -> None:
-    page = read_page(path)
     folder = tmp_path / "work"
     folder.mkdir()
-    with running_bench(folder, reader, page.bench):
-        for block in page.blocks:
-            if block.not_run is None:
-                run_block(block, folder, reader)
+    run_page(read_page(path), folder, reader)
 
 
 def skipped(page: Page) -> list[str]:

@@ -21,7 +21,8 @@ from smad.control.plan import Do, Pause
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.catalogue import plan_named
 from smad.diagnosis.spring_pair.signals import read_gap_run
-from tests.smad.daemon.rig import Line, Rig, rig_in
+from smad.faults.virtual import Line
+from tests.smad.daemon.rig import Rig, rig_in
 
 SEED = 5
 LONGEST_S = 36.0

@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -150,9 +151,9 @@ class Hil:
         daemon.wait_until_ready()
         return daemon
 
-    def client(self) -> Client:
+    def client(self, **options: Any) -> Client:
         """A client of the daemon."""
-        client = Client(folder=self.folder, timeout_s=PATIENCE_S)
+        client = Client(folder=self.folder, timeout_s=PATIENCE_S, **options)
         self._clients.append(client)
         return client
 

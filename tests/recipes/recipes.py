@@ -268,7 +268,7 @@ COMMAND = Recipe(
     (
         Insert(
             "its parameters",
-            "smad/api.py",
+            "smad/api/methods.py",
             '''class Greet(Params, frozen=True, kw_only=True):
     """Nothing but an answer."""
 
@@ -278,15 +278,9 @@ COMMAND = Recipe(
         ),
         Insert(
             "its row in METHODS",
-            "smad/api.py",
+            "smad/api/methods.py",
             '    Method("greet", Greet, Motion, "watch"),\n',
             before='    Method("timing.reset", ResetTiming',
-        ),
-        Insert(
-            "its row in the service",
-            "smad/daemon/command/service.py",
-            "            api.Greet: self.greet,\n",
-            before="            api.ResetTiming: self.reset_timing,\n",
         ),
         Insert(
             "what the service does",
@@ -296,7 +290,7 @@ COMMAND = Recipe(
         return self._status.motion(self._bench.named(caller.axes))
 
 ''',
-            before="    def reset_timing(self, params",
+            before="    def timing_reset(self, params",
         ),
         Insert(
             "the clients' method",
@@ -458,7 +452,7 @@ EFFECT = Recipe(
         "test_every_term_of_the_kernel_belongs_to_one_parameter",
         "tests/sim_device/plant/test_effects.py::test_every_term_is_computed_with",
         "tests/sim_device/plant/test_effects.py::test_an_entry_is_complete",
-        "tests/smad/gap/test_check_score.py",
+        "tests/smad/diagnosis/places/test_pair_places.py",
     ),
     shows=("tests.recipes.effect_shows", "force_curve", "force_N"),
 )

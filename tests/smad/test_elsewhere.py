@@ -17,7 +17,7 @@ for module, names in ((os, ("getuid", "geteuid", "fork", "openpty")), (signal, (
         delattr(module, name)
 """
 PARTS = (
-    "smad", "smad.client", "smad.cli", "smad.runlog.reader", "smad.runlog.export", "smad.gap",
+    "smad", "smad.client", "smad.cli", "smad.runlog.reader", "smad.runlog.export", "smad.diagnosis",
     "smad.diagnosis.spring_pair", "smad.checkup.files", "sim_device.plant", "smad.control.runner",
 )  # fmt: skip
 

@@ -10,10 +10,11 @@ from typing import Any
 from msgspec import Struct
 
 from smad.api import Reason
+from smad.daemon.command.bench import CommandCounts
+from smad.daemon.command.lease import Caller
 from smad.daemon.command.rpc import Call, Decoder, error_reply, result_reply
 from smad.daemon.command.server import Send
-from smad.daemon.command.service import Caller, Service
-from smad.daemon.command.status import CommandCounts
+from smad.daemon.command.service import Service
 from smad.daemon.errors import Refusal
 from smad.daemon.journal import Journal
 from smad.errors import SmadError

@@ -7,62 +7,72 @@ may be armed by then, and the bench is stopped.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 from firmware_protocol.messages import ArmConfirm, ArmRequest, ArmToken, Message
 from smad.api import Reason
 from smad.control.commands import Idle
 from smad.daemon.axis import Axis
-from smad.daemon.bench import Bench
-from smad.daemon.command.conditions import Conditions
+from smad.daemon.command.bench import Bench
+from smad.daemon.command.conditions import parameters_read, require_armable
+from smad.daemon.command.lease import Caller
 from smad.daemon.errors import Refusal
 
 
-@dataclass(frozen=True)
-class Steps:
-    """What is done between the steps.
-
-    `still_wanted` raises Refusal when a stop, or another client, came in between. `begin` opens the
-    run log once all boards have given a token; `armed` is told once all are confirmed.
-    """
-
-    still_wanted: Callable[[], None]
-    begin: Callable[[], Awaitable[None]]
-    armed: Callable[[], None]
-
-
 class Arming:
-    """Arms axes, one arming at a time. `conditions` are by axis."""
+    """Arms axes, one arming at a time."""
 
-    def __init__(self, bench: Bench, conditions: Mapping[str, Conditions]) -> None:
+    def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._conditions = conditions
         self._busy = False
 
-    async def arm(self, axes: Sequence[Axis], generation: int, steps: Steps) -> None:
-        """Arm these axes, as asked in this generation. Raises Refusal, told with the axis."""
+    async def arm(
+        self, axes: Sequence[Axis], generation: int, caller: Caller, details: dict[str, Any]
+    ) -> None:
+        """Arm these axes, as asked in this generation. Raises Refusal, told with the axis.
+
+        The run log, which begins once all boards have given a token, keeps `details`.
+        """
+        bench, now_us = self._bench, self._bench.means.clocks.us
         if self._busy:
             raise Refusal(
                 Reason.BUSY,
                 "the bench is being armed already",
                 action="wait for the reply to that (smad status)",
             )
+
+        def still_wanted() -> None:
+            bench.stops.require(generation, [axis.stop for axis in axes])
+            bench.lease.check(caller.lease, now_us())
+
         self._busy = True
         try:
-            tokens = await self._tokens(axes, steps)
-            await steps.begin()
+            tokens = await self._tokens(axes, still_wanted)
+            if bench.config.recorder.automatic and not bench.recorder.recording:
+                await bench.recorder.start("", by_command=False)
+                still_wanted()
+            bench.means.say("command", "arm", details)
+            bench.means.say("arm", "arming", {})
             for axis in axes:
                 axis.stop.arming()
-            await self._confirm(axes, tokens, generation, steps)
-            steps.still_wanted()
+            with self._none_alone(axes):
+                await _all_of(axes, lambda a: ArmConfirm(a.config.link.axis, tokens[a.name]))
+                still_wanted()
+                bench.dead_man.watch(caller.client, now_us())
+                for axis in axes:
+                    await axis.stop.until_armed(generation)
+            still_wanted()
         finally:
             self._busy = False
 
-    async def _tokens(self, axes: Sequence[Axis], steps: Steps) -> dict[str, int]:
+    async def _tokens(
+        self, axes: Sequence[Axis], still_wanted: Callable[[], None]
+    ) -> dict[str, int]:
         for axis in axes:
-            await self._conditions[axis.name].parameters_read()
-        steps.still_wanted()
+            await parameters_read(axis)
+        still_wanted()
         self._require_armable(axes)
         self._bench.groups.forget([axis.name for axis in axes])
         for axis in axes:
@@ -70,21 +80,16 @@ class Arming:
         given = await _all_of(
             axes, lambda a: ArmRequest(a.config.link.axis, a.watch.parameters.crc)
         )
-        steps.still_wanted()
+        still_wanted()
         return {name: token.token for name, token in given.items() if isinstance(token, ArmToken)}
 
-    async def _confirm(
-        self, axes: Sequence[Axis], tokens: Mapping[str, int], generation: int, steps: Steps
-    ) -> None:
+    @contextmanager
+    def _none_alone(self, axes: Sequence[Axis]) -> Iterator[None]:
+        """Stop the bench when something is refused: others may be armed, which nobody asked for."""
         try:
-            await _all_of(axes, lambda a: ArmConfirm(a.config.link.axis, tokens[a.name]))
-            steps.still_wanted()
-            steps.armed()
-            for axis in axes:
-                await axis.stop.until_armed(generation)
+            yield
         except Refusal as refusal:
             if len(axes) > 1 and refusal.reason is not Reason.STOPPED:
-                # The others may be armed by now, and nobody asked for a part of them.
                 self._bench.stops.begin(f"arming failed: {refusal.cause}")
             raise
 
@@ -92,8 +97,7 @@ class Arming:
         refusals: list[Refusal] = []
         for axis in axes:
             try:
-                with axis.told():
-                    self._conditions[axis.name].require_armable()
+                require_armable(axis, self._bench.axes)
             except Refusal as refusal:
                 refusals.append(refusal)
         if refusals:

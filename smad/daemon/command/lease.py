@@ -15,6 +15,18 @@ from smad.api import Reason
 from smad.daemon.errors import Refusal
 
 
+class Caller(Struct, frozen=True):
+    """Who asks: the name of its socket, the secret of its lease (empty: it has none).
+
+    `behind`: what it asks may have been sent before the last stop. `axes`: those it names.
+    """
+
+    client: bytes
+    lease: str = ""
+    behind: bool = False
+    axes: tuple[str, ...] = ()
+
+
 class Holder(Struct, frozen=True):
     """Who has the bench, and until when (monotonic microseconds)."""
 

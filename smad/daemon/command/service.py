@@ -7,7 +7,6 @@ the board has to agree to are coroutines.
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -17,7 +16,7 @@ from firmware_protocol.enums import Fault
 from firmware_protocol.events import HostState
 from firmware_protocol.messages import ClearFault, ParamSave
 from smad import api
-from smad.api import Reason
+from smad.api import METHODS, Reason
 from smad.config import config_to_toml
 from smad.control.commands import (
     DriveCurrent,
@@ -29,92 +28,45 @@ from smad.control.commands import (
     Tune,
 )
 from smad.daemon.axis import Axis
-from smad.daemon.bench import Bench
-from smad.daemon.command.arming import Arming, Steps
-from smad.daemon.command.conditions import Conditions, not_connected
-from smad.daemon.command.lease import DeadMan, Lease
+from smad.daemon.command.arming import Arming
+from smad.daemon.command.bench import Bench
+from smad.daemon.command.conditions import (
+    not_connected,
+    require_armed,
+    require_connected,
+    require_disarmed,
+    require_stage,
+)
+from smad.daemon.command.lease import Caller
 from smad.daemon.command.status import StatusReport
 from smad.daemon.errors import Refusal
-from smad.daemon.means import Means
-from smad.daemon.telemetry.recorder import Recorder
 
 _NO_PORT = HostState.DISCONNECTED
 _BEGIN_A_LOG = (api.Arm, api.StartRecording)
 """Told to the run log once it is open, which may be this command's doing."""
 
-
-class Caller(Struct, frozen=True):
-    """Who asks: the name of its socket, the secret of its lease (empty: it has none).
-
-    `behind`: what it asks may have been sent before the last stop. `axes`: those it names.
-    """
-
-    client: bytes
-    lease: str = ""
-    behind: bool = False
-    axes: tuple[str, ...] = ()
-
-
 Answer = Struct | Coroutine[Any, Any, Struct]
 
 
-@dataclass(frozen=True)
-class Claims:
-    """Who may command: exclusive control, and the client that armed and must be heard."""
-
-    lease: Lease
-    dead_man: DeadMan
-
-
 class Service:
-    """Carries out commands. `perform` checks who asks; everything else is one method a command."""
+    """Carries out commands. `perform` checks who asks.
 
-    def __init__(
-        self,
-        bench: Bench,
-        recorder: Recorder,
-        status: StatusReport,
-        *,
-        claims: Claims,
-        means: Means,
-    ) -> None:
+    Everything else is a method for each of `api.METHODS`, by its name with `_` for the dot.
+    """
+
+    def __init__(self, bench: Bench, status: StatusReport) -> None:
         self.stopping = False
         self._bench = bench
-        self._recorder = recorder
+        self._recorder = bench.recorder
         self._status = status
-        self._lease = claims.lease
-        self._dead_man = claims.dead_man
+        self._lease = bench.lease
+        self._dead_man = bench.dead_man
         self._stops = bench.stops
-        self._say = means.say
-        self._clock_us = means.clocks.us
-        self._conditions = {name: Conditions(axis, bench.axes) for name, axis in bench.axes.items()}
-        self._arming = Arming(bench, self._conditions)
+        self._say = bench.means.say
+        self._clock_us = bench.means.clocks.us
+        self._arming = Arming(bench)
         self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
-            api.GetStatus: self.status,
-            api.GetMotion: self.motion,
-            api.GetConfig: self.config,
-            api.ResetTiming: self.reset_timing,
-            api.Arm: self.arm,
-            api.Disarm: self.disarm,
-            api.EStop: self.estop,
-            api.Clear: self.clear,
-            Follow: self.drive,
-            api.Together: self.together,
-            HoldTemperature: self.drive,
-            DriveCurrent: self.drive,
-            FollowInputs: self.drive,
-            MoveStage: self.drive,
-            Idle: self.idle,
-            Tune: self.tune,
-            api.ListParams: self.list_params,
-            api.GetParam: self.get_param,
-            api.SetParam: self.set_param,
-            api.SaveParams: self.save_params,
-            api.StartRecording: self.start_recording,
-            api.StopRecording: self.stop_recording,
-            api.AddNote: self.add_note,
-            api.TakeControl: self.take_control,
-            api.ReleaseControl: self.release_control,
+            method.params: getattr(self, method.name.replace(".", "_")) for method in METHODS
         }
 
     def perform(
@@ -159,7 +111,7 @@ class Service:
         config = self._bench.one(caller.axes).config if caller.axes else self._bench.config
         return api.ConfigText(toml=config_to_toml(config))
 
-    def reset_timing(self, params: api.ResetTiming, caller: Caller) -> api.Timing:
+    def timing_reset(self, params: api.ResetTiming, caller: Caller) -> api.Timing:
         """Forget the percentiles so far."""
         axes = self._bench.named(caller.axes)
         for axis in axes:
@@ -183,27 +135,14 @@ class Service:
 
     def arm(self, params: api.Arm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Ask the boards for tokens, begin the run log, confirm: the axes named, or all."""
-        axes = self._bench.named(caller.axes)
+        # Now, not when its turn comes: a stop until then has to be noticed.
         generation = self._stops.generation
+        return self._armed(self._bench.named(caller.axes), generation, caller, params)
 
-        def still_wanted() -> None:
-            self._stops.require(generation, [axis.stop for axis in axes])
-            self._lease.check(caller.lease, self._clock_us())
-
-        async def begin() -> None:
-            if self._bench.config.recorder.automatic and not self._recorder.recording:
-                await self._recorder.start("", by_command=False)
-                still_wanted()
-            self._say("command", "arm", _details(params, caller))
-            self._say("arm", "arming", {})
-
-        def armed() -> None:
-            self._dead_man.watch(caller.client, self._clock_us())
-
-        return self._armed(axes, generation, Steps(still_wanted, begin, armed))
-
-    async def _armed(self, axes: Sequence[Axis], generation: int, steps: Steps) -> api.Motion:
-        await self._arming.arm(axes, generation, steps)
+    async def _armed(
+        self, axes: Sequence[Axis], generation: int, caller: Caller, params: api.Arm
+    ) -> api.Motion:
+        await self._arming.arm(axes, generation, caller, _details(params, caller))
         return self._status.motion(axes)
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
@@ -261,8 +200,7 @@ class Service:
         """Raise Refusal where a board that was there is not any more: nothing is known of it."""
         for axis in self._bench.axes.values():
             if len(self._bench.axes) == 1 or axis.watch.identified.is_set():
-                with axis.told():
-                    self._conditions[axis.name].require_connected()
+                require_connected(axis)
 
     async def clear(self, params: api.Clear, caller: Caller) -> api.Motion:
         """Acknowledge the latched fault, and a stop of the host, of each axis that has one."""
@@ -274,7 +212,7 @@ class Service:
         return self._status.motion(axes)
 
     async def _clear(self, axis: Axis, number: int | None) -> None:
-        self._conditions[axis.name].require_connected()
+        require_connected(axis)
         by_host = axis.host_stop.fault
         latched = axis.watch.fault
         if by_host is not None and number in (None, by_host.number):
@@ -302,28 +240,29 @@ class Service:
         axis.watch.fault = None
         axis.host_stop.clear()
 
-    def drive(
+    def move(
         self,
         params: Follow | HoldTemperature | DriveCurrent | FollowInputs | MoveStage,
         caller: Caller,
     ) -> api.Motion:
         """Hand a motion to the controller of an axis; it begins with the next sample."""
         axis = self._bench.one(caller.axes)
+        require_armed(axis)
+        if isinstance(params, MoveStage):
+            require_stage(axis)
         with axis.told():
-            self._conditions[axis.name].require_armed()
-            if isinstance(params, MoveStage):
-                self._conditions[axis.name].require_stage()
             axis.controller.command(params)
         if not (isinstance(params, Follow | FollowInputs) and params.queue):
             self._bench.groups.forget([axis.name])
         return self._status.motion([axis])
 
+    heat = current = inputs = stage = move
+
     def together(self, params: api.Together, caller: Caller) -> api.Motion:
         """Hand motions to several controllers at once; `queue`: once the slowest has ended."""
         axes = self._bench.named(tuple(params.moves))
         for axis in axes:
-            with axis.told():
-                self._conditions[axis.name].require_armed()
+            require_armed(axis)
         groups = self._bench.groups
         group = {name: Follow(trajectories=moves) for name, moves in params.moves.items()}
         (groups.queue if params.queue else groups.begin)(group)
@@ -344,15 +283,15 @@ class Service:
             axis.controller.command(params)
         return self._status.motion([axis])
 
-    def list_params(self, params: api.ListParams, caller: Caller) -> api.ParamList:
+    def params_list(self, params: api.ListParams, caller: Caller) -> api.ParamList:
         """The parameters as read when the board connected."""
         return self._bench.one(caller.axes).watch.parameters.all()
 
-    def get_param(self, params: api.GetParam, caller: Caller) -> api.Param:
+    def params_get(self, params: api.GetParam, caller: Caller) -> api.Param:
         """One parameter."""
         return self._bench.one(caller.axes).watch.parameters.one(params.name)
 
-    async def set_param(self, params: api.SetParam, caller: Caller) -> api.Param:
+    async def params_set(self, params: api.SetParam, caller: Caller) -> api.Param:
         """Change one parameter on the board."""
         axis = self._changeable(caller)
         parameters = axis.watch.parameters
@@ -360,7 +299,7 @@ class Service:
         axis.watch.rescale()
         return param
 
-    async def save_params(self, params: api.SaveParams, caller: Caller) -> api.ParamList:
+    async def params_save(self, params: api.SaveParams, caller: Caller) -> api.ParamList:
         """Keep the parameters over a power cycle."""
         axis = self._changeable(caller)
         await axis.requests.ask(ParamSave())
@@ -369,20 +308,17 @@ class Service:
     def _changeable(self, caller: Caller) -> Axis:
         """Return the axis whose board is to be changed. Raises Refusal unless it can be."""
         axis = self._bench.one(caller.axes)
-        with axis.told():
-            self._conditions[axis.name].require_connected()
-            self._conditions[axis.name].require_disarmed()
+        require_connected(axis)
+        require_disarmed(axis)
         return axis
 
-    async def start_recording(
-        self, params: api.StartRecording, caller: Caller
-    ) -> api.RecorderStatus:
+    async def record_start(self, params: api.StartRecording, caller: Caller) -> api.RecorderStatus:
         """Begin a run log."""
         await self._recorder.start(params.name, by_command=True, repeats=params.repeats)
         self._say("command", "record.start", api.logged_details(params))
         return self._recorder.status()
 
-    async def stop_recording(self, params: api.StopRecording, caller: Caller) -> api.RecorderStatus:
+    async def record_stop(self, params: api.StopRecording, caller: Caller) -> api.RecorderStatus:
         """Close the run log, also one that failed."""
         if not self._recorder.recording and not self._recorder.failure():
             raise Refusal(
@@ -391,7 +327,7 @@ class Service:
         await self._recorder.stop()
         return self._recorder.status()
 
-    def add_note(self, params: api.AddNote, caller: Caller) -> api.RecorderStatus:
+    def record_note(self, params: api.AddNote, caller: Caller) -> api.RecorderStatus:
         """Write a note into the run log."""
         if not self._recorder.recording:
             raise Refusal(
@@ -402,7 +338,7 @@ class Service:
         self._say("note", params.text, {})
         return self._recorder.status()
 
-    def take_control(self, params: api.TakeControl, caller: Caller) -> api.Control:
+    def control_take(self, params: api.TakeControl, caller: Caller) -> api.Control:
         """Take or renew exclusive control. It changes hands only while the bench is not armed."""
         now_us = self._clock_us()
         if not self._lease.held_with(caller.lease, now_us):
@@ -411,7 +347,7 @@ class Service:
         holder = self._lease.take(caller.lease, params.name, int(params.lease_s * 1e6), now_us)
         return msgspec.structs.replace(self._status.lease(holder.secret), lease=holder.secret)
 
-    def release_control(self, params: api.ReleaseControl, caller: Caller) -> api.Control:
+    def control_release(self, params: api.ReleaseControl, caller: Caller) -> api.Control:
         """Give exclusive control back; does nothing for who does not have it."""
         self._lease.release(caller.lease, self._clock_us())
         return self._status.lease(caller.lease)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from msgspec import UNSET
 from msgspec.structs import asdict
@@ -16,60 +15,24 @@ from firmware_protocol.events import HostState
 from smad import api
 from smad.control.limits import HostLimit
 from smad.daemon.axis import Axis
-from smad.daemon.bench import Bench
-from smad.daemon.command.lease import Lease
-from smad.daemon.journal import Journal
+from smad.daemon.command.bench import Bench
 from smad.daemon.link.board import board_of
-from smad.daemon.realtime import IdleCollector
-from smad.daemon.telemetry.recorder import Recorder
 from smad.version import VERSION
 
 _MIB = 2**20
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
-class CommandCounts:
-    """Commands carried out and refused."""
-
-    def __init__(self) -> None:
-        self.done = 0
-        self.refused = 0
-        self.malformed = 0
-        """Of those refused, messages that were no command at all."""
-
-
-@dataclass(frozen=True)
-class Own:
-    """What the daemon knows of itself."""
-
-    journal: Journal
-    collector: IdleCollector
-    commands: CommandCounts
-
-
 class StatusReport:
     """Builds replies about the state of the bench; changes nothing."""
 
-    def __init__(
-        self,
-        bench: Bench,
-        recorder: Recorder,
-        *,
-        lease: Lease,
-        own: Own,
-        clock_us: Callable[[], int],
-    ) -> None:
+    def __init__(self, bench: Bench) -> None:
         self.measures: tuple[api.Measure, ...] = ()
         self.notes: list[str] = []
         self.telemetry_dropped = 0
         self._bench = bench
-        self._recorder = recorder
-        self._lease = lease
-        self._journal = own.journal
-        self._collector = own.collector
-        self._commands = own.commands
-        self._clock_us = clock_us
-        self._started_us = clock_us()
+        self._clock_us = bench.means.clocks.us
+        self._started_us = self._clock_us()
         self._resident_MiB = 0.0
         self._timing: dict[str, api.Timing] = {}
         self.refresh()
@@ -96,7 +59,7 @@ class StatusReport:
         fault = axis.host_stop.fault or axis.watch.fault
         return api.Motion(
             running=controller.mode,
-            done=axis.done and fault is None,
+            done=controller.done and fault is None and not self._bench.groups.wait_for(axis.name),
             armed=axis.session.state is HostState.RUNNING,
             mode=axis.watch.mode.name if axis.watch.mode is not None else "UNKNOWN",
             reference_mm=_mm(controller.reference_m),
@@ -111,7 +74,7 @@ class StatusReport:
     def lease(self, secret: str) -> api.Control:
         """Return who has exclusive control."""
         now_us = self._clock_us()
-        holder = self._lease.holder(now_us)
+        holder = self._bench.lease.holder(now_us)
         if holder is None:
             return api.Control()
         return api.Control(
@@ -131,9 +94,9 @@ class StatusReport:
             uptime_s=(self._clock_us() - self._started_us) * 1e-6,
             memory_MiB=self._memory_MiB(),
             realtime=self.measures,
-            recorder=self._recorder.status(),
+            recorder=self._bench.recorder.status(),
             control=self.lease(secret),
-            events=tuple(self._journal.recent),
+            events=tuple(self._bench.journal.recent),
             **{**asdict(parts[axes[0].name]), "motion": self.motion(axes)},
             axes=parts if several else UNSET,
             skew=self._bench.groups.skew.percentiles() if several else UNSET,
@@ -164,8 +127,8 @@ class StatusReport:
             setpoints=counts.setpoints,
             setpoints_dropped=counts.setpoints_dropped,
             setpoints_refused=axis.watch.stats.get("stale_setpoints", 0),
-            commands=self._commands.done,
-            refused=self._commands.refused,
+            commands=self._bench.counts.done,
+            refused=self._bench.counts.refused,
             telemetry_dropped=counts.finished_dropped + self.telemetry_dropped,
         )
 
@@ -176,7 +139,7 @@ class StatusReport:
             setpoint_age=control.setpoint_age.percentiles(),
             jitter=control.jitter.percentiles(),
             round_trip_us=None if fit is None else float(fit.round_trip_us),
-            collections=self._collector.collections,
+            collections=self._bench.collector.collections,
         )
 
     def _memory_MiB(self) -> float:
@@ -186,28 +149,12 @@ class StatusReport:
         return self._resident_MiB
 
     def link_counters(self) -> dict[str, float]:
-        """Return what the run log keeps about the links once a second: host's and boards' counts.
-
-        Of a bench of several, the name of each has that of its axis and a dot before it.
-        """
-        return {
-            f"{name}.{counter}".lstrip("."): value
-            for name, axis in self._bench.axes.items()
-            for counter, value in self._counters(axis).items()
-        }
-
-    def _counters(self, axis: Axis) -> dict[str, float]:
-        timing, counts = self._timing[axis.name], axis.control.counts
-        return {
-            **{f"host_{name}": float(value) for name, value in _frames(axis).items()},
-            **{f"board_{name}": float(value) for name, value in axis.watch.stats.items()},
-            "missed_samples": float(axis.session.stats.missed_states),
-            "skipped_samples": float(counts.skipped),
-            "setpoints_dropped": float(counts.setpoints_dropped),
-            "commands_refused": float(self._commands.refused),
-            "setpoint_age_p99_us": timing.setpoint_age.p99_us,
-            "own_share_p99_us": timing.own_share.p99_us,
-        }
+        """Return what the run log keeps about the links once a second."""
+        found: dict[str, float] = {}
+        for name, axis in self._bench.axes.items():
+            counts, timing = self._counts(axis), self._timing[name]
+            found |= api.link_counters(name, _frames(axis), axis.watch.stats, counts, timing)
+        return found
 
     def _link_status(self, axis: Axis) -> api.LinkStatus:
         link, config = axis.link, axis.config.link

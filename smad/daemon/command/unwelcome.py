@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from smad.daemon.command.bench import CommandCounts
 from smad.daemon.command.server import CommandServer
-from smad.daemon.command.status import CommandCounts
 from smad.daemon.means import Say
 
 _TEXTS = {

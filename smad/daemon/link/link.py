@@ -116,11 +116,6 @@ class Link:
         self._cut = self._cut or taken > 0
         return False
 
-    def reset(self, reason: str) -> None:
-        """Close the port and open it again after a while."""
-        if self._fd >= 0:
-            self._lose(reason)
-
     def close(self) -> None:
         """Close the port for good."""
         self._closed = True

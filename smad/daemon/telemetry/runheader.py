@@ -9,6 +9,7 @@ import msgspec
 
 from firmware_protocol.messages import Ident
 from firmware_protocol.schema import canonical_json, describe
+from smad.api import named
 from smad.config import Config, config_to_toml
 from smad.runlog.header import RunHeader, installed_versions
 from smad.version import VERSION
@@ -53,9 +54,7 @@ def run_header(
 
 def _by_axis(parts: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
     return {
-        f"{axis}.{name}".lstrip("."): value
-        for axis, part in parts.items()
-        for name, value in part.items()
+        named(axis, name): value for axis, part in parts.items() for name, value in part.items()
     }
 
 

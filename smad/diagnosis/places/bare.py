@@ -139,7 +139,7 @@ class BarePlaces:
         return out
 
     def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
-        """Inputs, channels, their rates and time. Rates are by central differences, one a second."""
+        """Inputs, channels, their rates by central differences, and time."""
         out = {s.name: np.asarray(run.inputs[s.name], float) for s in self.plain.inputs}
         for c in self.plain.channels:
             out[c.name] = shown[c.name]

@@ -195,7 +195,9 @@ class _Replayed:
         for law in laws:
             place = places[law.place]
             X = law_values(self.plant, law, states, run.t_s)
-            forcing = place.scale * (X if place.reading else _later(X))
+            # A bare plant is pushed by what its inputs are at that very sample (`BarePlaces`).
+            at_once = place.reading or isinstance(self.plant, BarePlaces)
+            forcing = place.scale * (X if at_once else _later(X))
             of = self._of_reading if place.reading else self._of_place
             out[at : at + len(law.terms)] = of((law.place, law.side), forcing, base)
             at += len(law.terms)

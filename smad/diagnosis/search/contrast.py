@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from smad.diagnosis.gap import Residual
 from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
@@ -47,6 +48,9 @@ def contrast(
     asked: Index,
     candidates: Sequence[Candidate],
     *,
+    run_of_row: Index,
+    only: Sequence[bool],
+    chance: float,
     depth: int,
     most: int,
     first_share: float,
@@ -56,7 +60,9 @@ def contrast(
     """Return what is new in the rows `asked`.
 
     `rows` has every response twice, of all runs and of those in question (`fold_rows`). Steps go on
-    while the first place adds `first_share` and further ones `further_share`, to at most `most`; those within `near` of
+    while the first place adds `first_share` and further ones `further_share`, to at most `most`,
+    each of a size in the runs in question (`only`) that the others would have with `chance` at most
+    (`by_chance`); those within `near` of
     what the best adds are told with it.
     """
     half = len(rows.responses) // 2
@@ -67,7 +73,20 @@ def contrast(
     while found and len(steps) < most:
         if found[0].scored.share < (further_share if steps else first_share):
             break
-        best = found[0]
+        best = next(
+            (
+                f
+                for f in found
+                if f.scored.share >= near * found[0].scored.share
+                and by_chance(
+                    _own(rows, half, np.union1d(before, f.both), asked), rows, f.scored.columns,
+                    run_of_row, only,
+                ) <= chance
+            ),
+            None,
+        )  # fmt: skip
+        if best is None:
+            break
         near_by = tuple(f.scored for f in found if f.scored.share >= near * best.scored.share)
         taken += best.scored.share
         steps.append(Step(best.scored, near_by, taken))
@@ -137,6 +156,37 @@ def _own(rows: FoldRows, half: int, columns: Index, asked: Index) -> FoldRows:
     names = np.unique(rows.fold[asked])
     fold[asked] = np.searchsorted(names, rows.fold[asked])
     return FoldRows(left, rows.responses[half:], fold)
+
+
+def by_chance(
+    own: FoldRows, rows: FoldRows, columns: Index, run_of_row: Index, only: Sequence[bool]
+) -> float:
+    """Probability that runs of one kind differ so much in the size of a law.
+
+    The law is fitted to the runs in question (`own`), for each of them without it; its size in a
+    run is what of it that run shows. The sizes of both kinds are compared by a t test in which runs
+    are what is counted. 0 where one kind has fewer than two runs that show the law.
+    """
+    A = rows.responses[columns].astype(np.float64)
+    products = own.products(columns)
+    every = np.arange(len(columns))
+    sizes, weights = np.zeros(len(only)), np.zeros(len(only))
+    for k in range(len(only)):
+        mine = (run_of_row == k) & (rows.fold >= 0)
+        kept = ~np.isin(np.arange(products.folds), own.fold[mine])
+        part = FoldProducts(products.gram[kept], products.against[kept], products.square[kept])
+        shape = A[:, mine].T @ fitted(part if kept.any() else products, every).mean
+        weights[k] = shape @ shape
+        sizes[k] = shape @ own.rows[mine] / max(weights[k], 1e-12)
+    shown = weights > _SHOWN * weights.max()
+    now, then = (sizes[shown & (np.array(only) == kind)] for kind in (True, False))
+    if min(len(now), len(then)) < 2:
+        return 0.0
+    return float(stats.ttest_ind(now, then, alternative="greater").pvalue)
+
+
+_SHOWN = 0.02
+"""Of what the run with most of a law shows of it, that another must show to be counted."""
 
 
 def parameters_share(gap: Residual, moved: Sequence[Array], asked: Index) -> float:

@@ -70,6 +70,15 @@ def listed(
         if predicted is None or (left := settler.square(predicted, runs)) >= squares[-1]:
             break
         settled[-1], found[-1], squares[-1] = last, tuple(predicted), left
+    if kept:
+        n = len(settler.plant.parameters)
+        still = settler.unmoved(settled[-1].columns, settled[-1].x[n:])
+        predicted = None if still is None else settler.held_out(still)
+        if still is not None and predicted is not None:
+            left = settler.square(predicted, runs)
+            # With the laws in it the model may need no other values of its parameters.
+            if left <= squares[-1]:
+                settled[-1], found[-1], squares[-1] = still, tuple(predicted), left
     return Listed(
         settler=settler, steps=tuple(kept), settled=tuple(settled), predicted=tuple(found),
         squares=tuple(squares),

@@ -16,9 +16,9 @@ from smad.diagnosis.gap import Gap
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.places.rows import fold_rows
 from smad.diagnosis.plant import Effect, Uncertainty
 from smad.diagnosis.search.names import Entry
+from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.told import Teller, one_of_each_place, side_words
 from smad.diagnosis.search.where import Fits, Step, Where, fits, where
 from smad.diagnosis.verdict import PlaceTold

@@ -118,6 +118,24 @@ class Settler:
             return self._stepped(made)
         return self._stepped(made, [w[:n] - before.x[:n] for w in before.without])
 
+    def unmoved(self, columns: Index, coefficients: Array) -> Settled | None:
+        """Laws alone, the parameters where their priors have them; None where it cannot replay."""
+        n = len(self.plant.parameters)
+        x = np.r_[np.zeros(n), coefficients]
+        still = [np.zeros(n)] * (int(self.gap.fold.max(initial=-1)) + 1)
+        for _ in range(_ROUNDS):
+            left = self._left(columns, x)
+            if left is None:
+                return None
+            slopes = self._slopes(columns, x, left, range(n, len(x)))
+            made = Settled(columns=columns, x=x, left=left, slopes=slopes)
+            x = self._stepped(made, still).x
+        made = self._stepped(made, still)
+        # What is uncertain of the parameters counts all the same.
+        own = self._slopes(columns, made.x, made.left, range(n))
+        own[n:] = made.slopes[n:]
+        return replace(made, slopes=own)
+
     def refreshed(self, settled: Settled) -> Settled:
         """One more step with slopes of where it stands."""
         slopes = self._slopes(settled.columns, settled.x, settled.left, range(len(settled.x)))

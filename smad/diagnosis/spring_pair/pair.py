@@ -119,7 +119,6 @@ class SmaPlant:
     channels = signals.CHANNELS
     views = signals.VIEWS
     regimes = staticmethod(signals.regimes)
-    features = staticmethod(signals.features)
 
     @cached_property
     def given_points(self) -> Recent[ModelPoint, GivenPoint]:

@@ -1,4 +1,4 @@
-"""Channels, views, regimes and features of the spring pair, and its runs from logs."""
+"""Channels, views and regimes of the spring pair, and its runs from logs."""
 
 from __future__ import annotations
 
@@ -165,25 +165,6 @@ def regimes(run: GapRun, side: str) -> dict[str, Mask]:
         "air cooling": ~heating & ~water & warm,
         "holding": ~moving,
     }
-
-
-def features(run: GapRun, side: str) -> dict[str, Array]:
-    """What a flexible correction may depend on, for one spring or for the pair."""
-    shown, dt_s = run.outputs, run.dt_s
-    out: dict[str, Array] = {"time": run.t_s - run.t_s[0]}
-    for s in _springs(side):
-        out[f"current {s}"] = run.inputs[f"i_applied_{s}_A"]
-        out[f"water {s}"] = run.inputs[f"duty_{s}"]
-        if (name := f"rtd_{s}_degC") in shown:
-            out[f"temperature {s}"] = smooth(shown[name], dt_s, 0.2)
-            out[f"heating rate {s}"] = _rate(shown[name], dt_s)
-    if "displacement_mm" in shown:
-        out["displacement"] = smooth(shown["displacement_mm"], dt_s, 0.2)
-        out["speed"] = speed = _speed(run)
-        out["direction"] = np.tanh(speed / 0.1)
-    if "force_N" in shown:
-        out["force"] = smooth(shown["force_N"], dt_s, 0.2)
-    return out
 
 
 def run_from_columns(

@@ -18,6 +18,7 @@ export class Link {
   constructor(on) {
     this.on = on;
     this.generation = null; // the stops that this page has shown
+    this.axis = ""; // the one that it shows
     this.lastId = 0;
     this.heardMs = 0;
     this.waiting = new Map();
@@ -93,7 +94,7 @@ export class Link {
     }
     return new Promise((resolve) => {
       this.waiting.set(id, resolve);
-      this.send({ ...message, id, generation: this.generation });
+      this.send({ ...message, id, generation: this.generation, axis: this.axis });
     });
   }
 }

@@ -6,6 +6,7 @@ import { Link } from "./link.js";
 import { element, setText } from "./style/plots.js";
 import { Plots } from "./plots.js";
 import { Runs, previewed } from "./runs.js";
+import { Tiles } from "./tiles.js";
 
 const $ = (id) => document.getElementById(id);
 let plots = null;
@@ -13,6 +14,8 @@ let runs = null;
 let status = null;
 let modes = {};
 let showGains = () => {};
+const left = new Set(); // axes that are not to be armed
+let toArm = [];
 
 const link = new Link({
   hello: begin,
@@ -25,6 +28,8 @@ const link = new Link({
   status: take,
   lost: (why) => become("lost", "Connection lost", `${why} STOP does not reach the bench from here: use smad disarm, or its switch.`),
 });
+
+const tiles = new Tiles($("tiles"), (axis) => link.send({ do: "look_at", axis }));
 
 // "live", or why what stands here is not to be trusted. STOP works as long as the daemon answers.
 function become(state, what = "", why = "") {
@@ -41,8 +46,9 @@ function become(state, what = "", why = "") {
 function begin(hello) {
   plots?.close();
   modes = hello.modes;
+  link.axis = hello.axis;
   plots = new Plots(hello, link);
-  setText($("bench"), hello.bench);
+  setText($("bench"), hello.axis ? `${hello.bench}: ${hello.axis}` : hello.bench);
   document.title = `${hello.bench} – smad`;
   if (hello.right !== "command") {
     document.querySelectorAll(".command").forEach((node) => node.remove());
@@ -67,10 +73,11 @@ function take(message) {
   } else {
     become("live");
   }
-  if (status) show(status);
+  tiles.show(message.tiles, link.axis);
+  if (status) show(status, message.armed);
 }
 
-function show(now) {
+function show(now, anyArmed) {
   document.body.dataset.generation = now.generation;
   mode(now.mode);
   setText($("running"), now.running + (now.limiter ? `, held down by ${now.limiter}` : ""));
@@ -90,7 +97,7 @@ function show(now) {
   $("events").replaceChildren(...[...now.events].reverse().map((event) => element("li", {},
     element("time", { textContent: new Date(event.time_s * 1000).toLocaleTimeString([], { hour12: false }) }),
     ` ${event.text}`)));
-  if ($("commands")) offer(now);
+  if ($("commands")) offer(now, anyArmed);
 }
 
 function mode(name) {
@@ -100,9 +107,10 @@ function mode(name) {
 }
 
 // What can be asked for now, and what stands against arming.
-function offer(now) {
-  $("arm").disabled = now.armed;
-  $("disarm").disabled = !now.armed;
+function offer(now, anyArmed) {
+  const axes = now.conditions.map((one) => one.axis).filter(Boolean);
+  $("arm").disabled = link.axis ? !axes.length : now.armed;
+  $("disarm").disabled = !anyArmed;
   $("clear").disabled = !now.trouble;
   $("idle").disabled = !now.armed;
   movable(now.armed);
@@ -111,9 +119,18 @@ function offer(now) {
   $("record-name").hidden = now.recording;
   const state = (holds) => (holds === null ? "unknown" : holds ? "holds" : "fails");
   $("conditions").replaceChildren(...now.conditions.map((one) => element("li",
-    { className: state(one.holds) }, one.text,
+    { className: state(one.holds) }, one.axis ? chosen(one.axis) : one.text,
     element("span", { textContent: one.detail ? ` – ${one.detail}` : "" }))));
-  $("arm-now").disabled = now.conditions.some((one) => one.holds === false);
+  $("arm-now").disabled = now.conditions.some((one) => one.holds === false && !left.has(one.axis))
+    || (axes.length > 0 && axes.every((axis) => left.has(axis)));
+  toArm = axes.filter((axis) => !left.has(axis));
+}
+
+// A box to leave an axis out of an arming.
+function chosen(axis) {
+  const box = element("input", { type: "checkbox", checked: !left.has(axis) });
+  box.onchange = () => left[box.checked ? "delete" : "add"](axis);
+  return element("label", {}, box, ` ${axis}`);
 }
 
 function movable(armed) {
@@ -171,7 +188,7 @@ $("arm").onclick = () => $("arming").show();
 $("arm-not").onclick = () => $("arming").close();
 $("arm-now").onclick = () => {
   $("arming").close();
-  ask({ do: "arm", keep_control: $("keep").checked });
+  ask({ do: "arm", keep_control: $("keep").checked, axes: toArm });
 };
 document.addEventListener("keydown", (event) => {
   if (event.key !== " " || event.target.closest("button, input, select, summary, a")) return;

@@ -44,6 +44,7 @@ def test_the_conserving_set_closes_within_a_tenth_of_a_per_cent_without_named_te
 def test_over_a_closed_cycle_the_conserving_set_gives_back_all_its_heat():
     plant = driven(Plant(load_parameters("conserving")), [*CYCLE, (120.0, Drive(pump_duty=(1, 1)))])
     before = plant.energy
+    assert plant.heat_in_J == before.heat_in
     after = driven(plant, [*CYCLE, (120.0, Drive(pump_duty=(1, 1)))]).energy
     stored = after.stored - before.stored
     heat_in = after.heat_in - before.heat_in

@@ -15,13 +15,14 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from bench.browser import running_daemon, served
-from smad.bridge.foxglove import LINK, LOG, ROWS, SUBPROTOCOLS
+from smad.bridge.foxglove import LINK, LOG, SUBPROTOCOLS, rows_of
 from smad.bridge.server import MOST_VIEWERS
 from smad.cli import execute
 from smad.client import Client
 from smad.runlog.schema import CHANNELS
 
 PATIENCE_S = 60.0
+ROWS = rows_of(("",))[""]
 
 
 @contextlib.contextmanager

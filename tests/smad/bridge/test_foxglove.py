@@ -10,17 +10,22 @@ import pytest
 
 from smad import api
 from smad.bridge import foxglove
-from smad.bridge.foxglove import CHANNELS, LOG, ROWS, Channel, Value, Viewer, log
-from smad.bridge.source import Source, link_counters
+from smad.bridge.foxglove import LINK, LOG, Channel, Value, Viewer, log, rows_of
+from smad.bridge.source import Source, counters
+from smad.config import AxisConfig, Config
+from smad.control.commands import Tune
 from smad.runlog.schema import Row, json_schema
 from tests.smad.view.test_forms_and_state import status
+
+ROWS = rows_of(("",))[""]
+CHANNELS = (ROWS, LINK, LOG)
 
 
 def viewer(**parameters: Value) -> Viewer:
     def kept(channel: Channel) -> list[tuple[int, bytes]]:
         return [log(2.5, "fault", "too hot")] if channel == LOG else []
 
-    return Viewer("bench", "7", lambda: parameters, kept)
+    return Viewer("bench", "7", lambda: CHANNELS, lambda: parameters, kept)
 
 
 def ask(one: Viewer, **message: Any) -> list[Any]:
@@ -66,7 +71,7 @@ def test_who_subscribes_to_the_log_gets_what_happened_before() -> None:
 
 def test_parameters_are_read_and_followed_but_not_set() -> None:
     values: dict[str, Value] = {"gains.kp": 7.0, "gains.cooling": "switch", "board.n": 3}
-    one = Viewer("bench", "7", lambda: values, lambda channel: [])
+    one = Viewer("bench", "7", lambda: (), lambda: values, lambda channel: [])
     (all_of_them,) = ask(one, op="getParameters", parameterNames=[], id="q")
     assert all_of_them["id"] == "q"
     assert all_of_them["parameters"] == [
@@ -134,11 +139,38 @@ def test_an_event_is_passed_on_once_and_the_gains_are_those_in_force() -> None:
     source, sink = Source("bench"), Seen()
     events = (api.Entry(1.0, "connected"), api.Entry(2.0, "too hot", "fault"))
     now = replace(status(host_time_s=3.0), events=events[:1])
-    source._seen(now, sink)
-    source._seen(replace(now, events=events), sink)
+    source._sink = sink
+    source.seen(now, {"": {"cold_cC": 4500.0}})
+    source.seen(replace(now, events=events), {})
     logged = [body["message"] for topic, _, body in sink.published if topic == "/smad/log"]
     assert logged == ["connected", "too hot"]
     assert [t for topic, t, _ in sink.published if topic == "/smad/link"] == [3_000_000_000] * 2
-    assert source.parameters == {"gains.kp_A_per_mm": 7.0}
+    assert source.parameters == {"gains.kp_A_per_mm": 7.0, "board.cold_cC": 4500.0}
     assert sink.told == ["", ""]
-    assert link_counters(now)["missed_samples"] == 0.0
+    assert counters(now)["missed_samples"] == 0.0
+
+
+def test_each_axis_has_a_channel_counters_and_parameters_of_its_own() -> None:
+    from msgspec.structs import replace
+
+    source, sink = Source("bench"), Seen()
+    source._sink = sink
+    one = Viewer("bench", "7", lambda: source.channels, lambda: source.parameters, lambda c: [])
+    one.hello()
+    ask(one, op="subscribe", subscriptions=[{"id": 1, "channelId": ROWS.id}])
+    axes = tuple(AxisConfig(name=name, travel_mm=4.0) for name in ("pitch-1", "yaw-1"))
+    source.configured(Config(axes=axes))
+    gone, new = map(json.loads, one.changed())
+    assert gone == {"op": "unadvertise", "channelIds": [ROWS.id]}
+    assert [c["topic"] for c in new["channels"]] == [f"/smad/axis/{a.name}/row" for a in axes]
+    assert one.changed() == []
+    assert not one.wants(ROWS)
+    part = status(host_time_s=3.0)
+    both = replace(part, axes={"pitch-1": part, "yaw-1": replace(part, gains=Tune(kp_A_per_mm=9))})
+    source.seen(both, {"yaw-1": {"cold_cC": 4500.0}})
+    assert source.parameters["yaw-1.gains.kp_A_per_mm"] == 9
+    assert source.parameters["pitch-1.gains.kp_A_per_mm"] == 7.0
+    assert source.parameters["yaw-1.board.cold_cC"] == 4500.0
+    assert source.parameters["pitch-1.limits.displacement_max_mm"] == 4.0
+    ((_, _, body),) = [sent for sent in sink.published if sent[0] == "/smad/link"]
+    assert {"pitch-1.missed_samples", "yaw-1.missed_samples"} <= set(body["counters"])

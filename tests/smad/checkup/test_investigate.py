@@ -64,7 +64,8 @@ SMALL = law("reading_force", "both", 1e-4)
 def undecided(found: Judged, *laws: Law) -> Judged:
     """The check-up with a place told, and these laws between which nothing is decided."""
     told = PlaceTold(
-        place=laws[0].place, side="x", words=laws[0].place, share=0.5, near=[], terms=[],
+        place=laws[0].place, side="x", words=laws[0].place, share=0.5, near=[],
+        near_places=[laws[0].place], terms=[],
         largest=1.0, unit="K", in_simulator=True,
     )  # fmt: skip
     near = tuple(Alternative(f"{law.place} {k}", (law,)) for k, law in enumerate(laws))

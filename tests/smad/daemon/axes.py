@@ -10,7 +10,8 @@ from typing import Any
 from sim_device.bench import SimulatedBench
 from sim_device.faults import Injection
 from smad.config import AxisConfig
-from tests.smad.daemon.rig import Line, Rig, rig_in
+from smad.faults.virtual import Line
+from tests.smad.daemon.rig import Rig, rig_in
 
 NAMES = ("pitch-1", "yaw-1", "pitch-2")
 PHASE_US = 3_100

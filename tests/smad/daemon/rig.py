@@ -1,172 +1,34 @@
-"""A daemon in this process on virtual time: a simulated bench at the other end of a socket pair.
-
-`run` lets the bench take samples one by one; the daemon answers each before the next. Nothing
-waits for the wall clock, except for threads that open and close run logs.
-"""
+"""A daemon on virtual time (`smad.faults.virtual`) as the tests start, ask and hear it."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import io
-import socket
 from collections.abc import AsyncIterator, Awaitable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
-import zmq
-
 from sim_device.bench import SimulatedBench
 from smad.config import Config, DaemonConfig, LinkConfig, RecorderConfig
-from smad.daemon.axis import Axis
-from smad.daemon.daemon import Daemon
-from smad.daemon.journal import Journal
-from smad.daemon.link.port import SocketTransport, Transport
-from smad.daemon.means import Clocks
-from smad.daemon.notify import Notifier
-from smad.daemon.process import Process
-from smad.errors import PortError
-from smad.runlog.schema import Event, LinkSample
+from smad.faults import virtual
+from smad.faults.virtual import Line, result_of
 
 T = TypeVar("T")
-LONGEST_RUN_SAMPLES = 100_000
-_TURNS = 4
 _PATIENCE_S = 300.0
 
 
-class Line:
-    """One board and the line to it. Its samples fall `phase_us` after those of the first."""
-
-    def __init__(self, bench: SimulatedBench, phase_us: int = 0) -> None:
-        self.bench = bench
-        self.phase_us = phase_us
-        self.plugged = True
-        self.end: socket.socket | None = None
+class Rig(virtual.Rig):
+    """A bench and a daemon, with what tests ask of both."""
 
     @property
-    def due_us(self) -> int:
-        """When its next sample is, by the rig's time."""
-        return self.phase_us + self.bench.now_us + self.bench.period_us
-
-    def open(self) -> Transport:
-        """Open the port, as the daemon does."""
-        if not self.plugged:
-            raise PortError("there is no such port")
-        ours, self.end = socket.socketpair()
-        self.end.setblocking(False)
-        return SocketTransport(ours)
-
-    def step(self) -> None:
-        """Take a sample and send what the board says."""
-        data = self.bench.step()
-        if self.end is not None and data:
-            with contextlib.suppress(OSError):
-                self.end.send(data)
-
-    def receive(self) -> None:
-        """Let the board hear what the daemon said."""
-        if self.end is not None:
-            with contextlib.suppress(OSError):
-                self.bench.receive(self.end.recv(65_536))
-
-    def pull_the_plug(self) -> None:
-        """The port goes away, and stays away until it is plugged in."""
-        self.plugged = False
-        if self.end is not None:
-            self.end.close()
-            self.end = None
-
-
-class Rig:
-    """A bench and a daemon, with a client's view of it. `lines` are by axis."""
-
-    def __init__(self, config: Config, bench: SimulatedBench | Mapping[str, Line]) -> None:
-        self.lines = {"": Line(bench)} if isinstance(bench, SimulatedBench) else bench
-        self.lost_us = 0
-        """By how much the board's clock is behind: add to it to let the board stand still."""
-        self.wall_off_s = 0.0
-        """By how much the host's wall clock is wrong."""
-        self.journal = Journal(stream=io.StringIO())
-        self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self.heard: list[str] = []
+    def heard(self) -> list[str]:
         """Texts of all events, those of the run log alone included."""
-        self._last_id = 0
-        self.daemon = Daemon(
-            config,
-            {name: line.open for name, line in self.lines.items()},
-            Process(
-                loop=asyncio.get_running_loop(),
-                context=self.context,
-                journal=self.journal,
-                notifier=Notifier({}),
-                nonce=7,
-                parameter_text="",
-                clocks=Clocks(self.now_us, self._wall_s),
-            ),
-        )
-
-        note = self.daemon.recorder.note
-
-        def listen(record: Event | LinkSample) -> None:
-            if isinstance(record, Event):
-                self.heard.append(record.text)
-            note(record)
-
-        self.daemon.recorder.note = listen  # type: ignore[method-assign]
+        return [event.text for event in self.events]
 
     @property
-    def bench(self) -> SimulatedBench:
-        """The bench of the first axis."""
-        return next(iter(self.lines.values())).bench
-
-    @property
-    def axis(self) -> Axis:
-        """The first axis."""
-        return next(iter(self.daemon.axes.values()))
-
-    def now_us(self) -> int:
-        """The host's clock."""
-        return max(line.phase_us + line.bench.now_us for line in self.lines.values()) + self.lost_us
-
-    def _wall_s(self) -> float:
-        return 1_700_000_000.0 + self.now_us() * 1e-6 + self.wall_off_s
-
-    async def run(self, samples: int) -> None:
-        """Let the bench take samples, and the daemon answer."""
-        for _ in range(samples):
-            await self._sample()
-
-    async def run_until(self, done: Awaitable[T]) -> T:
-        """Let samples pass until something is done."""
-        task = asyncio.ensure_future(done)
-        for _ in range(LONGEST_RUN_SAMPLES):
-            if task.done():
-                return task.result()
-            await self._sample()
-            # A run log is opened by a thread; leave it the processor.
-            await asyncio.sleep(0.0001)
-        raise AssertionError("it never came to an end")
-
-    async def wait_for(self, done: Awaitable[T]) -> T:
-        """Wait for something that a thread does while board time stands still."""
-        return await asyncio.wait_for(done, _PATIENCE_S)
-
-    async def run_for(self, seconds: float) -> None:
-        """Let board time pass."""
-        until_us = self.now_us() - self.lost_us + round(seconds * 1e6)
-        while self.now_us() - self.lost_us < until_us:
-            await self._sample()
-
-    async def _sample(self) -> None:
-        due_us = min(line.due_us for line in self.lines.values())
-        due = [line for line in self.lines.values() if line.due_us == due_us]
-        for line in due:
-            line.step()
-        for _ in range(_TURNS):
-            await asyncio.sleep(0)
-        for line in due:
-            line.receive()
+    def said(self) -> str:
+        """Everything in the journal."""
+        return "\n".join(entry.text for entry in self.journal.recent)
 
     def pull_the_plug(self) -> None:
         """The port goes away, and stays away until `plug_in`."""
@@ -174,70 +36,15 @@ class Rig:
 
     def plug_in(self) -> None:
         """The port can be opened again."""
-        self.lines[""].plugged = True
+        self.lines[""].plug_in()
 
-    async def ask(
-        self,
-        method: str,
-        client: bytes = b"me",
-        *,
-        still: bool = False,
-        told: dict[str, Any] | None = None,
-        **params: Any,
-    ) -> Any:
-        """Send a command and return its result. Raises Refused with the error reply.
+    async def wait_for(self, done: Awaitable[T]) -> T:
+        """Wait for something that a thread does while board time stands still."""
+        return await asyncio.wait_for(done, _PATIENCE_S)
 
-        Samples pass until it is there, as many as the threads take wall time for; `still` stops
-        board time meanwhile, so that what follows begins at the same sample every time. `told`
-        has what goes beside the parameters: the secret of a lease, a generation.
-        """
-        asked = self.begin(method, client, told=told, **params)
-        return result_of(await (self.wait_for if still else self.run_until)(asked))
-
-    def begin(
-        self,
-        method: str,
-        client: bytes = b"me",
-        *,
-        told: dict[str, Any] | None = None,
-        **params: Any,
-    ) -> asyncio.Future[bytes]:
-        """Send a command, the two that stop over the stop channel; the future has its reply."""
-        reply: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-        self._last_id += 1
-        request = {"jsonrpc": "2.0", "id": self._last_id, "method": method, "params": params}
-        answers = self.daemon.answers
-        answer = answers.stop if method in ("disarm", "estop") else answers.command
-        answer(client, msgspec.json.encode({**request, **(told or {})}), reply.set_result)
-        return reply
-
-    async def arm(self) -> None:
-        """Connect, wait for the clocks to align, arm."""
-        await self.run_for(2.0)
-        await self.ask("arm")
-
-    @property
-    def said(self) -> str:
-        """Everything in the journal."""
-        return "\n".join(entry.text for entry in self.journal.recent)
-
-
-def result_of(reply: bytes) -> Any:
-    """The result in a reply. Raises Refused for an error reply."""
-    decoded = msgspec.json.decode(reply)
-    if "error" in decoded:
-        raise Refused(decoded["error"])
-    return decoded["result"]
-
-
-class Refused(Exception):
-    """An error reply."""
-
-    def __init__(self, error: dict[str, Any]) -> None:
-        super().__init__(error["message"])
-        self.code: int = error["code"]
-        self.data: dict[str, Any] = error["data"]
-        self.reason: str = error["data"]["reason"]
+    async def ask_still(self, method: str, **params: Any) -> Any:
+        """Ask while board time stands still: what follows begins at the same sample every time."""
+        return result_of(await self.wait_for(self.begin(method, **params)))
 
 
 def config_in(folder: Path, **sections: Any) -> Config:
@@ -264,6 +71,4 @@ async def rig_in(
     try:
         yield rig
     finally:
-        await rig.daemon.close()
-        rig.context.destroy(linger=0)
-        rig.journal.close()
+        await rig.close()

@@ -12,8 +12,9 @@ from sim_device.faults import injection
 from smad.control.controller import Output
 from smad.control.sample import Sample
 from smad.daemon.link.port import SocketTransport
+from smad.faults.virtual import Refused
 from smad.runlog.rows import row_of
-from tests.smad.daemon.rig import Refused, rig_in
+from tests.smad.daemon.rig import rig_in
 
 
 async def test_every_sample_is_answered_by_one_setpoint(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from firmware_protocol.enums import BoardState, Fault
+from firmware_protocol.events import HostState
 from firmware_protocol.messages import ParamSet
 from firmware_protocol.parameters import BY_NAME
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
@@ -18,8 +19,9 @@ from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
 from smad.daemon.command.answers import MOST_WAITING_EACH
 from smad.daemon.command.service import Service
 from smad.daemon.errors import Refusal
+from smad.faults.virtual import Refused, result_of
 from smad.runlog.reader import read_run
-from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
+from tests.smad.daemon.rig import Rig, rig_in
 
 STEP = {"kind": "step", "displacement_mm": 5.0, "duration_s": 10.0}
 
@@ -306,7 +308,7 @@ async def test_who_has_control_and_vanishes_leaves_a_disarmed_bench(tmp_path: Pa
 
 async def not_armed(rig: Rig) -> None:
     """Housekeeping, which looks at leases, is paced by the wall clock."""
-    while rig.bench.board.state is BoardState.ARMED:
+    while HostState.RUNNING is rig.axis.session.state or rig.bench.board.state is BoardState.ARMED:
         await asyncio.sleep(0.001)
 
 

@@ -17,9 +17,10 @@ from smad import api
 from smad.client.endpoints import Endpoints
 from smad.client.wire import connect
 from smad.config import LimitsConfig
-from smad.daemon.command.service import Caller
+from smad.daemon.command.lease import Caller
 from smad.daemon.sockets.listener import bytes_unread
-from tests.smad.daemon.rig import Refused, Rig, result_of, rig_in
+from smad.faults.virtual import Refused, result_of
+from tests.smad.daemon.rig import Rig, rig_in
 
 INPUTS = {
     "t_s": [0.0],

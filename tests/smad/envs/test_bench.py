@@ -17,8 +17,9 @@ from smad.envs import on_bench
 from smad.envs.bench import Answering
 from smad.envs.errors import ActionRefused, PolicyFailed
 from smad.envs.signals import NAMES
+from smad.faults.virtual import Refused
 from smad.runlog.schema import Row
-from tests.smad.daemon.rig import Refused, rig_in
+from tests.smad.daemon.rig import rig_in
 from tests.smad.experiments.fake_client import FakeClient
 
 AT = {name: i for i, name in enumerate(NAMES)}

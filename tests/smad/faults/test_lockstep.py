@@ -15,6 +15,7 @@ from smad.faults.catalogue import ROWS
 from smad.faults.lockstep import Case, run_case
 from smad.faults.oracle import Then, judge
 from smad.faults.scenes import SCENES
+from smad.faults.virtual import Rig
 
 
 def case(*names: str, scene: str = "heating", at_s: float = 2.0) -> Case:
@@ -68,6 +69,7 @@ def test_a_name_of_the_device_chooses_all_its_rows_and_a_wrong_one_is_refused() 
         ("reboot", "holding", ""),
         ("stall_short", "heating", ""),
         ("wall_clock_jump", "heating", ""),
+        ("unplug", "heating", "SETPOINT_LOST"),
     ],
 )
 def test_a_fault_ends_as_it_must(name: str, scene: str, fault: str) -> None:
@@ -117,19 +119,19 @@ def test_a_board_that_overlooks_a_fault_fails_cause_and_energy(name: str) -> Non
     assert clauses == {"cause", "energy"}
 
 
-def test_a_host_that_arms_again_by_itself_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = lockstep.Host.sample
+def test_a_client_that_arms_again_by_itself_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Rig.sample
     tried: list[bool] = []
 
-    def eager(self: lockstep.Host) -> None:
-        whole(self)
-        last = self.control.last
-        safe = last is not None and last.state.mode is BoardState.SAFE
-        if self.bench.faults.begun and self.connected and safe and not tried:
+    async def eager(self: Rig) -> None:
+        await whole(self)
+        axis = self.axis
+        ready = axis.watch.parameters.complete and axis.watch.mode is BoardState.SAFE
+        if self.bench.faults.begun and ready and not tried:
             tried.append(True)
-            self.arm()
+            self.begin("arm")
 
-    monkeypatch.setattr(lockstep.Host, "sample", eager)
+    monkeypatch.setattr(Rig, "sample", eager)
     # A bench that is still cold, for the board would refuse to arm a hot one.
     outcome = run_case(case("reboot", at_s=0.5))
     assert tried

@@ -25,8 +25,9 @@ from smad.faults.lockstep import TIGHTENED_UNHEATED_mJ, gate_open_after
 from smad.faults.oracle import Then
 from smad.faults.scenes import SCENES, Scene
 from smad.faults.trace import HOT, WatchedBench
+from smad.faults.virtual import Line
 from tests.smad.daemon.axes import NAMES, PHASE_US, axes_in
-from tests.smad.daemon.rig import Line, Rig
+from tests.smad.daemon.rig import Rig
 
 VICTIM = "yaw-1"
 OTHERS_SAFE_S = 0.2
@@ -60,8 +61,6 @@ async def run_case(row: Row, seed: int) -> Found:
         for k, name in enumerate(NAMES)
     }
     line = boards[VICTIM]
-    line.bench.on_unplug = lambda _: line.pull_the_plug()
-    line.bench.on_plug = lambda: setattr(line, "plugged", True)
     with tempfile.TemporaryDirectory() as folder:
         async with axes_in(Path(folder), boards) as rig:
             await rig.run_for(2.5)

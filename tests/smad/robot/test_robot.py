@@ -104,6 +104,26 @@ def test_a_coupling_that_does_not_fit_or_has_no_inverse_is_refused() -> None:
         Robot.of(Config())
 
 
+def test_the_angles_of_the_run_log_respect_the_coupling_as_the_robot_does() -> None:
+    axes = tuple(
+        AxisConfig(name=n, coupling=row)
+        for n, row in zip(FOUR, ((), (), (0.3, 0.0, 1.0, 0.1), ()), strict=True)
+    )
+    segments = (
+        SegmentConfig(name="base", pitch="pitch-1", yaw="yaw-1", pitch_sign=-1),
+        SegmentConfig(name="tip", pitch="pitch-2", yaw="yaw-2", gain_deg_per_mm=5.0),
+    )
+    config = Config(axes=axes, segments=segments)
+    mm = {"pitch-1": 1.0, "yaw-1": -0.5, "pitch-2": 2.0, "yaw-2": 0.7}
+    made = Robot.of(config).angles_deg({n: np.array([x]) for n, x in mm.items()})
+    turned = {n: sum(k * mm[o] for o, k in row.items()) for n, row in config.turns().items()}
+    for name, one in (("base", segments[0]), ("tip", segments[1])):
+        told = (turned[one.pitch], turned[one.yaw])
+        assert told == pytest.approx([float(a[0]) for a in made[name]])
+    assert config.turns()["yaw-2"] == {"yaw-2": 5.0}
+    assert Config().turns() == {"": {"": 6.25}}
+
+
 def test_waypoints_are_read_from_a_csv_and_mistakes_named(tmp_path: Path) -> None:
     path = tmp_path / "way.csv"
     path.write_text("t_s,pitch_deg,yaw_deg\n3,0,0\n4,5,-2\n")

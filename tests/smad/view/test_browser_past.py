@@ -63,13 +63,14 @@ def written(folder: Path) -> Path:
 async def follow(source: Source, log: Path) -> None:
     """Stands in for a daemon: the last minute of the hour has come, and nothing more comes."""
     source.log_path, source.folder = str(log), str(log.parent)
+    axis = source.axis("")
     for n in range(int((HOUR_S - IN_MEMORY_S) * RATE_HZ), int(HOUR_S * RATE_HZ)):
         row = known(n / RATE_HZ)
-        source.now = tuple(getattr(row, name) for name in PLACES)
-        source.feed.add(BEGAN_S + row.t_s, source.now)
-    source.shown, source.why_away = shown(status("SAFE"), {}, 100.0), ""
+        axis.now = tuple(getattr(row, name) for name in PLACES)
+        axis.feed.add(BEGAN_S + row.t_s, axis.now)
+    axis.shown, source.why_away = shown(status("SAFE"), {}, 100.0), ""
     while True:
-        source._last_sample_s = source.clock_s()
+        axis.heard()
         source.version += 1
         await asyncio.sleep(0.1)
 

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from smad import api
-from smad.config import Config, ControlConfig
+from smad.config import AxisConfig, Config, ControlConfig
 from smad.control.commands import Samples, Trajectory, Tune
 from smad.control.controller import Controller
 from smad.control.inforce import tune_of
@@ -89,9 +89,30 @@ def test_every_question_of_a_page_has_an_answer() -> None:
 def test_the_first_message_holds_nothing_that_json_cannot() -> None:
     source = Source("bench")
     text = msgspec.json.encode(
-        [page.hello(source, "command"), page.status_message(source, ours=False)]
+        [
+            page.hello(source, source.axis(""), "command"),
+            page.status_message(source, source.axis(""), ours=False),
+        ]
     )
     assert json.loads(text)[0]["layout"]["strips"][0][0] == "displacement_mm"
+
+
+def test_of_several_axes_a_page_has_a_tile_and_a_condition_for_each() -> None:
+    source = Source("bench")
+    names = ("pitch-1", "yaw-1", "pitch-2")
+    source.configured(Config(axes=tuple(AxisConfig(name=name, travel_mm=4.0) for name in names)))
+    ready, warm, armed = status(), status(rtd_x_degC=60.0), status("ARMED")
+    parts = dict(zip(names, (ready, warm, armed), strict=True))
+    source.seen(msgspec.structs.replace(ready, axes=parts), dict.fromkeys(names, PARAMS))
+    told = page.status_message(source, source.axis("yaw-1"), ours=False)
+    assert [tile.axis for tile in told["tiles"]] == list(names)
+    conditions = {one.axis: one for one in told["status"].conditions}
+    assert set(conditions) == {"", "pitch-1", "yaw-1"}, "the third is armed already"
+    assert conditions["pitch-1"].holds
+    assert conditions["yaw-1"].holds is False
+    assert "Spring X is cold: 60.0 °C" in conditions["yaw-1"].detail
+    assert told["armed"]
+    assert told["limits"]["displacement_mm"] == 4.0
 
 
 def status(mode: str = "SAFE", fault: api.Fault | None = None, **row: Any) -> api.Status:

@@ -43,6 +43,22 @@ def test_the_plotjuggler_layouts_have_a_share_of_the_height_for_each_strip(
     assert curves == [prefix + column for column in COLUMNS]
 
 
+def test_of_several_axes_each_has_a_tab_with_its_own_channels() -> None:
+    made = layouts(["pitch-1", "yaw-1"])
+    root = xml.fromstring(made["smad-plotjuggler-live.xml"])
+    tabs = {tab.attrib["tab_name"]: tab for tab in root.iter("Tab")}
+    assert list(tabs) == ["pitch-1", "yaw-1"]
+    curves = [curve.attrib["name"] for curve in tabs["yaw-1"].iter("curve")]
+    assert curves == [f"axis/yaw-1/{column}" for column in COLUMNS]
+    layout = json.loads(made["smad-foxglove.json"])
+    tabbed = layout["configById"]["Tab!axes"]["tabs"]
+    assert [tab["title"] for tab in tabbed] == ["pitch-1", "yaw-1"]
+    placed = [name for tab in (*tabbed, layout) for name in names_in(tab["layout"])]
+    assert sorted(placed) == sorted(layout["configById"])
+    paths = layout["configById"]["Plot!force-yaw-1"]["paths"]
+    assert [path["value"] for path in paths] == ["/smad/axis/yaw-1/row.force_N"]
+
+
 def test_the_command_writes_them_and_says_where_they_go(tmp_path: Path) -> None:
     done = CliRunner().invoke(log, ["layouts", str(tmp_path / "new")])
     assert done.exit_code == 0

@@ -13,6 +13,7 @@ from websockets.asyncio.server import ServerConnection
 from firmware_protocol.enums import BoardState
 from smad import api
 from smad.client import AsyncClient, NotReady
+from smad.config import AxisConfig, Config
 from smad.view import page as pages
 from smad.view import strips
 from smad.view.access import Right
@@ -79,6 +80,7 @@ class FakeClient:
     def __init__(self) -> None:
         self.asked: list[str] = []
         self.generations: list[int | None] = []
+        self.axes: list[str] = []
         self.free = asyncio.Event()
         self.free.set()
         self.stopped = asyncio.Event()
@@ -96,7 +98,12 @@ class FakeClient:
     async def move(self, *pieces: Any, queue: bool) -> api.Motion:
         return await self._do("move")
 
-    async def arm(self) -> api.Motion:
+    def __getitem__(self, axis: str) -> FakeClient:
+        self.axes.append(axis)
+        return self
+
+    async def arm(self, *axes: str) -> api.Motion:
+        self.axes += axes
         await self._do("arm")
         if self.refuse_arming:
             raise NotReady("it is too warm")
@@ -127,6 +134,7 @@ class Rig:
         self.now_s = 0.0
         self.clients = 0
         self.source = Source("bench", clock_s=lambda: self.now_s)
+        self.axis = self.source.axis("")
         self.desk = Desk(self.source)
         self.browser, self.client = Browser(), FakeClient()
         page = Page(
@@ -242,7 +250,7 @@ async def test_a_page_that_keeps_control_renews_it_while_it_is_there(rig: Rig) -
 async def test_control_is_given_back_once_somebody_else_has_stopped_the_bench(rig: Rig) -> None:
     rig.browser.say({"do": "arm", "id": 1})
     await rig.settle()
-    rig.source.shown = shown(status("COOL"), {}, 100.0)
+    rig.axis.shown = shown(status("COOL"), {}, 100.0)
     for version, asked in ((0, "take_control"), (1, "take_control"), (2, "release_control")):
         # The first ones may have been asked for before the bench was armed.
         rig.source.version = version
@@ -308,12 +316,12 @@ async def test_frames_and_status_name_one_mode_and_the_first_message_what_each_m
     rig: Rig,
 ) -> None:
     # The status was asked for before the stop; the samples know of it already.
-    rig.source.shown = shown(status("ARMED"), {}, 100.0)
-    rig.source.mode = int(BoardState.COOL)
+    rig.axis.shown = shown(status("ARMED"), {}, 100.0)
+    rig.axis.mode = int(BoardState.COOL)
     await rig.frames_pass(1)
     rig.source.version += 1
-    rig.source.now = ONES
-    rig.source.feed.add(1000.0, ONES)
+    rig.axis.now = ONES
+    rig.axis.feed.add(1000.0, ONES)
     rig.browser.say(SHOW)
     rig.browser.say({"do": "alive"})
     await rig.settle()
@@ -328,13 +336,13 @@ async def test_a_status_that_knows_of_a_lost_link_takes_back_the_state_of_the_la
     rig: Rig,
 ) -> None:
     source = rig.source
-    source.mode = int(BoardState.ARMED)
-    source.seen(status("ARMED"))
-    assert source.mode_name == "ARMED"
-    source.seen(status(NO_WORD))
-    assert source.mode_name == NO_WORD
-    source.mode = int(BoardState.SAFE)
-    assert source.mode_name == "SAFE"
+    source.axis("").mode = int(BoardState.ARMED)
+    source.seen(status("ARMED"), {})
+    assert source.axis("").mode_name == "ARMED"
+    source.seen(status(NO_WORD), {})
+    assert source.axis("").mode_name == NO_WORD
+    source.axis("").mode = int(BoardState.SAFE)
+    assert source.axis("").mode_name == "SAFE"
 
 
 @pytest.mark.parametrize(
@@ -361,11 +369,11 @@ async def test_nonsense_is_refused_and_the_page_goes_on(rig: Rig, text: str) -> 
 
 
 async def test_a_browser_that_draws_nothing_gets_no_more_and_then_the_newest(rig: Rig) -> None:
-    rig.source.now = ONES
+    rig.axis.now = ONES
     rig.browser.say(SHOW)
     await rig.settle()
     for n in range(200):
-        rig.source.feed.add(1000.0 + n * 0.1, (float(n),) * len(strips.PLACES))
+        rig.axis.feed.add(1000.0 + n * 0.1, (float(n),) * len(strips.PLACES))
         if n % 20 == 0:
             await rig.frames_pass(1)
     await rig.frames_pass(3)
@@ -414,8 +422,8 @@ async def test_a_page_whose_script_answers_nothing_loses_its_place_and_is_told_w
 async def test_a_bench_that_fell_silent_is_said_to_be_and_nothing_old_is_drawn_anew(
     rig: Rig,
 ) -> None:
-    rig.source.now = ONES
-    rig.source.feed.add(1000.0, ONES)
+    rig.axis.now = ONES
+    rig.axis.feed.add(1000.0, ONES)
     rig.browser.say(SHOW)
     await rig.frames_pass(2)
     rig.browser.say({"do": "alive"})
@@ -435,9 +443,9 @@ async def test_a_bench_that_fell_silent_is_said_to_be_and_nothing_old_is_drawn_a
 
 
 async def test_another_window_and_other_channels_are_sent_whole(rig: Rig) -> None:
-    rig.source.now = ONES
+    rig.axis.now = ONES
     for n in range(100):
-        rig.source.feed.add(1000.0 + n, (float(n),) * len(strips.PLACES))
+        rig.axis.feed.add(1000.0 + n, (float(n),) * len(strips.PLACES))
     await rig.frames_pass(1)
     names = ["force_N", "mode"]
     rig.browser.say({"do": "show", "id": 4, "window": 2, "channels": names, "xy": ["force_N"]})
@@ -457,9 +465,9 @@ async def test_a_channel_that_is_not_there_is_refused(rig: Rig) -> None:
 
 
 async def test_a_page_that_looks_back_gets_no_frames_and_what_was_then(watcher: Rig) -> None:
-    watcher.source.now = ONES
+    watcher.axis.now = ONES
     for n in range(1000):
-        watcher.source.feed.add(1000.0 + n / 10, (float(n),) * len(strips.PLACES))
+        watcher.axis.feed.add(1000.0 + n / 10, (float(n),) * len(strips.PLACES))
     watcher.source.marks.append(Mark(1050.0, "here"))
     show = {"do": "show", "channels": ["force_N"], "xy": ["force_N"], "live": False}
     watcher.browser.say(show)
@@ -476,7 +484,7 @@ async def test_a_page_that_looks_back_gets_no_frames_and_what_was_then(watcher: 
 
 
 async def test_of_several_spans_only_the_last_is_looked_for(rig: Rig) -> None:
-    rig.source.feed.add(1000.0, ONES)
+    rig.axis.feed.add(1000.0, ONES)
     rig.browser.say(SHOW)
     for number in range(1, 30):
         rig.browser.say({"do": "look_back", "id": number, "from_s": 990.0, "to_s": 1010.0})
@@ -488,11 +496,45 @@ async def test_of_several_spans_only_the_last_is_looked_for(rig: Rig) -> None:
 
 
 async def test_a_mark_stands_on_the_strips_of_all_pages(rig: Rig) -> None:
-    rig.source.now = ONES
-    rig.source.feed.add(1000.0, ONES)
+    rig.axis.now = ONES
+    rig.axis.feed.add(1000.0, ONES)
     rig.browser.say({"do": "tune", "tune": {"mode": "tune", "kp_A_per_mm": 3.0}})
     await rig.settle()
     assert list(rig.source.marks) == [Mark(1000.0, "kp_A_per_mm 3.0")]
+
+
+async def test_a_page_looks_at_one_axis_and_its_commands_are_for_that(rig: Rig) -> None:
+    rig.source.configured(Config(axes=(AxisConfig(name="pitch-1"), AxisConfig(name="yaw-1"))))
+    yaw = rig.source.axis("yaw-1")
+    yaw.now = ONES
+    yaw.feed.add(1000.0, ONES)
+    await rig.frames_pass(2)
+    rig.browser.say({"do": "look_at", "axis": "yaw-1"})
+    await rig.frames_pass(2)
+    assert [one["axis"] for one in rig.browser.of("hello")][-2:] == ["pitch-1", "yaw-1"]
+    rig.browser.say(SHOW)
+    await rig.frames_pass(2)
+    assert rig.browser.of("frame")[-1]["now"] == [1.0]
+    rig.browser.say({**MOVE, "id": 1, "axis": "yaw-1"})
+    rig.browser.say({"do": "arm", "id": 2, "axes": ["pitch-1"], "keep_control": False})
+    tune = {"mode": "tune", "kp_A_per_mm": 3.0}
+    rig.browser.say({"do": "tune", "id": 3, "axis": "pitch-1", "tune": tune})
+    await rig.settle()
+    assert rig.client.axes == ["yaw-1", "pitch-1", "pitch-1"]
+    assert list(rig.source.marks) == [Mark(1000.0, "pitch-1: kp_A_per_mm 3.0")]
+
+
+async def test_a_silent_axis_leaves_the_others_in_sight(rig: Rig) -> None:
+    rig.source.configured(Config(axes=(AxisConfig(name="pitch-1"), AxisConfig(name="yaw-1"))))
+    rig.now_s = 2 * SILENT_AFTER_S
+    pitch = rig.source.axis("pitch-1")
+    pitch.now, pitch.mode = ONES, int(BoardState.ARMED)
+    pitch.heard()
+    told = pages.status_message(rig.source, rig.source.axis("yaw-1"), ours=False)
+    assert told["silent_s"] > 0
+    one, other = told["tiles"]
+    assert (one.mode, one.displacement_mm) == ("ARMED", 1.0)
+    assert (other.mode, other.displacement_mm) == ("", None)
 
 
 async def test_a_stop_ends_a_job_on_the_bench_and_no_other(rig: Rig) -> None:
@@ -510,7 +552,7 @@ async def test_a_stop_ends_a_job_on_the_bench_and_no_other(rig: Rig) -> None:
 
 
 async def test_a_job_is_not_begun_after_a_stop_that_the_page_had_not_shown(rig: Rig) -> None:
-    rig.source.shown = shown(status("SAFE"), {}, 100.0)
+    rig.axis.shown = shown(status("SAFE"), {}, 100.0)
     rig.source.folder = "/nowhere"
     job = {"kind": "page", "runs": ["a.mcap"]}
     rig.browser.say({"do": "begin", "id": 1, "generation": 2, "job": job})

@@ -1,0 +1,61 @@
+"""`smad run six-axes`: circles of the segments of a robot, in turn and together."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.output import Finite, bench_option, client, progress
+from smad.cli.robot import robot_of
+
+if TYPE_CHECKING:
+    from smad.client import Client
+
+TITLE = "circles of the segments of a robot, in turn and together"
+
+
+@click.command("six-axes")
+@click.option("--sim", is_flag=True, help="On a simulated bench of six axes, begun for it.")
+@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0, show_default=True)
+@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0, show_default=True)
+@click.option("--report", type=click.Path(path_type=Path), help="Page; by default beside the log.")
+@bench_option
+def six_axes(
+    *, sim: bool, radius_deg: float, period_s: float, report: Path | None, bench: str
+) -> None:
+    """Let each segment draw a circle in turn, then all together; write table and page.
+
+    Arms the bench that is running (or with --sim its own), and disarms at the end.
+    """
+    from smad.report.page import markdown_table, write_page
+    from smad.robot.circles import Circles, draw, page_of, table, trackings
+    from smad.runlog.reader import read_axes
+
+    with _simulated() if sim else client(bench) as connected, progress() as line:
+        made = robot_of(connected)
+        log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
+    click.echo(markdown_table(table(list(trackings(read_axes(log), made)))))
+    click.echo(
+        f"begun together {skew.count} times: p50 {skew.p50_us / 1000:.2f} ms, "
+        f"most {skew.max_us / 1000:.2f} ms apart"
+    )
+    click.echo(write_page(page_of(log, made, skew), report or log.with_suffix(".html")))
+
+
+@contextlib.contextmanager
+def _simulated() -> Iterator[Client]:
+    """A simulated bench of six axes for as long as the block lasts."""
+    from smad.client import Client
+    from smad.processes.daemon import running_daemon
+
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running_daemon(["--sim", "--axes", "6"], Path(folder)),
+        Client(folder=folder) as connected,
+    ):
+        yield connected

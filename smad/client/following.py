@@ -1,0 +1,106 @@
+"""A bench as a viewer follows it: samples of all axes, the status every so often, who is there.
+
+A client like any other. The telemetry is emptied thirty times a second instead of being awaited
+sample by sample: the process wakes less often than samples come.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Mapping
+from itertools import count
+from typing import Protocol
+
+import msgspec
+import zmq
+
+from smad.api import AXIS_TOPICS, TELEMETRY_TOPIC, Status, topic_of
+from smad.client import AsyncClient
+from smad.client.wire import subscribe
+from smad.config import Config
+from smad.config.load import parse_config
+from smad.errors import SmadError
+
+DRAINS_PER_S = 30.0
+PARAMS_EVERY = 10
+"""The boards' parameters are read once in so many statuses."""
+RETRY_S = 0.5
+TIMEOUT_S = 2.0
+_QUEUE = 4000
+"""Samples that wait for us: over a second of six axes at 500 Hz."""
+
+Params = Mapping[str, Mapping[str, float]]
+"""Values of the boards' parameters by axis, as far as they were read."""
+
+
+class Follower(Protocol):
+    """Who is told of a bench. An axis is told by its name, the only one by the empty name."""
+
+    def configured(self, config: Config) -> None:
+        """The daemon answers, with this configuration."""
+
+    def sampled(self, axis: str, data: bytes) -> None:
+        """A sample, as JSON; one that raises msgspec.ValidationError is passed over."""
+
+    def seen(self, status: Status, params: Params) -> None:
+        """The status has come."""
+
+    def away(self, why: str) -> None:
+        """The daemon does not answer, for a reason in one line."""
+
+
+async def follow(bench: str, follower: Follower, status_every_s: float) -> None:
+    """Follow a bench for ever: connect, and connect again whenever the daemon is gone."""
+    while True:
+        try:
+            async with AsyncClient(bench, timeout_s=TIMEOUT_S) as client:
+                await _connected(client, follower, status_every_s)
+        except SmadError as error:
+            follower.away(str(error))
+        await asyncio.sleep(RETRY_S)
+
+
+async def _connected(client: AsyncClient, follower: Follower, status_every_s: float) -> None:
+    config = parse_config(await client.config())
+    axes = tuple(config.by_axis())
+    follower.configured(config)
+    async with asyncio.TaskGroup() as tasks:
+        draining = tasks.create_task(_drain(client.connection.telemetry, axes, follower))
+        params: dict[str, Mapping[str, float]] = {}
+        try:
+            for number in count():
+                status = await client.status()
+                if tuple(status.parts()) != axes:
+                    # Another daemon answers at the same address: begin anew.
+                    return
+                if number % PARAMS_EVERY == 0:
+                    for axis in axes:
+                        with contextlib.suppress(SmadError):
+                            read = await client[axis].params()
+                            params[axis] = {param.name: param.value for param in read}
+                follower.seen(status, params)
+                await asyncio.sleep(status_every_s)
+        except SmadError as error:
+            follower.away(str(error))
+        finally:
+            draining.cancel()
+
+
+async def _drain(address: str, axes: tuple[str, ...], follower: Follower) -> None:
+    by_topic = {topic_of(axis).encode(): axis for axis in axes}
+    one = TELEMETRY_TOPIC if "" in axes else AXIS_TOPICS
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    socket = subscribe(context, address, one.encode(), _QUEUE)
+    try:
+        while True:
+            with contextlib.suppress(zmq.Again):
+                for _ in range(_QUEUE):
+                    topic, data = socket.recv_multipart(zmq.NOBLOCK)
+                    if topic in by_topic:
+                        with contextlib.suppress(msgspec.ValidationError):
+                            follower.sampled(by_topic[topic], data)
+            await asyncio.sleep(1 / DRAINS_PER_S)
+    finally:
+        socket.close(linger=0)
+        context.destroy(linger=0)

@@ -1,0 +1,38 @@
+// A tile for each axis of a bench that has several. A click shows the strips of that axis.
+
+import { element, setText, shown } from "./style/plots.js";
+
+export class Tiles {
+  constructor(host, look) {
+    Object.assign(this, { host, look });
+    this.made = new Map();
+  }
+
+  show(tiles, looked) {
+    this.host.hidden = !tiles.length;
+    if (tiles.map((one) => one.axis).join() !== [...this.made.keys()].join()) this.build(tiles);
+    for (const one of tiles) {
+      const { box, mode, values, trouble } = this.made.get(one.axis);
+      box.setAttribute("aria-current", one.axis === looked);
+      mode.dataset.mode = one.mode;
+      setText(mode, one.mode || "–");
+      setText(values, `${shown(one.displacement_mm, 2)} mm   X ${shown(one.rtd_x_degC, 1)}   Y ${shown(one.rtd_y_degC, 1)} °C`);
+      setText(trouble, one.trouble || one.running);
+      trouble.classList.toggle("refused", Boolean(one.trouble));
+    }
+  }
+
+  build(tiles) {
+    this.made = new Map(tiles.map(({ axis }) => {
+      const mode = element("span", { className: "mode" });
+      const values = element("span", { className: "values" });
+      const trouble = element("span", { className: "small" });
+      const box = element("button", { type: "button", title: `Show the strips of ${axis}` },
+        element("span", {}, element("strong", { textContent: axis }), " ", mode), values, trouble);
+      box.dataset.axis = axis;
+      box.onclick = () => this.look(axis);
+      return [axis, { box, mode, values, trouble }];
+    }));
+    this.host.replaceChildren(...[...this.made.values()].map(({ box }) => box));
+  }
+}

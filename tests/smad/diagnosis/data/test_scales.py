@@ -1,0 +1,66 @@
+"""How long a row and a cell are follows from how fast the records say that a bench is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smad.diagnosis.data.grid import PERIOD_S, Grid
+from smad.diagnosis.data.scales import correlation_time_s, row_length_s
+from smad.diagnosis.runs import Array, GapRun
+from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
+
+
+def finer(run: GapRun) -> GapRun:
+    """The run sampled five times as often."""
+    t_s = np.arange(5 * len(run.t_s) - 4) * 0.02
+
+    def between(columns: Mapping[str, Array]) -> dict[str, Array]:
+        return {k: np.interp(t_s, run.t_s, v) for k, v in columns.items()}
+
+    return GapRun(run.name, t_s, between(run.inputs), between(run.outputs))
+
+
+@pytest.mark.parametrize("family", ["random", "sines", "still"])
+def test_a_row_is_the_same_for_every_kind_of_run_of_a_bench(family: str) -> None:
+    runs = [finer(recorded(family, seed, duration_s=60.0)) for seed in (1, 2)]
+    assert row_length_s(runs, HeaterPlant()) == pytest.approx(0.2)
+
+
+def slowed(run: GapRun, factor: float) -> GapRun:
+    return replace(run, t_s=run.t_s * factor)
+
+
+@pytest.mark.parametrize("factor", [10.0, 100.0, 0.1])
+def test_rows_go_with_the_time_scale(factor: float) -> None:
+    runs = [slowed(finer(recorded("random", 1, duration_s=60.0)), factor)]
+    assert row_length_s(runs, HeaterPlant()) == pytest.approx(0.2 * factor)
+
+
+def test_a_row_is_no_shorter_than_a_sample() -> None:
+    run = recorded("random", 1, duration_s=60.0)
+    few = replace(
+        run.part(0, 0),
+        t_s=run.t_s[::20],
+        inputs={k: v[::20] for k, v in run.inputs.items()},
+        outputs={k: v[::20] for k, v in run.outputs.items()},
+    )
+    found = row_length_s([few], HeaterPlant())
+    assert found == pytest.approx(20 * run.dt_s, rel=1e-5)
+    assert len(Grid.of(few, found).t_s) == len(few.t_s)
+
+
+def test_noise_and_channels_that_stand_still_say_nothing_of_a_time_scale() -> None:
+    run = recorded("random", 1, duration_s=60.0)
+    rng = np.random.default_rng(0)
+    noise = {k: rng.standard_normal(len(run.t_s)) for k in run.outputs}
+    flat = {k: np.zeros(len(run.t_s)) for k in run.outputs}
+    plant = HeaterPlant()
+    for outputs in (noise, flat, {k: v * np.nan for k, v in flat.items()}):
+        assert correlation_time_s([run.with_columns(outputs=outputs)], plant) is None
+    assert row_length_s([], plant) == PERIOD_S
+    one = run.with_columns(outputs={**noise, "temp_l_degC": run.outputs["temp_l_degC"]})
+    assert correlation_time_s([one], plant) > 1.0

@@ -1,0 +1,120 @@
+"""Places of a plant that offers none: its readings and its inputs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim_device.plant.laws import Factor, Law, Term
+from smad.diagnosis.data.played import Played, predictions
+from smad.diagnosis.places.bare import BarePlaces, with_places
+from smad.diagnosis.places.place import Forceable
+from smad.diagnosis.places.responses import candidate_laws, responses
+from smad.diagnosis.plant import ModelPoint, nominal_point
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from tests.smad.diagnosis.heater_plant import NOMINAL, HeaterPlant, make_inputs, simulated
+
+HEATER = HeaterPlant()
+PLANT = with_places(HEATER)
+POINT = nominal_point(HEATER)
+
+
+def run_of(family: str = "random", duration_s: float = 40.0) -> GapRun:
+    return simulated(HEATER, family, make_inputs(family, duration_s, 1), POINT)
+
+
+def with_law(place: str, *terms: Term) -> ModelPoint:
+    return replace(POINT, laws=(Law(place, "both", terms),))
+
+
+def line(state: str, slope: float, low: float, high: float, zero: float = 0.0) -> Term:
+    """slope · (state − zero)."""
+    factor = Factor(state=state, low=low, high=high, centre=zero, scale=1.0)
+    return Term(name=state, factors=(factor,), coefficient=slope)
+
+
+def test_a_plant_without_places_has_one_for_each_reading_and_each_input() -> None:
+    assert isinstance(PLANT, Forceable)
+    assert [p.name for p in PLANT.places] == [
+        *(f"reading_{c.name}" for c in HEATER.channels), *(f"input_{s.name}" for s in HEATER.inputs)
+    ]  # fmt: skip
+    units = {c.name: c.unit for c in HEATER.channels} | {s.name: s.unit for s in HEATER.inputs}
+    for place in PLANT.places:
+        assert place.unit == units[place.name.partition("_")[2]]
+        assert place.scale > 0.0
+        assert place.reading == place.name.startswith("reading_")
+        assert {"fan", "rod_um", "rod_um_rate", "time"} <= set(place.states)
+
+
+def test_a_plant_with_places_of_its_own_keeps_them() -> None:
+    pair = SmaPlant()
+    assert with_places(pair) is pair
+    assert isinstance(PLANT, BarePlaces)
+
+
+def test_a_forced_reading_is_added_to_and_nothing_else() -> None:
+    run = run_of()
+    plain = PLANT.forced(POINT, run, {})
+    series = np.linspace(0.0, 1.0, len(run.t_s))
+    forced = PLANT.forced(POINT, run, {("reading_rod_um", "both"): series})
+    assert np.array_equal(forced["rod_um"], plain["rod_um"] + series)
+    assert all(np.array_equal(forced[c], plain[c]) for c in plain if c != "rod_um")
+
+
+def test_a_law_of_a_reading_acts_on_that_output_of_the_open_view_alone() -> None:
+    run, views = run_of(), [v.name for v in HEATER.views]
+    plain = PLANT.simulate(POINT, run, views)
+    point = with_law("reading_temp_l_degC", line("fan", 0.5, 0.0, 1.0))
+    shown = PLANT.simulate(point, run, views)
+    assert shown.keys() == plain.keys()
+    assert shown["open:temp_l_degC"] - plain["open:temp_l_degC"] == pytest.approx(
+        0.5 * run.inputs["fan"]
+    )
+    assert all(np.array_equal(shown[k], plain[k]) for k in plain if k != "open:temp_l_degC")
+
+
+def test_a_law_of_an_input_is_what_the_plant_makes_of_that_input() -> None:
+    run = run_of()
+    point = with_law("input_cmd_l_W", line("cmd_l_W", 0.05, 0.0, 60.0))
+    more = run.with_columns(inputs={**run.inputs, "cmd_l_W": 1.05 * run.inputs["cmd_l_W"]})
+    shown, wanted = PLANT.simulate(point, run, ["open"]), HEATER.simulate(POINT, more, ["open"])
+    for key in wanted:
+        np.testing.assert_allclose(shown[key], wanted[key], rtol=0, atol=1e-9)
+
+
+def test_a_law_of_an_input_that_goes_with_the_output_is_made_to_agree_with_it() -> None:
+    """Power that falls with the plate's temperature is a larger loss of this plate."""
+    still = run_of("one side")
+    point = with_law("input_cmd_l_W", line("temp_l_degC", -0.1, 22.0, 150.0, zero=22.0))
+    shown = PLANT.simulate(point, still, ["open"])
+    lossy = ModelPoint({**NOMINAL, "ha_W_K": NOMINAL["ha_W_K"] + 0.1})
+    wanted, plain = (HEATER.simulate(p, still, ["open"]) for p in (lossy, POINT))
+    key = "open:temp_l_degC"
+    assert np.abs(wanted[key] - plain[key]).max() > 1.0
+    np.testing.assert_allclose(shown[key], wanted[key], rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("place", "term"),
+    [("reading_rod_um", "fan"), ("reading_temp_l_degC", "rod_um"), ("input_cmd_l_W", "cmd_l_W"),
+     ("input_fan", "fan"), ("input_cmd_l_W", "temp_l_degC")],
+)  # fmt: skip
+def test_a_response_is_what_a_small_law_changes_in_the_simulator(place: str, term: str) -> None:
+    played = [Played.of(run_of(), period_s=0.2)]
+    space = candidate_laws(PLANT, POINT, played)
+    found = responses(PLANT, POINT, played, space=space)
+    (column,) = (
+        own[k]
+        for law, own in zip(found.laws, found.columns, strict=True)
+        for k, t in enumerate(law.terms)
+        if (law.place, t.name) == (place, term)
+    )
+    small = 0.01
+    laws = found.law_of(np.array([column]), np.array([small]))
+    base, moved = (predictions(PLANT, replace(POINT, laws=own), played)[0] for own in ((), laws))
+    change, response = (moved - base) / small, found.runs[0][column]
+    assert np.abs(change).max() > 0.0
+    assert np.abs(change - response).max() < 0.05 * np.abs(change).max()

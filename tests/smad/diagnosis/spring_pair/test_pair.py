@@ -1,0 +1,192 @@
+"""The spring pair as a plant of the diagnosis."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_device.plant.draws import draw
+from sim_device.plant.models import read_model
+from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.gap import Measured, residual, white_change
+from smad.diagnosis.plant import ModelPoint, Uncertainty, nominal_point
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.refine import refine
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recorded import recorded
+from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns
+
+PLANT, PRINTED = SmaPlant(), SmaPlant(variant="printed")
+EXTENDED_EFFECTS = [e.name for e in PLANT.effects]
+
+
+@cache
+def clean() -> GapRun:
+    """A run without noise or quanta."""
+    return recorded("mixed", PLANT, ModelPoint({}), 3, noise=False, duration_s=40.0)
+
+
+def test_every_view_run_on_the_models_own_output_gives_that_output() -> None:
+    run = clean()
+    found = PLANT.simulate(ModelPoint({}), run, [v.name for v in PLANT.views])
+    for view in PLANT.views:
+        for out in view.outputs:
+            span = float(np.ptp(run.outputs[out.channel]))
+            error = float(np.max(np.abs(found[out.key] - run.outputs[out.channel])))
+            assert error <= 2e-3 * span + 1e-9, out.key
+
+
+@pytest.mark.parametrize("name", ["rtd_lag", "tube_friction", "driver_lag", "minor_loop"])
+def test_an_effect_at_zero_strength_changes_no_bit_of_any_view(name: str) -> None:
+    effect = next(e for e in PLANT.effects if e.name == name)
+    run, views = clean().part(0, 1500), [v.name for v in PLANT.views]
+    without = PLANT.simulate(ModelPoint({}), run, views)
+    with_zero = PLANT.simulate(ModelPoint({}, {name: effect.at(0.0)}), run, views)
+    assert all(np.array_equal(without[k], with_zero[k]) for k in without)
+
+
+def test_a_local_view_hides_what_is_upstream_of_it() -> None:
+    """A driver that gives 6 % more is seen by the actuator view and by no other."""
+    bench = ModelPoint({}, {"driver_gain": {"gain": 0.06}})
+    run = recorded("mixed", PLANT, bench, 3, noise=False, duration_s=40.0)
+    found = PLANT.simulate(ModelPoint({}), run, [v.name for v in PLANT.views])
+
+    def error(key: str, channel: str) -> float:
+        y = run.outputs[channel]
+        return float(np.sqrt(np.mean((found[key] - y) ** 2)) / max(float(np.ptp(y)), 1e-9))
+
+    assert error("actuator:i_meas_x_A", "i_meas_x_A") > 0.005
+    assert error("open:rtd_x_degC", "rtd_x_degC") > 0.01
+    for view in PLANT.views:
+        if view.name not in ("open", "actuator"):
+            assert all(error(o.key, o.channel) < 2e-3 for o in view.outputs)
+
+
+def test_a_sensor_fault_is_taken_off_before_the_reading_is_fed_on() -> None:
+    """With the slow thermometer in the model, the mechanics is fed the true temperature."""
+    bench = ModelPoint({}, {"rtd_lag": {"tau_s": 0.8}})
+    run = recorded("mixed", PLANT, bench, 3, noise=False, duration_s=40.0)
+    right = PLANT.simulate(bench, run, ["mechanics"])["mechanics:displacement_mm"]
+    wrong = PLANT.simulate(ModelPoint({}), run, ["mechanics"])["mechanics:displacement_mm"]
+    truth = run.outputs["displacement_mm"]
+    assert np.std(right - truth) < 0.02 * np.std(wrong - truth)
+
+
+@pytest.mark.parametrize("side", [0.0, 0.5, 1.0])
+def test_the_phase_view_knows_on_which_side_of_the_friction_the_force_sensor_sits(
+    side: float,
+) -> None:
+    rubs = {"coulomb_N": 0.15, "stribeck": 0.2, "sensor_on_x": side}
+    bench = ModelPoint({}, {"tube_friction": rubs})
+    run = recorded("mixed", PLANT, bench, 3, noise=False, duration_s=40.0)
+    found = PLANT.simulate(bench, run, ["phase"])
+    force = run.outputs["force_N"]
+    for key in ("phase:X", "phase:Y"):
+        assert np.sqrt(np.mean((found[key] - force) ** 2)) < 0.035
+
+
+def test_the_library_depends_on_the_variant() -> None:
+    assert "water_warming" in {e.name for e in PRINTED.effects}
+    assert "water_warming" not in set(EXTENDED_EFFECTS)
+    assert len(PLANT.effects) >= 25
+
+
+def test_refit_bounds_reach_a_quarter_and_five_kelvin() -> None:
+    for p in PLANT.parameters:
+        assert p.low < p.nominal <= p.high
+        if p.nominal == 0.0:
+            continue
+        if p.unit == "K":
+            assert p.nominal - p.low >= 5.0 - 1e-9 <= p.high - p.nominal
+        else:
+            assert p.low <= 0.75 * p.nominal + 1e-12
+        assert p.prior_sd < 0.5 * (p.high - p.low)
+
+
+def test_a_point_that_is_not_physical_gives_nan_and_no_error() -> None:
+    hot = PLANT.parameter_set["martensite_start"]
+    found = PLANT.simulate(ModelPoint({"martensite_finish": hot + 1.0}), clean(), ["open"])
+    assert all(np.isnan(v).all() for v in found.values())
+
+
+def test_the_start_of_a_run_is_rest_and_regimes_are_found_by_side() -> None:
+    run = clean()
+    whole, x = PLANT.regimes(run, ""), PLANT.regimes(run, "X")
+    assert whole["rest"][run.t_s < 3.5].all()
+    assert not (whole["rest"] & whole["heating"]).any()
+    assert 0.02 < x["heating"].mean() < whole["heating"].mean()
+    assert whole["reversal"].any()
+    assert whole["pump on"].any()
+
+
+def test_columns_of_a_log_become_a_run_with_gaps_marked() -> None:
+    n = 50
+    columns = {c.name: np.ones(n) for c in CHANNELS if c.name != "force_N"}
+    columns |= {"t_s": np.arange(n) * 0.01, "duty_x": np.zeros(n), "duty_y": np.zeros(n)}
+    columns |= {"i_cmd_x_A": np.zeros(n), "i_cmd_y_A": np.zeros(n)}
+    columns["i_applied_x_A"] = np.full(n, np.nan)
+    columns["v_x_V"][10:13] = np.nan
+    columns["force_N"] = np.full(n, np.nan)
+    run = run_from_columns("a", columns)
+    assert set(run.inputs) == {"i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y"}
+    assert "force_N" not in run.outputs
+    assert run.good.sum() == n - 3
+    assert np.isfinite(run.outputs["v_x_V"]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "y_share"),
+    [("rtd_lag", 0.75), ("driver_gain", 1.0), ("pump_lag", 1.0)],
+)
+def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
+    name: str, y_share: float
+) -> None:
+    """Through sensors, noise and quanta, from a third of the strength; parameters known."""
+    effect = next(e for e in PLANT.effects if e.name == name)
+    truth = effect.at(0.7) | {"y_share": y_share}
+    run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
+    floors = estimate_floors([run], PLANT, 0.2)
+    least = np.array([floors[c.name].total for c in PLANT.channels])
+    gap = residual(
+        PLANT, nominal_point(PLANT), Measured.of(PLANT, [run], 0.2),
+        counts=(True,), least=least, open_share=0.0, scale=least,
+    )  # fmt: skip
+    end = refine([effect], {name: effect.at(0.25)}, gap.z, lambda v: white_change(gap, v), rounds=8)
+    assert end is not None
+    for q in effect.parameters:
+        if q.strength or q.name == "y_share":
+            assert end.values[name][q.name] == pytest.approx(
+                truth[q.name], abs=0.2 * abs(q.typical)
+            ), end.values
+
+
+def test_a_model_file_from_before_the_shares_is_even(tmp_path: Path) -> None:
+    path = tmp_path / "old.toml"
+    path.write_text('format = "smad-model-1"\n[effects.rtd_lag]\ntau_s = 0.4\n', encoding="utf-8")
+    assert PLANT.load_model(path).effects == {"rtd_lag": {"tau_s": 0.4, "y_share": 1.0}}
+
+
+def test_a_model_file_says_how_uncertain_its_values_are(tmp_path: Path) -> None:
+    point = ModelPoint(
+        {"film_scale": 1.1, "side_flow": 0.1, "displacement_zero": 0.2},
+        {"rtd_lag": {"tau_s": 0.5, "y_share": 1.0}},
+    )
+    names = ("film_scale", "side_flow", "displacement_zero", "rtd_lag.tau_s")
+    covariance = np.diag([0.04, 0.01, 0.0025, 0.09])
+    covariance[0, 3] = covariance[3, 0] = 0.03
+    path = tmp_path / "better.toml"
+    PLANT.save_uncertain(point, Uncertainty(names, covariance), path, "")
+    known = read_model(path).covariance
+    assert known is not None
+    assert known.names == (
+        "parameters.film_scale", "effects.uneven_flow.share", "mounting.displacement_zero_mm",
+        "effects.rtd_lag.tau_s",
+    )  # fmt: skip
+    assert np.array_equal(known.matrix, covariance)
+    drawn = draw(read_model(path), np.random.default_rng(1))
+    assert drawn.effects["rtd_lag"]["tau_s"] != 0.5
+    assert drawn.effects["uneven_flow"]["share"] != 0.1
+    assert PLANT.load_model(path).theta["film_scale"] == 1.1

@@ -1,0 +1,79 @@
+"""*Changed* on the tiny plant: what is new since good runs, whatever their inputs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from smad.diagnosis import Verdict
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.verdict import CHANGED, PARAMETERS, PLACES, QUIET
+from tests.smad.diagnosis.cases import GAIN, OTHER, ask, bank
+
+POWERS = {"reading_power_l_W", "reading_power_r_W"}
+
+
+def good(effects: dict[str, dict[str, float]] | None = None) -> list[GapRun]:
+    return bank(OTHER, effects, seed=40)
+
+
+@pytest.fixture(scope="module")
+def new_gain() -> Verdict:
+    return ask(bank(OTHER, GAIN)[:2], good=good())
+
+
+def test_what_has_come_since_the_good_runs_is_found_with_its_size(new_gain: Verdict) -> None:
+    assert (new_gain.question, new_gain.outcome) == (CHANGED, PLACES)
+    assert {p.place for p in new_gain.places} == POWERS
+    for told in new_gain.places:
+        assert told.read[0].slopes["both"] == pytest.approx(0.05, abs=0.003)
+        assert told.in_simulator
+    assert new_gain.whole is not None
+    assert new_gain.whole.final < 1.2
+
+
+def test_a_bench_as_it_was_has_nothing_new_whatever_its_inputs() -> None:
+    found = ask(bank(OTHER)[:2], good=good())
+    assert (found.outcome, found.places) == (QUIET, [])
+
+
+def test_what_the_good_runs_show_too_is_not_new() -> None:
+    found = ask(bank(OTHER, GAIN)[:2], good=good(GAIN))
+    assert (found.outcome, found.places) == (QUIET, [])
+
+
+def test_what_is_new_is_found_beside_what_was_there() -> None:
+    late = {**GAIN, "dial_delay": {"delay_s": 0.5}}
+    found = ask(bank(OTHER, late)[:2], good=good(GAIN))
+    assert [p.place for p in found.places] == ["reading_rod_um"]
+    assert found.places[0].name == "dial_delay"
+
+
+def test_other_values_of_the_parameters_are_asked_first() -> None:
+    found = ask(bank({**OTHER, "ha_W_K": 0.66})[:2], good=good())
+    assert (found.outcome, found.places) == (PARAMETERS, [])
+    after = {q.name: q.after for q in found.parameters}
+    assert after["ha_W_K"] == pytest.approx(0.66, abs=0.01)
+
+
+def test_the_order_of_the_runs_does_not_matter(new_gain: Verdict) -> None:
+    found = ask(bank(OTHER, GAIN)[:2][::-1], good=good()[::-1])
+    assert found.places == new_gain.places
+    assert found.budget == new_gain.budget
+
+
+def test_a_channel_that_only_one_group_has_is_switched_off_in_all() -> None:
+    lacking = [
+        replace(r, outputs={k: v for k, v in r.outputs.items() if k != "rod_um"}) for r in good()
+    ]
+    found = ask(bank(OTHER, GAIN)[:2], good=lacking)
+    assert {p.place for p in found.places} == POWERS
+    assert "rod_um" not in {s.signal for s in found.budget}
+    assert any(f.kind == "channel not shared" for f in found.findings)
+
+
+def test_a_single_known_good_run_is_said_to_be_too_few() -> None:
+    found = ask(bank(OTHER, GAIN)[:2], good=good()[:1])
+    (text,) = (f.text for f in found.findings if f.kind == "few runs")
+    assert "a single known-good run" in text

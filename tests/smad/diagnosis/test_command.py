@@ -1,0 +1,181 @@
+"""`smad gap` as a user meets it, on run logs of the simulated bench."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from smad.cli.gap import gap
+from smad.diagnosis.answer import Answer
+from smad.diagnosis.next_run import Offer
+from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.catalogue import CATALOGUE
+from smad.diagnosis.spring_pair.recorded import recorded
+from smad.diagnosis.verdict import Verdict
+from smad.errors import SmadError
+
+
+def call(*arguments: str) -> Result:
+    result = CliRunner().invoke(gap, list(arguments), catch_exceptions=True)
+    if isinstance(result.exception, Exception) and not isinstance(result.exception, SmadError):
+        raise result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    assert call("next", "--sim", "--run", "one side", "--folder", str(folder)).exit_code == 0
+    return next(folder.glob("*.mcap"))
+
+
+def test_effects_lists_the_whole_library_from_the_registry() -> None:
+    listed = json.loads(call("effects", "--json").output)
+    assert len(listed) >= 25
+    shown = call("effects").output
+    for e in listed:
+        assert e["name"] in shown
+        assert e["equation"]
+        assert e["separates"]
+        assert e["reference"]
+        assert all(q["low"] <= q["typical"] <= q["high"] for q in e["parameters"])
+
+
+def test_next_without_runs_lists_the_catalogue() -> None:
+    assert all(t.name in call("next").output for t in CATALOGUE)
+
+
+def test_next_prints_what_is_confused_and_each_experiment_that_parts_it_the_best_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def offered(answer: Answer, say: object) -> tuple[list[str], list[Offer]]:
+        return ["film, X", "reading of the RTD, X"], [
+            Offer(name=f"n{k}", title=f"title {k}", duration_s=60.0, separation=9.0 - k,
+                  command=f"smad gap next --run n{k}")
+            for k in range(6)
+        ]  # fmt: skip
+
+    left = Answer(verdict=Verdict(question="differs", outcome="places", headline="it lacks"))
+    monkeypatch.setattr("smad.cli.gap._diagnosed", lambda *asked: left)
+    monkeypatch.setattr("smad.diagnosis.next_run.offers", offered)
+    path = tmp_path / "a.mcap"
+    path.touch()
+    *_, confused, first, second, third, last = call("next", str(path)).output.splitlines()
+    assert confused.startswith("Not told apart: film, X or reading of the RTD, X.")
+    for k, line in enumerate((first, second, third, last)):
+        assert line == f"  d² {9.0 - k:>7.1f}    60 s  title {k}:  smad gap next --run n{k}"
+
+
+def test_next_says_so_where_nothing_is_confused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    left = Answer(verdict=Verdict(question="differs", outcome="quiet", headline="no gap"))
+    monkeypatch.setattr("smad.cli.gap._diagnosed", lambda *asked: left)
+    path = tmp_path / "a.mcap"
+    path.touch()
+    assert call("next", str(path)).output.splitlines()[-1].startswith("Nothing is confused")
+
+
+def test_an_unknown_experiment_is_refused_with_the_known_ones() -> None:
+    result = call("next", "--sim", "--run", "no such")
+    assert isinstance(result.exception, SmadError)
+    assert "smad gap next" in str(result.exception)
+    close = call("next", "--sim", "--run", "pump width")
+    assert "did you mean pump widths?" in str(close.exception)
+
+
+def test_a_recorded_experiment_is_a_run_that_verify_can_read(log: Path, tmp_path: Path) -> None:
+    model = tmp_path / "model.toml"
+    SmaPlant().save_model(ModelPoint({"flow_max": 1.6e-7}), model, "")
+    rows = json.loads(call("verify", "--model", str(model), str(log), "--json").output)
+    by_name = {r["signal"]: r for r in rows}
+    assert by_name["displacement_mm"]["raw"] < 1.0
+    (after,) = by_name["rtd_x_degC"]["places"]
+    assert after > 3.0 * by_name["rtd_x_degC"]["raw"]
+    assert rows[-1]["unit"] == "floors"
+
+
+def test_a_log_that_is_cut_is_used_up_to_the_cut(log: Path, tmp_path: Path) -> None:
+    from smad.diagnosis.spring_pair.signals import read_gap_run
+
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(log.read_bytes()[: int(0.6 * log.stat().st_size)])
+    run = read_gap_run(cut)
+    assert run.cut_short
+    assert 10.0 < run.duration_s < read_gap_run(log).duration_s
+
+
+def test_an_exported_table_is_the_same_run_as_its_log(log: Path, tmp_path: Path) -> None:
+    from smad.diagnosis.spring_pair.signals import read_gap_run
+    from smad.runlog.export import export_run
+    from smad.runlog.reader import read_run
+
+    one = read_gap_run(log)
+    for name in ("table.csv", "table.parquet"):
+        export_run(read_run(log), tmp_path / name)
+        other = read_gap_run(tmp_path / name)
+        assert one.outputs.keys() == other.outputs.keys()
+        assert all(np.allclose(other.outputs[k], v, atol=1e-6) for k, v in one.outputs.items())
+
+
+def test_a_parameter_file_that_is_not_there_is_one_line(tmp_path: Path, log: Path) -> None:
+    result = call("diagnose", str(log), "--params", str(tmp_path / "none.toml"))
+    assert isinstance(result.exception, SmadError)
+    assert "none.toml" in str(result.exception)
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Path]:
+    """A diagnosis of one short run of a bench whose driver gives more: folder, what was said."""
+    folder = tmp_path_factory.mktemp("told")
+    plant = SmaPlant()
+    bench = ModelPoint({}, {"driver_gain": {"gain": 0.1, "y_share": 1.0}})
+    run = recorded("mixed", plant, bench, 1, duration_s=12.0)
+    columns = {"t_s": run.t_s, **run.inputs, **run.outputs}
+    table = folder / "run.csv"
+    np.savetxt(table, np.column_stack(list(columns.values())), delimiter=",",
+               header=",".join(columns), comments="", fmt="%.7g")  # fmt: skip
+    said = call(
+        "diagnose", str(table), "--json", str(folder / "v.json"), "--html",
+        str(folder / "v.html"), "--apply", str(folder / "all.toml"),
+    )  # fmt: skip
+    assert said.exit_code == 0
+    return folder, said, table
+
+
+def test_diagnose_says_the_answer_and_writes_verdict_page_and_model(
+    told: tuple[Path, Result, Path],
+) -> None:
+    folder, said, _ = told
+    verdict = Verdict.from_json((folder / "v.json").read_bytes())
+    assert said.stdout.startswith(verdict.headline)
+    assert "current" in verdict.places[0].words
+    assert verdict.whole is not None
+    assert verdict.whole.final < 0.5 * verdict.whole.raw
+    assert f"{verdict.whole.raw:.3g}" in said.stdout
+    assert "smad gap verify NEW-RUNS --model better.toml" in said.stdout
+    assert verdict.headline[1:] in (folder / "v.html").read_text()
+    assert (folder / "all.toml").read_text() == verdict.models[-1]
+
+
+def test_apply_writes_the_model_with_the_first_places_and_verify_shows_what_they_add(
+    told: tuple[Path, Result, Path],
+) -> None:
+    folder, _, table = told
+    left = []
+    for first in ("0", "1"):
+        out = folder / f"first-{first}.toml"
+        said = call("apply", str(folder / "v.json"), "--out", str(out), "--first", first)
+        assert said.output.startswith(f"{out}: parameters")
+        rows = json.loads(call("verify", "--model", str(out), str(table), "--json").output)
+        left.append(rows[-1]["places"][0])
+    assert left[1] < 0.8 * left[0]
+    too_many = call("apply", str(folder / "v.json"), "--out", str(folder / "x"), "--first", "99")
+    assert "fewer places" in str(too_many.exception)
+    no_verdict = call("apply", str(table), "--out", str(folder / "x"))
+    assert "is no verdict" in str(no_verdict.exception)

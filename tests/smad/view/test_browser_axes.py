@@ -1,0 +1,118 @@
+"""The live page of a bench of several axes in Debian's chromium: tiles, one axis at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from bench.browser import browser, live_page, resize
+from smad.processes.daemon import running_daemon
+
+from .browsing import (
+    MISSING,
+    Bench,
+    arm,
+    click,
+    in_a_browser,
+    is_live,
+    shown_generation,
+    text_of,
+    until,
+)
+
+pytestmark = in_a_browser
+NAMES = ["pitch-1", "yaw-1", "pitch-2"]
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    assert not MISSING, MISSING
+    folder = tmp_path_factory.mktemp("axes")
+    arguments = ["--sim", "--paced-by-host", "--axes", str(len(NAMES))]
+    with running_daemon(arguments, folder) as daemon, live_page(folder) as page:
+        made = Bench(folder, daemon, page)
+        with made.client:
+            yield made
+
+
+@pytest.fixture(scope="module")
+def chromium(bench: Bench) -> Iterator[Any]:
+    with browser(bench.folder / "profile") as driver:
+        yield driver
+
+
+@pytest.fixture
+def page(bench: Bench, chromium: Any) -> Iterator[Any]:
+    """The page at the first axis; the bench is disarmed afterwards."""
+    resize(chromium, 1200, 1000)
+    chromium.get(bench.page.command)
+    until(chromium, is_live)
+    until(chromium, lambda d: shown_generation(d) == bench.client.motion().generation)
+    yield chromium
+    if bench.client.motion().armed:
+        bench.client.disarm()
+    until(chromium, lambda d: not bench.client.status().control.holder)
+    assert [entry for entry in chromium.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+def tiles(driver: Any) -> dict[str, str]:
+    return dict(
+        driver.execute_script(
+            "return [...document.querySelectorAll('#tiles button')].map("
+            "(box) => [box.dataset.axis, box.textContent])"
+        )
+    )
+
+
+def armed(bench: Bench) -> dict[str, bool]:
+    return {name: motion.armed for name, motion in (bench.client.motion().axes or {}).items()}
+
+
+def look_at(driver: Any, axis: str) -> None:
+    click(driver, f'#tiles [data-axis="{axis}"]')
+    until(driver, lambda d: text_of(d, "bench") == f"bench: {axis}")
+    until(driver, lambda d: d.execute_script("return document.body.dataset.link") == "live")
+
+
+def test_every_axis_has_a_tile_with_position_temperatures_and_state(page: Any) -> None:
+    until(page, lambda d: all("°C" in text and "SAFE" in text for text in tiles(d).values()))
+    assert list(tiles(page)) == NAMES
+    assert text_of(page, "bench") == "bench: pitch-1"
+    until(page, lambda d: all("–" not in text for text in tiles(d).values()))
+
+
+def test_a_click_on_a_tile_shows_that_axis_and_commands_go_to_it(page: Any, bench: Bench) -> None:
+    arm(page)
+    assert armed(bench) == dict.fromkeys(NAMES, True)
+    look_at(page, "yaw-1")
+    click(page, "#move button[value=go]")
+    until(page, lambda d: "begun" in text_of(d, "said"))
+    motions = bench.client.motion().axes or {}
+    assert [name for name, motion in motions.items() if motion.running != "idle"] == ["yaw-1"]
+    until(page, lambda d: "displacement" in tiles(d)["yaw-1"])
+    click(page, "#stop")
+    until(page, lambda d: "stopped" in text_of(d, "said"))
+    assert armed(bench) == dict.fromkeys(NAMES, False)
+    until(page, lambda d: all("ARMED" not in text for text in tiles(d).values()))
+
+
+def test_an_axis_is_left_out_of_an_arming_by_its_box(page: Any, bench: Bench) -> None:
+    click(page, "#arm")
+    boxes = "return document.querySelectorAll('#conditions input').length"
+    until(page, lambda d: d.execute_script(boxes) == len(NAMES))
+    page.execute_script("document.querySelectorAll('#conditions input')[2].click()")
+    click(page, "#arm-now")
+    until(page, lambda d: text_of(d, "mode") == "ARMED")
+    assert armed(bench) == {"pitch-1": True, "yaw-1": True, "pitch-2": False}
+
+
+def test_the_past_of_an_axis_is_its_own(page: Any, bench: Bench) -> None:
+    look_at(page, "pitch-2")
+    until(page, lambda d: d.execute_script("return document.body.dataset.time") == "live")
+    until(
+        page, lambda d: not d.execute_script("return document.getElementById('zoom-out').disabled")
+    )
+    click(page, "#pause")
+    until(page, lambda d: "from memory" in text_of(d, "span"))
