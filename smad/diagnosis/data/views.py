@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from smad.diagnosis.plant import Array, PlantModel, View, nominal_point
 from smad.diagnosis.runs import GapRun
@@ -18,18 +17,6 @@ def supported_keys(views: Sequence[View], run: GapRun) -> set[str]:
     """Keys of the outputs that a run has, together with what their views are fed with."""
     fed = [v for v in views if not lacking_feeds(v, run)]
     return {o.key for v in fed for o in v.outputs if o.channel in run.outputs}
-
-
-def shared_views(views: Sequence[View], groups: Sequence[Sequence[GapRun]]) -> list[View]:
-    """The views without the outputs that some groups of runs can be judged by, and others cannot.
-
-    What one group was fitted on could not be judged on another; groups of no runs ask for nothing.
-    """
-    having = [set[str]().union(*(supported_keys(views, r) for r in g)) for g in groups if g]
-    somewhere = set[str]().union(*having)
-    apart = somewhere - somewhere.intersection(*having)
-    kept = [replace(v, outputs=tuple(o for o in v.outputs if o.key not in apart)) for v in views]
-    return [v for v in kept if v.outputs]
 
 
 def local_views(plant: PlantModel) -> list[View]:
