@@ -193,6 +193,13 @@ def test_answers_to_another_bank_or_to_strange_cases_are_refused(tmp_path: Path)
         read_pairs(answers, key)
 
 
+def test_processor_time_is_that_of_the_case_where_it_was_measured(tmp_path: Path) -> None:
+    answers, key = written(tmp_path, {"a": true("none")}, {"a": QUIET})
+    told = json.loads(answers.read_text()) | {"tool": {"name": "smad", "cpu_s": {"a": 1.25}}}
+    answers.write_text(json.dumps(told))
+    assert read_pairs(answers, key)[1][0].said.seconds == 1.25
+
+
 def test_a_case_without_an_answer_is_refused_or_left_out(tmp_path: Path) -> None:
     files = written(tmp_path, {"a": true("none"), "b": true("none")}, {"a": QUIET})
     assert [p.said.outcome for p in read_pairs(*files)[1]] == ["quiet", "refused"]
