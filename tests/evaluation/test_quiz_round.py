@@ -83,9 +83,9 @@ class Session:
             lines = {"": Line(board)}  # type: ignore[arg-type]
             async with rig_in(folder, lines) as rig:
                 await rig.arm()
-                await rig.ask("record.start", name=folder.name.replace(" ", "-"))
+                await rig.ask_still("record.start", name=folder.name.replace(" ", "-"))
                 await _carry_out(rig, name, seed)
-                await rig.ask("record.stop")
+                await rig.ask_still("record.stop")
             (log,) = folder.rglob("*.mcap")
             runs.append(read_gap_run(log))
         return runs
