@@ -4,6 +4,8 @@ Derived from the equations of the two, not from what a diagnosis says. Constants
 as well, but those are parameters of the nominal model.
 """
 
+from typing import TypedDict
+
 from evaluation.plant.effect import FLOW
 
 _OWN = (
@@ -29,6 +31,13 @@ _OWN = (
 )  # fmt: skip
 
 
-def own_differences() -> list[dict[str, object]]:
-    """The plant's own differences: the places that can hold each, and what it is."""
-    return [{"places": at.split(), "what": what} for at, what in _OWN]
+class Difference(TypedDict):
+    """The places that can hold a difference, and what it is."""
+
+    places: list[str]
+    what: str
+
+
+def own_differences() -> list[Difference]:
+    """The plant's own differences."""
+    return [Difference(places=at.split(), what=what) for at, what in _OWN]

@@ -119,11 +119,25 @@ class Answer(msgspec.Struct, frozen=True):
     left_out: dict[str, Short] = {}
 
 
+class Tool(msgspec.Struct, frozen=True):
+    """What answered; `cpu_s` is the processor time of each case, where it was measured."""
+
+    cpu_s: dict[str, float] = {}
+
+
 class AnswerFile(msgspec.Struct, frozen=True):
     """All answers to a bank."""
 
     key_sha256: str
     verdicts: dict[str, Answer]
+    tool: Tool = Tool()
+
+    def answer(self, case: str) -> Answer:
+        """The answer to a case with its processor time; a refusal where there is none."""
+        if case not in self.verdicts:
+            return Answer("refused")
+        said = self.verdicts[case]
+        return msgspec.structs.replace(said, seconds=self.tool.cpu_s.get(case, said.seconds))
 
 
 @dataclass(frozen=True)
@@ -202,9 +216,8 @@ def read_pairs(verdicts: Path, key: Path, *, answered_only: bool = False) -> tup
     strangers = sorted(set(file.verdicts) - set(truth.cases))
     if strangers:
         raise KeyMismatchError(f"the key has no {', '.join(strangers[:3])}: remove the answers")
-    absent = Answer("refused")
     return truth, [
-        Pair(c, entry, file.verdicts.get(c, absent))
+        Pair(c, entry, file.answer(c))
         for c, entry in truth.cases.items()
         if c in file.verdicts or not answered_only
     ]

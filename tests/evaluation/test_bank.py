@@ -8,7 +8,7 @@ import pytest
 
 from evaluation.bank import any_inputs, files
 from evaluation.bank.any_inputs import AnyInputs, make
-from evaluation.bank.cases import draw
+from evaluation.bank.cases import draw, scaled
 from evaluation.command import main
 from evaluation.errors import BankError
 from evaluation.plant.effects import EFFECTS, names
@@ -94,7 +94,7 @@ def test_nothing_in_the_bank_folder_tells_an_answer(order: AnyInputs) -> None:
 
 
 def test_a_case_is_the_same_from_the_same_seed(order: AnyInputs, tmp_path: Path) -> None:
-    case = draw(11, any_inputs.scaled(any_inputs.MIXTURE, 5) | {"differs": 2}, sealed=False)[0]
+    case = draw(11, scaled(any_inputs.MIXTURE, 5) | {"differs": 2}, sealed=False)[0]
     manifest, key = any_inputs.make_case(tmp_path, case)
     assert key == files.read_json(order.key_folder / "KEY.json")["cases"][case.name]
     for run in manifest["runs"]:

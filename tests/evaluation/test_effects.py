@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from evaluation.bank.making import SIGNALS
 from evaluation.bank.recorder import Run, record
-from evaluation.plant.effects import EFFECTS, Active, Effect, magnitudes, names
+from evaluation.plant.effect import Effect
+from evaluation.plant.effects import EFFECTS, Active, magnitudes, names
 from evaluation.plant.kernel import simulate
 from evaluation.plant.own import own_differences
 from evaluation.plant.parameters import Bench
