@@ -26,7 +26,7 @@ from smad.runlog.schema import Row, markdown_list
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
-_SCORES = _DOCS.parent / "evaluation" / "results" / "sealed-runs.json"
+_SCORES = _DOCS.parent / "evaluation" / "results" / "sealed-any-inputs.json"
 PAGES = (
     _DOCS / "guide/clients.md",
     _DOCS / "guide/configuration.md",
@@ -89,20 +89,20 @@ def decisions() -> str:
 
 
 _TRUST = {
-    "false alarms on none": "something claimed where nothing was wrong",
-    "detected at 10× the floor": "one effect of ten floors noticed",
-    "detected at 3× the floor": "one effect of three floors noticed",
-    "detected at 1× the floor": "one effect of one floor noticed",
-    "right name first, of the detected": "the right name first, where one was noticed",
-    "unknown effects named as a known one": "an effect that it does not know given a wrong name",
-    "pairs: exact": "both effects of a pair named, and no third",
+    "quiet benches called changed": "something claimed where nothing was wrong",
+    "parameters given a cause": "a place told where only parameters had moved",
+    "noticed near 3 floors": "an effect near three floors noticed",
+    "noticed near 10 floors": "an effect near ten floors noticed",
+    "told places hold the truth, listed": "the right place told, of listed effects with a place",
+    "right name, of names given": "a name that was given right",
+    "unlisted given a name": "an effect that it does not know given a name",
 }
 """What the README shows of the score table, in the words of somebody who has not read it."""
 
 
 def trust() -> str:
     """A few rows of the last opening's score table."""
-    rows = json.loads(_SCORES.read_text())["tables"]["Scores"]["rows"]
+    rows = json.loads(_SCORES.read_text())["tables"]["Scores, changed"]["rows"]
     scores = {name: (value, cases) for name, value, cases, *_ in rows}
     lines = ["| what was asked | share of the cases [95 %] | cases |", "|---|---:|---:|"]
     lines += [f"| {words} | {' | '.join(scores[name])} |" for name, words in _TRUST.items()]
