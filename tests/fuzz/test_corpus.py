@@ -123,7 +123,7 @@ def raise_in_a_command(patch: pytest.MonkeyPatch) -> None:
     def broken(self: Service, params: Any, client: bytes) -> Any:
         raise KeyError(params)
 
-    patch.setattr(Service, "list_params", broken)
+    patch.setattr(Service, "params_list", broken)
 
 
 def let_parse_errors_through(patch: pytest.MonkeyPatch) -> None:
