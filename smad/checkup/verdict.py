@@ -17,7 +17,7 @@ from smad.diagnosis.report.words import place_lines
 from smad.diagnosis.search.locate import Located
 from smad.diagnosis.search.names import score
 from smad.diagnosis.search.refine import Refined
-from smad.diagnosis.verdict import PlaceTold
+from smad.diagnosis.verdict import PlaceTold, change_headline
 
 QUIET, PARAMETERS, CAUSE, GROUP, UNKNOWN = "quiet", "parameters", "cause", "group", "unknown"
 
@@ -95,7 +95,7 @@ def decide(
     return Verdict(
         outcome=outcome,
         headline=(
-            _where_headline(places)
+            change_headline(places)
             if places
             else _headline(outcome, likely, group, left, constants)
         ),
@@ -337,17 +337,6 @@ def _lost(paired: Paired) -> str:
             if now < 0.5 * then:
                 runs.setdefault(c.name, []).append(p.now)
     return ", ".join(f"{channel} ({', '.join(own)})" for channel, own in runs.items())
-
-
-def _where_headline(places: Sequence[PlaceTold]) -> str:
-    first, *further = places
-    size = (
-        f", by up to {first.largest:.2g} {first.unit}"
-        if first.unit != "1"
-        else (f", by up to {100 * first.largest:.2g} %")
-    )
-    beside = f", and {len(further)} more" if further else ""
-    return f"changed: {first.words}{size}{beside}"
 
 
 UNCALIBRATED = (

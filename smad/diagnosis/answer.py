@@ -21,7 +21,7 @@ from smad.diagnosis.plant import Mask, ModelPoint, Uncertainty
 from smad.diagnosis.search.contrast import apart
 from smad.diagnosis.search.listed import Listed
 from smad.diagnosis.search.locate import Named
-from smad.diagnosis.search.told import Teller, side_words
+from smad.diagnosis.search.told import Teller, best_of_places, side_words
 from smad.diagnosis.search.where import Fits, Scored
 from smad.diagnosis.simulator import Asked, Held
 from smad.diagnosis.verdict import (
@@ -37,6 +37,7 @@ from smad.diagnosis.verdict import (
     RunGap,
     SignalGap,
     Verdict,
+    change_headline,
 )
 
 _APART_SETS = 8
@@ -47,8 +48,7 @@ _APART_SETS = 8
 class Answer:
     """A verdict with what it rests on, for figures and models; None where runs were refused.
 
-    `rows` are those that the laws of `listed` were fitted to.
-
+    `rows` are those that the laws of `listed` were fitted to,
     `points` and `uncertain` are of the models with the parameters alone and after each place.
     """
 
@@ -68,7 +68,7 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
     """The list of what the simulator lacks."""
     listing = held.listed
     budget, whole, gaps = _budget(asked, listing, asked.floors)
-    columns = [s.columns for s in _best_of_places(held.where.ranked)[:_APART_SETS]]
+    columns = [s.columns for s in best_of_places(held.where.ranked)[:_APART_SETS]]
     by_run = _by_run(asked, held.rows, held.gap.run_of_row, columns, gaps)
     odd = [r.run for r in by_run if r.contradicts]
     places = _told(asked.plant, listing, held.named)
@@ -100,7 +100,7 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
     listing = found.listed
     budget, whole, gaps = _budget(asked, listing, asked.floors)
     rows = found.contrast.own
-    columns = [s.columns for s in _best_of_places(found.contrast.ranked)[:_APART_SETS]]
+    columns = [s.columns for s in best_of_places(found.contrast.ranked)[:_APART_SETS]]
     joint_run = found.joint.run_of_row - len(asked.good)
     by_run = _by_run(asked, rows, joint_run, columns, gaps)
     odd = [r.run for r in by_run if r.contradicts]
@@ -239,13 +239,6 @@ def _by_run(
     return out
 
 
-def _best_of_places(ranked: Sequence[Scored]) -> list[Scored]:
-    best: dict[str, Scored] = {}
-    for s in ranked:
-        best.setdefault(s.candidate.place, s)
-    return list(best.values())
-
-
 def place_shares(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShare]:
     """What each place alone takes, the best of its sides, best first."""
     places = {p.name: p for p in plant.places}
@@ -254,7 +247,7 @@ def place_shares(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShar
             place=s.candidate.place, side=s.candidate.side, share=max(s.share, 0.0),
             words=side_words(places[s.candidate.place], s.candidate.side),
         )
-        for s in _best_of_places(ranked)
+        for s in best_of_places(ranked)
     ]  # fmt: skip
 
 
@@ -266,7 +259,7 @@ def _unseen(
     kept = rows.fold >= 0
     need = share * rows.square
     out = []
-    for s in sorted(_best_of_places(ranked), key=lambda s: list(places).index(s.candidate.place)):
+    for s in sorted(best_of_places(ranked), key=lambda s: list(places).index(s.candidate.place)):
         place = places[s.candidate.place]
         a = rows.responses[s.candidate.groups[0]][:, kept].astype(np.float64).sum(axis=0)
         square = float(a @ a)
@@ -339,14 +332,7 @@ def _changed_headline(outcome: str, places: Sequence[PlaceTold], odd: Sequence[s
         return "nothing is new beyond what good runs differ in"
     if outcome == PARAMETERS:
         return "changed: other values of the parameters explain it"
-    first, *further = places
-    size = (
-        f", by up to {first.largest:.2g} {first.unit}"
-        if first.unit != "1"
-        else f", by up to {100 * first.largest:.2g} %"
-    )
-    beside = f", and {len(further)} more" if further else ""
-    return f"changed: {first.words}{size}{beside}"
+    return change_headline(places)
 
 
 def _apart(odd: Sequence[str]) -> str:

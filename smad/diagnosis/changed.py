@@ -22,13 +22,13 @@ from smad.diagnosis.search.locate import Named, named_steps
 from smad.diagnosis.search.names import Library
 from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
-from smad.diagnosis.simulator import Asked, Held, cannot_replay, held_against
+from smad.diagnosis.simulator import Asked, cannot_replay, held_against
 from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET
 
-_DAY = 0.05
-"""The same from one day to the next."""
 _TIE = 0.3
 """How far parameters of a bench may have moved since its good runs, in prior deviations."""
+_DAY = 0.05
+"""The same from one day to the next."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,18 +36,16 @@ class Changed:
     """What is new: `outcome`, the contrast and names, and the list proven in the simulator.
 
     `joint` is the gap of good runs and runs in question together, `rows` those that the laws in
-    question were fitted to. `parameters` is the share of the
-    rows in question that other values of the parameters take, `good` what the good runs taught.
+    question were fitted to. `parameters` is the share of the rows in question that other values of
+    the parameters take.
     """
 
     outcome: str
-    good: Held
     contrast: Contrast
     joint: Residual
     rows: FoldRows
     parameters: float
     named: tuple[Named, ...]
-    gap: Residual
     listed: Listed
 
 
@@ -60,22 +58,22 @@ def changed(asked: Asked) -> Changed:
     taught = held_against(asked, good, counts=[True for _ in every], beside=now, named=False)
     left = [y - p for y, p in zip(good.values, taught.listed.predicted[-1], strict=True)]
     scale = row_scale(left, good.valid, asked.floors)
-    rho = neighbours(left, good.valid)
     found = responses(plant, taught.model, now.played, space=(taught.found.laws,
                       taught.found.columns), progress=asked.say)  # fmt: skip
     both = replace(taught.found, runs=(*taught.found.runs, *found.runs))
     joint, J = _joint(asked, taught.model, good + now, both, scale)
-    joint = replace(joint, rho=rho)
+    joint = replace(joint, rho=neighbours(left, good.valid))
     only = (*(False for _ in every), *(True for _ in asked.runs))
     at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
     asked.say("what is new")
     moved = tuple(j if own else np.zeros_like(j) for j, own in zip(J, only, strict=True))
     parameters = parameters_share(joint, moved, at)
-    if parameters >= c.changed_share:
+    free = parameters >= c.changed_share
+    if free:
         # Parameters are asked first: a place must add to what other values of them take.
         open_ = (np.concatenate(x) for x in zip(joint.open, moved, strict=True))
         joint = replace(joint, open=tuple(open_))
-    least = c.beside_parameters if parameters >= c.changed_share else c.changed_share
+    least = c.beside_parameters if free else c.changed_share
     news = contrast(
         fold_rows(joint, both, only), at, both.candidates(), depth=c.most_terms,
         run_of_row=joint.run_of_row, only=only, chance=c.chance,
@@ -86,7 +84,6 @@ def changed(asked: Asked) -> Changed:
         named_steps(news.own, news.steps, asked.effects, Library(joint, only), c.name_share)
     )
     gap = _residual(asked, taught.model, now, scale)
-    free = parameters >= c.changed_share
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))
     listing = listed(settler, rows, [n.step for n in named], c.place_share)
@@ -95,9 +92,8 @@ def changed(asked: Asked) -> Changed:
     otherwise = PARAMETERS if free else QUIET
     outcome = PLACES if listing.steps else otherwise
     return Changed(
-        outcome=outcome, good=taught, contrast=news, joint=joint, rows=rows,
-        parameters=parameters, named=named, gap=gap,
-        listed=listing,
+        outcome=outcome, contrast=news, joint=joint, rows=rows,
+        parameters=parameters, named=named, listed=listing,
     )  # fmt: skip
 
 

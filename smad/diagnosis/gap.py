@@ -12,7 +12,7 @@ import numpy as np
 from smad.diagnosis.data.played import Played, finite, predictions, slopes
 from smad.diagnosis.data.rows import binned
 from smad.diagnosis.numerics.folds import Array, Index
-from smad.diagnosis.numerics.white import Shrink
+from smad.diagnosis.numerics.white import Shrink, freed
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import EffectValues, Mask, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
@@ -129,7 +129,8 @@ class Residual:
 
     `scale` (channels,) is the standard deviation of a row, what neighbours tell of each other
     counted in. `open` are directions per run (k, bins, channels) at one standard deviation, that
-    stay open. `counts`: runs that laws are selected on.
+    stay open. `counts`: runs that laws are selected on. `rho` (channels,): what a row tells of the
+    next, where that is taken off.
     """
 
     plant: PlacesPlant
@@ -164,11 +165,8 @@ class Residual:
         parts = []
         for v, x in zip(self.measured.valid, values, strict=True):
             rows = np.where(v, x, 0.0) / self.scale
-            if self.rho is not None:
-                both = v[1:] & v[:-1]
-                step = (rows[:, 1:] - self.rho * rows[:, :-1]) / np.sqrt(1.0 - self.rho**2)
-                rows = np.concatenate([rows[:, :1], np.where(both, step, rows[:, 1:])], axis=1)
-            parts.append(rows.reshape(len(x), v.size))
+            free = rows if self.rho is None else freed(rows, v, self.rho)
+            parts.append(free.reshape(len(x), v.size))
         return np.concatenate(parts, axis=1)
 
     @cached_property
@@ -244,21 +242,18 @@ def residual(
     *,
     counts: Sequence[bool],
     least: Array,
-    open_share: float = 1.0,
-    scale: Array | None = None,
 ) -> Residual:
-    """The gap of runs to a model whose parameters stay open within `open_share` of their priors.
+    """The gap of runs to a model whose parameters stay open within their priors.
 
-    Without a `scale` it is that of the residual of the runs that count.
+    Its scale is that of the residual of the runs that count.
     """
     base = tuple(predictions(plant, point, measured.played))
     J = slopes(plant, point, measured.played)
     kept = [k for k, own in enumerate(counts) if own]
-    if scale is None:
-        scale = row_scale(
-            [measured.values[k] - base[k] for k in kept], [measured.valid[k] for k in kept], least
-        )
+    scale = row_scale(
+        [measured.values[k] - base[k] for k in kept], [measured.valid[k] for k in kept], least
+    )
     return Residual(
         plant=plant, point=point, measured=measured, base=base, scale=scale,
-        open=tuple(open_share * j for j in J), counts=tuple(counts),
+        open=tuple(J), counts=tuple(counts),
     )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import msgspec
 
 QUIET, PARAMETERS, PLACES = "quiet", "parameters", "places"
@@ -82,6 +84,18 @@ class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
         Beside others it depends on where the middle of their states lies.
         """
         return self.terms[:-1] if len(self.terms) > 1 else self.terms
+
+
+def change_headline(places: Sequence[PlaceTold]) -> str:
+    """A change in one line: its first place with the size of the law there, and how many more."""
+    first, *further = places
+    size = (
+        f", by up to {first.largest:.2g} {first.unit}"
+        if first.unit != "1"
+        else f", by up to {100 * first.largest:.2g} %"
+    )
+    beside = f", and {len(further)} more" if further else ""
+    return f"changed: {first.words}{size}{beside}"
 
 
 class ParameterTold(msgspec.Struct, frozen=True, kw_only=True):

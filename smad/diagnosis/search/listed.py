@@ -9,6 +9,9 @@ from smad.diagnosis.numerics.folds import Array, FoldRows
 from smad.diagnosis.search.settle import Settled, Settler
 from smad.diagnosis.search.where import Step, fits
 
+_ROUNDS = 4
+"""Steps at most in which the whole list is settled."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Listed:
@@ -83,6 +86,3 @@ def listed(
         settler=settler, steps=tuple(kept), settled=tuple(settled), predicted=tuple(found),
         squares=tuple(squares),
     )  # fmt: skip
-
-
-_ROUNDS = 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,7 +113,12 @@ def law_series(plant: PlacesPlant, gap: Gap, law: Law, run: GapRun) -> Array:
 
 def one_of_each_place(step: Step) -> list[Scored]:
     """The chosen candidate, and the best one of each other place that does nearly as well."""
+    return best_of_places((step.chosen, *step.near))
+
+
+def best_of_places(ranked: Sequence[Scored]) -> list[Scored]:
+    """The best candidate of each place, of candidates that come best first."""
     best: dict[str, Scored] = {}
-    for s in (step.chosen, *step.near):
+    for s in ranked:
         best.setdefault(s.candidate.place, s)
     return list(best.values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -150,10 +151,10 @@ def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
     run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
     floors = estimate_floors([run], PLANT, 0.2)
     least = np.array([floors[c.name].total for c in PLANT.channels])
-    gap = residual(
-        PLANT, nominal_point(PLANT), Measured.of(PLANT, [run], 0.2),
-        counts=(True,), least=least, open_share=0.0, scale=least,
-    )  # fmt: skip
+    free = residual(
+        PLANT, nominal_point(PLANT), Measured.of(PLANT, [run], 0.2), counts=(True,), least=least
+    )
+    gap = replace(free, open=tuple(np.zeros_like(x) for x in free.open), scale=least)
     end = refine([effect], {name: effect.at(0.25)}, gap.z, lambda v: white_change(gap, v), rounds=8)
     assert end is not None
     for q in effect.parameters:
