@@ -129,7 +129,12 @@ function offer(now, anyArmed) {
 // A box to leave an axis out of an arming.
 function chosen(axis) {
   const box = element("input", { type: "checkbox", checked: !left.has(axis) });
-  box.onchange = () => left[box.checked ? "delete" : "add"](axis);
+  box.onchange = () => {
+    left[box.checked ? "delete" : "add"](axis);
+    // At once: who clicks before the next status must not arm it.
+    toArm = box.checked ? [...toArm, axis] : toArm.filter((one) => one !== axis);
+    if (!toArm.length) $("arm-now").disabled = true;
+  };
   return element("label", {}, box, ` ${axis}`);
 }
 
