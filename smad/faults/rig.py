@@ -91,6 +91,8 @@ class Rig:
             else DaemonProcess(arguments, folder, descriptors=descriptors)
         )
         self.client: Client | None = None
+        self.onset_us = 0
+        """Bench time from which on the oracle judges; a fault with several tries moves it."""
         self.programs: list[subprocess.Popen[str]] = []
         self.log: Path | None = None
         self.flushed_rows = 0
