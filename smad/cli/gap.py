@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shlex
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli import complete
+from smad.cli.baselines import print_verdict
 from smad.cli.gap_check import check
 from smad.cli.gap_checkup import checkup, commission
 from smad.cli.gap_investigate import investigate
@@ -374,13 +374,9 @@ def _asked(runs: Sequence[Path], hold_out: Sequence[Path], good: Sequence[Path])
 
 
 def _print_verdict(verdict: Verdict, asked: str) -> None:
-    from smad.diagnosis.report.words import advice, lines
+    from smad.diagnosis.report.words import advice
 
-    headline, *rest = lines(verdict)
-    width = min(100, shutil.get_terminal_size((100, 24)).columns)
-    click.secho(headline, bold=True)
-    for text in rest:
-        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
+    print_verdict(verdict)
     for command, why in advice(verdict, asked) if asked else ():
         click.echo(f"{why}: {command}" if command else why)
 

@@ -27,6 +27,7 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.gap import folds
 from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.numerics.white import RunRows, Shrink, White
+from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.runs import GapRun
 
@@ -57,7 +58,7 @@ class Pair:
 class Paired:
     """All pairs of a check-up, in white space."""
 
-    plant: PlantModel
+    plant: PlacesPlant
     reference: Reference
     pairs: tuple[Pair, ...]
 
@@ -142,7 +143,7 @@ class Paired:
 
 
 def paired(
-    plant: PlantModel,
+    plant: PlacesPlant,
     reference: Reference,
     runs: Sequence[tuple[GapRun, str]],
 ) -> Paired:

@@ -8,7 +8,7 @@ told together, since the runs do not tell them apart. A further place is sought 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.search.names import Naming, acts_at, score
+from smad.diagnosis.search.refine import Refined
 
 _SIMPLER = 0.97
 """What a term of one order more is worth."""
@@ -23,7 +25,7 @@ _SIMPLER = 0.97
 
 @dataclass(frozen=True)
 class Scored:
-    """A candidate and the law that was selected: `share` of the held-out rows' sum of squares."""
+    """A candidate and the law that was selected: its `share` of held-out rows, beside others."""
 
     candidate: Candidate
     forward: Forward
@@ -48,12 +50,17 @@ class Scored:
 class Step:
     """One step of the search: the best candidate beside those before, and who is as good.
 
-    `share` is what all steps so far take together; `near` begins with the chosen one.
+    `share` is what all steps so far take together; `near` begins with the chosen one. `entry` is
+    the effect of the library that acts there and takes most, `takes` that over what the law takes.
+    Where it is `named`, it stands for the place, and later steps are beside it.
     """
 
     chosen: Scored
     near: tuple[Scored, ...]
     share: float
+    entry: Refined | None = None
+    takes: float = 0.0
+    named: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,57 +80,115 @@ class Fits:
     without: tuple[Array, ...]
 
 
-def where(rows: FoldRows, candidates: Sequence[Candidate], constants: Constants) -> Where:
+def where(
+    rows: FoldRows,
+    candidates: Sequence[Candidate],
+    constants: Constants,
+    *,
+    least: float,
+    naming: Naming | None = None,
+    size: float | None = None,
+) -> Where:
     """Return candidates by held-out share, and the places that add to each other.
 
-    A place enters while what it adds to the held-out rows speaks for it: half of that, over the
-    variance that a row has with it, is the log predictive density it gains (Geisser 1975). It must
-    exceed `place_gain` and take `place_share` of the rows. What many places would add alike is
-    said of none of them.
+    Shares are of `size`, the rows' sum of squares, or what of it a bench without a change lacks.
+    A place enters while what it adds to the held-out rows speaks for it: over the variance that a
+    row has with it, that is twice the log predictive density it gains (Geisser 1975). It must
+    exceed `least` and take `place_share`. What many places would add alike is said of none.
     """
-    nothing = np.zeros(0, dtype=np.intp)
-    ranked = _scored(rows, nothing, candidates, 0.0, constants)
-    steps: list[Step] = []
-    now, taken, scored = nothing, 0.0, ranked
+    now, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
+    size = max(rows.square if size is None else size, 1e-12)
+    left, entries = rows, 0.0
+    ranked = scored = _scored(left, now, candidates, constants, size=size)
     while scored and len(steps) < constants.most_places:
-        best = scored[0]
-        added = best.share * rows.square - taken
-        variance = max((rows.square - taken - added) / max(rows.count, 1), 1.0)
-        enough = added / (2.0 * variance) > constants.place_gain
-        if not enough or added < constants.place_share * rows.square:
+        step = step_of(
+            scored, constants, taken=taken, size=size, naming=naming, left=_beside(left, now)
+        )
+        added = (step.share - taken) * size
+        variance = max((rows.square - step.share * size) / max(rows.count, 1), 1.0)
+        if added < max(least * variance, constants.place_share * size):
             break
-        # What stands beside the chosen place is compared by what it adds, not by what all take.
-        least = taken + constants.near * added
-        near = tuple(s for s in scored if s.share * rows.square >= least)
-        if steps and len({s.candidate.place for s in near}) > constants.most_places:
+        if steps and len({s.candidate.place for s in step.near}) > constants.most_places:
             break
-        steps.append(Step(best, near, best.share))
-        now, taken = np.concatenate([now, best.columns]), taken + added
+        steps.append(step)
+        taken = step.share
+        if step.named and step.entry is not None:
+            entries += step.entry.gain / size
+            left = replace(left, rows=left.rows - step.entry.change)
+            naming = naming.without(step.entry.names[0]) if naming is not None else None
+        else:
+            now = np.concatenate([now, step.chosen.columns])
         told = {s.chosen.candidate.place for s in steps}
         rest = [c for c in candidates if c.place not in told]
-        scored = _scored(rows, now, rest, taken, constants)
+        scored = _scored(left, now, rest, constants, size=size, before=entries, least=taken)
     return Where(ranked, tuple(steps))
+
+
+def step_of(
+    scored: Sequence[Scored],
+    constants: Constants,
+    *,
+    taken: float,
+    size: float,
+    naming: Naming | None,
+    left: Array,
+) -> Step:
+    """The step that the best law makes, or the best effect of the library.
+
+    A law is linear in the responses and has few terms. An effect has the form that a cause has, and
+    is replayed: where it takes `entry_share` of what the best law of any place takes, it says which
+    place it is. It is the name when it takes `name_share` of that and `name_size` of all.
+    """
+    best = scored[0]
+    added = best.share - taken
+    entry = None if naming is None else naming.best(left)
+    own = [s for s in scored if entry and acts_at(entry.effects[0], s.candidate.place)]
+    gain = score(entry) / size if entry is not None and own else 0.0
+    if gain > 0.0 and gain >= constants.entry_share * added:
+        chosen, most = own[0], max(gain, added)
+        named = gain >= max(constants.name_share * added, constants.name_size)
+    else:
+        chosen, most, named = best, added, False
+    least = taken + constants.near * most
+    near = (chosen, *(s for s in scored if s is not chosen and s.share >= least))
+    if naming is not None and chosen is best and not named:
+        entry = naming.best(left, {s.candidate.place for s in near})
+    law = max(chosen.share - taken, 0.0)
+    takes = 0.0 if entry is None else score(entry) / size / max(law, 1e-3 * score(entry) / size)
+    share = taken + (max(gain, law) if named else law)
+    return Step(chosen, near, share, entry, takes, named)
+
+
+def _beside(rows: FoldRows, columns: Index) -> Array:
+    """The rows less what these responses take of them."""
+    if not len(columns):
+        return rows.rows
+    x = fitted(rows.products(columns), np.arange(len(columns))).mean
+    return np.asarray(rows.rows - rows.responses[columns].astype(np.float64).T @ x)
 
 
 def _scored(
     rows: FoldRows,
-    before: Index,
+    now: Index,
     candidates: Sequence[Candidate],
-    taken: float,
     constants: Constants,
+    *,
+    size: float,
+    before: float = 0.0,
+    least: float = 0.0,
 ) -> tuple[Scored, ...]:
-    """Candidates beside the responses `before`, best first."""
+    """Candidates beside the responses `now`, best first; `before` was taken off the rows."""
     out = []
     for c in candidates:
-        always = np.setdiff1d(c.groups[0], before)
+        always = np.setdiff1d(c.groups[0], now)
         free = np.setdiff1d(np.unique(c.groups[1:]), always)
-        start = np.concatenate([before, always])
+        start = np.concatenate([now, always])
         products = rows.products(free, start)
         groups = len(start) + np.searchsorted(free, c.groups[1:])
         found = forward(
             products, groups, worth_of(c), depth=constants.most_terms, before=len(start)
         )
-        out.append(Scored(c, found, max(found.best, taken) / max(rows.square, 1e-12)))
+        out.append(Scored(c, found, max(before + found.best / size, least)))
     return tuple(sorted(out, key=lambda s: (-s.share, s.candidate.place, s.candidate.side)))
 
 
