@@ -10,8 +10,8 @@ from evaluation.errors import QuizError
 from evaluation.score.intervals import wilson
 from smad.checkup.inquiry import Report
 from smad.checkup.programme import Programme
-from smad.checkup.verdict import CAUSE, GROUP, QUIET, UNKNOWN
 from smad.diagnosis.bank.names import canonical
+from smad.diagnosis.verdict import PLACES, QUIET, UNPLACED
 from smad.report.page import Table
 
 End = dict[str, Any]
@@ -22,9 +22,7 @@ def told(answer: dict[str, Any], report: Report, spent_s: float, programme: Prog
     """What an investigation concluded, beside the answer."""
     assert report.verdict is not None
     verdict = report.verdict
-    names = list(verdict.group) if verdict.outcome == GROUP else []
-    if verdict.outcome == CAUSE:
-        names = list(verdict.likely[0].names)
+    names = {p.name for p in verdict.places if p.name}
     return {
         "seed": answer["seed"],
         "effects": [canonical(e["name"]) for e in answer["effects"]],
@@ -46,20 +44,17 @@ _ENDS = {
     "wrongly": "settled wrongly",
     "not noticed": "not noticed",
     "said to be unknown": "called unknown",
-    "not settled": "not settled",
 }
 """How an investigation may end, and the head of its column."""
 
 
 def mark(case: End) -> str:
     """How an investigation ended, one of `_ENDS`; an effect of no list is rightly unknown."""
-    if case["outcome"] == GROUP:
-        return "not settled"
-    if case["outcome"] == UNKNOWN:
-        return "said to be unknown" if case["listed"] else "rightly"
     if case["outcome"] == QUIET:
         return "not noticed"
-    if case["outcome"] != CAUSE or not case["listed"]:
+    if case["outcome"] in (PLACES, UNPLACED) and not case["names"]:
+        return "said to be unknown" if case["listed"] else "rightly"
+    if case["outcome"] != PLACES or not case["listed"]:
         return "wrongly"
     truth, said = set(case["effects"]), set(case["names"])
     return "rightly" if said == truth else "with a wrong name" if truth & said else "wrongly"

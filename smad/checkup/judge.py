@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from smad.checkup.paired.difference import Paired, paired
+from smad.checkup.paired.difference import SHARE, Paired, paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.told import verdict_of
 from smad.diagnosis.constants import Constants, shipped
@@ -36,23 +36,25 @@ class Found:
     """What a check-up found before it is told.
 
     `gain` is what the best law of a place takes of runs left out, `parameters` what other values of
-    the parameters take, in squares of rows; `ratio` the mean square of a row; `open_left` what rows
-    keep beside parameters that are open within their priors.
+    the parameters take, in squares of rows; `ratio` the mean square of a row. `beside_parameters`
+    is what rows keep with parameters open within their priors, and what that freedom costs: twice
+    the log of the volume that it adds to theirs of one day to the next.
     """
 
     located: Located
     gain: float
     parameters: float
     ratio: float
-    open_left: float
+    beside_parameters: float
 
     def outcome(self, c: Constants) -> str:
         """Quiet, parameters, places, or changed without a place, by the rule of `Constants`."""
         quiet = max(self.gain, self.parameters) < c.quiet_gain and self.ratio < c.quiet_ratio
         if quiet:
             return QUIET
-        beside = self.located.left * (1.0 + c.beside_parameters)
-        if self.parameters >= c.quiet_gain and self.open_left <= beside:
+        trusted = self.located.left + c.slopes_trusted * self.parameters
+        enough = not self.located.told or self.beside_parameters <= trusted
+        if self.parameters >= c.quiet_gain and enough:
             return PARAMETERS
         return PLACES if self.located.told else UNPLACED
 
@@ -150,9 +152,11 @@ def examined(
     own = FoldRows(pairs.untied, pairs.slopes.astype(np.float32), pairs.fold)
     taken = with_priors(own.products(np.arange(len(pairs.slopes))), np.unique(pairs.fold[kept]))
     opened = Shrink(pairs.slopes)(pairs.untied[None])[0][kept]
+    squares = np.linalg.eigvalsh(pairs.slopes @ pairs.slopes.T).clip(0.0)
+    freedom = float(np.sum(np.log1p(squares) - np.log1p(SHARE**2 * squares)))
     best = located.where.ranked[0].share if located.where.ranked else 0.0
     return Found(
-        located=located, gain=best * located.size, parameters=taken,
+        located=located, gain=best * located.where.size, parameters=taken,
         ratio=float(pairs.z @ pairs.z) / max(pairs.white.count, 1),
-        open_left=float(opened @ opened),
+        beside_parameters=float(opened @ opened) + freedom,
     )  # fmt: skip

@@ -72,8 +72,7 @@ def changed(asked: Asked) -> Changed:
     )  # fmt: skip
     # Parameters are asked first: places must explain more than other values of them.
     told = news.steps[-1].share if news.steps else 0.0
-    beside = (1.0 - told) * (1.0 + c.beside_parameters)
-    free = parameters >= c.changed_share and 1.0 - parameters <= beside
+    free = parameters >= max(told, c.changed_share)
     gap = _residual(asked, taught.model, now, scale)
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))

@@ -18,14 +18,14 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     `most_places` places, a list of *differs* at most `most_listed`. A place enters when it takes
     `place_share`; those that take at least `near` of what the best one takes are told beside it. An
     effect of the library says which place it is when it takes `entry_share` of what the best law
-    takes; it is the name when it takes `name_share` of that and `name_size` of the whole change.
-    Places are told in place of other values of the parameters when they leave less than these do,
-    by `beside_parameters`.
+    takes; it is the name when it takes `name_share` of that and `name_size` of what is left.
 
     Check-ups: rows of a bench without a change have the variance `quiet_variance`. It has changed
     when the best law, or the parameters, take `quiet_gain` of the sum of squares, or the mean
-    square is `quiet_ratio`. A run is played again to tell places apart when their laws differ on it
-    by `separation` (d²).
+    square is `quiet_ratio`. Places are told in place of other values of the parameters when they
+    leave less than these do; of what these take, `slopes_trusted` may be left for the form of their
+    slopes. A run is played again to tell places apart when their laws differ on it by `separation`
+    (d²).
 
     Differs: a gap below `quiet_floors` floors is none.
 
@@ -42,7 +42,7 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     entry_share: float
     name_share: float
     name_size: float
-    beside_parameters: float
+    slopes_trusted: float
     quiet_variance: float
     quiet_gain: float
     quiet_ratio: float

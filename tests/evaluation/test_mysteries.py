@@ -13,13 +13,18 @@ from evaluation.quiz import ends
 from evaluation.quiz.session import Order, investigated
 from smad.checkup.inquiry import Record, Report
 from smad.checkup.store import SCHEMA, About
-from smad.checkup.verdict import CAUSE, Likely, Share, Verdict
+from smad.diagnosis.verdict import CHECK_UP, PLACES, PlaceTold, Verdict
 
 ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True}]}
-NOTHING = Share("all signals", "floors", 0.0, 0.0, 0.0, 0.0)
 VERDICT = Verdict(
-    CAUSE, "changed: rtd_lag", [Likely(["rtd_lag"], 0.9)], [], 0.0, 1.0, "run-1", [], NOTHING,
-    [], 2,
+    question=CHECK_UP, outcome=PLACES, headline="changed: reading of the RTD",
+    places=[
+        PlaceTold(
+            place="reading_rtd", side="both", words="reading of the RTD", share=0.9, near=[],
+            near_places=["reading_rtd"], terms=[], largest=1.0, unit="K", in_simulator=True,
+            name="rtd_lag",
+        )
+    ],
 )  # fmt: skip
 
 
@@ -118,15 +123,14 @@ def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True
 @pytest.mark.parametrize(
     ("case", "said"),
     [
-        (ended("cause", "rtd_lag"), "rightly"),
-        (ended("cause", "rtd_lag", "force_gain"), "with a wrong name"),
-        (ended("cause", "force_gain"), "wrongly"),
+        (ended("places", "rtd_lag"), "rightly"),
+        (ended("places", "rtd_lag", "force_gain"), "with a wrong name"),
+        (ended("places", "force_gain"), "wrongly"),
         (ended("quiet"), "not noticed"),
         (ended("parameters"), "wrongly"),
-        (ended("unknown"), "said to be unknown"),
-        (ended("group", "rtd_lag", "force_gain"), "not settled"),
-        (ended("unknown", listed=False), "rightly"),
-        (ended("cause", "rtd_lag", truth="tube_wall_heat", listed=False), "wrongly"),
+        (ended("places"), "said to be unknown"),
+        (ended("unplaced", listed=False), "rightly"),
+        (ended("places", "rtd_lag", truth="tube_wall_heat", listed=False), "wrongly"),
     ],
 )
 def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: str) -> None:
@@ -134,7 +138,7 @@ def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: 
 
 
 def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
-    cases = [ended("cause", "rtd_lag"), ended("cause", "x"), ended("unknown", listed=False)]
+    cases = [ended("places", "rtd_lag"), ended("places", "x"), ended("places", listed=False)]
     rows = {row[0]: row for row in ends.table(cases).rows}
     assert set(rows) == {"in the library", "not in it", "all"}
     assert rows["in the library"][2].startswith("0.50")

@@ -114,9 +114,10 @@ class Paired:
 
     @cached_property
     def fold(self) -> Index:
-        """Fold of each row. Runs whose inputs the model carried over are in none: responses are of
-        the good run's inputs."""
-        return folds(self.run_of_row, [not p.carried for p in self.pairs], self.white.valid)
+        """Fold of each row. Runs whose inputs the model carried over are in none beside others:
+        responses are of the good run's inputs."""
+        same = [not p.carried for p in self.pairs]
+        return folds(self.run_of_row, same if any(same) else [True] * len(same), self.white.valid)
 
     def rows(self, values: Sequence[Array]) -> Array:
         """White rows of per-pair arrays (m, bins, channels) beside tied parameters; (m, rows)."""

@@ -52,14 +52,12 @@ class Located:
     alternatives: tuple[Alternative, ...]
     where: Where
     rows: FoldRows
-    size: float
-    """What shares are of: the rows' sum of squares beyond a bench without a change."""
 
     @property
     def left(self) -> float:
         """What the places leave of the rows' sum of squares."""
         steps = self.where.steps
-        return self.rows.square - (steps[-1].share * self.size if steps else 0.0)
+        return self.rows.square - (steps[-1].share * self.where.size if steps else 0.0)
 
 
 def locate(
@@ -76,11 +74,10 @@ def locate(
     part in it.
     """
     rows = fold_rows(gap, found)
-    quiet = constants.quiet_variance
-    size = max(rows.square - quiet * rows.count, 1e-12)
     w = where(
-        rows, found.candidates(), constants, least=constants.quiet_gain, naming=naming, size=size
-    )
+        rows, found.candidates(), constants, least=constants.quiet_gain, naming=naming,
+        size=rows.square - constants.quiet_variance * rows.count,
+    )  # fmt: skip
     changes = _tried(gap, found, rows, w.steps)
     shown = w.steps[: max(len(changes), 1)]
     kept = _Kept(rows, w.steps[: len(changes)])
@@ -95,7 +92,7 @@ def locate(
         ),
         effects=kept.effects, own=laws, uncertainty=uncertainty, changes=tuple(changes),
         alternatives=_alternatives(plant, found, rows, shown[0]) if shown else (),
-        where=w, rows=rows, size=size,
+        where=w, rows=rows,
     )  # fmt: skip
 
 

@@ -46,18 +46,20 @@ class Scored:
         return (*(1 + g for g in self.forward.chosen), 0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Step:
     """One step of the search: the best candidate beside those before, and who is as good.
 
     `share` is what all steps so far take together; `near` begins with the chosen one. `entry` is
     the effect of the library that acts there and takes most, `takes` that over what the law takes.
-    Where it is `named`, it stands for the place, and later steps are beside it.
+    Where it is `named`, it stands for the place, and later steps are beside it. `worth` is what the
+    best of laws and effects adds.
     """
 
     chosen: Scored
     near: tuple[Scored, ...]
     share: float
+    worth: float
     entry: Refined | None = None
     takes: float = 0.0
     named: bool = False
@@ -65,8 +67,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Where:
-    """`ranked`: every candidate alone, best first. `steps`: places that add to each other."""
+    """`ranked`: every candidate alone, best first. `steps`: places that add to each other. Shares
+    are of `size`, in squares of rows."""
 
+    size: float
     ranked: tuple[Scored, ...]
     steps: tuple[Step, ...]
 
@@ -91,22 +95,23 @@ def where(
 ) -> Where:
     """Return candidates by held-out share, and the places that add to each other.
 
-    Shares are of `size`, the rows' sum of squares, or what of it a bench without a change lacks.
+    Shares are of `size`, the rows' sum of squares, or what of it a bench without a change lacks;
+    of what the best law takes, where that is more.
     A place enters while what it adds to the held-out rows speaks for it: over the variance that a
     row has with it, that is twice the log predictive density it gains (Geisser 1975). It must
     exceed `least` and take `place_share`. What many places would add alike is said of none.
     """
     now, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
-    size = max(rows.square if size is None else size, 1e-12)
     left, entries = rows, 0.0
-    ranked = scored = _scored(left, now, candidates, constants, size=size)
+    alone = _scored(left, now, candidates, constants, size=1.0)
+    size = max(rows.square if size is None else size, alone[0].share if alone else 0.0, 1e-12)
+    ranked = scored = tuple(replace(s, share=s.share / size) for s in alone)
     while scored and len(steps) < constants.most_places:
         step = step_of(
             scored, constants, taken=taken, size=size, naming=naming, left=_beside(left, now)
         )
-        added = (step.share - taken) * size
         variance = max((rows.square - step.share * size) / max(rows.count, 1), 1.0)
-        if added < max(least * variance, constants.place_share * size):
+        if step.worth * size < max(least * variance, constants.place_share * size):
             break
         if steps and len({s.candidate.place for s in step.near}) > constants.most_places:
             break
@@ -121,7 +126,7 @@ def where(
         told = {s.chosen.candidate.place for s in steps}
         rest = [c for c in candidates if c.place not in told]
         scored = _scored(left, now, rest, constants, size=size, before=entries, least=taken)
-    return Where(ranked, tuple(steps))
+    return Where(size, ranked, tuple(steps))
 
 
 def step_of(
@@ -137,26 +142,29 @@ def step_of(
 
     A law is linear in the responses and has few terms. An effect has the form that a cause has, and
     is replayed: where it takes `entry_share` of what the best law of any place takes, it says which
-    place it is. It is the name when it takes `name_share` of that and `name_size` of all.
+    place it is. It is the name when it takes `name_share` of that and `name_size` of
+    all that is left.
     """
     best = scored[0]
     added = best.share - taken
     entry = None if naming is None else naming.best(left)
     own = [s for s in scored if entry and acts_at(entry.effects[0], s.candidate.place)]
     gain = score(entry) / size if entry is not None and own else 0.0
-    if gain > 0.0 and gain >= constants.entry_share * added:
-        chosen, most = own[0], max(gain, added)
-        named = gain >= max(constants.name_share * added, constants.name_size)
-    else:
-        chosen, most, named = best, added, False
-    least = taken + constants.near * most
+    by_entry = gain > 0.0 and gain >= constants.entry_share * added
+    named = by_entry and gain >= max(
+        constants.name_share * added, constants.name_size * (1.0 - taken)
+    )
+    chosen, worth = (own[0], max(gain, added)) if by_entry else (best, added)
+    least = taken + constants.near * worth
     near = (chosen, *(s for s in scored if s is not chosen and s.share >= least))
-    if naming is not None and chosen is best and not named:
+    if naming is not None and not by_entry:
         entry = naming.best(left, {s.candidate.place for s in near})
+        gain = 0.0 if entry is None else score(entry) / size
     law = max(chosen.share - taken, 0.0)
-    takes = 0.0 if entry is None else score(entry) / size / max(law, 1e-3 * score(entry) / size)
-    share = taken + (max(gain, law) if named else law)
-    return Step(chosen, near, share, entry, takes, named)
+    return Step(
+        chosen=chosen, near=near, share=taken + (max(gain, law) if named else law), worth=worth,
+        entry=entry, takes=gain / max(law, 1e-3 * gain, 1e-12), named=named,
+    )  # fmt: skip
 
 
 def _beside(rows: FoldRows, columns: Index) -> Array:

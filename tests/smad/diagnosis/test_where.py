@@ -31,8 +31,12 @@ def bench(seed, *, strengths, alike=None):
     return laid, candidates
 
 
+LEAST = 80.0
+
+
 def found_in(laid, candidates, **changes):
-    return where(laid, candidates, msgspec.structs.replace(shipped(), **changes))
+    constants = msgspec.structs.replace(shipped(), **changes)
+    return where(laid, candidates, constants, least=LEAST)
 
 
 @pytest.mark.parametrize("place", range(6))
@@ -93,5 +97,5 @@ def test_laws_of_several_places_are_fitted_together_and_without_each_fold():
 
 def test_the_constants_are_few_and_all_have_a_meaning():
     names = Constants.__struct_fields__
-    assert len(names) <= 15
+    assert len(names) <= 17
     assert all(f"`{name}`" in (Constants.__doc__ or "") for name in names)
