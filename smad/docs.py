@@ -165,8 +165,10 @@ def _fields(struct: type[Struct]) -> Iterator[str]:
         kind, description = _described(field.type)
         default = "" if field.required else _default(field)
         kind = kind.removesuffix(" or empty") if default == "empty" else kind
-        default = {"": "", "empty": "; optional"}.get(default, f"; {default}")
-        yield f"- `{field.name}` ({kind}{default}): {description}\n"
+        default = {"empty": "optional"}.get(default, default)
+        kind = "" if kind == "true or false" and default in ("true", "false") else kind
+        told = "; ".join(part for part in (kind, default) if part)
+        yield f"- `{field.name}` ({told}): {description}\n"
 
 
 def _info(struct: type[Struct]) -> types.StructType:

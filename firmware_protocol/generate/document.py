@@ -73,11 +73,15 @@ def _one_message(codec: Codec, cls: type[Message]) -> str:
     doc = " ".join((cls.__doc__ or "").split())
     replies = f" → {', '.join(map(_upper, cls.info.replies))}" if cls.info.replies else ""
     text = f"### {wire_name(cls)}{' ❄' if cls.info.frozen else ''}\n\n`0x{cls.info.number:02x}`, "
-    text += f"{cls.info.direction}, {codec.layout(cls).size} bytes, "
-    text += f"{cls.info.pace}{replies}. {doc}\n\n"
+    text += f"{codec.layout(cls).size} bytes, {cls.info.pace}{replies}. {doc}\n\n"
     for field in fields_of(cls):
-        text += f"- `{field.name}` {_kind(field)}: {_meaning(field)}\n"
+        meaning = "" if field.name in _TOLD_ONCE else f": {_meaning(field)}"
+        text += f"- `{field.name}` {_kind(field)}{meaning}\n"
     return text
+
+
+_TOLD_ONCE = ("axis",)
+"""Fields of many messages that the page explains above them."""
 
 
 def _kind(field: Field) -> str:
