@@ -118,19 +118,12 @@ def _enums(codec: Codec) -> str:
 
 
 def _parameters(codec: Codec) -> str:
-    rows = [
-        (
-            str(p.number),
-            f"`{p.name}`",
-            p.unit,
-            str(p.default),
-            p.allowed,
-            p.doc + ("; one for the board" if p.shared else ""),
-        )
+    return "".join(
+        f"- {p.number} `{p.name}` = {p.default} {p.unit}".rstrip()
+        + f" ({p.allowed}): {p.doc}{'; one for the board' if p.shared else ''}\n"
         for p in PARAMETERS
         if p.name not in LIMIT_ROWS
-    ]
-    return table(("number", "name", "unit", "initial", "allowed", "meaning"), rows)
+    )
 
 
 def _rates(codec: Codec) -> str:
@@ -162,7 +155,7 @@ def _numbers(codec: Codec) -> str:
         ("complaints (ERROR that answers no request)", f"{replies.ERRORS_PER_SECOND} /s", "board"),
         ("exchanges that lock the clock", str(timesync.LOCK_EXCHANGES), "both"),
     ]
-    return table(("quantity", "value (judgement)", "end"), rows)
+    return "".join(f"- {quantity}: {value} ({end})\n" for quantity, value, end in rows)
 
 
 TABLES: dict[str, Callable[[Codec], str]] = {
