@@ -76,7 +76,7 @@ def locate(
     rows = fold_rows(gap, found)
     w = where(
         rows, found.candidates(), constants, least=constants.quiet_gain, naming=naming,
-        size=rows.square - constants.quiet_variance * rows.count,
+        size=rows.square - constants.quiet_variance * rows.count, effects_stand=True,
     )  # fmt: skip
     changes = _tried(gap, found, rows, w.steps)
     shown = w.steps[: max(len(changes), 1)]

@@ -30,11 +30,6 @@ def score(fit: Refined) -> float:
     return fit.gain - PER_COORDINATE * len(fit.coordinates)
 
 
-def acts_at(effect: Effect, place: str) -> bool:
-    """Whether an effect may act at a place; one that names no place, at any."""
-    return not effect.places or place in effect.places
-
-
 @dataclass(frozen=True)
 class Naming:
     """The effects that may be named, and how they are refined."""
@@ -47,8 +42,13 @@ class Naming:
         return replace(self, effects=tuple(e for e in self.effects if e.name != name))
 
     def best(self, z: Array, places: set[str] | None = None) -> Refined | None:
-        """The effect that takes most of white rows, of those that act at one of these places."""
-        asked = [e for e in self.effects if places is None or any(acts_at(e, p) for p in places)]
+        """The effect that takes most of white rows, of those that act at one of these places.
+
+        One that names no place may act at any.
+        """
+        asked = [
+            e for e in self.effects if places is None or not e.places or places & set(e.places)
+        ]
         return self.refine(asked, z)
 
 

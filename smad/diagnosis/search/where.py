@@ -16,7 +16,7 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
-from smad.diagnosis.search.names import Naming, acts_at, score
+from smad.diagnosis.search.names import Naming, score
 from smad.diagnosis.search.refine import Refined
 
 _SIMPLER = 0.97
@@ -52,8 +52,7 @@ class Step:
 
     `share` is what all steps so far take together; `near` begins with the chosen one. `entry` is
     the effect of the library that acts there and takes most, `takes` that over what the law takes.
-    Where it is `named`, it stands for the place, and later steps are beside it. `worth` is what the
-    best of laws and effects adds.
+    `worth` is what the best of laws and effects adds.
     """
 
     chosen: Scored
@@ -92,6 +91,7 @@ def where(
     least: float,
     naming: Naming | None = None,
     size: float | None = None,
+    effects_stand: bool = False,
 ) -> Where:
     """Return candidates by held-out share, and the places that add to each other.
 
@@ -100,6 +100,8 @@ def where(
     A place enters while what it adds to the held-out rows speaks for it: over the variance that a
     row has with it, that is twice the log predictive density it gains (Geisser 1975). It must
     exceed `least` and take `place_share`. What many places would add alike is said of none.
+    Later places are beside the law of one before, or with `effects_stand` beside its effect, where
+    that is named.
     """
     now, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
     left, entries = rows, 0.0
@@ -108,8 +110,9 @@ def where(
     ranked = scored = tuple(replace(s, share=s.share / size) for s in alone)
     while scored and len(steps) < constants.most_places:
         step = step_of(
-            scored, constants, taken=taken, size=size, naming=naming, left=_beside(left, now)
-        )
+            scored, constants, taken=taken, size=size, naming=naming, left=_beside(left, now),
+            effects_stand=effects_stand,
+        )  # fmt: skip
         variance = max((rows.square - step.share * size) / max(rows.count, 1), 1.0)
         if step.worth * size < max(least * variance, constants.place_share * size):
             break
@@ -117,7 +120,7 @@ def where(
             break
         steps.append(step)
         taken = step.share
-        if step.named and step.entry is not None:
+        if effects_stand and step.named and step.entry is not None:
             entries += step.entry.gain / size
             left = replace(left, rows=left.rows - step.entry.change)
             naming = naming.without(step.entry.names[0]) if naming is not None else None
@@ -137,32 +140,33 @@ def step_of(
     size: float,
     naming: Naming | None,
     left: Array,
+    effects_stand: bool = False,
 ) -> Step:
     """The step that the best law makes, or the best effect of the library.
 
     A law is linear in the responses and has few terms. An effect has the form that a cause has, and
-    is replayed: where it takes `entry_share` of what the best law of any place takes, it says which
-    place it is. It is the name when it takes `name_share` of that and `name_size` of
-    all that is left.
+    is replayed: where it takes `entry_share` of what the best law of any place takes, one that says
+    where it acts says which place it is. It is the name when it takes `name_share` of that and
+    `name_size` of all that is left.
     """
     best = scored[0]
     added = best.share - taken
     entry = None if naming is None else naming.best(left)
-    own = [s for s in scored if entry and acts_at(entry.effects[0], s.candidate.place)]
-    gain = score(entry) / size if entry is not None and own else 0.0
-    by_entry = gain > 0.0 and gain >= constants.entry_share * added
-    named = by_entry and gain >= max(
-        constants.name_share * added, constants.name_size * (1.0 - taken)
-    )
+    gain = 0.0 if entry is None else score(entry) / size
+    enough = max(constants.name_share * added, constants.name_size * (1.0 - taken))
+    named = gain > 0.0 and gain >= enough
+    own = [s for s in scored if entry and s.candidate.place in entry.effects[0].places]
+    by_entry = bool(own) and gain >= constants.entry_share * added
     chosen, worth = (own[0], max(gain, added)) if by_entry else (best, added)
     least = taken + constants.near * worth
     near = (chosen, *(s for s in scored if s is not chosen and s.share >= least))
-    if naming is not None and not by_entry:
+    if naming is not None and not (by_entry or named):
         entry = naming.best(left, {s.candidate.place for s in near})
         gain = 0.0 if entry is None else score(entry) / size
     law = max(chosen.share - taken, 0.0)
     return Step(
-        chosen=chosen, near=near, share=taken + (max(gain, law) if named else law), worth=worth,
+        chosen=chosen, near=near, worth=worth,
+        share=taken + (max(gain, law) if named and effects_stand else law),
         entry=entry, takes=gain / max(law, 1e-3 * gain, 1e-12), named=named,
     )  # fmt: skip
 
