@@ -7,11 +7,12 @@ from statistics import median
 from typing import Any
 
 from evaluation.errors import QuizError
+from evaluation.plant.effects import BY_NAME
 from evaluation.score.intervals import wilson
 from smad.checkup.inquiry import Report
 from smad.checkup.programme import Programme
 from smad.diagnosis.bank.names import canonical
-from smad.diagnosis.verdict import PLACES, QUIET, UNPLACED
+from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED
 from smad.report.page import Table
 
 End = dict[str, Any]
@@ -29,6 +30,8 @@ def told(answer: dict[str, Any], report: Report, spent_s: float, programme: Prog
         "listed": all(e["listed"] for e in answer["effects"]),
         "outcome": verdict.outcome,
         "names": sorted(canonical(n) for n in names),
+        "place": verdict.places[0].place if verdict.places else "",
+        "true_places": sorted({p for e in answer["effects"] for p in BY_NAME[e["name"]].places}),
         "why_over": report.why_over,
         "further_runs": max(
             0,
@@ -58,6 +61,15 @@ def mark(case: End) -> str:
         return "wrongly"
     truth, said = set(case["effects"]), set(case["names"])
     return "rightly" if said == truth else "with a wrong name" if truth & said else "wrongly"
+
+
+def placed(case: End) -> str:
+    """How it ended as to the place, one of `_ENDS`."""
+    if case["outcome"] == QUIET:
+        return "not noticed"
+    if not case["place"]:
+        return "wrongly" if case["outcome"] == PARAMETERS else "said to be unknown"
+    return "rightly" if case["place"] in case["true_places"] else "wrongly"
 
 
 def run(seeds: Sequence[int], out: Path, investigated: Callable[[int], End]) -> None:
@@ -95,12 +107,12 @@ def table(cases: Sequence[End]) -> Table:
     listed = [c for c in cases if c["listed"]]
     other = [c for c in cases if not c["listed"]]
     for title, own in (("in the library", listed), ("not in it", other), ("all", cases)):
-        if not own:
-            continue
-        ends = [mark(c) for c in own]
-        shares = (_share(ends.count(end), len(own)) for end in _ENDS)
         took = [c["minutes"] for c in own]
-        rows.append((title, str(len(own)), *shares, f"{median(took):.1f} ({max(took):.1f})"))
+        minutes = f"{median(took):.1f} ({max(took):.1f})"
+        for what, how in (("name", mark), ("place", placed)) if own else ():
+            ends = [how(c) for c in own]
+            shares = (_share(ends.count(end), len(own)) for end in _ENDS)
+            rows.append((f"{title}: {what}", str(len(own)), *shares, minutes))
     head = (
         "the trouble", "simulated benches", *_ENDS.values(), "minutes of bench time, median (most)"
     )  # fmt: skip

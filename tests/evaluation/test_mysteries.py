@@ -78,7 +78,8 @@ def test_the_good_bench_is_commissioned_on_its_days_and_ended_before_the_trouble
     ]  # fmt: skip
     assert case["minutes"] == 8.0
     assert (case["effects"], case["names"]) == (["rtd_lag"], ["rtd_lag"])
-    assert ends.mark(case) == "rightly"
+    assert (case["place"], case["true_places"]) == ("reading_rtd", ["reading_rtd"])
+    assert ends.mark(case) == ends.placed(case) == "rightly"
 
 
 def test_one_day_holds_both_repeats(tmp_path: Path) -> None:
@@ -116,7 +117,7 @@ def test_a_bench_that_fails_does_not_keep_the_others_waiting(
 def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True) -> dict[str, Any]:
     return {
         "outcome": outcome, "names": list(names), "effects": [truth], "listed": listed,
-        "minutes": 10.0,
+        "minutes": 10.0, "place": "reading_rtd" if names else "", "true_places": ["reading_rtd"],
     }  # fmt: skip
 
 
@@ -140,6 +141,8 @@ def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: 
 def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
     cases = [ended("places", "rtd_lag"), ended("places", "x"), ended("places", listed=False)]
     rows = {row[0]: row for row in ends.table(cases).rows}
-    assert set(rows) == {"in the library", "not in it", "all"}
-    assert rows["in the library"][2].startswith("0.50")
-    assert rows["all"][1] == "3"
+    groups = ("in the library", "not in it", "all")
+    assert set(rows) == {f"{g}: {what}" for g in groups for what in ("name", "place")}
+    assert rows["in the library: name"][2].startswith("0.50")
+    assert rows["in the library: place"][2].startswith("1.00")
+    assert rows["all: name"][1] == "3"
