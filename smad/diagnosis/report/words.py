@@ -42,7 +42,7 @@ def lines(verdict: Verdict) -> list[str]:
         out += repeated_lines(v)
     if v.unseen:
         shown = v.unseen[:_UNSEEN]
-        out.append("these runs would not have shown (all of it: --html)")
+        out.append("these runs would not have shown (all of it on the page)")
         out += [f"  {text}" for text in shown]
     return [*out, *v.notes]
 

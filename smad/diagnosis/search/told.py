@@ -35,7 +35,7 @@ class Teller:
             place=chosen.place,
             side=chosen.side,
             words=side_words(place, chosen.side),
-            share=share,
+            share=min(share, 1.0),
             near=[
                 side_words(places[s.candidate.place], s.candidate.side)
                 for s in one_of_each_place(step)[1:]
