@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from evaluation.programme.segments import run_of
 from smad.checkup.commission import checked_files, commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.everyday import repeated
@@ -26,7 +27,6 @@ from smad.checkup.programme import (
     shipped,
     write_programme,
 )
-from smad.checkup.segments import run_of
 from smad.checkup.store import Baseline, load, save
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.runs import GapRun

@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from evaluation.programme.segments import run_of
 from sim_device.plant.laws import Factor, Law, Term
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
@@ -15,7 +16,6 @@ from smad.checkup.investigate import propose, unpaired_offers
 from smad.checkup.judge import Judged, judged
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.checkup.segments import run_of
 from smad.checkup.series import Recorded
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.plant import EffectValues
