@@ -126,7 +126,7 @@ def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True
         (ended("unknown"), "said to be unknown"),
         (ended("group", "rtd_lag", "force_gain"), "not settled"),
         (ended("unknown", listed=False), "rightly"),
-        (ended("cause", "rtd_lag", truth="tube_wall_heat", listed=False), "wrongly"),
+        (ended("cause", "rtd_lag", truth="stirring_coils", listed=False), "wrongly"),
     ],
 )
 def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: str) -> None:
