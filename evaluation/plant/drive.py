@@ -134,14 +134,7 @@ def _pump_speed(
 
 @compiled
 def flow(
-    s: int,
-    p: Array,
-    e: Array,
-    side: Array,
-    pair: Array,
-    ring: Array,
-    heat_W: float,
-    dt: float,
+    s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, heat_W: float, dt: float
 ) -> float:
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
