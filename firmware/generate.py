@@ -10,7 +10,7 @@ import re
 import sys
 from pathlib import Path
 
-from firmware_protocol.rates import BITS_PER_BYTE, MOST_SHARE, USUAL_BAUDS, load
+from firmware_protocol.rates import MOST_SHARE, USUAL_BAUDS, load
 from sim_device.firmware.frontend import RTD_TABLE_STEP, rtd_table
 
 HERE = Path(__file__).resolve().parent
@@ -40,21 +40,14 @@ def rtd_header() -> str:
 
 
 def baud_table() -> str:
-    """Return what the Mega makes of each baud rate, and what its samples take of the line."""
-    rows = [
-        "| Bd | the Mega makes | error | 100 Hz take | use |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    """Return the baud rates that the Mega makes exactly, and what its samples take of the line."""
+    rows = [f"| Bd | share of the line at {MEGA_RATE_HZ} Hz |", "| --- | --- |"]
     for baud in BAUDS:
         divisor = max(round(MEGA_HZ / CLOCKS_PER_BIT / baud), 1)
-        made = MEGA_HZ / CLOCKS_PER_BIT / divisor
-        error = made / baud - 1.0
         share = load(MEGA_RATE_HZ, baud).share
-        exact = made == baud
-        use = "yes" if share <= MOST_SHARE else "no: over the line's share"
-        use = use if exact else "no: the compiler refuses it"
-        rows.append(f"| {baud} | {made:.0f} | {error:+.1%} | {share:.0%} | {use} |")
-    return "\n".join(rows) + f"\n\nA byte is {BITS_PER_BYTE} bits."
+        if MEGA_HZ / CLOCKS_PER_BIT / divisor == baud and share <= MOST_SHARE:
+            rows.append(f"| {baud} | {share:.0%} |")
+    return "\n".join(rows)
 
 
 def filled(text: str) -> str:

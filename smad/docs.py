@@ -11,7 +11,7 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -22,7 +22,7 @@ from smad import api
 from smad.config.template import markdown_lists
 from smad.control import commands
 from smad.diagnosis.constants import Constants, shipped
-from smad.runlog.schema import Row, markdown_list
+from smad.runlog.schema import CHANNELS, Row
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
@@ -66,6 +66,15 @@ def telemetry() -> str:
     """The fields of a published sample that a row of the run log does not have."""
     shared = {field.name for field in msgspec.structs.fields(Row)}
     return "".join(line for line in _fields(api.Telemetry) if line.split("`")[1] not in shared)
+
+
+def channels() -> str:
+    """Every channel of the run log: unit, where it comes from, what it is."""
+    rows = [
+        (c.name, f"{c.unit}, {c.source}" if c.unit else c.source, c.description)
+        for c in CHANNELS.values()
+    ]
+    return "".join(_listed(rows))
 
 
 def reasons() -> str:
@@ -123,7 +132,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "telemetry": telemetry,
     "reasons": reasons,
     "configuration": markdown_lists,
-    "channels": markdown_list,
+    "channels": channels,
     "decisions": decisions,
     "trust": trust,
     "settings": settings,
@@ -159,14 +168,36 @@ def _prose(struct: type[Struct]) -> str:
     return " ".join((inspect.getdoc(struct) or "").split())
 
 
+def _listed(rows: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+    """A line for each name, what it is and its meaning; for X and Y one where both are alike."""
+    told: list[tuple[str, str, str]] = []
+    for name, kind, meaning in rows:
+        x_name, x_kind, x_meaning = told[-1] if told else ("", "", "")
+        on_y = (_X.sub("_y", x_name), x_kind, x_meaning.replace("X", "Y"))
+        if on_y == (name, kind, meaning):
+            told[-1] = (f"{x_name}`, `{name}", kind, x_meaning.replace("X", "X (Y)"))
+        else:
+            told.append((name, kind, meaning))
+    yield from (f"- `{name}` ({kind}): {meaning}\n" for name, kind, meaning in told)
+
+
+_X = re.compile("_x(?=_|$)")
+
+
 def _fields(struct: type[Struct]) -> Iterator[str]:
     """A line for each field of what is asked: type, default, meaning."""
+    return _listed(_told(struct))
+
+
+def _told(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
     for field in _info(struct).fields:
         kind, description = _described(field.type)
         default = "" if field.required else _default(field)
         kind = kind.removesuffix(" or empty") if default == "empty" else kind
-        default = {"": "", "empty": "; optional"}.get(default, f"; {default}")
-        yield f"- `{field.name}` ({kind}{default}): {description}\n"
+        default = {"empty": "optional"}.get(default, default)
+        kind = "" if kind == "true or false" and default in ("true", "false") else kind
+        told = "; ".join(part for part in (kind, default) if part)
+        yield field.name, told, description
 
 
 def _info(struct: type[Struct]) -> types.StructType:

@@ -73,11 +73,15 @@ def _one_message(codec: Codec, cls: type[Message]) -> str:
     doc = " ".join((cls.__doc__ or "").split())
     replies = f" → {', '.join(map(_upper, cls.info.replies))}" if cls.info.replies else ""
     text = f"### {wire_name(cls)}{' ❄' if cls.info.frozen else ''}\n\n`0x{cls.info.number:02x}`, "
-    text += f"{cls.info.direction}, {codec.layout(cls).size} bytes, "
-    text += f"{cls.info.pace}{replies}. {doc}\n\n"
+    text += f"{codec.layout(cls).size} bytes, {cls.info.pace}{replies}. {doc}\n\n"
     for field in fields_of(cls):
-        text += f"- `{field.name}` {_kind(field)}: {_meaning(field)}\n"
+        meaning = "" if field.name in _TOLD_ONCE else f": {_meaning(field)}"
+        text += f"- `{field.name}` {_kind(field)}{meaning}\n"
     return text
+
+
+_TOLD_ONCE = ("axis",)
+"""Fields of many messages that the page explains above them."""
 
 
 def _kind(field: Field) -> str:
@@ -114,19 +118,12 @@ def _enums(codec: Codec) -> str:
 
 
 def _parameters(codec: Codec) -> str:
-    rows = [
-        (
-            str(p.number),
-            f"`{p.name}`",
-            p.unit,
-            str(p.default),
-            p.allowed,
-            p.doc + ("; one for the board" if p.shared else ""),
-        )
+    return "".join(
+        f"- {p.number} `{p.name}` = {p.default} {p.unit}".rstrip()
+        + f" ({p.allowed}): {p.doc}{'; one for the board' if p.shared else ''}\n"
         for p in PARAMETERS
         if p.name not in LIMIT_ROWS
-    ]
-    return table(("number", "name", "unit", "initial", "allowed", "meaning"), rows)
+    )
 
 
 def _rates(codec: Codec) -> str:
@@ -158,7 +155,7 @@ def _numbers(codec: Codec) -> str:
         ("complaints (ERROR that answers no request)", f"{replies.ERRORS_PER_SECOND} /s", "board"),
         ("exchanges that lock the clock", str(timesync.LOCK_EXCHANGES), "both"),
     ]
-    return table(("quantity", "value (judgement)", "end"), rows)
+    return "".join(f"- {quantity}: {value} ({end})\n" for quantity, value, end in rows)
 
 
 TABLES: dict[str, Callable[[Codec], str]] = {

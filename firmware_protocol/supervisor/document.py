@@ -82,15 +82,17 @@ def _checks() -> str:
     rows = []
     for check in CHECKS:
         when = _LIMIT_NAME.sub(lambda match: shown(match[1]), check.trips_when)
-        pumps = "on" if FAULT_TEXTS[check.fault].pumps else "off"
         channels = _CHANNELS.get(
             frozenset(check.channels), ", ".join(channel.name for channel in check.channels)
         )
         states = ", ".join(state.name for state in BoardState if state in check.states)
         states = states.replace("SAFE, ARMED, HOLD, COOL, FAULT", "always")
-        rows.append((check.fault.name, channels, when, _debounce(check), states, pumps))
-    head = ("fault", "channels", "trips when", "for", "watched in", "pumps then")
-    return _table(head, rows)
+        states = states.replace("ARMED, HOLD", "armed")
+        rows.append((check.fault.name, channels, when, _debounce(check), states))
+    head = ("fault", "channels", "trips when", "for", "watched in")
+    dry = [fault.name for fault, text in FAULT_TEXTS.items() if fault and not text.pumps]
+    pumps = f"In FAULT pumps run until cold or capped, but not after {', '.join(dry)}."
+    return f"{_table(head, rows)}\n{pumps}\n"
 
 
 _CHANNELS = {

@@ -48,9 +48,15 @@ def markdown_lists() -> str:
     """The reference of the guide: a list for each section."""
     return "\n".join(
         f"### `{section.heading}`\n\n{section.purpose}\n\n"
-        + "".join(f"- `{_told(key)}` ({key.allowed}): {key.description}\n" for key in section.keys)
+        + "".join(f"- `{_told(key)}`{_range(key)}: {key.description}\n" for key in section.keys)
         for section in sections()
     )
+
+
+def _range(key: Key) -> str:
+    """What is allowed, where the default does not show it."""
+    shown = key.default in (None, msgspec.NODEFAULT) or key.allowed not in ("true or false", "text")
+    return f" ({key.allowed})" if shown else ""
 
 
 def _told(key: Key) -> str:

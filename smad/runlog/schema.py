@@ -237,11 +237,3 @@ def _make_plain(member: dict[str, Any]) -> None:
         member["type"] = "string"
     if member["type"] == "object":
         member["properties"] = {}
-
-
-def markdown_list() -> str:
-    """The channels in the guide: unit, where it comes from, what it is."""
-    return "".join(
-        f"- `{c.name}` ({f'{c.unit}, ' if c.unit else ''}{c.source}): {c.description}\n"
-        for c in CHANNELS.values()
-    )
