@@ -7,7 +7,6 @@ from statistics import median
 from typing import Any
 
 from evaluation.errors import QuizError
-from evaluation.plant.effects import BY_NAME
 from evaluation.score.intervals import wilson
 from smad.checkup.inquiry import Report
 from smad.checkup.programme import Programme
@@ -31,7 +30,7 @@ def told(answer: dict[str, Any], report: Report, spent_s: float, programme: Prog
         "outcome": verdict.outcome,
         "names": sorted(canonical(n) for n in names),
         "place": verdict.places[0].place if verdict.places else "",
-        "true_places": sorted({p for e in answer["effects"] for p in BY_NAME[e["name"]].places}),
+        "true_places": sorted({p for e in answer["effects"] for p in e["places"]}),
         "why_over": report.why_over,
         "further_runs": max(
             0,

@@ -15,7 +15,7 @@ from smad.checkup.inquiry import Record, Report
 from smad.checkup.store import SCHEMA, About
 from smad.diagnosis.verdict import CHECK_UP, PLACES, PlaceTold, Verdict
 
-ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True}]}
+ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True, "places": ["reading_rtd"]}]}
 VERDICT = Verdict(
     question=CHECK_UP, outcome=PLACES, headline="changed: reading of the RTD",
     places=[
@@ -131,7 +131,7 @@ def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True
         (ended("parameters"), "wrongly"),
         (ended("places"), "said to be unknown"),
         (ended("unplaced", listed=False), "rightly"),
-        (ended("places", "rtd_lag", truth="tube_wall_heat", listed=False), "wrongly"),
+        (ended("places", "rtd_lag", truth="stirring_coils", listed=False), "wrongly"),
     ],
 )
 def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: str) -> None:
