@@ -16,7 +16,7 @@ SIGNED = frozenset(
         "driver_gain", "rtd_offset", "force_offset", "force_gain", "ambient_drift",
         "convection_exponent", "stress_latent_heat", "rtd_current_pickup", "force_frame_warming",
         "pump_bourdon", "rtd_bow", "shaft_bending", "cell_span_drift", "hydrogen_uptake",
-        "water_hammer", "galvanic_clip",
+        "water_hammer", "galvanic_clip", "rtd_warmup",
     )
 )  # fmt: skip
 """Effects whose magnitude may be negative."""

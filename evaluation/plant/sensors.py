@@ -77,7 +77,7 @@ SPAN_DRIFT = slot("cell_span_drift")
 AMMETER_LAG = slot("ammeter_average")
 BATTERY = slot("tired_battery")
 GALVANIC = slot("galvanic_clip")
-OFF_COIL = slot("rtd_off_coil")
+WARMUP = slot("rtd_warmup")
 COUPLING = slot("coupling_creep")
 GUIDE_RUBS = slot("cell_guide_friction")
 
@@ -86,15 +86,14 @@ GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds
 
 
 @compiled
-def rtd(s: int, ambient: float, dt: float, p: Array, e: Array, cells: Array, side: Array) -> float:
+def rtd(
+    s: int, ambient: float, time: float, dt: float, p: Array, e: Array, cells: Array, side: Array
+) -> float:
     """Reading (°C) of the RTD tied to spring `s`, before the converter."""
     place = p[RTD_PLACE] * CELLS - 0.5
     i = min(max(math.floor(place), 0), CELLS - 2)
     part = min(max(place - i, 0.0), 1.0)
     seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
-    if e[s, OFF_COIL] > 0.0:
-        water = (1.0 - part) * cells[s, i, W] + part * cells[s, i + 1, W]
-        seen -= e[s, OFF_COIL] * (seen - water)
     if e[s, STEM_ERROR] > 0.0:
         side[s, STEM] = approach(side[s, STEM], 0.3 * seen + 0.7 * ambient, dt, 15.0)
         seen -= e[s, STEM_ERROR] * (seen - side[s, STEM])
@@ -106,6 +105,7 @@ def rtd(s: int, ambient: float, dt: float, p: Array, e: Array, cells: Array, sid
     reading = side[s, RTD_B]
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
     reading += e[s, PICKUP] * (side[s, AMPERE] + 0.2 * side[1 - s, AMPERE])
+    reading += e[s, WARMUP] * (1.0 - math.exp(-time / 25.0))
     if e[s, BOW] != 0.0:
         z = (reading - 27.0) / 30.0
         reading += 4.0 * e[s, BOW] * z * (1.0 - z)
@@ -194,7 +194,7 @@ def read(
         if e[s, GALVANIC] != 0.0:
             side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)
             out[2 + s] += e[s, GALVANIC] * side[s, CLIP] / 20.0
-        out[4 + s] = rtd(s, ambient, dt, p, e, cells, side)
+        out[4 + s] = rtd(s, ambient, pair[TIME], dt, p, e, cells, side)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
     ticks = 0.0

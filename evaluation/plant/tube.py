@@ -188,7 +188,7 @@ def remember(
             cell[COOLED_FROM] = cell[FRACTION]
         cell[FRACTION] = fraction
         if e[s, PRECIPITATION] > 0.0:
-            cell[PRECIPITATED] += dt * max(cell[T] - 38.0, 0.0) / 100.0
+            cell[PRECIPITATED] += dt * max(cell[T] - 38.0, 0.0) / 50.0
         moved_all += abs(moved) / CELLS
         mean += fraction / CELLS
         if e[s, R_PHASES] > 0.0 or e[s, RESISTIVITY] > 0.0:
