@@ -46,8 +46,9 @@ def _drawn(rng: np.random.Generator, name: str) -> Active:
     sign = -1.0 if name in SIGNED and rng.integers(2) else 1.0
     x_share, y_share, shape = 1.0, float(rng.uniform(0.6, 1.0)), float(rng.uniform())
     where = rng.uniform()
-    if BY_NAME[name].side != "both" and where < 2 * ONE_SIDED:
-        x_share, y_share = (1.0, 0.0) if where < ONE_SIDED else (0.0, 1.0)
+    alone = {"both": 0.0, "one": 0.5}.get(BY_NAME[name].side, ONE_SIDED)
+    if where < 2 * alone:
+        x_share, y_share = (1.0, 0.0) if where < alone else (0.0, 1.0)
     return Active(name, sign * BY_NAME[name].usual, y_share, shape, x_share)
 
 

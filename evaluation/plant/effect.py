@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 Kind = Literal["known", "dev", "spent", "sealed"]
-Side = Literal["each", "across", "both"]
-"""Acts on the spring whose magnitude it is, on the other one, or on what both share."""
+Side = Literal["each", "one", "across", "both"]
+"""Acts on the spring whose magnitude it is (`one`: banks give it to either, never to both), on the
+other one, or on what both share."""
 
 FLOW = "flow_before_pump flow_behind_pump"
 FORCE = "force_cell_on_x force_cell_on_y"

@@ -15,10 +15,8 @@ SIGNED = frozenset(
     (
         "driver_gain", "rtd_offset", "force_offset", "force_gain", "ambient_drift",
         "convection_exponent", "stress_latent_heat", "rtd_current_pickup", "force_frame_warming",
-        "pump_bourdon", "rtd_strain", "spool_buildup", "hose_slug", "clapeyron_bend",
-        "tendon_angle", "converter_carry", "neighbour_field", "tapered_drum", "pump_ground_lift",
-        "rtd_wandering", "range_switching", "pwm_counts", "rtd_bow", "shaft_bending",
-        "cell_span_drift", "hydrogen_uptake", "water_hammer",
+        "pump_bourdon", "rtd_bow", "shaft_bending", "cell_span_drift", "hydrogen_uptake",
+        "water_hammer", "galvanic_clip", "rtd_warmup",
     )
 )  # fmt: skip
 """Effects whose magnitude may be negative."""
@@ -53,7 +51,7 @@ class Active:
         acts = BY_NAME[self.name].side
         if acts == "both" or (self.x_share and self.y_share):
             return "both"
-        return "x" if (self.y_share == 0.0) == (acts == "each") else "y"
+        return "x" if (self.y_share == 0.0) == (acts != "across") else "y"
 
 
 def magnitudes(active: tuple[Active, ...] = ()) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
-from evaluation.plant.drive import current, flows, stray
+from evaluation.plant.drive import current, flows
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
@@ -31,11 +31,8 @@ from evaluation.plant.layout import (
     INLET,
     LUCK_X,
     OHM,
-    OUTLET,
     PAIR_WIDTH,
-    PLATE,
     PLAY,
-    RELAXING,
     RING_DUTY_X,
     RING_FORCE,
     RING_LENGTH,
@@ -45,10 +42,8 @@ from evaluation.plant.layout import (
     RTD_B,
     SIDE_WIDTH,
     STEM,
-    STRAYED,
     TIME,
     TURNED,
-    WALL,
     WET,
     T,
     W,
@@ -100,7 +95,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     cells, side, pair = state.cells, state.side, state.pair
     cells[:, :, T] = water_degC
     cells[:, :, W] = water_degC
-    cells[:, :, WALL] = water_degC
     cells[:, :, WET] = 1.0
     cells[:, :, FRACTION] = 1.0
     cells[:, :, HEATED_FROM] = 1.0
@@ -111,9 +105,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
-    side[:, OUTLET] = water_degC
-    side[:, PLATE] = ambient_degC
-    side[:, RELAXING] = 0.5 * bench.span_m
     side[:, GRIP] = 0.5 * bench.span_m
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
     quiet = np.zeros(8)
@@ -154,10 +145,9 @@ def tick(
         air += e[0, AMBIENT_DRIFT] * math.sin(math.pi * pair[TIME] / DRAUGHT_S)
     heat_x = side[0, AMPERE] ** 2 * side[0, OHM]
     heat_y = side[1, AMPERE] ** 2 * side[1, OHM]
-    flows(p, e, cells, side, pair, ring, inlet, heat_x, heat_y, dt)
-    stray(e, side)
+    flows(p, e, side, pair, ring, heat_x, heat_y, dt)
     for s in range(2):
-        amperes = current(s, u[I_X + s], p, e, side, pair[TIME], dt) - side[s, STRAYED]
+        amperes = current(s, u[I_X + s], p, e, side, pair[TIME], dt)
         stress = wire_stress(s, p, e, cells, side, pair)
         tube(
             s,

@@ -29,9 +29,8 @@ Array = NDArray[np.float64]
     SHIFT_HEAT,
     SHIFT_COOL,
     LATENT,
-    HEAT_SHARE,
     ROW_WIDTH,
-) = range(11)
+) = range(10)
 """Columns of the per-cell coefficients that hold over one tick."""
 
 TOLERANCE_K = 0.01
@@ -49,7 +48,6 @@ def solve(
     flow: float,
     mix: float,
     inlet: float,
-    outlet: float,
     ambient: float,
     h: float,
     p: Array,
@@ -63,8 +61,6 @@ def solve(
         for k in range(PLAYS):
             fraction += _WEIGHT[k] * start[i, PLAY + k]
         work[i, 6] = fraction
-    forward = max(flow, 0.0)
-    backward = max(-flow, 0.0)
     for _ in range(NEWTON_STEPS):
         moved = 0.0
         for i in range(CELLS):
@@ -74,7 +70,7 @@ def solve(
             )
             gain = row[LATENT] / h
             film = row[FILM]
-            own = wire_heat * row[HEAT_SHARE] / h
+            own = wire_heat / h
             denominator = own + film + row[TO_CLAMP] - gain * slope
             base = (
                 own * start[i, T]
@@ -84,8 +80,8 @@ def solve(
             )
             work[i, 1] = base / denominator
             work[i, 2] = film / denominator
-            lower = forward + mix if i > 0 else forward
-            upper = backward + mix if i < CELLS - 1 else backward
+            lower = flow + mix if i > 0 else flow
+            upper = mix if i < CELLS - 1 else 0.0
             diagonal = row[WATER_HEAT] / h + film * (1.0 - work[i, 2]) + row[LOSS] + lower + upper
             right = (
                 row[WATER_HEAT] / h * start[i, W]
@@ -94,12 +90,10 @@ def solve(
                 + row[LOSS] * ambient
             )
             if i == 0:
-                right += forward * inlet
+                right += flow * inlet
                 work[0, 3] = upper / diagonal
                 work[0, 4] = right / diagonal
             else:
-                if i == CELLS - 1:
-                    right += backward * outlet
                 pivot = diagonal - lower * work[i - 1, 3]
                 work[i, 3] = upper / pivot
                 work[i, 4] = (right + lower * work[i - 1, 4]) / pivot
@@ -128,7 +122,6 @@ def advance(
     flow: float,
     mix: float,
     inlet: float,
-    outlet: float,
     ambient: float,
     dt: float,
     p: Array,
@@ -143,7 +136,7 @@ def advance(
     end = scratch[2]
     work = scratch[3]
     if unchecked > 0:
-        solve(cells, rows, wire_heat, flow, mix, inlet, outlet, ambient, dt, p, whole, work)
+        solve(cells, rows, wire_heat, flow, mix, inlet, ambient, dt, p, whole, work)
         for i in range(CELLS):
             cells[i, T] = whole[i, T]
             cells[i, W] = whole[i, W]
@@ -156,9 +149,9 @@ def advance(
     smallest = dt / 2**MOST_HALVINGS
     while left > 1e-12:
         h = min(h, left)
-        solve(cells, rows, wire_heat, flow, mix, inlet, outlet, ambient, h, p, whole, work)
-        solve(cells, rows, wire_heat, flow, mix, inlet, outlet, ambient, 0.5 * h, p, half, work)
-        solve(half, rows, wire_heat, flow, mix, inlet, outlet, ambient, 0.5 * h, p, end, work)
+        solve(cells, rows, wire_heat, flow, mix, inlet, ambient, h, p, whole, work)
+        solve(cells, rows, wire_heat, flow, mix, inlet, ambient, 0.5 * h, p, half, work)
+        solve(half, rows, wire_heat, flow, mix, inlet, ambient, 0.5 * h, p, end, work)
         error = 0.0
         for i in range(CELLS):
             error = max(error, abs(end[i, T] - whole[i, T]))

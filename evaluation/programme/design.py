@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smad.checkup.design import Separations, design
+from evaluation.programme.separations import Separations, design
 from smad.checkup.programme import write_programme
 from smad.diagnosis.spring_pair import SmaPlant
 

@@ -10,8 +10,8 @@ from evaluation.errors import QuizError
 from evaluation.score.intervals import wilson
 from smad.checkup.inquiry import Report
 from smad.checkup.programme import Programme
-from smad.checkup.verdict import CAUSE, GROUP, QUIET, UNKNOWN
 from smad.diagnosis.bank.names import canonical
+from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED
 from smad.report.page import Table
 
 End = dict[str, Any]
@@ -22,15 +22,15 @@ def told(answer: dict[str, Any], report: Report, spent_s: float, programme: Prog
     """What an investigation concluded, beside the answer."""
     assert report.verdict is not None
     verdict = report.verdict
-    names = list(verdict.group) if verdict.outcome == GROUP else []
-    if verdict.outcome == CAUSE:
-        names = list(verdict.likely[0].names)
+    names = {p.name for p in verdict.places if p.name}
     return {
         "seed": answer["seed"],
         "effects": [canonical(e["name"]) for e in answer["effects"]],
         "listed": all(e["listed"] for e in answer["effects"]),
         "outcome": verdict.outcome,
         "names": sorted(canonical(n) for n in names),
+        "place": verdict.places[0].place if verdict.places else "",
+        "true_places": sorted({p for e in answer["effects"] for p in e["places"]}),
         "why_over": report.why_over,
         "further_runs": max(
             0,
@@ -46,23 +46,29 @@ _ENDS = {
     "wrongly": "settled wrongly",
     "not noticed": "not noticed",
     "said to be unknown": "called unknown",
-    "not settled": "not settled",
 }
 """How an investigation may end, and the head of its column."""
 
 
 def mark(case: End) -> str:
     """How an investigation ended, one of `_ENDS`; an effect of no list is rightly unknown."""
-    if case["outcome"] == GROUP:
-        return "not settled"
-    if case["outcome"] == UNKNOWN:
-        return "said to be unknown" if case["listed"] else "rightly"
     if case["outcome"] == QUIET:
         return "not noticed"
-    if case["outcome"] != CAUSE or not case["listed"]:
+    if case["outcome"] in (PLACES, UNPLACED) and not case["names"]:
+        return "said to be unknown" if case["listed"] else "rightly"
+    if case["outcome"] != PLACES or not case["listed"]:
         return "wrongly"
     truth, said = set(case["effects"]), set(case["names"])
     return "rightly" if said == truth else "with a wrong name" if truth & said else "wrongly"
+
+
+def placed(case: End) -> str:
+    """How it ended as to the place, one of `_ENDS`."""
+    if case["outcome"] == QUIET:
+        return "not noticed"
+    if not case["place"]:
+        return "wrongly" if case["outcome"] == PARAMETERS else "said to be unknown"
+    return "rightly" if case["place"] in case["true_places"] else "wrongly"
 
 
 def run(seeds: Sequence[int], out: Path, investigated: Callable[[int], End]) -> None:
@@ -100,12 +106,12 @@ def table(cases: Sequence[End]) -> Table:
     listed = [c for c in cases if c["listed"]]
     other = [c for c in cases if not c["listed"]]
     for title, own in (("in the library", listed), ("not in it", other), ("all", cases)):
-        if not own:
-            continue
-        ends = [mark(c) for c in own]
-        shares = (_share(ends.count(end), len(own)) for end in _ENDS)
         took = [c["minutes"] for c in own]
-        rows.append((title, str(len(own)), *shares, f"{median(took):.1f} ({max(took):.1f})"))
+        minutes = f"{median(took):.1f} ({max(took):.1f})"
+        for what, how in (("name", mark), ("place", placed)) if own else ():
+            ends = [how(c) for c in own]
+            shares = (_share(ends.count(end), len(own)) for end in _ENDS)
+            rows.append((f"{title}: {what}", str(len(own)), *shares, minutes))
     head = (
         "the trouble", "simulated benches", *_ENDS.values(), "minutes of bench time, median (most)"
     )  # fmt: skip

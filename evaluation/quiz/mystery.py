@@ -71,6 +71,7 @@ class Riddle:
                 {
                     "name": a.name,
                     "listed": BY_NAME[a.name].kind == "known",
+                    "places": BY_NAME[a.name].places,
                     "subsystem": BY_NAME[a.name].subsystem,
                     "magnitude": a.magnitude,
                     "unit": BY_NAME[a.name].unit,

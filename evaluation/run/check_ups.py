@@ -16,16 +16,16 @@ import numpy as np
 
 from evaluation.errors import BankError
 from evaluation.score.openings import refuse_sealed
-from smad.checkup.commission import asked, commissioned
-from smad.checkup.constants import shipped_constants
+from smad.checkup.commission import commissioned
 from smad.checkup.files import read_file
-from smad.checkup.judge import Findings
-from smad.checkup.paired.difference import Paired, paired
+from smad.checkup.judge import judged
+from smad.checkup.paired.difference import Paired
 from smad.checkup.paired.reference import Reference
-from smad.checkup.verdict import QUIET, Verdict, decide
 from smad.diagnosis.bank.names import canonical
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.names import best_entry
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.verdict import PLACES, QUIET, Verdict
 
 Recordings = list[tuple[GapRun, str]]
 """The runs of a case, each with its name."""
@@ -107,7 +107,7 @@ def _judged_bench(
     bank: Path, bench: str, repeats: int | None, key: Path | None
 ) -> tuple[str, dict[str, float], dict[str, Any]]:
     """The floors of a bench, and the verdicts of its cases."""
-    plant, constants = SmaPlant(), shipped_constants()
+    plant = SmaPlant()
     entries = single_entries(key, plant) if key is not None else {}
     manifest = manifest_of(bank)
     floors: dict[str, float] = {}
@@ -116,19 +116,16 @@ def _judged_bench(
     for _, reference, cases in of_bench:
         for case, runs in cases:
             began = time.process_time()
-            pairs = paired(plant, reference, runs)
-            floors = floors or _floors(pairs)
-            findings, located = asked(pairs, constants)
-            found = decide(pairs, findings, constants, located)
-            told = as_told(found, time.process_time() - began)
-            told["baselines"] = baselines(pairs, findings, case)
-            if case in entries and found.outcome != QUIET:
+            found = judged(plant, reference, runs)
+            told = as_told(found.verdict, time.process_time() - began)
+            floors = floors or _floors(found.pairs)
+            told["baselines"] = baselines(found.pairs, case)
+            if case in entries and found.verdict.outcome != QUIET:
                 cause, names = entries[case]
-                findings, located = asked(pairs, constants, names)
-                less = decide(pairs, findings, constants, located)
-                told["left_out"] = {cause: _short(less)}
+                less = judged(plant, reference, runs, exclude=names)
+                told["left_out"] = {cause: _short(less.verdict)}
             verdicts[case] = told
-            print(f"{case} {bench} {found.ratio:.2f} {found.left:.2f} {found.headline}", flush=True)
+            print(f"{case} {bench} {found.verdict.headline}", flush=True)
     return bench, floors, verdicts
 
 
@@ -153,7 +150,7 @@ def single_entries(key: Path, plant: SmaPlant) -> dict[str, tuple[str, list[str]
     }
 
 
-def baselines(pairs: Paired, findings: Findings, case: str) -> dict[str, Any]:
+def baselines(pairs: Paired, case: str) -> dict[str, Any]:
     """What simpler rules say: `match`, `bic` and `random`. None of them knows unknown.
 
     `match` is the signature most like the difference in floors, days, correlation and form left
@@ -173,19 +170,13 @@ def baselines(pairs: Paired, findings: Findings, case: str) -> dict[str, Any]:
         size = float(rows @ rows)
         match = max(float(rows @ floors), 0.0) ** 2 / size if size > 0.0 else 0.0
         like[atom.entry] = max(like.get(atom.entry, 0.0), match)
-    penalty = np.log(findings.count)
-    bic = {s.names[0]: s.gain - penalty * len(s.coordinates) for s in findings.singles}
-    names = sorted(like)
-    chance = random.Random(case).choice(names)
-    best = max(bic, key=lambda n: bic[n], default="")
+    best = best_entry(pairs, pairs.reference.atoms, pairs.signatures, pairs.plant.effects, pairs.z)
+    penalty = float(np.log(pairs.white.count))
+    speaks = best is not None and best.gain > penalty * len(best.coordinates)
     return {
-        "match": {"outcome": "places", "names": [max(like, key=lambda n: like[n])]},
-        "bic": (
-            {"outcome": "places", "names": [best]}
-            if best and bic[best] > 0.0
-            else {"outcome": "quiet", "names": []}
-        ),
-        "random": {"outcome": "places", "names": [chance]},
+        "match": {"outcome": PLACES, "names": [max(like, key=lambda n: like[n])]},
+        "bic": {"outcome": PLACES if speaks else QUIET, "names": list(best.names) if best else []},
+        "random": {"outcome": PLACES, "names": [random.Random(case).choice(sorted(like))]},
     }
 
 

@@ -18,6 +18,7 @@ from smad.diagnosis.bank.names import canonical
 
 CHECK_UP, CHANGED, DIFFERS = "check-up", "changed", "differs"
 STRENGTHS = (1.0, 3.0, 10.0)
+_LITTLE = 0.2
 SILENT = frozenset(("quiet", "parameters", "refused", "contradicting"))
 """Outcomes that do not say where the bench has changed."""
 
@@ -90,13 +91,14 @@ class Whole(msgspec.Struct, frozen=True):
 
     parameters: float
     places: list[float] = []
-    laws: float | None = None
 
     @property
-    def gone(self) -> float:
-        """Share of what is above the floor that goes with the laws."""
-        after = self.laws if self.laws is not None else (self.places or [self.parameters])[-1]
-        above = max(self.parameters**2 - 1.0, 1e-9)
+    def gone(self) -> float | None:
+        """Share of what is above the floor that goes with the laws; None where little is above."""
+        after = (self.places or [self.parameters])[-1]
+        above = self.parameters**2 - 1.0
+        if above < _LITTLE:
+            return None
         return min(max((self.parameters**2 - after**2) / above, -1.0), 1.0)
 
 

@@ -64,7 +64,9 @@ _SHARED = ("force_cell", "inlet_water", "ambient_air", "reading_inlet", "reading
 
 
 def _gone(pairs: Sequence[Pair]) -> list[float]:
-    return [p.said.whole.gone for p in pairs if p.said.whole is not None]
+    """Of cases whose gap is above the floor, what goes with the laws."""
+    found = (p.said.whole.gone for p in pairs if p.said.whole is not None)
+    return [x for x in found if x is not None]
 
 
 def _both_places(p: Pair) -> bool:

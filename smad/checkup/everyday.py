@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from smad.checkup.commission import commissioned, judged
+from smad.checkup.commission import commissioned
 from smad.checkup.files import Found, match
+from smad.checkup.judge import judged
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.verdict import Repeated

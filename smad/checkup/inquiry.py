@@ -12,17 +12,19 @@ from pathlib import Path
 
 import msgspec
 
-from smad.checkup.commission import Judged, SavablePlant, judged, save_found
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
 from smad.checkup.investigate import Proposal, propose, unpaired_offers
+from smad.checkup.judge import Judged, SavablePlant, judged, save_found
 from smad.checkup.paired.difference import paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, keep, write_whole
-from smad.checkup.verdict import Share, Verdict, budget_of
+from smad.checkup.told import budget_of
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.gap import change_of
+from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.verdict import SignalGap, Verdict
 
 REST_S = 60.0
 """What the rest before a run takes at least, until one has been measured."""
@@ -52,7 +54,7 @@ class Report(msgspec.Struct, frozen=True):
     records: list[Record]
     why_over: str = ""
     verdict: Verdict | None = None
-    proof: list[Share] = []
+    proof: list[SignalGap] = []
     offers: dict[str, float] = {}
     model: str = ""
 
@@ -168,8 +170,9 @@ class Inquiry:
             if report.records[-1].ended:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
-        pairs = paired(self.plant, self.reference, runs)
-        shares, whole = budget_of(pairs, {}, change_of(pairs, found.model))
+        pairs = paired(with_places(self.plant), self.reference, runs)
+        change = change_of(pairs, found.model)
+        shares, whole = budget_of(pairs, [change] if change is not None else [])
         return msgspec.structs.replace(report, proof=[*shares, whole])
 
     def _with_model(self, report: Report, found: Judged) -> Report:

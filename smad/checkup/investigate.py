@@ -13,15 +13,15 @@ from itertools import combinations
 
 import numpy as np
 
-from smad.checkup.commission import Judged
+from smad.checkup.judge import Judged
 from smad.checkup.paired.difference import SHARE, Paired, rows_of
 from smad.checkup.programme import Programme
-from smad.checkup.verdict import PARAMETERS, QUIET
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.numerics.white import RunRows, Shrink
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.search.locate import Alternative
+from smad.diagnosis.verdict import PARAMETERS, QUIET
 
 _WATER_DEGC = 27.0
 

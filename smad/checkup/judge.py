@@ -1,133 +1,162 @@
-"""From a paired residual to hypotheses: entries that are screened, refined, and grow into sets.
+"""What is new with the same inputs: now − then.
 
-Every hypothesis is a fit in white space. Entries are screened by their stored signatures, the best
-are refined by replay, and sets grow from the best by forward steps.
+Asked in the order of the other questions: whether anything stands out of the repeat floor, whether
+other values of the parameters explain it, then places, laws and names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
-from smad.checkup.constants import Constants
-from smad.checkup.evidence import Products, products
-from smad.checkup.paired.difference import Paired
-from smad.diagnosis.gap import white_change
-from smad.diagnosis.plant import Array, Effect, Mask
-from smad.diagnosis.search.names import Entry, best_entry, score, screened
-from smad.diagnosis.search.refine import Refined, refine
-from smad.diagnosis.search.screen import Screened
+from smad.checkup.paired.difference import SHARE, Paired, paired
+from smad.checkup.paired.reference import Reference
+from smad.checkup.told import verdict_of
+from smad.diagnosis.constants import Constants, shipped
+from smad.diagnosis.model_file import SavesModel, write_model
+from smad.diagnosis.numerics.folds import FoldRows
+from smad.diagnosis.numerics.threads import repeatable
+from smad.diagnosis.numerics.white import Shrink
+from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.places.responses import responses
+from smad.diagnosis.plant import ModelPoint, PlantModel, Uncertainty
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.contrast import with_priors
+from smad.diagnosis.search.locate import Alternative, Located, locate
+from smad.diagnosis.search.names import Naming, best_entry
+from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED, Verdict
 
-_REFINED = 6
-_REFINED_FURTHER = 2
-MOST_CAUSES = 3
-_LEAST_SLOPE = 1e-9
 
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What a check-up found before it is told.
 
-@dataclass(frozen=True)
-class Findings:
-    """What a check-up found, in white space.
-
-    `ratio` is the mean square of all rows, `by_channel` and `by_run` of parts, 1 on a bench without
-    a change. `singles` are the refined entries, best first; `sets` grow from the first of them, one
-    entry more at a time. `products` holds what the evidence for all of these follows from.
+    `gain` is what the best law of a place takes of runs left out, `parameters` what other values of
+    the parameters take, in squares of rows; `ratio` the mean square of a row. `beside_parameters`
+    is what rows keep with parameters open within their priors, and what that freedom costs: twice
+    the log of the volume that it adds to theirs of one day to the next.
     """
 
-    count: int
+    located: Located
+    gain: float
+    parameters: float
     ratio: float
-    by_channel: Array
-    by_run: Array
-    singles: tuple[Refined, ...]
-    sets: tuple[Refined, ...]
-    products: Products
+    beside_parameters: float
+
+    def outcome(self, c: Constants) -> str:
+        """Quiet, parameters, places, or changed without a place, by the rule of `Constants`."""
+        quiet = max(self.gain, self.parameters) < c.quiet_gain and self.ratio < c.quiet_ratio
+        if quiet:
+            return QUIET
+        trusted = self.located.left + c.slopes_trusted * self.parameters
+        enough = not self.located.told or self.beside_parameters <= trusted
+        if self.parameters >= c.quiet_gain and enough:
+            return PARAMETERS
+        return PLACES if self.located.told else UNPLACED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A verdict with what it rests on: the pairs, and the places with their laws."""
+
+    pairs: Paired
+    verdict: Verdict
+    found: Found
 
     @property
-    def fits(self) -> tuple[Refined, ...]:
-        """Singles and sets, as `products` has them."""
-        return (*self.singles, *self.sets)
+    def located(self) -> Located:
+        """Places and laws; told only where the outcome is places."""
+        return self.found.located
+
+    @property
+    def model(self) -> ModelPoint:
+        """The reference model with what was found: named effects, and laws without a name."""
+        point, own = self.pairs.point, self.located
+        if self.verdict.outcome != PLACES:
+            return point
+        return ModelPoint(point.theta, {**point.effects, **own.effects}, own.own)
+
+    @property
+    def has_model(self) -> bool:
+        """Whether anything was found that a model can carry."""
+        return self.model != self.pairs.point
+
+    @property
+    def alternatives(self) -> tuple[Alternative, ...]:
+        """Places between which these runs do not decide, with their laws."""
+        return self.located.alternatives if self.verdict.outcome == PLACES else ()
+
+    @property
+    def variance(self) -> float:
+        """Variance of a white row beside the places told; 1 at least."""
+        return max(self.located.left / max(self.located.rows.count, 1), 1.0)
+
+    @property
+    def uncertainty(self) -> Uncertainty | None:
+        """The covariance of the laws of `model`; None where it has none."""
+        return self.located.uncertainty if self.verdict.outcome == PLACES else None
 
 
-def examine(
-    paired: Paired,
+class SavablePlant(PlantModel, SavesModel, Protocol):
+    """A plant that can write a model file."""
+
+
+def save_found(plant: SavesModel, found: Judged, path: Path) -> None:
+    """Writes the model that a check-up found, with the covariance of its laws."""
+    write_model(plant, found.model, found.uncertainty, path, found.verdict.headline)
+
+
+@repeatable
+def judged(
+    plant: PlantModel,
+    reference: Reference,
+    runs: Sequence[tuple[GapRun, str]],
+    *,
+    constants: Constants | None = None,
+    exclude: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda text: None,
+) -> Judged:
+    """The verdict over runs of now, each with the name of the good run that it repeats.
+
+    Effects of `exclude` are not asked. Raises PairingError for inputs that differ too much.
+    """
+    constants = constants or shipped()
+    pairs = paired(with_places(plant), reference, runs)
+    found = examined(pairs, constants, exclude, progress)
+    return Judged(pairs=pairs, verdict=verdict_of(
+        pairs, found.located, found.outcome(constants), constants.quiet_gain
+    ), found=found)  # fmt: skip
+
+
+def examined(
+    pairs: Paired,
     constants: Constants,
     exclude: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
-) -> Findings:
-    """Everything that the rule needs. Entries named in `exclude` are not asked."""
-    z, white = paired.z, paired.white
-    good = white.valid
-    S = paired.signatures
-    found = _screened(paired, S @ S.T, S @ z, exclude)
-    progress("refining the best")
-    singles = _refined_singles(paired, found, z)
-    sets = _grown(paired, constants, singles, exclude)
-    return Findings(
-        white.count,
-        float(z @ z) / max(white.count, 1),
-        _ratios(z, good, white.channel_of_row(), len(paired.plant.channels)),
-        _ratios(z, good, white.run_of_row(), len(paired.pairs)),
-        tuple(singles),
-        tuple(sets),
-        products(paired, singles, sets, constants),
+) -> Found:
+    """Everything that the rule needs of a check-up."""
+    plant, reference = pairs.plant, pairs.reference
+    played = [r.played for r in reference.runs]
+    progress("where it lies")
+    responded = responses(plant, reference.point, played, known=reference.responses)
+    naming = Naming(
+        tuple(e for e in plant.effects if e.name not in exclude),
+        lambda effects, z: best_entry(pairs, reference.atoms, pairs.signatures, effects, z),
     )
-
-
-def _ratios(z: Array, good: Mask, group: Array, size: int) -> Array:
-    total = np.bincount(group[good], z[good] ** 2, minlength=size)
-    return np.asarray(total / np.maximum(np.bincount(group[good], minlength=size), 1))
-
-
-def _screened(paired: Paired, G: Array, b: Array, exclude: Sequence[str]) -> list[Screened]:
-    effects = [e for e in paired.plant.effects if e.name not in exclude]
-    return screened(effects, paired.reference.atoms, G, b)
-
-
-def entry_of(paired: Paired, effects: Sequence[Effect], z: Array) -> Entry | None:
-    """The one of these effects that takes most of the white rows `z`, refined by replay."""
-    return best_entry(paired, paired.reference.atoms, paired.signatures, effects, z)
-
-
-def _refined_singles(paired: Paired, entries: Sequence[Screened], z: Array) -> list[Refined]:
-    out = []
-    for s in entries[:_REFINED]:
-        found = refine([s.effect], {s.effect.name: s.values}, z, partial(white_change, paired))
-        if found is not None:
-            out.append(found)
-    return sorted(out, key=lambda r: -score(r))
-
-
-def _grown(
-    paired: Paired, constants: Constants, singles: Sequence[Refined], exclude: Sequence[str]
-) -> list[Refined]:
-    """Sets that grow from the best single entry.
-
-    Beside an entry that is not worth a name itself none is sought.
-    """
-    if not singles or score(singles[0]) <= constants.quiet_gain:
-        return []
-    sets: list[Refined] = []
-    now: Refined | None = singles[0]
-    while now is not None and len(now.names) < MOST_CAUSES:
-        now = _further(paired, now, exclude)
-        if now is not None:
-            sets.append(now)
-    return sets
-
-
-def _further(paired: Paired, now: Refined, exclude: Sequence[str]) -> Refined | None:
-    """The best set of one entry more, found beside what this one leaves once it is free."""
-    z = paired.z
-    free = now.slopes[np.einsum("ij,ij->i", now.slopes, now.slopes) > _LEAST_SLOPE]
-    Q = np.linalg.qr(free.T)[0].T if len(free) else np.zeros((0, len(z)))
-    left, S = z - now.change, paired.signatures
-    beside, T = left - Q.T @ (Q @ left), S - (S @ Q.T) @ Q
-    found = [
-        refine([*now.effects, s.effect], {**now.values, s.effect.name: s.values}, z,
-               partial(white_change, paired), rounds=2)
-        for s in _screened(paired, T @ T.T, T @ beside, (*now.names, *exclude))[:_REFINED_FURTHER]
-    ]  # fmt: skip
-    better = [f for f in found if f is not None and score(f) > score(now)]
-    return max(better, key=score, default=None)
+    located = locate(pairs, plant, responded, naming, constants=constants)
+    kept = pairs.fold >= 0
+    own = FoldRows(pairs.untied, pairs.slopes.astype(np.float32), pairs.fold)
+    taken = with_priors(own.products(np.arange(len(pairs.slopes))), np.unique(pairs.fold[kept]))
+    opened = Shrink(pairs.slopes)(pairs.untied[None])[0][kept]
+    squares = np.linalg.eigvalsh(pairs.slopes @ pairs.slopes.T).clip(0.0)
+    freedom = float(np.sum(np.log1p(squares) - np.log1p(SHARE**2 * squares)))
+    best = located.where.ranked[0].share if located.where.ranked else 0.0
+    return Found(
+        located=located, gain=best * located.where.size, parameters=taken,
+        ratio=float(pairs.z @ pairs.z) / max(pairs.white.count, 1),
+        beside_parameters=float(opened @ opened) + freedom,
+    )  # fmt: skip

@@ -25,12 +25,11 @@ from smad.checkup.series import unlink_quietly
 from smad.diagnosis.data.played import Atom, Played
 from smad.diagnosis.data.rows import Binned
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
-SCHEMA = 3
+SCHEMA = 4
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes", "signatures")
@@ -108,8 +107,7 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
         arrays |= {f"{k}.first.{n}": getattr(x.inputs, n) for n in _FIRST}
-        if r.responses:
-            arrays[f"{k}.responses"] = r.responses[k]
+        arrays[f"{k}.responses"] = r.responses[k]
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
@@ -199,11 +197,9 @@ def _placed(
     folder: Path,
 ) -> tuple[np.ndarray, ...]:
     """The responses of the places. Raises BaselineError where they are not those of this plant."""
-    if not isinstance(plant, Forceable):
-        return ()
     try:
         known = [arrays[f"{k}.responses"] for k in range(len(runs))]
-        return responses(plant, point, [r.played for r in runs], known=known).runs
+        return responses(with_places(plant), point, [r.played for r in runs], known=known).runs
     except (KeyError, ValueError) as error:
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {error}", action=_ANEW) from error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -12,8 +13,8 @@ import click
 if TYPE_CHECKING:
     from smad.checkup.programme import Programme
     from smad.checkup.series import Play
-    from smad.checkup.verdict import Verdict
     from smad.diagnosis.spring_pair import SmaPlant
+    from smad.diagnosis.verdict import Verdict
 
 
 def require_same(
@@ -80,9 +81,10 @@ def say(text: str) -> None:
 
 
 def print_verdict(verdict: Verdict) -> None:
-    from smad.checkup.verdict import lines
+    from smad.diagnosis.report.words import lines
 
     headline, *rest = lines(verdict)
+    width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
-        click.echo(text)
+        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))

@@ -23,8 +23,8 @@ from smad.cli.baselines import (
 from smad.cli.output import axis_option, progress
 
 if TYPE_CHECKING:
-    from smad.checkup.commission import Judged
     from smad.checkup.files import Found
+    from smad.checkup.judge import Judged
     from smad.checkup.programme import Programme
     from smad.checkup.series import Play
     from smad.checkup.store import Baseline
@@ -158,8 +158,6 @@ def checkup(
     columns' names. Runs are paired by their inputs, and by name where several fit. A good run that
     a stop cut is told of and left out.
     """
-    import msgspec
-
     if (folder is None) == (good is None):
         raise click.UsageError("give --baseline, or --good and --now")
     if good is not None and now is None:
@@ -179,17 +177,17 @@ def checkup(
     if json_path is not None:
         from smad.checkup.series import write_whole
 
-        write_whole(json_path, msgspec.json.format(msgspec.json.encode(verdict), indent=1))
+        write_whole(json_path, verdict.to_json())
         click.echo(f"written: {json_path}", err=True)
     if page_path is not None:
         from smad.checkup.page import checkup_page
         from smad.report.page import write_page
 
-        facts = [("baseline", str(folder or good)), ("repeats", str(verdict.repeats))]
+        facts = [("baseline", str(folder or good)), ("repeats", str(found.pairs.reference.repeats))]
         write_page(checkup_page(found, facts), page_path)
         click.echo(f"written: {page_path}", err=True)
     if model_path is not None:
-        from smad.checkup.commission import save_found
+        from smad.checkup.judge import save_found
 
         save_found(new_plant(), found, model_path)
         click.echo(f"written: {model_path}", err=True)
@@ -222,9 +220,9 @@ def _of_baseline(
     seed: int,
     bench: str,
 ) -> Judged:
-    from smad.checkup.commission import judged
     from smad.checkup.errors import BaselineError
     from smad.checkup.files import read_folder
+    from smad.checkup.judge import judged
     from smad.checkup.series import folder_for, play_series, read_state
     from smad.checkup.store import load
 

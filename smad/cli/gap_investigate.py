@@ -84,8 +84,9 @@ def _over(path: Path) -> bool:
 
 
 def _print(report: Report, folder: Path, spent_s: float) -> None:
-    from smad.checkup.verdict import budget_lines
     from smad.cli.baselines import print_verdict
+    from smad.diagnosis.report.words import budget_lines
+    from smad.diagnosis.verdict import CHECK_UP
 
     assert report.verdict is not None
     print_verdict(report.verdict)
@@ -97,7 +98,7 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
         )
     if report.proof:
         click.echo("held out, with the model from the runs before:")
-        for text in budget_lines(report.proof, laws=True):
+        for text in budget_lines(report.proof, CHECK_UP):
             click.echo(text)
     if report.model:
         click.echo(f"model: {report.model}")
@@ -106,10 +107,10 @@ def _print(report: Report, folder: Path, spent_s: float) -> None:
 
 def proposal(folder: Path, now: Path | None) -> Proposal:
     """What an investigation would play next, from the newest check-up or investigation."""
-    from smad.checkup.commission import judged
     from smad.checkup.errors import BaselineError
     from smad.checkup.files import read_folder
     from smad.checkup.investigate import propose
+    from smad.checkup.judge import judged
     from smad.checkup.store import load
     from smad.diagnosis.constants import shipped
 

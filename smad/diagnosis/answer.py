@@ -20,9 +20,9 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Mask, ModelPoint, Uncertainty
 from smad.diagnosis.search.contrast import apart
 from smad.diagnosis.search.listed import Listed
-from smad.diagnosis.search.locate import Named
-from smad.diagnosis.search.told import Teller, best_of_places, side_words
-from smad.diagnosis.search.where import Fits, Scored
+from smad.diagnosis.search.locate import name_told
+from smad.diagnosis.search.told import Teller, best_of_places, place_shares, unseen
+from smad.diagnosis.search.where import Fits
 from smad.diagnosis.simulator import Asked, Held
 from smad.diagnosis.verdict import (
     CHANGED,
@@ -32,7 +32,6 @@ from smad.diagnosis.verdict import (
     PLACES,
     QUIET,
     ParameterTold,
-    PlaceShare,
     PlaceTold,
     RunGap,
     SignalGap,
@@ -71,7 +70,7 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
     columns = [s.columns for s in best_of_places(held.where.ranked)[:_APART_SETS]]
     by_run = _by_run(asked, held.rows, held.gap.run_of_row, columns, gaps)
     odd = [r.run for r in by_run if r.contradicts]
-    places = _told(asked.plant, listing, held.named)
+    places = _told(asked.plant, listing)
     c = asked.constants
     if odd:
         outcome = CONTRADICTING
@@ -90,7 +89,9 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
             whole=whole,
             by_run=by_run,
             ranked=place_shares(asked.plant, held.where.ranked),
-            unseen=_unseen(asked.plant, held.rows, held.where.ranked, c.place_share),
+            unseen=unseen(
+                asked.plant, held.rows, held.where.ranked, c.place_share * held.rows.square
+            ),
         ),
     )  # fmt: skip
 
@@ -104,7 +105,7 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
     joint_run = found.joint.run_of_row - len(asked.good)
     by_run = _by_run(asked, rows, joint_run, columns, gaps)
     odd = [r.run for r in by_run if r.contradicts]
-    places = _told(asked.plant, listing, found.named)
+    places = _told(asked.plant, listing)
     outcome = found.outcome
     if odd and outcome == PLACES:
         outcome = CONTRADICTING
@@ -120,8 +121,9 @@ def answer_of_changed(asked: Asked, found: Changed) -> Answer:
             whole=whole,
             by_run=by_run,
             ranked=place_shares(asked.plant, found.contrast.ranked),
-            unseen=_unseen(
-                asked.plant, rows, found.contrast.ranked, asked.constants.changed_share
+            unseen=unseen(
+                asked.plant, rows, found.contrast.ranked,
+                asked.constants.changed_share * rows.square,
             ),
         ),
     )  # fmt: skip
@@ -157,7 +159,7 @@ def _judged_on(asked: Asked) -> str:
     return f"{asked.fit} runs, each by a model of the others"
 
 
-def _told(plant: PlacesPlant, listing: Listed, named: Sequence[Named]) -> list[PlaceTold]:
+def _told(plant: PlacesPlant, listing: Listed) -> list[PlaceTold]:
     """The places of the list with the coefficients that they have in the simulator."""
     n = len(plant.parameters)
     last, gap = listing.settled[-1], listing.settler.gap
@@ -166,11 +168,10 @@ def _told(plant: PlacesPlant, listing: Listed, named: Sequence[Named]) -> list[P
     covariance = unit / np.outer(scale, scale) if len(scale) else np.zeros((0, 0))
     own = Fits(last.columns, Fit(last.x[n:], covariance), ())
     teller = Teller(plant, gap, listing.settler.found, own)
-    by_step = {id(x.step): x for x in named}
     out = []
     for step, share in zip(listing.steps, listing.shares, strict=True):
         told = teller.told(step, share, in_simulator=True)
-        out.append(msgspec.structs.replace(told, **by_step[id(step)].name))
+        out.append(msgspec.structs.replace(told, **name_told(step)))
     return out
 
 
@@ -236,39 +237,6 @@ def _by_run(
                 contradicts=own >= asked.constants.apart_share,
             )
         )  # fmt: skip
-    return out
-
-
-def place_shares(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShare]:
-    """What each place alone takes, the best of its sides, best first."""
-    places = {p.name: p for p in plant.places}
-    return [
-        PlaceShare(
-            place=s.candidate.place, side=s.candidate.side, share=max(s.share, 0.0),
-            words=side_words(places[s.candidate.place], s.candidate.side),
-        )
-        for s in best_of_places(ranked)
-    ]  # fmt: skip
-
-
-def _unseen(
-    plant: PlacesPlant, rows: FoldRows, ranked: Sequence[Scored], share: float
-) -> list[str]:
-    """For each place the size of a constant law that these runs would have shown."""
-    places = {p.name: p for p in plant.places}
-    kept = rows.fold >= 0
-    need = share * rows.square
-    out = []
-    for s in sorted(best_of_places(ranked), key=lambda s: list(places).index(s.candidate.place)):
-        place = places[s.candidate.place]
-        a = rows.responses[s.candidate.groups[0]][:, kept].astype(np.float64).sum(axis=0)
-        square = float(a @ a)
-        if square <= 0.0:
-            out.append(f"{side_words(place, s.candidate.side)}: nothing, whatever its size")
-            continue
-        size = place.scale * np.sqrt(need / square)
-        text = f"{100 * size:.2g} %" if place.unit == "1" else f"{size:.2g} {place.unit}"
-        out.append(f"{side_words(place, s.candidate.side)}: less than {text}, always there")
     return out
 
 

@@ -18,12 +18,11 @@ from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import ModelPoint, traits_of
 from smad.diagnosis.search.contrast import Contrast, contrast, parameters_share
 from smad.diagnosis.search.listed import Listed, listed
-from smad.diagnosis.search.locate import Named, named_steps
-from smad.diagnosis.search.names import Library
+from smad.diagnosis.search.names import Library, Naming
 from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.simulator import Asked, cannot_replay, held_against
-from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET
+from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED
 
 _TIE = 0.3
 """How far parameters of a bench may have moved since its good runs, in prior deviations."""
@@ -33,7 +32,7 @@ _DAY = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Changed:
-    """What is new: `outcome`, the contrast and names, and the list proven in the simulator.
+    """What is new: `outcome`, the contrast with names, and the list proven in the simulator.
 
     `joint` is the gap of good runs and runs in question together, `rows` those that the laws in
     question were fitted to. `parameters` is the share of the rows in question that other values of
@@ -45,7 +44,6 @@ class Changed:
     joint: Residual
     rows: FoldRows
     parameters: float
-    named: tuple[Named, ...]
     listed: Listed
 
 
@@ -68,32 +66,23 @@ def changed(asked: Asked) -> Changed:
     asked.say("what is new")
     moved = tuple(j if own else np.zeros_like(j) for j, own in zip(J, only, strict=True))
     parameters = parameters_share(joint, moved, at)
-    free = parameters >= c.changed_share
-    if free:
-        # Parameters are asked first: a place must add to what other values of them take.
-        open_ = (np.concatenate(x) for x in zip(joint.open, moved, strict=True))
-        joint = replace(joint, open=tuple(open_))
-    least = c.beside_parameters if free else c.changed_share
     news = contrast(
-        fold_rows(joint, both, only), at, both.candidates(), depth=c.most_terms,
-        run_of_row=joint.run_of_row, only=only, chance=c.chance,
-        most=c.most_places, first_share=least, further_share=c.further_share,
-        near=c.near,
+        fold_rows(joint, both, only), at, both.candidates(), c, run_of_row=joint.run_of_row,
+        only=only, naming=Naming(asked.effects, Library(joint, only)),
     )  # fmt: skip
-    named = tuple(
-        named_steps(news.own, news.steps, asked.effects, Library(joint, only), c.name_share)
-    )
+    # Parameters are asked first: they are the answer if they take nearly what places take.
+    told = min(news.steps[-1].share, 1.0) if news.steps else 0.0
+    free = parameters >= max(c.near * told, c.changed_share)
     gap = _residual(asked, taught.model, now, scale)
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))
-    listing = listed(settler, rows, [n.step for n in named], c.place_share)
+    listing = listed(settler, rows, () if free else news.steps, c.place_share)
     if listing is None:
         raise cannot_replay(gap)
-    otherwise = PARAMETERS if free else QUIET
-    outcome = PLACES if listing.steps else otherwise
+    otherwise = PARAMETERS if free else UNPLACED if news.steps else QUIET
     return Changed(
-        outcome=outcome, contrast=news, joint=joint, rows=rows,
-        parameters=parameters, named=named, listed=listing,
+        outcome=PLACES if listing.steps else otherwise, contrast=news, joint=joint, rows=rows,
+        parameters=parameters, listed=listing,
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.plant import Array, ModelPoint, catalogue_of, performed
 from smad.diagnosis.search.told import one_of_each_place, side_words
-from smad.diagnosis.search.where import Fits, Step, fits
+from smad.diagnosis.search.where import Fits, fits
 
 
 class Offer(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,7 +46,7 @@ def offers(
     places = {p.name: p for p in plant.places}
     words, points = [], []
     for one in one_of_each_place(step):
-        own: Fits = fits(answer.rows, [Step(one, (), one.share)])
+        own: Fits = fits(answer.rows, [replace(step, chosen=one)])
         laws = settler.found.law_of(own.columns, own.fit.mean)
         points.append(ModelPoint(settler.gap.point.theta, base.effects,
                                  joined((*base.laws, *laws))))  # fmt: skip

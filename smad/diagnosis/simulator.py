@@ -18,8 +18,7 @@ from smad.diagnosis.places.responses import Responses, candidate_laws, responses
 from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.listed import Listed, listed
-from smad.diagnosis.search.locate import Named, named_steps
-from smad.diagnosis.search.names import Library
+from smad.diagnosis.search.names import LIST_GAIN, Library, Naming
 from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import Where, where
@@ -58,13 +57,12 @@ class Asked:
 
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """What holding a simulator against runs gave: the search, its names, and the proven list."""
+    """What holding a simulator against runs gave: the search with names, and the proven list."""
 
     gap: Residual
     found: Responses
     rows: FoldRows
     where: Where
-    named: tuple[Named, ...]
     listed: Listed
 
     @property
@@ -105,19 +103,14 @@ def held_against(
     gap = replace(gap, open=by_itself(gap.open, wandering))
     rows = fold_rows(gap, found)
     asked.say("where it lies")
-    limits = msgspec.structs.replace(c, most_places=c.most_listed, place_gain=c.list_gain)
-    searched = where(rows, found.candidates(), limits)
-    asked.say("names")
-    names = tuple(
-        named_steps(rows, searched.steps, asked.effects, Library(gap), c.name_share)
-        if named
-        else [Named(s, 0.0, {}) for s in searched.steps]
-    )
+    limits = msgspec.structs.replace(c, most_places=c.most_listed, name_size=0.0)
+    naming = Naming(asked.effects, Library(gap)) if named else None
+    searched = where(rows, found.candidates(), limits, least=LIST_GAIN, naming=naming)
     asked.say("in the simulator")
-    listing = listed(Settler(gap, found, start), rows, [n.step for n in names], c.place_share)
+    listing = listed(Settler(gap, found, start), rows, searched.steps, c.place_share)
     if listing is None:
         raise cannot_replay(gap)
-    return Held(gap=gap, found=found, rows=rows, where=searched, named=names, listed=listing)
+    return Held(gap=gap, found=found, rows=rows, where=searched, listed=listing)
 
 
 def cannot_replay(gap: Residual) -> GapError:

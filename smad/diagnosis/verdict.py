@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import msgspec
 
 QUIET, PARAMETERS, PLACES = "quiet", "parameters", "places"
-REFUSED, CONTRADICTING = "refused", "contradicting"
-OUTCOMES = (QUIET, PARAMETERS, PLACES, CONTRADICTING, REFUSED)
-"""Nothing beyond the floor; other values of parameters explain it; places with laws; no verdict."""
-DIFFERS, CHANGED = "differs", "changed"
+UNPLACED, REFUSED, CONTRADICTING = "unplaced", "refused", "contradicting"
+OUTCOMES = (QUIET, PARAMETERS, PLACES, UNPLACED, CONTRADICTING, REFUSED)
+"""Nothing beyond the floor; other values of parameters explain it; places with laws; changed, and
+no place takes enough; no verdict."""
+DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -141,8 +142,8 @@ class RunGap(msgspec.Struct, frozen=True, kw_only=True):
     raw: float
     parameters: float
     final: float
-    apart: float
-    contradicts: bool
+    apart: float = 0.0
+    contradicts: bool = False
 
 
 class PlaceShare(msgspec.Struct, frozen=True, kw_only=True):
@@ -164,7 +165,8 @@ class Repeated(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
-    """The answer to one question: *differs* (no good runs) or *changed* (since the good runs).
+    """The answer to one question: *differs* (no good runs), *changed* (since the good runs) or
+    *check-up* (the same inputs).
 
     `places` are in the order in which they take most; `models` are model files as text: after the
     parameters, then after each place (empty for a plant that writes none). `parameters_take` is the

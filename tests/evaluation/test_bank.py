@@ -11,7 +11,7 @@ from evaluation.bank.any_inputs import AnyInputs, make
 from evaluation.bank.cases import draw, scaled
 from evaluation.command import main
 from evaluation.errors import BankError
-from evaluation.plant.effects import EFFECTS, names
+from evaluation.plant.effects import BY_NAME, EFFECTS, names
 from evaluation.plant.parameters import NAMES
 
 
@@ -180,6 +180,12 @@ def test_half_of_the_effects_of_single_springs_act_on_one_of_them() -> None:
     sides = [c.choices[0][0].side for c in draw(6, {"single": 200}, sealed=False)]
     assert 0.1 < sides.count("x") / 200 < 0.3
     assert 0.1 < sides.count("y") / 200 < 0.3
+
+
+def test_an_effect_that_one_spring_has_by_nature_is_never_on_both() -> None:
+    drawn = [c.choices[0][0] for c in draw(7, {"unknown": 60}, sealed=True)]
+    sides = [a.side for a in drawn if BY_NAME[a.name].side == "one"]
+    assert set(sides) == {"x", "y"}
 
 
 def test_the_command_says_what_is_wrong_in_one_line(

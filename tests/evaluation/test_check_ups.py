@@ -9,7 +9,7 @@ import pytest
 from evaluation.bank import any_inputs
 from evaluation.bank.check_ups import CheckUps, make, read_programme
 from evaluation.bank.files import read_run
-from evaluation.calibrate.check_up import kept_findings
+from evaluation.calibrate.check_up import kept_cases
 from evaluation.command import main
 from evaluation.errors import BankError
 from evaluation.plant.effects import names
@@ -113,4 +113,4 @@ def test_sealing_makes_both_banks_and_enters_their_hashes(
     with pytest.raises(BankError, match="is sealed"):
         run(folder / "check-ups", tmp_path / "v.json", key=folder / "check-ups-key")
     with pytest.raises(BankError, match="is sealed"):
-        kept_findings(folder / "check-ups", folder / "check-ups-key", tmp_path / "kept")
+        kept_cases(folder / "check-ups", tmp_path / "kept")

@@ -13,13 +13,18 @@ from evaluation.quiz import ends
 from evaluation.quiz.session import Order, investigated
 from smad.checkup.inquiry import Record, Report
 from smad.checkup.store import SCHEMA, About
-from smad.checkup.verdict import CAUSE, Likely, Share, Verdict
+from smad.diagnosis.verdict import CHECK_UP, PLACES, PlaceTold, Verdict
 
-ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True}]}
-NOTHING = Share("all signals", "floors", 0.0, 0.0, 0.0, 0.0)
+ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True, "places": ["reading_rtd"]}]}
 VERDICT = Verdict(
-    CAUSE, "changed: rtd_lag", [Likely(["rtd_lag"], 0.9)], [], 0.0, 1.0, "run-1", [], NOTHING,
-    [], 2,
+    question=CHECK_UP, outcome=PLACES, headline="changed: reading of the RTD",
+    places=[
+        PlaceTold(
+            place="reading_rtd", side="both", words="reading of the RTD", share=0.9, near=[],
+            near_places=["reading_rtd"], terms=[], largest=1.0, unit="K", in_simulator=True,
+            name="rtd_lag",
+        )
+    ],
 )  # fmt: skip
 
 
@@ -73,7 +78,8 @@ def test_the_good_bench_is_commissioned_on_its_days_and_ended_before_the_trouble
     ]  # fmt: skip
     assert case["minutes"] == 8.0
     assert (case["effects"], case["names"]) == (["rtd_lag"], ["rtd_lag"])
-    assert ends.mark(case) == "rightly"
+    assert (case["place"], case["true_places"]) == ("reading_rtd", ["reading_rtd"])
+    assert ends.mark(case) == ends.placed(case) == "rightly"
 
 
 def test_one_day_holds_both_repeats(tmp_path: Path) -> None:
@@ -111,22 +117,21 @@ def test_a_bench_that_fails_does_not_keep_the_others_waiting(
 def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True) -> dict[str, Any]:
     return {
         "outcome": outcome, "names": list(names), "effects": [truth], "listed": listed,
-        "minutes": 10.0,
+        "minutes": 10.0, "place": "reading_rtd" if names else "", "true_places": ["reading_rtd"],
     }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("case", "said"),
     [
-        (ended("cause", "rtd_lag"), "rightly"),
-        (ended("cause", "rtd_lag", "force_gain"), "with a wrong name"),
-        (ended("cause", "force_gain"), "wrongly"),
+        (ended("places", "rtd_lag"), "rightly"),
+        (ended("places", "rtd_lag", "force_gain"), "with a wrong name"),
+        (ended("places", "force_gain"), "wrongly"),
         (ended("quiet"), "not noticed"),
         (ended("parameters"), "wrongly"),
-        (ended("unknown"), "said to be unknown"),
-        (ended("group", "rtd_lag", "force_gain"), "not settled"),
-        (ended("unknown", listed=False), "rightly"),
-        (ended("cause", "rtd_lag", truth="tube_wall_heat", listed=False), "wrongly"),
+        (ended("places"), "said to be unknown"),
+        (ended("unplaced", listed=False), "rightly"),
+        (ended("places", "rtd_lag", truth="stirring_coils", listed=False), "wrongly"),
     ],
 )
 def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: str) -> None:
@@ -134,8 +139,10 @@ def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: 
 
 
 def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
-    cases = [ended("cause", "rtd_lag"), ended("cause", "x"), ended("unknown", listed=False)]
+    cases = [ended("places", "rtd_lag"), ended("places", "x"), ended("places", listed=False)]
     rows = {row[0]: row for row in ends.table(cases).rows}
-    assert set(rows) == {"in the library", "not in it", "all"}
-    assert rows["in the library"][2].startswith("0.50")
-    assert rows["all"][1] == "3"
+    groups = ("in the library", "not in it", "all")
+    assert set(rows) == {f"{g}: {what}" for g in groups for what in ("name", "place")}
+    assert rows["in the library: name"][2].startswith("0.50")
+    assert rows["in the library: place"][2].startswith("1.00")
+    assert rows["all: name"][1] == "3"

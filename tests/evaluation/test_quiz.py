@@ -77,8 +77,8 @@ class Host:
 
 @pytest.fixture
 def host() -> Host:
-    riddle = quiz.riddle(3)
-    return Host(WireBoard(riddle.bench, riddle.active, 3))
+    riddle = quiz.riddle(5)
+    return Host(WireBoard(riddle.bench, riddle.active, 5))
 
 
 def test_a_host_records_a_stroke_from_the_hidden_bench(host: Host) -> None:

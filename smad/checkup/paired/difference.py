@@ -27,6 +27,7 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.gap import folds
 from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.numerics.white import RunRows, Shrink, White
+from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.runs import GapRun
 
@@ -57,7 +58,7 @@ class Pair:
 class Paired:
     """All pairs of a check-up, in white space."""
 
-    plant: PlantModel
+    plant: PlacesPlant
     reference: Reference
     pairs: tuple[Pair, ...]
 
@@ -113,9 +114,10 @@ class Paired:
 
     @cached_property
     def fold(self) -> Index:
-        """Fold of each row. Runs whose inputs the model carried over are in none: responses are of
-        the good run's inputs."""
-        return folds(self.run_of_row, [not p.carried for p in self.pairs], self.white.valid)
+        """Fold of each row. Runs whose inputs the model carried over are in none beside others:
+        responses are of the good run's inputs."""
+        same = [not p.carried for p in self.pairs]
+        return folds(self.run_of_row, same if any(same) else [True] * len(same), self.white.valid)
 
     def rows(self, values: Sequence[Array]) -> Array:
         """White rows of per-pair arrays (m, bins, channels) beside tied parameters; (m, rows)."""
@@ -142,7 +144,7 @@ class Paired:
 
 
 def paired(
-    plant: PlantModel,
+    plant: PlacesPlant,
     reference: Reference,
     runs: Sequence[tuple[GapRun, str]],
 ) -> Paired:

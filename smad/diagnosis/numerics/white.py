@@ -127,10 +127,6 @@ class White:
         """Which of the white rows count."""
         return np.concatenate([r.valid.ravel() for r in self.runs])
 
-    def channel_of_row(self) -> Array:
-        """Number of the channel of each row."""
-        return np.concatenate([np.tile(np.arange(r.sd.shape[1]), len(r.sd)) for r in self.runs])
-
     def run_of_row(self) -> Array:
         """Number of the run of each row."""
         return np.concatenate([np.full(r.sd.size, i) for i, r in enumerate(self.runs)])

@@ -9,7 +9,7 @@ import numpy as np
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.report import figures
-from smad.diagnosis.report.words import advice, name_words, repeated_lines
+from smad.diagnosis.report.words import advice, budget_stages, name_words, repeated_lines
 from smad.diagnosis.verdict import REFUSED, PlaceTold, Verdict
 from smad.report.page import Block, Code, Page, Picture, Section, Table, Text
 
@@ -25,10 +25,10 @@ def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = 
         sections += [
             *([Section("Laws", laws, "laws")] if laws else []),
             Section("Places", [figures.places_map(v.ranked)], "places"),
-            Section("Budget", _budget(v), "budget"),
+            Section("Budget", budget(v), "budget"),
             Section("Measured and simulated", [_course(answer)], "course"),
             Section("Parameters", [_parameters(v)], "parameters"),
-            Section("What these runs would not have shown", [_unseen(v)], "unseen"),
+            Section("What these runs would not have shown", [unseen(v)], "unseen"),
         ]
     sections.append(Section("Runs", _runs(v), "runs"))
     steps = [f"{c}    # {why}" if c else f"# {why}" for c, why in advice(v, asked)]
@@ -85,11 +85,13 @@ def _laws(answer: Answer) -> list[Block]:
     )
 
 
-def _budget(v: Verdict) -> list[Block]:
+def budget(v: Verdict) -> list[Block]:
+    """Where the gap goes, signal by signal: bars from zero, and the numbers."""
+    stage = budget_stages(v.question)
     names = [s.signal for s in v.budget]
     stages: list[tuple[str, Sequence[float]]] = [
         ("raw", [s.raw for s in v.budget]),
-        ("parameters", [s.parameters for s in v.budget]),
+        (stage.less, [s.parameters for s in v.budget]),
     ]
     if v.places:
         stages.append(("and laws", [s.final for s in v.budget]))
@@ -99,12 +101,11 @@ def _budget(v: Verdict) -> list[Block]:
         for s in (*v.budget, *([v.whole] if v.whole else []))
     ]
     count = 4 + (len(v.whole.places) if v.whole else 0) - 1
-    header = ("signal", "unit", "raw", "parameters", *(f"+ {w}" for w in told), "floor")
+    header = ("signal", "unit", "raw", stage.less, *(f"+ {w}" for w in told), "floor")
     return [
         Picture(
             figures.budget(names, [s.floor for s in v.budget], stages),
-            "RMS of measured minus predicted in noise floors, each run judged by a model that had "
-            "no part of it.",
+            f"RMS of {stage.of} in floors, each run judged by a model that had no part of it.",
         ),
         Table(header, rows, numeric=frozenset(range(2, 2 + count))),
     ]
@@ -158,7 +159,8 @@ def _parameters(v: Verdict) -> Table:
     return Table(header, rows, caption, frozenset((2, 3, 4)))
 
 
-def _unseen(v: Verdict) -> Table:
+def unseen(v: Verdict) -> Table:
+    """For each place the size that the runs would have shown."""
     return Table(("place", "size"), [tuple(text.split(": ", 1)) for text in v.unseen])
 
 

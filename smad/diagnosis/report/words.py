@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from smad.diagnosis.verdict import (
-    CHANGED,
+    CHECK_UP,
+    DIFFERS,
     PARAMETERS,
     PLACES,
     QUIET,
@@ -26,11 +28,11 @@ def lines(verdict: Verdict) -> list[str]:
     out += [f"{f.run}: {f.text}" for f in v.findings if f.refuses or f.run == "all runs"]
     if v.outcome == REFUSED:
         return out
-    if v.outcome != QUIET and v.question != CHANGED:
+    if v.outcome != QUIET and v.question == DIFFERS:
         out.append(f"  parameters: other values take {100 * v.parameters_take:.0f} % of the gap")
     for place in v.places:
         out += place_lines(place, _of(v))
-    out += budget_lines(v)
+    out += budget_lines((*v.budget, *([v.whole] if v.whole else [])), v.question)
     if v.by_run and (apart := [r.run for r in v.by_run if r.contradicts]):
         out.append(f"of another state than the other runs: {', '.join(apart)}; ask without them")
     if v.whole is not None and v.budget:
@@ -40,13 +42,13 @@ def lines(verdict: Verdict) -> list[str]:
         out += repeated_lines(v)
     if v.unseen:
         shown = v.unseen[:_UNSEEN]
-        out.append("these runs would not have shown (all of it: --html)")
+        out.append("these runs would not have shown (all of it on the page)")
         out += [f"  {text}" for text in shown]
     return [*out, *v.notes]
 
 
 def _of(verdict: Verdict) -> str:
-    return "the change" if verdict.question == CHANGED else "what the parameters leave"
+    return "what the parameters leave" if verdict.question == DIFFERS else "the change"
 
 
 def place_lines(told: PlaceTold, of: str = "the change") -> list[str]:
@@ -64,7 +66,7 @@ def place_lines(told: PlaceTold, of: str = "the change") -> list[str]:
 
 def name_words(told: PlaceTold) -> str:
     """What a place's law is called, and how far that goes."""
-    takes = f"takes {100 * told.takes:.0f} % of what the law takes"
+    takes = f"takes {100 * min(told.takes, 1.0):.0f} % of what the law takes"
     if told.name:
         values = ", ".join(f"{q} = {x:.3g}" for q, x in told.values[told.name].items())
         return f"{told.name} ({values}) {takes}"
@@ -73,17 +75,32 @@ def name_words(told: PlaceTold) -> str:
     return "none: no effect of the library acts there"
 
 
-def budget_lines(verdict: Verdict) -> list[str]:
-    """Where the gap goes, signal by signal: RMS of measured − predicted."""
-    rows: Sequence[SignalGap] = [*verdict.budget, *([verdict.whole] if verdict.whole else [])]
+@dataclass(frozen=True)
+class Stages:
+    """What a budget is of, and what its second column has less."""
+
+    of: str
+    less: str
+
+
+def budget_stages(question: str) -> Stages:
+    """The words of a question's budget."""
+    if question == CHECK_UP:
+        return Stages("now − then", "less days")
+    return Stages("measured − predicted", "parameters")
+
+
+def budget_lines(rows: Sequence[SignalGap], question: str) -> list[str]:
+    """Where the gap goes, signal by signal."""
     if not rows:
         return []
-    head = f"  {'RMS of measured − predicted':<29} {'raw':>9} {'parameters':>10}"
-    head += f" {'and laws':>9}" * bool(verdict.places) + f" {'floor':>9}"
+    stage, laws = budget_stages(question), bool(rows[0].places)
+    head = f"  {'RMS of ' + stage.of:<29} {'raw':>9} {stage.less:>10}"
+    head += f" {'and laws':>9}" * laws + f" {'floor':>9}"
     out = [head]
     for s in rows:
         line = f"  {s.signal:<21} {s.unit:<7} {s.raw:>9.3g} {s.parameters:>10.3g}"
-        line += f" {s.final:>9.3g}" * bool(verdict.places) + f" {s.floor:>9.3g}"
+        line += f" {s.final:>9.3g}" * laws + f" {s.floor:>9.3g}"
         out.append(line)
     return out
 
@@ -105,7 +122,7 @@ def advice(verdict: Verdict, asked: str) -> list[tuple[str, str]]:
     if v.outcome == REFUSED:
         return [("", "mend what is refused above, and ask again")]
     out = []
-    if any(p.near for p in v.places) and v.question != CHANGED:
+    if any(p.near for p in v.places) and v.question == DIFFERS:
         out.append((f"smad gap next {asked}", "which run would tell places apart"))
     if v.models and v.outcome in (PLACES, PARAMETERS):
         out.append((f"smad gap diagnose {asked} --apply better.toml", "write the better model"))

@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from smad.diagnosis.constants import Constants
 from smad.diagnosis.gap import Residual
 from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
-from smad.diagnosis.search.where import Scored, Step, worth_of
+from smad.diagnosis.search.names import Naming
+from smad.diagnosis.search.where import Scored, Step, step_of, worth_of
 
 _NONE = np.zeros((0, 1), dtype=np.intp)
 
@@ -47,50 +49,37 @@ def contrast(
     rows: FoldRows,
     asked: Index,
     candidates: Sequence[Candidate],
+    constants: Constants,
     *,
     run_of_row: Index,
     only: Sequence[bool],
-    chance: float,
-    depth: int,
-    most: int,
-    first_share: float,
-    further_share: float,
-    near: float,
+    naming: Naming | None = None,
 ) -> Contrast:
     """Return what is new in the rows `asked`.
 
     `rows` has every response twice, of all runs and of those in question (`fold_rows`). Steps go on
-    while the first place adds `first_share` and further ones `further_share`, to at most `most`,
-    each of a size in the runs in question (`only`) that the others would have with `chance` at most
-    (`by_chance`); those within `near` of
-    what the best adds are told with it.
+    while a place adds `changed_share`, to at most `most_places`, each of a size in the runs in
+    question (`only`) that the others would have with `chance` at most (`by_chance`); those within
+    `near` of what the best adds are told with it.
     """
     square = float(rows.rows[asked] @ rows.rows[asked])
-    search = _Search(rows, asked, depth, max(square, 1e-12))
-    before, steps = np.zeros(0, dtype=np.intp), list[Step]()
-    taken = 0.0
+    search = _Search(rows, asked, constants.most_terms, max(square, 1e-12))
+    before, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
     first = found = search.ranked(before, candidates)
-    while found and len(steps) < most:
-        if found[0].scored.share < (further_share if steps else first_share):
+    while found and len(steps) < constants.most_places:
+        by_scored = {id(f.scored): f for f in found}
+        scored = [f.scored for f in found]
+        left = np.where(np.isin(np.arange(len(rows.rows)), asked), search.own(before).rows, 0.0)
+        step = step_of(scored, constants, taken=0.0, size=search.square, naming=naming, left=left)
+        if step.share < constants.changed_share:
             break
-        best = next(
-            (
-                f
-                for f in found
-                if f.scored.share >= near * found[0].scored.share
-                and by_chance(
-                    search.own(np.union1d(before, f.both)), rows, f.scored.columns,
-                    run_of_row, only,
-                ) <= chance
-            ),
-            None,
-        )  # fmt: skip
-        if best is None:
+        both = by_scored[id(step.chosen)].both
+        own = search.own(np.union1d(before, both))
+        if by_chance(own, rows, step.chosen.columns, run_of_row, only) > constants.chance:
             break
-        near_by = tuple(f.scored for f in found if f.scored.share >= near * best.scored.share)
-        taken += best.scored.share
-        steps.append(Step(best.scored, near_by, taken))
-        before = np.unique(np.concatenate([before, best.both]))
+        taken += step.share
+        steps.append(replace(step, share=taken))
+        before = np.unique(np.concatenate([before, both]))
         told = {s.chosen.candidate.place for s in steps}
         found = search.ranked(before, [c for c in candidates if c.place not in told])
     return Contrast(

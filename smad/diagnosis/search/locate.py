@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,19 +12,17 @@ import numpy as np
 from sim_device.plant.laws import Law, joined
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import finite, predictions
-from smad.diagnosis.gap import Gap
+from smad.diagnosis.gap import Gap, with_effects
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import Effect, Uncertainty
-from smad.diagnosis.search.names import Entry
+from smad.diagnosis.plant import EffectValues, Uncertainty
+from smad.diagnosis.search.names import Naming
+from smad.diagnosis.search.refine import without
 from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.told import Teller, one_of_each_place, side_words
 from smad.diagnosis.search.where import Fits, Step, Where, fits, where
 from smad.diagnosis.verdict import PlaceTold
-
-Refine = Callable[[Sequence[Effect], Array], Entry | None]
-"""The one of some effects that takes most of white rows."""
 
 
 @dataclass(frozen=True)
@@ -37,143 +35,129 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Located:
-    """Answers, the laws behind them with what they leave uncertain, and what the simulator makes
-    of laws that each run had no part in: `change` (bins, channels) of each pair.
+    """Places that were told, and what explains them: effects where one is named, laws elsewhere.
 
-    Laws that do not bring the simulator nearer to the bench are left out, and their change is 0.
+    `laws` are those of every place, for figures. `changes` are what the simulator makes of the
+    first 1, 2 … places, (bins, channels) a pair, each pair with coefficients that it had no part
+    in; a place that does not bring the simulator nearer has none, nor those after it.
     `alternatives` are the places of the first answer between which these runs do not decide.
-    `beside_parameters` says whether the first takes enough to be told although other values of the
-    parameters explain the rest.
     """
 
     told: tuple[PlaceTold, ...]
     laws: tuple[Law, ...]
+    effects: EffectValues
+    own: tuple[Law, ...]
     uncertainty: Uncertainty | None
-    change: tuple[Array, ...]
+    changes: tuple[tuple[Array, ...], ...]
     alternatives: tuple[Alternative, ...]
-    beside_parameters: bool
     where: Where
-    square: float
-    count: int
+    rows: FoldRows
+
+    @property
+    def left(self) -> float:
+        """What the places leave of the rows' sum of squares."""
+        steps = self.where.steps
+        return self.rows.square - (steps[-1].share * self.where.size if steps else 0.0)
 
 
 def locate(
     gap: Gap,
     plant: PlacesPlant,
     found: Responses,
-    refine: Refine,
+    naming: Naming,
     *,
     constants: Constants,
-    exclude: Sequence[str] = (),
 ) -> Located:
     """Search the places of a check-up.
 
-    A further place counts only if its law brings the simulator nearer to the bench, in runs that
-    had no part in it. An effect is a name for a place only where it acts there or at a place near
-    it, and takes enough of what the law takes.
+    A further place counts only if it brings the simulator nearer to the bench, in runs that had no
+    part in it.
     """
     rows = fold_rows(gap, found)
-    w = where(rows, found.candidates(), constants)
-    effects = [e for e in plant.effects if e.name not in exclude]
-    named = named_steps(rows, w.steps, effects, refine, constants.name_share)
-    tried = _tried(gap, found, rows, [n.step for n in named])
-    kept = [n.step for n in named[: len(tried)]]
-    shown = named[: max(len(tried), 1)]
-    told: list[PlaceTold] = []
+    w = where(
+        rows, found.candidates(), constants, least=constants.quiet_gain, naming=naming,
+        size=rows.square - constants.quiet_variance * rows.count, effects_stand=True,
+    )  # fmt: skip
+    changes = _tried(gap, found, rows, w.steps)
+    shown = w.steps[: max(len(changes), 1)]
+    kept = _Kept(rows, w.steps[: len(changes)])
+    laws, uncertainty = _laws(found, kept.own) if kept.own is not None else ((), None)
+    told: tuple[PlaceTold, ...] = ()
     if shown:
-        teller = Teller(plant, gap, found, fits(rows, [n.step for n in shown]))
-        for k, n in enumerate(shown):
-            one = teller.told(n.step, n.share, in_simulator=k < len(tried))
-            told.append(msgspec.structs.replace(one, **n.name))
-    laws, uncertainty = _laws(found, fits(rows, kept)) if kept else ((), None)
-    still = tuple(np.zeros_like(b) for b in gap.base)
+        told = _told(Teller(plant, gap, found, fits(rows, shown)), shown, len(changes))
     return Located(
-        told=tuple(told), laws=laws, uncertainty=uncertainty, change=tried[-1] if tried else still,
-        alternatives=_alternatives(plant, found, rows, shown[0].step) if shown else (),
-        beside_parameters=bool(shown) and shown[0].share >= constants.beside_parameters,
-        where=w, square=rows.square, count=rows.count,
+        told=told,
+        laws=tuple(
+            law for s in shown for law in _law_alone(found, rows, s)
+        ),
+        effects=kept.effects, own=laws, uncertainty=uncertainty, changes=tuple(changes),
+        alternatives=_alternatives(plant, found, rows, shown[0]) if shown else (),
+        where=w, rows=rows,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Named:
-    """A step with what it adds, and what is told of its name."""
+class _Kept:
+    """Some steps as a model: effects where they are named, and laws of the others together."""
 
-    step: Step
-    share: float
-    name: dict[str, Any]
+    rows: FoldRows
+    steps: Sequence[Step]
 
+    @property
+    def effects(self) -> EffectValues:
+        """Values of the effects that are named."""
+        return {n: v for s in self.named if s.entry for n, v in s.entry.values.items()}
 
-def named_steps(
-    rows: FoldRows,
-    steps: Sequence[Step],
-    effects: Sequence[Effect],
-    refine: Refine,
-    least: float,
-) -> list[Named]:
-    """The effect that takes most at each place, beside the laws of the places before.
+    @property
+    def named(self) -> list[Step]:
+        """Steps with a name."""
+        return [s for s in self.steps if s.named and s.entry is not None]
 
-    Among places that these runs do not tell apart, the one where a named effect acts comes first.
-    """
-    out: list[Named] = []
-    left, before = rows, 0.0
-    for step in steps:
-        change = _change(left, fits(left, [step]))
-        law_gain = _gain(left.rows, change)
-        entry = refine([e for e in effects if _acts(e, step)], left.rows)
-        own, told = step, _name(entry, law_gain, least)
-        if told.get("name"):
-            (effect,) = (e for e in effects if e.name == told["name"])
-            own = _first_at(step, effect)
-        out.append(Named(own, step.share - before, told))
-        left, before = replace(left, rows=left.rows - change), step.share
-    return out
+    @property
+    def own(self) -> Fits | None:
+        """The laws of the other steps, fitted beside the effects; None where all are named."""
+        others = [s for s in self.steps if s not in self.named]
+        if not others:
+            return None
+        less = sum((s.entry.change for s in self.named if s.entry), np.zeros(len(self.rows.rows)))
+        return fits(replace(self.rows, rows=self.rows.rows - less), others)
 
 
-def _first_at(step: Step, effect: Effect) -> Step:
-    """The step with the best of its places where the effect acts as the chosen one."""
-    first = next(
-        s
-        for s in one_of_each_place(step)
-        if not effect.places or s.candidate.place in effect.places
-    )
-    rest = tuple(s for s in step.near if s.candidate.place != first.candidate.place)
-    return replace(step, chosen=first, near=(first, *rest))
+def _told(teller: Teller, steps: Sequence[Step], tried: int) -> tuple[PlaceTold, ...]:
+    out, before = [], 0.0
+    for k, s in enumerate(steps):
+        one = teller.told(s, s.share - before, in_simulator=k < tried)
+        out.append(msgspec.structs.replace(one, **name_told(s)))
+        before = s.share
+    return tuple(out)
 
 
-def _name(entry: Entry | None, law_gain: float, least: float) -> dict[str, Any]:
-    if entry is None or entry.gain <= 0.0:
+def name_told(step: Step) -> dict[str, Any]:
+    """What is told of a step's name."""
+    if step.entry is None:
         return {}
-    takes = entry.gain / max(law_gain, 1e-3 * entry.gain)
-    told: dict[str, Any] = {"nearest": entry.name, "takes": takes}
-    if takes >= least:
-        told |= {"name": entry.name, "values": entry.values}
+    told: dict[str, Any] = {"nearest": step.entry.names[0], "takes": step.takes}
+    if step.named:
+        told |= {"name": step.entry.names[0], "values": step.entry.values}
     return told
+
+
+def _law_alone(found: Responses, rows: FoldRows, step: Step) -> tuple[Law, ...]:
+    own = fits(rows, [step])
+    return found.law_of(own.columns, own.fit.mean)
 
 
 def _alternatives(
     plant: PlacesPlant, found: Responses, rows: FoldRows, step: Step
 ) -> tuple[Alternative, ...]:
     places = {p.name: p for p in plant.places}
-    out = []
-    for scored in one_of_each_place(step):
-        own = fits(rows, [replace(step, chosen=scored)])
-        words = side_words(places[scored.candidate.place], scored.candidate.side)
-        out.append(Alternative(words, found.law_of(own.columns, own.fit.mean)))
-    return tuple(out)
-
-
-def _change(rows: FoldRows, own: Fits) -> Array:
-    return np.asarray(rows.responses[own.columns].astype(np.float64).T @ own.fit.mean)
-
-
-def _gain(rows: Array, change: Array) -> float:
-    return float(2.0 * rows @ change - change @ change)
-
-
-def _acts(effect: Effect, step: Step) -> bool:
-    """Whether an effect may act at one of a step's places; one that names no place, at any."""
-    return not effect.places or bool({s.candidate.place for s in step.near} & set(effect.places))
+    return tuple(
+        Alternative(
+            side_words(places[s.candidate.place], s.candidate.side),
+            _law_alone(found, rows, replace(step, chosen=s)),
+        )
+        for s in one_of_each_place(step)
+    )
 
 
 def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:
@@ -190,11 +174,11 @@ def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:
 def _tried(
     gap: Gap, found: Responses, rows: FoldRows, steps: Sequence[Step]
 ) -> list[tuple[Array, ...]]:
-    """What the simulator makes of the laws of 1, 2 … places, as far as each brings it nearer."""
+    """What the simulator makes of the first 1, 2 … places, as far as each brings it nearer."""
     kept: list[tuple[Array, ...]] = []
     least = float(gap.z @ gap.z)
     for n in range(1, len(steps) + 1):
-        change = _in_simulator(gap, found, fits(rows, steps[:n]), rows.fold)
+        change = _in_simulator(gap, found, _Kept(rows, steps[:n]), rows.fold)
         if change is None:
             break
         left = gap.z - gap.rows([c[None] for c in change])[0]
@@ -205,17 +189,21 @@ def _tried(
     return kept
 
 
-def _in_simulator(gap: Gap, found: Responses, own: Fits, fold: Index) -> tuple[Array, ...] | None:
-    """The change of each run with laws fitted without it; None where it cannot be simulated."""
-    point = gap.point
-    out = []
+def _in_simulator(gap: Gap, found: Responses, kept: _Kept, fold: Index) -> tuple[Array, ...] | None:
+    """The change of each run with effects and laws fitted without it; None where the model cannot
+    simulate it."""
+    own, point, out = kept.own, gap.point, []
     for k, (played, base) in enumerate(zip(gap.played, gap.base, strict=True)):
         mine = np.unique(fold[(gap.run_of_row == k) & (fold >= 0)])
-        values = np.mean([own.without[f] for f in mine], axis=0) if len(mine) else own.fit.mean
-        laws = found.law_of(own.columns, values)
-        (moved,) = predictions(
-            gap.plant, replace(point, laws=joined((*point.laws, *laws))), [played]
-        )
+        others = (fold >= 0) & ~np.isin(fold, mine)
+        effects = {n: v for s in kept.named if s.entry
+                   for n, v in without(s.entry, kept.rows.rows, others).items()}  # fmt: skip
+        laws = point.laws
+        if own is not None:
+            values = np.mean([own.without[f] for f in mine], axis=0) if len(mine) else own.fit.mean
+            laws = joined((*laws, *found.law_of(own.columns, values)))
+        model = replace(with_effects(point, effects), laws=laws)
+        (moved,) = predictions(gap.plant, model, [played])
         if not finite([moved]):
             return None
         out.append(moved - base)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -17,19 +17,64 @@ from smad.diagnosis.search.screen import Screened, screen
 
 PER_COORDINATE = 6.0
 """What a free coordinate takes of noise off the sum of squares, and must take beyond to count."""
-_REFINED = 3
+LIST_GAIN = 2.0 * PER_COORDINATE
+"""What a place of a list must take off the sum of squares to be tried in the simulator."""
+_REFINED = 5
+
+Refine = Callable[[Sequence[Effect], Array], Refined | None]
+"""The one of some effects that takes most of white rows."""
+
+
+def score(fit: Refined) -> float:
+    """What a fit takes, less what its free parameters take of noise."""
+    return fit.gain - PER_COORDINATE * len(fit.coordinates)
 
 
 @dataclass(frozen=True)
-class Entry:
-    """An effect of the library, refined: what it takes of the rows' sum of squares."""
+class Naming:
+    """The effects that may be named, and how they are refined."""
 
-    name: str
-    values: dict[str, dict[str, float]]
-    gain: float
+    effects: tuple[Effect, ...]
+    refine: Refine
+
+    def without(self, name: str) -> Naming:
+        """The others."""
+        return replace(self, effects=tuple(e for e in self.effects if e.name != name))
+
+    def best(self, z: Array, places: set[str] | None = None) -> Refined | None:
+        """The effect that takes most of white rows, of those that act at one of these places.
+
+        One that names no place may act at any.
+        """
+        asked = [
+            e for e in self.effects if places is None or not e.places or places & set(e.places)
+        ]
+        return self.refine(asked, z)
 
 
-def screened(
+def best_entry(
+    gap: Gap,
+    atoms: Sequence[Atom],
+    S: Array,
+    effects: Sequence[Effect],
+    z: Array,
+    *,
+    only: Sequence[bool] | None = None,
+) -> Refined | None:
+    """The one of these effects that takes most of the white rows `z`, refined by replay.
+
+    `S` (atoms, rows) are white signatures; with `only` effects act in the runs marked alone. None
+    where none takes anything.
+    """
+    found = [
+        refine([s.effect], {s.effect.name: s.values}, z, partial(white_change, gap, only=only))
+        for s in _screened(effects, atoms, S @ S.T, S @ z)[:_REFINED]
+    ]
+    best = max((f for f in found if f is not None), key=score, default=None)
+    return best if best is not None and score(best) > 0.0 else None
+
+
+def _screened(
     effects: Sequence[Effect], atoms: Sequence[Atom], G: Array, b: Array
 ) -> list[Screened]:
     """The best linear fit of each of these effects, best first; G, b are products of the atoms."""
@@ -46,34 +91,6 @@ def screened(
     return sorted(out, key=lambda s: -s.gain)
 
 
-def score(fit: Refined) -> float:
-    """What a fit takes, less what its free parameters take of noise."""
-    return fit.gain - PER_COORDINATE * len(fit.coordinates)
-
-
-def best_entry(
-    gap: Gap,
-    atoms: Sequence[Atom],
-    S: Array,
-    effects: Sequence[Effect],
-    z: Array,
-    *,
-    only: Sequence[bool] | None = None,
-) -> Entry | None:
-    """The one of these effects that takes most of the white rows `z`, refined by replay.
-
-    `S` (atoms, rows) are white signatures; with `only` effects act in the runs marked alone.
-    """
-    found = [
-        refine([s.effect], {s.effect.name: s.values}, z, partial(white_change, gap, only=only))
-        for s in screened(effects, atoms, S @ S.T, S @ z)[:_REFINED]
-    ]
-    best = max((f for f in found if f is not None), key=score, default=None)
-    if best is None or best.gain <= 0.0:
-        return None
-    return Entry(best.names[0], best.values, best.gain)
-
-
 @dataclass
 class Library:
     """Effects asked at a gap; signatures are made as they are first asked for."""
@@ -82,7 +99,7 @@ class Library:
     only: tuple[bool, ...] | None = None
     _known: dict[str, tuple[list[Atom], Array]] = field(default_factory=dict)
 
-    def __call__(self, effects: Sequence[Effect], z: Array) -> Entry | None:
+    def __call__(self, effects: Sequence[Effect], z: Array) -> Refined | None:
         """See `best_entry`."""
         atoms: list[Atom] = []
         parts = [np.zeros((0, len(z)))]

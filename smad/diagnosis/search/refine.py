@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.diagnosis.plant import Array, Effect
+from smad.diagnosis.plant import Array, Effect, Mask
 from smad.diagnosis.search.space import Space
 
 WhiteEffect = Callable[[Mapping[str, Mapping[str, float]]], Array | None]
@@ -97,3 +97,19 @@ def _slopes(space: Space, p: Array, change: Array, white: WhiteEffect, high: Arr
         if moved is not None:
             out[i] = (moved - change) / step
     return out
+
+
+def without(fit: Refined, z: Array, kept: Mask) -> dict[str, dict[str, float]]:
+    """The values that a fit has without some rows: one more step on those that are `kept` (rows,).
+
+    It is taken along the fit's own slopes, within the ranges of the effects.
+    """
+    if not kept.any():
+        return fit.values
+    space = Space((), fit.effects)
+    low, high = space.bounds()
+    J, left = fit.slopes[:, kept], (z - fit.change)[kept]
+    _, precision = space.prior()
+    step = np.linalg.solve(J @ J.T + precision, J @ left)
+    point = space.point(np.clip(fit.coordinates + step, low, high))
+    return {name: dict(v) for name, v in point.effects.items()}

@@ -9,12 +9,12 @@ import numpy as np
 
 from sim_device.plant.laws import Law, Term
 from smad.diagnosis.gap import Gap
-from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.places.place import BOTH, Place, PlacesPlant
 from smad.diagnosis.places.responses import Responses, law_values
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.where import Fits, Scored, Step
-from smad.diagnosis.verdict import PlaceTold, TermTold
+from smad.diagnosis.verdict import PlaceShare, PlaceTold, TermTold
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Teller:
             place=chosen.place,
             side=chosen.side,
             words=side_words(place, chosen.side),
-            share=share,
+            share=min(share, 1.0),
             near=[
                 side_words(places[s.candidate.place], s.candidate.side)
                 for s in one_of_each_place(step)[1:]
@@ -122,3 +122,33 @@ def best_of_places(ranked: Sequence[Scored]) -> list[Scored]:
     for s in ranked:
         best.setdefault(s.candidate.place, s)
     return list(best.values())
+
+
+def place_shares(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShare]:
+    """What each place alone takes, the best of its sides, best first."""
+    places = {p.name: p for p in plant.places}
+    return [
+        PlaceShare(
+            place=s.candidate.place, side=s.candidate.side, share=max(s.share, 0.0),
+            words=side_words(places[s.candidate.place], s.candidate.side),
+        )
+        for s in best_of_places(ranked)
+    ]  # fmt: skip
+
+
+def unseen(plant: PlacesPlant, rows: FoldRows, ranked: Sequence[Scored], need: float) -> list[str]:
+    """For each place the size of a constant law that would take `need` off the sum of squares."""
+    places = {p.name: p for p in plant.places}
+    kept = rows.fold >= 0
+    out = []
+    for s in sorted(best_of_places(ranked), key=lambda s: list(places).index(s.candidate.place)):
+        place = places[s.candidate.place]
+        a = rows.responses[s.candidate.groups[0]][:, kept].astype(np.float64).sum(axis=0)
+        square = float(a @ a)
+        if square <= 0.0:
+            out.append(f"{side_words(place, s.candidate.side)}: nothing, whatever its size")
+            continue
+        size = place.scale * np.sqrt(need / square)
+        text = f"{100 * size:.2g} %" if place.unit == "1" else f"{size:.2g} {place.unit}"
+        out.append(f"{side_words(place, s.candidate.side)}: less than {text}, always there")
+    return out

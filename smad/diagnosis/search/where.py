@@ -8,7 +8,7 @@ told together, since the runs do not tell them apart. A further place is sought 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.search.names import Naming, score
+from smad.diagnosis.search.refine import Refined
 
 _SIMPLER = 0.97
 """What a term of one order more is worth."""
@@ -23,7 +25,7 @@ _SIMPLER = 0.97
 
 @dataclass(frozen=True)
 class Scored:
-    """A candidate and the law that was selected: `share` of the held-out rows' sum of squares."""
+    """A candidate and the law that was selected: its `share` of held-out rows, beside others."""
 
     candidate: Candidate
     forward: Forward
@@ -44,22 +46,30 @@ class Scored:
         return (*(1 + g for g in self.forward.chosen), 0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Step:
     """One step of the search: the best candidate beside those before, and who is as good.
 
-    `share` is what all steps so far take together; `near` begins with the chosen one.
+    `share` is what all steps so far take together; `near` begins with the chosen one. `entry` is
+    the effect of the library that acts there and takes most, `takes` that over what the law takes.
+    `worth` is what the best of laws and effects adds.
     """
 
     chosen: Scored
     near: tuple[Scored, ...]
     share: float
+    worth: float
+    entry: Refined | None = None
+    takes: float = 0.0
+    named: bool = False
 
 
 @dataclass(frozen=True)
 class Where:
-    """`ranked`: every candidate alone, best first. `steps`: places that add to each other."""
+    """`ranked`: every candidate alone, best first. `steps`: places that add to each other. Shares
+    are of `size`, in squares of rows."""
 
+    size: float
     ranked: tuple[Scored, ...]
     steps: tuple[Step, ...]
 
@@ -73,57 +83,124 @@ class Fits:
     without: tuple[Array, ...]
 
 
-def where(rows: FoldRows, candidates: Sequence[Candidate], constants: Constants) -> Where:
+def where(
+    rows: FoldRows,
+    candidates: Sequence[Candidate],
+    constants: Constants,
+    *,
+    least: float,
+    naming: Naming | None = None,
+    size: float | None = None,
+    effects_stand: bool = False,
+) -> Where:
     """Return candidates by held-out share, and the places that add to each other.
 
-    A place enters while what it adds to the held-out rows speaks for it: half of that, over the
-    variance that a row has with it, is the log predictive density it gains (Geisser 1975). It must
-    exceed `place_gain` and take `place_share` of the rows. What many places would add alike is
-    said of none of them.
+    Shares are of `size`, the rows' sum of squares, or what of it a bench without a change lacks;
+    of what the best law takes, where that is more.
+    A place enters while what it adds to the held-out rows speaks for it: over the variance that a
+    row has with it, that is twice the log predictive density it gains (Geisser 1975). It must
+    exceed `least` and take `place_share`. What many places would add alike is said of none.
+    Later places are beside the law of one before, or with `effects_stand` beside its effect, where
+    that is named.
     """
-    nothing = np.zeros(0, dtype=np.intp)
-    ranked = _scored(rows, nothing, candidates, 0.0, constants)
-    steps: list[Step] = []
-    now, taken, scored = nothing, 0.0, ranked
+    now, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
+    left, entries = rows, 0.0
+    alone = _scored(left, now, candidates, constants, size=1.0)
+    size = max(rows.square if size is None else size, alone[0].share if alone else 0.0, 1e-12)
+    ranked = scored = tuple(replace(s, share=s.share / size) for s in alone)
     while scored and len(steps) < constants.most_places:
-        best = scored[0]
-        added = best.share * rows.square - taken
-        variance = max((rows.square - taken - added) / max(rows.count, 1), 1.0)
-        enough = added / (2.0 * variance) > constants.place_gain
-        if not enough or added < constants.place_share * rows.square:
+        step = step_of(
+            scored, constants, taken=taken, size=size, naming=naming, left=_beside(left, now),
+            effects_stand=effects_stand,
+        )  # fmt: skip
+        variance = max((rows.square - step.share * size) / max(rows.count, 1), 1.0)
+        if step.worth * size < max(least * variance, constants.place_share * size):
             break
-        # What stands beside the chosen place is compared by what it adds, not by what all take.
-        least = taken + constants.near * added
-        near = tuple(s for s in scored if s.share * rows.square >= least)
-        if steps and len({s.candidate.place for s in near}) > constants.most_places:
+        if steps and len({s.candidate.place for s in step.near}) > constants.most_places:
             break
-        steps.append(Step(best, near, best.share))
-        now, taken = np.concatenate([now, best.columns]), taken + added
+        steps.append(step)
+        taken = step.share
+        if effects_stand and step.named and step.entry is not None:
+            entries += step.entry.gain / size
+            left = replace(left, rows=left.rows - step.entry.change)
+            naming = naming.without(step.entry.names[0]) if naming is not None else None
+        else:
+            now = np.concatenate([now, step.chosen.columns])
         told = {s.chosen.candidate.place for s in steps}
         rest = [c for c in candidates if c.place not in told]
-        scored = _scored(rows, now, rest, taken, constants)
-    return Where(ranked, tuple(steps))
+        scored = _scored(left, now, rest, constants, size=size, before=entries, least=taken)
+    return Where(size, ranked, tuple(steps))
+
+
+def step_of(
+    scored: Sequence[Scored],
+    constants: Constants,
+    *,
+    taken: float,
+    size: float,
+    naming: Naming | None,
+    left: Array,
+    effects_stand: bool = False,
+) -> Step:
+    """The step that the best law makes, or the best effect of the library.
+
+    A law is linear in the responses and has few terms. An effect has the form that a cause has, and
+    is replayed: where it takes `entry_share` of what the best law of any place takes, one that says
+    where it acts says which place it is. It is the name when it takes `name_share` of that and
+    `name_size` of all that is left.
+    """
+    best = scored[0]
+    added = best.share - taken
+    entry = None if naming is None else naming.best(left)
+    gain = 0.0 if entry is None else score(entry) / size
+    enough = max(constants.name_share * added, constants.name_size * (1.0 - taken))
+    named = gain > 0.0 and gain >= enough
+    own = [s for s in scored if entry and s.candidate.place in entry.effects[0].places]
+    by_entry = bool(own) and gain >= constants.entry_share * added
+    chosen, worth = (own[0], max(gain, added)) if by_entry else (best, added)
+    least = taken + constants.near * worth
+    near = (chosen, *(s for s in scored if s is not chosen and s.share >= least))
+    if naming is not None and not (by_entry or named):
+        entry = naming.best(left, {s.candidate.place for s in near})
+        gain = 0.0 if entry is None else score(entry) / size
+    law = max(chosen.share - taken, 0.0)
+    return Step(
+        chosen=chosen, near=near, worth=worth,
+        share=taken + (max(gain, law) if named and effects_stand else law),
+        entry=entry, takes=gain / max(law, 1e-3 * gain, 1e-12), named=named,
+    )  # fmt: skip
+
+
+def _beside(rows: FoldRows, columns: Index) -> Array:
+    """The rows less what these responses take of them."""
+    if not len(columns):
+        return rows.rows
+    x = fitted(rows.products(columns), np.arange(len(columns))).mean
+    return np.asarray(rows.rows - rows.responses[columns].astype(np.float64).T @ x)
 
 
 def _scored(
     rows: FoldRows,
-    before: Index,
+    now: Index,
     candidates: Sequence[Candidate],
-    taken: float,
     constants: Constants,
+    *,
+    size: float,
+    before: float = 0.0,
+    least: float = 0.0,
 ) -> tuple[Scored, ...]:
-    """Candidates beside the responses `before`, best first."""
+    """Candidates beside the responses `now`, best first; `before` was taken off the rows."""
     out = []
     for c in candidates:
-        always = np.setdiff1d(c.groups[0], before)
+        always = np.setdiff1d(c.groups[0], now)
         free = np.setdiff1d(np.unique(c.groups[1:]), always)
-        start = np.concatenate([before, always])
+        start = np.concatenate([now, always])
         products = rows.products(free, start)
         groups = len(start) + np.searchsorted(free, c.groups[1:])
         found = forward(
             products, groups, worth_of(c), depth=constants.most_terms, before=len(start)
         )
-        out.append(Scored(c, found, max(found.best, taken) / max(rows.square, 1e-12)))
+        out.append(Scored(c, found, max(before + found.best / size, least)))
     return tuple(sorted(out, key=lambda s: (-s.share, s.candidate.place, s.candidate.side)))
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from evaluation.programme.segments import run_of
 from smad.checkup.programme import ProgrammeRun
-from smad.checkup.segments import run_of
 from smad.diagnosis.plant import EffectValues, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant

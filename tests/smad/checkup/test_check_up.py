@@ -12,10 +12,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from smad.checkup.commission import checked, checked_files, commissioned, judged
+from evaluation.programme.segments import run_of
+from smad.checkup.commission import checked_files, commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.everyday import repeated
 from smad.checkup.files import Found, read_file, read_folder, require_other_recordings
+from smad.checkup.judge import judged
 from smad.checkup.page import checkup_page
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import (
@@ -25,11 +27,11 @@ from smad.checkup.programme import (
     shipped,
     write_programme,
 )
-from smad.checkup.segments import run_of
 from smad.checkup.store import Baseline, load, save
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.verdict import Verdict
 from smad.errors import SmadError
 from smad.report.page import render
 from smad.runlog.header import RunHeader
@@ -43,26 +45,43 @@ def reference() -> Reference:
     return commissioned(PLANT, [[played(seed) for seed in (1, 2, 3)]])
 
 
-def test_a_bench_without_a_change_is_quiet(reference: Reference) -> None:
+def checked(plant: SmaPlant, reference: Reference, runs: list[tuple[GapRun, str]]) -> Verdict:
+    return judged(plant, reference, runs).verdict
+
+
+def named(verdict: Verdict) -> list[str]:
+    return [p.name for p in verdict.places if p.name]
+
+
+def value(verdict: Verdict, name: str, parameter: str) -> float:
+    return next(p.values[name][parameter] for p in verdict.places if p.name == name)
+
+
+def test_a_bench_without_a_change_is_quiet_and_says_what_it_would_not_have_shown(
+    reference: Reference,
+) -> None:
     verdict = checked(PLANT, reference, [(played(10), "short")])
     assert verdict.outcome == "quiet"
-    assert verdict.ratio < 1.5
+    assert verdict.whole is not None
+    assert verdict.whole.raw < 1.5
+    assert any(text.startswith("reading of the force") for text in verdict.unseen)
 
 
 def test_a_lagging_sensor_is_named_with_its_value(reference: Reference) -> None:
     now = played(11, {"rtd_lag": {"tau_s": 0.3, "y_share": 1.0}})
     verdict = checked(PLANT, reference, [(now, "short")])
-    assert verdict.outcome == "cause"
-    assert verdict.likely[0].names == ["rtd_lag"]
-    assert verdict.likely[0].values["rtd_lag"]["tau_s"] == pytest.approx(0.3, rel=0.1)
+    assert verdict.outcome == "places"
+    assert verdict.places[0].place == "reading_rtd"
+    assert named(verdict) == ["rtd_lag"]
+    assert value(verdict, "rtd_lag", "tau_s") == pytest.approx(0.3, rel=0.1)
 
 
 def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
     now = played(12, {"force_offset": {"offset_N": 0.05}})
     verdict = checked(PLANT, reference, [(now, "short")])
     force = next(s for s in verdict.budget if s.signal == "force_N")
-    assert force.raw > 10.0 * force.noise
-    assert force.entries < 2.0 * force.noise
+    assert force.raw > 10.0 * force.floor
+    assert force.final < 2.0 * force.floor
 
 
 def test_the_page_shows_answer_budget_and_differences(reference: Reference) -> None:
@@ -70,8 +89,8 @@ def test_the_page_shows_answer_budget_and_differences(reference: Reference) -> N
     found = judged(PLANT, reference, [(now, "short")])
     page = render(checkup_page(found, [("baseline", "somewhere")]))
     for words in (
-        "Changed: reading of the RTD, X and Y", "less law", "rtd_x_degC", "now − then",
-        "rtd_lag (", "rate of its wire",
+        "Changed: reading of the RTD, X and Y", "less days", "rtd_x_degC", "now − then",
+        "rtd_lag (", "rate of its wire", "What these runs would not have shown",
     ):  # fmt: skip
         assert words in page
     quiet = judged(PLANT, reference, [(played(10), "short")])
@@ -81,16 +100,17 @@ def test_the_page_shows_answer_budget_and_differences(reference: Reference) -> N
 def test_two_causes_are_named_together(reference: Reference) -> None:
     both = {"force_offset": {"offset_N": 0.1}, "rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
     verdict = checked(PLANT, reference, [(played(13, both), "short")])
-    assert sorted(verdict.likely[0].names) == ["force_offset", "rtd_lag"]
+    assert sorted(named(verdict)) == ["force_offset", "rtd_lag"]
 
 
-def test_what_no_entry_explains_is_unknown(reference: Reference) -> None:
+def test_what_no_effect_explains_has_a_place_and_no_name(reference: Reference) -> None:
     now = played(14)
     bent = now.outputs["displacement_mm"] + 0.3 * np.sin(now.t_s)
     verdict = checked(
         PLANT, reference, [(now.with_columns(outputs={"displacement_mm": bent}), "short")]
     )
-    assert verdict.outcome == "unknown"
+    assert verdict.outcome in ("places", "unplaced")
+    assert named(verdict) == []
 
 
 def test_warmer_water_is_carried_over_and_told(reference: Reference) -> None:
@@ -117,14 +137,14 @@ def test_a_current_that_was_cut_off_is_carried_over(reference: Reference) -> Non
 def test_a_cause_is_named_at_the_inputs_that_were_played(reference: Reference) -> None:
     now = played(22, {"driver_gain": {"gain": 0.05, "y_share": 1.0}}, what=CUT)
     verdict = checked(PLANT, reference, [(now, "short")])
-    assert verdict.likely[0].names == ["driver_gain"]
-    assert verdict.likely[0].values["driver_gain"]["gain"] == pytest.approx(0.05, rel=0.1)
+    assert named(verdict) == ["driver_gain"]
+    assert value(verdict, "driver_gain", "gain") == pytest.approx(0.05, rel=0.1)
 
 
 def test_a_run_that_was_cut_short_counts_as_far_as_it_goes(reference: Reference) -> None:
     now = played(16, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
     verdict = checked(PLANT, reference, [(now.part(0, len(now.t_s) // 2), "short")])
-    assert verdict.likely[0].names == ["rtd_lag"]
+    assert named(verdict) == ["rtd_lag"]
     assert any("counts as far as it goes" in note for note in verdict.notes)
 
 
@@ -143,8 +163,10 @@ def test_a_baseline_judges_the_same_after_it_was_stored(
     now = played(18, {"driver_gain": {"gain": 0.02, "y_share": 1.0}})
     first, second = (checked(PLANT, r, [(now, "short")]) for r in (reference, again.reference))
     assert again.bench == "bench"
-    assert first.likely[0].names == second.likely[0].names == ["driver_gain"]
-    assert second.ratio == pytest.approx(first.ratio, rel=1e-6)
+    assert named(first) == named(second) == ["driver_gain"]
+    assert first.whole is not None
+    assert second.whole is not None
+    assert second.whole.raw == pytest.approx(first.whole.raw, rel=1e-6)
 
 
 def test_a_baseline_of_another_library_or_schema_is_refused(
@@ -156,7 +178,7 @@ def test_a_baseline_of_another_library_or_schema_is_refused(
         with pytest.raises(BaselineError, match="another model or library"):
             load(tmp_path, other)
     about = (tmp_path / "baseline.json").read_text()
-    (tmp_path / "baseline.json").write_text(about.replace('"schema": 3', '"schema": 1'))
+    (tmp_path / "baseline.json").write_text(about.replace('"schema": 4', '"schema": 1'))
     with pytest.raises(BaselineError, match="another version"):
         load(tmp_path, PLANT)
 
@@ -235,11 +257,11 @@ def _write(path: Path, run: GapRun) -> None:
 def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) -> None:
     for k, seed in enumerate((1, 2)):
         _write(tmp_path / "good" / f"day-{k}" / "a.csv", played(seed))
-    _write(tmp_path / "now" / "renamed.csv", played(20, {"force_offset": {"offset_N": 0.05}}))
+    _write(tmp_path / "now" / "renamed.csv", played(20, {"force_offset": {"offset_N": 0.1}}))
     found, matched = checked_files(
         PLANT, read_folder(tmp_path / "good"), read_folder(tmp_path / "now")
     )
-    assert found.verdict.likely[0].names == ["force_offset"]
+    assert named(found.verdict) == ["force_offset"]
     assert "repeats 2 good runs" in matched.lines[0]
 
 
@@ -320,7 +342,7 @@ def test_everyday_runs_that_repeat_good_ones_are_compared_with_them() -> None:
     lagging = played(11, {"rtd_lag": {"tau_s": 0.3, "y_share": 1.0}})
     said = repeated(PLANT, good, as_found("friday", lagging))
     assert said is not None
-    assert (said.repeats, said.outcome) == (2, "cause")
+    assert (said.repeats, said.outcome) == (2, "places")
     assert said.lines == ["friday.mcap repeats 2 good runs: monday.mcap, tuesday.mcap"]
 
 

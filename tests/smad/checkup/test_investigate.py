@@ -7,21 +7,21 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from evaluation.programme.segments import run_of
 from sim_device.plant.laws import Factor, Law, Term
-from smad.checkup.commission import Judged, commissioned, judged
+from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.inquiry import Inquiry, Report
 from smad.checkup.investigate import propose, unpaired_offers
+from smad.checkup.judge import Judged, judged
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.checkup.segments import run_of
 from smad.checkup.series import Recorded
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.search.locate import Alternative, Located
+from smad.diagnosis.search.locate import Alternative
 from smad.diagnosis.search.told import PlaceTold
-from smad.diagnosis.search.where import Where
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import Row
 from smad.runlog.writer import write_run
@@ -69,13 +69,9 @@ def undecided(found: Judged, *laws: Law) -> Judged:
         largest=1.0, unit="K", in_simulator=True,
     )  # fmt: skip
     near = tuple(Alternative(f"{law.place} {k}", (law,)) for k, law in enumerate(laws))
-    located = Located(
-        told=(told,), laws=(laws[0],), uncertainty=None, change=(), alternatives=near,
-        beside_parameters=True,
-        where=Where((), ()), square=1.0, count=1,
-    )  # fmt: skip
-    verdict = msgspec.structs.replace(found.verdict, outcome="unknown", places=[told])
-    return replace(found, verdict=verdict, located=located)
+    located = replace(found.located, told=(told,), alternatives=near)
+    verdict = msgspec.structs.replace(found.verdict, outcome="places", places=[told])
+    return replace(found, verdict=verdict, found=replace(found.found, located=located))
 
 
 def test_the_run_that_tells_places_apart_is_proposed_with_the_reason(lagging: Judged) -> None:
@@ -86,7 +82,7 @@ def test_the_run_that_tells_places_apart_is_proposed_with_the_reason(lagging: Ju
     assert "it separates reading_rtd 0 or reading_force 1 best" in found.why
 
 
-@pytest.mark.parametrize("outcome", ["quiet", "unknown", "parameters"])
+@pytest.mark.parametrize("outcome", ["quiet", "unplaced", "parameters"])
 def test_nothing_is_settled_without_a_place_before_every_run_was_played(
     lagging: Judged, outcome: str
 ) -> None:
@@ -172,11 +168,11 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
     folder = tmp_path / "investigation-1"
     report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
     assert report.verdict is not None
-    assert report.verdict.likely[0].names == ["force_offset"]
+    assert [p.name for p in report.verdict.places] == ["force_offset"]
     assert [r.held_out for r in report.records] == [False, True]
     force = next(s for s in report.proof if s.signal == "force_N")
-    assert force.raw > 5.0 * force.noise
-    assert force.laws < 2.0 * force.noise
+    assert force.raw > 5.0 * force.floor
+    assert force.final < 2.0 * force.floor
     assert PLANT.load_model(Path(report.model)).effects["force_offset"]["offset_N"] == (
         pytest.approx(0.1, rel=0.1)
     )
@@ -203,7 +199,7 @@ def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
     assert [r.run for r in report.records] == ["short"]
     assert report.why_over == "a run was ended early: it tripped"
     assert report.verdict is not None
-    assert report.verdict.likely[0].names == ["force_offset"]
+    assert [p.name for p in report.verdict.places] == ["force_offset"]
     assert report.proof == []
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from smad.checkup.files import _files_below, read_folder
-from smad.cli.gap import _unlike
+from smad.cli.gap_asked import unlike
 from smad.diagnosis.errors import PairingError
 
 
@@ -30,6 +30,6 @@ def test_a_folder_without_a_run_says_so_also_by_way_of_a_link(tmp_path: Path) ->
 
 def test_runs_of_one_name_are_told_apart_by_their_folders() -> None:
     paths = [Path("a/mon/run-1.csv"), Path("a/tue/run-1.csv"), Path("a/tue/run-2.csv")]
-    assert [_unlike(p, paths) for p in paths] == ["mon/run-1", "tue/run-1", ""]
+    assert [unlike(p, paths) for p in paths] == ["mon/run-1", "tue/run-1", ""]
     deep = [Path("x/day/run.csv"), Path("y/day/run.csv")]
-    assert [_unlike(p, deep) for p in deep] == ["x/day/run", "y/day/run"]
+    assert [unlike(p, deep) for p in deep] == ["x/day/run", "y/day/run"]

@@ -11,7 +11,7 @@ from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHANGED, PARAMETERS, PLACES, QUIET
 from tests.smad.diagnosis.cases import GAIN, OTHER, ask, bank
 
-POWERS = {"reading_power_l_W", "reading_power_r_W"}
+INPUTS = {"input_cmd_l_W", "input_cmd_r_W"}
 
 
 def good(effects: dict[str, dict[str, float]] | None = None) -> list[GapRun]:
@@ -20,15 +20,16 @@ def good(effects: dict[str, dict[str, float]] | None = None) -> list[GapRun]:
 
 @pytest.fixture(scope="module")
 def new_gain() -> Verdict:
-    return ask(bank(OTHER, GAIN)[:2], good=good())
+    return ask(bank(OTHER, GAIN), good=good())
 
 
 def test_what_has_come_since_the_good_runs_is_found_with_its_size(new_gain: Verdict) -> None:
     assert (new_gain.question, new_gain.outcome) == (CHANGED, PLACES)
-    assert {p.place for p in new_gain.places} == POWERS
+    assert {p.place for p in new_gain.places} == INPUTS
     for told in new_gain.places:
         assert told.read[0].slopes["both"] == pytest.approx(0.05, abs=0.003)
         assert told.in_simulator
+        assert told.name == "driver_gain"
     assert new_gain.whole is not None
     assert new_gain.whole.final < 1.2
 
@@ -58,7 +59,7 @@ def test_other_values_of_the_parameters_are_asked_first() -> None:
 
 
 def test_the_order_of_the_runs_does_not_matter(new_gain: Verdict) -> None:
-    found = ask(bank(OTHER, GAIN)[:2][::-1], good=good()[::-1])
+    found = ask(bank(OTHER, GAIN)[::-1], good=good()[::-1])
     assert found.places == new_gain.places
     assert found.budget == new_gain.budget
 
@@ -67,8 +68,8 @@ def test_a_channel_that_only_one_group_has_is_switched_off_in_all() -> None:
     lacking = [
         replace(r, outputs={k: v for k, v in r.outputs.items() if k != "rod_um"}) for r in good()
     ]
-    found = ask(bank(OTHER, GAIN)[:2], good=lacking)
-    assert {p.place for p in found.places} == POWERS
+    found = ask(bank(OTHER, GAIN), good=lacking)
+    assert {p.place for p in found.places} == INPUTS
     assert "rod_um" not in {s.signal for s in found.budget}
     assert any(f.kind == "channel not shared" for f in found.findings)
 

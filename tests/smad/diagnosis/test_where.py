@@ -1,5 +1,7 @@
 """The place whose law takes most of rows that it was not fitted to."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -7,6 +9,9 @@ import pytest
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.folds import FoldRows
 from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.plant import Effect
+from smad.diagnosis.search.names import Naming
+from smad.diagnosis.search.refine import Refined
 from smad.diagnosis.search.where import fits, where
 
 FOLDS, N, K = 8, 4000, 5
@@ -31,8 +36,12 @@ def bench(seed, *, strengths, alike=None):
     return laid, candidates
 
 
+LEAST = 80.0
+
+
 def found_in(laid, candidates, **changes):
-    return where(laid, candidates, msgspec.structs.replace(shipped(), **changes))
+    constants = msgspec.structs.replace(shipped(), **changes)
+    return where(laid, candidates, constants, least=LEAST)
 
 
 @pytest.mark.parametrize("place", range(6))
@@ -91,7 +100,60 @@ def test_laws_of_several_places_are_fitted_together_and_without_each_fold():
     assert own.without[3] == pytest.approx(want, abs=1e-4)
 
 
+def effect(name, *places):
+    return Effect(name=name, title="", sub_model="", equation="", parameters=(), signals=(),
+                  confused_with=(), separates="", reference="", places=places)  # fmt: skip
+
+
+def found_with(laid, candidates, change, own, **changes):
+    """The search where one effect changes the rows by `change`, and takes what that takes."""
+
+    def refine(effects, z):
+        gain = float(2.0 * z @ change - change @ change)
+        fit = Refined((own,), {own.name: {}}, gain, change, np.zeros((1, N)), np.zeros(1), ())
+        return fit if own in effects else None
+
+    constants = msgspec.structs.replace(shipped(), **changes)
+    naming = Naming((own,), refine)
+    return where(laid, candidates, constants, least=LEAST, naming=naming, effects_stand=True)
+
+
+def curved(seed):
+    """Rows with a change at place 3 that is no law of its terms; the best law is of place 1."""
+    laid, candidates = bench(seed, strengths={})
+    change = 1.5 * np.sign(laid.responses[3 * K + 1].astype(float)) + 0.4 * laid.responses[K + 2]
+    return replace(laid, rows=laid.rows + change), candidates, change
+
+
+def test_an_effect_that_takes_more_than_any_law_says_where_and_is_the_name():
+    laid, candidates, change = curved(9)
+    own = effect("kink", "place-3")
+    (step,) = found_with(laid, candidates, change, own).steps
+    assert step.chosen.candidate.place == "place-3"
+    assert step.named
+    assert step.entry.names == ("kink",)
+    assert step.share == pytest.approx(0.7, abs=0.05)
+
+
+def test_an_effect_that_takes_little_of_what_a_law_takes_is_only_the_nearest():
+    laid, candidates = bench(10, strengths={1: 1.0})
+    small = 0.2 * laid.responses[K + 2].astype(float)
+    (step,) = found_with(laid, candidates, small, effect("faint", "place-1")).steps
+    assert step.chosen.candidate.place == "place-1"
+    assert not step.named
+    assert step.entry.names == ("faint",)
+    assert 0.2 < step.takes < 0.5
+
+
+def test_an_effect_that_says_no_place_is_a_name_and_moves_no_place():
+    laid, candidates = bench(11, strengths={2: 1.0})
+    change = laid.responses[2 * K + 3].astype(float)
+    (step,) = found_with(laid, candidates, change, effect("anywhere")).steps
+    assert step.chosen.candidate.place == "place-2"
+    assert step.named
+
+
 def test_the_constants_are_few_and_all_have_a_meaning():
     names = Constants.__struct_fields__
-    assert len(names) <= 15
+    assert len(names) <= 17
     assert all(f"`{name}`" in (Constants.__doc__ or "") for name in names)

@@ -122,7 +122,7 @@ def answers() -> dict[str, Answer]:
         QUIET: diagnose(bank()[:2], plant=plant),
         PARAMETERS: diagnose(bank({"c_J_K": 34.0})[:2], plant=plant),
         PLACES: diagnose(gain, plant=plant),
-        CHANGED: diagnose(gain, plant=plant, good=bank(OTHER, seed=40)[:3]),
+        CHANGED: diagnose(bank(OTHER, GAIN), plant=plant, good=bank(OTHER, seed=40)),
         REFUSED: diagnose([r.part(0, 30) for r in gain], plant=plant),
     }
 

@@ -1,8 +1,10 @@
 """What is new in some runs, beside what all runs share; and the run that is of another state."""
 
+import msgspec
 import numpy as np
 import pytest
 
+from smad.diagnosis.constants import shipped
 from smad.diagnosis.numerics.folds import FoldRows
 from smad.diagnosis.places.candidate import Candidate
 from smad.diagnosis.search.contrast import apart, contrast, with_priors
@@ -33,10 +35,9 @@ def runs_of(seed, *, shared=None, new=None):
 
 def news(rows, asked, candidates):
     only = tuple(k >= RUNS - 2 for k in range(RUNS))
-    return contrast(
-        rows, asked, candidates, run_of_row=np.repeat(np.arange(RUNS), ROWS), only=only,
-        chance=0.01,        depth=2, most=3, first_share=0.1, further_share=0.06, near=0.8,
-    )  # fmt: skip
+    constants = msgspec.structs.replace(shipped(), changed_share=0.08)
+    run_of_row = np.repeat(np.arange(RUNS), ROWS)
+    return contrast(rows, asked, candidates, constants, run_of_row=run_of_row, only=only)
 
 
 def places(found):

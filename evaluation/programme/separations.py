@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaluation.programme.segments import candidate, milder
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.checkup.segments import candidate, milder
 from smad.diagnosis.data.played import Played, finite, predictions, slopes
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 

@@ -1,0 +1,199 @@
+"""`smad gap next`: the experiment that best separates what runs leave confused, and its run."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli import complete
+from smad.cli.gap_asked import (
+    clean_errors,
+    diagnosed,
+    params_option,
+    plant_of,
+    print_answer,
+    variant_option,
+)
+from smad.cli.gap_runs import (
+    ManyRuns,
+    good_option,
+    hold_out_option,
+    some_runs_argument,
+    uncut,
+)
+from smad.cli.output import bench_option, progress
+
+if TYPE_CHECKING:
+    from smad.diagnosis.plant import ModelPoint
+    from smad.diagnosis.spring_pair import SmaPlant
+
+_RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
+_OFFERS = 4
+
+_seed = click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+
+
+@click.command(name="next", cls=ManyRuns)
+@some_runs_argument
+@hold_out_option
+@good_option
+@click.option("--run", "chosen", metavar="NAME",
+              help="Carry out this experiment now: arms the bench and heats it.")  # fmt: skip
+@click.option("--baseline", type=click.Path(file_okay=False, path_type=Path),
+              help="What to play again after a check-up against it, in place of RUNs.")  # fmt: skip
+@click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
+@click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
+@click.option("--effect", "bench_effects", multiple=True, metavar="NAME[:P=V,…]",
+              shell_complete=complete.effects,
+              help="With --sim: an effect that the simulated bench has.")  # fmt: skip
+@click.option("--folder", type=click.Path(path_type=Path), default=Path("runs"), show_default=True,
+              help="With --sim: where the run log goes.")  # fmt: skip
+@bench_option
+@params_option
+@variant_option
+@_seed
+def next_experiment(
+    *,
+    runs: tuple[Path, ...],
+    hold_out: tuple[Path, ...],
+    good: tuple[Path, ...],
+    chosen: str | None,
+    baseline: Path | None,
+    sim: bool,
+    model_path: Path | None,
+    bench_effects: tuple[str, ...],
+    folder: Path,
+    bench: str,
+    params: str,
+    variant: str,
+    seed: int,
+) -> None:
+    """Recommend the experiment that would best separate what RUNs leave confused; or run one.
+
+    Without RUNs the catalogue is listed. --run takes a name from it, and writes a run log.
+    """
+    if chosen is not None and runs:
+        raise click.UsageError("--run carries an experiment out; give RUNs without it")
+    if (bench_effects or model_path) and not sim:
+        raise click.UsageError("--model and --effect are of a simulated bench; add --sim")
+    if sim and chosen is None:
+        raise click.UsageError("--sim says where --run runs; give --run NAME too")
+    if baseline is not None:
+        if runs or chosen is not None:
+            raise click.UsageError("--baseline has its own runs; give neither RUNs nor --run")
+        _propose(baseline)
+        return
+    plant = plant_of(params, variant)
+    with clean_errors():
+        if chosen is not None:
+            if sim:
+                point = _simulated_point(plant, model_path, bench_effects)
+                _simulate(plant, chosen, seed, folder, point)
+            else:
+                _perform(chosen, seed, bench)
+            return
+        if not runs:
+            _list_catalogue()
+            return
+        from smad.diagnosis.next_run import offers
+
+        good = uncut(good)
+        answer = diagnosed(plant, runs, good, hold_out)
+        print_answer(answer.verdict, "")
+        with progress() as line:
+            confused, found = offers(answer, line.say)
+    if not confused:
+        click.echo("Nothing is confused that a run of the catalogue could tell apart.")
+        return
+    click.echo(f"Not told apart: {' or '.join(confused)}. Least d² between two of them:")
+    for x in found[:_OFFERS]:
+        click.echo(f"  d² {x.separation:>7.1f}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
+
+
+def _propose(baseline: Path) -> None:
+    from smad.cli.gap_investigate import proposal
+
+    found = proposal(baseline, None)
+    click.echo(f"{found.run} {found.why}" if found.run else found.why)
+    for offer in found.offers:
+        click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")
+    if found.run is not None:
+        click.echo("smad gap investigate plays it, and goes on until it is settled")
+
+
+def _list_catalogue() -> None:
+    from smad.diagnosis.spring_pair.catalogue import CATALOGUE, ROUTINE
+
+    for heading, timelines in (
+        ("everyday runs, to fit on and to judge on", ROUTINE),
+        ("to tell causes apart", CATALOGUE),
+    ):
+        click.echo(f"{heading}:")
+        for t in timelines:
+            click.echo(f"  {t.name:<16} {t.duration_s:>4.0f} s  {t.title}")
+
+
+def _perform(name: str, seed: int, bench: str) -> None:
+    """Carries an experiment out on the bench."""
+    from smad.cli.benches import LEASE_S
+    from smad.cli.leased import LeasedDriver
+    from smad.cli.output import client, shown
+    from smad.client.signals import ended_by_signals
+    from smad.diagnosis.spring_pair.catalogue import plan_named
+    from smad.experiments.live import LiveDriver
+    from smad.experiments.ready import require_ready
+
+    plan = plan_named(name, seed)
+    with ended_by_signals(), client(bench) as connected, progress() as line:
+        connected.as_of(connected.motion().generation)
+        require_ready(connected, extra="gap")
+        driver = LiveDriver(connected, progress=line.say)
+        LeasedDriver(
+            connected, driver, lease_s=LEASE_S, progress=line.say, who="smad gap next"
+        ).run(plan)
+    click.echo(f"done: {name}, recorded to {shown(driver.log or plan.name)}")
+
+
+def _simulated_point(
+    plant: SmaPlant, model_path: Path | None, effects: Sequence[str]
+) -> ModelPoint:
+    """The simulated bench: the model, or the nominal one, with effects in place of its own."""
+    from sim_device.plant.effects.registry import from_text, resolve
+    from smad.diagnosis.plant import ModelPoint
+
+    point = ModelPoint({}) if model_path is None else plant.load_model(model_path)
+    more = resolve(dict(from_text(text) for text in effects))
+    return ModelPoint(point.theta, {**point.effects, **more})
+
+
+def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelPoint) -> None:
+    """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
+    from smad.diagnosis.errors import GapError
+    from smad.diagnosis.spring_pair.catalogue import plan_named
+    from smad.experiments.driver import log_path
+    from smad.experiments.virtual import VirtualDriver
+
+    plan = plan_named(name, seed)
+    if seed:
+        plan = dataclasses.replace(plan, name=f"{plan.name} {seed}")
+    path = log_path(folder, plan)
+    if path.exists():
+        raise GapError(
+            "a run log of that name is there already",
+            value=str(path),
+            action="give another --folder or --seed, or move it away",
+        )
+    with progress() as line:
+        VirtualDriver(
+            plant.set_of(point.theta),
+            variant=plant.variant,
+            effects=point.effects,
+            seed=seed,
+            folder=folder,
+            progress=line.say,
+        ).run(plan)
+    click.echo(f"done: {path}")
