@@ -306,7 +306,8 @@ def main(arguments: Sequence[str]) -> int:
             page.write_text(refreshed(texts[page]))
         return 0
     for page in stale:
-        print(f"docs/{page.relative_to(_DOCS)} is stale; run python -m smad.docs", file=sys.stderr)
+        name = page.relative_to(_DOCS.parent)
+        print(f"{name} is stale; run python -m smad.docs", file=sys.stderr)
     return 1 if stale else 0
 
 
