@@ -26,7 +26,7 @@ from smad.runlog.schema import CHANNELS, Row
 
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 _DECISIONS = _DOCS / "decisions"
-_SCORES = _DOCS.parent / "evaluation" / "results" / "sealed-any-inputs.json"
+_SCORES = _DOCS.parent / "evaluation" / "results" / "sealed-check-ups.json"
 PAGES = (
     _DOCS / "guide/clients.md",
     _DOCS / "guide/configuration.md",
@@ -100,9 +100,11 @@ def decisions() -> str:
 _TRUST = {
     "quiet benches called changed": "something claimed where nothing was wrong",
     "parameters given a cause": "a place told where only parameters had moved",
+    "noticed near 1 floor": "an effect near one floor noticed",
     "noticed near 3 floors": "an effect near three floors noticed",
-    "noticed near 10 floors": "an effect near ten floors noticed",
-    "told places hold the truth, listed": "the right place told, of listed effects with a place",
+    "place right first, listed": "the right place first, of effects in the library",
+    "place right first, unlisted": "the right place first, of effects on no list",
+    "right name, of noticed listed": "the right name, of effects in the library",
     "right name, of names given": "a name that was given right",
     "unlisted given a name": "an effect that it does not know given a name",
 }
@@ -111,7 +113,7 @@ _TRUST = {
 
 def trust() -> str:
     """A few rows of the last opening's score table."""
-    rows = json.loads(_SCORES.read_text())["tables"]["Scores, changed"]["rows"]
+    rows = json.loads(_SCORES.read_text())["tables"]["Scores, check-up"]["rows"]
     scores = {name: (value, cases) for name, value, cases, *_ in rows}
     lines = ["| what was asked | share of the cases [95 %] | cases |", "|---|---:|---:|"]
     lines += [f"| {words} | {' | '.join(scores[name])} |" for name, words in _TRUST.items()]
@@ -304,7 +306,8 @@ def main(arguments: Sequence[str]) -> int:
             page.write_text(refreshed(texts[page]))
         return 0
     for page in stale:
-        print(f"docs/{page.relative_to(_DOCS)} is stale; run python -m smad.docs", file=sys.stderr)
+        name = page.relative_to(_DOCS.parent)
+        print(f"{name} is stale; run python -m smad.docs", file=sys.stderr)
     return 1 if stale else 0
 
 

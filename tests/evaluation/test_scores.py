@@ -114,7 +114,8 @@ def test_a_quiet_bench_with_other_parameters_is_called_changed(tmp_path: Path) -
 def test_the_gap_that_goes_is_a_share_of_what_is_above_the_floor(tmp_path: Path) -> None:
     wholes = (
         {"raw": 9.0, "parameters": 3.0, "places": [2.0, 1.0]},
-        {"raw": 9.0, "parameters": 3.0, "laws": 5.0**0.5},
+        {"raw": 9.0, "parameters": 3.0, "places": [5.0**0.5]},
+        {"raw": 2.0, "parameters": 1.05, "places": [1.0]},
     )
     cases = {
         f"{i}": (true("single", LAG), said(place("reading_rtd"), whole=whole))
